@@ -1,0 +1,89 @@
+"""What a batch of simulations returns: NumPy float64 arrays, one row a simulation."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from explicit.energy import EnergyLedger
+from explicit.outcome import Outcome
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Response:
+    """Histories of a batch, sampled at the requested times.
+
+    Times are those asked for in `explicit.Sampling`; a simulation that ended early has NaN after
+    its `end_times` entry, and its `outcomes` entry says why. Forces are compression-positive.
+    """
+
+    force_times: FloatArray
+    """Times of the force samples [s], shape [n_force_times]."""
+    force_flyer: FloatArray
+    """Force of the flyer's platen on the specimen [N], shape [n_samples, n_force_times]."""
+    force_transmission: FloatArray
+    """Force of the specimen on the transmission platen [N], shape [n_samples, n_force_times]."""
+    impulse_flyer: FloatArray
+    """Time integral of the flyer force [N s], shape [n_samples, n_force_times]."""
+    impulse_transmission: FloatArray
+    """Time integral of the transmission force [N s], shape [n_samples, n_force_times]."""
+    surface_times: FloatArray
+    """Times of the surface samples [s], shape [n_surface_times]."""
+    surface_r: FloatArray
+    """Radius of the side surface's nodes, transmission platen first [m],
+    shape [n_samples, n_surface_times, n_surface_nodes]."""
+    surface_y: FloatArray
+    """Height of the same nodes above the transmission platen's initial plane [m],
+    shape [n_samples, n_surface_times, n_surface_nodes]."""
+    energy: EnergyLedger
+    """Energy ledger at the surface times."""
+    outcomes: tuple[Outcome, ...]
+    """How each simulation ended, length n_samples."""
+    end_times: FloatArray
+    """Time each simulation reached [s], shape [n_samples]."""
+    steps: NDArray[np.int64]
+    """Time steps taken, shape [n_samples]."""
+    smallest_step: FloatArray
+    """Smallest time step [s], shape [n_samples]."""
+    extrapolated_share: FloatArray
+    """Largest share of the specimen's volume that was strained past the material curve's data [-],
+    shape [n_samples]."""
+    largest_strain_measure: FloatArray
+    """Largest s = sqrt(I1_bar - 3) met at a surface time [-], shape [n_samples]."""
+    nodes: FloatArray | None = None
+    """Positions (r, y) of all nodes at the surface times, if asked for [m],
+    shape [n_samples, n_surface_times, n_nodes, 2]."""
+
+    @property
+    def n_samples(self) -> int:
+        """Number of simulations in the batch."""
+        return len(self.outcomes)
+
+    @property
+    def completed(self) -> NDArray[np.bool_]:
+        """Which simulations reached their end, shape [n_samples]."""
+        return np.array([outcome.ok for outcome in self.outcomes], dtype=bool)
+
+    def select(self, rows: NDArray[np.intp] | list[int]) -> "Response":
+        """Some simulations of the batch, in the order of `rows`."""
+        index = np.asarray(rows, dtype=np.intp)
+        return Response(
+            force_times=self.force_times,
+            force_flyer=self.force_flyer[index],
+            force_transmission=self.force_transmission[index],
+            impulse_flyer=self.impulse_flyer[index],
+            impulse_transmission=self.impulse_transmission[index],
+            surface_times=self.surface_times,
+            surface_r=self.surface_r[index],
+            surface_y=self.surface_y[index],
+            energy=self.energy.select(index),
+            outcomes=tuple(self.outcomes[i] for i in index),
+            end_times=self.end_times[index],
+            steps=self.steps[index],
+            smallest_step=self.smallest_step[index],
+            extrapolated_share=self.extrapolated_share[index],
+            largest_strain_measure=self.largest_strain_measure[index],
+            nodes=None if self.nodes is None else self.nodes[index],
+        )

@@ -1,0 +1,1 @@
+"""The Kolsky test and its meaning: apparatus, shots, identification, reports, command line."""

@@ -1,0 +1,81 @@
+"""The apparatus: what the bar, the platens, the transducers and the specimen are (SI)."""
+
+from dataclasses import dataclass
+from math import pi, sqrt
+
+
+@dataclass(frozen=True)
+class Specimen:
+    """A right circular cylinder."""
+
+    diameter: float
+    """Diameter [m]."""
+    length: float
+    """Length along the compression axis [m]."""
+    density: float
+    """Mass density [kg/m^3]."""
+
+    @property
+    def radius(self) -> float:
+        """Radius [m]."""
+        return 0.5 * self.diameter
+
+    @property
+    def area(self) -> float:
+        """Cross-section [m^2]."""
+        return pi * self.radius**2
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A linear elastic bar, described by its one-dimensional waves."""
+
+    diameter: float
+    """Diameter [m]."""
+    length: float
+    """Length [m]."""
+    youngs_modulus: float
+    """Young's modulus [Pa]."""
+    density: float
+    """Mass density [kg/m^3]."""
+    poisson: float = 0.29
+    """Poisson's ratio [-]."""
+
+    @property
+    def wave_speed(self) -> float:
+        """Bar wave speed c0 = sqrt(E / rho) [m/s]."""
+        return sqrt(self.youngs_modulus / self.density)
+
+    @property
+    def impedance(self) -> float:
+        """Force per particle velocity Z = rho c0 A [N s/m]."""
+        return self.density * self.wave_speed * pi * self.diameter**2 / 4.0
+
+    @property
+    def round_trip(self) -> float:
+        """Time of a wave to the far end and back, 2 L / c0 [s]."""
+        return 2.0 * self.length / self.wave_speed
+
+
+@dataclass(frozen=True)
+class Transducer:
+    """A force transducer on a scope channel."""
+
+    sensitivity: float
+    """Output per force, positive [V/N]."""
+    compression_sign: int
+    """+1 if compression gives positive volts, -1 otherwise."""
+    full_scale: float
+    """Largest |volts| the recorder can show [V]."""
+
+
+@dataclass(frozen=True)
+class Interface:
+    """How the specimen holds to the platens; each entry names a contact law of `explicit.contact`."""
+
+    faces: str
+    """Law of the end faces: "bonded", "rough", "coulomb" or "frictionless"."""
+    side: str
+    """Law of the side surface where it rolls onto a platen, same names."""
+    friction: float = 0.0
+    """Coulomb coefficient, used where a law is "coulomb" [-]."""

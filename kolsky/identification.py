@@ -1,0 +1,199 @@
+"""The answer: identified parameters with their intervals, and everything needed to defend them."""
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from explicit import Response
+from kolsky.records import CentreLine, ForceHistory
+
+FloatArray = NDArray[np.float64]
+
+
+class Verdict(StrEnum):
+    """How the search for one parameter ended."""
+
+    IDENTIFIED = "identified"
+    AT_BOUND = "at a bound of the design"
+    NOT_SEEN = "not seen by the data"
+    DISAGREEING = "the check run disagrees with the surrogate"
+    FAILED = "no simulation of the design completed"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One free parameter."""
+
+    name: str
+    """Parameter name, e.g. "stiffness_factor"."""
+    unit: str
+    """Unit, "1" if none."""
+    value: float
+    """Optimum of the joint chi-square."""
+    sigma_noise: float
+    """Standard uncertainty from the measured noise (force, shape, flyer motion, material curve)."""
+    sigma_numerical: float
+    """Standard uncertainty from mesh and step, estimated by a refined run."""
+    noise_parts: dict[str, float]
+    """The share of `sigma_noise` by source: "force and shape", "flyer motion", "material curve"."""
+    outcome: Verdict
+    """How the search ended."""
+
+    @property
+    def sigma(self) -> float:
+        """Combined standard uncertainty, root sum of squares."""
+        return float(np.hypot(self.sigma_noise, self.sigma_numerical))
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The k = 2 interval."""
+        return (self.value - 2.0 * self.sigma, self.value + 2.0 * self.sigma)
+
+
+@dataclass(frozen=True)
+class Route:
+    """The optimum that one part of the data alone would choose."""
+
+    name: str
+    """ "joint", "force only", "shape only", "paper" (the cost Phi of Eq. (M.5))."""
+    parameters: dict[str, float]
+    """Optimum in parameter units."""
+    cost: float
+    """Cost at the optimum."""
+    sigma: dict[str, float]
+    """Standard uncertainty from the residuals of this route; empty for the paper's cost."""
+
+
+@dataclass(frozen=True)
+class Terms:
+    """The misfit terms of one simulation: Eqs. (M.3)-(M.8) and chi-square."""
+
+    phi_shape: float
+    """Phi_S, Eq. (M.3) [-]."""
+    phi_force: float
+    """Phi_F, Eq. (M.4) [N]."""
+    phi: float
+    """Phi, Eq. (M.5) [-]."""
+    sigma_phi_shape: float
+    """delta Phi_S, Eq. (M.6) [-]."""
+    sigma_phi_force: float
+    """delta Phi_F, Eq. (M.7) [N]."""
+    sigma_phi: float
+    """delta Phi, Eq. (M.8) [-]."""
+    chi2_force: float
+    """Noise-weighted sum of squares of the force residual [-]."""
+    chi2_shape: float
+    """Noise-weighted sum of squares of the shape residual [-]."""
+    n_force: int
+    """Number of force values counted."""
+    n_shape: int
+    """Number of shape points counted."""
+    n_outside: int
+    """Number of shape points outside the model's range, not counted."""
+
+    @property
+    def chi2(self) -> float:
+        """Joint chi-square [-]."""
+        return self.chi2_force + self.chi2_shape
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The check run beside the data, ready to draw."""
+
+    force_time: FloatArray
+    """Bin centres [s], shape [n_bins]."""
+    force_measured: FloatArray
+    """Bin means of the measured transmitted force [N], shape [n_bins]."""
+    force_sigma: FloatArray
+    """Their standard deviation [N], shape [n_bins]."""
+    force_model: FloatArray
+    """Bin means of the simulated force [N], shape [n_bins]."""
+    centre_line: CentreLine
+    """The measured points inside the window."""
+    Z_model: FloatArray
+    """Simulated Z at the measured points [m], shape [n_points]; NaN where `inside` is False."""
+    inside: NDArray[np.bool_]
+    """Points inside the model's range, shape [n_points]."""
+    recorded: ForceHistory
+    """The transmitted force at every recorded sample."""
+
+
+@dataclass(frozen=True)
+class DesignTable:
+    """Every run of the design, in run order."""
+
+    names: tuple[str, ...]
+    """Free parameters, column order of `points`."""
+    points: FloatArray
+    """Parameter values, shape [n_runs, n_parameters]."""
+    lower: FloatArray
+    """Lower bounds of the design, shape [n_parameters]."""
+    upper: FloatArray
+    """Upper bounds, shape [n_parameters]."""
+    outcomes: tuple[str, ...]
+    """`explicit.Outcome` names, length n_runs."""
+    stage: tuple[str, ...]
+    """Why the run was made: "design", "refinement" or "check", length n_runs."""
+    phi_shape: FloatArray
+    """Phi_S of each run [-], shape [n_runs]; NaN for a run that did not complete."""
+    phi_force: FloatArray
+    """Phi_F of each run [N], shape [n_runs]; NaN for a run that did not complete."""
+    chi2_shape: FloatArray
+    """Shape chi-square of each run [-], shape [n_runs]; NaN for a run that did not complete."""
+    chi2_force: FloatArray
+    """Force chi-square of each run [-], shape [n_runs]; NaN for a run that did not complete."""
+
+
+@dataclass(frozen=True)
+class SurrogateCurve:
+    """The surrogate along one parameter, the others at their optimum."""
+
+    parameter: str
+    """The parameter that varies."""
+    x: FloatArray
+    """Its values, shape [n]."""
+    chi2: FloatArray
+    """Joint chi-square (with the discrepancy weights of the final search) [-], shape [n]."""
+    phi_shape: FloatArray
+    """Phi_S [-], shape [n]."""
+    phi_force: FloatArray
+    """Phi_F [N], shape [n]."""
+
+
+@dataclass(frozen=True)
+class Identification:
+    """What `kolsky identify` returns."""
+
+    shot: str
+    """Name of the shot."""
+    estimates: dict[str, Estimate]
+    """One entry per free parameter."""
+    fixed: dict[str, float]
+    """The parameters held fixed, in SI."""
+    routes: tuple[Route, ...]
+    """Joint, force-only, shape-only and the paper's optimum."""
+    terms: Terms
+    """Misfit terms of the check run at the optimum."""
+    comparison: Comparison
+    """The check run beside the data."""
+    response: Response
+    """The check run itself (a batch of one, with all nodes)."""
+    mesh: tuple[int, int]
+    """Elements across the radius and along the length, default mesh."""
+    refined_mesh: tuple[int, int]
+    """The mesh of the refined run."""
+    design: DesignTable
+    """Every run."""
+    curves: tuple[SurrogateCurve, ...]
+    """The surrogate along each free parameter."""
+    surrogate: dict[str, float]
+    """Surrogate quality: "loo_force" [N], "loo_shape" [m] (root-mean-square leave-one-out),
+    "check_force" [N], "check_shape" [m] (surrogate against the check run, rms)."""
+    seconds: dict[str, float]
+    """Wall time by stage [s]."""
+    provenance: dict[str, Any] = field(default_factory=dict)
+    """Input hashes, settings, versions, seed, machine class, precision."""

@@ -1,0 +1,1 @@
+"""Instrument readers, one file format each."""

@@ -1,0 +1,83 @@
+"""What flows between the rooms: measured histories with a sigma beside every value (SI, float64)."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One channel of an instrument as it was recorded, on the instrument's own clock."""
+
+    time: FloatArray
+    """Sample times on the instrument's clock [s], shape [n]."""
+    value: FloatArray
+    """Samples in `unit`, shape [n]."""
+    channel: str
+    """The column or channel name in the file."""
+    unit: str
+    """Unit of `value` as the instrument gives it, e.g. "V"."""
+    path: Path
+    """The file it came from."""
+    sha256: str
+    """SHA-256 of that file, hex."""
+
+
+@dataclass(frozen=True)
+class ForceHistory:
+    """A force on the shot's clock, compression-positive."""
+
+    time: FloatArray
+    """Sample times on the shot's clock [s], shape [n]."""
+    force: FloatArray
+    """Force, compression-positive [N], shape [n]."""
+    sigma: FloatArray
+    """Standard deviation of each sample's noise [N], shape [n]."""
+
+
+@dataclass(frozen=True)
+class FlyerMotion:
+    """The flyer's measured displacement toward the specimen."""
+
+    time: FloatArray
+    """Frame times on the shot's clock [s], shape [n]."""
+    displacement: FloatArray
+    """Displacement toward the specimen [m], shape [n]."""
+    sigma: FloatArray
+    """Standard deviation of each displacement [m], shape [n]."""
+
+
+@dataclass(frozen=True)
+class CentreLine:
+    """The specimen's outline on the camera side: measured radius Z against height y, frame by frame.
+
+    One row is one point of one frame; the number of points may differ between frames.
+    """
+
+    time: FloatArray
+    """Time of the point's frame on the shot's clock [s], shape [n]."""
+    frame: IntArray
+    """Frame number of the point, shape [n]."""
+    y: FloatArray
+    """Height above the transmission platen's initial plane, toward the flyer [m], shape [n]."""
+    Z: FloatArray
+    """Out-of-plane position from the specimen's axis: the model's r [m], shape [n]."""
+    sigma: FloatArray
+    """Standard deviation of Z [m], shape [n]."""
+
+
+@dataclass(frozen=True)
+class MaterialCurve:
+    """A quasi-static uniaxial curve, tension-positive, from one branch (tension or compression)."""
+
+    stretch: FloatArray
+    """Stretch along the load, 1 at rest [-], shape [n]."""
+    stress: FloatArray
+    """Nominal stress, tension-positive [Pa], shape [n]."""
+    sigma: FloatArray
+    """Standard deviation of each stress [Pa], shape [n]."""
