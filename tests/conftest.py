@@ -1,0 +1,35 @@
+"""What every test can use: the `shared` folder, the `--slow` option, and `from order import ...`."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+TESTS = Path(__file__).resolve().parent
+SHARED = TESTS.parent.parent / "shared"
+
+if str(TESTS) not in sys.path:
+    sys.path.insert(0, str(TESTS))  # helpers beside this file: tests/order.py
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add `--slow`: run everything, the tests marked slow too."""
+    parser.addoption("--slow", action="store_true", help="also run the tests marked slow (minutes)")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Deselect slow tests unless `--slow` is given or `-m` already chooses by mark."""
+    if config.getoption("--slow") or config.getoption("-m"):
+        return
+    slow = [item for item in items if item.get_closest_marker("slow")]
+    if slow:
+        items[:] = [item for item in items if not item.get_closest_marker("slow")]
+        config.hook.pytest_deselected(items=slow)
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """The folder of reference solutions and other people's data that lies beside the repository."""
+    if not SHARED.is_dir():
+        pytest.skip("no folder 'shared' beside the repository: its data and references are not shipped")
+    return SHARED

@@ -1,0 +1,99 @@
+"""Order of convergence, fitted over a refinement series and never asserted from one pair of meshes."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+class FittedOrder(NamedTuple):
+    """Slope of log(error) against log(h)."""
+
+    order: float
+    """Least-squares slope p of error = C h^p [-]."""
+    standard_error: float
+    """Standard error of the slope from the scatter about the line [-]; 0 for an exact power law."""
+    local: NDArray[np.float64]
+    """Slope between neighbours, in the order of decreasing h [-], shape [n - 1]."""
+
+
+def fitted_order(h: ArrayLike, error: ArrayLike) -> FittedOrder:
+    """Fit error = C h^p by least squares in log-log.
+
+    Parameters
+    ----------
+    h
+        Step or element sizes, any unit, all different, shape [n], n >= 3.
+    error
+        Error at each size, any unit, positive, shape [n].
+
+    Raises
+    ------
+    ValueError
+        Fewer than three sizes, repeated sizes, or a size or error that is not positive and finite.
+        An error of exactly 0 has no order: the property under test holds to round-off.
+    """
+    sizes, errors = np.asarray(h, dtype=float), np.asarray(error, dtype=float)
+    if sizes.ndim != 1 or sizes.shape != errors.shape or sizes.size < 3:
+        raise ValueError(
+            f"need three or more sizes with one error each, got {sizes.shape} and {errors.shape}"
+        )
+    for name, values in (("h", sizes), ("error", errors)):
+        if not np.all(np.isfinite(values) & (values > 0.0)):
+            raise ValueError(f"{name} must be positive and finite, got {values.tolist()}")
+    if np.unique(sizes).size != sizes.size:
+        raise ValueError(f"sizes must be all different, got {sizes.tolist()}")
+    coarse_first = np.argsort(-sizes)
+    x, y = np.log(sizes[coarse_first]), np.log(errors[coarse_first])
+    dx = x - x.mean()
+    order = float(dx @ y / (dx @ dx))
+    residual = y - y.mean() - order * dx
+    standard_error = float(np.sqrt(residual @ residual / (x.size - 2) / (dx @ dx)))
+    return FittedOrder(order, standard_error, np.diff(y) / np.diff(x))
+
+
+def assert_order(
+    h: ArrayLike, error: ArrayLike, expected: float, tolerance: float, *, at_least: bool = False
+) -> FittedOrder:
+    """Assert that the errors fall as h^expected, within `tolerance` on the exponent.
+
+    Two things can fail: the slope, and the line itself. When the standard error of the slope is
+    larger than `tolerance` the series is not one power law (a noise floor, a coarse mesh outside
+    the asymptotic range, a superposed error of another kind), whatever its mean slope is.
+
+    Parameters
+    ----------
+    h, error
+        As for `fitted_order`.
+    expected
+        The order that theory gives [-].
+    tolerance
+        Allowed distance of the fitted order, and largest allowed standard error [-].
+    at_least
+        Accept any order above ``expected - tolerance`` ("first order or better").
+
+    Returns
+    -------
+    FittedOrder
+        The fit, for a page or a message.
+
+    Raises
+    ------
+    AssertionError
+        With the table of sizes, errors and local orders.
+    """
+    fit = fitted_order(h, error)
+    too_low = fit.order < expected - tolerance
+    too_high = fit.order > expected + tolerance and not at_least
+    scattered = fit.standard_error > tolerance
+    if too_low or too_high or scattered:
+        wanted = f"{'>=' if at_least else '='} {expected:g} within {tolerance:g}"
+        cause = "the series is not one power law" if scattered else "the slope is wrong"
+        rows = sorted(zip(np.ravel(h), np.ravel(error), strict=True), reverse=True)
+        local = ["", *(f"{p:.3f}" for p in fit.local)]
+        table = "\n".join(f"  {a:12.5g} {b:12.5g} {p:>8}" for (a, b), p in zip(rows, local, strict=True))
+        raise AssertionError(
+            f"order {fit.order:.3f} +- {fit.standard_error:.3f}, wanted {wanted}: {cause}\n"
+            f"  {'h':>12} {'error':>12} {'local':>8}\n{table}"
+        )
+    return fit
