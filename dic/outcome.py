@@ -1,0 +1,62 @@
+"""How the measurement of one surface point in one frame ended: a named cause with its cure."""
+
+from enum import IntEnum
+
+
+class PointOutcome(IntEnum):
+    """The end of one point in one frame.
+
+    The integer values are those stored in `SurfaceHistory.outcome` and in files.
+    """
+
+    VALID = 0
+    OUT_OF_VIEW = 1
+    LOW_CONTRAST = 2
+    NOT_CONVERGED = 3
+    LOW_CORRELATION = 4
+    STEREO_MISMATCH = 5
+    NO_FIRST_GUESS = 6
+
+    @property
+    def ok(self) -> bool:
+        """True when the position may be used."""
+        return self is PointOutcome.VALID
+
+    @property
+    def cause(self) -> str:
+        """What happened, in one sentence."""
+        return _CAUSES[self][0]
+
+    @property
+    def cure(self) -> str:
+        """What a user can do about it."""
+        return _CAUSES[self][1]
+
+
+_CAUSES = {
+    PointOutcome.VALID: ("the point was found in both cameras", "nothing to do"),
+    PointOutcome.OUT_OF_VIEW: (
+        "the subset left the picture of a camera",
+        "enlarge the crop, or end the window before the surface leaves it",
+    ),
+    PointOutcome.LOW_CONTRAST: (
+        "the subset has too little grey-value gradient to be located",
+        "enlarge the subset, or apply a finer speckle with more contrast",
+    ),
+    PointOutcome.NOT_CONVERGED: (
+        "the match used up its iterations",
+        "enlarge the subset, raise the frame rate, or allow a higher-order shape function",
+    ),
+    PointOutcome.LOW_CORRELATION: (
+        "the matched subset does not look like its reference",
+        "look for glare, lost speckle or a folded surface there; update the reference picture",
+    ),
+    PointOutcome.STEREO_MISMATCH: (
+        "the rays of the two cameras do not meet",
+        "check the calibration, and the match along the epipolar line",
+    ),
+    PointOutcome.NO_FIRST_GUESS: (
+        "no neighbour or earlier frame gave a position to start from",
+        "choose a seed point nearer to it, or raise the frame rate",
+    ),
+}

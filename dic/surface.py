@@ -1,0 +1,177 @@
+"""The measured surface of a specimen, and the outline on its centre line."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.outcome import PointOutcome
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class SurfaceHistory:
+    """Points of a surface followed through the frames of a test.
+
+    Components are (x, y, Z): y the compression axis from the transmission platen toward the flyer,
+    Z toward the cameras, x to complete a right-handed frame. A point that was lost in a frame keeps
+    its row: `outcome` says why, and its `u` and `sigma` there mean nothing (NaN by custom).
+
+    Raises
+    ------
+    ValueError
+        Shapes that do not fit, times that do not increase, an unknown outcome, or a valid point
+        whose displacement is not finite or whose sigma is not positive.
+    """
+
+    t: FloatArray
+    """Frame times on the shot's clock [s], shape [n_frames]."""
+    X: FloatArray
+    """Reference positions [m], shape [n_points, 3]."""
+    u: FloatArray
+    """Displacements from the reference positions [m], shape [n_frames, n_points, 3]."""
+    sigma: FloatArray
+    """Standard deviations of the positions, by component [m], shape [n_frames, n_points, 3]."""
+    outcome: IntArray
+    """`PointOutcome` of every point in every frame, shape [n_frames, n_points]."""
+
+    def __post_init__(self) -> None:
+        n_frames, n_points = self.n_frames, self.n_points
+        shapes = {
+            "t": (n_frames,),
+            "X": (n_points, 3),
+            "u": (n_frames, n_points, 3),
+            "sigma": (n_frames, n_points, 3),
+            "outcome": (n_frames, n_points),
+        }
+        for name, shape in shapes.items():
+            found = np.shape(getattr(self, name))
+            if found != shape:
+                raise ValueError(f"{name} has shape {found}, must be {shape}")
+        if not np.all(np.isfinite(self.X)):
+            raise ValueError("X must be finite: a point without a reference position cannot be followed")
+        if not np.all(np.isfinite(self.t)):
+            raise ValueError(f"t must be finite, got {self.t}")
+        if not np.all(np.diff(self.t) > 0.0):
+            row = int(np.argmin(np.diff(self.t) > 0.0))
+            raise ValueError(
+                f"t must increase, got {self.t[row]} s then {self.t[row + 1]} s (frame {row + 1})"
+            )
+        unknown = ~np.isin(self.outcome, [int(member) for member in PointOutcome])
+        if np.any(unknown):
+            names = ", ".join(f"{member.value} {member.name}" for member in PointOutcome)
+            raise ValueError(f"outcome {self.outcome[unknown][0]} is none of {names}")
+        bad = self.valid & ~np.all(np.isfinite(self.u) & np.isfinite(self.sigma) & (self.sigma > 0.0), axis=2)
+        if np.any(bad):
+            frame, point = np.argwhere(bad)[0]
+            raise ValueError(
+                f"frame {frame}, point {point} is VALID but has u {self.u[frame, point]} m and sigma "
+                f"{self.sigma[frame, point]} m: u must be finite and sigma positive; set its outcome instead"
+            )
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return len(self.t)
+
+    @property
+    def n_points(self) -> int:
+        """Number of points."""
+        return len(self.X)
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Which points were found, shape [n_frames, n_points]."""
+        return np.asarray(self.outcome == PointOutcome.VALID)
+
+    @property
+    def position(self) -> FloatArray:
+        """Current positions [m], shape [n_frames, n_points, 3]; meaningful where `valid`."""
+        return self.X + self.u
+
+
+@dataclass(frozen=True)
+class CentrePoints:
+    """The outline on the camera side: valid points only, one row a point of a frame."""
+
+    t: FloatArray
+    """Time of the point's frame on the shot's clock [s], shape [n]."""
+    frame: IntArray
+    """Frame number of the point, shape [n]."""
+    y: FloatArray
+    """Position along the compression axis [m], shape [n]."""
+    Z: FloatArray
+    """Distance from the specimen's axis, the model's r [m], shape [n]."""
+    sigma: FloatArray
+    """Standard deviation of Z [m], shape [n]."""
+    left_out: Mapping[PointOutcome, int]
+    """How many points of the strip were left out, over all frames, by outcome (no entry: none)."""
+
+
+def centre_line(
+    surface: SurfaceHistory, *, half_width: float, axis_x: float = 0.0, axis_Z: float = 0.0
+) -> CentrePoints:
+    """Outline of an axisymmetric specimen from the points near its centre line.
+
+    Exactly on the centre line x = `axis_x` the out-of-plane position is the radius, Z = r. A point
+    a little off it, at distance d = x - `axis_x`, lies on the same circle but nearer to the axis
+    plane: its Z is short by d²/(2 r). Each point is therefore carried round the circle to the
+    centre line, ``Z = sqrt(d² + (Z - axis_Z)²)``, with its sigma propagated to first order for
+    independent components. This holds for a body of revolution about the line (axis_x, y, axis_Z),
+    barrelled or not; a tilted or eccentric specimen shows as a Z that depends on d.
+
+    Parameters
+    ----------
+    surface
+        The measured surface.
+    half_width
+        Points within this distance of the centre plane in their frame are used [m].
+    axis_x, axis_Z
+        Where the specimen's axis lies in the surface's frame [m].
+
+    Returns
+    -------
+    CentrePoints
+        Frame by frame, in each frame by increasing y. A point that is not valid has no current
+        position; it counts as left out of the strip if its reference position lies in it.
+
+    Raises
+    ------
+    ValueError
+        `half_width` not positive, or a valid point of the strip that is not on the camera side of
+        the axis.
+    """
+    if not (np.isfinite(half_width) and half_width > 0.0):
+        raise ValueError(f"half_width must be a positive length in metres, got {half_width}")
+    position = surface.position
+    d, depth = position[..., 0] - axis_x, position[..., 2] - axis_Z
+    valid = surface.valid
+    used = valid & (np.abs(d) <= half_width)
+    if np.any(used & (depth <= 0.0)):
+        frame, point = np.argwhere(used & (depth <= 0.0))[0]
+        raise ValueError(
+            f"frame {frame}, point {point} lies {depth[frame, point]} m from the axis toward the cameras, "
+            f"must be > 0: check axis_Z (now {axis_Z} m)"
+        )
+    frame, point = np.nonzero(used)
+    y = position[frame, point, 1]
+    order = np.lexsort((y, frame))
+    frame, point, y = frame[order], point[order], y[order]
+    d, depth = d[frame, point], depth[frame, point]
+    radius = np.hypot(d, depth)
+    sigma = np.hypot(d * surface.sigma[frame, point, 0], depth * surface.sigma[frame, point, 2]) / radius
+
+    lost = surface.outcome[:, np.abs(surface.X[:, 0] - axis_x) <= half_width]
+    counts = {member: int(np.sum(lost == member)) for member in PointOutcome if not member.ok}
+    return CentrePoints(
+        t=surface.t[frame],
+        frame=frame.astype(np.int64),
+        y=y,
+        Z=radius,
+        sigma=sigma,
+        left_out=MappingProxyType({member: count for member, count in counts.items() if count}),
+    )
