@@ -1,0 +1,180 @@
+"""The one-point axisymmetric quadrilateral as small Warp functions: corner forces, step bound, energy.
+
+One scalar source for every driver: nothing here knows of batches, lanes or devices.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from explicit.precision import Precision
+
+
+@dataclass(frozen=True)
+class ElementFunctions:
+    """Structs and functions of the element for one material law and precision."""
+
+    Shape: Any
+    """Warp struct: reference-configuration constants of one element."""
+    Solid: Any
+    """Warp struct: moduli and viscosities of one sample."""
+    forces: Any
+    """``forces(shape, solid, row, ur, uy, vr, vy, measure) -> (f_r, f_y, omega_squared, dissipated_power)``."""
+    energies: Any
+    """``energies(shape, solid, row, ur, uy) -> (elastic, hourglass, s)``."""
+
+
+INVERTED = 1.0e30
+"""Step bound that an element with J <= 0 reports; no real omega^2 comes near (1e14 at most)."""
+
+
+@cache
+def element_functions(law: type, precision: Precision) -> ElementFunctions:
+    """Generate the element for a material law (a class with `kernel_functions`) and a precision."""
+    law_stress, law_energy = law.kernel_functions(precision)  # type: ignore[attr-defined]
+    real, vec4 = precision.real, precision.vec4
+    zero, half, one, two, three = real(0.0), real(0.5), real(1.0), real(2.0), real(3.0)
+    inverted = real(INVERTED)
+
+    @wp.struct
+    class Shape:
+        volume: real
+        gradient_r: vec4
+        gradient_y: vec4
+        hoop: vec4
+        gamma: vec4
+        hourglass_r: real
+        hourglass_y: real
+        inverse_mass_r: vec4
+        inverse_mass_y: vec4
+
+    @wp.struct
+    class Solid:
+        scale: real
+        bulk: real
+        hourglass: real
+        shear_viscosity: real
+        bulk_viscosity: real
+        hourglass_viscosity: real
+        mass_damping: real
+
+    @wp.func
+    def step_bound(
+        shape: Shape, solid: Solid, b_r: vec4, b_y: vec4, c: vec4, jacobian: real, tangent: real
+    ):
+        # The volumetric part is of rank one, so its bound is sharp; the rest is bounded by its trace.
+        rank_one, trace, hourglass = real(0.0), real(0.0), real(0.0)
+        for a in range(4):
+            w_r, w_y = shape.inverse_mass_r[a], shape.inverse_mass_y[a]
+            dilating = b_r[a] + c[a]
+            gradient = b_r[a] * b_r[a] + b_y[a] * b_y[a]
+            rank_one += w_r * dilating * dilating + w_y * b_y[a] * b_y[a]
+            trace += w_r * (gradient + c[a] * c[a]) + w_y * gradient
+            hourglass += (
+                shape.gamma[a] * shape.gamma[a] * (w_r * shape.hourglass_r + w_y * shape.hourglass_y)
+            )
+        bulk = solid.bulk * jacobian * wp.max(two * jacobian - one, half)
+        stiff = shape.volume * (bulk * rank_one + two * solid.scale * tangent * trace)
+        stiff += solid.hourglass * hourglass
+        viscous = solid.bulk_viscosity * rank_one + two * solid.shear_viscosity * trace
+        damp = shape.volume * jacobian * viscous
+        damp += solid.hourglass_viscosity * hourglass + solid.mass_damping
+        # dt <= (2 / omega) (sqrt(1 + xi^2) - xi) with xi = damp / (2 omega); returned is the omega^2
+        # of an undamped element with the same limit.
+        xi = half * damp / wp.sqrt(stiff)
+        factor = wp.sqrt(one + xi * xi) + xi
+        return stiff * factor * factor
+
+    @wp.func
+    def forces(
+        shape: Shape,
+        solid: Solid,
+        row: wp.array(dtype=real),
+        ur: vec4,
+        uy: vec4,
+        vr: vec4,
+        vy: vec4,
+        measure: int,
+    ):
+        h11, h12 = wp.dot(ur, shape.gradient_r), wp.dot(ur, shape.gradient_y)
+        h21, h22 = wp.dot(uy, shape.gradient_r), wp.dot(uy, shape.gradient_y)
+        h33 = wp.dot(ur, shape.hoop)
+        # J - 1 from the displacement gradient keeps its digits where K multiplies it.
+        plane = h11 + h22 + h11 * h22 - h12 * h21
+        dilatation = plane * (one + h33) + h33
+        jacobian = one + dilatation
+        f_r, f_y = vec4(), vec4()
+        omega_squared, power = real(inverted), real(0.0)
+        if jacobian > zero and plane > -one:
+            f11, f22, f33 = one + h11, one + h22, one + h33
+            root = wp.cbrt(jacobian)
+            iso = one / (root * root)
+            tau = law_stress(
+                iso * (f11 * f11 + h12 * h12),
+                iso * (f22 * f22 + h21 * h21),
+                iso * (f11 * h21 + h12 * f22),
+                iso * f33 * f33,
+                row,
+            )
+            area = one / (one + plane)
+            b_r = (f22 * shape.gradient_r - h21 * shape.gradient_y) * area
+            b_y = (f11 * shape.gradient_y - h12 * shape.gradient_r) * area
+            c = shape.hoop / f33
+            # Velocity gradient and the damping stress 2 eta dev D + zeta tr D.
+            d11, d22, d33 = wp.dot(vr, b_r), wp.dot(vy, b_y), wp.dot(vr, c)
+            d12 = half * (wp.dot(vr, b_y) + wp.dot(vy, b_r))
+            rate = d11 + d22 + d33
+            eta = two * solid.shear_viscosity * jacobian
+            pressure_rate = solid.bulk_viscosity * jacobian * rate
+            s11 = eta * (d11 - rate / three) + pressure_rate
+            s22 = eta * (d22 - rate / three) + pressure_rate
+            s33 = eta * (d33 - rate / three) + pressure_rate
+            s12 = eta * d12
+            volumetric = solid.bulk * dilatation * jacobian
+            t11 = solid.scale * tau[0] + volumetric + s11
+            t22 = solid.scale * tau[1] + volumetric + s22
+            t12 = solid.scale * tau[2] + s12
+            t33 = solid.scale * tau[3] + volumetric + s33
+            # Hourglass: stiffness and damping of the part one point does not see.
+            q_r, q_y = wp.dot(shape.gamma, ur), wp.dot(shape.gamma, uy)
+            p_r, p_y = wp.dot(shape.gamma, vr), wp.dot(shape.gamma, vy)
+            g_r = shape.hourglass_r * (solid.hourglass * q_r + solid.hourglass_viscosity * p_r)
+            g_y = shape.hourglass_y * (solid.hourglass * q_y + solid.hourglass_viscosity * p_y)
+            f_r = shape.volume * (t11 * b_r + t12 * b_y + t33 * c) + g_r * shape.gamma
+            f_y = shape.volume * (t12 * b_r + t22 * b_y) + g_y * shape.gamma
+            power = shape.volume * (s11 * d11 + s22 * d22 + s33 * d33 + two * s12 * d12)
+            power += solid.hourglass_viscosity * (
+                shape.hourglass_r * p_r * p_r + shape.hourglass_y * p_y * p_y
+            )
+            omega_squared = real(0.0)
+            if measure == 1:
+                omega_squared = step_bound(shape, solid, b_r, b_y, c, jacobian, tau[4])
+        return f_r, f_y, omega_squared, power
+
+    @wp.func
+    def energies(shape: Shape, solid: Solid, row: wp.array(dtype=real), ur: vec4, uy: vec4):
+        h11, h12 = wp.dot(ur, shape.gradient_r), wp.dot(ur, shape.gradient_y)
+        h21, h22 = wp.dot(uy, shape.gradient_r), wp.dot(uy, shape.gradient_y)
+        h33 = wp.dot(ur, shape.hoop)
+        plane = h11 + h22 + h11 * h22 - h12 * h21
+        dilatation = plane * (one + h33) + h33
+        f11, f22, f33 = one + h11, one + h22, one + h33
+        root = wp.cbrt(one + dilatation)
+        iso = one / (root * root)
+        rr = iso * (f11 * f11 + h12 * h12)
+        yy = iso * (f22 * f22 + h21 * h21)
+        tt = iso * f33 * f33
+        isochoric = law_energy(rr, yy, iso * (f11 * h21 + h12 * f22), tt, row)
+        elastic = shape.volume * (
+            solid.scale * isochoric + half * solid.bulk * dilatation * dilatation
+        )
+        q_r, q_y = wp.dot(shape.gamma, ur), wp.dot(shape.gamma, uy)
+        hourglass = half * solid.hourglass * (
+            shape.hourglass_r * q_r * q_r + shape.hourglass_y * q_y * q_y
+        )
+        measure = wp.sqrt(wp.max(rr + yy + tt - three, zero))
+        return elastic, hourglass, measure
+
+    return ElementFunctions(Shape=Shape, Solid=Solid, forces=forces, energies=energies)

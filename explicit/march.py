@@ -1,0 +1,438 @@
+"""The time loop of one simulation, whole, inside one kernel: central differences with kinematic contact.
+
+One launch index is one simulation; its `lane`s share the elements and nodes (one lane on the CPU, one
+block of threads on a GPU). Corner forces are stored per element and gathered per node in a fixed order,
+so a result is bitwise repeatable, and every simulation has its own clock, step and end.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from explicit.contact import contact_law
+from explicit.element import INVERTED, element_functions
+from explicit.outcome import Outcome
+from explicit.precision import Precision
+
+INTERIOR, LOWER, UPPER, SIDE = 0, 1, 2, 3
+"""Node kinds: which platen a node can meet."""
+
+BAR_HISTORY = 1024
+"""Samples per round trip of the wave stored for a characteristic bar."""
+
+BARRIER = """
+#if defined(__CUDA_ARCH__)
+    __syncthreads();
+#endif
+"""
+"""Lanes of one simulation meet here; a single lane (CPU) has nobody to wait for."""
+
+
+@dataclass(frozen=True)
+class MarchKernel:
+    """A generated time loop with the structs its arguments have."""
+
+    kernel: Any
+    """The Warp kernel; launch with dim = (n_samples, n_lanes)."""
+    Body: Any
+    """Struct of the mesh's constants."""
+    Batch: Any
+    """Struct of per-sample parameters and tables."""
+    State: Any
+    """Struct of the fields that vary, each `[sample, node]`."""
+    Output: Any
+    """Struct of the recorded histories, each `[sample, time, ...]`."""
+    Shape: Any
+    """Struct of one element's constants."""
+    Solid: Any
+    """Struct of one sample's moduli."""
+
+
+@cache
+def march_kernel(law: type, faces: str, side: str, precision: Precision) -> MarchKernel:
+    """Generate the time loop for a material law, two contact laws and a precision."""
+    element = element_functions(law, precision)
+    real, vec2, vec4 = precision.real, precision.vec2, precision.vec4
+    Shape, Solid = element.Shape, element.Solid
+    element_forces, element_energies = element.forces, element.energies
+    face_contact = contact_law(faces).kernel_function(precision)
+    side_contact = contact_law(side).kernel_function(precision)
+    zero, half, two = real(0.0), real(0.5), real(2.0)
+    ZERO, HALF, TWO = wp.float64(0.0), wp.float64(0.5), wp.float64(2.0)
+    inverted = wp.float64(INVERTED * 0.5)
+    lower, upper, on_side = int(LOWER), int(UPPER), int(SIDE)
+    diverged, turned = int(Outcome.DIVERGED), int(Outcome.INVERTED)
+    collapsed, limit = int(Outcome.STEP_COLLAPSED), int(Outcome.STEP_LIMIT)
+    history, twice = int(BAR_HISTORY), int(2 * BAR_HISTORY)
+
+    @wp.struct
+    class Body:
+        n_elements: int
+        n_nodes: int
+        length: wp.float64
+        shapes: wp.array(dtype=Shape)
+        quads: wp.array(dtype=wp.vec4i)
+        first_corner: wp.array(dtype=int)
+        corners: wp.array(dtype=int)
+        reference_r: wp.array(dtype=wp.float64)
+        reference_y: wp.array(dtype=wp.float64)
+        mass: wp.array(dtype=real)
+        on_axis: wp.array(dtype=int)
+        kind: wp.array(dtype=int)
+
+    @wp.struct
+    class Batch:
+        start: wp.float64
+        safety: wp.float64
+        largest_step: wp.float64
+        floor: wp.float64
+        measure_every: int
+        max_steps: int
+        impedance: wp.float64
+        round_trip: wp.float64
+        data_limit: wp.array(dtype=real)
+        solids: wp.array(dtype=Solid)
+        friction: wp.array(dtype=real)
+        material: wp.array(dtype=int)
+        rows: wp.array2d(dtype=real)
+        motion: wp.array(dtype=int)
+        motion_step: wp.array(dtype=wp.float64)
+        motion_table: wp.array3d(dtype=wp.float64)
+
+    @wp.struct
+    class State:
+        u_r: wp.array2d(dtype=real)
+        u_y: wp.array2d(dtype=real)
+        v_r: wp.array2d(dtype=real)
+        v_y: wp.array2d(dtype=real)
+        corner_r: wp.array2d(dtype=vec4)
+        corner_y: wp.array2d(dtype=vec4)
+        touched: wp.array2d(dtype=int)
+        bar_wave: wp.array2d(dtype=wp.float64)
+
+    @wp.struct
+    class Output:
+        force_times: wp.array(dtype=wp.float64)
+        surface_times: wp.array(dtype=wp.float64)
+        nodes: wp.array(dtype=int)
+        force: wp.array3d(dtype=wp.float64)
+        impulse: wp.array3d(dtype=wp.float64)
+        position: wp.array4d(dtype=wp.float64)
+        energy: wp.array3d(dtype=wp.float64)
+        outcome: wp.array(dtype=int)
+        steps: wp.array(dtype=int)
+        end_time: wp.array(dtype=wp.float64)
+        smallest_step: wp.array(dtype=wp.float64)
+        past_data: wp.array(dtype=wp.float64)
+        strain_measure: wp.array(dtype=wp.float64)
+
+    @wp.func_native(snippet=BARRIER)
+    def sync(): ...
+
+    @wp.func
+    def total(x: wp.float64):
+        return wp.tile_extract(wp.tile_sum(wp.tile(x)), 0)
+
+    @wp.func
+    def largest(x: wp.float64):
+        return wp.tile_extract(wp.tile_max(wp.tile(x)), 0)
+
+    @wp.func
+    def flyer_position(batch: Batch, sample: int, time: wp.float64):
+        which = batch.motion[sample]
+        step = batch.motion_step[which]
+        last = batch.motion_table.shape[1] - 1
+        k = wp.clamp(int((time - batch.start) / step), 0, last - 1)
+        x = (time - batch.start) / step - wp.float64(k)
+        f0, f1 = batch.motion_table[which, k, 0], batch.motion_table[which, k + 1, 0]
+        d0, d1 = batch.motion_table[which, k, 1] * step, batch.motion_table[which, k + 1, 1] * step
+        three = wp.float64(3.0)
+        position = f0 + x * (d0 + x * (three * (f1 - f0) - TWO * d0 - d1 + x * (TWO * (f0 - f1) + d0 + d1)))
+        if x > wp.float64(1.0):
+            position = f1 + d1 * (x - wp.float64(1.0))
+        return position
+
+    @wp.func
+    def returned_wave(state: State, sample: int, elapsed: wp.float64, round_trip: wp.float64):
+        """The wave h(t) = g(t - 2 L / c) that comes back from the bar's free end."""
+        wave = wp.float64(0.0)
+        late = elapsed - round_trip
+        if late > ZERO:
+            place = late / round_trip * wp.float64(history)
+            k = int(place)
+            share = place - wp.float64(k)
+            early = state.bar_wave[sample, k % twice]
+            later = state.bar_wave[sample, (k + 1) % twice]
+            wave = early + share * (later - early)
+        return wave
+
+    @wp.func
+    def sweep_elements(
+        body: Body, batch: Batch, state: State, sample: int, lane: int, measure: int
+    ):
+        """Corner forces of this lane's elements; the largest omega^2 and the power dissipated."""
+        solid = batch.solids[sample]
+        row = batch.rows[batch.material[sample]]
+        u_r, u_y, v_r, v_y = state.u_r[sample], state.u_y[sample], state.v_r[sample], state.v_y[sample]
+        worst, power = real(0.0), wp.float64(0.0)
+        e = lane
+        while e < body.n_elements:
+            q = body.quads[e]
+            f_r, f_y, omega_squared, dissipated = element_forces(
+                body.shapes[e],
+                solid,
+                row,
+                vec4(u_r[q[0]], u_r[q[1]], u_r[q[2]], u_r[q[3]]),
+                vec4(u_y[q[0]], u_y[q[1]], u_y[q[2]], u_y[q[3]]),
+                vec4(v_r[q[0]], v_r[q[1]], v_r[q[2]], v_r[q[3]]),
+                vec4(v_y[q[0]], v_y[q[1]], v_y[q[2]], v_y[q[3]]),
+                measure,
+            )
+            state.corner_r[sample, e] = f_r
+            state.corner_y[sample, e] = f_y
+            worst = wp.max(worst, omega_squared)
+            power += wp.float64(dissipated)
+            e += wp.block_dim()
+        return wp.float64(worst), power
+
+    @wp.func
+    def sweep_energies(body: Body, batch: Batch, state: State, sample: int, lane: int):
+        """Strain and hourglass energy, volume past the data and the largest s of this lane's elements."""
+        solid = batch.solids[sample]
+        row = batch.rows[batch.material[sample]]
+        limit_s = batch.data_limit[batch.material[sample]]
+        u_r, u_y = state.u_r[sample], state.u_y[sample]
+        elastic, hourglass = wp.float64(0.0), wp.float64(0.0)
+        past, most = wp.float64(0.0), real(0.0)
+        e = lane
+        while e < body.n_elements:
+            q = body.quads[e]
+            w, h, s = element_energies(
+                body.shapes[e],
+                solid,
+                row,
+                vec4(u_r[q[0]], u_r[q[1]], u_r[q[2]], u_r[q[3]]),
+                vec4(u_y[q[0]], u_y[q[1]], u_y[q[2]], u_y[q[3]]),
+            )
+            elastic += wp.float64(w)
+            hourglass += wp.float64(h)
+            most = wp.max(most, s)
+            if s > limit_s:
+                past += wp.float64(body.shapes[e].volume)
+            e += wp.block_dim()
+        return elastic, hourglass, past, wp.float64(most)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def march(body: Body, batch: Batch, state: State, output: Output, first: int):
+        index, lane = wp.tid()
+        sample = first + index
+        n_force, n_surface = output.force_times.shape[0], output.surface_times.shape[0]
+        solid = batch.solids[sample]
+        friction = batch.friction[sample]
+        u_r, u_y, v_r, v_y = state.u_r[sample], state.u_y[sample], state.v_r[sample], state.v_y[sample]
+
+        time, dt, dt_before = wp.float64(batch.start), wp.float64(0.0), wp.float64(0.0)
+        next_force, next_surface, step, status = int(0), int(0), int(0), int(0)
+        first_step, smallest = wp.float64(0.0), wp.float64(batch.largest_step)
+        lower_y, lower_before = wp.float64(0.0), wp.float64(0.0)
+        force_before = wp.vec2d()
+        impulse = wp.vec2d()
+        recorded_bar = int(0)
+        damped, rubbed = wp.float64(0.0), wp.float64(0.0)
+        landed, worked = wp.float64(0.0), wp.float64(0.0)
+        past_data, most_strained, latched = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
+
+        while status == 0 and (next_force < n_force or next_surface < n_surface):
+            measure = int(0)
+            if step % batch.measure_every == 0:
+                measure = 1
+            worst, power = sweep_elements(body, batch, state, sample, lane, measure)
+            latched = wp.max(latched, worst)  # an element that turns between two measurements stays known
+            if measure == 1:
+                worst = largest(latched)
+                latched = wp.float64(0.0)
+                dt = wp.min(batch.safety * TWO / wp.sqrt(worst), batch.largest_step)
+                if step == 0:
+                    first_step = dt
+                if worst >= inverted:
+                    status = turned
+                elif dt < batch.floor * first_step:
+                    status = collapsed
+                elif not wp.isfinite(worst):
+                    status = diverged
+            if step >= batch.max_steps:
+                status = limit
+            sync()
+            # The velocity lives between the positions: the first interval is half a step from rest.
+            interval = HALF * (dt + dt_before)
+            flyer_now = flyer_position(batch, sample, time)
+            flyer_next = flyer_position(batch, sample, time + dt)
+            lower_next = lower_y + lower_before * dt
+            upper_speed = -(flyer_next - flyer_now) / dt
+            flush = int(0)
+            if next_surface < n_surface:
+                if output.surface_times[next_surface] <= time + dt:
+                    flush = 1
+            elastic, hourglass = wp.float64(0.0), wp.float64(0.0)
+            past, most, kinetic = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
+            if flush == 1:
+                elastic, hourglass, past, most = sweep_energies(body, batch, state, sample, lane)
+            # Half of this step's work belongs to the time of the positions, half to what follows.
+            damp_step, rub_step = power * interval, wp.float64(0.0)
+            land_step, work_step = wp.float64(0.0), wp.float64(0.0)
+            push_lower, push_upper = wp.float64(0.0), wp.float64(0.0)
+            h, tau = real(dt), real(interval)
+            n = lane
+            while n < body.n_nodes:
+                f_r, f_y = real(0.0), real(0.0)
+                for c in range(body.first_corner[n], body.first_corner[n + 1]):
+                    corner = body.corners[c]
+                    f_r += state.corner_r[sample, corner // 4][corner % 4]
+                    f_y += state.corner_y[sample, corner // 4][corner % 4]
+                mass = body.mass[n]
+                old = vec2(v_r[n], v_y[n])
+                # Forces resist, so they enter with a minus; the drag of alpha acts on the old velocity.
+                free = old - tau * (vec2(f_r, f_y) / mass + solid.mass_damping * old)
+                if body.on_axis[n] == 1:
+                    free = vec2(zero, free[1])
+                new = free
+                kind = body.kind[n]
+                if kind != 0:
+                    height = wp.float64(u_y[n])
+                    to_lower = real((lower_next - body.reference_y[n] - height) / dt)
+                    to_upper = real((body.length - flyer_next - body.reference_y[n] - height) / dt)
+                    touched = state.touched[sample, n]
+                    platen = int(0)
+                    if kind == lower:
+                        new = face_contact(free[0], free[1], to_lower, real(1.0), touched, friction)
+                        platen = lower
+                    elif kind == upper:
+                        new = face_contact(free[0], free[1], to_upper, real(-1.0), touched, friction)
+                        platen = upper
+                    elif kind == on_side:
+                        if touched == lower or (touched == 0 and free[1] < to_lower):
+                            flag = int(touched == lower)
+                            new = side_contact(free[0], free[1], to_lower, real(1.0), flag, friction)
+                            platen = lower
+                        elif touched == upper or (touched == 0 and free[1] > to_upper):
+                            flag = int(touched == upper)
+                            new = side_contact(free[0], free[1], to_upper, real(-1.0), flag, friction)
+                            platen = upper
+                        if free[1] < to_lower or free[1] > to_upper:
+                            state.touched[sample, n] = platen
+                    # Impulses of the platen on the node, and where their work goes.
+                    kick = wp.float64(mass) * wp.float64(new[1] - free[1])
+                    rub = wp.float64(mass) * wp.float64(new[0] - free[0])
+                    if body.on_axis[n] == 1:
+                        rub = ZERO
+                    speed = wp.float64(half * (old[1] + new[1]))
+                    slide = wp.float64(half * (old[0] + new[0]))
+                    if platen == lower:
+                        push_lower += kick
+                        land_step += kick * (lower_before - speed)
+                        work_step += kick * lower_before
+                    elif platen == upper:
+                        push_upper += kick
+                        land_step += kick * (upper_speed - speed)
+                        work_step += kick * upper_speed
+                    rub_step -= rub * slide
+                if flush == 1:
+                    kinetic += wp.float64(half * mass * wp.dot(old, new))
+                damp_step += wp.float64(
+                    tau * solid.mass_damping * mass * half * wp.dot(old, old + new)
+                )
+                v_r[n] = new[0]
+                v_y[n] = new[1]
+                u_r[n] = u_r[n] + h * new[0]
+                u_y[n] = u_y[n] + h * new[1]
+                n += wp.block_dim()
+            sync()
+
+            # Compression-positive forces at `time`: the flyer pushes down, the support pushes up.
+            force = wp.vec2d(-total(push_upper), total(push_lower)) / interval
+            if not (wp.isfinite(force[0]) and wp.isfinite(force[1])):
+                status = diverged
+            if status == 0:
+                while next_force < n_force and output.force_times[next_force] <= time:
+                    requested = output.force_times[next_force]
+                    blend = wp.float64(1.0)
+                    if dt_before > ZERO:
+                        blend = (requested - (time - dt_before)) / dt_before
+                    value = force_before + blend * (force - force_before)
+                    # `impulse` is known half a step behind `time`; the force holds over its interval.
+                    since = requested - (time - HALF * dt_before)
+                    sofar = impulse + force * since
+                    if since < ZERO:
+                        sofar = impulse + force_before * since
+                    if lane == 0:
+                        output.force[sample, next_force, 0] = value[0]
+                        output.force[sample, next_force, 1] = value[1]
+                        output.impulse[sample, next_force, 0] = sofar[0]
+                        output.impulse[sample, next_force, 1] = sofar[1]
+                    next_force += 1
+                impulse += force * interval
+                if flush == 1:
+                    elastic, hourglass, past = total(elastic), total(hourglass), total(past)
+                    most, kinetic = largest(most), total(kinetic)
+                    external = total(worked + HALF * work_step)
+                    damping = total(damped + HALF * damp_step)
+                    friction_loss = total(rubbed + HALF * rub_step)
+                    impact = total(landed + HALF * land_step)
+                    past_data = wp.max(past_data, past)
+                    most_strained = wp.max(most_strained, most)
+                    while next_surface < n_surface and output.surface_times[next_surface] <= time + dt:
+                        back = real(time + dt - output.surface_times[next_surface])
+                        k = lane
+                        while k < output.nodes.shape[0]:
+                            node = output.nodes[k]
+                            output.position[sample, next_surface, k, 0] = body.reference_r[node] + wp.float64(
+                                u_r[node] - back * v_r[node]
+                            )
+                            output.position[sample, next_surface, k, 1] = body.reference_y[node] + wp.float64(
+                                u_y[node] - back * v_y[node]
+                            )
+                            k += wp.block_dim()
+                        if lane == 0:
+                            output.energy[sample, next_surface, 0] = external
+                            output.energy[sample, next_surface, 1] = kinetic
+                            output.energy[sample, next_surface, 2] = elastic
+                            output.energy[sample, next_surface, 3] = hourglass
+                            output.energy[sample, next_surface, 4] = damping
+                            output.energy[sample, next_surface, 5] = friction_loss
+                            output.energy[sample, next_surface, 6] = impact
+                        next_surface += 1
+                worked += work_step
+                damped += damp_step
+                rubbed += rub_step
+                landed += land_step
+                force_before = force
+                # The support answers the force it just felt: v = F / Z + 2 h, away from the specimen.
+                lower_y = lower_next
+                if batch.impedance < wp.float64(1.0e30):
+                    returned = wp.float64(0.0)
+                    elapsed = time + dt - batch.start
+                    if batch.round_trip < wp.float64(1.0e30):
+                        returned = returned_wave(state, sample, elapsed, batch.round_trip)
+                        outgoing = force[1] / batch.impedance + returned
+                        while (
+                            wp.float64(recorded_bar) * batch.round_trip / wp.float64(history) <= elapsed
+                        ):
+                            if lane == 0:
+                                state.bar_wave[sample, recorded_bar % twice] = outgoing
+                            recorded_bar += 1
+                    lower_before = -(force[1] / batch.impedance + TWO * returned)
+                time += dt
+                dt_before = dt
+                smallest = wp.min(smallest, dt)
+                step += 1
+        if lane == 0:
+            output.outcome[sample] = status
+            output.steps[sample] = step
+            output.end_time[sample] = time
+            output.smallest_step[sample] = smallest
+            output.past_data[sample] = past_data
+            output.strain_measure[sample] = most_strained
+
+    return MarchKernel(march, Body, Batch, State, Output, Shape, Solid)

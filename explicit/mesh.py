@@ -1,0 +1,110 @@
+"""Axisymmetric quadrilateral meshes of a cylindrical specimen."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Quadrilaterals in the half-plane (r, y), r >= 0, with the node sets a platen can meet."""
+
+    nodes: FloatArray
+    """Reference positions (R, Y) [m], shape [n_nodes, 2]."""
+    quads: IntArray
+    """Corner nodes of each element, counter-clockwise, shape [n_elements, 4]."""
+    lower_face: IntArray
+    """Nodes of the face on the transmission platen, axis first, corner included."""
+    upper_face: IntArray
+    """Nodes of the face on the flyer, axis first, corner included."""
+    side: IntArray
+    """Nodes of the side surface, transmission end first, both corners included."""
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes."""
+        return len(self.nodes)
+
+    @property
+    def n_elements(self) -> int:
+        """Number of elements."""
+        return len(self.quads)
+
+    @property
+    def length(self) -> float:
+        """Distance between the faces [m]."""
+        return float(self.nodes[:, 1].max() - self.nodes[:, 1].min())
+
+    @cached_property
+    def on_axis(self) -> NDArray[np.bool_]:
+        """Which nodes lie on the axis of symmetry, shape [n_nodes]."""
+        radius = self.nodes[:, 0]
+        return radius <= 1e-12 * radius.max()
+
+    @cached_property
+    def corners_of_node(self) -> tuple[IntArray, IntArray]:
+        """Element corners that meet at each node, in compressed-row form.
+
+        Returns
+        -------
+        start : shape [n_nodes + 1]
+            First entry of each node in `corner`.
+        corner : shape [4 n_elements]
+            Flat corner index 4 * element + position, ascending for each node, so that a gather adds
+            the corner forces in one fixed order.
+        """
+        flat = self.quads.ravel()
+        corner = np.argsort(flat, kind="stable")
+        start = np.searchsorted(flat[corner], np.arange(self.n_nodes + 1))
+        return start, corner
+
+
+def cylinder(
+    radius: float, length: float, *, n_radial: int = 16, n_axial: int = 22, grading: float = 1.0
+) -> Mesh:
+    """Mesh a right circular cylinder with rectangles.
+
+    Parameters
+    ----------
+    radius, length : float
+        Size of the specimen [m], positive.
+    n_radial, n_axial : int
+        Elements across the radius and along the length; 16 x 22 is the mesh of Mates et al. (2012).
+    grading : float
+        Size of the largest element over the smallest: above 1 the elements shrink (geometrically)
+        toward the side surface and both faces, where the specimen rolls onto the platens.
+
+    Raises
+    ------
+    ValueError
+        If a size is not positive, there are fewer than 2 elements in a direction, or grading < 1.
+    """
+    if not (radius > 0.0 and length > 0.0):
+        raise ValueError(f"radius and length must be > 0 m, got {radius} and {length}")
+    if n_radial < 2 or n_axial < 2:
+        raise ValueError(f"n_radial and n_axial must be >= 2, got {n_radial} and {n_axial}")
+    if not grading >= 1.0:
+        raise ValueError(f"grading must be >= 1, got {grading}")
+    across = _graded(np.linspace(0.0, 1.0, n_radial), grading)
+    along = _graded(np.abs(np.linspace(-1.0, 1.0, n_axial)), grading)
+    r, y = np.meshgrid(radius * across, length * along)
+    index = np.arange(r.size).reshape(n_axial + 1, n_radial + 1)
+    quads = np.stack([index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1)
+    return Mesh(
+        nodes=np.column_stack([r.ravel(), y.ravel()]),
+        quads=quads.reshape(-1, 4),
+        lower_face=index[0].copy(),
+        upper_face=index[-1].copy(),
+        side=index[:, -1].copy(),
+    )
+
+
+def _graded(place: FloatArray, grading: float) -> FloatArray:
+    """Node positions in [0, 1] of elements whose sizes fall geometrically from place 0 to place 1."""
+    edges = np.concatenate([[0.0], np.cumsum(grading ** (-place))])
+    return edges / edges[-1]

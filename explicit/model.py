@@ -1,0 +1,165 @@
+"""The constant side of a batch: what is simulated, with which parameters, and what is recorded."""
+
+from dataclasses import dataclass, field, fields
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from explicit.contact import contact_law
+from explicit.materials import MaterialLaw, bulk_modulus
+from explicit.mesh import Mesh
+from explicit.motion import PlatenMotion
+from explicit.support import RIGID, CharacteristicBar
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Model:
+    """One specimen between two platens. Never changes while a batch runs."""
+
+    mesh: Mesh
+    """The specimen."""
+    density: float
+    """Mass density [kg/m^3]."""
+    materials: tuple[MaterialLaw, ...]
+    """Material laws a sample can choose from (all of one class)."""
+    motions: tuple[PlatenMotion, ...]
+    """Flyer motions a sample can choose from (all with the same start)."""
+    faces: str = "bonded"
+    """Contact law of the end faces."""
+    side: str = "bonded"
+    """Contact law of the side surface where it rolls onto a platen."""
+    support: CharacteristicBar = RIGID
+    """What stands behind the transmission platen."""
+    damping_kind: Literal["deviatoric", "full"] = "deviatoric"
+    """Stiffness-proportional damping of the deviator only, or of the whole elastic tensor."""
+    hourglass: float = 1.0
+    """Hourglass stiffness relative to full integration of the initial shear stiffness [-]."""
+
+    def __post_init__(self) -> None:
+        if not self.density > 0.0:
+            raise ValueError(f"density must be > 0 kg/m^3, got {self.density}")
+        if not self.materials or len({type(law) for law in self.materials}) != 1:
+            raise ValueError("a model needs material laws, all of one class")
+        if not self.motions or len({motion.start for motion in self.motions}) != 1:
+            raise ValueError("a model needs flyer motions, all with one start time")
+        if self.damping_kind not in ("deviatoric", "full"):
+            raise ValueError(f"damping_kind must be 'deviatoric' or 'full', got {self.damping_kind!r}")
+        if not self.hourglass >= 0.0:
+            raise ValueError(f"hourglass must be >= 0, got {self.hourglass}")
+        contact_law(self.faces)
+        contact_law(self.side)
+
+    @property
+    def start(self) -> float:
+        """Time at which the specimen is at rest [s]."""
+        return self.motions[0].start
+
+
+@dataclass(frozen=True)
+class Samples:
+    """The parameters that differ between the simulations of a batch; every field has shape [n_samples]."""
+
+    stiffness_factor: FloatArray
+    """Factor m on the whole material law [-], shape [n_samples]."""
+    poisson: FloatArray
+    """Poisson's ratio of the initial state [-], shape [n_samples]."""
+    damping: FloatArray
+    """Stiffness-proportional damping beta [s], shape [n_samples]."""
+    friction: FloatArray
+    """Coulomb coefficient f, used where a contact law is "coulomb" [-], shape [n_samples]."""
+    mass_damping: FloatArray
+    """Mass-proportional damping alpha [1/s], shape [n_samples]."""
+    material: NDArray[np.int64]
+    """Index into `Model.materials`, shape [n_samples]."""
+    motion: NDArray[np.int64]
+    """Index into `Model.motions`, shape [n_samples]."""
+
+    def __post_init__(self) -> None:
+        if len({len(getattr(self, f.name)) for f in fields(self)}) != 1:
+            raise ValueError("every parameter of a batch needs one value per sample")
+        _require(self.stiffness_factor, self.stiffness_factor > 0.0, "stiffness_factor must be > 0")
+        _require(self.damping, self.damping >= 0.0, "damping must be >= 0 s")
+        _require(self.friction, self.friction >= 0.0, "friction must be >= 0")
+        _require(self.mass_damping, self.mass_damping >= 0.0, "mass_damping must be >= 0 1/s")
+        bulk_modulus(1.0, self.poisson)
+
+    def __len__(self) -> int:
+        return len(self.stiffness_factor)
+
+    @classmethod
+    def of(
+        cls,
+        *,
+        stiffness_factor: FloatArray | float = 1.0,
+        poisson: FloatArray | float = 0.499,
+        damping: FloatArray | float = 0.0,
+        friction: FloatArray | float = 0.0,
+        mass_damping: FloatArray | float = 0.0,
+        material: NDArray[np.int64] | int = 0,
+        motion: NDArray[np.int64] | int = 0,
+    ) -> "Samples":
+        """Broadcast scalars and arrays to one batch."""
+        real = np.broadcast_arrays(*(np.atleast_1d(np.asarray(value, dtype=float)) for value in (
+            stiffness_factor, poisson, damping, friction, mass_damping)))
+        index = [np.broadcast_to(np.asarray(value, dtype=np.int64), real[0].shape)
+                 for value in (material, motion)]
+        if (size := np.broadcast_shapes(real[0].shape, np.shape(material), np.shape(motion))) != real[0].shape:
+            real = [np.broadcast_to(value, size) for value in real]
+        return cls(*(np.array(value) for value in (*real, *index)))
+
+
+def _require(values: FloatArray, good: NDArray[np.bool_], message: str) -> None:
+    if not np.all(good):
+        raise ValueError(f"{message}, got {values[~good][0]}")
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """When and what a batch records."""
+
+    force_times: FloatArray
+    """Times of forces and impulses [s], ascending, shape [n_force_times]."""
+    surface_times: FloatArray
+    """Times of the side surface and the energy ledger [s], ascending, shape [n_surface_times]."""
+    all_nodes: bool = False
+    """Record every node at the surface times, for meshes and pictures."""
+
+    def __post_init__(self) -> None:
+        for name in ("force_times", "surface_times"):
+            times = getattr(self, name)
+            if len(times) == 0 or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
+                raise ValueError(f"{name} must be finite and strictly ascending, with at least one time")
+
+    @property
+    def end(self) -> float:
+        """The last requested time [s]."""
+        return float(max(self.force_times[-1], self.surface_times[-1]))
+
+
+@dataclass(frozen=True)
+class Stepping:
+    """Numerical choices of the time loop."""
+
+    safety: float = 0.9
+    """Share of the element-by-element stability bound that a step uses, in (0, 1]."""
+    measure_every: int = 8
+    """Steps between two measurements of the bound."""
+    largest_step: float = float("inf")
+    """Upper limit of the step [s]."""
+    floor: float = 1e-3
+    """A step below this share of the first one ends the simulation as STEP_COLLAPSED."""
+    max_steps: int = 10_000_000
+    """Steps after which a simulation ends as STEP_LIMIT."""
+    precision: Literal["fp32", "fp64"] = field(default="fp64")
+    """Arithmetic of state and elements; clocks, motion and impulses are always fp64."""
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.safety <= 1.0:
+            raise ValueError(f"safety must be in (0, 1], got {self.safety}")
+        if self.measure_every < 1:
+            raise ValueError(f"measure_every must be >= 1, got {self.measure_every}")
+        if not self.largest_step > 0.0:
+            raise ValueError(f"largest_step must be > 0 s, got {self.largest_step}")
