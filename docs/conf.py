@@ -1,0 +1,65 @@
+"""Sphinx configuration: MyST pages, API from the docstrings of these sources, no network."""
+
+import re
+import sys
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))  # these sources, whatever version may be installed
+
+project = "kolsky"
+author = "The kolsky developers"
+copyright = "2026, the kolsky developers"
+version = release = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.mathjax",
+    "sphinx.ext.napoleon",
+]
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
+myst_heading_anchors = 3
+templates_path = ["_templates"]
+exclude_patterns = ["_build"]
+
+html_theme = "furo"
+html_title = f"kolsky {release}"
+
+autosummary_generate = True
+# Documented where they are defined, not again where a package offers them.
+autodoc_default_options = {"members": True, "member-order": "bysource", "ignore-module-all": True}
+autodoc_typehints_format = "short"
+autodoc_class_signature = "separated"
+default_role = "code"
+napoleon_google_docstring = False
+napoleon_use_rtype = False
+
+# A nitpicky build (-n) checks references to our own names; types of others have no page here.
+_OTHERS = (
+    r"np|numpy|wp|warp|pathlib|collections|concurrent|enum|typing|h5py|matplotlib|pyvista|pydantic\w*|scipy"
+)
+nitpick_ignore_regex = [
+    ("py:.*", rf"({_OTHERS})\..*"),
+    ("py:class", r"Path|[a-z][a-z_ -]*"),  # plain words in a type: "array", "callable, optional"
+]
+
+
+def plain_docstring(app, what, name, obj, options, lines):
+    """Let docstrings be read as they are written: |x| is an absolute value and `name`s a plural."""
+    for i, line in enumerate(lines):
+        parts = re.split(r"(`+[^`]*`+)", line)  # code stands at the odd places
+        parts[::2] = [part.replace("|", r"\|") for part in parts[::2]]
+        lines[i] = "".join(
+            rf"{part}\ " if odd % 2 and parts[odd + 1][:1].isalnum() else part
+            for odd, part in enumerate(parts)
+        )
+    if lines and what in ("attribute", "data", "property"):
+        lines[0] = f": {lines[0]}"  # no type: else napoleon takes "Words: more words" for type and text
+
+
+def setup(app):
+    """Register the docstring hook, ahead of napoleon's (500)."""
+    app.connect("autodoc-process-docstring", plain_docstring, priority=400)
