@@ -29,6 +29,28 @@ BARRIER = """
 """
 """Lanes of one simulation meet here; a single lane (CPU) has nobody to wait for."""
 
+# Warp's tile reductions share one buffer between CPU threads, so lanes are reduced natively: within a
+# warp by shuffles, then across warps in a fixed order. Every lane gets the result.
+_REDUCTION = """
+#if defined(__CUDA_ARCH__)
+    __shared__ double partial[32];
+    for (int offset = 16; offset > 0; offset >>= 1) {
+        double other = __shfl_down_sync(0xffffffffu, x, offset);
+        x = COMBINE;
+    }
+    if ((threadIdx.x & 31) == 0) partial[threadIdx.x >> 5] = x;
+    __syncthreads();
+    x = partial[0];
+    for (int i = 1; i < (blockDim.x >> 5); ++i) { double other = partial[i]; x = COMBINE; }
+    __syncthreads();
+#endif
+    return x;
+"""
+BLOCK_SUM = _REDUCTION.replace("COMBINE", "x + other")
+"""Sum over the lanes of a simulation."""
+BLOCK_LARGEST = _REDUCTION.replace("COMBINE", "x > other ? x : other")
+"""Largest value over the lanes of a simulation."""
+
 
 @dataclass(frozen=True)
 class MarchKernel:
@@ -79,6 +101,7 @@ def march_kernel(law: type, faces: str, side: str, precision: Precision) -> Marc
         reference_r: wp.array(dtype=wp.float64)
         reference_y: wp.array(dtype=wp.float64)
         mass: wp.array(dtype=real)
+        inverse_mass: wp.array(dtype=real)
         on_axis: wp.array(dtype=int)
         kind: wp.array(dtype=int)
 
@@ -107,8 +130,8 @@ def march_kernel(law: type, faces: str, side: str, precision: Precision) -> Marc
         u_y: wp.array2d(dtype=real)
         v_r: wp.array2d(dtype=real)
         v_y: wp.array2d(dtype=real)
-        corner_r: wp.array2d(dtype=vec4)
-        corner_y: wp.array2d(dtype=vec4)
+        corner_r: wp.array2d(dtype=real)
+        corner_y: wp.array2d(dtype=real)
         touched: wp.array2d(dtype=int)
         bar_wave: wp.array2d(dtype=wp.float64)
 
@@ -131,13 +154,11 @@ def march_kernel(law: type, faces: str, side: str, precision: Precision) -> Marc
     @wp.func_native(snippet=BARRIER)
     def sync(): ...
 
-    @wp.func
-    def total(x: wp.float64):
-        return wp.tile_extract(wp.tile_sum(wp.tile(x)), 0)
+    @wp.func_native(snippet=BLOCK_SUM)
+    def total(x: wp.float64) -> wp.float64: ...
 
-    @wp.func
-    def largest(x: wp.float64):
-        return wp.tile_extract(wp.tile_max(wp.tile(x)), 0)
+    @wp.func_native(snippet=BLOCK_LARGEST)
+    def largest(x: wp.float64) -> wp.float64: ...
 
     @wp.func
     def flyer_position(batch: Batch, sample: int, time: wp.float64):
@@ -176,6 +197,7 @@ def march_kernel(law: type, faces: str, side: str, precision: Precision) -> Marc
         solid = batch.solids[sample]
         row = batch.rows[batch.material[sample]]
         u_r, u_y, v_r, v_y = state.u_r[sample], state.u_y[sample], state.v_r[sample], state.v_y[sample]
+        corner_r, corner_y = state.corner_r[sample], state.corner_y[sample]
         worst, power = real(0.0), wp.float64(0.0)
         e = lane
         while e < body.n_elements:
@@ -190,8 +212,9 @@ def march_kernel(law: type, faces: str, side: str, precision: Precision) -> Marc
                 vec4(v_y[q[0]], v_y[q[1]], v_y[q[2]], v_y[q[3]]),
                 measure,
             )
-            state.corner_r[sample, e] = f_r
-            state.corner_y[sample, e] = f_y
+            for a in range(4):
+                corner_r[4 * e + a] = f_r[a]
+                corner_y[4 * e + a] = f_y[a]
             worst = wp.max(worst, omega_squared)
             power += wp.float64(dissipated)
             e += wp.block_dim()
@@ -233,6 +256,7 @@ def march_kernel(law: type, faces: str, side: str, precision: Precision) -> Marc
         friction = batch.friction[sample]
         u_r, u_y, v_r, v_y = state.u_r[sample], state.u_y[sample], state.v_r[sample], state.v_y[sample]
 
+        corner_r, corner_y = state.corner_r[sample], state.corner_y[sample]
         time, dt, dt_before = wp.float64(batch.start), wp.float64(0.0), wp.float64(0.0)
         next_force, next_surface, step, status = int(0), int(0), int(0), int(0)
         first_step, smallest = wp.float64(0.0), wp.float64(batch.largest_step)
@@ -289,12 +313,12 @@ def march_kernel(law: type, faces: str, side: str, precision: Precision) -> Marc
                 f_r, f_y = real(0.0), real(0.0)
                 for c in range(body.first_corner[n], body.first_corner[n + 1]):
                     corner = body.corners[c]
-                    f_r += state.corner_r[sample, corner // 4][corner % 4]
-                    f_y += state.corner_y[sample, corner // 4][corner % 4]
+                    f_r += corner_r[corner]
+                    f_y += corner_y[corner]
                 mass = body.mass[n]
                 old = vec2(v_r[n], v_y[n])
                 # Forces resist, so they enter with a minus; the drag of alpha acts on the old velocity.
-                free = old - tau * (vec2(f_r, f_y) / mass + solid.mass_damping * old)
+                free = old - tau * (vec2(f_r, f_y) * body.inverse_mass[n] + solid.mass_damping * old)
                 if body.on_axis[n] == 1:
                     free = vec2(zero, free[1])
                 new = free
@@ -340,9 +364,8 @@ def march_kernel(law: type, faces: str, side: str, precision: Precision) -> Marc
                     rub_step -= rub * slide
                 if flush == 1:
                     kinetic += wp.float64(half * mass * wp.dot(old, new))
-                damp_step += wp.float64(
-                    tau * solid.mass_damping * mass * half * wp.dot(old, old + new)
-                )
+                if solid.mass_damping > zero:
+                    damp_step += wp.float64(tau * solid.mass_damping * mass * half * wp.dot(old, old + new))
                 v_r[n] = new[0]
                 v_y[n] = new[1]
                 u_r[n] = u_r[n] + h * new[0]

@@ -18,18 +18,14 @@ class Precision:
     vec2: Any
     """Warp 2-vector."""
     vec4: Any
-    """Warp 4-vector: the four corners of an element."""
-    vec5: Any
-    """Warp 5-vector: an axisymmetric symmetric tensor (rr, yy, ry, tt) and one scalar."""
+    """Warp 4-vector: the four corners of an element, or an axisymmetric tensor (rr, yy, ry, tt)."""
     dtype: Any
     """NumPy scalar type."""
 
 
-_VEC5 = {real: wp.types.vector(length=5, dtype=real) for real in (wp.float32, wp.float64)}
-
 PRECISIONS = {
-    "fp32": Precision("fp32", wp.float32, wp.vec2f, wp.vec4f, _VEC5[wp.float32], np.float32),
-    "fp64": Precision("fp64", wp.float64, wp.vec2d, wp.vec4d, _VEC5[wp.float64], np.float64),
+    "fp32": Precision("fp32", wp.float32, wp.vec2f, wp.vec4f, np.float32),
+    "fp64": Precision("fp64", wp.float64, wp.vec2d, wp.vec4d, np.float64),
 }
 
 

@@ -133,6 +133,7 @@ def _body(kernel: MarchKernel, model: Model, numbers: Precision, where: Any) -> 
     body.reference_r = wp.array(mesh.nodes[:, 0], dtype=wp.float64, device=where)
     body.reference_y = wp.array(mesh.nodes[:, 1] - mesh.nodes[:, 1].min(), dtype=wp.float64, device=where)
     body.mass = wp.array(mass, dtype=numbers.real, device=where)
+    body.inverse_mass = wp.array(1.0 / mass, dtype=numbers.real, device=where)
     body.on_axis = wp.array(mesh.on_axis.astype(np.int32), dtype=int, device=where)
     body.kind = wp.array(kind, dtype=int, device=where)
     return body
@@ -185,8 +186,8 @@ def _state(kernel: MarchKernel, model: Model, n: int, numbers: Precision, where:
     state = kernel.State()
     for name in ("u_r", "u_y", "v_r", "v_y"):
         setattr(state, name, wp.zeros((n, mesh.n_nodes), dtype=numbers.real, device=where))
-    state.corner_r = wp.zeros((n, mesh.n_elements), dtype=numbers.vec4, device=where)
-    state.corner_y = wp.zeros((n, mesh.n_elements), dtype=numbers.vec4, device=where)
+    state.corner_r = wp.zeros((n, 4 * mesh.n_elements), dtype=numbers.real, device=where)
+    state.corner_y = wp.zeros((n, 4 * mesh.n_elements), dtype=numbers.real, device=where)
     touched = np.zeros((n, mesh.n_nodes), dtype=np.int32)
     touched[:, mesh.lower_face] = 1
     touched[:, mesh.upper_face] = 1

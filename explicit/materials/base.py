@@ -43,11 +43,11 @@ class MaterialLaw(Protocol):
         ...
 
     @staticmethod
-    def kernel_functions(precision: Precision) -> tuple[Any, Any]:
-        """The pair of Warp functions ``(stress, energy)`` of this class.
+    def kernel_functions(precision: Precision) -> tuple[Any, Any, Any]:
+        """The Warp functions ``(stress, tangent, energy)`` of this class.
 
-        ``stress(b_bar_rr, b_bar_yy, b_bar_ry, b_bar_tt, row) -> vec5`` returns the isochoric Kirchhoff
-        stress (rr, yy, ry, tt) and an upper bound of the tangent shear modulus, ``energy(..., row)``
-        the strain energy per reference volume.
+        Each takes ``(b_bar_rr, b_bar_yy, b_bar_ry, b_bar_tt, row)``. ``stress`` returns the isochoric
+        Kirchhoff stress (rr, yy, ry, tt) as a vec4, ``tangent`` an upper bound of the tangent shear
+        modulus (for the stable step), ``energy`` the strain energy per reference volume.
         """
         ...

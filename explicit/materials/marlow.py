@@ -26,7 +26,7 @@ FloatArray = NDArray[np.float64]
 ORIGIN_RANGE = 0.3
 """Data with s below this value (about 16 % strain) determine the limit at the origin."""
 
-_HEADER = 2
+_HEADER = 4
 
 
 @dataclass(frozen=True)
@@ -66,9 +66,9 @@ class MarlowLaw:
         return np.concatenate([[0.0], np.cumsum((q * s * 0.5 * weights).sum(axis=1) * self.step)])
 
     def parameters(self) -> FloatArray:
-        """Kernel row: last, n_intervals, then (2 U', its slope times the step, U) of every knot."""
+        """Kernel row: last, n_intervals, step, 1 / step, then (2 U', its slope times the step, U) of every knot."""
         table = np.column_stack([self.quotient, self.slope * self.step, self.knot_energy])
-        return np.concatenate([[self.last, len(self.quotient) - 1.0], table.ravel()])
+        return np.concatenate([[self.last, len(self.quotient) - 1.0, self.step, 1.0 / self.step], table.ravel()])
 
     def two_u_prime(self, s: FloatArray) -> FloatArray:
         """2 U' at s [Pa]: cubic between the knots, on the end tangent past the data."""
@@ -104,7 +104,7 @@ class MarlowLaw:
         return self.knot_energy[k] + partial + tail
 
     @staticmethod
-    def kernel_functions(precision: Precision) -> tuple[Any, Any]:
+    def kernel_functions(precision: Precision) -> tuple[Any, Any, Any]:
         """Warp twins of `stress` and `energy`; see `explicit.materials.base.MaterialLaw`."""
         return _kernel_functions(precision)
 
@@ -166,10 +166,10 @@ def _hermite(x: FloatArray, f0: FloatArray, f1: FloatArray, d0: FloatArray, d1: 
     return f0 + x * (d0 + x * (3.0 * (f1 - f0) - 2.0 * d0 - d1 + x * (2.0 * (f0 - f1) + d0 + d1)))
 
 
-def _kernel_functions(precision: Precision) -> tuple[Any, Any]:
-    real, vec5 = precision.real, precision.vec5
+def _kernel_functions(precision: Precision) -> tuple[Any, Any, Any]:
+    real, vec4 = precision.real, precision.vec4
     zero, half, one, two, three = real(0.0), real(0.5), real(1.0), real(2.0), real(3.0)
-    tiny = real(1e-3)
+    third, tiny = real(1.0 / 3.0), real(1e-3)
     # Three Gauss points on [0, 1] integrate the energy inside one interval exactly.
     g1, g3 = real(0.5 - np.sqrt(0.15)), real(0.5 + np.sqrt(0.15))
     w1, w2 = real(5.0 / 18.0), real(8.0 / 18.0)
@@ -177,7 +177,7 @@ def _kernel_functions(precision: Precision) -> tuple[Any, Any]:
 
     @wp.func
     def knot(s: real, row: wp.array(dtype=real)):
-        return wp.min(int(s * row[1] / row[0]), int(row[1]) - 1)
+        return wp.min(int(s * row[3]), int(row[1]) - 1)
 
     @wp.func
     def cubic(x: real, k: int, row: wp.array(dtype=real)):
@@ -192,36 +192,47 @@ def _kernel_functions(precision: Precision) -> tuple[Any, Any]:
         return d0 + x * (two * (three * (f1 - f0) - two * d0 - d1) + three * x * (two * (f0 - f1) + d0 + d1))
 
     @wp.func
-    def stress(rr: real, yy: real, ry: real, tt: real, row: wp.array(dtype=real)):
-        trace = rr + yy + tt
-        s = wp.sqrt(wp.max(trace - three, zero))
+    def two_u_prime(s: real, row: wp.array(dtype=real)):
         inside = wp.min(s, row[0])
         k = knot(inside, row)
-        x = inside * row[1] / row[0] - real(k)
-        slope = cubic_slope(x, k, row) * row[1] / row[0]
-        q = cubic(x, k, row) + slope * (s - inside)
-        mean = trace / three
-        drr, dyy, dtt = rr - mean, yy - mean, tt - mean
+        q = cubic(inside * row[3] - real(k), k, row)
+        if s > inside:
+            q += cubic_slope(one, k, row) * row[3] * (s - inside)
+        return q
+
+    @wp.func
+    def stress(rr: real, yy: real, ry: real, tt: real, row: wp.array(dtype=real)):
+        mean = (rr + yy + tt) * third
+        q = two_u_prime(wp.sqrt(wp.max(three * (mean - one), zero)), row)
+        return vec4(q * (rr - mean), q * (yy - mean), q * ry, q * (tt - mean))
+
+    @wp.func
+    def tangent(rr: real, yy: real, ry: real, tt: real, row: wp.array(dtype=real)):
+        # 2 U' b_max + 4 U'' |dev b|^2 bounds the tangent along any rank-one motion; 4 U'' = q' / s.
+        mean = (rr + yy + tt) * third
+        s = wp.sqrt(wp.max(three * (mean - one), zero))
+        inside = wp.min(s, row[0])
+        k = knot(inside, row)
+        slope = cubic_slope(inside * row[3] - real(k), k, row) * row[3]
         largest = wp.max(wp.max(rr, yy) + wp.abs(ry), tt)
+        drr, dyy, dtt = rr - mean, yy - mean, tt - mean
         squared = drr * drr + dyy * dyy + dtt * dtt + two * ry * ry
-        # 2 U' b_max + 4 U'' |dev b|^2 bounds the tangent along any rank-one motion.
-        bound = q * largest + wp.max(slope, zero) / wp.max(s, tiny) * squared
-        return vec5(q * drr, q * dyy, q * ry, q * dtt, bound)
+        return two_u_prime(s, row) * largest + wp.max(slope, zero) / wp.max(s, tiny) * squared
 
     @wp.func
     def energy(rr: real, yy: real, ry: real, tt: real, row: wp.array(dtype=real)):
         s = wp.sqrt(wp.max(rr + yy + tt - three, zero))
         inside = wp.min(s, row[0])
         k = knot(inside, row)
-        step = row[0] / row[1]
-        x = inside / step - real(k)
+        step = row[2]
+        x = inside * row[3] - real(k)
         a = w1 * cubic(g1 * x, k, row) * (real(k) + g1 * x)
         b = w2 * cubic(half * x, k, row) * (real(k) + half * x)
         c = w1 * cubic(g3 * x, k, row) * (real(k) + g3 * x)
         past = s - inside
         q = cubic(x, k, row)
-        slope = cubic_slope(x, k, row) / step
+        slope = cubic_slope(x, k, row) * row[3]
         tail = past * (q * (inside + half * past) + slope * past * (half * inside + past / three))
-        return row[header + 3 * k + 2] + (a + b + c) * x * step * step + tail * one
+        return row[header + 3 * k + 2] + (a + b + c) * x * step * step + tail
 
-    return stress, energy
+    return stress, tangent, energy
