@@ -1,0 +1,273 @@
+"""A box of named parameters: the only thing a design, a surrogate or a search knows about a problem."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+
+ROUND_OFF = 1e-12
+"""Distance in the unit box below which a point outside a face counts as on it: a trip from units to
+the unit box and back costs a few 1e-16, magnified by |bound| / edge."""
+
+
+@dataclass(frozen=True)
+class Box:
+    """Named parameters, each between two bounds.
+
+    Designs, surrogates and searches work in the *unit box* [0, 1]^d; a logarithmic parameter is
+    uniform in its logarithm there.
+
+    Raises
+    ------
+    ValueError
+        If a name is empty or used twice, the lengths differ, a bound is not finite, a lower bound is
+        not below its upper bound, or a logarithmic parameter has a lower bound <= 0.
+    """
+
+    names: tuple[str, ...]
+    """Parameter names, length d."""
+    lower: tuple[float, ...]
+    """Lower bounds in parameter units, length d."""
+    upper: tuple[float, ...]
+    """Upper bounds in parameter units, length d."""
+    logarithmic: tuple[bool, ...] = ()
+    """Which parameters are uniform in their logarithm, length d; left out, none is."""
+
+    def __post_init__(self) -> None:
+        if isinstance(self.names, str):
+            raise ValueError(
+                f"names must be a tuple of names, got the text {self.names!r}: write ({self.names!r},)"
+            )
+        object.__setattr__(self, "names", tuple(self.names))
+        object.__setattr__(self, "lower", tuple(float(value) for value in self.lower))
+        object.__setattr__(self, "upper", tuple(float(value) for value in self.upper))
+        logarithmic = tuple(bool(value) for value in self.logarithmic) or (False,) * len(self.names)
+        object.__setattr__(self, "logarithmic", logarithmic)
+        self._validate()
+
+    def _validate(self) -> None:
+        d = len(self.names)
+        if d == 0:
+            raise ValueError("a box needs at least one parameter, got none")
+        for field in ("lower", "upper", "logarithmic"):
+            if len(getattr(self, field)) != d:
+                raise ValueError(f"{field} must have one entry a name ({d}), got {len(getattr(self, field))}")
+        for name in self.names:
+            if not name:
+                raise ValueError("a parameter name is empty")
+            if self.names.count(name) > 1:
+                raise ValueError(
+                    f"parameter name {name!r} is used {self.names.count(name)} times; names must differ"
+                )
+        for name, lower, upper, logarithmic in zip(
+            self.names, self.lower, self.upper, self.logarithmic, strict=True
+        ):
+            if not (np.isfinite(lower) and np.isfinite(upper) and np.isfinite(upper - lower)):
+                raise ValueError(f"bounds of {name!r} must be finite, got [{lower}, {upper}]")
+            if not lower < upper:
+                raise ValueError(
+                    f"lower bound of {name!r} must be below its upper bound, got [{lower}, {upper}]"
+                )
+            if logarithmic and not lower > 0.0:
+                raise ValueError(f"logarithmic parameter {name!r} needs a lower bound > 0, got {lower}")
+
+    @classmethod
+    def of(cls, bounds: Mapping[str, tuple[float, float]], *, logarithmic: Sequence[str] = ()) -> Box:
+        """A box from a table of bounds.
+
+        Parameters
+        ----------
+        bounds
+            Lower and upper bound by parameter name.
+        logarithmic
+            Names of the parameters that are uniform in their logarithm.
+
+        Raises
+        ------
+        ValueError
+            If `logarithmic` names a parameter that `bounds` does not, or the box is not valid.
+        """
+        unknown = sorted(set(logarithmic) - set(bounds))
+        if unknown:
+            raise ValueError(f"logarithmic names {unknown}, but the parameters are {sorted(bounds)}")
+        return cls(
+            names=tuple(bounds),
+            lower=tuple(pair[0] for pair in bounds.values()),
+            upper=tuple(pair[1] for pair in bounds.values()),
+            logarithmic=tuple(name in logarithmic for name in bounds),
+        )
+
+    @property
+    def dimension(self) -> int:
+        """Number of parameters d."""
+        return len(self.names)
+
+    def scale(self, unit_points: ArrayLike) -> FloatArray:
+        """Points of the unit box in parameter units; 0 and 1 give the bounds to the last bit.
+
+        A linear parameter is x = (1 - u) a + u b, a logarithmic one x = a^(1 - u) b^u, with a and b the
+        bounds. Nothing is clipped: u outside [0, 1] gives x outside the box.
+
+        Parameters
+        ----------
+        unit_points
+            Coordinates in the unit box [-], shape [..., d].
+
+        Returns
+        -------
+        points
+            In parameter units, shape [..., d].
+
+        Raises
+        ------
+        ValueError
+            If the last axis is not d long or a coordinate is not finite.
+        """
+        u = self._checked(unit_points)
+        x = np.empty_like(u)
+        for j, (a, b, logarithmic) in enumerate(zip(self.lower, self.upper, self.logarithmic, strict=True)):
+            v = u[..., j]
+            x[..., j] = a ** (1.0 - v) * b**v if logarithmic else a * (1.0 - v) + b * v
+        return x
+
+    def unit(self, points: ArrayLike) -> FloatArray:
+        """Points in parameter units as coordinates of the unit box, the inverse of `scale`.
+
+        Parameters
+        ----------
+        points
+            In parameter units, shape [..., d].
+
+        Returns
+        -------
+        unit_points
+            Coordinates in the unit box [-], shape [..., d]; outside [0, 1] for a point outside the box.
+
+        Raises
+        ------
+        ValueError
+            If the last axis is not d long, a value is not finite, or a logarithmic parameter is <= 0.
+        """
+        x = self._checked(points)
+        u = np.empty_like(x)
+        for j, (a, b, logarithmic) in enumerate(zip(self.lower, self.upper, self.logarithmic, strict=True)):
+            v = x[..., j]
+            if logarithmic:
+                if np.any(v <= 0.0):
+                    raise ValueError(f"logarithmic parameter {self.names[j]!r} must be > 0, got {v.min()}")
+                u[..., j] = (np.log(v) - np.log(a)) / (np.log(b) - np.log(a))
+            else:
+                u[..., j] = (v - a) / (b - a)
+        return u
+
+    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Which points lie in the box, its faces included (within 1e-12 of the edge, for round-off).
+
+        Parameters
+        ----------
+        points
+            In parameter units, shape [..., d].
+
+        Returns
+        -------
+        inside
+            Shape [...].
+
+        Raises
+        ------
+        ValueError
+            If the last axis is not d long or a value is not finite.
+        """
+        return np.asarray(self._inside(self._checked(points)).all(axis=-1))
+
+    def require(self, points: ArrayLike, *, what: str) -> FloatArray:
+        """The points as an array [n, d], refused if one lies outside the box.
+
+        Parameters
+        ----------
+        points
+            In parameter units, shape [n, d].
+        what
+            What a row is, for the error message, e.g. "run".
+
+        Raises
+        ------
+        ValueError
+            If the shape is not [n, d], a value is not finite, or a point lies outside; the message names
+            the row, the parameter, the value and the bounds.
+        """
+        x = self._checked(points)
+        if x.ndim != 2:
+            raise ValueError(f"points must have shape [n, {self.dimension}], got {list(x.shape)}")
+        outside = np.argwhere(~self._inside(x))
+        if len(outside):
+            row, j = outside[0]
+            raise ValueError(
+                f"{what} {row}: {self.names[j]} = {x[row, j]:.12g} is outside "
+                f"[{self.lower[j]:.12g}, {self.upper[j]:.12g}]"
+            )
+        return x
+
+    def around(self, centre: ArrayLike, fraction: float) -> Box:
+        """A smaller box about a point, intersected with this one.
+
+        Its edges are `fraction` of this box's edges (in the unit box, so a logarithmic parameter keeps
+        its ratio). The part that would stick out of this box is cut off, not moved inwards: near a face
+        the new box is shorter and `centre` is not its middle.
+
+        Parameters
+        ----------
+        centre
+            A point of this box in parameter units, shape [d].
+        fraction
+            Edge of the new box over the edge of this one, in (0, 1].
+
+        Raises
+        ------
+        ValueError
+            If `centre` is outside this box or `fraction` outside (0, 1].
+        """
+        if not 0.0 < fraction <= 1.0:
+            raise ValueError(f"fraction must be in (0, 1], got {fraction}")
+        u = self.unit(self.require(np.atleast_2d(np.asarray(centre, dtype=np.float64)), what="centre"))[0]
+        lower = self.scale(np.maximum(u - 0.5 * fraction, 0.0))
+        upper = self.scale(np.minimum(u + 0.5 * fraction, 1.0))
+        return Box(self.names, tuple(lower.tolist()), tuple(upper.tolist()), self.logarithmic)
+
+    def as_dict(self, point: ArrayLike) -> dict[str, float]:
+        """One point, shape [d], as values by name.
+
+        Raises
+        ------
+        ValueError
+            If the point is not d long or not finite.
+        """
+        x = self._checked(point)
+        if x.ndim != 1:
+            raise ValueError(f"a point must have shape [{self.dimension}], got {list(x.shape)}")
+        return dict(zip(self.names, x.tolist(), strict=True))
+
+    def _inside(self, x: FloatArray) -> NDArray[np.bool_]:
+        # A logarithmic parameter <= 0 has no unit coordinate; it is outside whatever the bounds are.
+        positive = np.where(np.array(self.logarithmic), x, 1.0) > 0.0
+        u = self.unit(np.where(positive, x, np.array(self.upper)))
+        return np.asarray(positive & (u >= -ROUND_OFF) & (u <= 1.0 + ROUND_OFF))
+
+    def _checked(self, points: ArrayLike) -> FloatArray:
+        x = np.asarray(points, dtype=np.float64)
+        if x.ndim == 0 or x.shape[-1] != self.dimension:
+            raise ValueError(
+                f"the last axis must hold the {self.dimension} parameters {list(self.names)}, "
+                f"got shape {list(x.shape)}"
+            )
+        if not np.all(np.isfinite(x)):
+            row = np.argwhere(~np.isfinite(x))[0]
+            raise ValueError(
+                f"{self.names[row[-1]]} is {x[tuple(row)]} at index {row[:-1].tolist()}; must be finite"
+            )
+        return x

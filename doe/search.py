@@ -1,0 +1,318 @@
+"""Nelder-Mead in the unit box, with an outcome for every search and every start's result kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import minimize
+
+from doe.box import Box
+from doe.designs import Design
+
+FloatArray = NDArray[np.float64]
+Objective = Callable[[FloatArray], float]
+
+FIRST_EDGE = 0.25
+"""Edge of the first simplex in the unit box."""
+RESTART_EDGE = 0.05
+"""Edge of the simplex of a restart in the unit box."""
+AGREEMENT = 10.0
+"""Two ends of a search are one if they differ by less than this many tolerances in the unit box: the
+simplex is smaller than one tolerance at the end, but its distance from the optimum may be larger."""
+
+
+class SearchOutcome(Enum):
+    """How a search ended."""
+
+    CONVERGED = "converged"
+    AT_BOUND = "at a bound"
+    NOT_CONVERGED = "not converged"
+
+    @property
+    def ok(self) -> bool:
+        """True when an optimum was found inside the box."""
+        return self is SearchOutcome.CONVERGED
+
+    @property
+    def cause(self) -> str:
+        """What happened, in one sentence."""
+        return _CAUSES[self][0]
+
+    @property
+    def cure(self) -> str:
+        """What a user can do about it."""
+        return _CAUSES[self][1]
+
+
+_CAUSES = {
+    SearchOutcome.CONVERGED: (
+        "the simplex shrank to the tolerance at one point twice, and no neighbour is lower",
+        "nothing to do",
+    ),
+    SearchOutcome.AT_BOUND: (
+        "the smallest value lies on a face of the box, so the optimum may lie beyond it",
+        "widen the box at the parameters and sides named in at_bound, or fix those parameters",
+    ),
+    SearchOutcome.NOT_CONVERGED: (
+        "max_evaluations was used up before the simplex shrank to the tolerance twice at one point",
+        "raise max_evaluations or tolerance; if the function is noisy, smooth it first",
+    ),
+}
+
+
+@dataclass(frozen=True)
+class SearchResult:
+    """Where a search ended, and how."""
+
+    x: FloatArray
+    """The best point met, in parameter units, shape [d]."""
+    value: float
+    """The function there."""
+    evaluations: int
+    """Calls of the function."""
+    outcome: SearchOutcome
+    """How the search ended."""
+    at_bound: dict[str, str]
+    """ "lower" or "upper" for each parameter within 10 tolerances of a face; also filled when the search
+    did not converge."""
+    trace_points: FloatArray
+    """Every point tried, in order, in parameter units, shape [evaluations, d]."""
+    trace_values: FloatArray
+    """The function there, shape [evaluations]."""
+
+
+@dataclass(frozen=True)
+class MultiStart:
+    """Searches from several starts, none thrown away."""
+
+    results: tuple[SearchResult, ...]
+    """One result a start, best value first."""
+    distances: FloatArray
+    """Largest coordinate difference of each result from the best, in the unit box [-], shape [n_starts]."""
+    excesses: FloatArray
+    """Value of each result minus the best, shape [n_starts]."""
+    agreement: float
+    """Distance in the unit box below which two results are one [-]."""
+
+    @property
+    def best(self) -> SearchResult:
+        """The result with the smallest value."""
+        return self.results[0]
+
+    @property
+    def disagreeing(self) -> tuple[SearchResult, ...]:
+        """Results that ended elsewhere than the best: other minima, or searches cut short."""
+        return tuple(r for r, away in zip(self.results, self.distances, strict=True) if away > self.agreement)
+
+    @property
+    def agree(self) -> bool:
+        """True when all starts ended at one point."""
+        return not self.disagreeing
+
+
+class _Recorder:
+    """The function in unit coordinates; remembers every call and lets no NaN through."""
+
+    def __init__(self, function: Objective, box: Box) -> None:
+        self.function, self.box = function, box
+        self.unit: list[FloatArray] = []
+        self.points: list[FloatArray] = []
+        self.values: list[float] = []
+
+    def __call__(self, unit_point: FloatArray) -> float:
+        point = self.box.scale(unit_point)
+        value = evaluate(self.function, self.box, point)
+        self.unit.append(np.array(unit_point))
+        self.points.append(point)
+        self.values.append(value)
+        return value
+
+    @property
+    def best(self) -> int:
+        return int(np.argmin(self.values))
+
+
+def evaluate(function: Objective, box: Box, point: FloatArray) -> float:
+    """The function at one point, refused if it is not a finite number.
+
+    Raises
+    ------
+    ValueError
+        If the value is NaN or infinite; the message names the point.
+    """
+    # A copy: a function that writes into its argument must not move the simplex or the trace.
+    value = float(function(point.copy()))
+    if not np.isfinite(value):
+        where = ", ".join(f"{name} = {x:.12g}" for name, x in box.as_dict(point).items())
+        raise ValueError(f"the function is {value} at {where}; it must be finite everywhere in the box")
+    return value
+
+
+def nelder_mead(
+    function: Objective,
+    box: Box,
+    *,
+    start: ArrayLike | None = None,
+    tolerance: float = 1e-6,
+    max_evaluations: int = 2000,
+) -> SearchResult:
+    """The minimum of a function in a box by the simplex method, restarted until it stays.
+
+    A simplex that collapsed early, or that the bounds pressed flat onto a face of the box, is small but
+    not at an optimum. So after convergence both neighbours in every coordinate are tried, 10 tolerances
+    away, and a fresh simplex is set up at the best point; the search ends when the best point has moved
+    by no more than 10 tolerances and no neighbour is lower.
+
+    Parameters
+    ----------
+    function
+        Takes a point in parameter units, shape [d], and returns a finite number.
+    box
+        Where to search.
+    start
+        First vertex, in parameter units, shape [d]; the middle of the unit box if left out.
+    tolerance
+        Size of the simplex in the unit box at which it has converged, in [1e-9, 0.1). There is no
+        tolerance on the value: its scale is not known here.
+    max_evaluations
+        Most calls of the function, at least d + 1.
+
+    Returns
+    -------
+    result
+        The best point met; `result.outcome` says how the search ended.
+
+    Raises
+    ------
+    ValueError
+        If the start is outside the box, an option is outside its range, or the function is not finite.
+    """
+    d = box.dimension
+    # Below 1e-9 the round-off of the value decides: it moves a smooth minimum by about 1e-8.
+    if not 1e-9 <= tolerance < 0.1:
+        raise ValueError(f"tolerance must be in [1e-9, 0.1) of the unit box, got {tolerance}")
+    if max_evaluations < d + 1:
+        raise ValueError(f"max_evaluations must be at least {d + 1} (one simplex), got {max_evaluations}")
+    recorder = _Recorder(function, box)
+    here = np.full(d, 0.5)
+    if start is not None:
+        inside = box.require(np.atleast_2d(np.asarray(start, dtype=np.float64)), what="start")
+        if len(inside) != 1:
+            raise ValueError(f"start must be one point of shape [{d}], got {len(inside)}")
+        # `require` has refused what is outside; this takes off the round-off of the way to unit coordinates.
+        here = np.clip(box.unit(inside[0]), 0.0, 1.0)
+    margin = AGREEMENT * tolerance
+    side, edge = np.ones(d), FIRST_EDGE
+    stayed = False
+    while not stayed and len(recorder.values) < max_evaluations:
+        solution = minimize(
+            recorder,
+            here,
+            method="Nelder-Mead",
+            bounds=[(0.0, 1.0)] * d,
+            options={
+                "initial_simplex": _simplex(here, side, edge),
+                "xatol": tolerance,
+                "fatol": np.inf,
+                "maxfev": max_evaluations - len(recorder.values),
+            },
+        )
+        end, value = recorder.unit[recorder.best], min(recorder.values)
+        if not solution.success or len(recorder.values) + 2 * d > max_evaluations:
+            break
+        side = _poll(recorder, end, margin)
+        moved = float(np.max(np.abs(end - here)))
+        stayed = edge == RESTART_EDGE and moved <= margin and min(recorder.values) == value
+        here, edge = recorder.unit[recorder.best], RESTART_EDGE
+    return _result(recorder, stayed, margin)
+
+
+def multi_start(
+    function: Objective,
+    design: Design,
+    *,
+    n_starts: int = 3,
+    tolerance: float = 1e-6,
+    max_evaluations: int = 2000,
+) -> MultiStart:
+    """Searches from the best points of a design.
+
+    Parameters
+    ----------
+    function
+        Takes a point in parameter units, shape [d], and returns a finite number.
+    design
+        Where to look first; its box is searched.
+    n_starts
+        Number of searches, between 1 and the number of points in the design.
+    tolerance, max_evaluations
+        Of each search, see `nelder_mead`; the evaluations at the design's points are not counted.
+
+    Raises
+    ------
+    ValueError
+        If `n_starts` is outside its range, or for what `nelder_mead` refuses.
+    """
+    if not 1 <= n_starts <= len(design):
+        raise ValueError(f"n_starts must be in [1, {len(design)}] (points in the design), got {n_starts}")
+    box = design.box
+    values = [evaluate(function, box, point) for point in design.points]
+    starts = design.points[np.argsort(values, kind="stable")[:n_starts]]
+    results = [
+        nelder_mead(function, box, start=start, tolerance=tolerance, max_evaluations=max_evaluations)
+        for start in starts
+    ]
+    results.sort(key=lambda result: result.value)
+    ends = box.unit(np.stack([result.x for result in results]))
+    distances = np.abs(ends - ends[0]).max(axis=1)
+    excesses = np.array([result.value - results[0].value for result in results])
+    # Two ends, each within AGREEMENT tolerances of the same optimum.
+    return MultiStart(tuple(results), distances, excesses, 2.0 * AGREEMENT * tolerance)
+
+
+def _simplex(unit_point: FloatArray, side: FloatArray, edge: float) -> FloatArray:
+    """A right-angled simplex at a point, its edges on the given sides where the box has room for them."""
+    ends = unit_point + side * edge
+    steps = np.where((ends < 0.0) | (ends > 1.0), -side, side) * edge
+    return np.vstack([unit_point, unit_point + np.diag(steps)])
+
+
+def _poll(recorder: _Recorder, unit_point: FloatArray, step: float) -> FloatArray:
+    """Try a step to both sides in every coordinate; the side (+1 or -1) with the lower value, shape [d]."""
+    sides = np.ones(len(unit_point))
+    for j in range(len(unit_point)):
+        lowest = np.inf
+        for sign in (1.0, -1.0):
+            trial = unit_point.copy()
+            trial[j] += sign * step
+            if 0.0 <= trial[j] <= 1.0:
+                value = recorder(trial)
+                if value < lowest:
+                    lowest, sides[j] = value, sign
+    return sides
+
+
+def _result(recorder: _Recorder, converged: bool, margin: float) -> SearchResult:
+    best = recorder.best
+    unit_point = recorder.unit[best]
+    at_bound = {
+        name: "lower" if u <= margin else "upper"
+        for name, u in zip(recorder.box.names, unit_point, strict=True)
+        if u <= margin or u >= 1.0 - margin
+    }
+    outcome = SearchOutcome.NOT_CONVERGED
+    if converged:
+        outcome = SearchOutcome.AT_BOUND if at_bound else SearchOutcome.CONVERGED
+    return SearchResult(
+        x=recorder.points[best],
+        value=recorder.values[best],
+        evaluations=len(recorder.values),
+        outcome=outcome,
+        at_bound=at_bound,
+        trace_points=np.stack(recorder.points),
+        trace_values=np.array(recorder.values),
+    )

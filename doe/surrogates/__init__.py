@@ -1,0 +1,29 @@
+"""Surrogates of expensive functions of a box. A new one is one file and one line in `SURROGATES`."""
+
+from typing import Any
+
+from doe.surrogates.cost import CostSurrogate
+from doe.surrogates.kernels import DEFAULT_KERNELS, Kernel, SurrogateError
+from doe.surrogates.pca import PrincipalComponents
+from doe.surrogates.protocol import Surrogate
+from doe.surrogates.rbf import Candidate, RadialBasis
+from doe.surrogates.response import ResponseSurrogate
+
+SURROGATES: dict[str, Any] = {
+    "response": ResponseSurrogate,
+    "cost": CostSurrogate,
+}
+"""Surrogate classes by name; each has `fit(box, points, values, ...)` and offers `Surrogate`."""
+
+__all__ = [
+    "DEFAULT_KERNELS",
+    "SURROGATES",
+    "Candidate",
+    "CostSurrogate",
+    "Kernel",
+    "PrincipalComponents",
+    "RadialBasis",
+    "ResponseSurrogate",
+    "Surrogate",
+    "SurrogateError",
+]

@@ -1,0 +1,126 @@
+"""Principal components of a set of response vectors, with what leaving the others out costs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from doe.surrogates.kernels import SurrogateError
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PrincipalComponents:
+    """A response as mean + scale * (scores @ basis), the scores uncorrelated over the runs."""
+
+    mean: FloatArray
+    """Mean response over the runs, in response units, shape [k]."""
+    scale: FloatArray
+    """Weight of each entry, in response units, shape [k]: entries count by their size over it."""
+    basis: FloatArray
+    """Orthonormal components of the scaled response [-], shape [q, k]."""
+    singular_values: FloatArray
+    """All singular values of the scaled, centred responses, kept or not [-], shape [min(n, k)]."""
+    truncation: FloatArray
+    """Response minus its reduction, run by run, in response units, shape [n, k]."""
+
+    @classmethod
+    def fit(
+        cls,
+        responses: FloatArray,
+        *,
+        scale: ArrayLike = 1.0,
+        variance: float = 1.0 - 1e-8,
+        truncation: float | None = None,
+    ) -> PrincipalComponents:
+        """The fewest components that keep the asked share of the variance, or the asked accuracy.
+
+        Parameters
+        ----------
+        responses
+            One row a run, shape [n, k].
+        scale
+            What one entry's deviations are measured by, > 0, in response units: a number or shape [k].
+            Give forces and lengths their own, e.g. their noise, or the larger wins.
+        variance
+            Share of the scaled variance to keep, in (0, 1].
+        truncation
+            If given, rules instead of `variance`: the largest allowed |response - reduction| / scale of
+            any entry of any run, >= 0.
+
+        Raises
+        ------
+        ValueError
+            If an argument is outside its range.
+        SurrogateError
+            If `truncation` is finer than round-off can deliver.
+        """
+        k = responses.shape[1]
+        weights = np.array(np.broadcast_to(np.asarray(scale, dtype=np.float64), (k,)))
+        if not np.all(np.isfinite(weights) & (weights > 0.0)):
+            j = int(np.flatnonzero(~(np.isfinite(weights) & (weights > 0.0)))[0])
+            raise ValueError(f"scale must be finite and > 0, got {weights[j]} for entry {j}")
+        if not 0.0 < variance <= 1.0:
+            raise ValueError(f"variance must be in (0, 1], got {variance}")
+        if truncation is not None and not 0.0 <= truncation < np.inf:
+            raise ValueError(f"truncation must be finite and >= 0, got {truncation}")
+        mean = responses.mean(axis=0)
+        scaled = (responses - mean) / weights
+        left, singular, right = np.linalg.svd(scaled, full_matrices=False)
+        if truncation is None:
+            q = _count_by_variance(singular, variance)
+        else:
+            q = _count_by_truncation(scaled, left * singular, right, truncation)
+        rest = (scaled - (scaled @ right[:q].T) @ right[:q]) * weights
+        return cls(mean, weights, right[:q], singular, rest)
+
+    @property
+    def n_components(self) -> int:
+        """Number of components kept, q."""
+        return len(self.basis)
+
+    @property
+    def truncation_error(self) -> FloatArray:
+        """Largest |response - reduction| over the runs, in response units, shape [k]."""
+        return np.asarray(np.abs(self.truncation).max(axis=0))
+
+    @property
+    def kept_variance(self) -> float:
+        """Share of the scaled variance that is kept [-]; 1 if there is none."""
+        total = float(np.sum(self.singular_values**2))
+        return 1.0 if total == 0.0 else float(np.sum(self.singular_values[: self.n_components] ** 2)) / total
+
+    def scores(self, responses: FloatArray) -> FloatArray:
+        """Coordinates of responses in the basis [-], shape [n, k] -> [n, q]."""
+        return ((responses - self.mean) / self.scale) @ self.basis.T
+
+    def expand(self, scores: FloatArray) -> FloatArray:
+        """Responses from coordinates, in response units, shape [m, q] -> [m, k]."""
+        return self.mean + self.deviation(scores)
+
+    def deviation(self, scores: FloatArray) -> FloatArray:
+        """Differences of responses from differences of coordinates, shape [m, q] -> [m, k]."""
+        return (scores @ self.basis) * self.scale
+
+
+def _count_by_variance(singular: FloatArray, variance: float) -> int:
+    # lost[q] = variance lost with q components; summed from the small end, where 1 - share would round.
+    lost = np.append(np.cumsum(singular[::-1] ** 2)[::-1], 0.0)
+    enough = np.flatnonzero(lost <= (1.0 - variance) * lost[0])
+    # At least one component, so that a response that depends on nothing needs no special case.
+    return max(1, int(enough[0]))
+
+
+def _count_by_truncation(scaled: FloatArray, scores: FloatArray, right: FloatArray, truncation: float) -> int:
+    rest = scaled.copy()
+    for q in range(len(right)):
+        rest -= np.outer(scores[:, q], right[q])
+        if np.abs(rest).max() <= truncation:
+            return q + 1
+    raise SurrogateError(
+        f"all {len(right)} components still leave {np.abs(rest).max():.1e} of the scale, "
+        f"asked was {truncation:.1e}: that is round-off; raise truncation"
+    )
