@@ -1,1 +1,1 @@
-"""Instrument readers, one file format each."""
+"""Instrument readers, one file format each: `read(path, *, <columns>)`, strict, without physics."""

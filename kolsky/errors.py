@@ -1,0 +1,116 @@
+"""The one way bad input is answered: a single line with file, line, key, value, allowed range and cure."""
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+
+_LONGEST_VALUE = 80
+
+
+class InputError(Exception):
+    """Something a user gave cannot be used; `str()` of it is one line.
+
+    Parameters
+    ----------
+    path
+        The file or folder at fault.
+    message
+        What is wrong, e.g. "is not allowed".
+    line
+        Line in the file, counted from 1.
+    key
+        Dotted key of the shot file, e.g. "specimen.density".
+    value
+        The value found there, as it was written.
+    allowed
+        The allowed range or choice; printed after "it must be".
+    cure
+        What to do about it; printed after "Cure:".
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        message: str,
+        *,
+        line: int | None = None,
+        key: str | None = None,
+        value: object = None,
+        allowed: str | None = None,
+        cure: str | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.path = Path(path)
+        self.message = message
+        self.line = line
+        self.key = key
+        self.value = value
+        self.allowed = allowed
+        self.cure = cure
+
+    def __str__(self) -> str:
+        place = str(self.path) if self.line is None else f"{self.path} line {self.line}"
+        subject = "" if self.key is None else f"{self.key} "
+        if self.key is not None and self.value is not None:
+            subject += f"= {_shown(self.value)} "
+        text = f"{place}: {subject}{self.message}"
+        if self.allowed is not None:
+            text += f"; it must be {self.allowed}"
+        if self.cure is not None:
+            text += f". Cure: {self.cure}"
+        return one_line(text)
+
+    @property
+    def problems(self) -> tuple["InputError", ...]:
+        """The single problems, at least one."""
+        return (self,)
+
+
+class InputErrors(InputError):
+    """Several problems at once; `str()` gives one line for each."""
+
+    def __init__(self, problems: Iterable[InputError]) -> None:
+        self._problems = tuple(problems)
+        first = self._problems[0]
+        super().__init__(
+            first.path,
+            first.message,
+            line=first.line,
+            key=first.key,
+            value=first.value,
+            allowed=first.allowed,
+            cure=first.cure,
+        )
+
+    def __str__(self) -> str:
+        return "\n".join(str(problem) for problem in self._problems)
+
+    @property
+    def problems(self) -> tuple[InputError, ...]:
+        """The single problems, in the order in which they were met."""
+        return self._problems
+
+
+def refuse(problems: list[InputError]) -> None:
+    """Raise the problems, if there are any.
+
+    Raises
+    ------
+    InputError
+        The only problem, or an `InputErrors` that holds them all.
+    """
+    if len(problems) == 1:
+        raise problems[0]
+    if problems:
+        raise InputErrors(problems)
+
+
+def one_line(text: str) -> str:
+    """The text with line breaks and other unprintable characters written as escapes."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def _shown(value: object) -> str:
+    """A value as a user would write it in TOML, shortened if it is long."""
+    text = json.dumps(value, ensure_ascii=False, default=str)
+    return text if len(text) <= _LONGEST_VALUE else text[: _LONGEST_VALUE - 3] + "..."

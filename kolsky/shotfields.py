@@ -1,0 +1,144 @@
+"""The values that may stand in shot.toml: written-out quantities, ranges, file names."""
+
+from collections.abc import Callable
+from pathlib import PurePosixPath
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator
+from pydantic_core import PydanticCustomError
+
+from kolsky.units import DIMENSIONS, UnitError, quantity, unit_factor
+
+LARGEST_POISSON = 0.4999
+
+
+def problem(message: str, **context: str) -> PydanticCustomError:
+    """An error whose context holds "allowed", "cure" and, if it is another than the field, "key"."""
+    return PydanticCustomError("shot", "{message}", {"message": message, **context})
+
+
+def _physical(unit: str, rule: str = "finite", what: str | None = None) -> Callable[[object], float]:
+    """A validator for a written-out quantity: SI unit, "> 0", ">= 0" or "finite", and what it is in words."""
+    words, example = DIMENSIONS[unit]
+    hint = f'write {what or words}, e.g. "{example}"'
+
+    def validate(text: object) -> float:
+        try:
+            value = quantity(text, unit)  # type: ignore[arg-type]  # it refuses what is no text
+        except UnitError as error:
+            raise problem(error.problem, allowed=words, cure=hint) from None
+        if (rule == "> 0" and value <= 0.0) or (rule == ">= 0" and value < 0.0):
+            raise problem("is not allowed", allowed=f"{rule} {unit}".removesuffix(" 1"), cure=hint)
+        return value
+
+    return validate
+
+
+def _factor(unit: str) -> Callable[[object], float]:
+    """A validator for the unit of a column."""
+    words, example = DIMENSIONS[unit]
+    sample = example.split(" ", 1)[1]
+
+    def validate(text: object) -> float:
+        try:
+            if not isinstance(text, str) or not text.strip():
+                raise UnitError(text, "is not a unit", unit)
+            return unit_factor(text, unit)
+        except UnitError as error:
+            raise problem(
+                error.problem, allowed=f"a unit of {words}", cure=f'write the unit, e.g. "{sample}"'
+            ) from None
+
+    return validate
+
+
+def _number(value: object) -> float:
+    """A plain number; bool is not one."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise problem("is not a number", cure="write a number without quotes or unit")
+    try:
+        return float(value)
+    except OverflowError:
+        raise problem("is too large") from None
+
+
+def _poisson(value: object) -> float:
+    number = _number(value)
+    if not 0.0 <= number <= LARGEST_POISSON:
+        raise problem(
+            "is not allowed",
+            allowed=f"in [0, {LARGEST_POISSON}]",
+            cure="the solver needs slight compressibility: for a rubber-like material write 0.499",
+        )
+    return number
+
+
+def _friction(value: object) -> float:
+    number = _number(value)
+    if not 0.0 <= number < float("inf"):
+        raise problem(
+            "is not allowed",
+            allowed="a finite number >= 0",
+            cure='write the Coulomb coefficient, e.g. 0.3; for no slip choose the law "rough" or "bonded"',
+        )
+    return number
+
+
+def _share(text: object) -> float:
+    value = _physical("1", ">= 0", "the standard deviation relative to the stress")(text)
+    if value >= 1.0:
+        raise problem("is not allowed", allowed="in [0, 1)", cure='write e.g. "0.2 %"')
+    return value
+
+
+def _interval(pair: object) -> tuple[float, float]:
+    if not isinstance(pair, list | tuple) or len(pair) != 2:
+        raise problem("is not a pair of times", cure='write start and end, e.g. ["-200 us", "0 us"]')
+    start, end = (_physical("s")(text) for text in pair)
+    if end <= start:
+        raise problem("ends before it begins", allowed="[start, end] with end > start")
+    return start, end
+
+
+def _file(name: object) -> str:
+    if not isinstance(name, str) or not name.strip():
+        raise problem("is not a file name", cure='write the name of a file, e.g. "scope.csv"')
+    path = PurePosixPath(name)
+    if path.is_absolute() or ".." in path.parts or "\\" in name or "\0" in name:
+        raise problem(
+            "lies outside the shot", allowed="a file in the shot's folder", cure="copy it beside shot.toml"
+        )
+    return name
+
+
+def _text(name: object) -> str:
+    if not isinstance(name, str) or not name.strip():
+        raise problem("is not a name", cure="write a text in quotes")
+    return name.strip()
+
+
+Length = Annotated[float, BeforeValidator(_physical("m", "> 0"))]
+Offset = Annotated[float, BeforeValidator(_physical("m"))]
+Time = Annotated[float, BeforeValidator(_physical("s"))]
+Damping = Annotated[float, BeforeValidator(_physical("s", ">= 0", "the damping time beta"))]
+Rate = Annotated[float, BeforeValidator(_physical("1/s", ">= 0", "the mass-proportional damping alpha"))]
+Density = Annotated[float, BeforeValidator(_physical("kg/m^3", "> 0", "the mass density"))]
+Modulus = Annotated[float, BeforeValidator(_physical("Pa", "> 0", "Young's modulus"))]
+Stress = Annotated[float, BeforeValidator(_physical("Pa", ">= 0"))]
+Voltage = Annotated[float, BeforeValidator(_physical("V", "> 0", "the largest voltage the recorder shows"))]
+Sensitivity = Annotated[
+    float,
+    BeforeValidator(_physical("V/N", "> 0", 'the size of the sensitivity (its sign is "compression")')),
+]
+Share = Annotated[float, BeforeValidator(_share)]
+Poisson = Annotated[float, BeforeValidator(_poisson)]
+Friction = Annotated[float, BeforeValidator(_friction)]
+TimeUnit = Annotated[float, BeforeValidator(_factor("s"))]
+LengthUnit = Annotated[float, BeforeValidator(_factor("m"))]
+VoltageUnit = Annotated[float, BeforeValidator(_factor("V"))]
+StressUnit = Annotated[float, BeforeValidator(_factor("Pa"))]
+RatioUnit = Annotated[float, BeforeValidator(_factor("1"))]
+Interval = Annotated[tuple[float, float], BeforeValidator(_interval)]
+FileName = Annotated[str, BeforeValidator(_file)]
+Name = Annotated[str, BeforeValidator(_text)]
+Law = Literal["bonded", "rough", "coulomb", "frictionless"]

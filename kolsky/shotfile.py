@@ -1,0 +1,252 @@
+"""The schema of shot.toml: its tables, in SI once they are read."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from kolsky import shotfields as f
+from kolsky.readers.table import Column
+
+
+class Section(BaseModel):
+    """A table of the file: unknown keys are refused, nothing is converted silently."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class ColumnSection(Section):
+    """A column of a text file; once read, `unit` is the factor that leads to SI."""
+
+    column: f.Name
+    unit: float
+
+    def as_column(self) -> Column:
+        """What a reader needs to know."""
+        return Column(name=self.column, factor=self.unit)
+
+
+class TimeColumn(ColumnSection):
+    """A column of times."""
+
+    unit: f.TimeUnit
+
+
+class LengthColumn(ColumnSection):
+    """A column of lengths."""
+
+    unit: f.LengthUnit
+
+
+class VoltageColumn(ColumnSection):
+    """A column of voltages."""
+
+    unit: f.VoltageUnit
+
+
+class StressColumn(ColumnSection):
+    """A column of stresses."""
+
+    unit: f.StressUnit
+
+
+class RatioColumn(ColumnSection):
+    """A column of plain ratios; the unit is "1" or "%"."""
+
+    unit: f.RatioUnit
+
+
+class SpecimenSection(Section):
+    """[specimen]: a right circular cylinder."""
+
+    diameter: f.Length
+    length: f.Length
+    density: f.Density
+
+
+class InterfaceSection(Section):
+    """[interface]: how faces and side surface hold to the platens."""
+
+    faces: f.Law
+    side: f.Law
+    friction: f.Friction | None = None
+
+    @model_validator(mode="after")
+    def _friction_where_it_acts(self) -> "InterfaceSection":
+        coulomb = "coulomb" in (self.faces, self.side)
+        if coulomb and self.friction is None:
+            raise f.problem(
+                'is missing; the law "coulomb" needs it', key="friction", cure="add e.g. friction = 0.3"
+            )
+        if not coulomb and self.friction is not None:
+            raise f.problem(
+                'is given, but neither faces nor side is "coulomb", so it would have no effect',
+                key="friction",
+                cure='remove it, or choose the law "coulomb"',
+            )
+        return self
+
+
+class BarSection(Section):
+    """[transmission.bar]: a linear elastic bar."""
+
+    diameter: f.Length
+    length: f.Length
+    youngs_modulus: f.Modulus
+    density: f.Density
+    poisson: f.Poisson = 0.29
+
+
+class TransmissionSection(Section):
+    """[transmission]: what stands behind the specimen."""
+
+    support: Literal["rigid", "bar"]
+    bar: BarSection | None = None
+
+    @model_validator(mode="after")
+    def _bar_where_it_acts(self) -> "TransmissionSection":
+        if self.support == "bar" and self.bar is None:
+            raise f.problem(
+                'is missing; support = "bar" needs it',
+                key="bar",
+                cure="add a table [transmission.bar] with diameter, length, youngs_modulus, density",
+            )
+        if self.support == "rigid" and self.bar is not None:
+            raise f.problem(
+                'is given, but support = "rigid", so it would have no effect',
+                key="bar",
+                cure='remove the table, or write support = "bar"',
+            )
+        return self
+
+
+class ForceSection(Section):
+    """[force]: the transmitted force on a scope channel."""
+
+    file: f.FileName
+    time: TimeColumn
+    voltage: VoltageColumn
+    sensitivity: f.Sensitivity
+    compression: Literal["positive", "negative"]
+    full_scale: f.Voltage
+    bits: Annotated[int, Field(ge=4, le=32)] | None = None
+    baseline: f.Interval
+    clock_offset: f.Time
+
+
+class FramesSection(Section):
+    """[frames]: when the cameras took their pictures."""
+
+    file: f.FileName
+    frame: f.Name
+    time: TimeColumn
+    static: Annotated[int, Field(ge=3)]
+    clock_offset: f.Time
+
+
+class FlyerSection(Section):
+    """[flyer]: the flyer's displacement frame by frame."""
+
+    file: f.FileName
+    frame: f.Name
+    time: TimeColumn | None = None
+    displacement: LengthColumn
+    positive: Literal["toward specimen", "away from specimen"]
+    sigma: f.Length
+
+
+class CentreLineSection(Section):
+    """[centre_line]: the specimen's outline frame by frame."""
+
+    file: f.FileName
+    frame: f.Name
+    time: TimeColumn | None = None
+    y: LengthColumn
+    Z: LengthColumn
+    y_offset: f.Offset
+    Z_offset: f.Offset
+    sigma: f.Length | None = None
+    sigma_column: LengthColumn | None = None
+
+    @model_validator(mode="after")
+    def _one_sigma(self) -> "CentreLineSection":
+        if (self.sigma is None) == (self.sigma_column is None):
+            raise f.problem(
+                "is missing" if self.sigma is None else "is given twice, once as sigma_column",
+                key="sigma",
+                cure='give either sigma = "4 um" for all points or sigma_column with column and unit',
+            )
+        return self
+
+
+class CurveSection(Section):
+    """[curve]: the quasi-static uniaxial curve."""
+
+    file: f.FileName
+    strain: RatioColumn
+    stress: StressColumn
+    convention: Literal["tension positive", "compression positive"]
+    branch: Literal["compression", "tension"]
+    relative_sigma: f.Share
+    sigma_floor: f.Stress = 0.0
+
+    @model_validator(mode="after")
+    def _some_sigma(self) -> "CurveSection":
+        if self.relative_sigma == 0.0 and self.sigma_floor == 0.0:
+            raise f.problem(
+                "is zero and so is sigma_floor, as if the curve had no uncertainty",
+                key="relative_sigma",
+                cure='write the noise of the quasi-static test, e.g. "0.2 %"',
+            )
+        return self
+
+
+class ModelSection(Section):
+    """[model]: material constants that the curve does not give."""
+
+    poisson: f.Poisson
+    damping: f.Damping
+    damping_kind: Literal["deviatoric", "full"]
+    mass_damping: f.Rate = 0.0
+
+
+class WindowSection(Section):
+    """[window]: the time span that is simulated and compared."""
+
+    start: f.Time | None = None
+    end: f.Time | None = None
+
+    @model_validator(mode="after")
+    def _in_order(self) -> "WindowSection":
+        if self.start is not None and self.end is not None and self.end <= self.start:
+            raise f.problem(
+                "is not allowed", key="end", allowed="later than window.start", cure="write start < end"
+            )
+        return self
+
+
+class ShotFile(Section):
+    """A whole shot.toml, in SI."""
+
+    format: Literal[1]
+    name: f.Name | None = None
+    specimen: SpecimenSection
+    interface: InterfaceSection
+    transmission: TransmissionSection
+    force: ForceSection
+    frames: FramesSection
+    flyer: FlyerSection
+    centre_line: CentreLineSection
+    curve: CurveSection
+    model: ModelSection
+    window: WindowSection = WindowSection()
+
+    def data_files(self) -> dict[str, str]:
+        """The data files this shot names: dotted key -> file name."""
+        sections: dict[str, Any] = {
+            "force": self.force,
+            "frames": self.frames,
+            "flyer": self.flyer,
+            "centre_line": self.centre_line,
+            "curve": self.curve,
+        }
+        return {f"{name}.file": section.file for name, section in sections.items()}

@@ -1,0 +1,259 @@
+"""A shot: one test, its apparatus and its measurements, loaded from a folder and checked."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from kolsky import shapechecks, shotchecks
+from kolsky.apparatus import Bar, Interface, Specimen, Transducer
+from kolsky.errors import InputError, refuse
+from kolsky.readers import centre_line_csv, flyer_csv, frame_times, scope_csv, uniaxial_csv
+from kolsky.readers.frame_times import FrameTimes
+from kolsky.readers.table import Column
+from kolsky.records import CentreLine, FloatArray, FlyerMotion, MaterialCurve, Recording
+from kolsky.shottoml import ShotToml, read_shot_toml
+
+SHOT_FILE = "shot.toml"
+
+
+@dataclass(frozen=True)
+class ModelSettings:
+    """Material constants that the quasi-static curve does not give."""
+
+    poisson: float
+    """Poisson's ratio of the initial state [-]."""
+    damping: float
+    """Stiffness-proportional damping beta, Eq. (M.2) [s]."""
+    damping_kind: str
+    """What beta acts on: "deviatoric" or "full"."""
+    mass_damping: float
+    """Mass-proportional damping alpha [1/s]."""
+
+
+@dataclass(frozen=True)
+class ForceChannel:
+    """The transmitted force as volts of a recorder, with what turns them into newtons."""
+
+    recording: Recording
+    """The channel, on the recorder's own clock."""
+    transducer: Transducer
+    """Sensitivity, sign and full scale."""
+    baseline: tuple[float, float]
+    """Time span before the test that gives zero and noise, on the shot's clock [s]."""
+    clock_offset: float
+    """Shot's clock minus recorder's clock [s]."""
+
+    @property
+    def time(self) -> FloatArray:
+        """Sample times on the shot's clock [s], shape [n_samples]."""
+        return self.recording.time + self.clock_offset
+
+    def baseline_volts(self) -> FloatArray:
+        """The samples of the baseline window [V], shape [n]."""
+        time = self.time
+        return self.recording.value[(time >= self.baseline[0]) & (time <= self.baseline[1])]
+
+    def raw_force(self) -> FloatArray:
+        """Force at every sample above the baseline's mean, compression-positive [N], shape [n_samples]."""
+        volts = self.recording.value - self.baseline_volts().mean()
+        return self.transducer.compression_sign * volts / self.transducer.sensitivity
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One test, ready to be identified (SI, one clock)."""
+
+    name: str
+    """Name of the shot; by default its folder's."""
+    folder: Path
+    """The folder its files are in."""
+    specimen: Specimen
+    """The specimen before the test."""
+    interface: Interface
+    """How it holds to the platens."""
+    support: str
+    """What stands behind it: "rigid" or "bar"."""
+    transmission_bar: Bar | None
+    """The bar, where support is "bar"."""
+    model: ModelSettings
+    """Material constants beside the curve."""
+    force: ForceChannel
+    """The transmitted force."""
+    flyer: FlyerMotion
+    """The flyer's displacement at the frames, zero as in its file."""
+    centre_line: CentreLine
+    """The specimen's outline at the frames."""
+    curve: MaterialCurve
+    """The quasi-static curve, from rest outward."""
+    window: tuple[float, float]
+    """First and last time that is simulated and compared, on the shot's clock [s]."""
+    inputs: dict[str, str]
+    """SHA-256 of every file that was read: name in the folder -> hex digest."""
+
+
+def load_shot(folder_or_toml: str | Path) -> Shot:
+    """Load and check a shot.
+
+    Parameters
+    ----------
+    folder_or_toml
+        The shot's folder with its shot.toml, or the path of such a file.
+
+    Returns
+    -------
+    Shot
+        Everything declared and measured, in SI, on the shot's clock.
+
+    Raises
+    ------
+    InputError
+        If a file is missing or damaged, a declaration is unknown, incomplete or impossible, or
+        declarations and recordings contradict each other.
+    """
+    toml = read_shot_toml(_find(Path(folder_or_toml)))
+    declared, folder = toml.declared, toml.path.parent
+    _all_there(toml, folder)
+    frames = frame_times.read(
+        folder / declared.frames.file,
+        frame=Column(declared.frames.frame),
+        time=declared.frames.time.as_column(),
+    )
+    shotchecks.some_motion_frames(frames, toml)
+    frame_time = frames.time + declared.frames.clock_offset
+    rest = float(frame_time[declared.frames.static - 1])
+    flyer, flyer_hash = _flyer(folder, frames, toml)
+    force = _force(folder, rest, toml)
+    span = shotchecks.window(toml, frame_time, float(flyer.time[-1]), force.recording, force.time)
+    shotchecks.force_sign(force.raw_force(), force.time, span, flyer, toml)
+    centre_line, outline_hash = _centre_line(folder, frames, rest, span, toml)
+    curve, curve_hash = _curve(folder, toml)
+    specimen, interface, bar = declared.specimen, declared.interface, declared.transmission.bar
+    return Shot(
+        name=declared.name or folder.resolve().name,
+        folder=folder,
+        specimen=Specimen(diameter=specimen.diameter, length=specimen.length, density=specimen.density),
+        interface=Interface(faces=interface.faces, side=interface.side, friction=interface.friction or 0.0),
+        support=declared.transmission.support,
+        transmission_bar=None if bar is None else Bar(**bar.model_dump()),
+        model=ModelSettings(**declared.model.model_dump()),
+        force=force,
+        flyer=flyer,
+        centre_line=centre_line,
+        curve=curve,
+        window=span,
+        inputs={
+            toml.path.name: toml.sha256,
+            declared.force.file: force.recording.sha256,
+            declared.frames.file: frames.sha256,
+            declared.flyer.file: flyer_hash,
+            declared.centre_line.file: outline_hash,
+            declared.curve.file: curve_hash,
+        },
+    )
+
+
+def _find(path: Path) -> Path:
+    """The shot file of a folder, or the file itself."""
+    if path.is_dir():
+        if not (path / SHOT_FILE).exists():
+            raise InputError(path, f"has no {SHOT_FILE}", cure=f"`kolsky new {path}` writes one to fill in")
+        return path / SHOT_FILE
+    if not path.exists():
+        raise InputError(path, "there is no such folder or file", cure="give the folder of a shot")
+    return path
+
+
+def _all_there(toml: ShotToml, folder: Path) -> None:
+    """Report all missing files at once."""
+    missing = {key: name for key, name in toml.declared.data_files().items() if not (folder / name).exists()}
+    refuse(
+        [
+            toml.error(key, f"names a missing file: {folder / name}", cure="put it there or correct its name")
+            for key, name in missing.items()
+        ]
+    )
+
+
+def _flyer(folder: Path, frames: FrameTimes, toml: ShotToml) -> tuple[FlyerMotion, str]:
+    section = toml.declared.flyer
+    table = flyer_csv.read(
+        folder / section.file,
+        frame=Column(section.frame),
+        displacement=section.displacement.as_column(),
+        time=None if section.time is None else section.time.as_column(),
+    )
+    shotchecks.frames_agree(table, frames)
+    shotchecks.flyer_covers(table, frames, toml)
+    sign = 1.0 if section.positive == "toward specimen" else -1.0
+    index = np.searchsorted(frames.frame, table.frame)
+    flyer = FlyerMotion(
+        time=frames.time[index] + toml.declared.frames.clock_offset,
+        displacement=sign * table.displacement,
+        sigma=np.full(table.displacement.size, section.sigma),
+    )
+    shotchecks.flyer_moves(table, flyer, toml)
+    return flyer, table.sha256
+
+
+def _force(folder: Path, rest: float, toml: ShotToml) -> ForceChannel:
+    section = toml.declared.force
+    recording = scope_csv.read(
+        folder / section.file, time=section.time.as_column(), voltage=section.voltage.as_column()
+    )
+    shotchecks.clipping(recording, toml)
+    channel = ForceChannel(
+        recording=recording,
+        transducer=Transducer(
+            sensitivity=section.sensitivity,
+            compression_sign=1 if section.compression == "positive" else -1,
+            full_scale=section.full_scale,
+        ),
+        baseline=section.baseline,
+        clock_offset=section.clock_offset,
+    )
+    shotchecks.baseline(channel.baseline_volts(), rest, toml)
+    return channel
+
+
+def _centre_line(
+    folder: Path, frames: FrameTimes, rest: float, span: tuple[float, float], toml: ShotToml
+) -> tuple[CentreLine, str]:
+    section = toml.declared.centre_line
+    table = centre_line_csv.read(
+        folder / section.file,
+        frame=Column(section.frame),
+        y=section.y.as_column(),
+        Z=section.Z.as_column(),
+        sigma=None if section.sigma_column is None else section.sigma_column.as_column(),
+        time=None if section.time is None else section.time.as_column(),
+    )
+    shotchecks.frames_agree(table, frames)
+    index = np.searchsorted(frames.frame, table.frame)
+    line = CentreLine(
+        time=frames.time[index] + toml.declared.frames.clock_offset,
+        frame=table.frame,
+        y=table.y + section.y_offset,
+        Z=table.Z + section.Z_offset,
+        sigma=np.full(table.Z.size, section.sigma) if table.sigma is None else table.sigma,
+    )
+    shapechecks.outline(line, table.path, rest, span, toml)
+    return line, table.sha256
+
+
+def _curve(folder: Path, toml: ShotToml) -> tuple[MaterialCurve, str]:
+    section = toml.declared.curve
+    table = uniaxial_csv.read(
+        folder / section.file, strain=section.strain.as_column(), stress=section.stress.as_column()
+    )
+    sign = 1.0 if section.convention == "tension positive" else -1.0
+    strain, stress = sign * table.strain, sign * table.stress
+    shapechecks.curve(strain, stress, table.path, toml)
+    order = np.argsort(np.abs(strain))
+    strain, stress = strain[order], stress[order]
+    curve = MaterialCurve(
+        stretch=1.0 + strain,
+        stress=stress,
+        sigma=np.hypot(section.relative_sigma * stress, section.sigma_floor),
+    )
+    return curve, table.sha256

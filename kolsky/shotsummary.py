@@ -1,0 +1,181 @@
+"""What was understood of a shot: named values with units, for a table or for JSON."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from kolsky.shots import Shot
+
+_WRITTEN = {"m": ("mm", 1e3), "s": ("us", 1e6), "Pa": ("kPa", 1e-3)}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One line of the summary."""
+
+    section: str
+    """The table of the shot file it belongs to."""
+    name: str
+    """What it is."""
+    value: float | int | str
+    """Its value, SI."""
+    unit: str = ""
+    """SI unit; empty for counts, ratios and words."""
+
+    def written(self) -> str:
+        """The value in the units of a laboratory, e.g. "9.5 mm"."""
+        if isinstance(self.value, str):
+            return self.value
+        unit, factor = _WRITTEN.get(self.unit, (self.unit, 1.0))
+        return f"{self.value * factor:.6g} {unit}".strip()
+
+
+def summarise(shot: Shot) -> list[Entry]:
+    """Everything that was understood of a shot, in the order of the shot file."""
+    start, end = shot.window
+    coulomb = "coulomb" in (shot.interface.faces, shot.interface.side)
+    return [
+        Entry("specimen", "diameter", shot.specimen.diameter, "m"),
+        Entry("specimen", "length", shot.specimen.length, "m"),
+        Entry("specimen", "density", shot.specimen.density, "kg/m^3"),
+        Entry("interface", "faces", shot.interface.faces),
+        Entry("interface", "side", shot.interface.side),
+        *([Entry("interface", "friction", shot.interface.friction)] if coulomb else []),
+        Entry("transmission", "support", shot.support),
+        *_bar(shot),
+        *_force(shot),
+        *_flyer(shot),
+        *_centre_line(shot),
+        *_curve(shot),
+        Entry("model", "poisson", shot.model.poisson),
+        Entry("model", "damping", shot.model.damping, "s"),
+        Entry("model", "damping_kind", shot.model.damping_kind),
+        Entry("model", "mass_damping", shot.model.mass_damping, "1/s"),
+        Entry("window", "start", start, "s"),
+        Entry("window", "end", end, "s"),
+        Entry("window", "frames inside", int(_inside(shot, shot.flyer.time).sum())),
+        Entry("window", "frames before it", int((shot.flyer.time < start).sum())),
+        Entry("window", "frames after it", int((shot.flyer.time > end).sum())),
+    ]
+
+
+def as_json(shot: Shot) -> dict[str, Any]:
+    """The summary as one JSON object: section -> name -> {value, unit}, SI."""
+    result: dict[str, Any] = {"shot": shot.name, "folder": str(shot.folder)}
+    for entry in summarise(shot):
+        section = result.setdefault(entry.section, {})
+        section[entry.name.replace(" ", "_")] = {"value": entry.value, "unit": entry.unit or None}
+    result["inputs"] = dict(shot.inputs)
+    return result
+
+
+def _inside(shot: Shot, time: np.ndarray) -> np.ndarray:
+    return (time >= shot.window[0]) & (time <= shot.window[1])
+
+
+def _bar(shot: Shot) -> list[Entry]:
+    bar = shot.transmission_bar
+    if bar is None:
+        return []
+    return [
+        Entry("transmission", "bar impedance", bar.impedance, "N s/m"),
+        Entry("transmission", "bar round trip", bar.round_trip, "s"),
+    ]
+
+
+def _force(shot: Shot) -> list[Entry]:
+    channel = shot.force
+    time, volts, zero = channel.time, channel.recording.value, channel.baseline_volts()
+    noise = float(zero.std(ddof=1))
+    return [
+        Entry("force", "channel", channel.recording.channel),
+        Entry("force", "samples", int(volts.size)),
+        Entry("force", "sample step", float(np.median(np.diff(time))), "s"),
+        Entry("force", "record start", float(time[0]), "s"),
+        Entry("force", "record end", float(time[-1]), "s"),
+        Entry("force", "sensitivity", channel.transducer.sensitivity, "V/N"),
+        Entry("force", "compression", "positive" if channel.transducer.compression_sign > 0 else "negative"),
+        Entry("force", "full_scale", channel.transducer.full_scale, "V"),
+        Entry("force", "largest voltage", float(np.abs(volts).max()), "V"),
+        Entry("force", "baseline start", channel.baseline[0], "s"),
+        Entry("force", "baseline end", channel.baseline[1], "s"),
+        Entry("force", "baseline samples", int(zero.size)),
+        Entry("force", "baseline zero", float(zero.mean()), "V"),
+        Entry("force", "baseline noise", noise, "V"),
+        Entry("force", "noise of the force", noise / channel.transducer.sensitivity, "N"),
+        Entry("force", "largest compression", float(channel.raw_force().max()), "N"),
+        Entry("force", "largest tension", float(-channel.raw_force().min()), "N"),
+    ]
+
+
+def _flyer(shot: Shot) -> list[Entry]:
+    flyer = shot.flyer
+    rest = flyer.displacement[flyer.time <= shot.window[0]]
+    scatter = [Entry("flyer", "scatter at rest", float(rest.std(ddof=1)), "m")] if rest.size > 1 else []
+    return [
+        Entry("flyer", "frames", int(flyer.time.size)),
+        Entry("flyer", "first frame", float(flyer.time[0]), "s"),
+        Entry("flyer", "last frame", float(flyer.time[-1]), "s"),
+        Entry(
+            "flyer", "travel in the window", float(np.ptp(flyer.displacement[_inside(shot, flyer.time)])), "m"
+        ),
+        Entry("flyer", "sigma", float(flyer.sigma.max()), "m"),
+        *scatter,
+    ]
+
+
+def _centre_line(shot: Shot) -> list[Entry]:
+    line = shot.centre_line
+    inside = _inside(shot, line.time)
+    _, counts = np.unique(line.frame[inside], return_counts=True)
+    return [
+        Entry("centre_line", "points", int(line.Z.size)),
+        Entry("centre_line", "points in the window", int(inside.sum())),
+        Entry("centre_line", "frames with points in the window", int(counts.size)),
+        Entry("centre_line", "fewest points in a frame", int(counts.min())),
+        Entry("centre_line", "most points in a frame", int(counts.max())),
+        Entry("centre_line", "smallest y", float(line.y.min()), "m"),
+        Entry("centre_line", "largest y", float(line.y.max()), "m"),
+        Entry("centre_line", "smallest Z", float(line.Z.min()), "m"),
+        Entry("centre_line", "largest Z", float(line.Z.max()), "m"),
+        Entry("centre_line", "smallest sigma", float(line.sigma.min()), "m"),
+        Entry("centre_line", "largest sigma", float(line.sigma.max()), "m"),
+    ]
+
+
+def _curve(shot: Shot) -> list[Entry]:
+    curve = shot.curve
+    loaded = curve.stress != 0.0
+    relative = curve.sigma[loaded] / np.abs(curve.stress[loaded])
+    return [
+        Entry("curve", "branch", "compression" if curve.stretch[-1] < 1.0 else "tension"),
+        Entry("curve", "points", int(curve.stretch.size)),
+        Entry("curve", "stretch at the end", float(curve.stretch[-1])),
+        Entry("curve", "stress at the end", float(curve.stress[-1]), "Pa"),
+        Entry("curve", "smallest relative sigma", float(relative.min())),
+        Entry("curve", "largest relative sigma", float(relative.max())),
+    ]
+
+
+def print_table(shot: Shot) -> None:
+    """Print the summary as a table on stdout, with the first 16 digits of each file's hash."""
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    # Text() keeps column names such as "[V]" from being read as markup.
+    table = Table(title=Text(f"shot {shot.name}"), show_edge=False)
+    for heading in ("", "what", "value"):
+        table.add_column(heading, overflow="fold")
+    section = ""
+    for entry in summarise(shot):
+        if entry.section != section and section:
+            table.add_section()
+        shown = entry.section if entry.section != section else ""
+        section = entry.section
+        table.add_row(Text(shown), Text(entry.name), Text(entry.written()))
+    table.add_section()
+    for number, (name, digest) in enumerate(shot.inputs.items()):
+        table.add_row(Text("inputs" if number == 0 else ""), Text(name), Text(f"sha256 {digest[:16]}…"))
+    Console().print(table)

@@ -1,0 +1,132 @@
+"""Written-out quantities ("9.5 mm") to SI floats. Pint is used here and nowhere else."""
+
+import math
+import re
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pint
+
+DIMENSIONS = {
+    "m": ("a length", "9.5 mm"),
+    "s": ("a time", "25 us"),
+    "V": ("a voltage", "1 V"),
+    "Pa": ("a stress", "190 GPa"),
+    "kg/m^3": ("a mass density", "870 kg/m^3"),
+    "V/N": ("volts per force", "0.0112 V/N"),
+    "1/s": ("a rate", "10 1/s"),
+    "1": ("a plain ratio", "0.2 %"),
+}
+"""What this package measures: SI unit -> (dimension in words, an example)."""
+
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+# Pint evaluates whole expressions, towers of powers included; a unit is names, small powers, "*" and "/".
+_NAME = r"(?:1|[A-Za-zµμΩ%°]+(?:(?:\^|\*\*)[+-]?\d{1,2}|[²³])?)"
+_UNIT = re.compile(rf"\s*(?:{_NAME}(?:(?:\s*[*·/]\s*|\s+){_NAME}){{0,8}})?\s*")
+
+
+class UnitError(ValueError):
+    """A text is not a quantity of the expected dimension.
+
+    Its message names the text, the expected dimension and an example.
+    """
+
+    def __init__(self, text: object, problem: str, unit: str) -> None:
+        self.problem = problem
+        self.expected, self.example = DIMENSIONS[unit]
+        super().__init__(f"{text!r} {problem}; expected {self.expected}, e.g. {self.example!r}")
+
+
+@lru_cache(maxsize=1)
+def _registry() -> "pint.UnitRegistry":
+    import pint
+
+    return pint.UnitRegistry()
+
+
+@lru_cache(maxsize=256)
+def unit_factor(text: str, unit: str) -> float:
+    """How many SI units one of the written units is, e.g. 1e-3 for "mm".
+
+    Parameters
+    ----------
+    text
+        A unit without a number, e.g. "mm", "kg/m^3", "%", "1".
+    unit
+        The SI unit expected, a key of `DIMENSIONS`.
+
+    Raises
+    ------
+    UnitError
+        If the text is no unit, or is one of another dimension.
+    """
+    import pint
+
+    if not _UNIT.fullmatch(text):
+        raise UnitError(text, "is not a unit", unit)
+    try:
+        written = _registry().Quantity(1.0, _registry().parse_units(text))
+        factor = float(written.to(unit if unit != "1" else "dimensionless").magnitude)
+    except pint.DimensionalityError:
+        raise UnitError(text, f"is {_in_words(written)}", unit) from None
+    except pint.UndefinedUnitError:
+        raise UnitError(text, "is not a known unit", unit) from None
+    except (pint.PintError, ValueError, ArithmeticError):
+        raise UnitError(text, "is not a unit", unit) from None
+    if not 1e-40 < factor < 1e40:  # no unit of a laboratory is out there
+        raise UnitError(text, "is not a usable unit", unit)
+    return factor
+
+
+def quantity(text: str, unit: str) -> float:
+    """A written-out quantity in SI.
+
+    Parameters
+    ----------
+    text
+        Number and unit, e.g. "9.5 mm"; one number, one unit, nothing to be evaluated.
+    unit
+        The SI unit expected, a key of `DIMENSIONS`.
+
+    Returns
+    -------
+    float
+        The value in `unit`.
+
+    Raises
+    ------
+    UnitError
+        If the text is not a number with a unit of that dimension, or is not finite.
+    """
+    if not isinstance(text, str):
+        raise UnitError(text, "has no unit", unit)
+    match = _NUMBER.fullmatch(text)
+    if match is None:
+        raise UnitError(text, "is not a number with a unit", unit)
+    number, written = match.groups()
+    if not written and unit != "1":
+        raise UnitError(text, "has no unit", unit)
+    try:
+        value = _times(float(number), unit_factor(written, unit))
+    except UnitError as error:
+        other_dimension = not error.problem.startswith("is not")
+        problem = error.problem if other_dimension else f"has the unit {written!r}, which {error.problem}"
+        raise UnitError(text, problem, unit) from None
+    if not math.isfinite(value):
+        raise UnitError(text, "is not a finite number", unit)
+    return value
+
+
+def _times(number: float, factor: float) -> float:
+    """The product; dividing by 1e6 rounds once where multiplying by 1e-6 rounds twice: 25 us is 2.5e-5 s."""
+    inverse = round(1.0 / factor) if factor < 1.0 else 0
+    return number / inverse if inverse and 1.0 / inverse == factor else number * factor
+
+
+def _in_words(written: "pint.Quantity[float]") -> str:
+    """The dimension of a quantity: in words if this package knows it, else in base units."""
+    for unit, (words, _) in DIMENSIONS.items():
+        if written.is_compatible_with("dimensionless" if unit == "1" else unit):
+            return words
+    return f"in {written.to_base_units().units:~C}"
