@@ -13,7 +13,7 @@ def select_device(name: str) -> Any:
     ValueError
         If the machine has no such device; the message lists those it has.
     """
-    wp.config.quiet = True
+    wp.config.log_level = wp.LOG_ERROR
     wp.init()
     known = {"cpu"} | {device.alias for device in wp.get_cuda_devices()}
     alias = "cuda:0" if name == "cuda" else name

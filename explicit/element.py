@@ -21,7 +21,8 @@ class ElementFunctions:
     Solid: Any
     """Warp struct: moduli and viscosities of one sample."""
     forces: Any
-    """``forces(shape, solid, row, ur, uy, vr, vy, measure) -> (f_r, f_y, omega_squared, dissipated_power)``."""
+    """``forces(shape, solid, row, ur, uy, vr, vy, measure) -> (f_r, f_y, omega_squared, power)``: corner
+    forces, the bound for the stable step and the power dissipated by damping."""
     energies: Any
     """``energies(shape, solid, row, ur, uy) -> (elastic, hourglass, s)``."""
 
@@ -75,9 +76,7 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         return y * y
 
     @wp.func
-    def step_bound(
-        shape: Shape, solid: Solid, b_r: vec4, b_y: vec4, c: vec4, jacobian: real, tangent: real
-    ):
+    def step_bound(shape: Shape, solid: Solid, b_r: vec4, b_y: vec4, c: vec4, jacobian: real, tangent: real):
         # The volumetric part is of rank one, so its bound is sharp; the rest is bounded by its trace.
         rank_one, trace, hourglass = real(0.0), real(0.0), real(0.0)
         for a in range(4):
@@ -86,9 +85,7 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
             gradient = b_r[a] * b_r[a] + b_y[a] * b_y[a]
             rank_one += w_r * dilating * dilating + w_y * b_y[a] * b_y[a]
             trace += w_r * (gradient + c[a] * c[a]) + w_y * gradient
-            hourglass += (
-                shape.gamma[a] * shape.gamma[a] * (w_r * shape.hourglass_r + w_y * shape.hourglass_y)
-            )
+            hourglass += shape.gamma[a] * shape.gamma[a] * (w_r * shape.hourglass_r + w_y * shape.hourglass_y)
         bulk = solid.bulk * jacobian * wp.max(two * jacobian - one, half)
         stiff = shape.volume * (bulk * rank_one + two * solid.scale * tangent * trace)
         stiff += solid.hourglass * hourglass
@@ -179,13 +176,9 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         yy = iso * (f22 * f22 + h21 * h21)
         tt = iso * f33 * f33
         isochoric = law_energy(rr, yy, iso * (f11 * h21 + h12 * f22), tt, row)
-        elastic = shape.volume * (
-            solid.scale * isochoric + half * solid.bulk * dilatation * dilatation
-        )
+        elastic = shape.volume * (solid.scale * isochoric + half * solid.bulk * dilatation * dilatation)
         q_r, q_y = wp.dot(shape.gamma, ur), wp.dot(shape.gamma, uy)
-        hourglass = half * solid.hourglass * (
-            shape.hourglass_r * q_r * q_r + shape.hourglass_y * q_y * q_y
-        )
+        hourglass = half * solid.hourglass * (shape.hourglass_r * q_r * q_r + shape.hourglass_y * q_y * q_y)
         measure = wp.sqrt(wp.max(rr + yy + tt - three, zero))
         return elastic, hourglass, measure
 

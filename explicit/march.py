@@ -81,7 +81,7 @@ def march_kernel(law: type, faces: str, side: str, precision: Precision) -> Marc
     element_forces, element_energies = element.forces, element.energies
     face_contact = contact_law(faces).kernel_function(precision)
     side_contact = contact_law(side).kernel_function(precision)
-    zero, half, two = real(0.0), real(0.5), real(2.0)
+    zero, half = real(0.0), real(0.5)
     ZERO, HALF, TWO = wp.float64(0.0), wp.float64(0.5), wp.float64(2.0)
     inverted = wp.float64(INVERTED * 0.5)
     lower, upper, on_side = int(LOWER), int(UPPER), int(SIDE)
@@ -190,9 +190,7 @@ def march_kernel(law: type, faces: str, side: str, precision: Precision) -> Marc
         return wave
 
     @wp.func
-    def sweep_elements(
-        body: Body, batch: Batch, state: State, sample: int, lane: int, measure: int
-    ):
+    def sweep_elements(body: Body, batch: Batch, state: State, sample: int, lane: int, measure: int):
         """Corner forces of this lane's elements; the largest omega^2 and the power dissipated."""
         solid = batch.solids[sample]
         row = batch.rows[batch.material[sample]]
@@ -296,9 +294,8 @@ def march_kernel(law: type, faces: str, side: str, precision: Precision) -> Marc
             lower_next = lower_y + lower_before * dt
             upper_speed = -(flyer_next - flyer_now) / dt
             flush = int(0)
-            if next_surface < n_surface:
-                if output.surface_times[next_surface] <= time + dt:
-                    flush = 1
+            if next_surface < n_surface and output.surface_times[next_surface] <= time + dt:
+                flush = 1
             elastic, hourglass = wp.float64(0.0), wp.float64(0.0)
             past, most, kinetic = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
             if flush == 1:
@@ -439,9 +436,7 @@ def march_kernel(law: type, faces: str, side: str, precision: Precision) -> Marc
                     if batch.round_trip < wp.float64(1.0e30):
                         returned = returned_wave(state, sample, elapsed, batch.round_trip)
                         outgoing = force[1] / batch.impedance + returned
-                        while (
-                            wp.float64(recorded_bar) * batch.round_trip / wp.float64(history) <= elapsed
-                        ):
+                        while wp.float64(recorded_bar) * batch.round_trip / wp.float64(history) <= elapsed:
                             if lane == 0:
                                 state.bar_wave[sample, recorded_bar % twice] = outgoing
                             recorded_bar += 1

@@ -35,7 +35,7 @@ class Model:
     """What stands behind the transmission platen."""
     damping_kind: Literal["deviatoric", "full"] = "deviatoric"
     """Stiffness-proportional damping of the deviator only, or of the whole elastic tensor."""
-    hourglass: float = 1.0
+    hourglass: float = 0.3
     """Hourglass stiffness relative to full integration of the initial shear stiffness [-]."""
 
     def __post_init__(self) -> None:
@@ -102,13 +102,11 @@ class Samples:
         motion: NDArray[np.int64] | int = 0,
     ) -> "Samples":
         """Broadcast scalars and arrays to one batch."""
-        real = np.broadcast_arrays(*(np.atleast_1d(np.asarray(value, dtype=float)) for value in (
-            stiffness_factor, poisson, damping, friction, mass_damping)))
-        index = [np.broadcast_to(np.asarray(value, dtype=np.int64), real[0].shape)
-                 for value in (material, motion)]
-        if (size := np.broadcast_shapes(real[0].shape, np.shape(material), np.shape(motion))) != real[0].shape:
-            real = [np.broadcast_to(value, size) for value in real]
-        return cls(*(np.array(value) for value in (*real, *index)))
+        values = (stiffness_factor, poisson, damping, friction, mass_damping, material, motion)
+        shape = np.broadcast_shapes((1,), *(np.shape(value) for value in values))
+        real = (np.array(np.broadcast_to(value, shape), dtype=np.float64) for value in values[:5])
+        index = (np.array(np.broadcast_to(value, shape), dtype=np.int64) for value in values[5:])
+        return cls(*real, *index)
 
 
 def _require(values: FloatArray, good: NDArray[np.bool_], message: str) -> None:

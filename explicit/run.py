@@ -70,8 +70,13 @@ def run(
     state = _state(kernel, model, len(samples), numbers, where)
     output = _output(kernel, len(samples), sampling, nodes, where)
     if where.is_cuda:
-        wp.launch(kernel.kernel, dim=(len(samples), BLOCK), inputs=[body, batch, state, output, 0],
-                  device=where, block_dim=BLOCK)
+        wp.launch(
+            kernel.kernel,
+            dim=(len(samples), BLOCK),
+            inputs=[body, batch, state, output, 0],
+            device=where,
+            block_dim=BLOCK,
+        )
         wp.synchronize_device(where)
         if progress:
             progress(len(samples))
@@ -80,8 +85,13 @@ def run(
         workers = min(threads or os.cpu_count() or 1, len(samples))
 
         def one(sample: int) -> None:
-            wp.launch(kernel.kernel, dim=(1, 1), inputs=[body, batch, state, output, sample],
-                      device=where, block_dim=1)
+            wp.launch(
+                kernel.kernel,
+                dim=(1, 1),
+                inputs=[body, batch, state, output, sample],
+                device=where,
+                block_dim=1,
+            )
 
         with ThreadPoolExecutor(workers) as pool:
             for done in as_completed([pool.submit(one, i) for i in range(len(samples))]):

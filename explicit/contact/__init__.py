@@ -6,7 +6,9 @@ from explicit.contact.coulomb import Coulomb
 from explicit.contact.frictionless import Frictionless
 from explicit.contact.rough import Rough
 
-CONTACT_LAWS: dict[str, ContactLaw] = {law.name: law for law in (Bonded(), Rough(), Coulomb(), Frictionless())}
+CONTACT_LAWS: dict[str, ContactLaw] = {
+    law.name: law for law in (Bonded(), Rough(), Coulomb(), Frictionless())
+}
 
 __all__ = ["CONTACT_LAWS", "ContactLaw", "contact_law"]
 

@@ -12,6 +12,7 @@ continuous; the solver reports the share of the specimen that was strained past 
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import sqrt
 from typing import Any
 
 import numpy as np
@@ -60,15 +61,22 @@ class MarlowLaw:
         """U at the knots [Pa], shape [n_knots]: the exact integral of 2 U' s ds = U' dI1."""
         points, weights = np.polynomial.legendre.leggauss(3)  # exact: the integrand is of degree 4
         x = 0.5 * (points + 1.0)
-        q = _hermite(x, self.quotient[:-1, None], self.quotient[1:, None], self.slope[:-1, None] * self.step,
-                     self.slope[1:, None] * self.step)
+        q = _hermite(
+            x,
+            self.quotient[:-1, None],
+            self.quotient[1:, None],
+            self.slope[:-1, None] * self.step,
+            self.slope[1:, None] * self.step,
+        )
         s = (np.arange(len(self.quotient) - 1)[:, None] + x) * self.step
         return np.concatenate([[0.0], np.cumsum((q * s * 0.5 * weights).sum(axis=1) * self.step)])
 
     def parameters(self) -> FloatArray:
-        """Kernel row: last, n_intervals, step, 1 / step, then (2 U', its slope times the step, U) of every knot."""
+        """Kernel row: last, n_intervals, step, 1 / step; of every knot 2 U', its slope times the step, U."""
         table = np.column_stack([self.quotient, self.slope * self.step, self.knot_energy])
-        return np.concatenate([[self.last, len(self.quotient) - 1.0, self.step, 1.0 / self.step], table.ravel()])
+        return np.concatenate(
+            [[self.last, len(self.quotient) - 1.0, self.step, 1.0 / self.step], table.ravel()]
+        )
 
     def two_u_prime(self, s: FloatArray) -> FloatArray:
         """2 U' at s [Pa]: cubic between the knots, on the end tangent past the data."""
@@ -76,8 +84,13 @@ class MarlowLaw:
         inside = np.minimum(s, self.last)
         k = np.minimum((inside / self.step).astype(int), len(self.quotient) - 2)
         x = inside / self.step - k
-        q = _hermite(x, self.quotient[k], self.quotient[k + 1], self.slope[k] * self.step,
-                     self.slope[k + 1] * self.step)
+        q = _hermite(
+            x,
+            self.quotient[k],
+            self.quotient[k + 1],
+            self.slope[k] * self.step,
+            self.slope[k + 1] * self.step,
+        )
         return q + self.slope[-1] * np.maximum(s - self.last, 0.0)
 
     def stress(self, b_bar: FloatArray) -> FloatArray:
@@ -171,7 +184,7 @@ def _kernel_functions(precision: Precision) -> tuple[Any, Any, Any]:
     zero, half, one, two, three = real(0.0), real(0.5), real(1.0), real(2.0), real(3.0)
     third, tiny = real(1.0 / 3.0), real(1e-3)
     # Three Gauss points on [0, 1] integrate the energy inside one interval exactly.
-    g1, g3 = real(0.5 - np.sqrt(0.15)), real(0.5 + np.sqrt(0.15))
+    g1, g3 = real(0.5 - sqrt(0.15)), real(0.5 + sqrt(0.15))
     w1, w2 = real(5.0 / 18.0), real(8.0 / 18.0)
     header = int(_HEADER)
 
