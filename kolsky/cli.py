@@ -20,6 +20,20 @@ app = typer.Typer(
 ShotPath = Annotated[Path, typer.Argument(metavar="SHOT", help="A shot's folder, or its shot.toml.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object (SI units) instead of a table.")]
 
+Numbers = Annotated[
+    list[str] | None,
+    typer.Option(
+        "-p", "--parameter", metavar="NAME=VALUE", help="Hold a parameter at this value (SI or with unit)."
+    ),
+]
+Precision = Annotated[str, typer.Option(help="Arithmetic of the solver: fp64 or fp32.")]
+Device = Annotated[str, typer.Option(help='"cpu" or a CUDA device such as "cuda:0".')]
+Threads = Annotated[int | None, typer.Option(min=1, help="CPU threads [default: all cores].")]
+Mesh = Annotated[str, typer.Option(metavar="NRxNY", help="Elements across the radius x along the length.")]
+Out = Annotated[
+    Path | None, typer.Option("--out", metavar="FOLDER", help="Where results go [default: SHOT/results].")
+]
+
 
 def main() -> None:
     """Entry point of the `kolsky` command."""
@@ -87,6 +101,131 @@ def check(shot: ShotPath, as_json: AsJson = False) -> None:
         from kolsky.shotsummary import print_table
 
         print_table(loaded)
+
+
+@app.command()
+def identify(
+    shot: ShotPath,
+    free: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--free",
+            metavar="NAME[=LOW:HIGH]",
+            help="Free parameter and the bounds of its design; repeat for more. stiffness_factor, friction, "
+            "poisson, damping, mass_damping. [default: stiffness_factor]",
+        ),
+    ] = None,
+    parameter: Numbers = None,
+    mesh: Mesh = "24x32",
+    refined_mesh: Annotated[
+        str, typer.Option(metavar="NRxNY", help="The mesh the answer is given and checked on.")
+    ] = "48x64",
+    replicates: Annotated[
+        int, typer.Option(min=0, help="Draws of the flyer's and the curve's noise; 0 leaves them out.")
+    ] = 16,
+    precision: Precision = "fp64",
+    device: Device = "cpu",
+    threads: Threads = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 1,
+    out: Out = None,
+    figures: Annotated[
+        str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png.")
+    ] = "",
+    as_json: AsJson = False,
+) -> None:
+    """Identify the stiffness factor m (and more) of a shot, with its k = 2 interval and a report.
+
+    Writes identification.h5, report.html and CSV tables into SHOT/results.
+    """
+    from kolsky import commands, options
+
+    with refusing_bad_input():
+        commands.identify(
+            shot,
+            free=options.ranges("--free", free or ["stiffness_factor"]),
+            held=options.values("--parameter", parameter or []),
+            mesh=options.mesh("--mesh", mesh),
+            refined_mesh=options.mesh("--refined-mesh", refined_mesh),
+            replicates=replicates,
+            arithmetic=commands.Arithmetic(precision, device, threads),
+            seed=seed,
+            out=out,
+            formats=tuple(part.strip() for part in figures.split(",") if part.strip()),
+            as_json=as_json,
+        )
+
+
+@app.command()
+def simulate(
+    shot: ShotPath,
+    parameter: Numbers = None,
+    mesh: Mesh = "24x32",
+    precision: Precision = "fp64",
+    device: Device = "cpu",
+    threads: Threads = None,
+    out: Out = None,
+    vtu: Annotated[bool, typer.Option("--vtu", help="Also write the deforming mesh for ParaView.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Simulate a shot once, e.g. -p stiffness_factor=1.1, and compare it with the data."""
+    from kolsky import commands, options
+
+    with refusing_bad_input():
+        commands.simulate(
+            shot,
+            parameters=options.values("--parameter", parameter or []),
+            mesh=options.mesh("--mesh", mesh),
+            arithmetic=commands.Arithmetic(precision, device, threads),
+            out=out,
+            vtu=vtu,
+            as_json=as_json,
+        )
+
+
+@app.command()
+def sweep(
+    shot: ShotPath,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--vary",
+            metavar="NAME=LOW:HIGH:LEVELS",
+            help="A factor of the full factorial; repeat for more. [default: friction=0:2:10 and "
+            "stiffness_factor=0.75:1.25:10]",
+        ),
+    ] = None,
+    parameter: Numbers = None,
+    design: Annotated[
+        str, typer.Option(help="factorial, lhs or sobol; the last two take --runs points.")
+    ] = "factorial",
+    runs: Annotated[int, typer.Option(min=2, help="Points of a lhs or sobol design.")] = 64,
+    mesh: Mesh = "16x22",
+    precision: Precision = "fp64",
+    device: Device = "cpu",
+    threads: Threads = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of a random design.")] = 1,
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run a design of experiments over a shot's parameters; writes sweep.csv, one row a run."""
+    from kolsky import commands, options
+
+    factors = vary or ["friction=0:2:10", "stiffness_factor=0.75:1.25:10"]
+    with refusing_bad_input():
+        bounds, counts = options.levels("--vary", factors)
+        commands.sweep(
+            shot,
+            bounds=bounds,
+            counts=counts,
+            held=options.values("--parameter", parameter or []),
+            design=design,
+            runs=runs,
+            mesh=options.mesh("--mesh", mesh),
+            arithmetic=commands.Arithmetic(precision, device, threads),
+            seed=seed,
+            out=out,
+            as_json=as_json,
+        )
 
 
 if __name__ == "__main__":

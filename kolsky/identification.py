@@ -181,11 +181,11 @@ class Identification:
     comparison: Comparison
     """The check run beside the data."""
     response: Response
-    """The check run itself (a batch of one, with all nodes)."""
+    """The check run itself: a batch of one on the refined mesh, with all nodes."""
     mesh: tuple[int, int]
-    """Elements across the radius and along the length, default mesh."""
+    """Elements across the radius and along the length, the surrogate's mesh."""
     refined_mesh: tuple[int, int]
-    """The mesh of the refined run."""
+    """The refined mesh: the check runs and the answer are on it."""
     design: DesignTable
     """Every run."""
     curves: tuple[SurrogateCurve, ...]

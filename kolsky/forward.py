@@ -1,0 +1,157 @@
+"""From a shot and parameter values to a batch of simulations of that very test."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import explicit
+from explicit.materials import MarlowLaw, marlow_from_curve
+from kolsky.flyer import FlyerPath
+from kolsky.parameters import PARAMETERS, checked_value
+from kolsky.records import MaterialCurve
+from kolsky.shots import Shot
+
+FloatArray = NDArray[np.float64]
+
+MOTION_KNOTS = 2049
+"""Knots of the flyer's motion in the solver: 0.7 us apart on a 1.5 ms test, far below a camera frame."""
+
+
+@dataclass(frozen=True)
+class Numerics:
+    """Numerical choices of a run; they are part of every result's provenance."""
+
+    mesh: tuple[int, int] = (24, 32)
+    """Elements across the radius and along the length."""
+    grading: float = 2.0
+    """Largest over smallest element; the small ones lie at the surface, where the specimen rolls over."""
+    safety: float = 0.9
+    """Share of the stability bound a step uses."""
+    precision: Literal["fp32", "fp64"] = "fp64"
+    """Arithmetic of the solver."""
+    device: str = "cpu"
+    """ "cpu" or a CUDA device."""
+    threads: int | None = None
+    """CPU threads; all cores if left out."""
+
+    def with_mesh(self, mesh: tuple[int, int]) -> "Numerics":
+        """The same choices on another mesh."""
+        return replace(self, mesh=mesh)
+
+
+@dataclass(frozen=True)
+class Forward:
+    """A shot made ready to be simulated, many times."""
+
+    shot: Shot
+    """The shot."""
+    sampling: explicit.Sampling
+    """When its instruments looked."""
+    paths: tuple[FlyerPath, ...]
+    """The fitted flyer path first, then replicates of it."""
+    laws: tuple[MarlowLaw, ...]
+    """The law of the quasi-static curve first, then replicates of it."""
+
+    def run(
+        self,
+        points: Mapping[str, ArrayLike],
+        numerics: Numerics,
+        *,
+        motion: ArrayLike = 0,
+        material: ArrayLike = 0,
+        all_nodes: bool = False,
+        progress: Callable[[int], None] | None = None,
+    ) -> explicit.Response:
+        """Simulate the shot at some points.
+
+        Parameters
+        ----------
+        points : mapping
+            Parameter name -> values, shape [n] or scalar; the shot's own value where a name is missing.
+            Naming "friction" makes both the faces and the side surface slide by Coulomb's law.
+        numerics
+            Mesh, precision, device.
+        motion, material : int or shape [n]
+            Which flyer path and material law each run takes.
+        all_nodes : bool
+            Record every node, for pictures.
+        progress : callable, optional
+            Called with the number of runs just finished.
+
+        Raises
+        ------
+        ValueError
+            If a name is unknown or a value is outside its allowed range.
+        """
+        values = {name: np.asarray(value, dtype=float) for name, value in points.items()}
+        for name, value in values.items():
+            for x in value.ravel():
+                checked_value(name, float(x))
+        held = {name: p.held(self.shot) for name, p in PARAMETERS.items()}
+        samples = explicit.Samples.of(
+            **{**held, **values},  # type: ignore[arg-type]
+            motion=np.asarray(motion, dtype=np.int64),
+            material=np.asarray(material, dtype=np.int64),
+        )
+        return explicit.run(
+            self.model(numerics, sliding="friction" in points),
+            samples,
+            replace(self.sampling, all_nodes=all_nodes),
+            stepping=explicit.Stepping(safety=numerics.safety, precision=numerics.precision),
+            device=numerics.device,
+            threads=numerics.threads,
+            progress=progress,
+        )
+
+    def model(self, numerics: Numerics, *, sliding: bool = False) -> explicit.Model:
+        """The solver's model of the shot; `sliding` replaces the declared interface by Coulomb's law."""
+        shot = self.shot
+        faces, side = ("coulomb", "coulomb") if sliding else (shot.interface.faces, shot.interface.side)
+        return explicit.Model(
+            mesh=self.mesh(numerics),
+            density=shot.specimen.density,
+            materials=self.laws,
+            motions=tuple(_motion(path) for path in self.paths),
+            faces=faces,
+            side=side,
+            support=_support(shot),
+            damping_kind="full" if shot.model.damping_kind == "full" else "deviatoric",
+        )
+
+    def mesh(self, numerics: Numerics) -> explicit.Mesh:
+        """The specimen's mesh."""
+        n_radial, n_axial = numerics.mesh
+        return explicit.cylinder(
+            self.shot.specimen.radius,
+            self.shot.specimen.length,
+            n_radial=n_radial,
+            n_axial=n_axial,
+            grading=numerics.grading,
+        )
+
+
+def material_law(curve: MaterialCurve) -> MarlowLaw:
+    """Marlow's law of a quasi-static curve."""
+    return marlow_from_curve(curve.stretch, curve.stress)
+
+
+def curve_replicates(curve: MaterialCurve, n: int, rng: np.random.Generator) -> list[MarlowLaw]:
+    """Laws of `n` curves drawn from the curve's own noise (independent at each point)."""
+    noise = rng.standard_normal((n, len(curve.stress)))
+    return [marlow_from_curve(curve.stretch, curve.stress + curve.sigma * row) for row in noise]
+
+
+def _motion(path: FlyerPath) -> explicit.PlatenMotion:
+    times, position, velocity = path.table(MOTION_KNOTS)
+    step = float(times[-1] - times[0]) / (len(times) - 1)
+    return explicit.PlatenMotion(start=float(times[0]), step=step, position=position, velocity=velocity)
+
+
+def _support(shot: Shot) -> explicit.CharacteristicBar:
+    if shot.support == "rigid" or shot.transmission_bar is None:
+        return explicit.RIGID
+    bar = shot.transmission_bar
+    return explicit.CharacteristicBar(impedance=bar.impedance, round_trip=bar.round_trip)

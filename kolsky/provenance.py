@@ -1,0 +1,46 @@
+"""Everything that is needed to repeat a result."""
+
+import platform
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from kolsky.prepare import Prepared
+from kolsky.shots import Shot
+
+
+def provenance(shot: Shot, settings: Any, prepared: Prepared, *, sliding: bool) -> dict[str, Any]:
+    """Everything that is needed to repeat a result: hashes, settings, versions, machine class."""
+    packages = {}
+    for name in ("kolsky", "warp-lang", "numpy", "scipy"):
+        try:
+            packages[name] = version(name)
+        except PackageNotFoundError:
+            packages[name] = "not installed"
+    interface = {"faces": "coulomb", "side": "coulomb"} if sliding else {
+        "faces": shot.interface.faces,
+        "side": shot.interface.side,
+    }
+    return {
+        "inputs": dict(shot.inputs),
+        "settings": _plain(settings),
+        "interface": interface,
+        "specimen": _plain(shot.specimen),
+        "support": shot.support,
+        "window_s": list(shot.window),
+        "checks": prepared.checks,
+        "versions": {**packages, "python": platform.python_version()},
+        "machine": platform.machine(),
+        "seed": getattr(settings, "seed", None),
+    }
+
+
+def _plain(thing: Any) -> Any:
+    """Dataclasses, mappings and tuples as JSON can hold them."""
+    if hasattr(thing, "__dataclass_fields__"):
+        return {name: _plain(getattr(thing, name)) for name in thing.__dataclass_fields__}
+    if isinstance(thing, Mapping):
+        return {str(key): _plain(value) for key, value in thing.items()}
+    if isinstance(thing, (list, tuple)):
+        return [_plain(value) for value in thing]
+    return thing

@@ -1,0 +1,69 @@
+"""The table of every run that a loop over simulations made."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import Box
+from explicit import Outcome
+from kolsky.identification import DesignTable, Terms
+from kolsky.misfit import Observations, Prediction, terms
+
+FloatArray = NDArray[np.float64]
+
+
+class RunTable:
+    """Runs in the order they were made, with their outcome and misfit terms."""
+
+    def __init__(self, names: tuple[str, ...]) -> None:
+        self.names = names
+        self.points: list[FloatArray] = []
+        self.outcomes: list[str] = []
+        self.stages: list[str] = []
+        self.terms: list[Terms | None] = []
+
+    def add(
+        self,
+        stage: str,
+        points: FloatArray,
+        outcomes: Sequence[Outcome],
+        completed: NDArray[np.intp],
+        prediction: Prediction,
+        observations: Observations,
+    ) -> None:
+        """Append a batch; `prediction` holds the rows of `completed` only."""
+        place = {int(row): k for k, row in enumerate(completed)}
+        for row, (point, outcome) in enumerate(zip(points, outcomes, strict=True)):
+            self.points.append(np.asarray(point, dtype=float))
+            self.outcomes.append(outcome.name)
+            self.stages.append(stage)
+            self.terms.append(terms(prediction, observations, place[row]) if row in place else None)
+
+    def paper_cost(self) -> tuple[FloatArray, FloatArray]:
+        """Points and Phi, Eq. (M.5), of the completed runs on the surrogate's mesh."""
+        kept = [
+            (point, t.phi)
+            for point, t, stage in zip(self.points, self.terms, self.stages, strict=True)
+            if t is not None and stage != "check"
+        ]
+        return np.array([point for point, _ in kept]), np.array([phi for _, phi in kept])
+
+    def build(self, box: Box) -> DesignTable:
+        """The finished table; a run that did not complete has NaN misfits beside its outcome."""
+
+        def column(name: str) -> FloatArray:
+            return np.array([np.nan if t is None else getattr(t, name) for t in self.terms])
+
+        return DesignTable(
+            names=self.names,
+            points=np.array(self.points),
+            lower=np.array(box.lower),
+            upper=np.array(box.upper),
+            outcomes=tuple(self.outcomes),
+            stage=tuple(self.stages),
+            phi_shape=column("phi_shape"),
+            phi_force=column("phi_force"),
+            chi2_shape=column("chi2_shape"),
+            chi2_force=column("chi2_force"),
+        )
