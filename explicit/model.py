@@ -104,9 +104,9 @@ class Samples:
         """Broadcast scalars and arrays to one batch."""
         values = (stiffness_factor, poisson, damping, friction, mass_damping, material, motion)
         shape = np.broadcast_shapes((1,), *(np.shape(value) for value in values))
-        real = (np.array(np.broadcast_to(value, shape), dtype=np.float64) for value in values[:5])
-        index = (np.array(np.broadcast_to(value, shape), dtype=np.int64) for value in values[5:])
-        return cls(*real, *index)
+        real = [np.array(np.broadcast_to(value, shape), dtype=np.float64) for value in values[:5]]
+        index = [np.array(np.broadcast_to(value, shape), dtype=np.int64) for value in values[5:]]
+        return cls(real[0], real[1], real[2], real[3], real[4], index[0], index[1])
 
 
 def _require(values: FloatArray, good: NDArray[np.bool_], message: str) -> None:

@@ -101,14 +101,17 @@ def identify(
     if refined_mesh[0] <= mesh[0] or refined_mesh[1] <= mesh[1]:
         raise InputError(
             Path("command line"),
-            f"--refined-mesh {refined_mesh[0]}x{refined_mesh[1]} is not finer than --mesh {mesh[0]}x{mesh[1]}",
+            "--refined-mesh is not finer than --mesh",
+            value=f"{refined_mesh[0]}x{refined_mesh[1]} against {mesh[0]}x{mesh[1]}",
             cure="refine both directions, best by 2",
         )
     unknown = sorted(set(formats) - {"pdf", "svg", "png"})
     if unknown:
         raise InputError(Path("command line"), f"--figures {','.join(unknown)}", cure="pdf, svg or png")
     if clash := sorted(set(free) & set(held)):
-        raise InputError(Path("command line"), f"{clash[0]} is both --free and --parameter", cure="choose one")
+        raise InputError(
+            Path("command line"), f"{clash[0]} is both --free and --parameter", cure="choose one"
+        )
     loaded = load_shot(shot)
     numerics = arithmetic.numerics(mesh)
     from kolsky import identify as inverse

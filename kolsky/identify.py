@@ -1,4 +1,4 @@
-"""The inverse method: design -> batch of runs -> surrogate of the response -> search -> check on a finer mesh.
+"""The inverse method: design -> batch of runs -> surrogate of the response -> search -> finer mesh.
 
 Stages of `identify`:
 
@@ -24,7 +24,6 @@ from doe import nelder_mead as minimise
 from kolsky.forward import Forward, Numerics
 from kolsky.identification import (
     Comparison,
-    DesignTable,
     Estimate,
     Identification,
     Route,
@@ -48,8 +47,10 @@ SAFETY_FACTOR = 1.25
 """Factor on the extrapolated mesh error (Roache's grid convergence index with a fitted order)."""
 LOCAL_FRACTION = 0.12
 """Edge of the second design's box over the first one's."""
-CONFIRMED = 0.1
-"""An optimum is confirmed when the check run moves it by less than this share of its uncertainty."""
+CONFIRMED = 0.2
+"""An optimum is confirmed when the check run moves it by less than this share of the residuals' sigma."""
+MOST_REFINEMENTS = 3
+"""Most second designs, each around the optimum of the last one."""
 MOST_CHECKS = 4
 """Most rounds on the refined mesh."""
 COMPANION = 0.05
@@ -128,17 +129,20 @@ class _Identify:
         objective, surrogate = self._surrogate(self.box, predictions)
         first, objective = self._search(self.box, objective, _Corrected(surrogate).predict)
 
-        near = self.box.around(first, LOCAL_FRACTION)
-        local = self._simulate("refinement", self._design(near), coarse)
-        inside = near.contains(local.points) if len(local.points) else np.zeros(0, bool)
-        box = near if inside.sum() > 2 * near.dimension else self.box
-        objective, surrogate = self._surrogate(box, local if box is near else predictions)
-        on_coarse, objective = self._search(box, objective, _Corrected(surrogate).predict)
+        for _ in range(MOST_REFINEMENTS):
+            box = self.box.around(first, LOCAL_FRACTION)
+            local = self._simulate("refinement", self._design(box), coarse)
+            objective, surrogate = self._surrogate(box, local)
+            on_coarse, objective = self._search(box, objective, _Corrected(surrogate).predict)
+            if not _on_edge(on_coarse, box) or _on_edge(on_coarse, self.box):
+                break
+            first = on_coarse
 
         # The first check has a companion beside it: their difference corrects the surrogate's slope.
         beside = on_coarse.copy()
-        inward = 1.0 if 2.0 * on_coarse[0] < box.lower[0] + box.upper[0] else -1.0
-        beside[0] += inward * COMPANION * (box.upper[0] - box.lower[0])
+        # It lies below, because a coarse mesh is too soft and its optimum too high (verification manual).
+        down = min(COMPANION * (box.upper[0] - box.lower[0]), on_coarse[0] - self.box.lower[0])
+        beside[0] -= down if down > 0.0 else -COMPANION * (box.upper[0] - box.lower[0])
         wave = np.stack([on_coarse, beside])
         model = _Corrected(surrogate)
         optimum = on_coarse
@@ -163,7 +167,9 @@ class _Identify:
         n_force = objective.n_force
         return Identification(
             shot=self.shot.name,
-            estimates=self._estimates(optimum, parts, numerical, moved <= CONFIRMED),
+            estimates=self._estimates(
+                optimum, parts, numerical, confirmed=moved <= CONFIRMED and not _on_edge(optimum, box)
+            ),
             fixed=self._fixed(),
             routes=self._routes(box, objective, model.predict, jacobian),
             terms=terms(check.prediction, self.observations, 0),
@@ -175,6 +181,7 @@ class _Identify:
             curves=self._curves(box, objective, model.predict, optimum),
             surrogate={
                 **_quality(surrogate, n_force),
+                "check_shift_sigmas": moved,
                 "check_force": _rms((checked[0] - guess)[:n_force]),
                 "check_shape": _rms((checked[0] - guess)[n_force:]),
                 "counted_points": float(objective.counted.sum()),
@@ -192,7 +199,9 @@ class _Identify:
             return full_factorial(box, 7)
         return latin_hypercube(box, 12 * box.dimension, rng=self.rng, optimise=True)
 
-    def _simulate(self, stage: str, design: Design, numerics: Numerics, *, all_nodes: bool = False) -> "_Runs":
+    def _simulate(
+        self, stage: str, design: Design, numerics: Numerics, *, all_nodes: bool = False
+    ) -> "_Runs":
         started, done = time.perf_counter(), 0
 
         def report(n: int) -> None:
@@ -228,9 +237,12 @@ class _Identify:
         """Optimum and the objective with the discrepancies of that optimum (they depend on each other)."""
         start = None
         for _ in range(3):
-            result = minimise(
-                lambda x: float(objective.chi2(model(x)[0], part)), box, start=start, tolerance=1e-7
-            )
+            weighted = objective
+
+            def cost(x: FloatArray, weighted: Objective = weighted) -> float:
+                return float(weighted.chi2(model(x)[0], part))
+
+            result = minimise(cost, box, start=start, tolerance=1e-7)
             start = result.x
             objective = objective.with_discrepancy(model(start)[0])
         return result.x, objective
@@ -277,15 +289,14 @@ class _Identify:
     # ---- what is reported ---------------------------------------------------------------------------
 
     def _estimates(
-        self, optimum: FloatArray, parts: dict[str, FloatArray], numerical: FloatArray, confirmed: bool
+        self, optimum: FloatArray, parts: dict[str, FloatArray], numerical: FloatArray, *, confirmed: bool
     ) -> dict[str, Estimate]:
         found = {}
         for i, name in enumerate(self.box.names):
             noise = {source: float(sigma[i]) for source, sigma in parts.items()}
             total = float(np.sqrt(sum(sigma**2 for sigma in noise.values())))
             width = self.box.upper[i] - self.box.lower[i]
-            edge = min(optimum[i] - self.box.lower[i], self.box.upper[i] - optimum[i])
-            if edge < 1e-5 * width:
+            if _on_edge(optimum[i : i + 1], self.box, i):
                 verdict = Verdict.AT_BOUND
             elif 4.0 * total > width:
                 verdict = Verdict.NOT_SEEN
@@ -398,7 +409,7 @@ class _Corrected:
     def predict(self, points: FloatArray) -> FloatArray:
         x = np.atleast_2d(points)
         change = 0.0 if self.anchor is None else (x - self.anchor) @ np.transpose(self.slope)
-        return self.surrogate.predict(x) + self.shift + change
+        return self.surrogate.predict(x, extrapolate=True) + self.shift + change
 
     def through(self, point: FloatArray, vector: FloatArray) -> "_Corrected":
         miss = vector - self.predict(point)[0]
@@ -421,6 +432,12 @@ def _jacobian(model: Callable[[FloatArray], FloatArray], box: Box, x: FloatArray
         up[i], down[i] = min(x[i] + step, box.upper[i]), max(x[i] - step, box.lower[i])
         columns.append((model(up)[0] - model(down)[0]) / (up[i] - down[i]))
     return np.array(columns).T
+
+
+def _on_edge(x: FloatArray, box: Box, first: int = 0) -> bool:
+    """Whether a coordinate (numbered from `first`) lies on a bound of the box."""
+    lower, upper = (np.array(bound)[first : first + len(x)] for bound in (box.lower, box.upper))
+    return bool((np.minimum(x - lower, upper - x) < 1e-5 * (upper - lower)).any())
 
 
 def _quality(surrogate: ResponseSurrogate, n_force: int) -> dict[str, float]:

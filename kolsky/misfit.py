@@ -136,15 +136,15 @@ def predict(response: Response, observations: Observations) -> Prediction:
     if lost.size:
         outcome = response.outcomes[lost[0]]
         raise ValueError(
-            f"simulation {lost[0]} of {response.n_samples} did not complete ({outcome.name}: {outcome.cause});"
-            " select the completed ones first: response.select(np.flatnonzero(response.completed))"
+            f"simulation {lost[0]} of {response.n_samples} did not complete ({outcome.name}:"
+            f" {outcome.cause}); select the completed ones first: response.select(np.flatnonzero(response.completed))"
         )
     t, line = response.force_times, observations.centre_line
     recorded = observations.force.time
     if recorded[0] < t[0] - SAME_TIME or recorded[-1] > t[-1] + SAME_TIME:
         raise ValueError(
-            f"the simulated force spans {t[0]:.9g} to {t[-1]:.9g} s, the recorded samples {recorded[0]:.9g} to"
-            f" {recorded[-1]:.9g} s; request force_times over the whole window"
+            f"the simulated force spans {t[0]:.9g} to {t[-1]:.9g} s, the recorded samples"
+            f" {recorded[0]:.9g} to {recorded[-1]:.9g} s; request force_times over the whole window"
         )
     edge = _rows(t, observations.bins.edges, "bin edge", "force_times")
     frame = _rows(response.surface_times, line.time, "frame", "surface_times")

@@ -24,7 +24,7 @@ def mesh(option: str, text: str) -> tuple[int, int]:
 
 
 def values(option: str, texts: Sequence[str]) -> dict[str, float]:
-    """ ["stiffness_factor=1.1", "damping=25 us"] as values in SI, checked against the allowed ranges."""
+    """["stiffness_factor=1.1", "damping=25 us"] as values in SI, checked against the allowed ranges."""
     found: dict[str, float] = {}
     for text in texts:
         name, equals, value = text.partition("=")
@@ -37,7 +37,7 @@ def values(option: str, texts: Sequence[str]) -> dict[str, float]:
 
 
 def ranges(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float] | None]:
-    """ ["stiffness_factor", "friction=0:2"] as bounds by name; None where the default bounds apply."""
+    """["stiffness_factor", "friction=0:2"] as bounds by name; None where the default bounds apply."""
     found: dict[str, tuple[float, float] | None] = {}
     for text in texts:
         name, equals, bounds = text.partition("=")
@@ -53,7 +53,7 @@ def ranges(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float] |
 
 
 def levels(option: str, texts: Sequence[str]) -> tuple[dict[str, tuple[float, float]], list[int]]:
-    """ ["stiffness_factor=0.75:1.25:10"] as bounds by name and the number of levels of each."""
+    """["stiffness_factor=0.75:1.25:10"] as bounds by name and the number of levels of each."""
     bounds: dict[str, tuple[float, float]] = {}
     counts: list[int] = []
     for text in texts:

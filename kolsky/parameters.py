@@ -66,7 +66,9 @@ def checked_value(name: str, value: float) -> float:
     low, high = p.allowed
     if not low <= value <= high:
         unit = "" if p.unit == "1" else f" {p.unit}"
-        raise ValueError(f"{name} = {value:.9g}{unit} is not allowed; it must be in [{low:g}, {high:g}]{unit}")
+        raise ValueError(
+            f"{name} = {value:.9g}{unit} is not allowed; it must be in [{low:g}, {high:g}]{unit}"
+        )
     return float(value)
 
 

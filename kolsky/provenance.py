@@ -17,10 +17,14 @@ def provenance(shot: Shot, settings: Any, prepared: Prepared, *, sliding: bool) 
             packages[name] = version(name)
         except PackageNotFoundError:
             packages[name] = "not installed"
-    interface = {"faces": "coulomb", "side": "coulomb"} if sliding else {
-        "faces": shot.interface.faces,
-        "side": shot.interface.side,
-    }
+    interface = (
+        {"faces": "coulomb", "side": "coulomb"}
+        if sliding
+        else {
+            "faces": shot.interface.faces,
+            "side": shot.interface.side,
+        }
+    )
     return {
         "inputs": dict(shot.inputs),
         "settings": _plain(settings),

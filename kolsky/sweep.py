@@ -59,9 +59,7 @@ def sweep(
     prepared = prepare(shot)
     names = design.box.names
     columns = {name: design.points[:, i] for i, name in enumerate(names)}
-    response = prepared.forward.run(
-        {**(held or {}), **columns}, numerics or Numerics(), progress=progress
-    )
+    response = prepared.forward.run({**(held or {}), **columns}, numerics or Numerics(), progress=progress)
     rows = np.flatnonzero(response.completed)
     prediction = predict(response.select(rows), prepared.observations) if len(rows) else None
     table = RunTable(names)

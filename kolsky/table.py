@@ -29,16 +29,19 @@ class RunTable:
         points: FloatArray,
         outcomes: Sequence[Outcome],
         completed: NDArray[np.intp],
-        prediction: Prediction,
+        prediction: Prediction | None,
         observations: Observations,
     ) -> None:
-        """Append a batch; `prediction` holds the rows of `completed` only."""
+        """Append a batch; `prediction` holds the rows of `completed` only (None if there are none)."""
         place = {int(row): k for k, row in enumerate(completed)}
         for row, (point, outcome) in enumerate(zip(points, outcomes, strict=True)):
             self.points.append(np.asarray(point, dtype=float))
             self.outcomes.append(outcome.name)
             self.stages.append(stage)
-            self.terms.append(terms(prediction, observations, place[row]) if row in place else None)
+            if prediction is not None and row in place:
+                self.terms.append(terms(prediction, observations, place[row]))
+            else:
+                self.terms.append(None)
 
     def paper_cost(self) -> tuple[FloatArray, FloatArray]:
         """Points and Phi, Eq. (M.5), of the completed runs on the surrogate's mesh."""

@@ -5,6 +5,7 @@ baseline, the pre-trigger stretch in which nothing happens; it is the same for e
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,7 +147,7 @@ def bin_force(force: ForceHistory, *, window: tuple[float, float], width: float 
     edge = np.unique(edge)  # a wide sample interval may take two ideal edges
     h = np.diff(t)
     mean, deviation = np.empty(edge.size - 1), np.empty(edge.size - 1)
-    for i, (a, b) in enumerate(zip(edge[:-1], edge[1:], strict=True)):
+    for i, (a, b) in enumerate(pairwise(edge)):
         weight = np.zeros(b - a + 1)
         weight[:-1] += 0.5 * h[a:b]
         weight[1:] += 0.5 * h[a:b]
@@ -167,7 +168,7 @@ def _enough(count: int, baseline: tuple[float, float]) -> None:
     if count < FEWEST_BASELINE:
         raise ValueError(
             f"the baseline {baseline[0]:.9g} to {baseline[1]:.9g} s holds {count} samples, at least"
-            f" {FEWEST_BASELINE} are needed; widen it within the pre-trigger stretch (times on the shot's clock)"
+            f" {FEWEST_BASELINE} are needed; widen it within the pre-trigger stretch, on the shot's clock"
         )
 
 
