@@ -300,6 +300,7 @@ def march_kernel(law: type, faces: str, side: str, precision: Precision) -> Marc
             past, most, kinetic = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
             if flush == 1:
                 elastic, hourglass, past, most = sweep_energies(body, batch, state, sample, lane)
+                sync()  # the node sweep below moves what other lanes may still be reading
             # Half of this step's work belongs to the time of the positions, half to what follows.
             damp_step, rub_step = power * interval, wp.float64(0.0)
             land_step, work_step = wp.float64(0.0), wp.float64(0.0)

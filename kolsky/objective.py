@@ -55,7 +55,7 @@ class Objective:
         """Noise and discrepancy in quadrature, shape [k]."""
         tau = np.full(len(self.data), self.shape_discrepancy)
         tau[: self.n_force] = self.force_discrepancy
-        return np.asarray(np.hypot(self.noise, tau))
+        return np.sqrt(self.noise**2 + tau**2)
 
     @property
     def times(self) -> FloatArray:

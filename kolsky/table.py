@@ -44,13 +44,16 @@ class RunTable:
                 self.terms.append(None)
 
     def paper_cost(self) -> tuple[FloatArray, FloatArray]:
-        """Points and Phi, Eq. (M.5), of the completed runs on the surrogate's mesh."""
+        """Points and Phi, Eq. (M.5), of the completed runs on the surrogate's mesh, each point once."""
         kept = [
             (point, t.phi)
             for point, t, stage in zip(self.points, self.terms, self.stages, strict=True)
             if t is not None and stage != "check"
         ]
-        return np.array([point for point, _ in kept]), np.array([phi for _, phi in kept])
+        points, cost = np.array([point for point, _ in kept]), np.array([phi for _, phi in kept])
+        # Two second designs can share a point; the same point gives the same run, bit for bit.
+        _, first = np.unique(points.round(12), axis=0, return_index=True)
+        return points[first], cost[first]
 
     def build(self, box: Box) -> DesignTable:
         """The finished table; a run that did not complete has NaN misfits beside its outcome."""
