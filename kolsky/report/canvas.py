@@ -1,0 +1,112 @@
+"""Figures on paper: built without a window or global state, saved alone or as SVG for a page."""
+
+import io
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from kolsky.atomic import replacing
+from kolsky.identification import Identification
+from kolsky.report.figures import REGISTRY, FigureKind
+
+STYLE = Path(__file__).with_name("kolsky.mplstyle")
+FORMATS = ("pdf", "svg", "png")
+_MM_PER_INCH = 25.4
+_SVG, _LINK = "{http://www.w3.org/2000/svg}", "{http://www.w3.org/1999/xlink}"
+
+
+def build(kind: FigureKind, identification: Identification) -> Figure:
+    """Draw one figure in its journal size.
+
+    Parameters
+    ----------
+    kind : FigureKind
+        An entry of `figures.REGISTRY`.
+    identification : Identification
+        The result to draw; `kind.applies` must be true for it.
+    """
+    size = (kind.width / _MM_PER_INCH, kind.height(identification) / _MM_PER_INCH)
+    with matplotlib.rc_context(fname=STYLE):
+        figure = Figure(figsize=size, layout="constrained")
+        FigureCanvasAgg(figure)
+        mosaic: list[Any] = kind.panels(identification)
+        kind.draw(identification, figure.subplot_mosaic(mosaic, **kind.mosaic))
+    return figure
+
+
+def save_figures(
+    folder: Path, identification: Identification, *, formats: Iterable[str] = FORMATS
+) -> list[Path]:
+    """Save every figure that applies as `<name>.<format>`, each atomically.
+
+    Parameters
+    ----------
+    folder : Path
+        Where to; made if absent.
+    formats : iterable of str
+        Any of "pdf", "svg" and "png" (600 dots per inch).
+
+    Raises
+    ------
+    ValueError
+        If a format is not one of these.
+    """
+    formats = tuple(formats)
+    unknown = [name for name in formats if name not in FORMATS]
+    if unknown:
+        raise ValueError(f"format {unknown[0]!r} is not one of {', '.join(FORMATS)}")
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for kind in REGISTRY.values():
+        if not kind.applies(identification):
+            continue
+        figure = build(kind, identification)
+        for name in formats:
+            path = folder / f"{kind.name}.{name}"
+            with replacing(path) as partial:
+                _save(figure, partial, name)
+            written.append(path)
+    return written
+
+
+def inline_svg(kind: FigureKind, identification: Identification) -> str:
+    """One figure as SVG to stand inside an HTML page.
+
+    Ids carry the figure's name, so that several figures of a page cannot clash. Namespaces, metadata and
+    the document head are left out: HTML needs none, and nothing in the page then names another address.
+    """
+    buffer = io.BytesIO()
+    _save(build(kind, identification), buffer, "svg")
+    root = ElementTree.fromstring(buffer.getvalue().decode())
+    for metadata in root.findall(f"{_SVG}metadata"):
+        root.remove(metadata)
+    prefix = f"{kind.name}-"
+    for element in root.iter():
+        element.tag = element.tag.removeprefix(_SVG)
+        for key, value in list(element.attrib.items()):
+            del element.attrib[key]
+            element.attrib[key.removeprefix(_LINK)] = _renamed(key.removeprefix(_LINK), value, prefix)
+    root.attrib["role"] = "img"
+    root.attrib["aria-labelledby"] = f"{prefix}caption"
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _renamed(key: str, value: str, prefix: str) -> str:
+    if key == "id":
+        return prefix + value
+    if key == "href" and value.startswith("#"):
+        return f"#{prefix}{value[1:]}"
+    return value.replace("url(#", f"url(#{prefix}")
+
+
+def _save(figure: Figure, target: Path | io.BytesIO, name: str) -> None:
+    # No date and no program: the same result gives the same bytes.
+    metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {}}[name]
+    with matplotlib.rc_context(fname=STYLE):
+        figure.savefig(target, format=name, metadata=metadata)

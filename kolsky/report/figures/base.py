@@ -1,0 +1,85 @@
+"""What every figure is made of: its size, its panels and a function that draws."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colorbar import Colorbar
+from numpy.typing import NDArray
+
+from kolsky.identification import Identification
+
+Panels = Mapping[str, Axes]
+
+MEASURED = "#000000"
+MODEL = "#D55E00"
+FORCE = "#E69F00"
+SHAPE = "#0072B2"
+PAPER = "#CC79A7"
+BAND = "#56B4E9"
+GREY = "#8C8C8C"
+"""Okabe-Ito colours (and one grey), one meaning each in all figures."""
+
+ROUTES = {"joint": MEASURED, "force only": FORCE, "shape only": SHAPE, "paper": PAPER}
+"""Colour of each route."""
+
+MS, MM, UM, MJ = 1e3, 1e3, 1e6, 1e3
+"""Factors from SI to ms, mm, µm and mJ, the units of the axes."""
+
+COLUMN, PAGE = 85.0, 170.0
+"""Width of a journal's column and page [mm]."""
+
+
+@dataclass(frozen=True)
+class FigureKind:
+    """One figure of the report. A new one is one file and one line of the registry."""
+
+    name: str
+    """Name of the saved file, letters, digits and hyphens."""
+    width: float
+    """Width [mm]."""
+    height: Callable[[Identification], float]
+    """Height [mm]."""
+    caption: Callable[[Identification], str]
+    """What is seen, in plain text."""
+    panels: Callable[[Identification], list[list[str]]]
+    """Mosaic of panel names, as `Figure.subplot_mosaic` takes it; "." leaves a place empty."""
+    draw: Callable[[Identification, Panels], None]
+    """Draws a result into the panels; computes nothing but differences and ratios of what it is given."""
+    mosaic: dict[str, Any] = field(default_factory=dict)
+    """Further options of `Figure.subplot_mosaic`."""
+    applies: Callable[[Identification], bool] = lambda result: True
+    """Whether there is something to draw."""
+
+
+def letter(ax: Axes, text: str) -> None:
+    """Mark a panel (a), (b), ... above its corner."""
+    ax.annotate(
+        f"({text})",
+        (0.0, 1.0),
+        xytext=(0, 2.5),
+        xycoords="axes fraction",
+        textcoords="offset points",
+        fontweight="bold",
+        annotation_clip=False,
+    )
+
+
+def say_empty(ax: Axes, text: str) -> None:
+    """Say in a panel why it is empty."""
+    ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color=GREY)
+
+
+def smooth_bar(bar: Colorbar) -> None:
+    """Draw a colour bar as vectors; matplotlib would put a bitmap into the vector file."""
+    if bar.solids is not None:
+        bar.solids.set_rasterized(False)
+        bar.solids.set_edgecolor("face")  # no white seams between its steps
+
+
+def largest(values: NDArray[np.float64], default: float = 1.0) -> float:
+    """Largest finite |value|, `default` if there is none or all are zero."""
+    finite = np.abs(values[np.isfinite(values)])
+    return float(finite.max()) if finite.size and finite.max() > 0.0 else default

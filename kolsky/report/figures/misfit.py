@@ -1,0 +1,169 @@
+"""Misfit along each free parameter: the surrogate, the runs, and where each route ends."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
+from numpy.typing import NDArray
+
+from kolsky.identification import DesignTable, Estimate, Identification, SurrogateCurve
+from kolsky.report.figures.base import (
+    BAND,
+    FORCE,
+    MEASURED,
+    PAGE,
+    ROUTES,
+    SHAPE,
+    FigureKind,
+    Panels,
+    letter,
+    say_empty,
+)
+from kolsky.report.nomenclature import axis_label, route_label
+
+PARTS = ("chi2", "phi", "routes")
+MARKERS = {"design": "o", "refinement": "s", "check": "D"}
+
+
+def caption(result: Identification) -> str:
+    """What is seen."""
+    others = "" if len(result.curves) < 2 else " (curves: the others at their optimum; pale: all runs)"
+    return (
+        f"Misfit along each free parameter{others}. Left: joint χ² of the surrogate (line) and of the runs "
+        "near the optimum (markers), over the surrogate’s smallest value; the triangles are the force-only "
+        "and shape-only optima in the colours of the right panel. Centre: Φ_F and Φ_S, Eqs. (M.4) and (M.3), "
+        "over the surrogate’s smallest values, with every run. Circles: design, squares: refinement, both on "
+        "the surrogate’s mesh; diamonds: check on the refined mesh; crosses on the axis: runs that did not "
+        "complete. Right: the optimum of each route with ±2 of its standard uncertainty. Dashed line and "
+        "band: the joint optimum and its k = 2 interval, numerical part included."
+    )
+
+
+def draw(result: Identification, panels: Panels) -> None:
+    """Draw three panels a parameter."""
+    letters = iter("abcdefghijklmnopqrstuvwx")
+    for name, estimate in result.estimates.items():
+        curve = next((c for c in result.curves if c.parameter == name), None)
+        chi2, phi, routes = (panels[f"{name} {part}"] for part in PARTS)
+        for ax in (chi2, phi, routes):
+            letter(ax, next(letters))
+            ax.set_xlabel(axis_label(name, estimate.unit))
+            if np.isfinite(estimate.value):
+                ax.axvline(estimate.value, color=MEASURED, lw=0.6, ls="--")
+            if np.isfinite(estimate.interval).all():
+                ax.axvspan(*estimate.interval, color=BAND, alpha=0.35, lw=0.0)
+        chi2.set_ylabel(r"$\chi^2/\chi^2_\mathrm{opt}$ (–)")
+        phi.set_ylabel(r"$\Phi/\Phi_\mathrm{min}$ (–)")
+        if curve is None:
+            say_empty(chi2, "no surrogate")
+            say_empty(phi, "no surrogate")
+        else:
+            _draw_chi2(chi2, curve, result)
+            _draw_phi(phi, curve, result.design)
+        _draw_routes(routes, name, estimate, result)
+
+
+def _draw_chi2(ax: Axes, curve: SurrogateCurve, result: Identification) -> None:
+    design = result.design
+    ax.set_yscale("log")
+    ax.plot(curve.x, curve.chi2 / np.nanmin(curve.chi2), color=MEASURED)
+    _draw_runs(ax, design, curve.parameter, _weighted(result) / np.nanmin(curve.chi2), MEASURED)
+    # The surrogate that is searched spans a small box; the whole design is in the next panel.
+    edge = 0.03 * (curve.x[-1] - curve.x[0])
+    ax.set_xlim(curve.x[0] - edge, curve.x[-1] + edge)
+    _label_ratios(ax)
+    ax.set_ylim(0.7, 1.5 * np.nanmax(curve.chi2) / np.nanmin(curve.chi2))
+    # Triangles on the lower frame: on this scale the optima lie closer than their names are wide.
+    for route in result.routes:
+        if route.name in ("force only", "shape only"):
+            x = route.parameters.get(curve.parameter, np.nan)
+            place: dict[str, Any] = {"transform": ax.get_xaxis_transform()}
+            ax.plot(x, 0.03, "^", color=ROUTES[route.name], ms=3.2, mew=0.0, **place)
+
+
+def _label_ratios(ax: Axes) -> None:
+    """Ticks 1, 2, 5, 10, ... of a ratio on a logarithmic axis."""
+    ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    ax.yaxis.set_minor_formatter(NullFormatter())
+
+
+def _weighted(result: Identification) -> NDArray[np.float64]:
+    """Chi-square of each run with the weights of the final search, shape [n_runs].
+
+    The runs' sums are weighted by noise alone, the search by noise and model discrepancy in quadrature;
+    the median noise of each part is taken for all of it.
+    """
+    c, design, quality = result.comparison, result.design, result.surrogate
+    force = _share(c.force_sigma, quality.get("force_discrepancy", 0.0))
+    shape = _share(c.centre_line.sigma, quality.get("shape_discrepancy", 0.0))
+    return force * design.chi2_force + shape * design.chi2_shape
+
+
+def _share(sigma: NDArray[np.float64], tau: float) -> float:
+    """Noise over noise and discrepancy, both squared."""
+    if tau == 0.0 or sigma.size == 0:
+        return 1.0
+    noise = float(np.median(sigma))
+    return noise**2 / (noise**2 + tau**2)
+
+
+def _draw_phi(ax: Axes, curve: SurrogateCurve, design: DesignTable) -> None:
+    ax.set_yscale("log")
+    terms = (
+        (r"$\Phi_F$", curve.phi_force, design.phi_force, FORCE),
+        (r"$\Phi_S$", curve.phi_shape, design.phi_shape, SHAPE),
+    )
+    for label, along, runs, colour in terms:
+        smallest = np.nanmin(along)
+        ax.plot(curve.x, along / smallest, color=colour)
+        start = (curve.x[0], along[0] / smallest)
+        ax.annotate(label, start, xytext=(-11, 2), textcoords="offset points", color=colour)
+        _draw_runs(ax, design, curve.parameter, runs / smallest, colour)
+    ax.margins(x=0.08, y=0.1)
+    # On the frame of the panel: a run that did not complete has a place but no misfit.
+    frame: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "clip_on": False}
+    for place in design.points[~np.isfinite(design.phi_force), design.names.index(curve.parameter)]:
+        ax.plot(place, 0.0, "x", color=MEASURED, ms=3.0, mew=0.7, **frame)
+    _label_ratios(ax)
+
+
+def _draw_runs(
+    ax: Axes, design: DesignTable, parameter: str, values: NDArray[np.float64], colour: str
+) -> None:
+    x = design.points[:, design.names.index(parameter)]
+    # Off the line through the optimum a run says less about this one parameter: it is drawn paler.
+    style: dict[str, Any] = {"ms": 2.6, "mfc": "white", "mec": colour, "mew": 0.6, "ls": "none"}
+    style["alpha"] = 1.0 if len(design.names) == 1 else 0.45
+    for stage in dict.fromkeys(design.stage):
+        rows = np.array([s == stage for s in design.stage]) & np.isfinite(values)
+        ax.plot(x[rows], values[rows], MARKERS.get(stage, "v"), **style)
+
+
+def _draw_routes(ax: Axes, parameter: str, estimate: Estimate, result: Identification) -> None:
+    ax.set_yticks([])
+    ax.tick_params(axis="y", which="both", left=False, right=False)
+    count = len(result.routes)
+    ax.set_ylim(-0.6, count - 0.1 if count else 1.0)
+    if not count:
+        say_empty(ax, "no optimum")
+    for row, route in enumerate(reversed(result.routes)):
+        value, sigma = route.parameters.get(parameter, np.nan), route.sigma.get(parameter, np.nan)
+        colour = ROUTES.get(route.name, MEASURED)
+        ax.errorbar(value, row, xerr=2.0 * sigma if np.isfinite(sigma) else None, fmt="o", ms=3, color=colour)
+        at: dict[str, Any] = {"xycoords": ax.get_yaxis_transform(), "textcoords": "offset points"}
+        name = ax.annotate(route_label(route.name), (0.03, row), xytext=(0, 4), color=colour, **at)
+        name.set_in_layout(False)  # it lies inside, but its place is known only when the layout is
+    ax.margins(x=0.2)
+    ax.xaxis.set_major_locator(MaxNLocator(4))
+
+
+KIND = FigureKind(
+    name="misfit",
+    width=PAGE,
+    height=lambda result: 58.0 * max(1, len(result.estimates)),
+    caption=caption,
+    panels=lambda result: [[f"{name} {part}" for part in PARTS] for name in result.estimates],
+    draw=draw,
+)

@@ -1,0 +1,57 @@
+"""Words for the API, symbols for figures and pages: one list."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Name:
+    """How a parameter is written."""
+
+    symbol: str
+    """Symbol in plain text, e.g. "m"."""
+    tex: str
+    """Symbol for figures (mathtext without dollar signs)."""
+    words: str
+    """What it is."""
+    unit: str
+    """SI unit, "1" if none."""
+
+
+_NAMES = {
+    "stiffness_factor": Name("m", "m", "stiffness factor, dynamic over quasi-static modulus", "1"),
+    "friction": Name("f", "f", "Coulomb friction between specimen and platens", "1"),
+    "poisson": Name("ν", r"\nu", "Poisson’s ratio of the initial state", "1"),
+    "damping": Name("β", r"\beta", "stiffness-proportional damping", "s"),
+    "mass_damping": Name("α", r"\alpha", "mass-proportional damping", "1/s"),
+}
+
+_ROUTES = {
+    "joint": "joint χ²",
+    "force only": "force χ² only",
+    "shape only": "shape χ² only",
+    "paper": "cost Φ, Eq. (M.5)",
+}
+
+
+def name_of(parameter: str, unit: str | None = None) -> Name:
+    """How a parameter is written; one that is not in the list is written as it is called."""
+    if parameter in _NAMES:
+        return _NAMES[parameter]
+    words = parameter.replace("_", " ")
+    escaped = words.replace("\\", " ").replace("$", " ").replace("^", " ").replace(" ", r"\ ")
+    return Name(words, rf"\mathrm{{{escaped}}}", words, unit or "SI")
+
+
+def axis_label(parameter: str, unit: str | None = None) -> str:
+    """Label of an axis for a parameter: words, symbol and unit in brackets."""
+    name = name_of(parameter, unit)
+    words = name.words.split(",")[0].split(" between")[0]
+    unit = "–" if name.unit == "1" else name.unit
+    if name.symbol == words:
+        return f"{words.capitalize()} ({unit})"
+    return f"{words[0].upper()}{words[1:]} ${name.tex}$ ({unit})"
+
+
+def route_label(route: str) -> str:
+    """What a route of `Identification.routes` minimises."""
+    return _ROUTES.get(route, route)

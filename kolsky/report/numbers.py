@@ -1,0 +1,88 @@
+"""Numbers as a reader wants them: rounded by their uncertainty, never sixteen digits."""
+
+import math
+
+MINUS = "\u2212"
+NOTHING = "–"
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def measured(value: float, uncertainty: float) -> tuple[str, str]:
+    """A value and its expanded uncertainty, both to the second significant digit of the uncertainty.
+
+    Parameters
+    ----------
+    value, uncertainty : float
+        In the same unit; the uncertainty not negative.
+
+    Returns
+    -------
+    tuple of str
+        For example ("1.1200", "0.0050"); ("2.50 × 10⁻⁵", "0.13 × 10⁻⁵"). Four digits and "–" if the
+        uncertainty is zero or not finite, as nothing then says how many digits count.
+    """
+    if not (math.isfinite(value) and math.isfinite(uncertainty) and uncertainty > 0.0):
+        return plain(value), plain(uncertainty) if math.isfinite(uncertainty) else NOTHING
+    last = _exponent(uncertainty, digits=2) - 1  # power of ten of the last digit kept
+    largest = _exponent(max(abs(value), uncertainty), digits=1)
+    if last >= -7 and -3 <= largest <= 5:
+        return rounded(value, last), rounded(uncertainty, last)
+    power = f" × 10{str(largest).translate(_RAISED)}"
+    scale = 10.0**largest
+    return (
+        rounded(value / scale, last - largest) + power,
+        rounded(uncertainty / scale, last - largest) + power,
+    )
+
+
+def like(value: float, uncertainty: float) -> str:
+    """A value rounded as `measured` would."""
+    return measured(value, uncertainty)[0]
+
+
+def part(value: float, uncertainty: float) -> str:
+    """A contribution to an expanded uncertainty, one digit finer than `measured` writes the whole."""
+    if not (math.isfinite(value) and math.isfinite(uncertainty) and uncertainty > 0.0):
+        return plain(value, 2)
+    last = _exponent(uncertainty, digits=2) - 2
+    return rounded(value, last) if -8 <= last <= 4 else plain(value, 3)
+
+
+def rounded(value: float, last: int) -> str:
+    """A number rounded at the power of ten `last`, e.g. rounded(1234.5, 1) is "1230"."""
+    if not math.isfinite(value):
+        return NOTHING
+    text = f"{round(value, -last):.{max(0, -last)}f}"
+    return _signed("0" + text[2:] if text.startswith("-0") and float(text) == 0.0 else text)
+
+
+def plain(value: float, digits: int = 4) -> str:
+    """A number with `digits` significant digits; powers of ten below 1e-3 and from 1e6."""
+    if not math.isfinite(value):
+        return NOTHING
+    if value == 0.0:
+        return "0"
+    exponent = _exponent(value, digits=digits)
+    if not -4 < exponent < 6:
+        mantissa = f"{value:.{digits - 1}e}".split("e")[0]
+        return _signed(f"{_trim(mantissa)} × 10{str(exponent).translate(_RAISED)}")
+    return _signed(_trim(f"{round(value, digits - 1 - exponent):.{max(0, digits - 1 - exponent)}f}"))
+
+
+def percent(share: float, digits: int = 2) -> str:
+    """A share of one in percent."""
+    text = plain(100.0 * share, digits)
+    return text if text == NOTHING else f"{text} %"
+
+
+def _exponent(value: float, *, digits: int) -> int:
+    """Power of ten of the leading digit after rounding to `digits` (0.0999 with 2 digits gives -1)."""
+    return int(f"{abs(value):.{digits - 1}e}".split("e")[1])
+
+
+def _trim(text: str) -> str:
+    return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def _signed(text: str) -> str:
+    return text.replace("-", MINUS)

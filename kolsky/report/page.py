@@ -1,0 +1,264 @@
+"""One self-contained page: the answer, what it rests on, and what would contradict it."""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup, escape
+
+from kolsky.atomic import replacing
+from kolsky.identification import Estimate, Identification, Verdict
+from kolsky.report import numbers
+from kolsky.report.canvas import inline_svg
+from kolsky.report.figures import REGISTRY
+from kolsky.report.nomenclature import name_of, route_label
+from kolsky.results_text import worst_imbalance
+
+_HERE = Path(__file__).parent
+
+_VERDICTS = {
+    Verdict.IDENTIFIED: "The optimum lies inside the design, and a simulation at it confirms the surrogate.",
+    Verdict.AT_BOUND: "The optimum lies on a bound of the design: read the value as a limit, not as an "
+    "estimate. Widen the design and run again.",
+    Verdict.NOT_SEEN: "The data hardly change with this parameter: the interval says what can be "
+    "excluded, the value says little. Hold it fixed at an independent value.",
+    Verdict.DISAGREEING: "The simulation at the optimum does not confirm the surrogate: do not use the "
+    "value. Add runs near the optimum and search again.",
+    Verdict.FAILED: "No simulation of the design completed, so there is no estimate. The design table "
+    "names the cause of each run.",
+}
+
+_TESTED = ("specimen", "interface", "support", "window_s")
+_TABLES = ("checks", "inputs", "settings", "versions")
+"""Entries of provenance with a place of their own on the page; all others are listed at its end."""
+
+_UNITS = {
+    "specimen.diameter": (1e3, "mm"),
+    "specimen.length": (1e3, "mm"),
+    "specimen.density": (1.0, "kg/m³"),
+    "window_s": (1e3, "ms"),
+}
+"""Factor and unit in which an SI entry of provenance is shown."""
+
+
+def write_report(path: Path, identification: Identification) -> None:
+    """Write the report of one shot as a single HTML file without scripts or outside resources.
+
+    Parameters
+    ----------
+    path : Path
+        The file, replaced atomically if it exists; its folder must exist.
+    identification : Identification
+        The result. Of its provenance, "specimen", "interface", "support" and "window_s" say what was
+        tested, and "checks", "inputs" (file name to SHA-256), "settings" and "versions" are tables of their
+        own; every other entry is listed under "Further".
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written; an older one is then unchanged.
+    """
+    html = render(identification)
+    with replacing(Path(path)) as partial:
+        # Names of files can hold bytes that are no text; they are shown as escapes rather than refused.
+        partial.write_bytes(html.encode("utf-8", errors="backslashreplace"))
+
+
+def render(identification: Identification) -> str:
+    """The report as HTML text; see `write_report`."""
+    environment = Environment(
+        loader=FileSystemLoader(_HERE),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {
+        "plain": numbers.plain,
+        "percent": numbers.percent,
+        "name_of": name_of,
+        "route_label": route_label,
+        "upper_first": lambda text: text[:1].upper() + text[1:],
+    }
+    environment.globals |= {
+        "like": numbers.like,
+        "uncertainty": lambda value, U: numbers.measured(value, U)[1],
+        "unit": _unit,
+    }
+    result = identification
+    provenance = result.provenance
+    drawn = [kind for kind in REGISTRY.values() if kind.applies(result)]
+    figures = {
+        kind.name.replace("-", "_"): {
+            "id": kind.name,
+            "number": number,
+            "svg": Markup(inline_svg(kind, result)),  # serialised as XML, which escapes every text in it
+            "caption": _subscripts(kind.caption(result)),
+            "width": kind.width,
+        }
+        for number, kind in enumerate(drawn, start=1)
+    }
+    return environment.get_template("page.html").render(
+        css=Markup((_HERE / "page.css").read_text(encoding="utf-8")),
+        result=result,
+        figures=figures,
+        answers=[_answer(estimate) for estimate in result.estimates.values()],
+        facts=_facts(result),
+        check=_check_run(result),
+        runs=_runs(result),
+        U={name: 2.0 * estimate.sigma for name, estimate in result.estimates.items()},
+        quality=_quality(result),
+        tested=flattened({key: provenance[key] for key in _TESTED if key in provenance}),
+        **{name: flattened(provenance.get(name, {})) for name in _TABLES},
+        further=flattened({k: v for k, v in provenance.items() if k not in (*_TESTED, *_TABLES)}),
+        completed=sum(outcome == "COMPLETED" for outcome in result.design.outcomes),
+        total_seconds=sum(result.seconds.values()),
+    )
+
+
+def flattened(value: Any, prefix: str = "") -> list[tuple[str, str]]:
+    """Rows (dotted key, text) of nested provenance; nothing is left out."""
+    if isinstance(value, Mapping):
+        return [row for k, v in value.items() for row in flattened(v, f"{prefix}.{k}" if prefix else str(k))]
+    if isinstance(value, list | tuple) and any(isinstance(item, Mapping | list | tuple) for item in value):
+        return [row for i, item in enumerate(value) for row in flattened(item, f"{prefix}[{i}]")]
+    factor, unit = _UNITS.get(prefix, (1.0, ""))
+    items = value if isinstance(value, list | tuple) else [value]
+    text = ", ".join(_text(item, factor) for item in items)
+    return [(prefix.removesuffix("_s") if unit else prefix, f"{text} {unit}" if unit else text)]
+
+
+def _text(value: Any, factor: float = 1.0) -> str:
+    if isinstance(value, bool) or value is None:
+        return {True: "yes", False: "no", None: "default"}[value]
+    return numbers.plain(factor * value, 6) if isinstance(value, float) else str(value)
+
+
+def _ms(time: float) -> str:
+    return f"{numbers.rounded(1e3 * float(time), -3)} ms"
+
+
+def _subscripts(text: str) -> Markup:
+    """A caption as HTML, with Φ_F and Φ_S as a reader expects them."""
+    return Markup(re.sub(r"Φ_([FS])", r"Φ<sub>\1</sub>", str(escape(text))))
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else unit
+
+
+def _answer(estimate: Estimate) -> dict[str, Any]:
+    """One estimate in words and rounded numbers."""
+    U = 2.0 * estimate.sigma
+    value, uncertainty = numbers.measured(estimate.value, U)
+    # Nothing has a share of no variance, nor of an infinite one.
+    variance = estimate.sigma**2 if 0.0 < estimate.sigma < np.inf else np.nan
+    budget = [(f"noise: {name}", part, "part") for name, part in estimate.noise_parts.items()]
+    budget.append(("noise, all sources", estimate.sigma_noise, "sum"))
+    budget.append(("mesh and step", estimate.sigma_numerical, "sum"))
+    parts = np.array(list(estimate.noise_parts.values()))
+    whole = estimate.sigma_noise
+    sums_up = not (parts.size and np.isfinite(whole)) or bool(
+        np.isclose(np.hypot.reduce(parts), whole, rtol=0.02)  # what rounding of printed parts would show
+    )
+    return {
+        "name": name_of(estimate.name, estimate.unit),
+        "unit": _unit(estimate.unit),
+        "known": bool(np.isfinite(estimate.value)),
+        "bounded": bool(np.isfinite(U)),
+        "value": value,
+        "uncertainty": uncertainty,
+        "interval": [numbers.like(end, U) for end in estimate.interval],
+        "verdict": estimate.outcome.value,
+        "good": estimate.outcome is Verdict.IDENTIFIED,
+        "meaning": _VERDICTS[estimate.outcome],
+        "relative": numbers.percent(U / abs(estimate.value)) if estimate.value else numbers.NOTHING,
+        "budget": [
+            (name, numbers.part(u, U), numbers.percent(np.divide(u**2, variance)), kind)
+            for name, u, kind in budget
+        ],
+        "combined": numbers.part(estimate.sigma, U),
+        "sums_up": sums_up,
+    }
+
+
+def _facts(result: Identification) -> list[tuple[str, str]]:
+    """What the data were, from the comparison itself."""
+    c, plain = result.comparison, numbers.plain
+    line, rows = c.centre_line, []
+    if c.force_time.size:
+        window = f"{_ms(c.force_time[0])} to {_ms(c.force_time[-1])}"
+        rows.append(("window of the force", f"{window}, {c.force_time.size} bins"))
+        rows.append(("largest measured force", f"{plain(float(c.force_measured.max()), 3)} N"))
+        rows.append(("noise of a bin, median", f"{plain(float(np.median(c.force_sigma)), 2)} N"))
+    if line.time.size:
+        frames = np.unique(line.frame).size
+        window = f"{_ms(line.time.min())} to {_ms(line.time.max())}"
+        rows.append(("window of the outline", f"{window}, {frames} frames, {line.time.size} points"))
+        rows.append(("noise of a point, median", f"{plain(1e6 * float(np.median(line.sigma)), 2)} µm"))
+        rows.append(("points outside the model’s range", f"{int((~c.inside).sum())}, not counted"))
+    return rows
+
+
+def _check_run(result: Identification) -> list[tuple[str, str]]:
+    """How the simulation at the optimum went."""
+    r, plain = result.response, numbers.plain
+    outcome = r.outcomes[0]
+    share, strain = float(r.extrapolated_share[0]), float(r.largest_strain_measure[0])
+    ended = "completed" if outcome.ok else f"{outcome.name}: {outcome.cause}; {outcome.cure}"
+    return [
+        ("outcome", ended),
+        ("time reached", f"{plain(1e3 * float(r.end_times[0]))} ms in {int(r.steps[0])} steps"),
+        ("smallest step", f"{plain(1e6 * float(r.smallest_step[0]), 3)} µs"),
+        ("worst energy imbalance", f"{numbers.percent(worst_imbalance(r))} of the largest external work"),
+        ("largest strain measure √(Ī₁ − 3)", plain(strain, 3)),
+        ("largest share of the volume past the material curve", numbers.percent(share)),
+    ]
+
+
+_QUALITY = {
+    "loo_force": ("force, leave-one-out, rms", 1.0, " N"),
+    "loo_shape": ("outline, leave-one-out, rms", 1e6, " µm"),
+    "check_force": ("force, against the last check run, rms", 1.0, " N"),
+    "check_shape": ("outline, against the last check run, rms", 1e6, " µm"),
+    "counted_points": ("outline points counted in the search", 1.0, ""),
+    "force_discrepancy": ("discrepancy of the model, force", 1.0, " N"),
+    "shape_discrepancy": ("discrepancy of the model, outline", 1e6, " µm"),
+}
+
+
+def _quality(result: Identification) -> list[tuple[str, str]]:
+    """Errors of the surrogate and the discrepancies it was weighted with, in N and µm."""
+    rows = []
+    for key, value in result.surrogate.items():
+        words, factor, unit = _QUALITY.get(key, (key, 1.0, ""))
+        rows.append((words, f"{numbers.plain(factor * value, 2 if unit else 6)}{unit}"))
+    return rows
+
+
+def _runs(result: Identification) -> list[dict[str, Any]]:
+    """The rows of the design table."""
+    design = result.design
+    U = {name: 2.0 * estimate.sigma for name, estimate in result.estimates.items()}
+    return [
+        {
+            "number": number,
+            "stage": design.stage[number],
+            "point": [
+                numbers.like(value, U.get(name, np.nan))
+                for name, value in zip(design.names, design.points[number], strict=True)
+            ],
+            "outcome": design.outcomes[number].lower().replace("_", " "),
+            "completed": design.outcomes[number] == "COMPLETED",
+            "terms": [
+                numbers.rounded(design.phi_force[number], -1),
+                numbers.rounded(1e3 * design.phi_shape[number], -3),
+                numbers.rounded(design.chi2_force[number], 0),
+                numbers.rounded(design.chi2_shape[number], 0),
+            ],
+        }
+        for number in range(len(design.outcomes))
+    ]
