@@ -137,7 +137,8 @@ def predict(response: Response, observations: Observations) -> Prediction:
         outcome = response.outcomes[lost[0]]
         raise ValueError(
             f"simulation {lost[0]} of {response.n_samples} did not complete ({outcome.name}:"
-            f" {outcome.cause}); select the completed ones first: response.select(np.flatnonzero(response.completed))"
+            f" {outcome.cause}); first select the completed ones:"
+            " response.select(np.flatnonzero(response.completed))"
         )
     t, line = response.force_times, observations.centre_line
     recorded = observations.force.time

@@ -8,8 +8,8 @@ on one platen to the first on the other, and nothing is extrapolated beyond.
 
 Against an exactly known barrel (4.75 to 6.3 mm over a height of 3.9 mm) the largest error is 0.24 um with 23
 nodes and 0.03 um with 45; on the outlines of a known-answer shot, thinned to 25 nodes and compared at the
-others, it is 0.35 um rms and 1.8 um at most beyond 0.5 mm from the platens, and grows to 13 um within
-0.1 mm of one, where the last free interval hides the point of contact.
+others, it is 0.35 um rms and 1.8 um at most beyond 0.5 mm from the platens, and 14 um at
+0.1 mm from one, where the last free interval hides the point of contact.
 """
 
 import numpy as np
