@@ -11,45 +11,13 @@ from typing import Any
 
 import warp as wp
 
-from explicit.contact import contact_law
-from explicit.element import INVERTED, element_functions
+from explicit.boundary import BAR_HISTORY, LOWER, UPPER, boundary_functions
+from explicit.element import INVERTED, ElementFunctions, element_functions
+from explicit.lanes import lane_functions
 from explicit.outcome import Outcome
 from explicit.precision import Precision
-
-INTERIOR, LOWER, UPPER, SIDE = 0, 1, 2, 3
-"""Node kinds: which platen a node can meet."""
-
-BAR_HISTORY = 1024
-"""Samples per round trip of the wave stored for a characteristic bar."""
-
-BARRIER = """
-#if defined(__CUDA_ARCH__)
-    __syncthreads();
-#endif
-"""
-"""Lanes of one simulation meet here; a single lane (CPU) has nobody to wait for."""
-
-# Warp's tile reductions share one buffer between CPU threads, so lanes are reduced natively: within a
-# warp by shuffles, then across warps in a fixed order. Every lane gets the result.
-_REDUCTION = """
-#if defined(__CUDA_ARCH__)
-    __shared__ double partial[32];
-    for (int offset = 16; offset > 0; offset >>= 1) {
-        double other = __shfl_down_sync(0xffffffffu, x, offset);
-        x = COMBINE;
-    }
-    if ((threadIdx.x & 31) == 0) partial[threadIdx.x >> 5] = x;
-    __syncthreads();
-    x = partial[0];
-    for (int i = 1; i < (blockDim.x >> 5); ++i) { double other = partial[i]; x = COMBINE; }
-    __syncthreads();
-#endif
-    return x;
-"""
-BLOCK_SUM = _REDUCTION.replace("COMBINE", "x + other")
-"""Sum over the lanes of a simulation."""
-BLOCK_LARGEST = _REDUCTION.replace("COMBINE", "x > other ? x : other")
-"""Largest value over the lanes of a simulation."""
+from explicit.structs import Structs, batch_structs
+from explicit.sweeps import sweep_functions
 
 
 @dataclass(frozen=True)
@@ -58,192 +26,32 @@ class MarchKernel:
 
     kernel: Any
     """The Warp kernel; launch with dim = (n_samples, n_lanes)."""
-    Body: Any
-    """Struct of the mesh's constants."""
-    Batch: Any
-    """Struct of per-sample parameters and tables."""
-    State: Any
-    """Struct of the fields that vary, each `[sample, node]`."""
-    Output: Any
-    """Struct of the recorded histories, each `[sample, time, ...]`."""
-    Shape: Any
-    """Struct of one element's constants."""
-    Solid: Any
-    """Struct of one sample's moduli."""
+    structs: Structs
+    """Types of its arguments."""
+    element: ElementFunctions
+    """The element it sweeps, with the types of one element's and one sample's constants."""
 
 
 @cache
 def march_kernel(law: type, faces: str, side: str, precision: Precision) -> MarchKernel:
     """Generate the time loop for a material law, two contact laws and a precision."""
     element = element_functions(law, precision)
-    real, vec2, vec4 = precision.real, precision.vec2, precision.vec4
-    Shape, Solid = element.Shape, element.Solid
-    element_forces, element_energies = element.forces, element.energies
-    face_contact = contact_law(faces).kernel_function(precision)
-    side_contact = contact_law(side).kernel_function(precision)
+    structs = batch_structs(precision, element.Shape, element.Solid)
+    sweeps = sweep_functions(precision, element, structs)
+    boundary = boundary_functions(faces, side, precision, structs)
+    lanes = lane_functions()
+    real, vec2 = precision.real, precision.vec2
+    Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
+    sweep_elements, sweep_energies = sweeps.elements, sweeps.energies
+    flyer_position, returned_wave, meet = boundary.flyer_position, boundary.returned_wave, boundary.meet
+    sync, total, largest = lanes.sync, lanes.total, lanes.largest
     zero, half = real(0.0), real(0.5)
     ZERO, HALF, TWO = wp.float64(0.0), wp.float64(0.5), wp.float64(2.0)
     inverted = wp.float64(INVERTED * 0.5)
-    lower, upper, on_side = int(LOWER), int(UPPER), int(SIDE)
+    lower, upper = int(LOWER), int(UPPER)
     diverged, turned = int(Outcome.DIVERGED), int(Outcome.INVERTED)
     collapsed, limit = int(Outcome.STEP_COLLAPSED), int(Outcome.STEP_LIMIT)
     history, twice = int(BAR_HISTORY), int(2 * BAR_HISTORY)
-
-    @wp.struct
-    class Body:
-        n_elements: int
-        n_nodes: int
-        length: wp.float64
-        shapes: wp.array(dtype=Shape)
-        quads: wp.array(dtype=wp.vec4i)
-        first_corner: wp.array(dtype=int)
-        corners: wp.array(dtype=int)
-        reference_r: wp.array(dtype=wp.float64)
-        reference_y: wp.array(dtype=wp.float64)
-        mass: wp.array(dtype=real)
-        inverse_mass: wp.array(dtype=real)
-        on_axis: wp.array(dtype=int)
-        kind: wp.array(dtype=int)
-
-    @wp.struct
-    class Batch:
-        start: wp.float64
-        safety: wp.float64
-        largest_step: wp.float64
-        floor: wp.float64
-        measure_every: int
-        max_steps: int
-        impedance: wp.float64
-        round_trip: wp.float64
-        data_limit: wp.array(dtype=real)
-        solids: wp.array(dtype=Solid)
-        friction: wp.array(dtype=real)
-        material: wp.array(dtype=int)
-        rows: wp.array2d(dtype=real)
-        motion: wp.array(dtype=int)
-        motion_step: wp.array(dtype=wp.float64)
-        motion_table: wp.array3d(dtype=wp.float64)
-
-    @wp.struct
-    class State:
-        u_r: wp.array2d(dtype=real)
-        u_y: wp.array2d(dtype=real)
-        v_r: wp.array2d(dtype=real)
-        v_y: wp.array2d(dtype=real)
-        corner_r: wp.array2d(dtype=real)
-        corner_y: wp.array2d(dtype=real)
-        touched: wp.array2d(dtype=int)
-        bar_wave: wp.array2d(dtype=wp.float64)
-
-    @wp.struct
-    class Output:
-        force_times: wp.array(dtype=wp.float64)
-        surface_times: wp.array(dtype=wp.float64)
-        nodes: wp.array(dtype=int)
-        force: wp.array3d(dtype=wp.float64)
-        impulse: wp.array3d(dtype=wp.float64)
-        position: wp.array4d(dtype=wp.float64)
-        energy: wp.array3d(dtype=wp.float64)
-        outcome: wp.array(dtype=int)
-        steps: wp.array(dtype=int)
-        end_time: wp.array(dtype=wp.float64)
-        smallest_step: wp.array(dtype=wp.float64)
-        past_data: wp.array(dtype=wp.float64)
-        strain_measure: wp.array(dtype=wp.float64)
-
-    @wp.func_native(snippet=BARRIER)
-    def sync(): ...
-
-    @wp.func_native(snippet=BLOCK_SUM)
-    def total(x: wp.float64) -> wp.float64: ...
-
-    @wp.func_native(snippet=BLOCK_LARGEST)
-    def largest(x: wp.float64) -> wp.float64: ...
-
-    @wp.func
-    def flyer_position(batch: Batch, sample: int, time: wp.float64):
-        which = batch.motion[sample]
-        step = batch.motion_step[which]
-        last = batch.motion_table.shape[1] - 1
-        k = wp.clamp(int((time - batch.start) / step), 0, last - 1)
-        x = (time - batch.start) / step - wp.float64(k)
-        f0, f1 = batch.motion_table[which, k, 0], batch.motion_table[which, k + 1, 0]
-        d0, d1 = batch.motion_table[which, k, 1] * step, batch.motion_table[which, k + 1, 1] * step
-        three = wp.float64(3.0)
-        position = f0 + x * (d0 + x * (three * (f1 - f0) - TWO * d0 - d1 + x * (TWO * (f0 - f1) + d0 + d1)))
-        if x > wp.float64(1.0):
-            position = f1 + d1 * (x - wp.float64(1.0))
-        return position
-
-    @wp.func
-    def returned_wave(state: State, sample: int, elapsed: wp.float64, round_trip: wp.float64):
-        """The wave h(t) = g(t - 2 L / c) that comes back from the bar's free end."""
-        wave = wp.float64(0.0)
-        late = elapsed - round_trip
-        if late > ZERO:
-            place = late / round_trip * wp.float64(history)
-            k = int(place)
-            share = place - wp.float64(k)
-            early = state.bar_wave[sample, k % twice]
-            later = state.bar_wave[sample, (k + 1) % twice]
-            wave = early + share * (later - early)
-        return wave
-
-    @wp.func
-    def sweep_elements(body: Body, batch: Batch, state: State, sample: int, lane: int, measure: int):
-        """Corner forces of this lane's elements; the largest omega^2 and the power dissipated."""
-        solid = batch.solids[sample]
-        row = batch.rows[batch.material[sample]]
-        u_r, u_y, v_r, v_y = state.u_r[sample], state.u_y[sample], state.v_r[sample], state.v_y[sample]
-        corner_r, corner_y = state.corner_r[sample], state.corner_y[sample]
-        worst, power = real(0.0), wp.float64(0.0)
-        e = lane
-        while e < body.n_elements:
-            q = body.quads[e]
-            f_r, f_y, omega_squared, dissipated = element_forces(
-                body.shapes[e],
-                solid,
-                row,
-                vec4(u_r[q[0]], u_r[q[1]], u_r[q[2]], u_r[q[3]]),
-                vec4(u_y[q[0]], u_y[q[1]], u_y[q[2]], u_y[q[3]]),
-                vec4(v_r[q[0]], v_r[q[1]], v_r[q[2]], v_r[q[3]]),
-                vec4(v_y[q[0]], v_y[q[1]], v_y[q[2]], v_y[q[3]]),
-                measure,
-            )
-            for a in range(4):
-                corner_r[4 * e + a] = f_r[a]
-                corner_y[4 * e + a] = f_y[a]
-            worst = wp.max(worst, omega_squared)
-            power += wp.float64(dissipated)
-            e += wp.block_dim()
-        return wp.float64(worst), power
-
-    @wp.func
-    def sweep_energies(body: Body, batch: Batch, state: State, sample: int, lane: int):
-        """Strain and hourglass energy, volume past the data and the largest s of this lane's elements."""
-        solid = batch.solids[sample]
-        row = batch.rows[batch.material[sample]]
-        limit_s = batch.data_limit[batch.material[sample]]
-        u_r, u_y = state.u_r[sample], state.u_y[sample]
-        elastic, hourglass = wp.float64(0.0), wp.float64(0.0)
-        past, most = wp.float64(0.0), real(0.0)
-        e = lane
-        while e < body.n_elements:
-            q = body.quads[e]
-            w, h, s = element_energies(
-                body.shapes[e],
-                solid,
-                row,
-                vec4(u_r[q[0]], u_r[q[1]], u_r[q[2]], u_r[q[3]]),
-                vec4(u_y[q[0]], u_y[q[1]], u_y[q[2]], u_y[q[3]]),
-            )
-            elastic += wp.float64(w)
-            hourglass += wp.float64(h)
-            most = wp.max(most, s)
-            if s > limit_s:
-                past += wp.float64(body.shapes[e].volume)
-            e += wp.block_dim()
-        return elastic, hourglass, past, wp.float64(most)
 
     @wp.kernel(module="unique", enable_backward=False)
     def march(body: Body, batch: Batch, state: State, output: Output, first: int):
@@ -322,28 +130,13 @@ def march_kernel(law: type, faces: str, side: str, precision: Precision) -> Marc
                 new = free
                 kind = body.kind[n]
                 if kind != 0:
-                    height = wp.float64(u_y[n])
-                    to_lower = real((lower_next - body.reference_y[n] - height) / dt)
-                    to_upper = real((body.length - flyer_next - body.reference_y[n] - height) / dt)
-                    touched = state.touched[sample, n]
-                    platen = int(0)
-                    if kind == lower:
-                        new = face_contact(free[0], free[1], to_lower, real(1.0), touched, friction)
-                        platen = lower
-                    elif kind == upper:
-                        new = face_contact(free[0], free[1], to_upper, real(-1.0), touched, friction)
-                        platen = upper
-                    elif kind == on_side:
-                        if touched == lower or (touched == 0 and free[1] < to_lower):
-                            flag = int(touched == lower)
-                            new = side_contact(free[0], free[1], to_lower, real(1.0), flag, friction)
-                            platen = lower
-                        elif touched == upper or (touched == 0 and free[1] > to_upper):
-                            flag = int(touched == upper)
-                            new = side_contact(free[0], free[1], to_upper, real(-1.0), flag, friction)
-                            platen = upper
-                        if free[1] < to_lower or free[1] > to_upper:
-                            state.touched[sample, n] = platen
+                    height = body.reference_y[n] + wp.float64(u_y[n])
+                    to_lower = real((lower_next - height) / dt)
+                    to_upper = real((body.length - flyer_next - height) / dt)
+                    new, platen, mark = meet(
+                        kind, state.touched[sample, n], free, to_lower, to_upper, friction
+                    )
+                    state.touched[sample, n] = mark
                     # Impulses of the platen on the node, and where their work goes.
                     kick = wp.float64(mass) * wp.float64(new[1] - free[1])
                     rub = wp.float64(mass) * wp.float64(new[0] - free[0])
@@ -454,4 +247,4 @@ def march_kernel(law: type, faces: str, side: str, precision: Precision) -> Marc
             output.past_data[sample] = past_data
             output.strain_measure[sample] = most_strained
 
-    return MarchKernel(march, Body, Batch, State, Output, Shape, Solid)
+    return MarchKernel(march, structs, element)

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from explicit.boundary import BAR_HISTORY, LOWER, SIDE, UPPER
 from explicit.device import select_device
 from explicit.energy import EnergyLedger
 from explicit.geometry import element_geometry
-from explicit.march import BAR_HISTORY, LOWER, SIDE, UPPER, MarchKernel, march_kernel
+from explicit.march import MarchKernel, march_kernel
 from explicit.materials import bulk_modulus
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.outcome import Outcome
@@ -119,7 +120,7 @@ def _body(kernel: MarchKernel, model: Model, numbers: Precision, where: Any) -> 
     mass = np.zeros(mesh.n_nodes)
     np.add.at(mass, mesh.quads.ravel(), corner_mass.ravel())
     inverse = 1.0 / corner_mass
-    shapes = np.zeros(mesh.n_elements, dtype=kernel.Shape.numpy_dtype())
+    shapes = np.zeros(mesh.n_elements, dtype=kernel.element.Shape.numpy_dtype())
     shapes["volume"] = geometry.volume
     shapes["gradient_r"] = geometry.gradient_r
     shapes["gradient_y"] = geometry.gradient_y
@@ -134,9 +135,9 @@ def _body(kernel: MarchKernel, model: Model, numbers: Precision, where: Any) -> 
     kind[mesh.lower_face] = LOWER
     kind[mesh.upper_face] = UPPER
     start, corner = mesh.corners_of_node
-    body = kernel.Body()
+    body = kernel.structs.Body()
     body.n_elements, body.n_nodes, body.length = mesh.n_elements, mesh.n_nodes, mesh.length
-    body.shapes = wp.array(shapes, dtype=kernel.Shape, device=where)
+    body.shapes = wp.array(shapes, dtype=kernel.element.Shape, device=where)
     body.quads = wp.array(mesh.quads.astype(np.int32), dtype=wp.vec4i, device=where)
     body.first_corner = wp.array(start.astype(np.int32), dtype=int, device=where)
     body.corners = wp.array(corner.astype(np.int32), dtype=int, device=where)
@@ -155,7 +156,7 @@ def _batch(
     mu = np.array([law.initial_shear_modulus for law in model.materials])[samples.material]
     mu = mu * samples.stiffness_factor
     bulk = bulk_modulus(mu, samples.poisson)
-    solids = np.zeros(len(samples), dtype=kernel.Solid.numpy_dtype())
+    solids = np.zeros(len(samples), dtype=kernel.element.Solid.numpy_dtype())
     solids["scale"] = samples.stiffness_factor
     solids["bulk"] = bulk
     solids["hourglass"] = model.hourglass * mu
@@ -173,7 +174,7 @@ def _batch(
         if len(motion.position) != n_knots:
             raise ValueError("the motions of a model need equally many knots")
         motions[i] = np.column_stack([motion.position, motion.velocity])
-    batch = kernel.Batch()
+    batch = kernel.structs.Batch()
     batch.start, batch.safety, batch.floor = model.start, stepping.safety, stepping.floor
     batch.largest_step = min(stepping.largest_step, 1.0)
     batch.measure_every, batch.max_steps = stepping.measure_every, stepping.max_steps
@@ -181,7 +182,7 @@ def _batch(
     batch.round_trip = min(model.support.round_trip, 1e300)
     limits = np.minimum([law.data_limit for law in model.materials], 1e30)
     batch.data_limit = wp.array(limits, dtype=numbers.real, device=where)
-    batch.solids = wp.array(solids, dtype=kernel.Solid, device=where)
+    batch.solids = wp.array(solids, dtype=kernel.element.Solid, device=where)
     batch.friction = wp.array(samples.friction, dtype=numbers.real, device=where)
     batch.material = wp.array(samples.material.astype(np.int32), dtype=int, device=where)
     batch.rows = wp.array(table, dtype=numbers.real, device=where)
@@ -193,7 +194,7 @@ def _batch(
 
 def _state(kernel: MarchKernel, model: Model, n: int, numbers: Precision, where: Any) -> Any:
     mesh = model.mesh
-    state = kernel.State()
+    state = kernel.structs.State()
     for name in ("u_r", "u_y", "v_r", "v_y"):
         setattr(state, name, wp.zeros((n, mesh.n_nodes), dtype=numbers.real, device=where))
     state.corner_r = wp.zeros((n, 4 * mesh.n_elements), dtype=numbers.real, device=where)
@@ -208,7 +209,7 @@ def _state(kernel: MarchKernel, model: Model, n: int, numbers: Precision, where:
 
 def _output(kernel: MarchKernel, n: int, sampling: Sampling, nodes: Any, where: Any) -> Any:
     n_force, n_surface = len(sampling.force_times), len(sampling.surface_times)
-    output = kernel.Output()
+    output = kernel.structs.Output()
     output.force_times = wp.array(sampling.force_times, dtype=wp.float64, device=where)
     output.surface_times = wp.array(sampling.surface_times, dtype=wp.float64, device=where)
     output.nodes = wp.array(nodes.astype(np.int32), dtype=int, device=where)

@@ -1,0 +1,93 @@
+"""The arguments of the time loop as Warp structs: constant body and batch, varying state, recorded output."""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from explicit.precision import Precision
+
+
+@dataclass(frozen=True)
+class Structs:
+    """The struct types of one law and precision."""
+
+    Body: Any
+    """The mesh's constants."""
+    Batch: Any
+    """Per-sample parameters and tables."""
+    State: Any
+    """Fields that vary, each `[sample, node]`."""
+    Output: Any
+    """Recorded histories, each `[sample, time, ...]`."""
+
+
+@cache
+def batch_structs(precision: Precision, Shape: Any, Solid: Any) -> Structs:
+    """Generate the structs around an element's `Shape` and a sample's `Solid`."""
+    real = precision.real
+
+    @wp.struct
+    class Body:
+        n_elements: int
+        n_nodes: int
+        length: wp.float64
+        shapes: wp.array(dtype=Shape)
+        quads: wp.array(dtype=wp.vec4i)
+        first_corner: wp.array(dtype=int)
+        corners: wp.array(dtype=int)
+        reference_r: wp.array(dtype=wp.float64)
+        reference_y: wp.array(dtype=wp.float64)
+        mass: wp.array(dtype=real)
+        inverse_mass: wp.array(dtype=real)
+        on_axis: wp.array(dtype=int)
+        kind: wp.array(dtype=int)
+
+    @wp.struct
+    class Batch:
+        start: wp.float64
+        safety: wp.float64
+        largest_step: wp.float64
+        floor: wp.float64
+        measure_every: int
+        max_steps: int
+        impedance: wp.float64
+        round_trip: wp.float64
+        data_limit: wp.array(dtype=real)
+        solids: wp.array(dtype=Solid)
+        friction: wp.array(dtype=real)
+        material: wp.array(dtype=int)
+        rows: wp.array2d(dtype=real)
+        motion: wp.array(dtype=int)
+        motion_step: wp.array(dtype=wp.float64)
+        motion_table: wp.array3d(dtype=wp.float64)
+
+    @wp.struct
+    class State:
+        u_r: wp.array2d(dtype=real)
+        u_y: wp.array2d(dtype=real)
+        v_r: wp.array2d(dtype=real)
+        v_y: wp.array2d(dtype=real)
+        corner_r: wp.array2d(dtype=real)
+        corner_y: wp.array2d(dtype=real)
+        touched: wp.array2d(dtype=int)
+        bar_wave: wp.array2d(dtype=wp.float64)
+
+    @wp.struct
+    class Output:
+        force_times: wp.array(dtype=wp.float64)
+        surface_times: wp.array(dtype=wp.float64)
+        nodes: wp.array(dtype=int)
+        force: wp.array3d(dtype=wp.float64)
+        impulse: wp.array3d(dtype=wp.float64)
+        position: wp.array4d(dtype=wp.float64)
+        energy: wp.array3d(dtype=wp.float64)
+        outcome: wp.array(dtype=int)
+        steps: wp.array(dtype=int)
+        end_time: wp.array(dtype=wp.float64)
+        smallest_step: wp.array(dtype=wp.float64)
+        past_data: wp.array(dtype=wp.float64)
+        strain_measure: wp.array(dtype=wp.float64)
+
+    return Structs(Body, Batch, State, Output)

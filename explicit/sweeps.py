@@ -1,0 +1,87 @@
+"""The two sweeps over a simulation's elements: corner forces, and energies at the times of the ledger."""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from explicit.element import ElementFunctions
+from explicit.precision import Precision
+from explicit.structs import Structs
+
+
+@dataclass(frozen=True)
+class SweepFunctions:
+    """The sweeps of one law and precision."""
+
+    elements: Any
+    """``elements(body, batch, state, sample, lane, measure) -> (omega_squared, power)``."""
+    energies: Any
+    """``energies(body, batch, state, sample, lane) -> (elastic, hourglass, volume past data, s)``."""
+
+
+@cache
+def sweep_functions(precision: Precision, element: ElementFunctions, structs: Structs) -> SweepFunctions:
+    """Generate the sweeps."""
+    real, vec4 = precision.real, precision.vec4
+    Body, Batch, State = structs.Body, structs.Batch, structs.State
+    element_forces, element_energies = element.forces, element.energies
+
+    @wp.func
+    def sweep_elements(body: Body, batch: Batch, state: State, sample: int, lane: int, measure: int):
+        """Corner forces of this lane's elements; the largest omega^2 and the power dissipated."""
+        solid = batch.solids[sample]
+        row = batch.rows[batch.material[sample]]
+        u_r, u_y, v_r, v_y = state.u_r[sample], state.u_y[sample], state.v_r[sample], state.v_y[sample]
+        corner_r, corner_y = state.corner_r[sample], state.corner_y[sample]
+        worst, power = real(0.0), wp.float64(0.0)
+        e = lane
+        while e < body.n_elements:
+            q = body.quads[e]
+            f_r, f_y, omega_squared, dissipated = element_forces(
+                body.shapes[e],
+                solid,
+                row,
+                vec4(u_r[q[0]], u_r[q[1]], u_r[q[2]], u_r[q[3]]),
+                vec4(u_y[q[0]], u_y[q[1]], u_y[q[2]], u_y[q[3]]),
+                vec4(v_r[q[0]], v_r[q[1]], v_r[q[2]], v_r[q[3]]),
+                vec4(v_y[q[0]], v_y[q[1]], v_y[q[2]], v_y[q[3]]),
+                measure,
+            )
+            for a in range(4):
+                corner_r[4 * e + a] = f_r[a]
+                corner_y[4 * e + a] = f_y[a]
+            worst = wp.max(worst, omega_squared)
+            power += wp.float64(dissipated)
+            e += wp.block_dim()
+        return wp.float64(worst), power
+
+    @wp.func
+    def sweep_energies(body: Body, batch: Batch, state: State, sample: int, lane: int):
+        """Strain and hourglass energy, volume past the data and the largest s of this lane's elements."""
+        solid = batch.solids[sample]
+        row = batch.rows[batch.material[sample]]
+        limit_s = batch.data_limit[batch.material[sample]]
+        u_r, u_y = state.u_r[sample], state.u_y[sample]
+        elastic, hourglass = wp.float64(0.0), wp.float64(0.0)
+        past, most = wp.float64(0.0), real(0.0)
+        e = lane
+        while e < body.n_elements:
+            q = body.quads[e]
+            w, h, s = element_energies(
+                body.shapes[e],
+                solid,
+                row,
+                vec4(u_r[q[0]], u_r[q[1]], u_r[q[2]], u_r[q[3]]),
+                vec4(u_y[q[0]], u_y[q[1]], u_y[q[2]], u_y[q[3]]),
+            )
+            elastic += wp.float64(w)
+            hourglass += wp.float64(h)
+            most = wp.max(most, s)
+            if s > limit_s:
+                past += wp.float64(body.shapes[e].volume)
+            e += wp.block_dim()
+        return elastic, hourglass, past, wp.float64(most)
+
+    return SweepFunctions(sweep_elements, sweep_energies)
