@@ -43,7 +43,8 @@ _OTHERS = (
 )
 nitpick_ignore_regex = [
     ("py:.*", rf"({_OTHERS})\..*"),
-    ("py:class", r"Path|[a-z][a-z_ -]*"),  # plain words in a type: "array", "callable, optional"
+    ("py:class", r"Path|tuple\[int|[a-z][a-z_ -]*"),  # words in a type: "array", "callable, optional"
+    ("py:class", r"(explicit|doe|dic)\.[A-Z]\w*"),  # re-exported: documented where it is defined
 ]
 
 
