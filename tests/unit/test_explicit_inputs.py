@@ -1,0 +1,314 @@
+"""What the solver refuses, and what its message says: mesh, model, samples, sampling, stepping, motion."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from explicit import (
+    RIGID,
+    CharacteristicBar,
+    Mesh,
+    Model,
+    Outcome,
+    PlatenMotion,
+    Samples,
+    Sampling,
+    Stepping,
+    cylinder,
+    run,
+)
+from explicit.contact import contact_law
+from explicit.device import select_device
+from explicit.geometry import element_geometry
+from explicit.materials import MarlowLaw, bulk_modulus, neo_hookean
+from explicit.precision import precision
+
+
+def motion(start: float = 0.0, n_knots: int = 5) -> PlatenMotion:
+    return PlatenMotion.sampled(
+        lambda t: 1e-4 * (t - start),
+        lambda t: np.full_like(t, 1e-4),
+        start=start,
+        end=start + 1.0,
+        n_knots=n_knots,
+    )
+
+
+def model(**change: Any) -> Model:
+    values: dict[str, Any] = {
+        "mesh": cylinder(1e-3, 1e-3, n_radial=2, n_axial=2),
+        "density": 1000.0,
+        "materials": (neo_hookean(1e4),),
+        "motions": (motion(),),
+    }
+    return Model(**(values | change))
+
+
+# Mesh ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"radius": 0.0}, r"radius and length must be > 0 m, got 0.0 and 0.002"),
+        ({"length": -1.0}, r"radius and length must be > 0 m, got 0.001 and -1.0"),
+        ({"radius": float("nan")}, r"radius and length must be > 0 m, got nan"),
+        ({"n_radial": 1}, r"n_radial and n_axial must be >= 2, got 1 and 3"),
+        ({"n_axial": 0}, r"n_radial and n_axial must be >= 2, got 2 and 0"),
+        ({"grading": 0.5}, r"grading must be >= 1, got 0.5"),
+        ({"grading": float("nan")}, r"grading must be >= 1, got nan"),
+    ],
+)
+def test_impossible_cylinders_are_refused(change: dict[str, Any], message: str) -> None:
+    values = {"radius": 1e-3, "length": 2e-3, "n_radial": 2, "n_axial": 3, "grading": 1.0} | change
+    radius, length = values.pop("radius"), values.pop("length")
+    with pytest.raises(ValueError, match=message):
+        cylinder(radius, length, **values)
+
+
+def test_a_cylinder_has_the_volume_and_the_node_sets_of_a_cylinder() -> None:
+    mesh = cylinder(2e-3, 3e-3, n_radial=3, n_axial=5, grading=2.0)
+    assert (mesh.n_nodes, mesh.n_elements) == (4 * 6, 3 * 5)
+    assert mesh.length == pytest.approx(3e-3, rel=1e-15)
+    np.testing.assert_allclose(mesh.nodes[mesh.lower_face, 1], 0.0, atol=0)
+    np.testing.assert_allclose(mesh.nodes[mesh.upper_face, 1], 3e-3, rtol=1e-15)
+    np.testing.assert_allclose(mesh.nodes[mesh.side, 0], 2e-3, rtol=1e-15)
+    assert mesh.on_axis.sum() == 6
+    for nodes, column in ((mesh.lower_face, 0), (mesh.upper_face, 0), (mesh.side, 1)):
+        assert (np.diff(mesh.nodes[nodes, column]) > 0.0).all()  # axis first; transmission end first
+    # The integrand of a ring's volume is linear in R: Gauss points are exact.
+    volume = element_geometry(mesh).volume.sum()
+    assert volume == pytest.approx(np.pi * 4e-6 * 3e-3, rel=1e-14)
+
+
+def test_grading_is_the_ratio_of_the_largest_to_the_smallest_element() -> None:
+    mesh = cylinder(1.0, 1.0, n_radial=6, n_axial=7, grading=3.0)
+    r = np.diff(mesh.nodes[mesh.lower_face, 0])
+    y = np.diff(mesh.nodes[mesh.side, 1])
+    assert r[0] / r[-1] == pytest.approx(3.0, rel=1e-12)
+    assert y.max() / y.min() == pytest.approx(3.0, rel=1e-12)
+    np.testing.assert_allclose(y, y[::-1], rtol=1e-12)  # both faces alike
+
+
+def test_corners_of_a_node_are_all_its_corners_in_ascending_order() -> None:
+    mesh = cylinder(1.0, 1.0, n_radial=3, n_axial=2)
+    start, corner = mesh.corners_of_node
+    for node in range(mesh.n_nodes):
+        mine = corner[start[node] : start[node + 1]]
+        assert list(mine) == sorted(np.flatnonzero(mesh.quads.ravel() == node))
+
+
+def test_a_clockwise_element_is_named() -> None:
+    good = cylinder(1e-3, 1e-3, n_radial=2, n_axial=2)
+    quads = good.quads.copy()
+    quads[3] = quads[3, ::-1]
+    bad = Mesh(good.nodes, quads, good.lower_face, good.upper_face, good.side)
+    with pytest.raises(
+        ValueError, match=r"element 3 has Jacobian .* <= 0: number its corners counter-clockwise"
+    ):
+        element_geometry(bad)
+
+
+# Model -----------------------------------------------------------------------------------------------
+
+
+class OtherLaw(MarlowLaw):
+    """A second class of law."""
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"density": -870.0}, r"density must be > 0 kg/m\^3, got -870.0"),
+        ({"density": 0.0}, r"density must be > 0"),
+        ({"density": float("nan")}, r"density must be > 0 kg/m\^3, got nan"),
+        ({"materials": ()}, "a model needs material laws, all of one class"),
+        (
+            {"materials": (neo_hookean(1e4), OtherLaw(1.0, np.ones(3), np.zeros(3)))},
+            "a model needs material laws, all of one class",
+        ),
+        ({"motions": ()}, "a model needs flyer motions, all with one start time"),
+        ({"motions": (motion(), motion(start=0.5))}, "a model needs flyer motions, all with one start time"),
+        ({"damping_kind": "shear"}, "damping_kind must be 'deviatoric' or 'full', got 'shear'"),
+        ({"hourglass": -0.1}, "hourglass must be >= 0, got -0.1"),
+        ({"faces": "sticky"}, r"contact law must be one of \['bonded', .*\], got 'sticky'"),
+        ({"side": "none"}, r"contact law must be one of .*, got 'none'"),
+    ],
+)
+def test_impossible_models_are_refused(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        model(**change)
+
+
+def test_a_model_starts_when_its_motions_do_and_stands_rigid() -> None:
+    found = model(motions=(motion(start=0.25), motion(start=0.25)))
+    assert found.start == 0.25
+    assert found.support is RIGID
+    assert (RIGID.impedance, RIGID.round_trip) == (float("inf"), float("inf"))
+
+
+@pytest.mark.parametrize("name", ["impedance", "round_trip"])
+def test_a_bar_needs_positive_numbers(name: str) -> None:
+    good = CharacteristicBar(impedance=6910.0, round_trip=617e-6)
+    with pytest.raises(ValueError, match=f"{name} must be > 0 .*, got -1.0"):
+        replace(good, **{name: -1.0})
+
+
+# Samples ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"stiffness_factor": 0.0}, "stiffness_factor must be > 0, got 0.0"),
+        ({"stiffness_factor": [1.0, -0.5]}, "stiffness_factor must be > 0, got -0.5"),
+        ({"damping": -1e-5}, "damping must be >= 0 s, got -1e-05"),
+        ({"friction": -0.1}, "friction must be >= 0, got -0.1"),
+        ({"mass_damping": -1.0}, "mass_damping must be >= 0 1/s, got -1.0"),
+        ({"poisson": 0.5}, r"poisson must be in \[0, 0.4999\], got 0.5"),
+        ({"poisson": [0.49, -0.1]}, r"poisson must be in \[0, 0.4999\], got -0.1"),
+        ({"poisson": float("nan")}, r"poisson must be in \[0, 0.4999\], got nan"),
+        ({"friction": float("nan")}, "friction must be >= 0, got nan"),
+    ],
+)
+def test_impossible_samples_are_refused(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Samples.of(**change)
+
+
+def test_samples_broadcast_scalars_to_the_longest_parameter() -> None:
+    samples = Samples.of(stiffness_factor=np.array([0.9, 1.0, 1.1]), friction=0.3, motion=np.array([0, 1, 0]))
+    assert len(samples) == 3
+    np.testing.assert_array_equal(samples.friction, [0.3, 0.3, 0.3])
+    np.testing.assert_array_equal(samples.motion, [0, 1, 0])
+    assert len(Samples.of(material=np.array([0, 1]))) == 2
+
+
+def test_samples_of_different_lengths_are_refused() -> None:
+    with pytest.raises(ValueError, match="shape mismatch"):
+        Samples.of(stiffness_factor=np.ones(3), friction=np.ones(2))
+    three = Samples.of(stiffness_factor=np.ones(3))
+    with pytest.raises(ValueError, match="one value per sample"):
+        replace(three, friction=np.zeros(2))
+
+
+def test_bulk_modulus_is_that_of_linear_elasticity() -> None:
+    # K = E / (3 (1 - 2 nu)) with E = 2 mu (1 + nu), written with other constants than the code's.
+    mu, nu = 3.0e4, np.array([0.0, 0.25, 0.495])
+    np.testing.assert_allclose(bulk_modulus(mu, nu), 2 * mu * (1 + nu) / (3 * (1 - 2 * nu)), rtol=1e-14)
+    assert bulk_modulus(1.0, 0.125) == pytest.approx(1.0, rel=1e-14)  # K = mu at nu = 1/8
+
+
+# Sampling and stepping ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["force_times", "surface_times"])
+@pytest.mark.parametrize("times", [[], [0.0, 0.0], [1.0, 0.5], [0.0, float("nan")], [0.0, float("inf")]])
+def test_times_must_ascend_and_be_finite(name: str, times: list[float]) -> None:
+    good = {"force_times": np.array([0.1]), "surface_times": np.array([0.1])}
+    with pytest.raises(ValueError, match=f"{name} must be finite and strictly ascending"):
+        Sampling(**(good | {name: np.array(times)}))
+
+
+def test_sampling_ends_with_its_last_time() -> None:
+    assert Sampling(np.array([0.1, 0.4]), np.array([0.2])).end == 0.4
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"safety": 0.0}, r"safety must be in \(0, 1\], got 0.0"),
+        ({"safety": 1.1}, r"safety must be in \(0, 1\], got 1.1"),
+        ({"safety": float("nan")}, r"safety must be in \(0, 1\], got nan"),
+        ({"measure_every": 0}, "measure_every must be >= 1, got 0"),
+        ({"largest_step": 0.0}, "largest_step must be > 0 s, got 0.0"),
+    ],
+)
+def test_impossible_steppings_are_refused(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Stepping(**change)
+
+
+# Motion ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"velocity": np.zeros(2)}, "as many velocities as positions, at least 2"),
+        ({"position": np.zeros(1), "velocity": np.zeros(1)}, "as many velocities as positions, at least 2"),
+        ({"step": 0.0}, "step must be > 0 s, got 0.0"),
+        ({"step": float("nan")}, "step must be > 0 s, got nan"),
+        ({"position": np.array([0.0, np.nan, 1.0])}, "a motion must be finite everywhere"),
+        ({"velocity": np.array([0.0, np.inf, 1.0])}, "a motion must be finite everywhere"),
+        ({"position": np.array([1e-3, 2e-3, 3e-3])}, "a motion starts at displacement 0, got 0.001 m"),
+    ],
+)
+def test_impossible_motions_are_refused(change: dict[str, Any], message: str) -> None:
+    good = {"start": 0.0, "step": 0.5, "position": np.array([0.0, 1.0, 2.0]), "velocity": np.ones(3)}
+    with pytest.raises(ValueError, match=message):
+        PlatenMotion(**(good | change))
+
+
+def test_a_motion_is_exact_for_a_cubic_and_goes_on_at_its_last_velocity() -> None:
+    def place(t: Any) -> Any:
+        return 2.0 * t + 3.0 * t**2 - t**3
+
+    def speed(t: Any) -> Any:
+        return 2.0 + 6.0 * t - 3.0 * t**2
+
+    found = PlatenMotion.sampled(place, speed, start=0.0, end=1.0, n_knots=4)
+    times = np.linspace(0.0, 1.0, 31)
+    np.testing.assert_allclose(found(times), place(times), atol=1e-14)  # Hermite cubics contain it
+    late = np.array([1.0, 1.5, 3.0])
+    np.testing.assert_allclose(found(late), place(1.0) + speed(1.0) * (late - 1.0), rtol=1e-13)
+    assert found.end == pytest.approx(1.0, rel=1e-15)
+
+
+def test_a_sampled_motion_is_measured_from_its_start() -> None:
+    found = PlatenMotion.sampled(lambda t: 5.0 + t, lambda t: np.ones_like(t), start=2.0, end=3.0)
+    assert found.position[0] == 0.0
+    assert found(np.array([2.5]))[0] == pytest.approx(0.5, rel=1e-13)
+
+
+# Run -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("prepare", "message"),
+    [
+        (
+            lambda: run(model(motions=(motion(start=1.0),)), Samples.of(), _early()),
+            "requested time 0.5 s is before the model's start 1 s",
+        ),
+        (
+            lambda: run(model(), Samples.of(material=1), _early()),
+            "a sample names material 1, the model has 1",
+        ),
+        (lambda: run(model(), Samples.of(motion=3), _early()), "a sample names motion 3, the model has 1"),
+        (
+            lambda: run(model(motions=(motion(), motion(n_knots=9))), Samples.of(), _early()),
+            "the motions of a model need equally many knots",
+        ),
+        (lambda: select_device("cuda:99"), r"device must be one of \['cpu'.*\], got 'cuda:99'"),
+        (lambda: precision("fp16"), r"precision must be one of \['fp32', 'fp64'\], got 'fp16'"),
+        (lambda: contact_law("glued"), "contact law must be one of .*, got 'glued'"),
+    ],
+)
+def test_runs_that_cannot_be_are_refused(prepare: Callable[[], Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        prepare()
+
+
+def _early() -> Sampling:
+    return Sampling(np.array([0.5]), np.array([0.5]))
+
+
+def test_every_outcome_has_a_cause_and_a_cure() -> None:
+    for outcome in Outcome:
+        assert outcome.cause
+        assert outcome.cure
+        assert outcome.ok == (outcome is Outcome.COMPLETED)
