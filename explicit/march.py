@@ -112,7 +112,7 @@ def march_kernel(law: type, faces: str, side: str, precision: Precision) -> Marc
             # Half of this step's work belongs to the time of the positions, half to what follows.
             damp_step, rub_step = power * interval, wp.float64(0.0)
             land_step, work_step = wp.float64(0.0), wp.float64(0.0)
-            push_lower, push_upper = wp.float64(0.0), wp.float64(0.0)
+            push_lower, push_upper, carried = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
             h, tau = real(dt), real(interval)
             n = lane
             while n < body.n_nodes:
@@ -146,6 +146,8 @@ def march_kernel(law: type, faces: str, side: str, precision: Precision) -> Marc
                     slide = wp.float64(half * (old[0] + new[0]))
                     if platen == lower:
                         push_lower += kick
+                        if new[1] == to_lower:
+                            carried += wp.float64(mass)
                         land_step += kick * (lower_before - speed)
                         work_step += kick * lower_before
                     elif platen == upper:
@@ -222,19 +224,23 @@ def march_kernel(law: type, faces: str, side: str, precision: Precision) -> Marc
                 rubbed += rub_step
                 landed += land_step
                 force_before = force
-                # The support answers the force it just felt: v = F / Z + 2 h, away from the specimen.
+                # The support answers the force it just felt: v = F / Z + 2 h, away from the specimen. The
+                # mass it carries answers with it: a light bar would overshoot one step later without it.
                 lower_y = lower_next
                 if batch.impedance < wp.float64(1.0e30):
                     returned = wp.float64(0.0)
                     elapsed = time + dt - batch.start
                     if batch.round_trip < wp.float64(1.0e30):
                         returned = returned_wave(state, sample, elapsed, batch.round_trip)
-                        outgoing = force[1] / batch.impedance + returned
+                    inertia = total(carried) / (interval * batch.impedance)
+                    answer = -(force[1] / batch.impedance + TWO * returned)
+                    lower_before = (inertia * lower_before + answer) / (wp.float64(1.0) + inertia)
+                    if batch.round_trip < wp.float64(1.0e30):
+                        outgoing = -lower_before - returned
                         while wp.float64(recorded_bar) * batch.round_trip / wp.float64(history) <= elapsed:
                             if lane == 0:
                                 state.bar_wave[sample, recorded_bar % twice] = outgoing
                             recorded_bar += 1
-                    lower_before = -(force[1] / batch.impedance + TWO * returned)
                 time += dt
                 dt_before = dt
                 smallest = wp.min(smallest, dt)

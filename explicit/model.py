@@ -39,8 +39,8 @@ class Model:
     """Hourglass stiffness relative to full integration of the initial shear stiffness [-]."""
 
     def __post_init__(self) -> None:
-        if not self.density > 0.0:
-            raise ValueError(f"density must be > 0 kg/m^3, got {self.density}")
+        if not 0.0 < self.density < float("inf"):
+            raise ValueError(f"density must be > 0 kg/m^3 and finite, got {self.density}")
         if not self.materials or len({type(law) for law in self.materials}) != 1:
             raise ValueError("a model needs material laws, all of one class")
         if not self.motions or len({motion.start for motion in self.motions}) != 1:
@@ -84,6 +84,8 @@ class Samples:
         _require(self.damping, self.damping >= 0.0, "damping must be >= 0 s")
         _require(self.friction, self.friction >= 0.0, "friction must be >= 0")
         _require(self.mass_damping, self.mass_damping >= 0.0, "mass_damping must be >= 0 1/s")
+        for name in ("stiffness_factor", "damping", "friction", "mass_damping"):
+            _require(getattr(self, name), np.isfinite(getattr(self, name)), f"{name} must be finite")
         bulk_modulus(1.0, self.poisson)
 
     def __len__(self) -> int:
@@ -161,3 +163,9 @@ class Stepping:
             raise ValueError(f"measure_every must be >= 1, got {self.measure_every}")
         if not self.largest_step > 0.0:
             raise ValueError(f"largest_step must be > 0 s, got {self.largest_step}")
+        if not 0.0 <= self.floor < 1.0:
+            raise ValueError(f"floor must be in [0, 1), got {self.floor}")
+        if self.max_steps < 1:
+            raise ValueError(f"max_steps must be >= 1, got {self.max_steps}")
+        if self.precision not in ("fp32", "fp64"):
+            raise ValueError(f"precision must be 'fp32' or 'fp64', got {self.precision!r}")

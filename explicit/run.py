@@ -110,8 +110,9 @@ def _check(model: Model, samples: Samples, sampling: Sampling) -> None:
         ("material", samples.material, len(model.materials)),
         ("motion", samples.motion, len(model.motions)),
     ):
-        if ((index < 0) | (index >= count)).any():
-            raise ValueError(f"a sample names {name} {index.max()}, the model has {count}")
+        wrong = index[(index < 0) | (index >= count)]
+        if wrong.size:
+            raise ValueError(f"a sample names {name} {wrong[0]}, the model has 0 to {count - 1}")
 
 
 def _body(kernel: MarchKernel, model: Model, numbers: Precision, where: Any) -> Any:

@@ -122,9 +122,9 @@ class OtherLaw(MarlowLaw):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"density": -870.0}, r"density must be > 0 kg/m\^3, got -870.0"),
+        ({"density": -870.0}, r"density must be > 0 kg/m\^3 and finite, got -870.0"),
         ({"density": 0.0}, r"density must be > 0"),
-        ({"density": float("nan")}, r"density must be > 0 kg/m\^3, got nan"),
+        ({"density": float("nan")}, r"density must be > 0 kg/m\^3 and finite, got nan"),
         ({"materials": ()}, "a model needs material laws, all of one class"),
         (
             {"materials": (neo_hookean(1e4), OtherLaw(1.0, np.ones(3), np.zeros(3)))},
@@ -225,6 +225,10 @@ def test_sampling_ends_with_its_last_time() -> None:
         ({"safety": float("nan")}, r"safety must be in \(0, 1\], got nan"),
         ({"measure_every": 0}, "measure_every must be >= 1, got 0"),
         ({"largest_step": 0.0}, "largest_step must be > 0 s, got 0.0"),
+        ({"floor": -1.0}, r"floor must be in \[0, 1\), got -1.0"),
+        ({"floor": float("nan")}, r"floor must be in \[0, 1\), got nan"),
+        ({"max_steps": 0}, "max_steps must be >= 1, got 0"),
+        ({"precision": "fp16"}, "precision must be 'fp32' or 'fp64', got 'fp16'"),
     ],
 )
 def test_impossible_steppings_are_refused(change: dict[str, Any], message: str) -> None:
@@ -286,9 +290,12 @@ def test_a_sampled_motion_is_measured_from_its_start() -> None:
         ),
         (
             lambda: run(model(), Samples.of(material=1), _early()),
-            "a sample names material 1, the model has 1",
+            "a sample names material 1, the model has 0 to 0",
         ),
-        (lambda: run(model(), Samples.of(motion=3), _early()), "a sample names motion 3, the model has 1"),
+        (
+            lambda: run(model(), Samples.of(motion=3), _early()),
+            "a sample names motion 3, the model has 0 to 0",
+        ),
         (
             lambda: run(model(motions=(motion(), motion(n_knots=9))), Samples.of(), _early()),
             "the motions of a model need equally many knots",
