@@ -192,9 +192,9 @@ def draw(result: Result, figure: Figure) -> None:
         left.plot(TIMES[::15] / PASSAGE, 1e3 * found[::15], "o", markersize=3, color=line.get_color())
         right.loglog(MESHES, result.platen[name], "o-", color=line.get_color(), label=name)
     left.set(xlabel="time / passage of the rod [-]", ylabel="force [mN]", xlim=(0.9, 3))
+    right.loglog(MESHES, 0.015 * MESHES[0] / np.array(MESHES), "k:")
     label_sizes(right, np.array(MESHES))
     left.legend()
-    right.loglog(MESHES, 0.015 * MESHES[0] / np.array(MESHES), "k:")
     right.set(xlabel="elements along the rod [-]", ylabel="error of the platen's path [-]")
 
 

@@ -99,7 +99,7 @@ def rms(values: FloatArray) -> float:
 
 def label_sizes(axes: Axes, sizes: FloatArray) -> None:
     """Label a short logarithmic x axis with the sizes themselves."""
-    axes.set_xticks(sizes, [f"{size:.3g}" for size in sizes], rotation=45)
+    axes.set_xticks(sizes, [f"{size:.3g}" for size in sizes])
     axes.xaxis.set_minor_locator(NullLocator())
 
 

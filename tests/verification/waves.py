@@ -172,7 +172,7 @@ def row(result: Result) -> tuple[str, str, str]:
 
 
 def draw(result: Result, figure: Figure) -> None:
-    """Left: phase velocity of standing waves in a rod of radius a, by mesh. Right: force on a flat disc, radius
+    """Left: phase velocity of standing waves in a rod of radius a, by mesh. Right: force on a disc, radius
     20 times its height."""
     left, right = figure.subplots(1, 2)
     data = np.loadtxt(REFERENCE, delimiter=",")
