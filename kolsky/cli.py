@@ -1,7 +1,9 @@
 """The command line: parse, call, print. Imports beyond typer stay inside the commands: `--help` is fast."""
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated
 
@@ -37,6 +39,10 @@ Out = Annotated[
 
 def main() -> None:
     """Entry point of the `kolsky` command."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            # A terminal without a character (± in an old code page) gets its escape, not a traceback.
+            stream.reconfigure(errors="backslashreplace")
     app()
 
 
@@ -189,16 +195,16 @@ def sweep(
         list[str] | None,
         typer.Option(
             "--vary",
-            metavar="NAME=LOW:HIGH:LEVELS",
-            help="A factor of the full factorial; repeat for more. [default: friction=0:2:10 and "
-            "stiffness_factor=0.75:1.25:10]",
+            metavar="NAME=LOW:HIGH[:LEVELS]",
+            help="A parameter to vary; repeat for more. LEVELS belong to a factorial. [default: friction=0:2 "
+            "and stiffness_factor=0.75:1.25, 10 levels each]",
         ),
     ] = None,
     parameter: Numbers = None,
     design: Annotated[
         str, typer.Option(help="factorial, lhs or sobol; the last two take --runs points.")
     ] = "factorial",
-    runs: Annotated[int, typer.Option(min=2, help="Points of a lhs or sobol design.")] = 64,
+    runs: Annotated[int, typer.Option(min=2, max=1_000_000, help="Points of a lhs or sobol design.")] = 64,
     mesh: Mesh = "16x22",
     precision: Precision = "fp64",
     device: Device = "cpu",
@@ -210,9 +216,13 @@ def sweep(
     """Run a design of experiments over a shot's parameters; writes sweep.csv, one row a run."""
     from kolsky import commands, options
 
-    factors = vary or ["friction=0:2:10", "stiffness_factor=0.75:1.25:10"]
     with refusing_bad_input():
-        bounds, counts = options.levels("--vary", factors)
+        if options.one_of("--design", design, options.DESIGNS) == "factorial":
+            factors = vary or ["friction=0:2:10", "stiffness_factor=0.75:1.25:10"]
+            bounds, counts = options.levels("--vary", factors)
+        else:
+            bounds = options.spans("--vary", vary or ["friction=0:2", "stiffness_factor=0.75:1.25"])
+            counts = []
         commands.sweep(
             shot,
             bounds=bounds,

@@ -37,6 +37,8 @@ class Estimate:
     """Standard uncertainty from the measured noise (force, shape, flyer motion, material curve)."""
     sigma_numerical: float
     """Standard uncertainty from mesh and step, estimated by a refined run."""
+    mesh_shift: float
+    """Value on the refined mesh minus value on the surrogate's mesh."""
     noise_parts: dict[str, float]
     """The share of `sigma_noise` by source: "force and shape", "flyer motion", "material curve"."""
     outcome: Verdict
@@ -195,5 +197,7 @@ class Identification:
     "check_force" [N], "check_shape" [m] (surrogate against the check run, rms)."""
     seconds: dict[str, float]
     """Wall time by stage [s]."""
+    warnings: tuple[str, ...] = ()
+    """What a user must know before using the answer, one sentence each; see `kolsky.cautions`."""
     provenance: dict[str, Any] = field(default_factory=dict)
     """Input hashes, settings, versions, seed, machine class, precision."""

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from doe import Box, CostSurrogate, Design, ResponseSurrogate, from_points, full_factorial, latin_hypercube
 from doe import nelder_mead as minimise
+from kolsky.cautions import cautions
 from kolsky.forward import Forward, Numerics
 from kolsky.identification import (
     Comparison,
@@ -120,6 +121,7 @@ class _Identify:
         self.forward: Forward = self.prepared.forward
         self.observations: Observations = self.prepared.observations
         self.table = RunTable(self.box.names)
+        self.lost_replicates = 0
 
     def run(self) -> Identification:
         settings = self.settings
@@ -165,10 +167,14 @@ class _Identify:
         ratio = settings.refined_mesh[0] / coarse.mesh[0]
         numerical = 0.5 * SAFETY_FACTOR * np.abs(optimum - on_coarse) / (ratio**ORDER - 1.0)
         n_force = objective.n_force
-        return Identification(
+        found = Identification(
             shot=self.shot.name,
             estimates=self._estimates(
-                optimum, parts, numerical, confirmed=moved <= CONFIRMED and not _on_edge(optimum, box)
+                optimum,
+                parts,
+                numerical,
+                optimum - on_coarse,
+                confirmed=moved <= CONFIRMED and not _on_edge(optimum, box),
             ),
             fixed=self._fixed(),
             routes=self._routes(box, objective, model.predict, jacobian),
@@ -191,6 +197,13 @@ class _Identify:
             seconds=self.seconds,
             provenance=self._provenance(),
         )
+        warnings = cautions(
+            found,
+            checks=self.prepared.checks,
+            interface=self.shot.interface,
+            lost_replicates=self.lost_replicates,
+        )
+        return replace(found, warnings=warnings)
 
     # ---- stages -------------------------------------------------------------------------------------
 
@@ -273,6 +286,7 @@ class _Identify:
             progress=report,
         )
         rows = np.flatnonzero(response.completed)
+        self.lost_replicates = response.n_samples - len(rows)
         if 0 not in rows:
             ended = response.outcomes[0]
             raise ValueError(f"the noise stage's reference run failed: {ended.cause}. Cure: {ended.cure}")
@@ -289,7 +303,13 @@ class _Identify:
     # ---- what is reported ---------------------------------------------------------------------------
 
     def _estimates(
-        self, optimum: FloatArray, parts: dict[str, FloatArray], numerical: FloatArray, *, confirmed: bool
+        self,
+        optimum: FloatArray,
+        parts: dict[str, FloatArray],
+        numerical: FloatArray,
+        shift: FloatArray,
+        *,
+        confirmed: bool,
     ) -> dict[str, Estimate]:
         found = {}
         for i, name in enumerate(self.box.names):
@@ -308,6 +328,7 @@ class _Identify:
                 value=float(optimum[i]),
                 sigma_noise=total,
                 sigma_numerical=float(numerical[i]),
+                mesh_shift=float(shift[i]),
                 noise_parts=noise,
                 outcome=verdict,
             )
@@ -384,7 +405,8 @@ class _Identify:
         return {**held, **dict(self.settings.held)}
 
     def _provenance(self) -> dict[str, Any]:
-        return provenance(self.shot, self.settings, self.prepared, sliding="friction" in self.settings.free)
+        sliding = "friction" in self.settings.free or "friction" in self.settings.held
+        return provenance(self.shot, self.settings, self.prepared, sliding=sliding)
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,15 @@
 """Texts of the command line turned into typed settings; every refusal says what was expected."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from math import prod
 from pathlib import Path
 
 from kolsky.errors import InputError
 
 COMMAND_LINE = Path("command line")
+DESIGNS = ("factorial", "lhs", "sobol")
+MOST_RUNS = 1_000_000
+"""Most runs of a sweep; their histories must fit into memory."""
 
 
 def _refuse(option: str, text: str, expected: str) -> InputError:
@@ -15,7 +19,7 @@ def _refuse(option: str, text: str, expected: str) -> InputError:
 def mesh(option: str, text: str) -> tuple[int, int]:
     """ "24x32" as elements across the radius and along the length."""
     parts = text.lower().split("x")
-    if len(parts) != 2 or not all(part.strip().isdigit() for part in parts):
+    if len(parts) != 2 or not all(part.strip().isdecimal() for part in parts):
         raise _refuse(option, text, "elements across the radius x along the length, e.g. 24x32")
     across, along = int(parts[0]), int(parts[1])
     if across < 2 or along < 2 or across * along > 1_000_000:
@@ -46,9 +50,14 @@ def ranges(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float] |
             raise _refuse(option, text, "NAME or NAME=LOW:HIGH, e.g. friction=0:2")
         if name in found:
             raise _refuse(option, text, f"{name} once")
-        low_high = tuple(_value(option, text, name, end) for end in ends) if equals else None
-        found[name] = None if low_high is None else (low_high[0], low_high[1])
-        _bounds(option, text, name, found[name])
+        if not equals:
+            _known(option, text, name)
+            found[name] = None
+            continue
+        low, high = (_value(option, text, name, end) for end in ends)
+        if not low < high:
+            raise _refuse(option, text, f"the lower bound of {name} before the upper one")
+        found[name] = (low, high)
     return found
 
 
@@ -57,27 +66,79 @@ def levels(option: str, texts: Sequence[str]) -> tuple[dict[str, tuple[float, fl
     bounds: dict[str, tuple[float, float]] = {}
     counts: list[int] = []
     for text in texts:
-        name, _, rest = text.partition("=")
-        parts = rest.split(":")
-        if len(parts) != 3 or not parts[2].strip().isdigit() or int(parts[2]) < 2:
+        rest, _, count = text.rpartition(":")
+        if rest.count(":") != 1 or not count.strip().isdecimal() or int(count) < 2:
             raise _refuse(option, text, "NAME=LOW:HIGH:LEVELS with at least 2 levels, e.g. friction=0:2:10")
-        pair = (_value(option, text, name, parts[0]), _value(option, text, name, parts[1]))
-        _bounds(option, text, name, pair)
-        if name in bounds:
-            raise _refuse(option, text, f"{name} once")
-        bounds[name] = pair
-        counts.append(int(parts[2]))
+        counts.append(int(count))
+        for name, pair in spans(option, [rest]).items():
+            if name in bounds:
+                raise _refuse(option, text, f"{name} once")
+            bounds[name] = pair
+    if prod(counts) > MOST_RUNS:
+        raise InputError(
+            COMMAND_LINE,
+            f"{option}: {' x '.join(map(str, counts))} levels are {prod(counts)} runs",
+            allowed=f"at most {MOST_RUNS}",
+            cure="take fewer levels, or --design sobol",
+        )
     return bounds, counts
 
 
-def _value(option: str, whole: str, name: str, text: str) -> float:
-    from kolsky.parameters import checked_value, parameter
-    from kolsky.units import UnitError, quantity
+def spans(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """["friction=0:2"] as bounds by name."""
+    found: dict[str, tuple[float, float]] = {}
+    for text in texts:
+        for name, pair in ranges(option, [text]).items():
+            if pair is None:
+                raise _refuse(option, text, "NAME=LOW:HIGH, e.g. friction=0:2")
+            if name in found:
+                raise _refuse(option, text, f"{name} once")
+            found[name] = pair
+    return found
+
+
+def one_of(option: str, text: str, choices: Sequence[str]) -> str:
+    """The text, if it is one of the choices."""
+    if text not in choices:
+        *others, last = choices
+        allowed = f"{', '.join(others)} or {last}"
+        raise InputError(COMMAND_LINE, "is not known", key=option, value=text, allowed=allowed)
+    return text
+
+
+def finer(option: str, refined: tuple[int, int], than: str, mesh: tuple[int, int]) -> None:
+    """Refuse a refined mesh that is not finer than the other one in both directions."""
+    if refined[0] <= mesh[0] or refined[1] <= mesh[1]:
+        raise InputError(
+            COMMAND_LINE,
+            f"is not finer than {than} {mesh[0]}x{mesh[1]} in both directions",
+            key=option,
+            value=f"{refined[0]}x{refined[1]}",
+            cure=f"write {2 * mesh[0]}x{2 * mesh[1]}",
+        )
+
+
+def apart(option: str, names: Iterable[str], other: str, others: Iterable[str]) -> None:
+    """Refuse a parameter that two options claim."""
+    for name in sorted(set(names) & set(others)):
+        raise InputError(COMMAND_LINE, f"{name} is named by both {option} and {other}", cure="choose one")
+
+
+def _known(option: str, whole: str, name: str) -> str:
+    """The unit of a parameter that exists."""
+    from kolsky.parameters import parameter
 
     try:
-        unit = parameter(name).unit
+        return parameter(name).unit
     except ValueError as error:
         raise InputError(COMMAND_LINE, f"{option} {whole!r}: {error}") from None
+
+
+def _value(option: str, whole: str, name: str, text: str) -> float:
+    from kolsky.parameters import checked_value
+    from kolsky.units import UnitError, quantity
+
+    unit = _known(option, whole, name)
     try:
         number = float(text)
     except ValueError:
@@ -89,8 +150,3 @@ def _value(option: str, whole: str, name: str, text: str) -> float:
         return checked_value(name, number)
     except ValueError as error:
         raise InputError(COMMAND_LINE, f"{option} {whole!r}: {error}") from None
-
-
-def _bounds(option: str, text: str, name: str, pair: tuple[float, float] | None) -> None:
-    if pair is not None and not pair[0] < pair[1]:
-        raise _refuse(option, text, f"the lower bound of {name} before the upper one")

@@ -10,7 +10,7 @@ from kolsky.flyer import FlyerPath, fit_flyer
 from kolsky.forward import Forward, curve_replicates, material_law
 from kolsky.misfit import Observations, observe
 from kolsky.shots import Shot
-from kolsky.transducers import force_history
+from kolsky.transducers import force_history, noise_correlation
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Prepared:
     observations: Observations
     """What its instruments saw inside the window."""
     checks: dict[str, Any]
-    """Figures that tell whether the declared noise is believable."""
+    """Figures that tell whether the declared noise is believable and how far the curve reaches."""
 
     @property
     def path(self) -> FlyerPath:
@@ -60,7 +60,8 @@ def prepare(shot: Shot) -> Prepared:
     sampling = explicit.Sampling(
         force_times=observations.force.time, surface_times=np.unique(observations.centre_line.time)
     )
-    forward = Forward(shot=shot, sampling=sampling, paths=(path,), laws=(material_law(shot.curve),))
+    law = material_law(shot.curve)
+    forward = Forward(shot=shot, sampling=sampling, paths=(path,), laws=(law,))
     return Prepared(
         forward=forward,
         observations=observations,
@@ -68,5 +69,9 @@ def prepare(shot: Shot) -> Prepared:
             "flyer_chi2_per_dof": path.chi2_per_dof,
             "flyer_noise_scale": path.noise_scale,
             "flyer_static_scatter": path.static_scatter,
+            "force_noise_correlation": noise_correlation(force, channel.baseline),
+            "force_baseline_samples": int(channel.baseline_volts().size),
+            "curve_last_s": law.data_limit,
+            "curve_last_strain": float(shot.curve.stretch[-1] - 1.0),
         },
     )

@@ -10,25 +10,35 @@ from kolsky.shots import Shot
 
 
 def provenance(shot: Shot, settings: Any, prepared: Prepared, *, sliding: bool) -> dict[str, Any]:
-    """Everything that is needed to repeat a result: hashes, settings, versions, machine class."""
+    """Everything that is needed to repeat a result: hashes, settings, versions, machine class.
+
+    Parameters
+    ----------
+    shot, prepared
+        The shot as loaded, and made ready.
+    settings
+        The dataclass of settings the result was made with.
+    sliding : bool
+        Whether Coulomb's law replaced the declared interface, see `kolsky.forward.Forward.run`.
+
+    Returns
+    -------
+    dict
+        JSON types only. "interface" is what was simulated, "declared_interface" what the shot says.
+    """
     packages = {}
     for name in ("kolsky", "warp-lang", "numpy", "scipy"):
         try:
             packages[name] = version(name)
         except PackageNotFoundError:
             packages[name] = "not installed"
-    interface = (
-        {"faces": "coulomb", "side": "coulomb"}
-        if sliding
-        else {
-            "faces": shot.interface.faces,
-            "side": shot.interface.side,
-        }
-    )
+    declared = {"faces": shot.interface.faces, "side": shot.interface.side}
+    interface = {"faces": "coulomb", "side": "coulomb"} if sliding else declared
     return {
         "inputs": dict(shot.inputs),
         "settings": _plain(settings),
         "interface": interface,
+        **({"declared_interface": declared} if interface != declared else {}),
         "specimen": _plain(shot.specimen),
         "support": shot.support,
         "window_s": list(shot.window),

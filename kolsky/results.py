@@ -268,6 +268,7 @@ def _read_entry(file: h5py.File) -> Identification:
         curves=tuple(SurrogateCurve(**_read(file, p, CURVE, {})) for p in _numbered(file, "entry/curves")),
         surrogate=_read_numbers(file, "entry/surrogate"),
         seconds=_read_numbers(file, "entry/seconds"),
+        warnings=entry["warnings"],
         provenance=provenance,
     )
 

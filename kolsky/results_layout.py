@@ -78,6 +78,7 @@ ESTIMATE: Table = {
     "value": ("", "", "f"),
     "sigma_noise": ("", "", "f"),
     "sigma_numerical": ("", "", "f"),
+    "mesh_shift": ("", "", "f"),
     "outcome": ("", "", "t"),
 }
 ROUTE: Table = {"name": ("", "", "t"), "cost": ("1", "", "f")}
@@ -86,6 +87,7 @@ ENTRY: Table = {
     "shot": ("", "", "t"),
     "mesh": ("1", "two", "i"),
     "refined_mesh": ("1", "two", "i"),
+    "warnings": ("", "warnings", "t"),
     "provenance": ("", "", "t"),
 }
 

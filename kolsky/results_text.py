@@ -1,6 +1,5 @@
 """A result as one JSON object and as CSV tables."""
 
-import csv
 import math
 from collections.abc import Mapping
 from dataclasses import fields
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from explicit import Response
-from kolsky.atomic import replacing
+from kolsky.csvtable import write_table
 from kolsky.identification import Identification
 
 __all__ = ["jsonable", "to_json", "worst_imbalance", "write_csv"]
@@ -21,7 +20,8 @@ def to_json(identification: Identification) -> dict[str, Any]:
     """The result as one object of JSON types.
 
     Every free parameter is a key with `value`, `interval` (k = 2), `sigma`, `sigma_noise`,
-    `sigma_numerical`, `noise_parts`, `unit` and `outcome`. Numbers that are not finite become null.
+    `sigma_numerical`, `mesh_shift`, `noise_parts`, `unit` and `outcome`. Numbers that are not finite
+    become null.
 
     Raises
     ------
@@ -34,6 +34,7 @@ def to_json(identification: Identification) -> dict[str, Any]:
     terms = {**vars(result.terms), "chi2": result.terms.chi2}
     rest = {
         "shot": result.shot,
+        "warnings": result.warnings,
         "routes": [vars(route) for route in result.routes],
         "terms": terms,
         "fixed": result.fixed,
@@ -59,6 +60,7 @@ def to_json(identification: Identification) -> dict[str, Any]:
             "sigma": e.sigma,
             "sigma_noise": e.sigma_noise,
             "sigma_numerical": e.sigma_numerical,
+            "mesh_shift": e.mesh_shift,
             "noise_parts": e.noise_parts,
             "unit": e.unit,
             "outcome": e.outcome.value,
@@ -140,18 +142,5 @@ def write_csv(folder: Path, identification: Identification) -> list[Path]:
     energy |= {f"{f.name} (J)": getattr(ledger, f.name)[0] for f in fields(ledger)}
     energy |= {"residual (J)": ledger.residual[0]}
 
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    written = []
-    for name, columns in (("force", force), ("profile", profile), ("design", runs), ("energy", energy)):
-        path = folder / f"{name}.csv"
-        with replacing(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
-            rows = csv.writer(file, lineterminator="\n")
-            rows.writerow(columns)
-            rows.writerows([_cell(value) for value in row] for row in zip(*columns.values(), strict=True))
-        written.append(path)
-    return written
-
-
-def _cell(value: Any) -> str:
-    return f"{value:.9g}" if isinstance(value, float) else str(value)
+    tables: dict[str, dict[str, Any]] = {"force": force, "profile": profile, "design": runs, "energy": energy}
+    return [write_table(Path(folder) / f"{name}.csv", columns) for name, columns in tables.items()]

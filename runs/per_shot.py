@@ -4,18 +4,17 @@ import sys
 from pathlib import Path
 
 from kolsky.identify import Settings, identify
-from kolsky.report.page import write_report
+from kolsky.report import write_report
 from kolsky.results import write_csv, write_identification
 from kolsky.shots import load_shot
 
 shot = load_shot(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "open-01")
 result = identify(shot, Settings(free={"stiffness_factor": (0.75, 1.5)}))
-
 folder = shot.folder / "results"
 folder.mkdir(exist_ok=True)
 write_identification(folder / "identification.h5", result)
 write_csv(folder, result)
 write_report(folder / "report.html", result)
-
 m = result.estimates["stiffness_factor"]
-print(f"{result.shot}: m = {m.value:.4f}, k = 2 interval [{m.interval[0]:.4f}, {m.interval[1]:.4f}]: {m.outcome}")
+print(f"{result.shot}: m = {m.value:.4f} ± {2 * m.sigma:.4f} (k = 2): {m.outcome}")
+print(*(f"warning: {warning}" for warning in result.warnings), sep="\n", file=sys.stderr)

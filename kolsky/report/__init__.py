@@ -1,1 +1,14 @@
 """Reports and figures."""
+
+from pathlib import Path
+
+from kolsky.identification import Identification
+
+__all__ = ["write_report"]
+
+
+def write_report(path: Path, identification: Identification) -> None:
+    """Write the report of one shot as a single HTML file; see `kolsky.report.page.write_report`."""
+    from kolsky.report import page  # Matplotlib is loaded when a report is written, not before
+
+    page.write_report(path, identification)

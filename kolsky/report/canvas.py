@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from kolsky.atomic import replacing
 from kolsky.identification import Identification
 from kolsky.report.figures import REGISTRY, FigureKind
+from kolsky.report.shown import in_shown_units
 
 STYLE = Path(__file__).with_name("kolsky.mplstyle")
 FORMATS = ("pdf", "svg", "png")
@@ -35,7 +36,7 @@ def build(kind: FigureKind, identification: Identification) -> Figure:
         figure = Figure(figsize=size, layout="constrained")
         FigureCanvasAgg(figure)
         mosaic: list[Any] = kind.panels(identification)
-        kind.draw(identification, figure.subplot_mosaic(mosaic, **kind.mosaic))
+        kind.draw(in_shown_units(identification), figure.subplot_mosaic(mosaic, **kind.mosaic))
     return figure
 
 

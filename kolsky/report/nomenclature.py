@@ -14,14 +14,16 @@ class Name:
     words: str
     """What it is."""
     unit: str
-    """SI unit, "1" if none."""
+    """Unit in which it is shown, "1" if none."""
+    factor: float = 1.0
+    """Shown number over SI number."""
 
 
 _NAMES = {
     "stiffness_factor": Name("m", "m", "stiffness factor, dynamic over quasi-static modulus", "1"),
     "friction": Name("f", "f", "Coulomb friction between specimen and platens", "1"),
     "poisson": Name("ν", r"\nu", "Poisson’s ratio of the initial state", "1"),
-    "damping": Name("β", r"\beta", "stiffness-proportional damping", "s"),
+    "damping": Name("β", r"\beta", "stiffness-proportional damping", "µs", 1e6),
     "mass_damping": Name("α", r"\alpha", "mass-proportional damping", "1/s"),
 }
 
@@ -40,6 +42,11 @@ def name_of(parameter: str, unit: str | None = None) -> Name:
     words = parameter.replace("_", " ")
     escaped = words.replace("\\", " ").replace("$", " ").replace("^", " ").replace(" ", r"\ ")
     return Name(words, rf"\mathrm{{{escaped}}}", words, unit or "SI")
+
+
+def factor_of(parameter: str) -> float:
+    """Shown number over SI number."""
+    return _NAMES[parameter].factor if parameter in _NAMES else 1.0
 
 
 def axis_label(parameter: str, unit: str | None = None) -> str:

@@ -11,10 +11,11 @@ from markupsafe import Markup, escape
 
 from kolsky.atomic import replacing
 from kolsky.identification import Estimate, Identification, Verdict
-from kolsky.report import numbers
+from kolsky.report import labels, numbers
 from kolsky.report.canvas import inline_svg
 from kolsky.report.figures import REGISTRY
 from kolsky.report.nomenclature import name_of, route_label
+from kolsky.report.shown import in_shown_units
 from kolsky.results_text import worst_imbalance
 
 _HERE = Path(__file__).parent
@@ -31,17 +32,9 @@ _VERDICTS = {
     "names the cause of each run.",
 }
 
-_TESTED = ("specimen", "interface", "support", "window_s")
+_TESTED = ("specimen", "interface", "declared_interface", "support", "window_s")
 _TABLES = ("checks", "inputs", "settings", "versions")
 """Entries of provenance with a place of their own on the page; all others are listed at its end."""
-
-_UNITS = {
-    "specimen.diameter": (1e3, "mm"),
-    "specimen.length": (1e3, "mm"),
-    "specimen.density": (1.0, "kg/m³"),
-    "window_s": (1e3, "ms"),
-}
-"""Factor and unit in which an SI entry of provenance is shown."""
 
 
 def write_report(path: Path, identification: Identification) -> None:
@@ -52,9 +45,9 @@ def write_report(path: Path, identification: Identification) -> None:
     path : Path
         The file, replaced atomically if it exists; its folder must exist.
     identification : Identification
-        The result. Of its provenance, "specimen", "interface", "support" and "window_s" say what was
-        tested, and "checks", "inputs" (file name to SHA-256), "settings" and "versions" are tables of their
-        own; every other entry is listed under "Further".
+        The result. Of its provenance, "specimen", "interface", "declared_interface", "support" and
+        "window_s" say what was tested, and "checks", "inputs" (file name to SHA-256), "settings" and
+        "versions" are tables of their own; every other entry is listed under "Further".
 
     Raises
     ------
@@ -81,6 +74,9 @@ def render(identification: Identification) -> str:
         "percent": numbers.percent,
         "name_of": name_of,
         "route_label": route_label,
+        "stage_label": lambda stage: labels.STAGES.get(stage, stage),
+        # A hyphen before a digit is a sign, and a line must not break after it.
+        "minus": lambda text: re.sub(r"(?<!\w)-(?=\d)", numbers.MINUS, text),
         "upper_first": lambda text: text[:1].upper() + text[1:],
     }
     environment.globals |= {
@@ -88,14 +84,14 @@ def render(identification: Identification) -> str:
         "uncertainty": lambda value, U: numbers.measured(value, U)[1],
         "unit": _unit,
     }
-    result = identification
+    result = in_shown_units(identification)
     provenance = result.provenance
     drawn = [kind for kind in REGISTRY.values() if kind.applies(result)]
     figures = {
         kind.name.replace("-", "_"): {
             "id": kind.name,
             "number": number,
-            "svg": Markup(inline_svg(kind, result)),  # serialised as XML, which escapes every text in it
+            "svg": Markup(inline_svg(kind, identification)),  # serialised as XML: every text is escaped
             "caption": _subscripts(kind.caption(result)),
             "width": kind.width,
         }
@@ -107,6 +103,7 @@ def render(identification: Identification) -> str:
         figures=figures,
         answers=[_answer(estimate) for estimate in result.estimates.values()],
         facts=_facts(result),
+        fixed=_fixed(result),
         check=_check_run(result),
         runs=_runs(result),
         U={name: 2.0 * estimate.sigma for name, estimate in result.estimates.items()},
@@ -120,21 +117,21 @@ def render(identification: Identification) -> str:
 
 
 def flattened(value: Any, prefix: str = "") -> list[tuple[str, str]]:
-    """Rows (dotted key, text) of nested provenance; nothing is left out."""
+    """Rows (words, text) of nested provenance, see `kolsky.report.labels`; nothing is left out."""
     if isinstance(value, Mapping):
         return [row for k, v in value.items() for row in flattened(v, f"{prefix}.{k}" if prefix else str(k))]
     if isinstance(value, list | tuple) and any(isinstance(item, Mapping | list | tuple) for item in value):
         return [row for i, item in enumerate(value) for row in flattened(item, f"{prefix}[{i}]")]
-    factor, unit = _UNITS.get(prefix, (1.0, ""))
+    factor, unit, between, nothing, digits = labels.written(prefix)
     items = value if isinstance(value, list | tuple) else [value]
-    text = ", ".join(_text(item, factor) for item in items)
-    return [(prefix.removesuffix("_s") if unit else prefix, f"{text} {unit}" if unit else text)]
+    text = between.join(nothing if item is None else _text(item, factor, digits) for item in items)
+    return [(labels.label(prefix), f"{text} {unit}" if unit and value is not None else text)]
 
 
-def _text(value: Any, factor: float = 1.0) -> str:
-    if isinstance(value, bool) or value is None:
-        return {True: "yes", False: "no", None: "default"}[value]
-    return numbers.plain(factor * value, 6) if isinstance(value, float) else str(value)
+def _text(value: Any, factor: float, digits: int) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return numbers.plain(factor * value, digits) if isinstance(value, float) else str(value)
 
 
 def _ms(time: float) -> str:
@@ -185,6 +182,20 @@ def _answer(estimate: Estimate) -> dict[str, Any]:
     }
 
 
+def _fixed(result: Identification) -> list[tuple[str, str, str]]:
+    """Words, symbol and value of the parameters that were not free."""
+    interface = result.provenance.get("interface")
+    laws = set(interface.values()) if isinstance(interface, Mapping) else {"coulomb"}
+    rows = []
+    for parameter, value in result.fixed.items():
+        name = name_of(parameter)
+        text = f"{numbers.plain(value)} {_unit(name.unit)}".rstrip()
+        if parameter == "friction" and "coulomb" not in laws:
+            text = "not used: nothing slides"
+        rows.append((name.words, name.symbol if name.symbol != name.words else "", text))
+    return rows
+
+
 def _facts(result: Identification) -> list[tuple[str, str]]:
     """What the data were, from the comparison itself."""
     c, plain = result.comparison, numbers.plain
@@ -219,22 +230,11 @@ def _check_run(result: Identification) -> list[tuple[str, str]]:
     ]
 
 
-_QUALITY = {
-    "loo_force": ("force, leave-one-out, rms", 1.0, " N"),
-    "loo_shape": ("outline, leave-one-out, rms", 1e6, " µm"),
-    "check_force": ("force, against the last check run, rms", 1.0, " N"),
-    "check_shape": ("outline, against the last check run, rms", 1e6, " µm"),
-    "counted_points": ("outline points counted in the search", 1.0, ""),
-    "force_discrepancy": ("discrepancy of the model, force", 1.0, " N"),
-    "shape_discrepancy": ("discrepancy of the model, outline", 1e6, " µm"),
-}
-
-
 def _quality(result: Identification) -> list[tuple[str, str]]:
     """Errors of the surrogate and the discrepancies it was weighted with, in N and µm."""
     rows = []
     for key, value in result.surrogate.items():
-        words, factor, unit = _QUALITY.get(key, (key, 1.0, ""))
+        words, factor, unit = labels.QUALITY.get(key, (key, 1.0, ""))
         rows.append((words, f"{numbers.plain(factor * value, 2 if unit else 6)}{unit}"))
     return rows
 

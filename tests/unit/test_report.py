@@ -1,6 +1,8 @@
 """The report: every figure labelled, the page whole in itself, numbers as a reader wants them."""
 
 import re
+import subprocess
+import sys
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -15,19 +17,25 @@ from synthetic import N_AXIAL, N_RADIAL, failed, synthetic
 import kolsky.report.canvas
 from explicit.mesh import cylinder
 from kolsky.identification import Identification, Verdict
+from kolsky.parameters import PARAMETERS
 from kolsky.records import CentreLine
 from kolsky.report import numbers
 from kolsky.report.canvas import build, inline_svg, save_figures
 from kolsky.report.figures import REGISTRY
 from kolsky.report.figures.profiles import chosen_frames
 from kolsky.report.figures.shape_residual import cells
+from kolsky.report.labels import QUALITY, label
+from kolsky.report.nomenclature import name_of
 from kolsky.report.page import flattened, render, write_report
+from kolsky.report.shown import in_shown_units
 from kolsky.report.vtu import write_vtu
 
+ROOT = Path(__file__).parents[2]
 EVIL = "<b>x</b>"
 RESULTS = {
     "one": synthetic(),
     "two": synthetic(("stiffness_factor", "friction"), shot=EVIL),
+    "damping": synthetic(("stiffness_factor", "damping")),
     "failed": failed(),
 }
 
@@ -142,6 +150,12 @@ def test_saved_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert not (tmp_path / "c").exists()
 
 
+def test_no_figures_are_loaded_before_a_report_is_written() -> None:
+    code = "import sys, kolsky.report, kolsky.printed; print({'matplotlib', 'pyvista'} & set(sys.modules))"
+    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert run.stdout == "set()\n"
+
+
 def test_no_global_plotting_state() -> None:
     folder = Path(kolsky.report.canvas.__file__).parent
     for source in folder.rglob("*.py"):
@@ -236,10 +250,29 @@ def test_page_says_the_answer_first_and_rounds(html: str) -> None:
     assert "m = 1.1200 ± 0.0050 ( k = 2)" in text
     assert "Interval 1.1150 to 1.1250" in text
     assert text.index("1.1200 ± 0.0050") < text.index("What was tested")
+    assert "Before using these values: The made-up specimen does not exist (nominal strain −0.8)." in text
+    assert text.index("1.1200 ± 0.0050") < text.index("nor does its flyer".capitalize())
+    assert "m on the refined mesh minus on the surrogate’s −0.0058" in text
     for words in ("Noise, all sources", "Mesh and step", "Force χ² only", "inverted", "16 × 22", "24 × 33"):
         assert words in text
     assert "ab" * 32 in text
     assert not re.findall(r"\d\.\d{7,}", text)  # no unrounded number
+
+
+def test_page_without_warnings_has_no_banner(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("kolsky.report.page.REGISTRY", {})
+    assert "Before using" not in render(replace(RESULTS["one"], warnings=()))
+    text = " ".join(Page(render(RESULTS["damping"])).text.split())
+    assert "β = 25.00 ± 0.82 µs" in text  # U = 2 hypot(0.4, 0.1) = 0.825
+    assert "flyer fit, χ² per degree of freedom 0.97" in text
+
+
+def test_friction_that_is_not_used_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("kolsky.report.page.REGISTRY", {})
+    result = RESULTS["one"]
+    assert "not used: nothing slides" in render(result)
+    sliding = {**result.provenance, "interface": {"faces": "coulomb", "side": "rough"}}
+    assert "not used" not in render(replace(result, provenance=sliding))
 
 
 def test_page_of_a_failed_search_says_so() -> None:
@@ -289,7 +322,39 @@ def test_provenance_is_flattened_and_kept_whole() -> None:
         ("e[0].f", "default"),
         ("g", "x"),
     ]
-    assert flattened({"window_s": [0.0, 1.5e-3]}) == [("window", "0, 1.5 ms")]
+    assert flattened({"window_s": [0.0, 1.5e-3]}) == [("simulated window", "0 to 1.5 ms")]
+    settings = {"free": {"friction": None, "damping": [0.0, 1e-4]}, "refined_mesh": [48, 64]}
+    assert flattened(settings) == [
+        ("free: Coulomb friction between specimen and platens f", "default bounds"),
+        ("free: stiffness-proportional damping β", "0 to 100 µs"),
+        ("refined mesh", "48 × 64"),
+    ]
+
+
+def test_every_parameter_has_a_name_and_its_unit() -> None:
+    for p in PARAMETERS.values():
+        name = name_of(p.name)
+        assert name.words != p.name.replace("_", " ")
+        # The shown unit is the SI unit but for its prefix, which the factor takes into account.
+        assert (name.unit, name.factor) in ((p.unit, 1.0), (f"µ{p.unit}", 1e6))
+
+
+def test_every_check_and_quality_has_words() -> None:
+    result = RESULTS["one"]
+    assert not [key for key in result.provenance["checks"] if label(key) == key]
+    assert set(result.surrogate) <= set(QUALITY)
+
+
+def test_shown_units_are_those_of_a_reader() -> None:
+    shown = in_shown_units(RESULTS["damping"])
+    e = shown.estimates["damping"]
+    assert (e.unit, e.value, e.sigma_noise) == ("µs", pytest.approx(25.0), pytest.approx(0.4))
+    assert e.sigma == pytest.approx(np.hypot(0.4, 0.1))
+    assert shown.design.upper[1] == pytest.approx(100.0)
+    assert shown.curves[1].x.mean() == pytest.approx(25.0)
+    assert shown.routes[0].parameters["damping"] == pytest.approx(25.0)
+    np.testing.assert_array_equal(shown.design.points[:, 0], RESULTS["damping"].design.points[:, 0])
+    assert in_shown_units(RESULTS["one"]).fixed["damping"] == pytest.approx(25.0)
 
 
 def test_inline_figure_is_well_formed_and_named() -> None:

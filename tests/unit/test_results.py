@@ -23,6 +23,7 @@ CASES: dict[str, Callable[[], Identification]] = {
     "two parameters": lambda: synthetic(("stiffness_factor", "friction")),
     "without nodes": lambda: synthetic(nodes=False),
     "failed": failed,
+    "without warnings": lambda: replace(synthetic(nodes=False), warnings=()),
     "other letters": lambda: synthetic(shot="Schuß 7 / 試験"),
 }
 
@@ -244,6 +245,7 @@ def test_json_has_the_agreed_keys() -> None:
             "sigma",
             "sigma_noise",
             "sigma_numerical",
+            "mesh_shift",
             "noise_parts",
             "unit",
             "outcome",
@@ -252,6 +254,11 @@ def test_json_has_the_agreed_keys() -> None:
         assert one["sigma"] == pytest.approx(u, rel=1e-14)  # round-off
         assert one["interval"] == pytest.approx([value - 2 * u, value + 2 * u], rel=1e-14)
         assert one["outcome"] == "identified"
+    assert said["stiffness_factor"]["mesh_shift"] == -0.0058
+    assert said["warnings"] == [
+        "the made-up specimen does not exist (nominal strain -0.8)",
+        "nor does its flyer",
+    ]
     assert said["shot"] == "made-up-01"
     assert [route["name"] for route in said["routes"]] == ["joint", "force only", "shape only", "paper"]
     assert said["terms"]["chi2"] == pytest.approx(said["terms"]["chi2_force"] + said["terms"]["chi2_shape"])

@@ -22,7 +22,9 @@ def truth(folder: Path) -> float:
     return float(json.loads((folder / "truth.json").read_text())["m"])
 
 
-@pytest.fixture(scope="module", params=["open-01", "open-02"])
+@pytest.fixture(
+    scope="module", params=["open-01", pytest.param("open-02", marks=pytest.mark.slow)]
+)  # one of them in the quick tests, both in CI
 def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory):
     source = {"open-01": OPEN_01, "open-02": OPEN_02}[request.param]
     folder = tmp_path_factory.mktemp("shots") / request.param
@@ -51,6 +53,8 @@ def test_numerical_part_does_not_dominate(case: tuple[Shot, Identification, floa
     _, found, _ = case
     estimate = found.estimates["stiffness_factor"]
     assert 0.0 < estimate.sigma_numerical <= estimate.sigma_noise
+    # A coarse mesh is too soft and takes a larger m; the answer on the finer one lies below (-0.5 %).
+    assert -0.02 < estimate.mesh_shift < 0.0
     assert set(estimate.noise_parts) == {"force and shape", "flyer motion", "material curve"}
 
 
@@ -79,6 +83,15 @@ def test_residuals_are_those_of_an_adequate_model(case: tuple[Shot, Identificati
     assert per_sample < 0.35
     assert found.terms.phi_shape < 8e-4
     assert found.terms.n_outside == 0
+
+
+def test_the_only_warning_is_the_end_of_the_curve(case: tuple[Shot, Identification, float]):
+    _, found, _ = case
+    # Declared noise and model are those the shots were made with; open-01 is compressed so far that material
+    # near the platens strains beyond its curve's -64 %, open-02 is not.
+    past = float(found.response.extrapolated_share[0]) > 0.01
+    assert len(found.warnings) == past
+    assert all("strained past the quasi-static curve" in text for text in found.warnings)
 
 
 def test_result_file_round_trip(case: tuple[Shot, Identification, float], tmp_path: Path):

@@ -83,3 +83,23 @@ def largest(values: NDArray[np.float64], default: float = 1.0) -> float:
     """Largest finite |value|, `default` if there is none or all are zero."""
     finite = np.abs(values[np.isfinite(values)])
     return float(finite.max()) if finite.size and finite.max() > 0.0 else default
+
+
+def weighted_chi2(result: Identification) -> NDArray[np.float64]:
+    """Chi-square of each run with the weights of the final search, shape [n_runs].
+
+    The runs' sums are weighted by noise alone, the search by noise and model discrepancy in quadrature;
+    the median noise of each part is taken for all of it.
+    """
+    c, design, quality = result.comparison, result.design, result.surrogate
+    force = _share(c.force_sigma, quality.get("force_discrepancy", 0.0))
+    shape = _share(c.centre_line.sigma, quality.get("shape_discrepancy", 0.0))
+    return force * design.chi2_force + shape * design.chi2_shape
+
+
+def _share(sigma: NDArray[np.float64], tau: float) -> float:
+    """Noise over noise and discrepancy, both squared."""
+    if tau == 0.0 or sigma.size == 0:
+        return 1.0
+    noise = float(np.median(sigma))
+    return noise**2 / (noise**2 + tau**2)

@@ -19,6 +19,7 @@ from kolsky.report.figures.base import (
     Panels,
     letter,
     say_empty,
+    weighted_chi2,
 )
 from kolsky.report.nomenclature import axis_label, route_label
 
@@ -30,12 +31,13 @@ def caption(result: Identification) -> str:
     """What is seen."""
     others = "" if len(result.curves) < 2 else " (curves: the others at their optimum; pale: all runs)"
     return (
-        f"Misfit along each free parameter{others}. Left: joint χ² of the surrogate (line) and of the runs "
-        "near the optimum (markers), over the surrogate’s smallest value; the triangles are the force-only "
-        "and shape-only optima in the colours of the right panel. Centre: Φ_F and Φ_S, Eqs. (M.4) and (M.3), "
-        "over the surrogate’s smallest values, with every run. Circles: design, squares: refinement, both on "
-        "the surrogate’s mesh; diamonds: check on the refined mesh; crosses on the axis: runs that did not "
-        "complete. Right: the optimum of each route with ±2 of its standard uncertainty. Dashed line and "
+        f"Misfit along each free parameter{others}. Left: joint χ² of the surrogate, corrected to the "
+        "refined mesh (line), and of the check runs on it (diamonds), over the surrogate’s smallest value; "
+        "the triangles are the force-only and shape-only optima in the colours of the right panel. Centre: "
+        "Φ_F and Φ_S, Eqs. (M.4) and (M.3), over the surrogate’s smallest values, with every run; those on "
+        "the surrogate’s own mesh (circles: design, squares: refinement) lie off the lines by that mesh’s "
+        "error. Crosses on the axis: runs that did not complete. Right: the optimum of each route with ±2 of "
+        "its standard uncertainty, that of the cost Φ from the runs on the surrogate’s mesh. Dashed line and "
         "band: the joint optimum and its k = 2 interval, numerical part included."
     )
 
@@ -68,7 +70,9 @@ def _draw_chi2(ax: Axes, curve: SurrogateCurve, result: Identification) -> None:
     design = result.design
     ax.set_yscale("log")
     ax.plot(curve.x, curve.chi2 / np.nanmin(curve.chi2), color=MEASURED)
-    _draw_runs(ax, design, curve.parameter, _weighted(result) / np.nanmin(curve.chi2), MEASURED)
+    # The line is for the refined mesh: runs on the surrogate's mesh do not belong to it.
+    checks = np.where(np.array(design.stage) == "check", weighted_chi2(result), np.nan)
+    _draw_runs(ax, design, curve.parameter, checks / np.nanmin(curve.chi2), MEASURED)
     # The surrogate that is searched spans a small box; the whole design is in the next panel.
     edge = 0.03 * (curve.x[-1] - curve.x[0])
     ax.set_xlim(curve.x[0] - edge, curve.x[-1] + edge)
@@ -87,26 +91,6 @@ def _label_ratios(ax: Axes) -> None:
     ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     ax.yaxis.set_minor_formatter(NullFormatter())
-
-
-def _weighted(result: Identification) -> NDArray[np.float64]:
-    """Chi-square of each run with the weights of the final search, shape [n_runs].
-
-    The runs' sums are weighted by noise alone, the search by noise and model discrepancy in quadrature;
-    the median noise of each part is taken for all of it.
-    """
-    c, design, quality = result.comparison, result.design, result.surrogate
-    force = _share(c.force_sigma, quality.get("force_discrepancy", 0.0))
-    shape = _share(c.centre_line.sigma, quality.get("shape_discrepancy", 0.0))
-    return force * design.chi2_force + shape * design.chi2_shape
-
-
-def _share(sigma: NDArray[np.float64], tau: float) -> float:
-    """Noise over noise and discrepancy, both squared."""
-    if tau == 0.0 or sigma.size == 0:
-        return 1.0
-    noise = float(np.median(sigma))
-    return noise**2 / (noise**2 + tau**2)
 
 
 def _draw_phi(ax: Axes, curve: SurrogateCurve, design: DesignTable) -> None:

@@ -1,0 +1,254 @@
+"""What a user must know before using an answer: one sentence each, with the value and what to do."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from math import hypot, isfinite, sqrt
+from typing import Any
+
+import numpy as np
+
+from kolsky.apparatus import Interface
+from kolsky.identification import Identification, Verdict
+from kolsky.results_text import worst_imbalance
+
+PAST_CURVE = 0.01
+"""Share of the specimen past the quasi-static curve from which on it is said."""
+SIGMA_RATIO = 1.3
+"""A declared sigma is not believable when the data say this many times more or less."""
+WHITE = 3.0
+"""Noise is not white when its lag-1 correlation is beyond this many times 1 / sqrt(samples)."""
+RESIDUALS = "force and shape"
+"""The part of an estimate's noise that comes from the residuals."""
+IMBALANCE = 0.01
+"""Share of the external work that may be unaccounted for before it is said."""
+
+
+def cautions(
+    result: Identification, *, checks: Mapping[str, float], interface: Interface, lost_replicates: int = 0
+) -> tuple[str, ...]:
+    """Everything about a result that a user should know before using it, gravest first.
+
+    Parameters
+    ----------
+    result
+        The finished identification; its own `warnings` are not read.
+    checks
+        The figures of `kolsky.prepare.Prepared.checks`.
+    interface
+        The interface as the shot declares it.
+    lost_replicates : int
+        Runs of the noise stage that did not complete.
+
+    Returns
+    -------
+    tuple of str
+        One sentence each, without a final stop; empty if there is nothing to say.
+    """
+    return tuple(
+        [
+            *_disagreement(result),
+            *_routes(result),
+            *_bounds(result),
+            *_past_curve(result, checks),
+            *_energy(result),
+            *_lost(result, lost_replicates),
+            *_outside(result),
+            *_flyer(checks),
+            *_force_noise(checks),
+            *_outline_noise(result),
+            *_numerical(result),
+            *_left_out(result),
+            *sliding(interface, [*result.estimates, *_held(result)]),
+        ]
+    )
+
+
+def past_curve(share: float, reached: float, checks: Mapping[str, float]) -> Iterator[str]:
+    """Say that the material was strained beyond what the quasi-static test covers.
+
+    Parameters
+    ----------
+    share : float
+        Largest share of the specimen's volume past the curve [-].
+    reached : float
+        Largest s = sqrt(I1 - 3) [-].
+    checks
+        "curve_last_s" and "curve_last_strain" of `kolsky.prepare.Prepared.checks`.
+    """
+    if share > PAST_CURVE:
+        last, strain = checks["curve_last_s"], checks["curve_last_strain"]
+        yield (
+            f"{100.0 * share:.0f} % of the specimen's volume was strained past the quasi-static curve: "
+            f"s = sqrt(I1 - 3) reached {reached:.3g}, the curve ends at {last:.3g} (nominal strain "
+            f"{strain:+.2g}); from there the law continues on its end tangent, which no test supports. "
+            f"A curve to a nominal strain of {_equivalent_strain(reached, strain):+.2g} would cover it"
+        )
+
+
+def lost_runs(stages: Sequence[str], outcomes: Sequence[str]) -> Iterator[str]:
+    """Count the runs that did not complete, by stage and `explicit.Outcome`."""
+    lost = Counter(
+        f"{stage}: {outcome}"
+        for stage, outcome in zip(stages, outcomes, strict=True)
+        if outcome != "COMPLETED"
+    )
+    if lost:
+        kinds = ", ".join(f"{count} in {kind}" for kind, count in lost.items())
+        yield f"{lost.total()} of {len(outcomes)} runs did not complete ({kinds})"
+
+
+def sliding(interface: Interface, named: list[str]) -> Iterator[str]:
+    """Say that naming `friction` replaced the declared interface; see `kolsky.forward.Forward.run`."""
+    if "friction" in named and {interface.faces, interface.side} != {"coulomb"}:
+        yield (
+            "with friction as a parameter, Coulomb's law replaced the interface that the shot declares "
+            f"(faces {interface.faces}, side {interface.side}): the specimen may slide and lift off"
+        )
+
+
+def _equivalent_strain(s: float, branch: float) -> float:
+    """Nominal strain of a uniaxial test with the same I1: lam^2 + 2 / lam = 3 + s^2 on one branch."""
+    roots = np.roots([1.0, 0.0, -(3.0 + s**2), 2.0]).real
+    lam = roots.max() if branch > 0.0 else roots[roots > 0.0].min()
+    return float(lam - 1.0)
+
+
+def _held(result: Identification) -> Mapping[str, Any]:
+    held = result.provenance.get("settings", {}).get("held", {})
+    return held if isinstance(held, Mapping) else {}
+
+
+def _disagreement(result: Identification) -> Iterator[str]:
+    if any(e.outcome is Verdict.DISAGREEING for e in result.estimates.values()):
+        shift = result.surrogate.get("check_shift_sigmas")
+        by = "" if shift is None else f": the last one still moved the optimum by {shift:.2g} sigma"
+        yield f"the check run on the refined mesh does not confirm the surrogate{by}; do not use the value"
+
+
+def _routes(result: Identification) -> Iterator[str]:
+    """Force and shape are two measurements of one specimen: their optima must agree.
+
+    A route's own sigma is from its residuals; flyer, curve and mesh shift the two optima by amounts of their
+    own and are counted once.
+    """
+    routes = {route.name: route for route in result.routes}
+    if not {"force only", "shape only"} <= set(routes):
+        return
+    force, shape = routes["force only"], routes["shape only"]
+    boxes = {curve.parameter: (curve.x[0], curve.x[-1]) for curve in result.curves}
+    for name, e in result.estimates.items():
+        a, b = force.parameters[name], shape.parameters[name]
+        inputs = [sigma for source, sigma in e.noise_parts.items() if source != RESIDUALS]
+        both = 2.0 * hypot(force.sigma[name], shape.sigma[name], e.sigma_numerical, *inputs)
+        if abs(a - b) > both:
+            low, high = boxes.get(name, (-np.inf, np.inf))
+            near = 1e-4 * (high - low) if np.isfinite(high - low) else 0.0
+            edge = any(min(x - low, high - x) <= near for x in (a, b))
+            yield (
+                f"force and shape disagree about {name}: {a:.5g} by the force alone, {b:.5g} by the shape "
+                f"alone, further apart than the k = 2 uncertainty of their difference, {both:.2g}"
+                f"{' (and one of them at the edge of the box that was searched)' if edge else ''}; the joint "
+                "value is a compromise between them"
+            )
+
+
+def _bounds(result: Identification) -> Iterator[str]:
+    """An interval that leaves the design rests on no run there."""
+    design = result.design
+    for i, name in enumerate(design.names):
+        e, low, high = result.estimates[name], design.lower[i], design.upper[i]
+        if e.outcome is Verdict.IDENTIFIED and not low <= e.interval[0] <= e.interval[1] <= high:
+            yield (
+                f"the k = 2 interval of {name} reaches past the bounds of its design ({low:g} to {high:g}); "
+                f"widen them with --free {name}=LOW:HIGH, if a value beyond is possible"
+            )
+
+
+def _past_curve(result: Identification, checks: Mapping[str, float]) -> Iterator[str]:
+    response = result.response
+    return past_curve(
+        float(response.extrapolated_share[0]), float(response.largest_strain_measure[0]), checks
+    )
+
+
+def _energy(result: Identification) -> Iterator[str]:
+    imbalance = worst_imbalance(result.response)
+    if imbalance > IMBALANCE:
+        yield f"{100.0 * imbalance:.2g} % of the simulation's external work is not accounted for"
+
+
+def _lost(result: Identification, lost_replicates: int) -> Iterator[str]:
+    for said in lost_runs(result.design.stage, result.design.outcomes):
+        yield f"{said}; the surrogate rests on the others"
+    if lost_replicates:
+        yield (
+            f"{lost_replicates} replicates of the input noise did not complete; the interval rests on the "
+            "others"
+        )
+
+
+def _outside(result: Identification) -> Iterator[str]:
+    t = result.terms
+    if t.n_outside:
+        yield (
+            f"{t.n_outside} of {t.n_outside + t.n_shape} outline points lie outside the simulated outline "
+            "at the optimum and are not counted"
+        )
+    searched = result.surrogate.get("counted_points", float(t.n_shape))
+    if searched < t.n_shape:
+        yield (
+            f"{t.n_shape - searched:.0f} of {t.n_shape} outline points were not counted in the search, "
+            "because some run of the design does not reach them"
+        )
+
+
+def _flyer(checks: Mapping[str, float]) -> Iterator[str]:
+    scale, chi2 = checks["flyer_noise_scale"], checks["flyer_chi2_per_dof"]
+    if scale > SIGMA_RATIO:
+        yield (
+            f"the flyer's noise is {scale:.2g} times its declared sigma and was taken so large; check "
+            "flyer.sigma, or whether the flyer rings"
+        )
+    elif not SIGMA_RATIO**-2 <= chi2 <= SIGMA_RATIO**2:
+        which = "small" if chi2 > 1.0 else "large"
+        yield (
+            f"the flyer's path has chi-square {chi2:.2g} per degree of freedom where 1 is expected: its "
+            f"declared sigma is about {max(chi2, 1.0 / chi2) ** 0.5:.2g} times too {which}; check flyer.sigma"
+        )
+
+
+def _force_noise(checks: Mapping[str, float]) -> Iterator[str]:
+    c, n = checks["force_noise_correlation"], checks["force_baseline_samples"]
+    limit = WHITE / sqrt(n)
+    if abs(c) > limit:
+        yield (
+            f"the force's baseline noise is not white: neighbouring samples correlate by {c:.2g} (white "
+            f"noise: within {limit:.2g}), so the sigma of a bin's mean is wrong by a factor of about "
+            f"{sqrt((1.0 + c) / (1.0 - c)):.2g}"
+        )
+
+
+def _outline_noise(result: Identification) -> Iterator[str]:
+    """Residuals above the noise are the model's and are weighted so; below it only sigma can be wrong."""
+    t = result.terms
+    if t.n_shape and isfinite(t.chi2_shape) and t.chi2_shape / t.n_shape < SIGMA_RATIO**-2:
+        ratio = sqrt(t.n_shape / t.chi2_shape)
+        yield (
+            f"the outline's residuals are {ratio:.2g} times smaller than its declared sigma, which cannot "
+            "be right; check centre_line.sigma"
+        )
+
+
+def _numerical(result: Identification) -> Iterator[str]:
+    for name, e in result.estimates.items():
+        if e.sigma_numerical > e.sigma_noise:
+            yield (
+                f"the mesh contributes more to the uncertainty of {name} ({e.sigma_numerical:.2g}) than the "
+                f"measured noise ({e.sigma_noise:.2g}); refine both meshes"
+            )
+
+
+def _left_out(result: Identification) -> Iterator[str]:
+    for source in ("flyer motion", "material curve"):
+        if not any(source in e.noise_parts for e in result.estimates.values()) and result.estimates:
+            yield f"the interval leaves out the noise of the {source}"

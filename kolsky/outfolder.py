@@ -1,0 +1,81 @@
+"""Result folders: refused before the work if they cannot be used, filled whole or not at all after it."""
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from kolsky.errors import InputError
+
+__all__ = ["filling", "usable_folder"]
+
+CURE = "give another place with --out FOLDER"
+
+
+def usable_folder(folder: Path) -> Path:
+    """The folder, if results can go there; nothing is made yet.
+
+    Raises
+    ------
+    InputError
+        If it is a file, or if it or the nearest folder above it that exists cannot be written to.
+    """
+    folder = Path(folder)
+    above = folder
+    try:
+        while not above.exists() and above != above.parent:
+            above = above.parent
+        if not above.is_dir():
+            raise InputError(above, "is a file; results need a folder", cure=CURE)
+    except OSError as error:  # a name that is too long, a folder that may not be entered
+        raise InputError(folder, f"cannot be used for results: {error.strerror}", cure=CURE) from None
+    if not os.access(above, os.W_OK | os.X_OK):
+        raise InputError(above, "is not writable", cure=CURE)
+    return folder
+
+
+@contextmanager
+def filling(folder: Path) -> Iterator[Path]:
+    """An empty folder whose files take their places in `folder` when the block ends without an exception.
+
+    They are written beside the old ones first, so a full disk, an error or an interrupt half-way leaves
+    every old result as it was, and no folder that was not there before.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be written or put in its place.
+    """
+    made = _missing(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".partial-", dir=folder) as partial:
+            yield Path(partial)
+            files = sorted(p for p in Path(partial).rglob("*") if p.is_file())
+            places = [folder / p.relative_to(partial) for p in files]
+            for place in places:
+                if place.is_dir():
+                    raise InputError(place, "is a folder where a result must go", cure=CURE)
+            for place in places:
+                place.parent.mkdir(parents=True, exist_ok=True)
+            for file, place in zip(files, places, strict=True):
+                os.replace(file, place)
+    except OSError as error:
+        _remove_empty(made)
+        cause = error.strerror or str(error)
+        raise InputError(folder, f"results cannot be written: {cause}", cure=CURE) from error
+    except BaseException:
+        _remove_empty(made)
+        raise
+
+
+def _missing(folder: Path) -> list[Path]:
+    """The folder and those above it that do not exist, innermost first."""
+    return [path for path in (folder, *folder.parents) if not path.exists()]
+
+
+def _remove_empty(folders: list[Path]) -> None:
+    for path in folders:
+        if path.is_dir() and not any(path.iterdir()):
+            path.rmdir()

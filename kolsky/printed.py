@@ -1,0 +1,76 @@
+"""Results as lines of plain text for a terminal of 80 columns."""
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from kolsky.identification import Estimate, Identification, Route, Verdict
+from kolsky.parameters import PARAMETERS
+from kolsky.report import numbers
+from kolsky.report.shown import in_shown_units, shown_estimate
+
+_POWER = re.compile(" × 10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)")
+_LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+
+ROUTES = {"force only": "force only", "shape only": "shape only", "paper": "cost Phi, Eq. (M.5)"}
+
+
+def answer(e: Estimate) -> str:
+    """The one line a user wants, e.g. "m = 1.1220 ± 0.0040 (k = 2)"; a verdict that is not good follows."""
+    e = shown_estimate(e)
+    value, uncertainty = numbers.measured(e.value, 2.0 * e.sigma)
+    unit = "" if e.unit == "1" else f" {_plain(e.unit)}"
+    line = f"{_symbol(e.name)} = {_plain(value)} ± {_plain(uncertainty)}{unit} (k = 2)"
+    return line if e.outcome is Verdict.IDENTIFIED else f"{line}: {e.outcome.value.upper()}"
+
+
+def details(found: Identification) -> dict[str, str]:
+    """What the answers rest on: a name and a value each."""
+    found = in_shown_units(found)
+    rows = [("shot", found.shot)]
+    for name, e in found.estimates.items():
+        symbol, U = _symbol(name), 2.0 * e.sigma
+        symbol += "" if e.unit == "1" else f" ({_plain(e.unit)})"
+        low, high = (_plain(numbers.like(end, U)) for end in e.interval)
+        rows.append((f"{symbol}, verdict", f"{name}: {e.outcome.value}"))
+        rows.append((f"{symbol}, interval", f"{low} to {high}"))
+        rows.append((f"{symbol}, u noise", f"{e.sigma_noise:.2g}"))
+        rows.append((f"{symbol}, u mesh and step", f"{e.sigma_numerical:.2g}"))
+        rows += [
+            (f"{symbol}, {ROUTES[route.name]}", _route(route, name, U))
+            for route in found.routes
+            if route.name in ROUTES
+        ]
+    return dict(rows)
+
+
+def columns(rows: Mapping[str, Any]) -> list[str]:
+    """Names and values in two columns; numbers with six digits."""
+    width = max(map(len, rows), default=0)
+    return [f"  {name:<{width}}  {_shown(value)}" for name, value in rows.items()]
+
+
+def _route(route: Route, name: str, U: float) -> str:
+    value = route.parameters[name]
+    if name not in route.sigma:
+        return _plain(numbers.like(value, U))
+    best, uncertainty = numbers.measured(value, 2.0 * route.sigma[name])
+    return f"{_plain(best)} ± {_plain(uncertainty)}"
+
+
+def _symbol(name: str) -> str:
+    return PARAMETERS[name].symbol if name in PARAMETERS else name
+
+
+def _plain(text: str) -> str:
+    """A number of `kolsky.report.numbers` in characters every terminal has, e.g. "2.5e-5"."""
+    text = _POWER.sub(lambda power: "e" + power[1].translate(_LOWERED), text)
+    return text.replace("µ", "u").replace(numbers.MINUS, "-").replace(numbers.NOTHING, "unknown")
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} = {_shown(item)}" for key, item in value.items())
+    return "none" if value is None else str(value)

@@ -1,0 +1,100 @@
+"""Words and units for the keys of provenance, surrogate quality and wall time."""
+
+from kolsky.report.nomenclature import factor_of, name_of
+
+STAGES = {
+    "design": "design",
+    "refinement": "design near the optimum",
+    "check": "check on the refined mesh",
+    "noise": "replicates of the input noise",
+    "simulation": "simulation",
+    "sweep": "sweep",
+}
+"""Stages of the work."""
+
+LABELS = {
+    "specimen.diameter": "diameter",
+    "specimen.length": "length",
+    "specimen.density": "density",
+    "interface.faces": "interface, end faces",
+    "interface.side": "interface, side surface",
+    "declared_interface.faces": "the shot declares, end faces",
+    "declared_interface.side": "the shot declares, side surface",
+    "support": "transmission side",
+    "window_s": "simulated window",
+    "flyer_chi2_per_dof": "flyer fit, χ² per degree of freedom",
+    "flyer_noise_scale": "flyer noise, used over declared",
+    "flyer_static_scatter": "flyer noise, static frames over declared",
+    "force_noise_correlation": "force noise, correlation of neighbouring samples",
+    "force_baseline_samples": "force noise, samples it is from",
+    "curve_last_s": "quasi-static curve, last √(Ī₁ − 3)",
+    "curve_last_strain": "quasi-static curve, last nominal strain",
+    "numerics.mesh": "mesh of the surrogate",
+    "numerics.grading": "mesh, largest over smallest element",
+    "numerics.safety": "time step over the stable one",
+    "numerics.precision": "arithmetic",
+    "numerics.device": "device",
+    "numerics.threads": "threads",
+    "refined_mesh": "refined mesh",
+    "replicates": "replicates of the input noise",
+    "replicate_mesh": "mesh of the replicates",
+    "seed": "seed of random draws",
+    "machine": "processor",
+}
+"""Words for the dotted keys of provenance; a key that is not here is shown as it is."""
+
+UNITS = {
+    "specimen.diameter": (1e3, "mm"),
+    "specimen.length": (1e3, "mm"),
+    "specimen.density": (1.0, "kg/m³"),
+    "window_s": (1e3, "ms"),
+}
+"""Factor and unit in which an SI entry of provenance is shown."""
+
+JOINED = {"window_s": " to ", "numerics.mesh": " × ", "refined_mesh": " × ", "replicate_mesh": " × "}
+"""What stands between the numbers of a list; a comma otherwise."""
+
+DEFAULTS = {"numerics.threads": "all cores"}
+"""What a value that was left out means."""
+
+DIGITS = {
+    "window_s": 4,
+    "flyer_chi2_per_dof": 3,
+    "flyer_noise_scale": 3,
+    "flyer_static_scatter": 2,
+    "force_noise_correlation": 2,
+    "curve_last_s": 3,
+    "curve_last_strain": 3,
+}
+"""Significant digits of a number; six otherwise."""
+
+QUALITY = {
+    "loo_force": ("force, leave-one-out, rms", 1.0, " N"),
+    "loo_shape": ("outline, leave-one-out, rms", 1e6, " µm"),
+    "check_shift_sigmas": ("optimum moved by the last check run", 1.0, " σ"),
+    "check_force": ("force, against the last check run, rms", 1.0, " N"),
+    "check_shape": ("outline, against the last check run, rms", 1e6, " µm"),
+    "counted_points": ("outline points counted in the search", 1.0, ""),
+    "force_discrepancy": ("discrepancy of the model, force", 1.0, " N"),
+    "shape_discrepancy": ("discrepancy of the model, outline", 1e6, " µm"),
+}
+"""Words, factor and unit of the entries of `Identification.surrogate`."""
+
+
+def label(key: str) -> str:
+    """Words for a dotted key; "free.damping" and "held.damping" name the parameter."""
+    kind, dot, name = key.partition(".")
+    if dot and kind in ("free", "held"):
+        known = name_of(name)
+        return f"{kind}: {known.words.split(',')[0]}" + (f" {known.symbol}" if known.symbol != name else "")
+    return LABELS.get(key, key)
+
+
+def written(key: str) -> tuple[float, str, str, str, int]:
+    """How a value is shown: factor, unit, what joins a list, what None means, significant digits."""
+    factor, unit = UNITS.get(key, (1.0, ""))
+    kind, dot, name = key.partition(".")
+    if dot and kind in ("free", "held"):
+        unit = "" if name_of(name).unit in ("1", "SI") else name_of(name).unit
+        return factor_of(name), unit, " to ", "default bounds", 6
+    return factor, unit, JOINED.get(key, ", "), DEFAULTS.get(key, "default"), DIGITS.get(key, 6)

@@ -1,0 +1,52 @@
+"""A result in the units in which a reader thinks: damping in µs, not in 1e-5 s."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from kolsky.identification import Estimate, Identification
+from kolsky.report.nomenclature import factor_of, name_of
+
+
+def in_shown_units(result: Identification) -> Identification:
+    """The result with every parameter in the unit of `kolsky.report.nomenclature`, for pages and figures.
+
+    Files and JSON stay in SI. Apply it once: the result of it is no longer in SI.
+    """
+    factors = np.array([factor_of(name) for name in result.design.names])
+    design = replace(
+        result.design,
+        points=result.design.points * factors,
+        lower=result.design.lower * factors,
+        upper=result.design.upper * factors,
+    )
+    return replace(
+        result,
+        estimates={name: shown_estimate(e) for name, e in result.estimates.items()},
+        fixed=_scaled(result.fixed),
+        routes=tuple(
+            replace(route, parameters=_scaled(route.parameters), sigma=_scaled(route.sigma))
+            for route in result.routes
+        ),
+        design=design,
+        curves=tuple(replace(c, x=c.x * factor_of(c.parameter)) for c in result.curves),
+    )
+
+
+def shown_estimate(e: Estimate) -> Estimate:
+    """One estimate in its shown unit."""
+    factor = factor_of(e.name)
+    return replace(
+        e,
+        unit=name_of(e.name, e.unit).unit,
+        value=e.value * factor,
+        sigma_noise=e.sigma_noise * factor,
+        sigma_numerical=e.sigma_numerical * factor,
+        mesh_shift=e.mesh_shift * factor,
+        noise_parts={source: sigma * factor for source, sigma in e.noise_parts.items()},
+    )
+
+
+def _scaled(values: Mapping[str, float]) -> dict[str, float]:
+    return {name: value * factor_of(name) for name, value in values.items()}
