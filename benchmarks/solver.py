@@ -25,6 +25,7 @@ from explicit.device import select_device
 from explicit.materials import marlow_from_curve
 
 END = 1.4e-3
+HEAD = "contact  precision   runs   seconds  M element-updates/s same bits"
 
 
 def flyer() -> explicit.PlatenMotion:
@@ -91,7 +92,7 @@ def main() -> None:
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--runs", type=int, nargs="+", default=[1, 100])
     parser.add_argument("--mesh", default="16x22")
-    parser.add_argument("--repeats", type=int, default=3, help="timed repeats after the first, which compiles")
+    parser.add_argument("--repeats", type=int, default=3, help="timed repeats after a first that compiles")
     parser.add_argument("--json", type=Path, help="write the table here")
     parser.add_argument("--save", type=Path, help="keep the histories of the smaller batches (npz)")
     parser.add_argument("--compare", type=Path, help="compare with histories kept by --save")
@@ -100,8 +101,7 @@ def main() -> None:
     device = select_device(options.device)
     kept = dict(np.load(options.compare)) if options.compare else {}
     table, histories = [], {}
-    head = f"{'contact':8} {'precision':9} {'runs':>6} {'seconds':>9} {'M element-updates/s':>20} {'same bits':>9}"
-    print(f"{device.name}, {options.mesh} elements\n{head}")
+    print(f"{device.name}, {options.mesh} elements\n{HEAD}")
     for contact in ("bonded", "coulomb"):
         for precision in ("fp64", "fp32"):
             first = time.perf_counter()

@@ -92,7 +92,8 @@ class Objective:
     def gain(self, jacobian: FloatArray, part: Part = "joint") -> FloatArray:
         """Linear map from a change of the data vector to the change of the optimum, shape [d, k]."""
         weighted = np.where(self.mask(part), 1.0 / self.sigma**2, 0.0)[:, None] * jacobian
-        return np.linalg.solve(jacobian.T @ weighted, weighted.T)
+        change: FloatArray = np.linalg.solve(jacobian.T @ weighted, weighted.T).astype(np.float64)
+        return change
 
     def covariance(self, jacobian: FloatArray, vector: FloatArray, part: Part = "joint") -> FloatArray:
         """Covariance of the optimum from the residuals, correlated in time or not, shape [d, d].
