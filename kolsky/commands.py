@@ -77,8 +77,9 @@ def identify(
     from kolsky import results
     from kolsky.report.canvas import save_figures
     from kolsky.report.page import write_report
+    from kolsky.settings import Settings
 
-    settings = inverse.Settings(
+    settings = Settings(
         free=free, held=held, numerics=numerics, refined_mesh=refined_mesh, replicates=replicates, seed=seed
     )
     with _usable(loaded), _bars() as progress:

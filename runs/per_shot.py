@@ -3,9 +3,11 @@
 import sys
 from pathlib import Path
 
-from kolsky.identify import Settings, identify
+from kolsky.identify import identify
 from kolsky.report import write_report
-from kolsky.results import write_csv, write_identification
+from kolsky.results_text import write_csv
+from kolsky.results_write import write_identification
+from kolsky.settings import Settings
 from kolsky.shots import load_shot
 
 shot = load_shot(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "open-01")

@@ -12,7 +12,8 @@ import pytest
 from doe import Box, from_points
 from kolsky.forward import Numerics
 from kolsky.identification import Identification
-from kolsky.identify import Settings, identify
+from kolsky.identify import identify
+from kolsky.settings import Settings
 from kolsky.shots import load_shot
 from kolsky.sweep import sweep
 

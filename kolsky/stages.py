@@ -1,0 +1,138 @@
+"""The simulations of an identification, stage by stage, every one of them kept in the run table."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import Box, Design, full_factorial, latin_hypercube
+from explicit import Outcome, Response
+from kolsky.forward import Numerics
+from kolsky.misfit import Observations, Prediction, predict
+from kolsky.prepare import Prepared
+from kolsky.settings import Settings
+from kolsky.table import RunTable
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[str, int, int], None]
+"""Called as ``progress(stage, runs done, runs in the stage)``."""
+
+
+@dataclass(frozen=True)
+class Runs:
+    """Completed runs of one stage."""
+
+    points: FloatArray
+    """Parameters, shape [n, d]."""
+    prediction: Prediction
+    """What the instruments would have seen."""
+    response: Response
+    """The solver's full answer."""
+
+
+@dataclass(frozen=True)
+class Replicates:
+    """Runs at one point under other motions of the flyer and other curves, drawn from their noise."""
+
+    prediction: Prediction
+    """Row 0 is the reference, with the fitted motion and curve."""
+    flyer: NDArray[np.bool_]
+    """Which rows have another motion."""
+    curve: NDArray[np.bool_]
+    """Which rows have another curve."""
+    lost: int
+    """How many did not complete."""
+
+
+class Stages:
+    """Runs designs over a box of parameters; keeps every run, and the seconds of each stage."""
+
+    def __init__(self, prepared: Prepared, settings: Settings, box: Box, progress: Progress) -> None:
+        self.prepared, self.settings, self.box, self.progress = prepared, settings, box, progress
+        self.rng = np.random.default_rng(settings.seed)
+        self.table = RunTable(box.names)
+        self.seconds: dict[str, float] = {}
+
+    @property
+    def observations(self) -> Observations:
+        """What the predictions are compared with."""
+        return self.prepared.observations
+
+    def design(self, box: Box) -> Design:
+        """Seven levels of one parameter, or a Latin hypercube of twelve points for each of several."""
+        if box.dimension == 1:
+            return full_factorial(box, 7)
+        return latin_hypercube(box, 12 * box.dimension, rng=self.rng, optimise=True)
+
+    def simulate(self, stage: str, design: Design, numerics: Numerics, *, all_nodes: bool = False) -> Runs:
+        """Run a design.
+
+        Raises
+        ------
+        ValueError
+            If no run of it completed.
+        """
+        points = {name: design.points[:, i] for i, name in enumerate(self.box.names)}
+        started, report = time.perf_counter(), self._counter(stage, len(design))
+        response = self.prepared.forward.run(
+            {**self.settings.held, **points}, numerics, all_nodes=all_nodes, progress=report
+        )
+        self._clock(stage, started)
+        rows = np.flatnonzero(response.completed)
+        if len(rows) == 0:
+            raise ValueError(f"no run of the {stage} completed: {_why(response.outcomes[0])}")
+        kept = response.select(rows)
+        prediction = predict(kept, self.observations)
+        self.table.add(stage, design.points, response.outcomes, rows, prediction, self.observations)
+        return Runs(design.points[rows], prediction, kept)
+
+    def replicate(self, point: FloatArray) -> Replicates:
+        """Run the point again under `settings.replicates` other motions, and as many other curves.
+
+        Raises
+        ------
+        ValueError
+            If the reference among them did not complete.
+        """
+        n = self.settings.replicates
+        forward = self.prepared.with_replicates(n, self.rng)
+        motion = np.concatenate([[0], np.arange(1, n + 1), np.zeros(n, dtype=int)])
+        material = np.concatenate([[0], np.zeros(n, dtype=int), np.arange(1, n + 1)])
+        started, report = time.perf_counter(), self._counter("noise", 2 * n + 1)
+        response = forward.run(
+            {**self.settings.held, **dict(zip(self.box.names, point, strict=True))},
+            self.settings.numerics.with_mesh(self.settings.replicate_mesh),
+            motion=motion,
+            material=material,
+            progress=report,
+        )
+        self._clock("noise", started)
+        rows = np.flatnonzero(response.completed)
+        if 0 not in rows:
+            raise ValueError(f"the noise stage's reference run failed: {_why(response.outcomes[0])}")
+        return Replicates(
+            prediction=predict(response.select(rows), self.observations),
+            flyer=(rows > 0) & (rows <= n),
+            curve=rows > n,
+            lost=response.n_samples - len(rows),
+        )
+
+    def _counter(self, stage: str, total: int) -> Callable[[int], None]:
+        done = 0
+        self.progress(stage, 0, total)
+
+        def report(n: int) -> None:
+            nonlocal done
+            done += n
+            self.progress(stage, done, total)
+
+        return report
+
+    def _clock(self, stage: str, started: float) -> None:
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - started
+
+
+def _why(outcome: Outcome) -> str:
+    return f"{outcome.cause}. Cure: {outcome.cure}"
