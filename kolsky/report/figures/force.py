@@ -31,7 +31,7 @@ def draw(result: Identification, panels: Panels) -> None:
     low.plot(time, c.force_model - c.force_measured, color=MODEL, lw=0.8)
     low.set_xlabel("Time $t$ (ms)")
     low.set_ylabel(r"$F_\mathrm{sim} - F_\mathrm{meas}$ (N)")
-    low.legend(loc="upper left", ncols=2)
+    low.legend(loc="lower left", ncols=2)
     if time.size > 1:
         half = 0.5 * (time[1] - time[0])
         low.set_xlim(time[0] - half, time[-1] + half)

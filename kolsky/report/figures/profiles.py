@@ -78,7 +78,8 @@ def draw(result: Identification, panels: Panels) -> None:
         y = MM * line.y[rows]
         top.errorbar(MM * line.Z[rows], y, xerr=2.0 * MM * line.sigma[rows], label="measured", **style)
         low.errorbar(left_over[rows], y, xerr=2.0 * UM * line.sigma[rows], **style)
-    panels["outline 0"].legend(loc="upper right", bbox_to_anchor=(1.0, 0.9))
+    # The specimen is flattest in the last picture: that panel has room above it.
+    panels[f"outline {max(frames.size, 1) - 1}"].legend(loc="upper right", bbox_to_anchor=(1.0, 0.9))
 
 
 KIND = FigureKind(
