@@ -2,7 +2,9 @@
 
 from doe.box import Box
 from doe.designs import DESIGNS, Design, from_points, full_factorial, latin_hypercube, sobol
-from doe.search import SearchOutcome, SearchResult, multi_start, nelder_mead
+from doe.multistart import multi_start
+from doe.outcome import SearchOutcome
+from doe.search import SearchResult, nelder_mead
 from doe.surrogates import SURROGATES, CostSurrogate, ResponseSurrogate, Surrogate
 
 __all__ = [

@@ -5,7 +5,7 @@ Standard output holds the answer, with `--json` exactly one object; all else goe
 
 import json
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import Any
 from kolsky import options, printed
 from kolsky.errors import InputError
 from kolsky.outfolder import filling, usable_folder
-from kolsky.report.labels import STAGES
+from kolsky.progress import bars, counted
 from kolsky.shots import Shot, load_shot
 
 
@@ -74,26 +74,27 @@ def identify(
     loaded, folder = _load(shot, out)
     numerics = arithmetic.numerics(mesh)
     from kolsky import identify as inverse
-    from kolsky import results
     from kolsky.report.canvas import save_figures
     from kolsky.report.page import write_report
+    from kolsky.results_text import to_json, write_csv
+    from kolsky.results_write import write_identification
     from kolsky.settings import Settings
 
     settings = Settings(
         free=free, held=held, numerics=numerics, refined_mesh=refined_mesh, replicates=replicates, seed=seed
     )
-    with _usable(loaded), _bars() as progress:
+    with _usable(loaded), bars() as progress:
         found = inverse.identify(loaded, settings, progress=progress)
     with filling(folder) as partial:
-        results.write_identification(partial / "identification.h5", found)
-        results.write_csv(partial, found)
+        write_identification(partial / "identification.h5", found)
+        write_csv(partial, found)
         write_report(partial / "report.html", found)
         if formats:
             save_figures(partial / "figures", found, formats=tuple(formats))
     _tell(
         [printed.answer(e) for e in found.estimates.values()],
         printed.details(found),
-        results.to_json(found) if as_json else None,
+        to_json(found) if as_json else None,
         rest={"report": folder / "report.html", "wall time": _since(started)},
         warnings=found.warnings,
     )
@@ -115,9 +116,9 @@ def simulate(
     numerics = arithmetic.numerics(mesh)
     from kolsky import cautions
     from kolsky import simulate as forward
-    from kolsky.results import jsonable
+    from kolsky.results_text import jsonable
 
-    with _usable(loaded), _bars() as progress:
+    with _usable(loaded), bars() as progress:
         progress("simulation", 0, 1)
         run = forward.simulate(
             loaded, parameters, numerics=numerics, progress=lambda n: progress("simulation", n, 1)
@@ -172,12 +173,12 @@ def sweep(
 
     from kolsky import cautions, misfit
     from kolsky import sweep as factorial
-    from kolsky.results import jsonable
+    from kolsky.results_text import jsonable
 
-    with _usable(loaded), _bars() as progress:
+    with _usable(loaded), bars() as progress:
         progress("sweep", 0, len(points))
         result = factorial.sweep(
-            loaded, points, held=held, numerics=numerics, progress=_counted(progress, "sweep", len(points))
+            loaded, points, held=held, numerics=numerics, progress=counted(progress, "sweep", len(points))
         )
     with filling(folder) as partial:
         factorial.write_sweep(partial / "sweep.csv", result)
@@ -229,39 +230,6 @@ def _usable(shot: Shot) -> Iterator[None]:
         yield
     except ValueError as error:
         raise InputError(shot.folder, str(error)) from error
-
-
-@contextmanager
-def _bars() -> Iterator[Any]:
-    """A progress bar a stage on stderr; nothing if that is no terminal."""
-    if not sys.stderr.isatty():
-        yield lambda stage, done, total: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description:<30}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True)) as progress:
-        tasks: dict[str, Any] = {}
-
-        def report(stage: str, done: int, total: int) -> None:
-            if stage not in tasks:
-                tasks[stage] = progress.add_task(STAGES.get(stage, stage), total=total)
-            progress.update(tasks[stage], completed=done, total=total)
-
-        yield report
-
-
-def _counted(progress: Callable[[str, int, int], None], stage: str, total: int) -> Callable[[int], None]:
-    """Adds up the runs just finished."""
-    done = 0
-
-    def report(n: int) -> None:
-        nonlocal done
-        done += n
-        progress(stage, done, total)
-
-    return report
 
 
 def _tell(

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 import explicit
-from kolsky.flyer import FlyerPath, fit_flyer
+from kolsky.flyer import fit_flyer
+from kolsky.flyerpath import FlyerPath
 from kolsky.forward import Forward, curve_replicates, material_law
 from kolsky.misfit import Observations, observe
 from kolsky.shots import Shot

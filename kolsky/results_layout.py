@@ -5,6 +5,11 @@ from dataclasses import fields
 from explicit import EnergyLedger
 from kolsky.identification import Terms
 
+FORMAT = "kolsky identification"
+VERSION = 1
+STORED = {"f": "<f8", "i": "<i8", "b": "|b1", "t": "S"}
+"""Kind of a dataset -> its type in the file."""
+
 # One row a dataset: name -> (unit, names of the dimensions, kind), kind "f" float64, "i" int64, "b" bool,
 # "t" text. Dimensions of one name must agree wherever they occur in one part of the file.
 Table = dict[str, tuple[str, str, str]]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kolsky import shapechecks, shotchecks
+from kolsky import forcechecks, framechecks, shapechecks
 from kolsky.apparatus import Bar, Interface, Specimen, Transducer
 from kolsky.errors import InputError, refuse
 from kolsky.readers import centre_line_csv, flyer_csv, frame_times, scope_csv, uniaxial_csv
@@ -13,6 +13,7 @@ from kolsky.readers.frame_times import FrameTimes
 from kolsky.readers.table import Column
 from kolsky.records import CentreLine, FloatArray, FlyerMotion, MaterialCurve, Recording
 from kolsky.shottoml import ShotToml, read_shot_toml
+from kolsky.shotwindow import window
 
 SHOT_FILE = "shot.toml"
 
@@ -119,13 +120,13 @@ def load_shot(folder_or_toml: str | Path) -> Shot:
         frame=Column(declared.frames.frame),
         time=declared.frames.time.as_column(),
     )
-    shotchecks.some_motion_frames(frames, toml)
+    framechecks.some_motion_frames(frames, toml)
     frame_time = frames.time + declared.frames.clock_offset
     rest = float(frame_time[declared.frames.static - 1])
     flyer, flyer_hash = _flyer(folder, frames, toml)
     force = _force(folder, rest, toml)
-    span = shotchecks.window(toml, frame_time, float(flyer.time[-1]), force.recording, force.time)
-    shotchecks.force_sign(force.raw_force(), force.time, span, flyer, toml)
+    span = window(toml, frame_time, float(flyer.time[-1]), force.recording, force.time)
+    forcechecks.force_sign(force.raw_force(), force.time, span, flyer, toml)
     centre_line, outline_hash = _centre_line(folder, frames, rest, span, toml)
     curve, curve_hash = _curve(folder, toml)
     specimen, interface, bar = declared.specimen, declared.interface, declared.transmission.bar
@@ -183,8 +184,8 @@ def _flyer(folder: Path, frames: FrameTimes, toml: ShotToml) -> tuple[FlyerMotio
         displacement=section.displacement.as_column(),
         time=None if section.time is None else section.time.as_column(),
     )
-    shotchecks.frames_agree(table, frames)
-    shotchecks.flyer_covers(table, frames, toml)
+    framechecks.frames_agree(table, frames)
+    framechecks.flyer_covers(table, frames, toml)
     sign = 1.0 if section.positive == "toward specimen" else -1.0
     index = np.searchsorted(frames.frame, table.frame)
     flyer = FlyerMotion(
@@ -192,7 +193,7 @@ def _flyer(folder: Path, frames: FrameTimes, toml: ShotToml) -> tuple[FlyerMotio
         displacement=sign * table.displacement,
         sigma=np.full(table.displacement.size, section.sigma),
     )
-    shotchecks.flyer_moves(table, flyer, toml)
+    framechecks.flyer_moves(table, flyer, toml)
     return flyer, table.sha256
 
 
@@ -201,7 +202,7 @@ def _force(folder: Path, rest: float, toml: ShotToml) -> ForceChannel:
     recording = scope_csv.read(
         folder / section.file, time=section.time.as_column(), voltage=section.voltage.as_column()
     )
-    shotchecks.clipping(recording, toml)
+    forcechecks.clipping(recording, toml)
     channel = ForceChannel(
         recording=recording,
         transducer=Transducer(
@@ -212,7 +213,7 @@ def _force(folder: Path, rest: float, toml: ShotToml) -> ForceChannel:
         baseline=section.baseline,
         clock_offset=section.clock_offset,
     )
-    shotchecks.baseline(channel.baseline_volts(), rest, toml)
+    forcechecks.baseline(channel.baseline_volts(), rest, toml)
     return channel
 
 
@@ -228,7 +229,7 @@ def _centre_line(
         sigma=None if section.sigma_column is None else section.sigma_column.as_column(),
         time=None if section.time is None else section.time.as_column(),
     )
-    shotchecks.frames_agree(table, frames)
+    framechecks.frames_agree(table, frames)
     index = np.searchsorted(frames.frame, table.frame)
     line = CentreLine(
         time=frames.time[index] + toml.declared.frames.clock_offset,

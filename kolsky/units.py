@@ -1,4 +1,4 @@
-"""Written-out quantities ("9.5 mm") to SI floats. Pint is used here and nowhere else."""
+"""Written-out quantities ("9.5 mm") to SI floats, and times back. Pint is used here and nowhere else."""
 
 import math
 import re
@@ -116,6 +116,11 @@ def quantity(text: str, unit: str) -> float:
     if not math.isfinite(value):
         raise UnitError(text, "is not a finite number", unit)
     return value
+
+
+def in_us(seconds: float) -> str:
+    """A time [s] as a user writes it, e.g. "25 us"."""
+    return f"{seconds * 1e6:.7g} us"
 
 
 def _times(number: float, factor: float) -> float:

@@ -21,7 +21,7 @@ from kolsky.cli import app
 from kolsky.errors import InputError
 from kolsky.identification import Verdict
 from kolsky.outfolder import filling, usable_folder
-from kolsky.results import read_identification
+from kolsky.results_read import read_identification
 
 runner = CliRunner()
 TINY = ["--mesh", "8x11"]

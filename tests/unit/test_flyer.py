@@ -8,15 +8,9 @@ import numpy as np
 import pytest
 from scipy.optimize import approx_fprime
 
-from kolsky.flyer import (
-    CHANGE_PER_OCTAVE,
-    ZERO_PRIOR,
-    _evidence,
-    _hats,
-    _posterior,
-    _responses,
-    fit_flyer,
-)
+from kolsky.flyer import fit_flyer
+from kolsky.flyerpath import responses
+from kolsky.jerks import CHANGE_PER_OCTAVE, ZERO_PRIOR, evidence, hat_functions, posterior
 from kolsky.records import FlyerMotion
 
 ROOT = Path(__file__).parents[2]
@@ -200,8 +194,8 @@ def small_problem():
     t = np.concatenate([np.arange(-6.0, 1.0), np.cumsum(rng.uniform(0.5, 1.5, 29))])
     weight = rng.uniform(0.5, 1.5, t.size)
     knots = np.concatenate([[0.0], t[7:]])
-    G = np.column_stack([np.ones(t.size), _responses(t, knots, 0)]) * weight[:, None]
-    hats = _hats(0.5 * (knots[1:] + knots[:-1]))
+    G = np.column_stack([np.ones(t.size), responses(t, knots, 0)]) * weight[:, None]
+    hats = hat_functions(0.5 * (knots[1:] + knots[:-1]))
     y = weight * np.maximum(t - 3.0, 0.0) ** 2 + rng.standard_normal(t.size)
     theta = np.concatenate([[0.2], np.linspace(0.5, -3.0, hats.shape[1])])
     return theta, y, weight, np.diff(knots), hats, G
@@ -215,8 +209,8 @@ def test_posterior_and_marginal_likelihood_against_the_dense_gaussian():
     dense = y @ np.linalg.solve(C, y) + np.linalg.slogdet(C)[1]
     smooth = np.sum((np.diff(theta[1:]) / CHANGE_PER_OCTAVE) ** 2)
     # Round-off of the dense solution: condition 1e9.
-    assert _evidence(theta, y, weight, spans, hats)[0] == pytest.approx(dense + smooth, rel=1e-6)
-    z, V, rest = _posterior(y / s, G * prior / s)
+    assert evidence(theta, y, weight, spans, hats)[0] == pytest.approx(dense + smooth, rel=1e-6)
+    z, V, rest = posterior(y / s, G * prior / s)
     np.testing.assert_allclose(prior * z, prior**2 * (G.T @ np.linalg.solve(C, y)), rtol=1e-5, atol=1e-6)
     np.testing.assert_allclose(V, np.eye(z.size) - (G * prior).T @ np.linalg.solve(C, G * prior), atol=1e-6)
     np.testing.assert_allclose(rest, (y - G @ (prior * z)) / s, atol=1e-9)
@@ -224,9 +218,9 @@ def test_posterior_and_marginal_likelihood_against_the_dense_gaussian():
 
 def test_gradient_of_the_marginal_likelihood():
     theta, *rest, _ = small_problem()
-    numeric = approx_fprime(theta, lambda q: _evidence(q, *rest)[0], 1e-6)
+    numeric = approx_fprime(theta, lambda q: evidence(q, *rest)[0], 1e-6)
     # One-sided difference: step times curvature, 1e-6 x 100.
-    np.testing.assert_allclose(_evidence(theta, *rest)[1], numeric, atol=1e-3, rtol=1e-4)
+    np.testing.assert_allclose(evidence(theta, *rest)[1], numeric, atol=1e-3, rtol=1e-4)
 
 
 @pytest.mark.parametrize("folder", ["runs/open-01", "tests/data/open-02"])
