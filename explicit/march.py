@@ -12,7 +12,9 @@ from typing import Any
 import warp as wp
 
 from explicit.boundary import BAR_HISTORY, LOWER, UPPER, boundary_functions
-from explicit.element import INVERTED, ElementFunctions, element_functions
+from explicit.elements import ElementFunctions
+from explicit.elements import element as element_named
+from explicit.elements.base import INVERTED
 from explicit.lanes import lane_functions
 from explicit.outcome import Outcome
 from explicit.precision import Precision
@@ -33,9 +35,11 @@ class MarchKernel:
 
 
 @cache
-def march_kernel(law: type, faces: str, side: str, precision: Precision) -> MarchKernel:
-    """Generate the time loop for a material law, two contact laws and a precision."""
-    element = element_functions(law, precision)
+def march_kernel(
+    law: type, faces: str, side: str, precision: Precision, element_name: str = "one_point"
+) -> MarchKernel:
+    """Generate the time loop for a material law, two contact laws, a precision and an element."""
+    element = element_named(element_name).functions(law, precision)
     structs = batch_structs(precision, element.Shape, element.Solid)
     sweeps = sweep_functions(precision, element, structs)
     boundary = boundary_functions(faces, side, precision, structs)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explicit.contact import contact_law
+from explicit.elements import element
 from explicit.materials import MaterialLaw, bulk_modulus
 from explicit.mesh import Mesh
 from explicit.motion import PlatenMotion
@@ -36,7 +37,10 @@ class Model:
     damping_kind: Literal["deviatoric", "full"] = "deviatoric"
     """Stiffness-proportional damping of the deviator only, or of the whole elastic tensor."""
     hourglass: float = 0.3
-    """Hourglass stiffness relative to full integration of the initial shear stiffness [-]."""
+    """Hourglass stiffness relative to full integration of the initial shear stiffness [-]; an element without
+    hourglass control ignores it."""
+    element: str = "one_point"
+    """The element: a name of `explicit.elements.ELEMENTS`."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.density < float("inf"):
@@ -51,6 +55,7 @@ class Model:
             raise ValueError(f"hourglass must be >= 0, got {self.hourglass}")
         contact_law(self.faces)
         contact_law(self.side)
+        element(self.element)
 
     @property
     def start(self) -> float:

@@ -10,6 +10,7 @@ import warp as wp
 
 from explicit.boundary import BAR_HISTORY, LOWER, SIDE, UPPER
 from explicit.device import select_device
+from explicit.elements import element
 from explicit.energy import EnergyLedger
 from explicit.geometry import element_geometry
 from explicit.march import MarchKernel, march_kernel
@@ -64,7 +65,7 @@ def run(
     _check(model, samples, sampling)
     numbers = precision(stepping.precision)
     where = select_device(device)
-    kernel = march_kernel(type(model.materials[0]), model.faces, model.side, numbers)
+    kernel = march_kernel(type(model.materials[0]), model.faces, model.side, numbers, model.element)
     nodes = np.arange(model.mesh.n_nodes) if sampling.all_nodes else model.mesh.side
     body = _body(kernel, model, numbers, where)
     batch = _batch(kernel, model, samples, stepping, numbers, where)
@@ -120,17 +121,7 @@ def _body(kernel: MarchKernel, model: Model, numbers: Precision, where: Any) -> 
     corner_mass = model.density * geometry.corner_volume
     mass = np.zeros(mesh.n_nodes)
     np.add.at(mass, mesh.quads.ravel(), corner_mass.ravel())
-    inverse = 1.0 / corner_mass
-    shapes = np.zeros(mesh.n_elements, dtype=kernel.element.Shape.numpy_dtype())
-    shapes["volume"] = geometry.volume
-    shapes["gradient_r"] = geometry.gradient_r
-    shapes["gradient_y"] = geometry.gradient_y
-    shapes["hoop"] = geometry.hoop
-    shapes["gamma"] = geometry.gamma
-    shapes["hourglass_r"] = geometry.hourglass_r
-    shapes["hourglass_y"] = geometry.hourglass_y
-    shapes["inverse_mass_r"] = np.where(mesh.on_axis[mesh.quads], 0.0, inverse)
-    shapes["inverse_mass_y"] = inverse
+    shapes = element(model.element).shapes(mesh, model.density, kernel.element.Shape.numpy_dtype())
     kind = np.zeros(mesh.n_nodes, dtype=np.int32)
     kind[mesh.side] = SIDE
     kind[mesh.lower_face] = LOWER

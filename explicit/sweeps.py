@@ -6,7 +6,7 @@ from typing import Any
 
 import warp as wp
 
-from explicit.element import ElementFunctions
+from explicit.elements import ElementFunctions
 from explicit.precision import Precision
 from explicit.structs import Structs
 

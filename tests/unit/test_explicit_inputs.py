@@ -134,6 +134,7 @@ class OtherLaw(MarlowLaw):
         ({"motions": (motion(), motion(start=0.5))}, "a model needs flyer motions, all with one start time"),
         ({"damping_kind": "shear"}, "damping_kind must be 'deviatoric' or 'full', got 'shear'"),
         ({"hourglass": -0.1}, "hourglass must be >= 0, got -0.1"),
+        ({"element": "cubic"}, r"element must be one of \['.*one_point'\], got 'cubic'"),
         ({"faces": "sticky"}, r"contact law must be one of \['bonded', .*\], got 'sticky'"),
         ({"side": "none"}, r"contact law must be one of .*, got 'none'"),
     ],

@@ -12,7 +12,7 @@ from scene import LENGTH, RADIUS, shear_modulus, table
 
 from explicit import Mesh, cylinder
 from explicit.device import select_device
-from explicit.element import element_functions
+from explicit.elements.one_point import element_functions
 from explicit.geometry import ElementGeometry, element_geometry
 from explicit.materials import MarlowLaw, bulk_modulus, neo_hookean
 from explicit.precision import precision

@@ -7,28 +7,35 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
+from explicit.elements.base import INVERTED, ElementFunctions, corner_inverse_mass
+from explicit.geometry import element_geometry
+from explicit.mesh import Mesh
 from explicit.precision import Precision
 
 
 @dataclass(frozen=True)
-class ElementFunctions:
-    """Structs and functions of the element for one material law and precision."""
+class OnePoint:
+    """One stress point and hourglass control: the "one_point" element."""
 
-    Shape: Any
-    """Warp struct: reference-configuration constants of one element."""
-    Solid: Any
-    """Warp struct: moduli and viscosities of one sample."""
-    forces: Any
-    """``forces(shape, solid, row, ur, uy, vr, vy, measure) -> (f_r, f_y, omega_squared, power)``: corner
-    forces, the bound for the stable step and the power dissipated by damping."""
-    energies: Any
-    """``energies(shape, solid, row, ur, uy) -> (elastic, hourglass, s)``."""
+    name: str = "one_point"
 
+    def functions(self, law: type, precision: Precision) -> ElementFunctions:
+        """See `explicit.elements.base.Element.functions`."""
+        return element_functions(law, precision)
 
-INVERTED = 1.0e30
-"""Step bound that an element with J <= 0 reports; no real omega^2 comes near (1e14 at most)."""
+    def shapes(self, mesh: Mesh, density: float, dtype: np.dtype[Any]) -> NDArray[Any]:
+        """See `explicit.elements.base.Element.shapes`; the constants are those of `explicit.geometry`."""
+        geometry = element_geometry(mesh)
+        shapes = np.zeros(mesh.n_elements, dtype=dtype)
+        for field in ("volume", "gradient_r", "gradient_y", "hoop", "gamma", "hourglass_r", "hourglass_y"):
+            shapes[field] = getattr(geometry, field)
+        radial, axial = corner_inverse_mass(mesh, density, geometry.corner_volume)
+        shapes["inverse_mass_r"], shapes["inverse_mass_y"] = radial, axial
+        return shapes
 
 
 @cache
