@@ -1,9 +1,10 @@
 """Elements, one file each; a new element is one file and one line of `ELEMENTS`."""
 
 from explicit.elements.base import Element, ElementFunctions
+from explicit.elements.fbar import FBar
 from explicit.elements.one_point import OnePoint
 
-ELEMENTS: dict[str, Element] = {item.name: item for item in (OnePoint(),)}
+ELEMENTS: dict[str, Element] = {item.name: item for item in (OnePoint(), FBar())}
 
 __all__ = ["ELEMENTS", "Element", "ElementFunctions", "element"]
 

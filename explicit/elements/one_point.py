@@ -12,6 +12,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from explicit.elements.base import INVERTED, ElementFunctions, corner_inverse_mass
+from explicit.elements.shared import inverse_cube_root_squared, solid_struct
 from explicit.geometry import element_geometry
 from explicit.mesh import Mesh
 from explicit.precision import Precision
@@ -44,10 +45,10 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
     law_stress, law_tangent, law_energy = law.kernel_functions(precision)  # type: ignore[attr-defined]
     real, vec4 = precision.real, precision.vec4
     zero, half, one, two, three = real(0.0), real(0.5), real(1.0), real(2.0), real(3.0)
-    third, two_ninths, four_thirds = real(1.0 / 3.0), real(2.0 / 9.0), real(4.0 / 3.0)
-    # Two Newton steps from the series are exact to round-off there: error 2e-5 -> 1e-9 -> 1e-18.
-    near_one = real(0.05)
+    third = real(1.0 / 3.0)
     inverted = real(INVERTED)
+    isochoric_factor = inverse_cube_root_squared(precision)
+    Solid = solid_struct(precision)
 
     @wp.struct
     class Shape:
@@ -60,27 +61,6 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         hourglass_y: real
         inverse_mass_r: vec4
         inverse_mass_y: vec4
-
-    @wp.struct
-    class Solid:
-        scale: real
-        bulk: real
-        hourglass: real
-        shear_viscosity: real
-        bulk_viscosity: real
-        hourglass_viscosity: real
-        mass_damping: real
-
-    @wp.func
-    def inverse_cube_root_squared(jacobian: real, dilatation: real):
-        """J^(-2/3); near J = 1, where a nearly incompressible solid lives, by Newton from a series."""
-        y = one - dilatation * (third - two_ninths * dilatation)
-        if wp.abs(dilatation) < near_one:
-            y = y * (four_thirds - third * jacobian * y * y * y)
-            y = y * (four_thirds - third * jacobian * y * y * y)
-        else:
-            y = one / wp.cbrt(jacobian)
-        return y * y
 
     @wp.func
     def step_bound(shape: Shape, solid: Solid, b_r: vec4, b_y: vec4, c: vec4, jacobian: real, tangent: real):
@@ -127,7 +107,7 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         omega_squared, power = real(inverted), real(0.0)
         if jacobian > zero and plane > -one:
             f11, f22, f33 = one + h11, one + h22, one + h33
-            iso = inverse_cube_root_squared(jacobian, dilatation)
+            iso = isochoric_factor(jacobian, dilatation)
             rr = iso * (f11 * f11 + h12 * h12)
             yy = iso * (f22 * f22 + h21 * h21)
             ry = iso * (f11 * h21 + h12 * f22)
@@ -178,7 +158,7 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         plane = h11 + h22 + h11 * h22 - h12 * h21
         dilatation = plane * (one + h33) + h33
         f11, f22, f33 = one + h11, one + h22, one + h33
-        iso = inverse_cube_root_squared(one + dilatation, dilatation)
+        iso = isochoric_factor(one + dilatation, dilatation)
         rr = iso * (f11 * f11 + h12 * h12)
         yy = iso * (f22 * f22 + h21 * h21)
         tt = iso * f33 * f33

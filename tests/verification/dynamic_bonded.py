@@ -132,13 +132,19 @@ def reference(side: str) -> Reference:
 
 @cache
 def simulate(
-    grid: Grid, side: str = "bonded", *, scale: float = 1.0, beta: float = 0.0, safety: float = 0.9
+    grid: Grid,
+    side: str = "bonded",
+    *,
+    scale: float = 1.0,
+    beta: float = 0.0,
+    safety: float = 0.9,
+    element: str = "one_point",
 ) -> Response:
     """The reference's problem on a mesh; forces on the reference's time grid."""
     motion = speed_after_rise(scale * SPEED, RISE, end=END)
     mesh = cylinder(RADIUS, LENGTH, n_radial=grid.across, n_axial=grid.along, grading=grid.grading)
     law = neo_hookean(shear_modulus(POISSON))
-    model = Model(mesh, DENSITY, (law,), (motion,), faces="bonded", side=side)
+    model = Model(mesh, DENSITY, (law,), (motion,), faces="bonded", side=side, element=element)
     sampling = Sampling(reference("stick").time, PROFILE_TIMES)
     samples = Samples.of(poisson=POISSON, damping=beta)
     return run(model, samples, sampling, stepping=Stepping(safety=safety))

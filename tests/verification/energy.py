@@ -59,6 +59,7 @@ def simulate(
     *,
     n: tuple[int, int] = (16, 22),
     step: float = float("inf"),
+    element: str = "one_point",
 ) -> tuple[Model, Response]:
     """Compress to 60 % at 2.6 m/s with friction, all damping, the bar and side contact."""
     model = Model(
@@ -70,6 +71,7 @@ def simulate(
         side="coulomb",
         support=BAR,
         damping_kind=kind,  # type: ignore[arg-type]
+        element=element,
     )
     samples = Samples.of(poisson=0.495, damping=2.5e-5, mass_damping=100.0, friction=np.array(friction))
     times = np.linspace(0.0, END, 3001)[1:]

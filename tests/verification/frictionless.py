@@ -77,7 +77,12 @@ def reference() -> FloatArray:
 
 
 def slow_compression(
-    duration: float, laws: list[MarlowLaw], poisson: list[float], compression: FloatArray = COMPRESSION
+    duration: float,
+    laws: list[MarlowLaw],
+    poisson: list[float],
+    compression: FloatArray = COMPRESSION,
+    *,
+    element: str = "one_point",
 ) -> tuple[FloatArray, ...]:
     """Mean face force [N], mean radius and its spread [m], each of shape [n_samples, n_compressions]."""
     times = np.array([duration * invert(quintic, e / STROKE) for e in compression])
@@ -88,6 +93,7 @@ def slow_compression(
         (smooth_stroke(STROKE * LENGTH, duration, end=duration, n_knots=20001),),
         faces="frictionless",
         side="frictionless",
+        element=element,
     )
     samples = Samples.of(poisson=np.array(poisson), material=np.arange(len(laws)))
     response = run(model, samples, Sampling(times, times))

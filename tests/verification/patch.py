@@ -2,20 +2,16 @@
 
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
 
 import numpy as np
-import warp as wp
+from elements import evaluate
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scene import LENGTH, RADIUS, shear_modulus, table
 
 from explicit import Mesh, cylinder
-from explicit.device import select_device
-from explicit.elements.one_point import element_functions
-from explicit.geometry import ElementGeometry, element_geometry
-from explicit.materials import MarlowLaw, bulk_modulus, neo_hookean
-from explicit.precision import precision
+from explicit.geometry import element_geometry
+from explicit.materials import neo_hookean
 
 FloatArray = NDArray[np.float64]
 
@@ -66,58 +62,21 @@ def distorted(mesh: Mesh, share: float = DISTORTION, seed: int = 2) -> Mesh:
 
 
 def corner_forces(
-    mesh: Mesh, geometry: ElementGeometry, name: str, motion: FloatArray, velocity: FloatArray, beta: float
+    mesh: Mesh, name: str, motion: FloatArray, velocity: FloatArray, beta: float, element: str = "one_point"
 ) -> tuple[FloatArray, FloatArray]:
     """Corner forces [N], shape [n_elements, 4, 2], and dissipated powers [W] of the solver's own element."""
-    numbers = precision(name)
-    device = select_device("cpu")
-    element = element_functions(MarlowLaw, numbers)
-    forces, real, vec4 = element.forces, numbers.real, numbers.vec4
-    Shape, Solid = element.Shape, element.Solid
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def every_element(
-        shapes: wp.array(dtype=Shape),
-        solids: wp.array(dtype=Solid),
-        row: wp.array(dtype=real),
-        u: wp.array2d(dtype=vec4),
-        v: wp.array2d(dtype=vec4),
-        out: wp.array2d(dtype=vec4),
-        power: wp.array(dtype=real),
-    ):
-        e = wp.tid()
-        f_r, f_y, _omega, lost = forces(shapes[e], solids[0], row, u[e, 0], u[e, 1], v[e, 0], v[e, 1], 1)
-        out[e, 0] = f_r
-        out[e, 1] = f_y
-        power[e] = lost
-
     law = neo_hookean(shear_modulus(POISSON))
-    mu = law.initial_shear_modulus
-    shapes = np.zeros(mesh.n_elements, dtype=Shape.numpy_dtype())
-    for field in ("volume", "gradient_r", "gradient_y", "hoop", "gamma", "hourglass_r", "hourglass_y"):
-        shapes[field] = getattr(geometry, field)
-    shapes["inverse_mass_r"] = shapes["inverse_mass_y"] = 1.0 / geometry.corner_volume
-    solid = np.zeros(1, dtype=Solid.numpy_dtype())
-    solid["scale"], solid["bulk"], solid["hourglass"] = 1.0, bulk_modulus(mu, POISSON), mu
-    solid["shear_viscosity"] = solid["hourglass_viscosity"] = beta * mu
-
-    def by_corner(field: FloatArray) -> Any:
-        values = field[mesh.quads].transpose(0, 2, 1)  # [element, component, corner]
-        return wp.array(values.astype(numbers.dtype), dtype=vec4, device=device)
-
-    out = wp.zeros((mesh.n_elements, 2), dtype=vec4, device=device)
-    power = wp.zeros(mesh.n_elements, dtype=real, device=device)
-    inputs = [
-        wp.array(shapes, dtype=Shape, device=device),
-        wp.array(solid, dtype=Solid, device=device),
-        wp.array(law.parameters(), dtype=real, device=device),
-        by_corner(motion),
-        by_corner(velocity),
-        out,
-        power,
-    ]
-    wp.launch(every_element, dim=mesh.n_elements, inputs=inputs, device=device)
-    return out.numpy().astype(float).transpose(0, 2, 1), power.numpy().astype(float)
+    found = evaluate(
+        element,
+        mesh,
+        law,
+        motion[mesh.quads],
+        poisson=POISSON,
+        velocity=velocity[mesh.quads],
+        beta=beta,
+        precision_name=name,
+    )
+    return found.forces, found.power
 
 
 def assemble(mesh: Mesh, corners: FloatArray) -> FloatArray:
@@ -182,19 +141,19 @@ def case() -> Result:
         interior[name], face[name] = {}, {}
         for state, (a, b) in STRETCH.items():
             motion = np.column_stack([(a - 1.0) * r, (b - 1.0) * y])
-            corners, _ = corner_forces(mesh, geometry, name, motion, rest, 0.0)
+            corners, _ = corner_forces(mesh, name, motion, rest, 0.0)
             nodal = assemble(mesh, corners)
             interior[name][state] = float(np.abs(nodal[inside]).max() / np.abs(corners).max())
             exact = -nominal_stress(a, b)[1] * np.pi * RADIUS**2
             face[name][state] = float(abs(nodal[mesh.lower_face, 1].sum() / exact - 1.0))
         shift = rest + np.array([0.0, 0.1 * LENGTH])
-        corners, _ = corner_forces(mesh, geometry, name, shift, 1e4 * shift, 1e-4)
+        corners, _ = corner_forces(mesh, name, shift, 1e4 * shift, 1e-4)
         rigid[name] = float(np.abs(corners).max() / (shear_modulus(POISSON) * RADIUS**2))
 
     # Uniform isochoric stretching at rest: power = 2 beta mu D : D V with D = rate (-1/2, 1, -1/2).
     rate, beta = 100.0, 1e-4
     stretching = np.column_stack([-0.5 * rate * r, rate * y])
-    _, power = corner_forces(mesh, geometry, "fp64", rest, stretching, beta)
+    _, power = corner_forces(mesh, "fp64", rest, stretching, beta)
     exact = 2.0 * beta * shear_modulus(POISSON) * 1.5 * rate**2 * np.pi * RADIUS**2 * LENGTH
     return Result(
         mesh=mesh,

@@ -60,6 +60,8 @@ class Compressed:
     """Compressions at which one more node of the side lies on the lower platen, in steps of `SWEEP` [-]."""
     kinetic: FloatArray
     """Kinetic over elastic energy [-], shape [6]."""
+    hourglass: FloatArray
+    """Hourglass over elastic energy [-], shape [6]."""
     speed: float
     """Speed of the flyer [m/s]."""
     completed: bool
@@ -104,7 +106,14 @@ def reference() -> Reference:
 
 
 @cache
-def compress(mesh: tuple[int, int], duration: float = DURATION, drag: float = DRAG) -> Compressed:
+def compress(
+    mesh: tuple[int, int],
+    duration: float = DURATION,
+    drag: float = DRAG,
+    *,
+    element: str = "one_point",
+    hourglass: float = 0.3,
+) -> Compressed:
     """Load slowly at constant speed; forces and outlines at the six compressions."""
     rise = RISE * duration
     speed = STROKE * LENGTH / (duration - 0.5 * rise)
@@ -119,6 +128,8 @@ def compress(mesh: tuple[int, int], duration: float = DURATION, drag: float = DR
         (speed_after_rise(speed, rise, end=duration, n_knots=4001),),
         faces="bonded",
         side="bonded",
+        element=element,
+        hourglass=hourglass,
     )
     response = run(model, Samples.of(poisson=POISSON, mass_damping=drag), Sampling(when(SWEEP), when(SWEEP)))
     on_platen = (response.surface_y[0] < 1e-9).sum(axis=1) - 1  # bonded nodes lie on it exactly
@@ -134,6 +145,7 @@ def compress(mesh: tuple[int, int], duration: float = DURATION, drag: float = DR
         outline=np.stack([r, np.abs(y - middle[:, None])], axis=-1),
         landings=SWEEP[1:][np.diff(on_platen) > 0],
         kinetic=(response.energy.kinetic[0] / response.energy.elastic[0])[six],
+        hourglass=(response.energy.hourglass[0] / response.energy.elastic[0])[six],
         speed=speed,
         completed=bool(response.completed.all()),
     )

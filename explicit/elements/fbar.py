@@ -1,0 +1,255 @@
+"""The fully integrated axisymmetric quadrilateral with a mean dilatation (F-bar), as small Warp functions.
+
+The forces are the exact gradient of
+
+    W = sum_g w_g U(I1_bar(F_g)) + V K / 2 (J_m - 1)^2,    J_m = (1 / V) sum_g w_g det F_g = v / V
+
+over the 2 x 2 Gauss points: each point's own F gives the isochoric part, which F_bar = (J_m / J)^(1/3) F
+does not change, and the volume v of the deformed ring gives the pressure (Nagtegaal, Parks and Rice 1974;
+Simo, Taylor and Pister 1985). See docs/theory/solver.md for why not J at the centre.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from explicit.elements.base import INVERTED, ElementFunctions, corner_inverse_mass
+from explicit.elements.gauss import gauss_points
+from explicit.elements.shared import inverse_cube_root_squared, solid_struct
+from explicit.mesh import Mesh
+from explicit.precision import Precision
+
+
+@dataclass(frozen=True)
+class FBar:
+    """Four stress points, one volume, no hourglass control: the "fbar" element."""
+
+    name: str = "fbar"
+
+    def functions(self, law: type, precision: Precision) -> ElementFunctions:
+        """See `explicit.elements.base.Element.functions`."""
+        return element_functions(law, precision)
+
+    def shapes(self, mesh: Mesh, density: float, dtype: np.dtype[Any]) -> NDArray[Any]:
+        """See `explicit.elements.base.Element.shapes`; the constants are `explicit.elements.gauss`'s."""
+        points = gauss_points(mesh)
+        shapes = np.zeros(mesh.n_elements, dtype=dtype)
+        shapes["volume"] = points.volume.sum(axis=1)
+        shapes["weight"] = points.volume
+        for g in range(4):
+            shapes[f"gradient_r{g}"] = points.gradient_r[:, g]
+            shapes[f"gradient_y{g}"] = points.gradient_y[:, g]
+            shapes[f"hoop{g}"] = points.hoop[:, g]
+        radial, axial = corner_inverse_mass(mesh, density, points.volume @ points.shape)
+        shapes["inverse_mass_r"], shapes["inverse_mass_y"] = radial, axial
+        return shapes
+
+
+@cache
+def element_functions(law: type, precision: Precision) -> ElementFunctions:
+    """Generate the element for a material law (a class with `kernel_functions`) and a precision."""
+    law_stress, law_tangent, law_energy = law.kernel_functions(precision)  # type: ignore[attr-defined]
+    real, vec4 = precision.real, precision.vec4
+    zero, half, one, two, three = real(0.0), real(0.5), real(1.0), real(2.0), real(3.0)
+    third, two_thirds = real(1.0 / 3.0), real(2.0 / 3.0)
+    inverted = real(INVERTED)
+    isochoric_factor = inverse_cube_root_squared(precision)
+    Solid = solid_struct(precision)
+
+    @wp.struct
+    class Shape:
+        volume: real
+        weight: vec4
+        gradient_r0: vec4
+        gradient_r1: vec4
+        gradient_r2: vec4
+        gradient_r3: vec4
+        gradient_y0: vec4
+        gradient_y1: vec4
+        gradient_y2: vec4
+        gradient_y3: vec4
+        hoop0: vec4
+        hoop1: vec4
+        hoop2: vec4
+        hoop3: vec4
+        inverse_mass_r: vec4
+        inverse_mass_y: vec4
+
+    @wp.func
+    def traces(inverse_mass_r: vec4, inverse_mass_y: vec4, b_r: vec4, b_y: vec4, c: vec4):
+        """Traces of |grad v|^2 per mass, of radial and of axial motion: the two do not couple in it."""
+        radial, axial = real(0.0), real(0.0)
+        for a in range(4):
+            gradient = b_r[a] * b_r[a] + b_y[a] * b_y[a]
+            radial += inverse_mass_r[a] * (gradient + c[a] * c[a])
+            axial += inverse_mass_y[a] * gradient
+        return radial, axial
+
+    @wp.func
+    def shear_bound(rr: real, yy: real, ry: real, tt: real, row: wp.array(dtype=real)):
+        # The second variation of U(I1_bar) is 2U' [L b L + I1/3 tr L^2 - 4/3 tr L (dev b L) - 2/9 I1 tr^2 L]
+        # and a part with U''. The law bounds b and the latter; the rest, at its worst in tr L, comes here.
+        mean = (rr + yy + tt) * third
+        drr, dyy, dtt = rr - mean, yy - mean, tt - mean
+        squared = drr * drr + dyy * dyy + dtt * dtt + two * ry * ry
+        largest = wp.max(wp.max(rr, yy) + wp.abs(ry), tt)
+        factor = one + (mean + two_thirds * squared / mean) / largest
+        return factor * law_tangent(rr, yy, ry, tt, row)
+
+    @wp.func
+    def point(
+        weight: real,
+        gradient_r: vec4,
+        gradient_y: vec4,
+        hoop: vec4,
+        inverse_mass_r: vec4,
+        inverse_mass_y: vec4,
+        solid: Solid,
+        row: wp.array(dtype=real),
+        ur: vec4,
+        uy: vec4,
+        vr: vec4,
+        vy: vec4,
+        measure: int,
+    ):
+        """Isochoric and deviatoric viscous forces, gradient of the deformed volume, w (J - 1), the smaller
+        of J and its planar part, power, and the bounds of `forces`."""
+        h11, h12 = wp.dot(ur, gradient_r), wp.dot(ur, gradient_y)
+        h21, h22 = wp.dot(uy, gradient_r), wp.dot(uy, gradient_y)
+        h33 = wp.dot(ur, hoop)
+        # J - 1 from the displacement gradient keeps its digits where K multiplies it.
+        plane = h11 + h22 + h11 * h22 - h12 * h21
+        dilatation = plane * (one + h33) + h33
+        jacobian = one + dilatation
+        upright = wp.min(jacobian, one + plane)
+        f_r, f_y, g_r, g_y = vec4(), vec4(), vec4(), vec4()
+        power, bounds = real(0.0), vec4()
+        if upright > zero:
+            f11, f22, f33 = one + h11, one + h22, one + h33
+            iso = isochoric_factor(jacobian, dilatation)
+            rr = iso * (f11 * f11 + h12 * h12)
+            yy = iso * (f22 * f22 + h21 * h21)
+            ry = iso * (f11 * h21 + h12 * f22)
+            tt = iso * f33 * f33
+            tau = law_stress(rr, yy, ry, tt, row)
+            area = one / (one + plane)
+            b_r = (f22 * gradient_r - h21 * gradient_y) * area
+            b_y = (f11 * gradient_y - h12 * gradient_r) * area
+            c = hoop * (one / f33)
+            # Velocity gradient and the deviatoric damping stress 2 eta dev D.
+            d11, d22, d33 = wp.dot(vr, b_r), wp.dot(vy, b_y), wp.dot(vr, c)
+            d12 = half * (wp.dot(vr, b_y) + wp.dot(vy, b_r))
+            mean = (d11 + d22 + d33) * third
+            eta = two * solid.shear_viscosity * jacobian
+            s11, s22, s33, s12 = eta * (d11 - mean), eta * (d22 - mean), eta * (d33 - mean), eta * d12
+            t11 = weight * (solid.scale * tau[0] + s11)
+            t22 = weight * (solid.scale * tau[1] + s22)
+            t12 = weight * (solid.scale * tau[2] + s12)
+            t33 = weight * (solid.scale * tau[3] + s33)
+            f_r = t11 * b_r + t12 * b_y + t33 * c
+            f_y = t12 * b_r + t22 * b_y
+            deformed = weight * jacobian
+            g_r = deformed * (b_r + c)
+            g_y = deformed * b_y
+            power = weight * (s11 * d11 + s22 * d22 + s33 * d33 + two * s12 * d12)
+            if measure == 1:
+                radial, axial = traces(inverse_mass_r, inverse_mass_y, b_r, b_y, c)
+                shear = weight * solid.scale * shear_bound(rr, yy, ry, tt, row)
+                bounds = vec4(shear * radial, shear * axial, deformed * radial, deformed * axial)
+        return f_r, f_y, g_r, g_y, weight * dilatation, upright, power, bounds
+
+    @wp.func
+    def forces(
+        shape: Shape,
+        solid: Solid,
+        row: wp.array(dtype=real),
+        ur: vec4,
+        uy: vec4,
+        vr: vec4,
+        vy: vec4,
+        measure: int,
+    ):
+        m_r, m_y = shape.inverse_mass_r, shape.inverse_mass_y
+        r0, y0, p0, q0, j0, u0, w0, k0 = point(
+            shape.weight[0], shape.gradient_r0, shape.gradient_y0, shape.hoop0,
+            m_r, m_y, solid, row, ur, uy, vr, vy, measure,
+        )  # fmt: skip
+        r1, y1, p1, q1, j1, u1, w1, k1 = point(
+            shape.weight[1], shape.gradient_r1, shape.gradient_y1, shape.hoop1,
+            m_r, m_y, solid, row, ur, uy, vr, vy, measure,
+        )  # fmt: skip
+        r2, y2, p2, q2, j2, u2, w2, k2 = point(
+            shape.weight[2], shape.gradient_r2, shape.gradient_y2, shape.hoop2,
+            m_r, m_y, solid, row, ur, uy, vr, vy, measure,
+        )  # fmt: skip
+        r3, y3, p3, q3, j3, u3, w3, k3 = point(
+            shape.weight[3], shape.gradient_r3, shape.gradient_y3, shape.hoop3,
+            m_r, m_y, solid, row, ur, uy, vr, vy, measure,
+        )  # fmt: skip
+        f_r, f_y = vec4(), vec4()
+        omega_squared, power = real(inverted), real(0.0)
+        # det F is linear over the element, so the centre is upright where the four points are.
+        if wp.min(wp.min(u0, u1), wp.min(u2, u3)) > zero:
+            g_r, g_y = p0 + p1 + p2 + p3, q0 + q1 + q2 + q3
+            dilatation = (j0 + j1 + j2 + j3) / shape.volume
+            growth = wp.dot(g_r, vr) + wp.dot(g_y, vy)
+            viscosity = solid.bulk_viscosity / (shape.volume * (one + dilatation))
+            pressure = solid.bulk * dilatation
+            total = pressure + viscosity * growth
+            f_r = r0 + r1 + r2 + r3 + total * g_r
+            f_y = y0 + y1 + y2 + y3 + total * g_y
+            power = w0 + w1 + w2 + w3 + viscosity * growth * growth
+            omega_squared = real(0.0)
+            if measure == 1:
+                # The volumetric part is of rank one, so its bound is sharp. The rest is bounded by its
+                # trace; so is the pressure's work on the second variation of J, -|L|^2 J to 2 |L|^2 J.
+                rank_one = real(0.0)
+                for a in range(4):
+                    rank_one += m_r[a] * g_r[a] * g_r[a] + m_y[a] * g_y[a] * g_y[a]
+                bounds = k0 + k1 + k2 + k3
+                turning = wp.max(two * pressure, -pressure)
+                stiff = solid.bulk / shape.volume * rank_one
+                stiff += wp.max(bounds[0] + turning * bounds[2], bounds[1] + turning * bounds[3])
+                damp = two * solid.shear_viscosity * wp.max(bounds[2], bounds[3])
+                damp += viscosity * rank_one + solid.mass_damping
+                # As for one point: the omega^2 of an undamped element with the same limit.
+                xi = half * damp / wp.sqrt(stiff)
+                factor = wp.sqrt(one + xi * xi) + xi
+                omega_squared = stiff * factor * factor
+        return f_r, f_y, omega_squared, power
+
+    @wp.func
+    def point_energy(
+        gradient_r: vec4, gradient_y: vec4, hoop: vec4, row: wp.array(dtype=real), ur: vec4, uy: vec4
+    ):
+        """U(I1_bar), I1_bar - 3 and J - 1."""
+        h11, h12 = wp.dot(ur, gradient_r), wp.dot(ur, gradient_y)
+        h21, h22 = wp.dot(uy, gradient_r), wp.dot(uy, gradient_y)
+        h33 = wp.dot(ur, hoop)
+        plane = h11 + h22 + h11 * h22 - h12 * h21
+        dilatation = plane * (one + h33) + h33
+        f11, f22, f33 = one + h11, one + h22, one + h33
+        iso = isochoric_factor(one + dilatation, dilatation)
+        rr = iso * (f11 * f11 + h12 * h12)
+        yy = iso * (f22 * f22 + h21 * h21)
+        tt = iso * f33 * f33
+        return law_energy(rr, yy, iso * (f11 * h21 + h12 * f22), tt, row), rr + yy + tt - three, dilatation
+
+    @wp.func
+    def energies(shape: Shape, solid: Solid, row: wp.array(dtype=real), ur: vec4, uy: vec4):
+        e0, i0, j0 = point_energy(shape.gradient_r0, shape.gradient_y0, shape.hoop0, row, ur, uy)
+        e1, i1, j1 = point_energy(shape.gradient_r1, shape.gradient_y1, shape.hoop1, row, ur, uy)
+        e2, i2, j2 = point_energy(shape.gradient_r2, shape.gradient_y2, shape.hoop2, row, ur, uy)
+        e3, i3, j3 = point_energy(shape.gradient_r3, shape.gradient_y3, shape.hoop3, row, ur, uy)
+        dilatation = wp.dot(shape.weight, vec4(j0, j1, j2, j3)) / shape.volume
+        isochoric = wp.dot(shape.weight, vec4(e0, e1, e2, e3))
+        elastic = solid.scale * isochoric + half * solid.bulk * shape.volume * dilatation * dilatation
+        measure = wp.sqrt(wp.max(wp.max(wp.max(i0, i1), wp.max(i2, i3)), zero))
+        hourglass = real(0.0)
+        return elastic, hourglass, measure
+
+    return ElementFunctions(Shape=Shape, Solid=Solid, forces=forces, energies=energies)

@@ -1,0 +1,90 @@
+"""Elements: the registry, the Gauss points' constants, and an element that turns inside out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from explicit import Model, Outcome, PlatenMotion, Samples, Sampling, cylinder, run
+from explicit.elements import ELEMENTS, element
+from explicit.elements.gauss import gauss_points
+from explicit.geometry import element_geometry
+from explicit.materials import MarlowLaw, neo_hookean
+from explicit.mesh import Mesh
+from explicit.precision import PRECISIONS
+
+RADIUS, LENGTH = 4.75e-3, 6.5e-3
+
+
+def distorted() -> Mesh:
+    mesh = cylinder(RADIUS, LENGTH, n_radial=4, n_axial=5)
+    nodes = mesh.nodes.copy()
+    inside = (nodes[:, 0] > 0) & (nodes[:, 0] < RADIUS) & (nodes[:, 1] > 0) & (nodes[:, 1] < LENGTH)
+    nodes[inside] += np.random.default_rng(1).uniform(-2e-4, 2e-4, (int(inside.sum()), 2))
+    return replace(mesh, nodes=nodes)
+
+
+def test_an_unknown_element_is_refused_with_the_names_there_are() -> None:
+    with pytest.raises(ValueError, match=r"element must be one of \['fbar', 'one_point'\], got 'Q8'"):
+        element("Q8")
+
+
+@pytest.mark.parametrize("name", list(ELEMENTS))
+@pytest.mark.parametrize("precision", list(PRECISIONS))
+def test_every_element_offers_its_volume_and_inverse_masses(name: str, precision: str) -> None:
+    mesh = distorted()
+    item = element(name)
+    functions = item.functions(MarlowLaw, PRECISIONS[precision])
+    shapes = item.shapes(mesh, 870.0, functions.Shape.numpy_dtype())
+    assert item.name == name
+    volume = np.asarray(shapes["volume"], dtype=float)
+    rtol = 1e-13 if precision == "fp64" else 1e-6  # round-off
+    np.testing.assert_allclose(volume.sum(), np.pi * RADIUS**2 * LENGTH, rtol=rtol)
+    mass = (1.0 / np.asarray(shapes["inverse_mass_y"], dtype=float)).sum()
+    np.testing.assert_allclose(mass, 870.0 * np.pi * RADIUS**2 * LENGTH, rtol=rtol)
+    on_axis = mesh.on_axis[mesh.quads]
+    assert (np.asarray(shapes["inverse_mass_r"])[on_axis] == 0.0).all()
+
+
+def test_gauss_points_integrate_what_three_by_three_do() -> None:
+    mesh = distorted()
+    points, geometry = gauss_points(mesh), element_geometry(mesh)
+    rtol = 1e-12  # both rules are exact for these integrands
+    np.testing.assert_allclose(points.volume.sum(axis=1), geometry.volume, rtol=rtol)
+    np.testing.assert_allclose(points.volume @ points.shape, geometry.corner_volume, rtol=rtol)
+    for field, whole in (
+        (
+            points.gradient_r + points.hoop,
+            geometry.gradient_r + geometry.hoop,
+        ),  # hoop alone is not polynomial
+        (points.gradient_y, geometry.gradient_y),
+    ):
+        mean = np.einsum("eg,ega->ea", points.volume, field) / geometry.volume[:, None]
+        np.testing.assert_allclose(mean, whole, rtol=rtol, atol=1e-9)  # gradients are 1e3 1/m
+
+
+def test_gauss_points_refuse_an_element_that_is_numbered_backwards() -> None:
+    mesh = cylinder(RADIUS, LENGTH, n_radial=2, n_axial=2)
+    quads = mesh.quads.copy()
+    quads[3] = quads[3, ::-1]
+    with pytest.raises(ValueError, match=r"element 3 has Jacobian -.* <= 0: number its corners counter-cl"):
+        gauss_points(replace(mesh, quads=quads))
+
+
+@pytest.mark.parametrize("name", list(ELEMENTS))
+def test_an_element_that_turns_inside_out_ends_its_simulation(name: str) -> None:
+    # The flyer goes through the other platen: the elements between them must turn over.
+    times = np.array([0.0, 1.0])
+    motion = PlatenMotion.sampled(
+        lambda t: 2.0 * LENGTH * t, lambda t: 2.0 * LENGTH + 0.0 * t, start=0.0, end=1.0, n_knots=11
+    )
+    model = Model(
+        cylinder(RADIUS, LENGTH, n_radial=2, n_axial=2),
+        870.0,
+        (neo_hookean(27e3),),
+        (motion,),
+        element=name,
+    )
+    response = run(model, Samples.of(poisson=0.495), Sampling(times, times))
+    # the shrinking step of the last instants may come first
+    assert response.outcomes[0] in (Outcome.INVERTED, Outcome.STEP_COLLAPSED)
