@@ -44,7 +44,7 @@ class FBar:
             shapes[f"gradient_r{g}"] = points.gradient_r[:, g]
             shapes[f"gradient_y{g}"] = points.gradient_y[:, g]
             shapes[f"hoop{g}"] = points.hoop[:, g]
-        radial, axial = corner_inverse_mass(mesh, density, points.volume @ points.shape)
+        radial, axial = corner_inverse_mass(mesh, density, points.volume @ points.interpolation)
         shapes["inverse_mass_r"], shapes["inverse_mass_y"] = radial, axial
         return shapes
 

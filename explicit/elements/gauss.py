@@ -29,7 +29,7 @@ class GaussPoints:
     """dN/dY of each corner [1/m], shape [n_elements, 4 points, 4 corners]."""
     hoop: FloatArray
     """N/R of each corner [1/m], shape [n_elements, 4 points, 4 corners]."""
-    shape: FloatArray
+    interpolation: FloatArray
     """N of each corner [-], shape [4 points, 4 corners]."""
 
 
@@ -61,5 +61,5 @@ def gauss_points(mesh: Mesh) -> GaussPoints:
         gradient_r=slope[..., 0],
         gradient_y=slope[..., 1],
         hoop=shape[None] / radius[..., None],
-        shape=shape,
+        interpolation=shape,
     )

@@ -51,7 +51,7 @@ def test_gauss_points_integrate_what_three_by_three_do() -> None:
     points, geometry = gauss_points(mesh), element_geometry(mesh)
     rtol = 1e-12  # both rules are exact for these integrands
     np.testing.assert_allclose(points.volume.sum(axis=1), geometry.volume, rtol=rtol)
-    np.testing.assert_allclose(points.volume @ points.shape, geometry.corner_volume, rtol=rtol)
+    np.testing.assert_allclose(points.volume @ points.interpolation, geometry.corner_volume, rtol=rtol)
     for field, whole in (
         (
             points.gradient_r + points.hoop,

@@ -45,6 +45,7 @@ TOPICS = [
     "energy",
     "time_order",
     "space_order",
+    "fbar",
     "batch",
 ]
 """Modules of the manual, in its order."""

@@ -97,6 +97,43 @@ def nominal_stress(a: float, b: float) -> tuple[float, float]:
     return cauchy[0] * a * b, cauchy[1] * a * a
 
 
+def homogeneous(
+    mesh: Mesh, name: str, element: str = "one_point"
+) -> tuple[dict[str, float], dict[str, float], float]:
+    """Impose every state of `STRETCH` and a rigid shift in one precision.
+
+    Returns the largest interior force over the largest corner force and the relative error of the face force,
+    by state, and the largest force of the shift over mu R^2 [-].
+    """
+    r, y = mesh.nodes.T
+    inside = (r > 0) & (r < r.max()) & (y > 0) & (y < y.max())
+    rest = np.zeros((mesh.n_nodes, 2))
+    interior, face = {}, {}
+    for state, (a, b) in STRETCH.items():
+        motion = np.column_stack([(a - 1.0) * r, (b - 1.0) * y])
+        corners, _ = corner_forces(mesh, name, motion, rest, 0.0, element)
+        nodal = assemble(mesh, corners)
+        interior[state] = float(np.abs(nodal[inside]).max() / np.abs(corners).max())
+        exact = -nominal_stress(a, b)[1] * np.pi * RADIUS**2
+        face[state] = float(abs(nodal[mesh.lower_face, 1].sum() / exact - 1.0))
+    shift = rest + np.array([0.0, 0.1 * LENGTH])
+    corners, _ = corner_forces(mesh, name, shift, 1e4 * shift, 1e-4, element)
+    return interior, face, float(np.abs(corners).max() / (shear_modulus(POISSON) * RADIUS**2))
+
+
+def rate_power(mesh: Mesh, element: str = "one_point") -> float:
+    """Power of uniform isochoric stretching at rest over 2 beta mu D : D V, minus 1 [-].
+
+    D = rate (-1/2, 1, -1/2).
+    """
+    rate, beta = 100.0, 1e-4
+    r, y = mesh.nodes.T
+    stretching = np.column_stack([-0.5 * rate * r, rate * y])
+    _, power = corner_forces(mesh, "fp64", np.zeros_like(stretching), stretching, beta, element)
+    exact = 2.0 * beta * shear_modulus(POISSON) * 1.5 * rate**2 * np.pi * RADIUS**2 * LENGTH
+    return float(power.sum() / exact - 1.0)
+
+
 @cache
 def case() -> Result:
     """Evaluate all states on one distorted mesh."""
@@ -104,7 +141,6 @@ def case() -> Result:
     geometry = element_geometry(mesh)
     r, y = mesh.nodes.T
     inside = (r > 0) & (r < r.max()) & (y > 0) & (y < y.max())
-    rest = np.zeros((mesh.n_nodes, 2))
 
     # Every linear field (u_y may shear; u_r = c R is the only linear radial field of an axisymmetric body).
     gradient_error = 0.0
@@ -134,36 +170,16 @@ def case() -> Result:
     fields = np.column_stack([np.ones_like(r), r / r.max(), y / y.max()])
     hourglass = np.einsum("ea,eaf->ef", geometry.gamma, fields[mesh.quads])
 
-    interior: dict[str, dict[str, float]] = {}
-    face: dict[str, dict[str, float]] = {}
-    rigid = {}
-    for name in ("fp64", "fp32"):
-        interior[name], face[name] = {}, {}
-        for state, (a, b) in STRETCH.items():
-            motion = np.column_stack([(a - 1.0) * r, (b - 1.0) * y])
-            corners, _ = corner_forces(mesh, name, motion, rest, 0.0)
-            nodal = assemble(mesh, corners)
-            interior[name][state] = float(np.abs(nodal[inside]).max() / np.abs(corners).max())
-            exact = -nominal_stress(a, b)[1] * np.pi * RADIUS**2
-            face[name][state] = float(abs(nodal[mesh.lower_face, 1].sum() / exact - 1.0))
-        shift = rest + np.array([0.0, 0.1 * LENGTH])
-        corners, _ = corner_forces(mesh, name, shift, 1e4 * shift, 1e-4)
-        rigid[name] = float(np.abs(corners).max() / (shear_modulus(POISSON) * RADIUS**2))
-
-    # Uniform isochoric stretching at rest: power = 2 beta mu D : D V with D = rate (-1/2, 1, -1/2).
-    rate, beta = 100.0, 1e-4
-    stretching = np.column_stack([-0.5 * rate * r, rate * y])
-    _, power = corner_forces(mesh, "fp64", rest, stretching, beta)
-    exact = 2.0 * beta * shear_modulus(POISSON) * 1.5 * rate**2 * np.pi * RADIUS**2 * LENGTH
+    states = {name: homogeneous(mesh, name) for name in ("fp64", "fp32")}
     return Result(
         mesh=mesh,
         gradient_error=gradient_error,
         weak_error=weak_error,
         hourglass_error=float(np.abs(hourglass).max()),
-        interior=interior,
-        face_force=face,
-        rigid=rigid,
-        rate_power=float(power.sum() / exact - 1.0),
+        interior={name: found[0] for name, found in states.items()},
+        face_force={name: found[1] for name, found in states.items()},
+        rigid={name: found[2] for name, found in states.items()},
+        rate_power=rate_power(mesh),
     )
 
 
