@@ -40,6 +40,24 @@ BLOCK_LARGEST = _REDUCTION.replace("COMBINE", "x > other ? x : other")
 """Largest value over the lanes of a simulation."""
 
 
+# On the CPU short sums are made one after the other, in one order whatever the lanes are, so that forces keep
+# their bits; a GPU shares them out.
+ORDERED_FIRST = """
+#if defined(__CUDA_ARCH__)
+    return lane;
+#else
+    return 0;
+#endif
+"""
+ORDERED_STEP = """
+#if defined(__CUDA_ARCH__)
+    return blockDim.x;
+#else
+    return 1;
+#endif
+"""
+
+
 @dataclass(frozen=True)
 class LaneFunctions:
     """What lanes do together."""
@@ -50,6 +68,16 @@ class LaneFunctions:
     """``total(x)``: sum over the lanes, the same bits on every lane."""
     largest: Any
     """``largest(x)``: largest value over the lanes."""
+    empty_sum: Any
+    """``empty_sum()``: where a sum over elements or nodes begins."""
+    add_to: Any
+    """``add_to(sum, x, k)``: the sum with the share of the k-th element or node."""
+    ordered_first: Any
+    """``ordered_first(lane)``: where a lane begins a short sum that is made in order."""
+    ordered_step: Any
+    """``ordered_step()``: how far it goes on."""
+    ordered_total: Any
+    """``ordered_total(x)``: the whole of such a sum, on every lane."""
 
 
 @cache
@@ -65,4 +93,21 @@ def lane_functions() -> LaneFunctions:
     @wp.func_native(snippet=BLOCK_LARGEST)
     def largest(x: wp.float64) -> wp.float64: ...
 
-    return LaneFunctions(sync, total, largest)
+    @wp.func
+    def empty_sum():
+        return wp.float64(0.0)
+
+    @wp.func
+    def add_to(sofar: wp.float64, share: wp.float64, place: int):
+        return sofar + share
+
+    @wp.func_native(snippet=ORDERED_FIRST)
+    def ordered_first(lane: int) -> int: ...
+
+    @wp.func_native(snippet=ORDERED_STEP)
+    def ordered_step() -> int: ...
+
+    @wp.func_native(snippet=BLOCK_SUM)
+    def ordered_total(x: wp.float64) -> wp.float64: ...
+
+    return LaneFunctions(sync, total, largest, empty_sum, add_to, ordered_first, ordered_step, ordered_total)

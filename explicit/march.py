@@ -49,6 +49,9 @@ def march_kernel(
     sweep_elements, sweep_energies = sweeps.elements, sweeps.energies
     flyer_position, returned_wave, meet = boundary.flyer_position, boundary.returned_wave, boundary.meet
     sync, total, largest = lanes.sync, lanes.total, lanes.largest
+    empty_sum, add_to = lanes.empty_sum, lanes.add_to
+    ordered_first, ordered_step = lanes.ordered_first, lanes.ordered_step
+    ordered_total = lanes.ordered_total
     zero, half = real(0.0), real(0.5)
     ZERO, HALF, TWO = wp.float64(0.0), wp.float64(0.5), wp.float64(2.0)
     inverted = wp.float64(INVERTED * 0.5)
@@ -74,8 +77,8 @@ def march_kernel(
         force_before = wp.vec2d()
         impulse = wp.vec2d()
         recorded_bar = int(0)
-        damped, rubbed = wp.float64(0.0), wp.float64(0.0)
-        landed, worked = wp.float64(0.0), wp.float64(0.0)
+        damped, rubbed = empty_sum(), empty_sum()
+        landed, worked = empty_sum(), empty_sum()
         past_data, most_strained, latched = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
 
         while status == 0 and (next_force < n_force or next_surface < n_surface):
@@ -85,16 +88,16 @@ def march_kernel(
             worst, power = sweep_elements(body, batch, state, sample, lane, measure)
             latched = wp.max(latched, worst)  # an element that turns between two measurements stays known
             if measure == 1:
-                worst = largest(latched)
+                omega_squared = largest(latched)
                 latched = wp.float64(0.0)
-                dt = wp.min(batch.safety * TWO / wp.sqrt(worst), batch.largest_step)
+                dt = wp.min(batch.safety * TWO / wp.sqrt(omega_squared), batch.largest_step)
                 if step == 0:
                     first_step = dt
-                if worst >= inverted:
+                if omega_squared >= inverted:
                     status = turned
                 elif dt < batch.floor * first_step:
                     status = collapsed
-                elif not wp.isfinite(worst):
+                elif not wp.isfinite(omega_squared):
                     status = diverged
             if step >= batch.max_steps:
                 status = limit
@@ -108,15 +111,14 @@ def march_kernel(
             flush = int(0)
             if next_surface < n_surface and output.surface_times[next_surface] <= time + dt:
                 flush = 1
-            elastic, hourglass = wp.float64(0.0), wp.float64(0.0)
-            past, most, kinetic = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
+            elastic, hourglass, past, kinetic = empty_sum(), empty_sum(), empty_sum(), empty_sum()
+            most = wp.float64(0.0)
             if flush == 1:
                 elastic, hourglass, past, most = sweep_energies(body, batch, state, sample, lane)
                 sync()  # the node sweep below moves what other lanes may still be reading
             # Half of this step's work belongs to the time of the positions, half to what follows.
-            damp_step, rub_step = power * interval, wp.float64(0.0)
-            land_step, work_step = wp.float64(0.0), wp.float64(0.0)
-            push_lower, push_upper, carried = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
+            damp_step, rub_step = power * interval, empty_sum()
+            land_step, work_step = empty_sum(), empty_sum()
             h, tau = real(dt), real(interval)
             n = lane
             while n < body.n_nodes:
@@ -146,23 +148,29 @@ def march_kernel(
                     rub = wp.float64(mass) * wp.float64(new[0] - free[0])
                     if body.on_axis[n] == 1:
                         rub = ZERO
+                    push_lower, push_upper, carried = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
                     speed = wp.float64(half * (old[1] + new[1]))
                     slide = wp.float64(half * (old[0] + new[0]))
                     if platen == lower:
-                        push_lower += kick
+                        push_lower = kick
                         if new[1] == to_lower:
-                            carried += wp.float64(mass)
-                        land_step += kick * (lower_before - speed)
-                        work_step += kick * lower_before
+                            carried = wp.float64(mass)
+                        land_step = add_to(land_step, kick * (lower_before - speed), n)
+                        work_step = add_to(work_step, kick * lower_before, n)
                     elif platen == upper:
-                        push_upper += kick
-                        land_step += kick * (upper_speed - speed)
-                        work_step += kick * upper_speed
-                    rub_step -= rub * slide
+                        push_upper = kick
+                        land_step = add_to(land_step, kick * (upper_speed - speed), n)
+                        work_step = add_to(work_step, kick * upper_speed, n)
+                    rub_step = add_to(rub_step, -rub * slide, n)
+                    seat = body.seat[n]
+                    state.push_lower[sample, seat] = push_lower
+                    state.push_upper[sample, seat] = push_upper
+                    state.carried[sample, seat] = carried
                 if flush == 1:
-                    kinetic += wp.float64(half * mass * wp.dot(old, new))
+                    kinetic = add_to(kinetic, wp.float64(half * mass * wp.dot(old, new)), n)
                 if solid.mass_damping > zero:
-                    damp_step += wp.float64(tau * solid.mass_damping * mass * half * wp.dot(old, old + new))
+                    drag = tau * solid.mass_damping * mass * half * wp.dot(old, old + new)
+                    damp_step = add_to(damp_step, wp.float64(drag), n)
                 v_r[n] = new[0]
                 v_y[n] = new[1]
                 u_r[n] = u_r[n] + h * new[0]
@@ -170,8 +178,16 @@ def march_kernel(
                 n += wp.block_dim()
             sync()
 
+            from_below, from_above, riding = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
+            b = ordered_first(lane)
+            while b < body.n_seats:
+                from_below += state.push_lower[sample, b]
+                from_above += state.push_upper[sample, b]
+                riding += state.carried[sample, b]
+                b += ordered_step()
+
             # Compression-positive forces at `time`: the flyer pushes down, the support pushes up.
-            force = wp.vec2d(-total(push_upper), total(push_lower)) / interval
+            force = wp.vec2d(-ordered_total(from_above), ordered_total(from_below)) / interval
             if not (wp.isfinite(force[0]) and wp.isfinite(force[1])):
                 status = diverged
             if status == 0:
@@ -194,18 +210,17 @@ def march_kernel(
                     next_force += 1
                 impulse += force * interval
                 if flush == 1:
-                    elastic, hourglass, past = total(elastic), total(hourglass), total(past)
-                    most, kinetic = largest(most), total(kinetic)
+                    stored, held, moving = total(elastic), total(hourglass), total(kinetic)
                     external = total(worked + HALF * work_step)
                     damping = total(damped + HALF * damp_step)
                     friction_loss = total(rubbed + HALF * rub_step)
                     impact = total(landed + HALF * land_step)
-                    past_data = wp.max(past_data, past)
-                    most_strained = wp.max(most_strained, most)
+                    past_data = wp.max(past_data, total(past))
+                    most_strained = wp.max(most_strained, largest(most))
                     while next_surface < n_surface and output.surface_times[next_surface] <= time + dt:
                         back = real(time + dt - output.surface_times[next_surface])
                         k = lane
-                        while k < output.nodes.shape[0]:
+                        while k < output.n_recorded:
                             node = output.nodes[k]
                             output.position[sample, next_surface, k, 0] = body.reference_r[node] + wp.float64(
                                 u_r[node] - back * v_r[node]
@@ -216,9 +231,9 @@ def march_kernel(
                             k += wp.block_dim()
                         if lane == 0:
                             output.energy[sample, next_surface, 0] = external
-                            output.energy[sample, next_surface, 1] = kinetic
-                            output.energy[sample, next_surface, 2] = elastic
-                            output.energy[sample, next_surface, 3] = hourglass
+                            output.energy[sample, next_surface, 1] = moving
+                            output.energy[sample, next_surface, 2] = stored
+                            output.energy[sample, next_surface, 3] = held
                             output.energy[sample, next_surface, 4] = damping
                             output.energy[sample, next_surface, 5] = friction_loss
                             output.energy[sample, next_surface, 6] = impact
@@ -236,7 +251,7 @@ def march_kernel(
                     elapsed = time + dt - batch.start
                     if batch.round_trip < wp.float64(1.0e30):
                         returned = returned_wave(state, sample, elapsed, batch.round_trip)
-                    inertia = total(carried) / (interval * batch.impedance)
+                    inertia = ordered_total(riding) / (interval * batch.impedance)
                     answer = -(force[1] / batch.impedance + TWO * returned)
                     lower_before = (inertia * lower_before + answer) / (wp.float64(1.0) + inertia)
                     if batch.round_trip < wp.float64(1.0e30):

@@ -32,9 +32,10 @@ def batch_structs(precision: Precision, Shape: Any, Solid: Any) -> Structs:
     class Body:
         n_elements: int
         n_nodes: int
+        n_seats: int
         length: wp.float64
         shapes: wp.array(dtype=Shape)
-        quads: wp.array(dtype=wp.vec4i)
+        quads: wp.array2d(dtype=int)
         first_corner: wp.array(dtype=int)
         corners: wp.array(dtype=int)
         reference_r: wp.array(dtype=wp.float64)
@@ -43,6 +44,7 @@ def batch_structs(precision: Precision, Shape: Any, Solid: Any) -> Structs:
         inverse_mass: wp.array(dtype=real)
         on_axis: wp.array(dtype=int)
         kind: wp.array(dtype=int)
+        seat: wp.array(dtype=int)
 
     @wp.struct
     class Batch:
@@ -72,12 +74,16 @@ def batch_structs(precision: Precision, Shape: Any, Solid: Any) -> Structs:
         corner_r: wp.array2d(dtype=real)
         corner_y: wp.array2d(dtype=real)
         touched: wp.array2d(dtype=int)
+        push_lower: wp.array2d(dtype=wp.float64)
+        push_upper: wp.array2d(dtype=wp.float64)
+        carried: wp.array2d(dtype=wp.float64)
         bar_wave: wp.array2d(dtype=wp.float64)
 
     @wp.struct
     class Output:
         force_times: wp.array(dtype=wp.float64)
         surface_times: wp.array(dtype=wp.float64)
+        n_recorded: int
         nodes: wp.array(dtype=int)
         force: wp.array3d(dtype=wp.float64)
         impulse: wp.array3d(dtype=wp.float64)

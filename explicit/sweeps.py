@@ -7,6 +7,7 @@ from typing import Any
 import warp as wp
 
 from explicit.elements import ElementFunctions
+from explicit.lanes import lane_functions
 from explicit.precision import Precision
 from explicit.structs import Structs
 
@@ -26,6 +27,8 @@ def sweep_functions(precision: Precision, element: ElementFunctions, structs: St
     """Generate the sweeps."""
     real, vec4 = precision.real, precision.vec4
     Body, Batch, State = structs.Body, structs.Batch, structs.State
+    lanes = lane_functions()
+    empty_sum, add_to = lanes.empty_sum, lanes.add_to
     element_forces, element_energies = element.forces, element.energies
 
     @wp.func
@@ -35,10 +38,10 @@ def sweep_functions(precision: Precision, element: ElementFunctions, structs: St
         row = batch.rows[batch.material[sample]]
         u_r, u_y, v_r, v_y = state.u_r[sample], state.u_y[sample], state.v_r[sample], state.v_y[sample]
         corner_r, corner_y = state.corner_r[sample], state.corner_y[sample]
-        worst, power = real(0.0), wp.float64(0.0)
+        worst, power = real(0.0), empty_sum()
         e = lane
         while e < body.n_elements:
-            q = body.quads[e]
+            q = wp.vec4i(body.quads[0, e], body.quads[1, e], body.quads[2, e], body.quads[3, e])
             f_r, f_y, omega_squared, dissipated = element_forces(
                 body.shapes[e],
                 solid,
@@ -50,10 +53,10 @@ def sweep_functions(precision: Precision, element: ElementFunctions, structs: St
                 measure,
             )
             for a in range(4):
-                corner_r[4 * e + a] = f_r[a]
-                corner_y[4 * e + a] = f_y[a]
+                corner_r[a * body.n_elements + e] = f_r[a]
+                corner_y[a * body.n_elements + e] = f_y[a]
             worst = wp.max(worst, omega_squared)
-            power += wp.float64(dissipated)
+            power = add_to(power, wp.float64(dissipated), e)
             e += wp.block_dim()
         return wp.float64(worst), power
 
@@ -64,11 +67,11 @@ def sweep_functions(precision: Precision, element: ElementFunctions, structs: St
         row = batch.rows[batch.material[sample]]
         limit_s = batch.data_limit[batch.material[sample]]
         u_r, u_y = state.u_r[sample], state.u_y[sample]
-        elastic, hourglass = wp.float64(0.0), wp.float64(0.0)
-        past, most = wp.float64(0.0), real(0.0)
+        elastic, hourglass, past = empty_sum(), empty_sum(), empty_sum()
+        most = real(0.0)
         e = lane
         while e < body.n_elements:
-            q = body.quads[e]
+            q = wp.vec4i(body.quads[0, e], body.quads[1, e], body.quads[2, e], body.quads[3, e])
             w, h, s = element_energies(
                 body.shapes[e],
                 solid,
@@ -76,11 +79,11 @@ def sweep_functions(precision: Precision, element: ElementFunctions, structs: St
                 vec4(u_r[q[0]], u_r[q[1]], u_r[q[2]], u_r[q[3]]),
                 vec4(u_y[q[0]], u_y[q[1]], u_y[q[2]], u_y[q[3]]),
             )
-            elastic += wp.float64(w)
-            hourglass += wp.float64(h)
+            elastic = add_to(elastic, wp.float64(w), e)
+            hourglass = add_to(hourglass, wp.float64(h), e)
             most = wp.max(most, s)
             if s > limit_s:
-                past += wp.float64(body.shapes[e].volume)
+                past = add_to(past, wp.float64(body.shapes[e].volume), e)
             e += wp.block_dim()
         return elastic, hourglass, past, wp.float64(most)
 

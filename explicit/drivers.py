@@ -1,0 +1,100 @@
+"""Where the time loops of a batch run: packs of SIMD lanes on the cores of a CPU, thread blocks on a GPU."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from explicit.arguments import body_of, state_of
+from explicit.march import MarchKernel
+from explicit.model import Model
+from explicit.precision import Precision
+from explicit.simd import PACK_BYTES, Mapping, lane_kernel
+
+BLOCK = 256
+"""Threads that share one simulation on a GPU."""
+WORTH_A_PACK = 0.75
+"""Share of a pack's lanes that must be at work: with fewer, its simulations are faster one by one."""
+LARGE_MESH = 1500
+"""Elements from which the state of a pack leaves the caches and simulations are faster one by one."""
+
+Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A batch on its device, ready to run."""
+
+    kernel: MarchKernel
+    """The scalar time loop."""
+    model: Model
+    """What is simulated."""
+    numbers: Precision
+    """Its arithmetic."""
+    where: Any
+    """The device."""
+    batch: Any
+    """Parameters of every simulation, on the device."""
+    output: Any
+    """Histories of every simulation, on the device."""
+    n_samples: int
+    """How many there are."""
+
+
+def run_on_gpu(plan: Plan, progress: Progress | None) -> None:
+    """Every simulation a block of threads, in one launch."""
+    body = body_of(plan.kernel, plan.model, plan.numbers, plan.where)
+    state = state_of(plan.kernel, plan.model, plan.numbers, plan.where, plan.n_samples, 1)
+    wp.launch(
+        plan.kernel.kernel,
+        dim=(plan.n_samples, BLOCK),
+        inputs=[body, plan.batch, state, plan.output, 0],
+        device=plan.where,
+        block_dim=BLOCK,
+    )
+    wp.synchronize_device(plan.where)
+    if progress:
+        progress(plan.n_samples)
+
+
+def packs(n_samples: int, lanes: int, n_elements: int) -> list[tuple[Mapping, int, int]]:
+    """Divide a batch: (mapping, first simulation, how many) of every launch.
+
+    It depends on the batch and the mesh alone, never on the threads.
+    """
+    jobs: list[tuple[Mapping, int, int]] = []
+    first = 0
+    if n_elements <= LARGE_MESH:
+        while n_samples - first >= WORTH_A_PACK * lanes:
+            count = min(lanes, n_samples - first)
+            jobs.append(("simulation", first, count))
+            first += count
+    return jobs + [("walker", i, 1) for i in range(first, n_samples)]
+
+
+def run_in_lanes(plan: Plan, threads: int, progress: Progress | None) -> None:
+    """Packs of simulations, or simulations of packs of elements, shared out over threads."""
+    kernel, model, numbers = plan.kernel, plan.model, plan.numbers
+    lanes = PACK_BYTES // numbers.dtype().itemsize
+    jobs = packs(plan.n_samples, lanes, model.mesh.n_elements)
+    kernels, bodies = {}, {}
+    for mapping in {job[0] for job in jobs}:
+        kernels[mapping] = lane_kernel(kernel.kernel, kernel.structs, numbers, mapping, lanes).kernel
+        wp.load_module(kernels[mapping].module, device=plan.where, block_dim=1)
+        block = lanes if mapping == "walker" else None
+        bodies[mapping] = body_of(kernel, model, numbers, plan.where, block=block)
+
+    def one(mapping: Mapping, first: int, count: int) -> int:
+        width = lanes if mapping == "simulation" else 1
+        state = state_of(kernel, model, numbers, plan.where, 1, width)
+        inputs = [bodies[mapping], plan.batch, state, plan.output, first, count]
+        wp.launch(kernels[mapping], dim=1, inputs=inputs, device=plan.where, block_dim=1)
+        return count
+
+    with ThreadPoolExecutor(min(threads, len(jobs))) as pool:
+        for done in as_completed([pool.submit(one, *job) for job in jobs]):
+            count = done.result()
+            if progress:
+                progress(count)

@@ -1,0 +1,98 @@
+"""Branches and loops on which the lanes may disagree."""
+
+import ast
+from collections.abc import Sequence
+
+from explicit.simd.statements import Statements
+from explicit.simd.values import Scalar, literal
+
+
+class Control(Statements):
+    """A branch that some lanes take, and a loop that some lanes leave early, run under a mask."""
+
+    # ---- branches ------------------------------------------------------------------------------------
+
+    def _do_if(self, node: ast.If) -> None:
+        condition = self.scalar(node.test)
+        if condition.const is not None:
+            self.block(node.body if condition.const else node.orelse)
+        elif not condition.varying:
+            self.emit(f"if ({condition.code}) {{")
+            self.block(node.body)
+            if node.orelse:
+                self.emit("} else {")
+                self.block(node.orelse)
+            self.emit("}")
+        else:
+            self._under(condition.code, node.body)
+            if node.orelse:
+                self._under(f"~{condition.code}", node.orelse)
+
+    def _under(self, condition: str, body: Sequence[ast.stmt]) -> None:
+        """A body in the lanes where a condition holds, if there are any."""
+        self.masks += 1
+        mask, outer = f"m{self.masks}", self.mask
+        self.emit(f"const mask {mask} = {condition if outer is None else f'{outer} & {condition}'};")
+        self.emit(f"if (op::any({mask})) {{")
+        self.mask, self.path = mask, (*self.path, mask)
+        self.block(body)
+        self.mask, self.path = outer, self.path[:-1]
+        self.emit("}")
+
+    # ---- loops ---------------------------------------------------------------------------------------
+
+    def _do_while(self, node: ast.While) -> None:
+        self.masks += 1
+        mask, outer = f"m{self.masks}", self.mask
+        key = f"loop {self.instance_names[-1]} {node.lineno}"
+        if key in self.varying_names:
+            self.declared[mask] = "mask"
+            self.emit(f"{mask} = {outer or 'everywhere'};")
+            self.emit("while (true) {")
+            self.mask, self.path = mask, (*self.path, mask)
+            condition = self.scalar(node.test)
+            self.emit(f"{mask} = {mask} & {self.pack(condition)};")
+            self.emit(f"if (!op::any({mask})) break;")
+            self.block(node.body)
+            self.mask, self.path = outer, self.path[:-1]
+        else:
+            self.emit("while (true) {")
+            condition = self.scalar(node.test)
+            if condition.varying:
+                self.varying_names.add(key)
+            self.emit(f"if (!({condition.code})) break;")
+            self.block(node.body)
+        self.emit("}")
+
+    def _do_for(self, node: ast.For) -> None:
+        assert isinstance(node.iter, ast.Call)
+        assert isinstance(node.target, ast.Name)
+        bounds = [self.scalar(argument) for argument in node.iter.args]
+        first, last = bounds if len(bounds) == 2 else (literal(0, "i32"), bounds[0])
+        name = node.target.id
+        if first.const is not None and last.const is not None:
+            for k in range(first.const, last.const):
+                self.scopes[-1][name] = literal(k, "i32")
+                self.block(node.body)
+            return
+        if not first.varying and not last.varying:
+            counter = self.name("c")
+            self.emit(f"for (int {counter} = {first.code}; {counter} < {last.code}; ++{counter}) {{")
+            self.scopes[-1][name] = Scalar("i32", counter)
+            self.block(node.body)
+            self.emit("}")
+            return
+        self.masks += 1
+        mask, outer, counter = f"m{self.masks}", self.mask, self.name("c")
+        self.declared[mask] = "mask"
+        self.emit(f"i32v {counter} = {self.pack(first)};")
+        self.emit(f"{mask} = {outer or 'everywhere'};")
+        self.emit("while (true) {")
+        self.emit(f"{mask} = {mask} & op::to_mask((i32v)({counter} < {self.pack(last)}));")
+        self.emit(f"if (!op::any({mask})) break;")
+        self.mask, self.path = mask, (*self.path, mask)
+        self.scopes[-1][name] = Scalar("i32", counter, True)
+        self.block(node.body)
+        self.mask, self.path = outer, self.path[:-1]
+        self.emit(f"{counter} = {counter} + 1;")
+        self.emit("}")

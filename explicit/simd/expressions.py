@@ -1,0 +1,241 @@
+"""Expressions of the scalar source as C++ over lanes."""
+
+import ast
+from collections.abc import Sequence
+from typing import Any
+
+import warp as wp
+
+from explicit.simd.arithmetic import Arithmetic
+from explicit.simd.values import (
+    PACK,
+    SCALAR,
+    Array,
+    Known,
+    Scalar,
+    Struct,
+    Value,
+    Vector,
+    is_vector,
+    kind_of,
+    literal,
+)
+
+COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
+"""C++ signs of the comparisons."""
+
+
+class Expressions(Arithmetic):
+    """Translates a syntax tree's expressions to values, emitting what computes them."""
+
+    def expression(self, node: ast.expr) -> Value:
+        """Translate any expression."""
+        method = getattr(self, "_" + type(node).__name__.lower(), None)
+        if method is None:
+            raise self.refuse(node, f"{type(node).__name__} has no meaning over lanes")
+        return method(node)  # type: ignore[no-any-return]
+
+    def scalar(self, node: ast.expr) -> Scalar:
+        """Translate an expression that must be one number."""
+        value = self.expression(node)
+        if not isinstance(value, Scalar):
+            raise self.refuse(node, "a number is wanted here")
+        return value
+
+    def lookup(self, name: str) -> Value:
+        """The value of a name; provided by the statements."""
+        raise NotImplementedError
+
+    def call(self, thing: Any, arguments: Sequence[Value], node: ast.Call) -> Value:
+        """The value of a call to a Warp function; provided by the statements."""
+        raise NotImplementedError
+
+    # ---- leaves --------------------------------------------------------------------------------------
+
+    def known(self, thing: Any) -> Value:
+        """A Python object from the source's surroundings as a value."""
+        if isinstance(thing, bool):
+            return literal(thing, "bool")
+        if isinstance(thing, int):
+            return literal(thing, "i32")
+        if isinstance(thing, (wp.float32, wp.float64, wp.int32)):
+            return literal(thing.value, kind_of(type(thing)))
+        return Known(thing)
+
+    def _constant(self, node: ast.Constant) -> Value:
+        if isinstance(node.value, float):
+            return literal(node.value, "f32")
+        return self.known(node.value)
+
+    def _name(self, node: ast.Name) -> Value:
+        return self.lookup(node.id)
+
+    def _tuple(self, node: ast.Tuple) -> Value:
+        return tuple(self.expression(item) for item in node.elts)
+
+    def _attribute(self, node: ast.Attribute) -> Value:
+        owner = self.expression(node.value)
+        if isinstance(owner, Known):
+            if owner.thing is wp and hasattr(self, f"wp_{node.attr}"):
+                return Known(getattr(self, f"wp_{node.attr}"))
+            return self.known(getattr(owner.thing, node.attr))
+        if not isinstance(owner, Struct):
+            if isinstance(owner, Array) and node.attr == "shape":
+                return Known(owner)
+            raise self.refuse(node, "only structs have fields")
+        if owner.fields is not None:
+            return owner.fields[node.attr]
+        return self.member(owner, node.attr)
+
+    def member(self, owner: Struct, field: str) -> Value:
+        """A field of a uniform struct."""
+        return self._read(owner.type.vars[field].type, f"{owner.code}.{field}", owner)
+
+    def _read(self, dtype: Any, code: str, owner: Struct) -> Value:
+        if isinstance(dtype, wp.array):
+            return self.array(dtype, code, owner)
+        if is_vector(dtype):
+            kind = kind_of(dtype._wp_scalar_type_)
+            return Vector(tuple(self.temporary(kind, f"{code}.c[{k}]", False) for k in range(dtype._length_)))
+        return self.temporary(kind_of(dtype), code, False)
+
+    def array(self, dtype: Any, code: str, owner: Struct) -> Array:
+        """An array that is a field of a struct; provided by the memory."""
+        raise NotImplementedError
+
+    lanes_inside = False
+    """Whether the state's entries are packs, a simulation a lane."""
+
+    # ---- arithmetic ----------------------------------------------------------------------------------
+
+    def _unaryop(self, node: ast.UnaryOp) -> Value:
+        value = self.expression(node.operand)
+        if isinstance(node.op, ast.Not):
+            assert isinstance(value, Scalar)
+            return self.temporary(
+                "bool", f"~{value.code}" if value.varying else f"!{value.code}", value.varying
+            )
+        if isinstance(node.op, ast.USub):
+            return self.negated(value)
+        raise self.refuse(node, "no such operator over lanes")
+
+    def _binop(self, node: ast.BinOp) -> Value:
+        return self.sum_or_product(node.op, node.left, node.right, node)
+
+    def sum_or_product(
+        self, operator: ast.operator, left: "ast.expr | Value", right: ast.expr, node: ast.AST
+    ) -> Value:
+        """A binary operation; the left operand may be a value already (augmented assignment)."""
+        if isinstance(operator, (ast.Add, ast.Sub)):
+            minus = isinstance(operator, ast.Sub)
+            factors = self._factors(right)
+            if factors is not None:
+                base = self.expression(left) if isinstance(left, ast.expr) else left
+                a, b = (self.expression(factor) for factor in factors)
+                return self.fused(a, b, base, minus_product=minus)
+            factors = self._factors(left) if isinstance(left, ast.expr) else None
+            if factors is not None:
+                a, b = (self.expression(factor) for factor in factors)
+                base = self.expression(right)
+                return self.fused(a, b, self.negated(base) if minus else base)
+        first = self.expression(left) if isinstance(left, ast.expr) else left
+        return self.arithmetic(operator, first, self.expression(right), node)
+
+    @staticmethod
+    def _factors(node: ast.expr) -> tuple[ast.expr, ast.expr] | None:
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
+            return node.left, node.right
+        return None
+
+    # ---- truth ---------------------------------------------------------------------------------------
+
+    def _compare(self, node: ast.Compare) -> Value:
+        if len(node.ops) != 1:
+            raise self.refuse(node, "one comparison at a time")
+        left, right = self.scalar(node.left), self.scalar(node.comparators[0])
+        symbol = COMPARISONS[type(node.ops[0])]
+        if left.const is not None and right.const is not None:
+            return literal(bool(eval(f"{left.const} {symbol} {right.const}")), "bool")  # two integers
+        varying = left.varying or right.varying
+        code = f"{self.operand(left, varying)} {symbol} {self.operand(right, varying)}"
+        if not varying:
+            return self.temporary("bool", code, False)
+        whole = {"i32": "i32v", "f32": "i32v", "f64": "i64v"}[left.kind]
+        return self.temporary("bool", f"op::to_mask(({whole})({code}))", True)
+
+    def _boolop(self, node: ast.BoolOp) -> Value:
+        both = isinstance(node.op, ast.And)
+        value = self.scalar(node.values[0])
+        for following in node.values[1:]:
+            value = self._and_then(value, following) if both else self._or_else(value, following)
+        return value
+
+    def _and_then(self, first: Scalar, node: ast.expr) -> Scalar:
+        """The second is looked at only where the first holds."""
+        if first.const is not None:
+            return self.scalar(node) if first.const else first
+        result = self.name("both")
+        if not first.varying:
+            start, outer = len(self.lines), self.lines
+            self.lines = []
+            second = self.scalar(node)
+            inner, self.lines = self.lines, outer
+            ctype = "mask" if second.varying else "bool"
+            zero = "(mask)(0)" if second.varying else "false"
+            self.lines[start:] = [f"{ctype} {result} = {zero};", f"if ({first.code}) {{", *inner]
+            self.emit(f"{result} = {second.code};")
+            self.emit("}")
+            return Scalar("bool", result, second.varying)
+        before = self.mask
+        held = first.code if before is None else f"({first.code} & {before})"
+        self.emit(f"mask {result} = {held};")
+        self.mask = result
+        self.emit(f"if (op::any({result})) {{")
+        second = self.scalar(node)
+        self.emit(f"{result} = {result} & {self.pack(second)};")
+        self.emit("}")
+        self.mask = before
+        return Scalar("bool", result, True)
+
+    def _or_else(self, first: Scalar, node: ast.expr) -> Scalar:
+        second = self.scalar(node)
+        varying = first.varying or second.varying
+        sign = "|" if varying else "||"
+        return self.temporary(
+            "bool", f"{self.operand(first, varying)} {sign} {self.operand(second, varying)}", varying
+        )
+
+    # ---- calls ---------------------------------------------------------------------------------------
+
+    def _call(self, node: ast.Call) -> Value:
+        function = self.expression(node.func)
+        if not isinstance(function, Known):
+            raise self.refuse(node, "not a function")
+        arguments = [self.expression(argument) for argument in node.args]
+        thing = function.thing
+        if isinstance(thing, type):
+            return self.convert(thing, arguments, node)
+        if getattr(thing, "__self__", None) is self:
+            return thing(*arguments)  # type: ignore[no-any-return]
+        return self.call(thing, arguments, node)
+
+    def convert(self, dtype: Any, arguments: Sequence[Value], node: ast.AST) -> Value:
+        """A conversion of a number, or a vector from its components."""
+        if is_vector(dtype):
+            kind = kind_of(dtype._wp_scalar_type_)
+            if not arguments:
+                return Vector((literal(0, kind),) * dtype._length_)
+            if isinstance(arguments[0], Vector):
+                return arguments[0]
+            return Vector(tuple(arguments))  # type: ignore[arg-type]
+        (value,) = arguments
+        assert isinstance(value, Scalar)
+        kind = kind_of(dtype)
+        if value.kind == kind:
+            return value
+        if value.const is not None:
+            return literal(value.const, kind)
+        if value.varying:
+            sign = "-" if value.kind == "bool" else ""  # a lane of a mask is 0 or -1
+            return self.temporary(kind, f"{sign}__builtin_convertvector({value.code}, {PACK[kind]})", True)
+        return self.temporary(kind, f"({SCALAR[kind]})({value.code})", False)

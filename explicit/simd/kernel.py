@@ -1,0 +1,71 @@
+"""From a kernel of the scalar source to a kernel that runs it in SIMD lanes on the CPU."""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Literal
+
+import warp as wp
+
+from explicit.precision import Precision
+from explicit.simd.mappings import LaneIsSimulation, LaneIsWalker
+from explicit.simd.prelude import prelude
+from explicit.simd.values import Scalar, Struct
+from explicit.structs import Structs
+
+Mapping = Literal["simulation", "walker"]
+PACK_BYTES = 64
+"""Bytes of a pack: one register of AVX-512, two of AVX2."""
+FLAGS = "-march=native -ffp-contract=off -mprefer-vector-width=512 -mstackrealign"
+"""Nothing is fused that the translator has not fused, so a simulation keeps its bits in any pack."""
+
+
+@dataclass(frozen=True)
+class LaneKernel:
+    """A kernel over lanes."""
+
+    kernel: Any
+    """Launch with dim 1 and inputs (body, batch, state, output, first, count)."""
+    lanes: int
+    """Lanes of a pack."""
+
+
+@cache
+def lane_kernel(
+    march: Any, structs: Structs, precision: Precision, mapping: Mapping, lanes: int
+) -> LaneKernel:
+    """Generate the lanes of a time loop.
+
+    Parameters
+    ----------
+    march
+        The scalar Warp kernel.
+    structs, precision
+        Types of its arguments and its arithmetic.
+    mapping
+        "simulation": a lane is a simulation; "walker": the lanes share one simulation.
+    lanes : int
+        Lanes of a pack, a power of two.
+    """
+    translator = {"simulation": LaneIsSimulation, "walker": LaneIsWalker}[mapping](lanes)
+    arguments: dict[str, Any] = {
+        name: Struct(kind, name)
+        for name, kind in (
+            ("body", structs.Body),
+            ("batch", structs.Batch),
+            ("state", structs.State),
+            ("output", structs.Output),
+        )
+    }
+    arguments["first"] = Scalar("i32", "first")
+    code = prelude(lanes, "f64" if precision.name == "fp64" else "f32")
+    code += translator.settle(march.func, arguments)
+    Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
+
+    @wp.func_native(snippet=code)
+    def march_lanes(body: Body, batch: Batch, state: State, output: Output, first: int, count: int): ...  # type: ignore[valid-type]
+
+    @wp.kernel(module="unique", enable_backward=False, module_options={"cpu_compiler_flags": FLAGS})
+    def march_packs(body: Body, batch: Batch, state: State, output: Output, first: int, count: int):  # type: ignore[valid-type]
+        march_lanes(body, batch, state, output, first, count)
+
+    return LaneKernel(march_packs, lanes)

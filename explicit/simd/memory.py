@@ -1,0 +1,209 @@
+"""Reading and writing Warp arrays from lanes."""
+
+import ast
+from dataclasses import replace
+from typing import Any
+
+from explicit.simd.expressions import Expressions
+from explicit.simd.values import (
+    PACK,
+    SCALAR,
+    Array,
+    Known,
+    Scalar,
+    Struct,
+    Value,
+    Vector,
+    is_struct,
+    is_vector,
+    kind_of,
+    literal,
+)
+
+ZERO = literal(0, "i32")
+
+
+class Memory(Expressions):
+    """Subscripts: uniform, side by side over the lanes, or gathered lane by lane."""
+
+    arrays: dict[str, str]
+
+    def array(self, dtype: Any, code: str, owner: Struct) -> Array:
+        """An array that is a field of a struct; its pointer and strides are declared once, at the top."""
+        name = code.replace(".", "_")
+        scratch = owner.type.cls.__name__ == "State"
+        element = "auto*" if is_struct(dtype.dtype) else f"{SCALAR[self._kind(dtype.dtype)]}*"
+        cast = "" if is_struct(dtype.dtype) else f"({element})"
+        lines = [f"{element} const {name} = {cast}{code}.data;"]
+        for k in range(dtype.ndim - 1):
+            lines.append(f"const int {name}_s{k} = (int)({code}.strides[{k}] / (int)sizeof(*{code}.data));")
+        lines += [f"const int {name}_n{k} = (int){code}.shape[{k}];" for k in range(dtype.ndim)]
+        self.arrays[name] = "\n".join(lines)
+        return Array(
+            name, dtype.dtype, dtype.ndim, scratch=scratch, lanes_inside=scratch and self.lanes_inside
+        )
+
+    @staticmethod
+    def _kind(dtype: Any) -> str:
+        return kind_of(dtype._wp_scalar_type_ if is_vector(dtype) else dtype)
+
+    def _subscript(self, node: ast.Subscript) -> Value:
+        owner = self.expression(node.value)
+        index = self.expression(node.slice)
+        places = index if isinstance(index, tuple) else (index,)
+        if isinstance(owner, Vector):
+            (place,) = places
+            if not isinstance(place, Scalar) or place.const is None:
+                raise self.refuse(node, "a component is chosen by a known number")
+            return owner.items[place.const]
+        if isinstance(owner, Known) and isinstance(owner.thing, Array):
+            (place,) = places
+            assert isinstance(place, Scalar)
+            return Scalar("i32", f"{owner.thing.name}_n{place.const}")
+        if not isinstance(owner, Array):
+            raise self.refuse(node, "only arrays and vectors have parts")
+        array = self.part(owner, places, node)
+        if array.given < array.ndim:
+            return array
+        (last,) = places[-1:]
+        if owner.header is not None and last.const in owner.header:  # type: ignore[union-attr]
+            return owner.header[last.const]  # type: ignore[union-attr, no-any-return]
+        return self.load(array)
+
+    def part(self, owner: Array, places: tuple[Any, ...], node: ast.AST) -> Array:
+        """An array with further subscripts given."""
+        if not all(isinstance(place, Scalar) and place.kind == "i32" for place in places):
+            raise self.refuse(node, "a subscript is an integer")
+        if owner.given + len(places) > owner.ndim:
+            raise self.refuse(node, "too many subscripts")
+        offset = owner.offset
+        for k, place in enumerate(places, start=owner.given):
+            if k == 0 and owner.scratch:
+                continue  # there are only this pack's own rows
+            step = place
+            if k < owner.ndim - 1:
+                stride = Scalar("i32", f"{owner.name}_s{k}")
+                step = self.arithmetic(ast.Mult(), place, stride, node)  # type: ignore[assignment]
+            offset = step if offset is None else self._further(offset, step, node)
+        return replace(owner, given=owner.given + len(places), offset=offset)
+
+    def _further(self, offset: Scalar, step: Scalar, node: ast.AST) -> Scalar:
+        """The sum of two offsets, with what is known of it kept apart."""
+        root = replace(step, code=step.root, const=None, root="", shift=0) if step.root else step
+        total = self.arithmetic(ast.Add(), offset, root, node)
+        if step.root:
+            total = self.arithmetic(ast.Add(), total, literal(step.shift, "i32"), node)
+        assert isinstance(total, Scalar)
+        return total
+
+    # ---- reading -------------------------------------------------------------------------------------
+
+    def load(self, array: Array) -> Value:
+        """An element."""
+        if is_struct(array.dtype):
+            return self._load_struct(array)
+        if is_vector(array.dtype):
+            n = array.dtype._length_
+            return Vector(tuple(self._load(array, n, k) for k in range(n)))
+        return self._load(array, 1, 0)
+
+    def _load(self, array: Array, size: int, component: int) -> Scalar:
+        kind, offset = self._kind(array.dtype), array.offset or ZERO
+        if array.lanes_inside and not offset.varying:
+            return self.temporary(kind, f"(({PACK[kind]}u*){array.name})[{offset.code}]", True)
+        if not offset.varying:
+            place = f"{size} * {offset.code} + {component}" if size > 1 else offset.code
+            return self.temporary(kind, f"{array.name}[{place}]", False)
+        if offset.lane and size == 1 and not array.lanes_inside:
+            return self.temporary(kind, f"*({PACK[kind]}u*)({array.name} + {offset.code}[0])", True)
+        name = self.name("g")
+        self.emit(f"{PACK[kind]} {name};")
+        self.emit(f"for (int l = 0; l < W; ++l) {name}[l] = {self._element(array, size, component)};")
+        return Scalar(kind, name, True)
+
+    def _element(self, array: Array, size: int, component: int, *, write: bool = False) -> str:
+        """The element of lane l; idle lanes read a harmless one."""
+        offset = array.offset or ZERO
+        root, shift = offset.root or offset.code, offset.shift if offset.root else 0
+        if self.mask is not None and not write:
+            zero = ZERO if shift >= 0 else literal(-shift, "i32")
+            root = self.select(Scalar("bool", self.mask, True), Scalar("i32", root, True), zero).code
+        where = f"(long long){root}[l]" + (f" + {shift}" if shift else "")
+        if array.lanes_inside:  # a row is a pack
+            where = f"({where}) * W + l"
+        elif size > 1:
+            where = f"({where}) * {size} + {component}"
+        return f"{array.name}[{where}]"
+
+    def _load_struct(self, array: Array) -> Struct:
+        offset = array.offset or ZERO
+        name = self.name("s")
+        if not offset.varying:
+            self.emit(f"const auto& {name} = {array.name}[{offset.code}];")
+            return Struct(array.dtype, name)
+        if offset.lane:
+            return self._load_blocked(array, offset)
+        fields: dict[str, Value] = {}
+        for field, variable in array.dtype.vars.items():
+            dtype = variable.type
+            length = dtype._length_ if is_vector(dtype) else 0
+            items = []
+            for k in range(max(length, 1)):
+                pack, kind = self.name("f"), self._kind(dtype)
+                source = f"{self._element(array, 1, 0)}.{field}{f'.c[{k}]' if length else ''}"
+                self.emit(f"{PACK[kind]} {pack};")
+                self.emit(f"for (int l = 0; l < W; ++l) {pack}[l] = {source};")
+                items.append(Scalar(kind, pack, True))
+            fields[field] = Vector(tuple(items)) if length else items[0]
+        return Struct(array.dtype, fields=fields)
+
+    def _load_blocked(self, array: Array, offset: Scalar) -> Struct:
+        """Neighbouring structs, which lie field by field in blocks of as many as there are lanes."""
+        kinds = {self._kind(variable.type) for variable in array.dtype.vars.values()}
+        (kind,) = kinds
+        lengths = [v.type._length_ if is_vector(v.type) else 0 for v in array.dtype.vars.values()]
+        size = sum(max(length, 1) for length in lengths)
+        block = self.name("block")
+        self.emit(
+            f"const {PACK[kind]}u* const {block} = (const {PACK[kind]}u*){array.name} + "
+            f"(long long)({offset.code}[0] / W) * {size};"
+        )
+        fields: dict[str, Value] = {}
+        at = 0
+        for field, length in zip(array.dtype.vars, lengths, strict=True):
+            items = tuple(self.temporary(kind, f"{block}[{at + k}]", True) for k in range(max(length, 1)))
+            fields[field] = Vector(items) if length else items[0]
+            at += max(length, 1)
+        return Struct(array.dtype, fields=fields)
+
+    # ---- writing -------------------------------------------------------------------------------------
+
+    def store(self, array: Array, value: Value, node: ast.AST) -> None:
+        """Write an element, in the lanes that are at work."""
+        if not isinstance(value, Scalar):
+            raise self.refuse(node, "one number is written at a time")
+        kind, offset = kind_of(array.dtype), array.offset or ZERO
+        if value.kind != kind:
+            raise self.refuse(node, f"a {kind} is wanted, this is a {value.kind}")
+        if array.lanes_inside and not offset.varying:
+            place = f"(({PACK[kind]}u*){array.name})[{offset.code}]"
+            new = self.pack(value)
+            self.emit(f"{place} = {new if self.mask is None else f'op::sel({self.mask}, {new}, {place})'};")
+        elif not offset.varying:
+            if value.varying:
+                raise self.refuse(node, "lanes would write different values to one place")
+            self.emit(f"{array.name}[{offset.code}] = {value.code};")
+        elif offset.lane and not array.lanes_inside:
+            new, place = self.pack(value), f"*({PACK[kind]}u*)({array.name} + {offset.code}[0])"
+            if self.mask is None:
+                self.emit(f"{place} = {new};")
+            else:
+                held = self.temporary(kind, new, True).code
+                self.emit(f"if (op::all({self.mask})) {place} = {held};")
+                one = f"{array.name}[(long long){offset.code}[0] + l] = {held}[l]"
+                self.emit(f"else for (int l = 0; l < W; ++l) if ({self.mask}[l]) {one};")
+        else:
+            here = f"if ({self.mask}[l]) " if self.mask is not None else ""
+            entry = f"{value.code}[l]" if value.varying else value.code
+            target = self._element(array, 1, 0, write=True)
+            self.emit(f"for (int l = 0; l < W; ++l) {here}{target} = {entry};")

@@ -1,0 +1,54 @@
+"""The C++ that every function of lanes starts with: pack types and their few operations."""
+
+_PRELUDE = """
+    constexpr int W = {lanes};
+    typedef double f64v __attribute__((ext_vector_type(W)));
+    typedef float f32v __attribute__((ext_vector_type(W)));
+    typedef int i32v __attribute__((ext_vector_type(W)));
+    typedef long long i64v __attribute__((ext_vector_type(W)));
+    typedef {mask} mask;
+    typedef f64v __attribute__((aligned(4))) f64vu; // where a pack may begin anywhere
+    typedef f32v __attribute__((aligned(4))) f32vu;
+    typedef i32v __attribute__((aligned(4))) i32vu;
+    struct op {{
+        static inline bool any(mask m) {{ return __builtin_reduce_or(m) != 0; }}
+        static inline bool all(mask m) {{ return __builtin_reduce_and(m) != 0; }}
+        static inline mask to_mask(i32v m) {{ return __builtin_convertvector(m, mask); }}
+        static inline mask to_mask(i64v m) {{ return __builtin_convertvector(m, mask); }}
+        static inline mask to_mask(bool b) {{ return (mask)(b ? -1 : 0); }}
+        static inline f64v sel(mask m, f64v a, f64v b) {{ return __builtin_convertvector(m, i64v) ? a : b; }}
+        static inline f32v sel(mask m, f32v a, f32v b) {{ return __builtin_convertvector(m, i32v) ? a : b; }}
+        static inline i32v sel(mask m, i32v a, i32v b) {{ return __builtin_convertvector(m, i32v) ? a : b; }}
+        static inline f64v root(f64v x) {{ // cube root: a third of the exponent, then Halley's steps
+            f64v size = __builtin_elementwise_abs(x), third = (f64v)(1.0 / 3.0);
+            i64v guess = __builtin_convertvector(__builtin_convertvector((i64v)size, f64v) * third, i64v);
+            f64v y = (f64v)(guess + (i64v)(3071306043645493248ll));
+            for (int k = 0; k < 4; ++k) {{ f64v c = y * y * y; y = y * (c + size + size) / (c + c + size); }}
+            y = x < (f64v)(0.0) ? -y : y;
+            return x == (f64v)(0.0) ? x : y;
+        }}
+        static inline f32v root(f32v x) {{
+            return __builtin_convertvector(root(__builtin_convertvector(x, f64v)), f32v);
+        }}
+        static inline double sum(f64v x) {{
+            for (int n = W / 2; n > 0; n /= 2) for (int l = 0; l < n; ++l) x[l] += x[l + n];
+            return x[0];
+        }}
+        static inline double most(f64v x) {{
+            for (int n = W / 2; n > 0; n /= 2)
+                for (int l = 0; l < n; ++l) x[l] = x[l] > x[l + n] ? x[l] : x[l + n];
+            return x[0];
+        }}
+    }};
+    const i32v lane_numbers = {{{numbers}}};
+    const mask everywhere = (mask)(-1);
+"""
+
+
+def prelude(lanes: int, kind: str) -> str:
+    """Types and operations for a number of lanes; masks are as wide as `kind`."""
+    return _PRELUDE.format(
+        lanes=lanes,
+        mask="i64v" if kind == "f64" else "i32v",
+        numbers=", ".join(str(lane) for lane in range(lanes)),
+    )

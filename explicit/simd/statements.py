@@ -1,0 +1,231 @@
+"""Statements of the scalar source: functions put in place, names, assignments."""
+
+import ast
+import inspect
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from explicit.simd.memory import Memory
+from explicit.simd.values import PACK, SCALAR, Array, Known, Scalar, Struct, Value, Vector, literal
+
+Path = tuple[str, ...]
+
+
+@dataclass
+class Variable:
+    """A name of the source that is assigned: one C++ variable for each component."""
+
+    names: tuple[str, ...]
+    kind: str
+    varying: bool
+    birth: Path
+    vector: bool
+    bank: str = ""
+    lane: bool = False
+
+
+@cache
+def source_of(function: Any) -> ast.FunctionDef:
+    """The syntax tree of a function."""
+    tree = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
+    assert isinstance(tree, ast.FunctionDef)
+    return tree
+
+
+class Statements(Memory):
+    """Functions are put in place; a branch on which the lanes disagree runs under a mask.
+
+    A variable that is assigned where only some lanes are at work must be varying, which can turn
+    others varying. `settle` repeats the translation until no variable changes.
+    """
+
+    own: frozenset[str] = frozenset()
+    """Lane functions that the mapping gives a meaning of its own."""
+
+    def __init__(self, lanes: int) -> None:
+        super().__init__()
+        self.lanes = lanes
+        self.varying_names: set[str] = set()
+        self.out_of_step: set[str] = set()
+        self.row_headers: dict[str, set[int]] = {}
+
+    def settle(self, function: Any, arguments: dict[str, Value]) -> str:
+        """Translate a function of no result until the kinds of its variables are settled."""
+        settled = (-1, -1, -1)
+        while settled != self._known_so_far():
+            settled = self._known_so_far()
+            self.serial, self.instances, self.masks = 0, 0, 0
+            self.lines: list[str] = []
+            self.declared: dict[str, str] = {}
+            self.arrays: dict[str, str] = {}
+            self.mask: str | None = None
+            self.path: Path = ()
+            self.scopes: list[dict[str, Value | Variable]] = []
+            self.surroundings: list[dict[str, Any]] = []
+            self.instance_names: list[str] = []
+            self.function(function, list(arguments.values()))
+        declarations = list(self.arrays.values())
+        declarations += [f"{ctype} {name} = ({ctype})(0);" for name, ctype in self.declared.items()]
+        return "\n".join([*declarations, *self.lines])
+
+    def _known_so_far(self) -> tuple[int, int, int]:
+        return len(self.varying_names), len(self.out_of_step), sum(map(len, self.row_headers.values()))
+
+    # ---- functions -----------------------------------------------------------------------------------
+
+    def function(self, function: Any, arguments: Sequence[Value]) -> Value | None:
+        """Put a function's body here and return what it returns."""
+        tree = source_of(function)
+        closure = inspect.getclosurevars(function)
+        self.instances += 1
+        self.instance_names.append(f"{tree.name}{self.instances}")
+        self.surroundings.append({**closure.builtins, **closure.globals, **closure.nonlocals})
+        self.scopes.append({})
+        for parameter, value in zip(tree.args.args, arguments, strict=True):
+            self.assign_name(parameter.arg, value, parameter)
+        result = self.block(tree.body)
+        self.scopes.pop()
+        self.surroundings.pop()
+        self.instance_names.pop()
+        return result
+
+    def call(self, thing: Any, arguments: Sequence[Value], node: ast.Call) -> Value:
+        """Put a Warp function in place."""
+        if not isinstance(thing, wp.Function) or thing.is_builtin():
+            raise self.refuse(node, "no meaning over lanes")
+        name = thing.func.__name__ if thing.func is not None else ""
+        if thing.native_snippet is not None or name in self.own:
+            return self.together(name, arguments, node)
+        result = self.function(thing.func, arguments)
+        return Known(None) if result is None else result
+
+    def together(self, name: str, arguments: Sequence[Value], node: ast.Call) -> Value:
+        """What the lanes of one simulation do together; provided by the mapping."""
+        raise NotImplementedError
+
+    def block(self, body: Sequence[ast.stmt]) -> Value | None:
+        """Statements in order; a return is the last of a function."""
+        for statement in body:
+            if isinstance(statement, ast.Return):
+                return None if statement.value is None else self.expression(statement.value)
+            method = getattr(self, "_do_" + type(statement).__name__.lower(), None)
+            if method is None:
+                raise self.refuse(statement, "no meaning over lanes")
+            method(statement)
+        return None
+
+    # ---- names ---------------------------------------------------------------------------------------
+
+    def lookup(self, name: str) -> Value:
+        """A variable of this function, or what its surroundings call so."""
+        found = self.scopes[-1].get(name)
+        if isinstance(found, Variable):
+            items = tuple(Scalar(found.kind, c, found.varying, lane=found.lane) for c in found.names)
+            return Vector(items, found.bank) if found.vector else items[0]
+        if found is not None:
+            return found
+        return self.known(self.surroundings[-1][name])
+
+    def assign_name(self, name: str, value: Value, node: ast.AST) -> None:
+        """Give a name a value."""
+        scope = self.scopes[-1]
+        if isinstance(value, Array):
+            scope[name] = self._with_header(name, value)
+            return
+        if isinstance(value, (Struct, Known, tuple)):
+            scope[name] = value
+            return
+        items = value.items if isinstance(value, Vector) else (value,)
+        key = f"{self.instance_names[-1]}_{name}"
+        variable = scope.get(name)
+        if not isinstance(variable, Variable):
+            bank = key if isinstance(value, Vector) and value.bank else ""
+            names = tuple(f"{key}[{k}]" if bank else f"{key}_{k}" for k in range(len(items)))
+            varying = bool(bank) or key in self.varying_names
+            variable = Variable(names, items[0].kind, varying, self.path, isinstance(value, Vector), bank)
+            if bank:
+                self.arrays[bank] = f"f64v {bank}[{len(items)}];"
+            variable.lane = all(item.lane for item in items) and key not in self.out_of_step
+            scope[name] = variable
+        if items[0].kind != variable.kind or len(items) != len(variable.names):
+            raise self.refuse(node, f"{name} changes from {variable.kind} to {items[0].kind}")
+        # Where fewer lanes are at work than when it got its first value, the others keep theirs.
+        elsewhere = variable.birth[: len(self.path)] != self.path
+        if any(item.varying for item in items) or (self.mask is not None and elsewhere):
+            self.varying_names.add(key)
+            variable.varying = True
+        if variable.lane and not all(item.lane for item in items):
+            self.out_of_step.add(key)
+        if variable.bank and isinstance(value, Vector) and value.bank == variable.bank:
+            return  # added to in place
+        for target, item in zip(variable.names, items, strict=True):
+            if not variable.bank:
+                self.declared[target] = (PACK if variable.varying else SCALAR)[variable.kind]
+            new = self.operand(item, variable.varying)
+            if self.mask is not None and elsewhere:
+                self.emit(f"{target} = op::sel({self.mask}, {new}, {target});")
+            else:
+                self.emit(f"{target} = {new};")
+
+    def _with_header(self, name: str, array: Array) -> Array:
+        """Load the entries of a varying row that are asked for by known numbers, once, here."""
+        varying = array.offset is not None and array.offset.varying
+        if array.ndim - array.given != 1 or not varying or array.lanes_inside or array.header is not None:
+            return array
+        wanted = self.row_headers.setdefault(f"{self.instance_names[-1]}_{name}", set())
+        header = _Header(wanted)
+        for k in sorted(wanted):
+            header[k] = self.load(self.part(array, (literal(k, "i32"),), ast.Constant(k)))
+        return replace(array, header=header)
+
+    def _do_assign(self, node: ast.Assign) -> None:
+        (target,) = node.targets
+        self._assign(target, self.expression(node.value), node)
+
+    def _assign(self, target: ast.expr, value: Value, node: ast.AST) -> None:
+        if isinstance(target, ast.Tuple):
+            assert isinstance(value, tuple)
+            # Every right-hand side is a temporary or a name already, so the order does not matter.
+            for part, item in zip(target.elts, [self._held(v) for v in value], strict=True):
+                self._assign(part, item, node)
+        elif isinstance(target, ast.Name):
+            self.assign_name(target.id, value, node)
+        elif isinstance(target, ast.Subscript):
+            owner, index = self.expression(target.value), self.expression(target.slice)
+            assert isinstance(owner, Array)
+            places = index if isinstance(index, tuple) else (index,)
+            self.store(self.part(owner, places, node), value, node)
+        else:
+            raise self.refuse(target, "cannot be assigned over lanes")
+
+    def _held(self, value: Value) -> Value:
+        if isinstance(value, Scalar) and value.const is None:
+            return self.temporary(value.kind, value.code, value.varying, lane=value.lane)
+        return value
+
+    def _do_augassign(self, node: ast.AugAssign) -> None:
+        before = self.expression(node.target)
+        value = self.sum_or_product(node.op, before, node.value, node)
+        self._assign(node.target, value, node)
+
+    def _do_expr(self, node: ast.Expr) -> None:
+        if not isinstance(node.value, ast.Constant):
+            self.expression(node.value)
+
+
+class _Header(dict[int, Value]):
+    """Known entries of a row; asking for another notes it for the next round."""
+
+    def __init__(self, wanted: set[int]) -> None:
+        super().__init__()
+        self.wanted = wanted
+
+    def __contains__(self, key: object) -> bool:
+        if isinstance(key, int) and not dict.__contains__(self, key):
+            self.wanted.add(key)
+        return dict.__contains__(self, key)
