@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from explicit.boundary import BAR_HISTORY, INTERIOR, LOWER, SIDE, UPPER
 from explicit.elements import element
 from explicit.geometry import element_geometry
+from explicit.lanes import fits_on_chip
 from explicit.march import MarchKernel
 from explicit.materials import bulk_modulus
 from explicit.model import Model, Samples, Sampling, Stepping
@@ -18,18 +19,8 @@ SPARE = 16
 """Entries behind every row that a pack may read: the most lanes there are."""
 
 
-def body_of(
-    kernel: MarchKernel, model: Model, numbers: Precision, where: Any, *, block: int | None = None
-) -> Any:
-    """The mesh's constants.
-
-    Parameters
-    ----------
-    kernel, model, numbers, where
-        The generated time loop, what to simulate, its arithmetic and its device.
-    block : int, optional
-        Lay the elements' shapes out field by field in blocks of this many, for lanes that share a mesh.
-    """
+def body_of(kernel: MarchKernel, model: Model, numbers: Precision, where: Any) -> Any:
+    """The mesh's constants."""
     mesh, geometry = model.mesh, element_geometry(model.mesh)
     corner_mass = model.density * geometry.corner_volume
     mass = np.zeros(mesh.n_nodes)
@@ -45,10 +36,9 @@ def body_of(
     body = kernel.structs.Body()
     body.n_elements, body.n_nodes, body.length = mesh.n_elements, mesh.n_nodes, mesh.length
     body.n_seats = int(on_boundary.sum())
-    if block:
-        shapes = _in_blocks(shapes, numbers.dtype, block)
-    body.shapes = wp.array(shapes, dtype=kernel.element.Shape, device=where)
+    body.on_chip = int(fits_on_chip(mesh.n_nodes, mesh.n_elements, body.n_seats, numbers.dtype().itemsize))
     for name, values, dtype in (
+        ("shapes", _side_by_side(shapes, numbers.dtype), numbers.real),
         ("quads", np.ascontiguousarray(mesh.quads.T), int),
         ("first_corner", start, int),
         ("corners", corner, int),
@@ -70,14 +60,12 @@ def _spare(values: NDArray[Any]) -> NDArray[Any]:
     return np.pad(values.astype(kind), [(0, 0)] * (values.ndim - 1) + [(0, SPARE)])
 
 
-def _in_blocks(shapes: NDArray[Any], dtype: Any, block: int) -> NDArray[Any]:
-    """Structs in blocks, field by field within a block."""
+def _side_by_side(shapes: NDArray[Any], dtype: Any) -> NDArray[Any]:
+    """The numbers of structs, shape [numbers of a struct, n_elements]."""
     numbers = shapes.view(dtype).reshape(len(shapes), -1)
     if shapes.dtype.itemsize != numbers.shape[1] * numbers.dtype.itemsize:
         raise TypeError("an element's shape must consist of real numbers alone")
-    padded = np.pad(numbers, [(0, -len(numbers) % block), (0, 0)])
-    blocks = padded.reshape(-1, block, padded.shape[1]).transpose(0, 2, 1)
-    return np.ascontiguousarray(blocks).reshape(-1).view(shapes.dtype)
+    return numbers.T
 
 
 def batch_of(

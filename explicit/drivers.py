@@ -79,17 +79,15 @@ def run_in_lanes(plan: Plan, threads: int, progress: Progress | None) -> None:
     kernel, model, numbers = plan.kernel, plan.model, plan.numbers
     lanes = PACK_BYTES // numbers.dtype().itemsize
     jobs = packs(plan.n_samples, lanes, model.mesh.n_elements)
-    kernels, bodies = {}, {}
+    body, kernels = body_of(kernel, model, numbers, plan.where), {}
     for mapping in {job[0] for job in jobs}:
         kernels[mapping] = lane_kernel(kernel.kernel, kernel.structs, numbers, mapping, lanes).kernel
         wp.load_module(kernels[mapping].module, device=plan.where, block_dim=1)
-        block = lanes if mapping == "walker" else None
-        bodies[mapping] = body_of(kernel, model, numbers, plan.where, block=block)
 
     def one(mapping: Mapping, first: int, count: int) -> int:
         width = lanes if mapping == "simulation" else 1
         state = state_of(kernel, model, numbers, plan.where, 1, width)
-        inputs = [bodies[mapping], plan.batch, state, plan.output, first, count]
+        inputs = [body, plan.batch, state, plan.output, first, count]
         wp.launch(kernels[mapping], dim=1, inputs=inputs, device=plan.where, block_dim=1)
         return count
 

@@ -10,6 +10,8 @@ from typing import Any
 
 import warp as wp
 
+from explicit.precision import Precision
+
 BARRIER = """
 #if defined(__CUDA_ARCH__)
     __syncthreads();
@@ -111,3 +113,45 @@ def lane_functions() -> LaneFunctions:
     def ordered_total(x: wp.float64) -> wp.float64: ...
 
     return LaneFunctions(sync, total, largest, empty_sum, add_to, ordered_first, ordered_step, ordered_total)
+
+
+ON_CHIP = 41_600
+"""Bytes of a simulation's fields that a GPU's block keeps in shared memory, of 48 KiB without a request."""
+ON_CHIP_SEATS = 3_072
+"""Bytes of the boundary's sums there."""
+
+_FIELD = """
+    wp::array_t<REAL> row;
+    row.data = (REAL*)((char*)fields.data + (long long)sample * fields.strides[0]);
+    row.shape[0] = fields.shape[1];
+    row.strides[0] = sizeof(REAL);
+    row.ndim = 1;
+#if defined(__CUDA_ARCH__)
+    __shared__ REAL pool[ROOM / sizeof(REAL)];
+    if (on_chip) row.data = pool + offset;
+#endif
+    return row;
+"""
+
+
+@cache
+def field_function(precision: Precision, *, seats: bool = False) -> Any:
+    """Generate ``f(fields, sample, on_chip, offset)``: a simulation's row of an array of the state.
+
+    On a GPU it lies in shared memory, at an offset in numbers, where the mesh is small enough for that.
+    """
+    real = precision.real
+    room = ON_CHIP_SEATS if seats else ON_CHIP
+    snippet = _FIELD.replace("REAL", f"wp::{real.__name__}").replace("ROOM", str(room))
+
+    @wp.func_native(snippet=snippet)
+    def field(fields: wp.array2d(dtype=real), sample: int, on_chip: int, offset: int) -> wp.array(
+        dtype=real
+    ): ...
+
+    return field
+
+
+def fits_on_chip(n_nodes: int, n_elements: int, n_seats: int, size: int) -> bool:
+    """Whether the fields of one simulation, in numbers of `size` bytes, fit into shared memory."""
+    return (4 * n_nodes + 8 * n_elements) * size <= ON_CHIP and 3 * n_seats * 8 <= ON_CHIP_SEATS

@@ -15,9 +15,9 @@ from explicit.boundary import BAR_HISTORY, LOWER, UPPER, boundary_functions
 from explicit.elements import ElementFunctions
 from explicit.elements import element as element_named
 from explicit.elements.base import INVERTED
-from explicit.lanes import lane_functions
+from explicit.lanes import field_function, lane_functions
 from explicit.outcome import Outcome
-from explicit.precision import Precision
+from explicit.precision import PRECISIONS, Precision
 from explicit.structs import Structs, batch_structs
 from explicit.sweeps import sweep_functions
 
@@ -52,6 +52,7 @@ def march_kernel(
     empty_sum, add_to = lanes.empty_sum, lanes.add_to
     ordered_first, ordered_step = lanes.ordered_first, lanes.ordered_step
     ordered_total = lanes.ordered_total
+    field, field64 = field_function(precision), field_function(PRECISIONS["fp64"], seats=True)
     zero, half = real(0.0), real(0.5)
     ZERO, HALF, TWO = wp.float64(0.0), wp.float64(0.5), wp.float64(2.0)
     inverted = wp.float64(INVERTED * 0.5)
@@ -67,9 +68,22 @@ def march_kernel(
         n_force, n_surface = output.force_times.shape[0], output.surface_times.shape[0]
         solid = batch.solids[sample]
         friction = batch.friction[sample]
-        u_r, u_y, v_r, v_y = state.u_r[sample], state.u_y[sample], state.v_r[sample], state.v_y[sample]
-
-        corner_r, corner_y = state.corner_r[sample], state.corner_y[sample]
+        nodes, chip = body.n_nodes, body.on_chip
+        u_r, u_y = field(state.u_r, sample, chip, 0), field(state.u_y, sample, chip, nodes)
+        v_r, v_y = field(state.v_r, sample, chip, 2 * nodes), field(state.v_y, sample, chip, 3 * nodes)
+        corner_r = field(state.corner_r, sample, chip, 4 * nodes)
+        corner_y = field(state.corner_y, sample, chip, 4 * nodes + 4 * body.n_elements)
+        push_lower = field64(state.push_lower, sample, chip, 0)
+        push_upper = field64(state.push_upper, sample, chip, body.n_seats)
+        carried = field64(state.carried, sample, chip, 2 * body.n_seats)
+        rest = lane
+        while rest < body.n_nodes:
+            u_r[rest] = zero
+            u_y[rest] = zero
+            v_r[rest] = zero
+            v_y[rest] = zero
+            rest += wp.block_dim()
+        sync()
         time, dt, dt_before = wp.float64(batch.start), wp.float64(0.0), wp.float64(0.0)
         next_force, next_surface, step, status = int(0), int(0), int(0), int(0)
         first_step, smallest = wp.float64(0.0), wp.float64(batch.largest_step)
@@ -148,24 +162,24 @@ def march_kernel(
                     rub = wp.float64(mass) * wp.float64(new[0] - free[0])
                     if body.on_axis[n] == 1:
                         rub = ZERO
-                    push_lower, push_upper, carried = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
+                    from_below, from_above, riding = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
                     speed = wp.float64(half * (old[1] + new[1]))
                     slide = wp.float64(half * (old[0] + new[0]))
                     if platen == lower:
-                        push_lower = kick
+                        from_below = kick
                         if new[1] == to_lower:
-                            carried = wp.float64(mass)
+                            riding = wp.float64(mass)
                         land_step = add_to(land_step, kick * (lower_before - speed), n)
                         work_step = add_to(work_step, kick * lower_before, n)
                     elif platen == upper:
-                        push_upper = kick
+                        from_above = kick
                         land_step = add_to(land_step, kick * (upper_speed - speed), n)
                         work_step = add_to(work_step, kick * upper_speed, n)
                     rub_step = add_to(rub_step, -rub * slide, n)
                     seat = body.seat[n]
-                    state.push_lower[sample, seat] = push_lower
-                    state.push_upper[sample, seat] = push_upper
-                    state.carried[sample, seat] = carried
+                    push_lower[seat] = from_below
+                    push_upper[seat] = from_above
+                    carried[seat] = riding
                 if flush == 1:
                     kinetic = add_to(kinetic, wp.float64(half * mass * wp.dot(old, new)), n)
                 if solid.mass_damping > zero:
@@ -178,16 +192,16 @@ def march_kernel(
                 n += wp.block_dim()
             sync()
 
-            from_below, from_above, riding = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
+            raised, lowered, loaded = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
             b = ordered_first(lane)
             while b < body.n_seats:
-                from_below += state.push_lower[sample, b]
-                from_above += state.push_upper[sample, b]
-                riding += state.carried[sample, b]
+                raised += push_lower[b]
+                lowered += push_upper[b]
+                loaded += carried[b]
                 b += ordered_step()
 
             # Compression-positive forces at `time`: the flyer pushes down, the support pushes up.
-            force = wp.vec2d(-ordered_total(from_above), ordered_total(from_below)) / interval
+            force = wp.vec2d(-ordered_total(lowered), ordered_total(raised)) / interval
             if not (wp.isfinite(force[0]) and wp.isfinite(force[1])):
                 status = diverged
             if status == 0:
@@ -251,7 +265,7 @@ def march_kernel(
                     elapsed = time + dt - batch.start
                     if batch.round_trip < wp.float64(1.0e30):
                         returned = returned_wave(state, sample, elapsed, batch.round_trip)
-                    inertia = ordered_total(riding) / (interval * batch.impedance)
+                    inertia = ordered_total(loaded) / (interval * batch.impedance)
                     answer = -(force[1] / batch.impedance + TWO * returned)
                     lower_before = (inertia * lower_before + answer) / (wp.float64(1.0) + inertia)
                     if batch.round_trip < wp.float64(1.0e30):

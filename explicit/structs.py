@@ -33,8 +33,9 @@ def batch_structs(precision: Precision, Shape: Any, Solid: Any) -> Structs:
         n_elements: int
         n_nodes: int
         n_seats: int
+        on_chip: int
         length: wp.float64
-        shapes: wp.array(dtype=Shape)
+        shapes: wp.array2d(dtype=real)
         quads: wp.array2d(dtype=int)
         first_corner: wp.array(dtype=int)
         corners: wp.array(dtype=int)

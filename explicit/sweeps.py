@@ -7,7 +7,7 @@ from typing import Any
 import warp as wp
 
 from explicit.elements import ElementFunctions
-from explicit.lanes import lane_functions
+from explicit.lanes import field_function, lane_functions
 from explicit.precision import Precision
 from explicit.structs import Structs
 
@@ -28,7 +28,8 @@ def sweep_functions(precision: Precision, element: ElementFunctions, structs: St
     real, vec4 = precision.real, precision.vec4
     Body, Batch, State = structs.Body, structs.Batch, structs.State
     lanes = lane_functions()
-    empty_sum, add_to = lanes.empty_sum, lanes.add_to
+    empty_sum, add_to, field = lanes.empty_sum, lanes.add_to, field_function(precision)
+    element_shape = element.shape
     element_forces, element_energies = element.forces, element.energies
 
     @wp.func
@@ -36,14 +37,17 @@ def sweep_functions(precision: Precision, element: ElementFunctions, structs: St
         """Corner forces of this lane's elements; the largest omega^2 and the power dissipated."""
         solid = batch.solids[sample]
         row = batch.rows[batch.material[sample]]
-        u_r, u_y, v_r, v_y = state.u_r[sample], state.u_y[sample], state.v_r[sample], state.v_y[sample]
-        corner_r, corner_y = state.corner_r[sample], state.corner_y[sample]
+        nodes, chip = body.n_nodes, body.on_chip
+        u_r, u_y = field(state.u_r, sample, chip, 0), field(state.u_y, sample, chip, nodes)
+        v_r, v_y = field(state.v_r, sample, chip, 2 * nodes), field(state.v_y, sample, chip, 3 * nodes)
+        corner_r = field(state.corner_r, sample, chip, 4 * nodes)
+        corner_y = field(state.corner_y, sample, chip, 4 * nodes + 4 * body.n_elements)
         worst, power = real(0.0), empty_sum()
         e = lane
         while e < body.n_elements:
             q = wp.vec4i(body.quads[0, e], body.quads[1, e], body.quads[2, e], body.quads[3, e])
             f_r, f_y, omega_squared, dissipated = element_forces(
-                body.shapes[e],
+                element_shape(body.shapes, e),
                 solid,
                 row,
                 vec4(u_r[q[0]], u_r[q[1]], u_r[q[2]], u_r[q[3]]),
@@ -66,14 +70,16 @@ def sweep_functions(precision: Precision, element: ElementFunctions, structs: St
         solid = batch.solids[sample]
         row = batch.rows[batch.material[sample]]
         limit_s = batch.data_limit[batch.material[sample]]
-        u_r, u_y = state.u_r[sample], state.u_y[sample]
+        chip = body.on_chip
+        u_r, u_y = field(state.u_r, sample, chip, 0), field(state.u_y, sample, chip, body.n_nodes)
         elastic, hourglass, past = empty_sum(), empty_sum(), empty_sum()
         most = real(0.0)
         e = lane
         while e < body.n_elements:
             q = wp.vec4i(body.quads[0, e], body.quads[1, e], body.quads[2, e], body.quads[3, e])
+            shape = element_shape(body.shapes, e)
             w, h, s = element_energies(
-                body.shapes[e],
+                shape,
                 solid,
                 row,
                 vec4(u_r[q[0]], u_r[q[1]], u_r[q[2]], u_r[q[3]]),
@@ -83,7 +89,7 @@ def sweep_functions(precision: Precision, element: ElementFunctions, structs: St
             hourglass = add_to(hourglass, wp.float64(h), e)
             most = wp.max(most, s)
             if s > limit_s:
-                past = add_to(past, wp.float64(body.shapes[e].volume), e)
+                past = add_to(past, wp.float64(shape.volume), e)
             e += wp.block_dim()
         return elastic, hourglass, past, wp.float64(most)
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from explicit.elements.base import INVERTED, ElementFunctions, corner_inverse_mass
 from explicit.elements.gauss import gauss_points
-from explicit.elements.shared import inverse_cube_root_squared, solid_struct
+from explicit.elements.shared import four_numbers, inverse_cube_root_squared, solid_struct
 from explicit.mesh import Mesh
 from explicit.precision import Precision
 
@@ -78,6 +78,29 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         hoop3: vec4
         inverse_mass_r: vec4
         inverse_mass_y: vec4
+
+    four = four_numbers(precision)
+
+    @wp.func
+    def shape_of(constants: wp.array2d(dtype=real), e: int):
+        return Shape(
+            constants[0, e],
+            four(constants, 1, e),
+            four(constants, 5, e),
+            four(constants, 9, e),
+            four(constants, 13, e),
+            four(constants, 17, e),
+            four(constants, 21, e),
+            four(constants, 25, e),
+            four(constants, 29, e),
+            four(constants, 33, e),
+            four(constants, 37, e),
+            four(constants, 41, e),
+            four(constants, 45, e),
+            four(constants, 49, e),
+            four(constants, 53, e),
+            four(constants, 57, e),
+        )
 
     @wp.func
     def traces(inverse_mass_r: vec4, inverse_mass_y: vec4, b_r: vec4, b_y: vec4, c: vec4):
@@ -252,4 +275,4 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         hourglass = real(0.0)
         return elastic, hourglass, measure
 
-    return ElementFunctions(Shape=Shape, Solid=Solid, forces=forces, energies=energies)
+    return ElementFunctions(Shape=Shape, shape=shape_of, Solid=Solid, forces=forces, energies=energies)

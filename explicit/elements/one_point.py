@@ -12,7 +12,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from explicit.elements.base import INVERTED, ElementFunctions, corner_inverse_mass
-from explicit.elements.shared import inverse_cube_root_squared, solid_struct
+from explicit.elements.shared import four_numbers, inverse_cube_root_squared, solid_struct
 from explicit.geometry import element_geometry
 from explicit.mesh import Mesh
 from explicit.precision import Precision
@@ -61,6 +61,22 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         hourglass_y: real
         inverse_mass_r: vec4
         inverse_mass_y: vec4
+
+    four = four_numbers(precision)
+
+    @wp.func
+    def shape_of(constants: wp.array2d(dtype=real), e: int):
+        return Shape(
+            constants[0, e],
+            four(constants, 1, e),
+            four(constants, 5, e),
+            four(constants, 9, e),
+            four(constants, 13, e),
+            constants[17, e],
+            constants[18, e],
+            four(constants, 19, e),
+            four(constants, 23, e),
+        )
 
     @wp.func
     def step_bound(shape: Shape, solid: Solid, b_r: vec4, b_y: vec4, c: vec4, jacobian: real, tangent: real):
@@ -169,4 +185,4 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         measure = wp.sqrt(wp.max(rr + yy + tt - three, zero))
         return elastic, hourglass, measure
 
-    return ElementFunctions(Shape=Shape, Solid=Solid, forces=forces, energies=energies)
+    return ElementFunctions(Shape=Shape, shape=shape_of, Solid=Solid, forces=forces, energies=energies)

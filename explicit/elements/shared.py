@@ -47,3 +47,15 @@ def inverse_cube_root_squared(precision: Precision) -> Any:
         return y * y
 
     return inverse_cube_root_squared
+
+
+@cache
+def four_numbers(precision: Precision) -> Any:
+    """Generate ``f(constants, k, e) -> vec4``: numbers k to k + 3 of element e."""
+    real, vec4 = precision.real, precision.vec4
+
+    @wp.func
+    def four(constants: wp.array2d(dtype=real), k: int, e: int):
+        return vec4(constants[k, e], constants[k + 1, e], constants[k + 2, e], constants[k + 3, e])
+
+    return four

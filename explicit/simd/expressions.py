@@ -16,6 +16,7 @@ from explicit.simd.values import (
     Struct,
     Value,
     Vector,
+    is_struct,
     is_vector,
     kind_of,
     literal,
@@ -213,6 +214,8 @@ class Expressions(Arithmetic):
             raise self.refuse(node, "not a function")
         arguments = [self.expression(argument) for argument in node.args]
         thing = function.thing
+        if is_struct(thing):
+            return Struct(thing, fields=dict(zip(thing.vars, arguments, strict=True)))
         if isinstance(thing, type):
             return self.convert(thing, arguments, node)
         if getattr(thing, "__self__", None) is self:

@@ -27,6 +27,8 @@ class LaneIsSimulation(Control):
 
     def together(self, name: str, arguments: Sequence[Value], node: ast.Call) -> Value:
         """Nobody to wait for; walked sums are made as the lanes of one simulation would make them."""
+        if name == "field":
+            return self.field(arguments, node)
         if name == "empty_sum":
             return Vector((literal(0, "f64"),) * self.lanes, bank="new")
         if name == "add_to":
@@ -74,6 +76,8 @@ class LaneIsWalker(Control):
 
     def together(self, name: str, arguments: Sequence[Value], node: ast.Call) -> Value:
         """Sums and largest values over the lanes, in a fixed order."""
+        if name == "field":
+            return self.field(arguments, node)
         if name == "sync":
             return Known(None)
         if name == "ordered_total":

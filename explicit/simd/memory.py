@@ -1,6 +1,7 @@
 """Reading and writing Warp arrays from lanes."""
 
 import ast
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -87,6 +88,12 @@ class Memory(Expressions):
             offset = step if offset is None else self._further(offset, step, node)
         return replace(owner, given=owner.given + len(places), offset=offset)
 
+    def field(self, arguments: Sequence[Value], node: ast.AST) -> Array:
+        """A simulation's row of an array of the state."""
+        fields, sample = arguments[:2]
+        assert isinstance(fields, Array)
+        return self.part(fields, (sample,), node)
+
     def _further(self, offset: Scalar, step: Scalar, node: ast.AST) -> Scalar:
         """The sum of two offsets, with what is known of it kept apart."""
         root = replace(step, code=step.root, const=None, root="", shift=0) if step.root else step
@@ -141,8 +148,6 @@ class Memory(Expressions):
         if not offset.varying:
             self.emit(f"const auto& {name} = {array.name}[{offset.code}];")
             return Struct(array.dtype, name)
-        if offset.lane:
-            return self._load_blocked(array, offset)
         fields: dict[str, Value] = {}
         for field, variable in array.dtype.vars.items():
             dtype = variable.type
@@ -155,25 +160,6 @@ class Memory(Expressions):
                 self.emit(f"for (int l = 0; l < W; ++l) {pack}[l] = {source};")
                 items.append(Scalar(kind, pack, True))
             fields[field] = Vector(tuple(items)) if length else items[0]
-        return Struct(array.dtype, fields=fields)
-
-    def _load_blocked(self, array: Array, offset: Scalar) -> Struct:
-        """Neighbouring structs, which lie field by field in blocks of as many as there are lanes."""
-        kinds = {self._kind(variable.type) for variable in array.dtype.vars.values()}
-        (kind,) = kinds
-        lengths = [v.type._length_ if is_vector(v.type) else 0 for v in array.dtype.vars.values()]
-        size = sum(max(length, 1) for length in lengths)
-        block = self.name("block")
-        self.emit(
-            f"const {PACK[kind]}u* const {block} = (const {PACK[kind]}u*){array.name} + "
-            f"(long long)({offset.code}[0] / W) * {size};"
-        )
-        fields: dict[str, Value] = {}
-        at = 0
-        for field, length in zip(array.dtype.vars, lengths, strict=True):
-            items = tuple(self.temporary(kind, f"{block}[{at + k}]", True) for k in range(max(length, 1)))
-            fields[field] = Vector(items) if length else items[0]
-            at += max(length, 1)
         return Struct(array.dtype, fields=fields)
 
     # ---- writing -------------------------------------------------------------------------------------
