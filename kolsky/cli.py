@@ -30,10 +30,11 @@ Numbers = Annotated[
 ]
 Precision = Annotated[str, typer.Option(help="Arithmetic of the solver: fp64 or fp32.")]
 Device = Annotated[str, typer.Option(help='"cpu" or a CUDA device such as "cuda:0".')]
-Threads = Annotated[int | None, typer.Option(min=1, help="CPU threads [default: all cores].")]
+Threads = Annotated[int | None, typer.Option(min=1, help="CPU threads.", show_default="all cores")]
 Mesh = Annotated[str, typer.Option(metavar="NRxNY", help="Elements across the radius x along the length.")]
 Out = Annotated[
-    Path | None, typer.Option("--out", metavar="FOLDER", help="Where results go [default: SHOT/results].")
+    Path | None,
+    typer.Option("--out", metavar="FOLDER", help="Where results go.", show_default="SHOT/results"),
 ]
 
 
@@ -118,7 +119,8 @@ def identify(
             "--free",
             metavar="NAME[=LOW:HIGH]",
             help="Free parameter and the bounds of its design; repeat for more. stiffness_factor, friction, "
-            "poisson, damping, mass_damping. [default: stiffness_factor]",
+            "poisson, damping, mass_damping.",
+            show_default="stiffness_factor",
         ),
     ] = None,
     parameter: Numbers = None,
@@ -196,8 +198,8 @@ def sweep(
         typer.Option(
             "--vary",
             metavar="NAME=LOW:HIGH[:LEVELS]",
-            help="A parameter to vary; repeat for more. LEVELS belong to a factorial. [default: friction=0:2 "
-            "and stiffness_factor=0.75:1.25, 10 levels each]",
+            help="A parameter to vary; repeat for more. LEVELS belong to a factorial.",
+            show_default="friction=0:2 and stiffness_factor=0.75:1.25, 10 levels each",
         ),
     ] = None,
     parameter: Numbers = None,
