@@ -79,15 +79,17 @@ class Arithmetic:
             return literal(-value.const, value.kind)
         return self.temporary(value.kind, f"-{value.code}", value.varying)
 
-    def fused(self, a: Value, b: Value, base: Value, *, minus_product: bool = False) -> Value:
+    def fused(self, a: Value, b: Value, base: Value, node: ast.AST, *, minus_product: bool = False) -> Value:
         """``base + a b`` or ``base - a b``, rounded once; component by component for vectors."""
         if isinstance(base, Vector):
             n = len(base.items)
             left = a.items if isinstance(a, Vector) else (a,) * n
             right = b.items if isinstance(b, Vector) else (b,) * n
             parts = zip(left, right, base.items, strict=True)
-            items = tuple(self.fused(x, y, z, minus_product=minus_product) for x, y, z in parts)
+            items = tuple(self.fused(x, y, z, node, minus_product=minus_product) for x, y, z in parts)
             return Vector(items, "new" if base.bank else "")  # type: ignore[arg-type]
+        if not all(isinstance(v, Scalar) and v.kind == base.kind for v in (a, b, base)):  # type: ignore[union-attr]
+            raise self.refuse(node, "operands of one kind are wanted")
         assert isinstance(a, Scalar)
         assert isinstance(b, Scalar)
         assert isinstance(base, Scalar)
@@ -110,14 +112,18 @@ class Arithmetic:
             return Vector(items, "new" if bank else "")  # type: ignore[arg-type]
         if not isinstance(left, Scalar) or not isinstance(right, Scalar) or left.kind != right.kind:
             raise self.refuse(node, "operands of one kind are wanted")
+        if type(operator) not in OPERATORS or (isinstance(operator, ast.Mod) and left.kind != "i32"):
+            raise self.refuse(node, "no such operator over lanes")
         if left.const is not None and right.const is not None and left.kind == "i32":
             folded = {"+": int.__add__, "-": int.__sub__, "*": int.__mul__}.get(OPERATORS[type(operator)])
             if folded is not None:
                 return literal(folded(left.const, right.const), "i32")
         varying = left.varying or right.varying
         symbol = OPERATORS[type(operator)]
+        if symbol in "/%" and right.varying and right.kind == "i32" and self.mask is not None:
+            right = self.select(Scalar("bool", self.mask, True), right, literal(1, "i32"))  # idle lanes
         code = f"{self.operand(left, varying)} {symbol} {self.operand(right, varying)}"
-        # Adding a multiple of the number of lanes, or anything uniform, keeps the lanes in step.
+        # Adding anything uniform keeps the lanes in step.
         lane = symbol == "+" and left.lane != right.lane and (left.varying != right.varying)
         result = self.temporary(left.kind, code, varying, lane=lane)
         for one, other in ((left, right), (right, left)):
@@ -128,16 +134,20 @@ class Arithmetic:
     # ---- functions of Warp ---------------------------------------------------------------------------
 
     def wp_max(self, a: Scalar, b: Scalar) -> Scalar:
-        """The larger; the second where the first is not a number."""
-        varying = a.varying or b.varying
-        x, y = self.operand(a, varying), self.operand(b, varying)
-        return self.temporary(a.kind, f"({x}) > ({y}) ? ({x}) : ({y})", varying)
+        """The larger; the other where one is not a number, as Warp and CUDA have it."""
+        return self._extreme(">", a, b)
 
     def wp_min(self, a: Scalar, b: Scalar) -> Scalar:
-        """The smaller; the second where the first is not a number."""
+        """The smaller; the other where one is not a number, as Warp and CUDA have it."""
+        return self._extreme("<", a, b)
+
+    def _extreme(self, sign: str, a: Scalar, b: Scalar) -> Scalar:
         varying = a.varying or b.varying
         x, y = self.operand(a, varying), self.operand(b, varying)
-        return self.temporary(a.kind, f"({x}) < ({y}) ? ({x}) : ({y})", varying)
+        found = self.temporary(a.kind, f"({x}) {sign} ({y}) ? ({x}) : ({y})", varying)
+        if not a.is_float:
+            return found
+        return self.temporary(a.kind, f"({y}) == ({y}) ? {found.code} : ({x})", varying)
 
     def wp_clamp(self, x: Scalar, low: Scalar, high: Scalar) -> Scalar:
         """Between two bounds."""
@@ -178,7 +188,7 @@ class Arithmetic:
         """Scalar product, from the first component on."""
         total: Value = self.arithmetic(ast.Mult(), a.items[0], b.items[0], ast.Constant(0))
         for x, y in zip(a.items[1:], b.items[1:], strict=True):
-            total = self.fused(x, y, total)
+            total = self.fused(x, y, total, ast.Name("dot"))
         return total
 
     def wp_block_dim(self) -> Scalar:

@@ -3,7 +3,7 @@
 import ast
 from collections.abc import Sequence
 
-from explicit.simd.statements import Statements
+from explicit.simd.statements import Statements, Variable
 from explicit.simd.values import Scalar, literal
 
 
@@ -13,7 +13,7 @@ class Control(Statements):
     # ---- branches ------------------------------------------------------------------------------------
 
     def _do_if(self, node: ast.If) -> None:
-        condition = self.scalar(node.test)
+        condition = self.truth(node.test)
         if condition.const is not None:
             self.block(node.body if condition.const else node.orelse)
         elif not condition.varying:
@@ -24,12 +24,12 @@ class Control(Statements):
                 self.block(node.orelse)
             self.emit("}")
         else:
-            self._under(condition.code, node.body)
+            taken = self._under(condition.code, node.body)  # the body may change what the condition reads
             if node.orelse:
-                self._under(f"~{condition.code}", node.orelse)
+                self._under(f"~{taken}", node.orelse)
 
-    def _under(self, condition: str, body: Sequence[ast.stmt]) -> None:
-        """A body in the lanes where a condition holds, if there are any."""
+    def _under(self, condition: str, body: Sequence[ast.stmt]) -> str:
+        """A body in the lanes where a condition holds, if there are any; returns their mask."""
         self.masks += 1
         mask, outer = f"m{self.masks}", self.mask
         self.emit(f"const mask {mask} = {condition if outer is None else f'{outer} & {condition}'};")
@@ -38,10 +38,13 @@ class Control(Statements):
         self.block(body)
         self.mask, self.path = outer, self.path[:-1]
         self.emit("}")
+        return mask
 
     # ---- loops ---------------------------------------------------------------------------------------
 
     def _do_while(self, node: ast.While) -> None:
+        if node.orelse:
+            raise self.refuse(node, "a loop has no else over lanes")
         self.masks += 1
         mask, outer = f"m{self.masks}", self.mask
         key = f"loop {self.instance_names[-1]} {node.lineno}"
@@ -50,24 +53,44 @@ class Control(Statements):
             self.emit(f"{mask} = {outer or 'everywhere'};")
             self.emit("while (true) {")
             self.mask, self.path = mask, (*self.path, mask)
-            condition = self.scalar(node.test)
+            condition = self.truth(node.test)
             self.emit(f"{mask} = {mask} & {self.pack(condition)};")
             self.emit(f"if (!op::any({mask})) break;")
+            walked = self._walked(node.test)
+            if walked is not None:
+                self.walks[mask] = walked
             self.block(node.body)
             self.mask, self.path = outer, self.path[:-1]
+            if walked is not None:
+                walked.lane = False  # lanes that left stayed behind
         else:
             self.emit("while (true) {")
-            condition = self.scalar(node.test)
+            condition = self.truth(node.test)
             if condition.varying:
                 self.varying_names.add(key)
             self.emit(f"if (!({condition.code})) break;")
             self.block(node.body)
         self.emit("}")
 
+    def _walked(self, test: ast.expr) -> Variable | None:
+        """The variable of a loop ``while k < n``: the first lane, where it begins, is the last to leave."""
+        if not (isinstance(test, ast.Compare) and isinstance(test.ops[0], ast.Lt)):
+            return None
+        if not isinstance(test.left, ast.Name) or self.scalar(test.comparators[0]).varying:
+            return None
+        variable = self.scopes[-1].get(test.left.id)
+        return variable if isinstance(variable, Variable) and variable.lane else None
+
     def _do_for(self, node: ast.For) -> None:
-        assert isinstance(node.iter, ast.Call)
-        assert isinstance(node.target, ast.Name)
-        bounds = [self.scalar(argument) for argument in node.iter.args]
+        call = node.iter
+        if not (isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "range"):
+            raise self.refuse(call, "a loop goes over a range")
+        if len(call.args) > 2 or call.keywords or node.orelse or not isinstance(node.target, ast.Name):
+            raise self.refuse(node, "a range has one or two bounds, and its loop no else")
+        # Held: the body may change what the bounds were made of.
+        bounds: list[Scalar] = [self._held(self.scalar(argument)) for argument in call.args]  # type: ignore[misc]
+        if any(bound.kind != "i32" for bound in bounds):
+            raise self.refuse(call, "bounds are integers")
         first, last = bounds if len(bounds) == 2 else (literal(0, "i32"), bounds[0])
         name = node.target.id
         if first.const is not None and last.const is not None:

@@ -8,6 +8,7 @@ import warp as wp
 
 from explicit.simd.arithmetic import Arithmetic
 from explicit.simd.values import (
+    KINDS,
     PACK,
     SCALAR,
     Array,
@@ -41,6 +42,13 @@ class Expressions(Arithmetic):
         value = self.expression(node)
         if not isinstance(value, Scalar):
             raise self.refuse(node, "a number is wanted here")
+        return value
+
+    def truth(self, node: ast.expr) -> Scalar:
+        """Translate an expression that must be true or false."""
+        value = self.scalar(node)
+        if value.kind != "bool":
+            raise self.refuse(node, "a truth value is wanted here")
         return value
 
     def lookup(self, name: str) -> Value:
@@ -112,7 +120,8 @@ class Expressions(Arithmetic):
     def _unaryop(self, node: ast.UnaryOp) -> Value:
         value = self.expression(node.operand)
         if isinstance(node.op, ast.Not):
-            assert isinstance(value, Scalar)
+            if not isinstance(value, Scalar) or value.kind != "bool":
+                raise self.refuse(node, "a truth value is wanted here")
             return self.temporary(
                 "bool", f"~{value.code}" if value.varying else f"!{value.code}", value.varying
             )
@@ -133,12 +142,12 @@ class Expressions(Arithmetic):
             if factors is not None:
                 base = self.expression(left) if isinstance(left, ast.expr) else left
                 a, b = (self.expression(factor) for factor in factors)
-                return self.fused(a, b, base, minus_product=minus)
+                return self.fused(a, b, base, node, minus_product=minus)
             factors = self._factors(left) if isinstance(left, ast.expr) else None
             if factors is not None:
                 a, b = (self.expression(factor) for factor in factors)
                 base = self.expression(right)
-                return self.fused(a, b, self.negated(base) if minus else base)
+                return self.fused(a, b, self.negated(base) if minus else base, node)
         first = self.expression(left) if isinstance(left, ast.expr) else left
         return self.arithmetic(operator, first, self.expression(right), node)
 
@@ -151,9 +160,11 @@ class Expressions(Arithmetic):
     # ---- truth ---------------------------------------------------------------------------------------
 
     def _compare(self, node: ast.Compare) -> Value:
-        if len(node.ops) != 1:
-            raise self.refuse(node, "one comparison at a time")
+        if len(node.ops) != 1 or type(node.ops[0]) not in COMPARISONS:
+            raise self.refuse(node, "one comparison of numbers at a time")
         left, right = self.scalar(node.left), self.scalar(node.comparators[0])
+        if left.kind != right.kind:
+            raise self.refuse(node, "operands of one kind are wanted")
         symbol = COMPARISONS[type(node.ops[0])]
         if left.const is not None and right.const is not None:
             return literal(bool(eval(f"{left.const} {symbol} {right.const}")), "bool")  # two integers
@@ -161,50 +172,45 @@ class Expressions(Arithmetic):
         code = f"{self.operand(left, varying)} {symbol} {self.operand(right, varying)}"
         if not varying:
             return self.temporary("bool", code, False)
-        whole = {"i32": "i32v", "f32": "i32v", "f64": "i64v"}[left.kind]
+        whole = {"i32": "i32v", "f32": "i32v", "f64": "i64v", "bool": "mask"}[left.kind]
         return self.temporary("bool", f"op::to_mask(({whole})({code}))", True)
 
     def _boolop(self, node: ast.BoolOp) -> Value:
         both = isinstance(node.op, ast.And)
-        value = self.scalar(node.values[0])
+        value = self.truth(node.values[0])
         for following in node.values[1:]:
-            value = self._and_then(value, following) if both else self._or_else(value, following)
+            value = self._and_then(value, following, both)
         return value
 
-    def _and_then(self, first: Scalar, node: ast.expr) -> Scalar:
-        """The second is looked at only where the first holds."""
+    def _and_then(self, first: Scalar, node: ast.expr, both: bool) -> Scalar:
+        """The second is looked at only where the first leaves it open: where it holds, or for `or` fails."""
         if first.const is not None:
-            return self.scalar(node) if first.const else first
-        result = self.name("both")
+            return self.truth(node) if first.const == both else first
+        result = self.name("both" if both else "either")
         if not first.varying:
             start, outer = len(self.lines), self.lines
             self.lines = []
-            second = self.scalar(node)
+            second = self.truth(node)
             inner, self.lines = self.lines, outer
             ctype = "mask" if second.varying else "bool"
-            zero = "(mask)(0)" if second.varying else "false"
-            self.lines[start:] = [f"{ctype} {result} = {zero};", f"if ({first.code}) {{", *inner]
+            settled, held = literal(not both, "bool"), first.code if both else f"!{first.code}"
+            default = self.operand(settled, second.varying)
+            self.lines[start:] = [f"{ctype} {result} = {default};", f"if ({held}) {{", *inner]
             self.emit(f"{result} = {second.code};")
             self.emit("}")
             return Scalar("bool", result, second.varying)
-        before = self.mask
-        held = first.code if before is None else f"({first.code} & {before})"
-        self.emit(f"mask {result} = {held};")
-        self.mask = result
-        self.emit(f"if (op::any({result})) {{")
-        second = self.scalar(node)
-        self.emit(f"{result} = {result} & {self.pack(second)};")
+        before, undecided = self.mask, self.name("open")
+        held = first.code if both else f"~{first.code}"
+        self.emit(f"const mask {undecided} = {held if before is None else f'{held} & {before}'};")
+        self.emit(f"mask {result} = {undecided if both else first.code};")
+        self.mask = undecided
+        self.emit(f"if (op::any({undecided})) {{")
+        second = self.truth(node)
+        further = f"{undecided} & {self.pack(second)}"
+        self.emit(f"{result} = {further if both else f'{first.code} | ({further})'};")
         self.emit("}")
         self.mask = before
         return Scalar("bool", result, True)
-
-    def _or_else(self, first: Scalar, node: ast.expr) -> Scalar:
-        second = self.scalar(node)
-        varying = first.varying or second.varying
-        sign = "|" if varying else "||"
-        return self.temporary(
-            "bool", f"{self.operand(first, varying)} {sign} {self.operand(second, varying)}", varying
-        )
 
     # ---- calls ---------------------------------------------------------------------------------------
 
@@ -212,6 +218,8 @@ class Expressions(Arithmetic):
         function = self.expression(node.func)
         if not isinstance(function, Known):
             raise self.refuse(node, "not a function")
+        if node.keywords:
+            raise self.refuse(node, "arguments by position are wanted")
         arguments = [self.expression(argument) for argument in node.args]
         thing = function.thing
         if is_struct(thing):
@@ -219,6 +227,12 @@ class Expressions(Arithmetic):
         if isinstance(thing, type):
             return self.convert(thing, arguments, node)
         if getattr(thing, "__self__", None) is self:
+            wanted = Vector if thing.__name__ == "wp_dot" else Scalar
+            count = thing.__func__.__code__.co_argcount - 1
+            if len(arguments) != count or not all(isinstance(a, wanted) for a in arguments):
+                raise self.refuse(node, f"{count} numbers are wanted, or vectors by dot")
+            if len({a.kind for a in arguments if isinstance(a, Scalar)}) > 1:
+                raise self.refuse(node, "operands of one kind are wanted")
             return thing(*arguments)  # type: ignore[no-any-return]
         return self.call(thing, arguments, node)
 
@@ -228,17 +242,26 @@ class Expressions(Arithmetic):
             kind = kind_of(dtype._wp_scalar_type_)
             if not arguments:
                 return Vector((literal(0, kind),) * dtype._length_)
-            if isinstance(arguments[0], Vector):
-                return arguments[0]
-            return Vector(tuple(arguments))  # type: ignore[arg-type]
-        (value,) = arguments
-        assert isinstance(value, Scalar)
+            items = arguments[0].items if isinstance(arguments[0], Vector) else tuple(arguments)
+            if len(items) == 1:
+                items *= dtype._length_
+            right = all(isinstance(item, Scalar) and item.kind == kind for item in items)
+            if len(items) != dtype._length_ or not right:
+                raise self.refuse(node, f"{dtype._length_} numbers {kind} are wanted")
+            return Vector(items)  # type: ignore[arg-type]
+        value = arguments[0] if len(arguments) == 1 else None
+        if not isinstance(value, Scalar) or dtype not in KINDS:
+            raise self.refuse(node, "a number becomes a number of another kind")
         kind = kind_of(dtype)
         if value.kind == kind:
             return value
         if value.const is not None:
             return literal(value.const, kind)
+        if value.varying and kind == "bool":
+            whole = "i64v" if value.kind == "f64" else "i32v"
+            zero = self.pack(literal(0, value.kind))
+            return self.temporary(kind, f"op::to_mask(({whole})({value.code} != {zero}))", True)
         if value.varying:
-            sign = "-" if value.kind == "bool" else ""  # a lane of a mask is 0 or -1
-            return self.temporary(kind, f"{sign}__builtin_convertvector({value.code}, {PACK[kind]})", True)
+            one = " & 1" if value.kind == "bool" else ""  # a lane of a mask is 0 or -1
+            return self.temporary(kind, f"__builtin_convertvector({value.code}{one}, {PACK[kind]})", True)
         return self.temporary(kind, f"({SCALAR[kind]})({value.code})", False)

@@ -32,9 +32,10 @@ class LaneIsSimulation(Control):
         if name == "empty_sum":
             return Vector((literal(0, "f64"),) * self.lanes, bank="new")
         if name == "add_to":
-            return self._add_to(*arguments)  # type: ignore[arg-type]
+            sofar, share, place = arguments
+            return self._add_to(sofar, share, place, node)  # type: ignore[arg-type]
         if name == "total":
-            return self._total(arguments[0])
+            return self._total(arguments[0], node)
         if name in ("largest", "ordered_total"):
             return arguments[0]
         if name in ("ordered_first", "ordered_step"):
@@ -43,8 +44,10 @@ class LaneIsSimulation(Control):
             return Known(None)
         raise self.refuse(node, "no meaning over lanes")
 
-    def _add_to(self, sofar: Vector, share: Scalar, place: Scalar) -> Vector:
+    def _add_to(self, sofar: Vector, share: Scalar, place: Scalar, node: ast.AST) -> Vector:
         """The k-th share belongs to partial sum k modulo the lanes."""
+        if sofar.bank in ("", "new") or place.varying:
+            raise self.refuse(node, "a sum has a name, and the walk's number is the place")
         part = f"{sofar.bank}[(unsigned)({place.code}) % W]"
         new = self.temporary("f64", f"{part} + {self.pack(share)}", True)
         self.emit(
@@ -52,9 +55,10 @@ class LaneIsSimulation(Control):
         )
         return sofar
 
-    def _total(self, sofar: Value) -> Value:
+    def _total(self, sofar: Value, node: ast.AST) -> Value:
         """The partial sums, in the order of `op::sum`."""
-        assert isinstance(sofar, Vector)
+        if not isinstance(sofar, Vector) or not sofar.bank:
+            raise self.refuse(node, "only sums that began with empty_sum have a total")
         parts = list(sofar.items)
         while len(parts) > 1:
             half = len(parts) // 2

@@ -28,11 +28,16 @@ class Memory(Expressions):
     """Subscripts: uniform, side by side over the lanes, or gathered lane by lane."""
 
     arrays: dict[str, str]
+    written: set[str]
 
     def array(self, dtype: Any, code: str, owner: Struct) -> Array:
         """An array that is a field of a struct; its pointer and strides are declared once, at the top."""
         name = code.replace(".", "_")
         scratch = owner.type.cls.__name__ == "State"
+        if not is_struct(dtype.dtype) and self._kind(dtype.dtype) == "bool":
+            raise TypeError(f"{code}: truth values are kept as integers")
+        if scratch and (is_struct(dtype.dtype) or is_vector(dtype.dtype)):
+            raise TypeError(f"{code}: the state holds plain numbers")
         element = "auto*" if is_struct(dtype.dtype) else f"{SCALAR[self._kind(dtype.dtype)]}*"
         cast = "" if is_struct(dtype.dtype) else f"({element})"
         lines = [f"{element} const {name} = {cast}{code}.data;"]
@@ -59,8 +64,11 @@ class Memory(Expressions):
             return owner.items[place.const]
         if isinstance(owner, Known) and isinstance(owner.thing, Array):
             (place,) = places
-            assert isinstance(place, Scalar)
-            return Scalar("i32", f"{owner.thing.name}_n{place.const}")
+            given, ndim = owner.thing.given, owner.thing.ndim
+            known = place.const if isinstance(place, Scalar) else None
+            if known is None or owner.thing.scratch or not 0 <= known < ndim - given:
+                raise self.refuse(node, "the shape of a constant array by a known number is wanted")
+            return Scalar("i32", f"{owner.thing.name}_n{given + known}")
         if not isinstance(owner, Array):
             raise self.refuse(node, "only arrays and vectors have parts")
         array = self.part(owner, places, node)
@@ -168,7 +176,10 @@ class Memory(Expressions):
         """Write an element, in the lanes that are at work."""
         if not isinstance(value, Scalar):
             raise self.refuse(node, "one number is written at a time")
+        if is_struct(array.dtype) or is_vector(array.dtype) or array.given < array.ndim:
+            raise self.refuse(node, "one number is written at a time")
         kind, offset = kind_of(array.dtype), array.offset or ZERO
+        self.written.add(array.name)
         if value.kind != kind:
             raise self.refuse(node, f"a {kind} is wanted, this is a {value.kind}")
         if array.lanes_inside and not offset.varying:

@@ -19,13 +19,14 @@ _PRELUDE = """
         static inline f64v sel(mask m, f64v a, f64v b) {{ return __builtin_convertvector(m, i64v) ? a : b; }}
         static inline f32v sel(mask m, f32v a, f32v b) {{ return __builtin_convertvector(m, i32v) ? a : b; }}
         static inline i32v sel(mask m, i32v a, i32v b) {{ return __builtin_convertvector(m, i32v) ? a : b; }}
+        static inline i64v sel(mask m, i64v a, i64v b) {{ return __builtin_convertvector(m, i64v) ? a : b; }}
         static inline f64v root(f64v x) {{ // cube root: a third of the exponent, then Halley's steps
             f64v size = __builtin_elementwise_abs(x), third = (f64v)(1.0 / 3.0);
             i64v guess = __builtin_convertvector(__builtin_convertvector((i64v)size, f64v) * third, i64v);
             f64v y = (f64v)(guess + (i64v)(3071306043645493248ll));
             for (int k = 0; k < 4; ++k) {{ f64v c = y * y * y; y = y * (c + size + size) / (c + c + size); }}
             y = x < (f64v)(0.0) ? -y : y;
-            return x == (f64v)(0.0) ? x : y;
+            return ((x != (f64v)(0.0)) & (size < (f64v)(__builtin_inf()))) ? y : x;
         }}
         static inline f32v root(f32v x) {{
             return __builtin_convertvector(root(__builtin_convertvector(x, f64v)), f32v);
@@ -36,7 +37,8 @@ _PRELUDE = """
         }}
         static inline double most(f64v x) {{
             for (int n = W / 2; n > 0; n /= 2)
-                for (int l = 0; l < n; ++l) x[l] = x[l] > x[l + n] ? x[l] : x[l + n];
+                for (int l = 0; l < n; ++l)
+                    if (!(x[l] > x[l + n]) && x[l + n] == x[l + n]) x[l] = x[l + n];
             return x[0];
         }}
     }};

@@ -25,6 +25,7 @@ class Variable:
     varying: bool
     birth: Path
     vector: bool
+    key: str
     bank: str = ""
     lane: bool = False
 
@@ -53,13 +54,17 @@ class Statements(Memory):
         self.varying_names: set[str] = set()
         self.out_of_step: set[str] = set()
         self.row_headers: dict[str, set[int]] = {}
+        self.outliving: set[str] = set()
+        self.written: set[str] = set()
+        self.walks: dict[str, Variable] = {}
 
     def settle(self, function: Any, arguments: dict[str, Value]) -> str:
         """Translate a function of no result until the kinds of its variables are settled."""
-        settled = (-1, -1, -1)
+        settled: tuple[int, ...] = ()
         while settled != self._known_so_far():
             settled = self._known_so_far()
             self.serial, self.instances, self.masks = 0, 0, 0
+            self.walks.clear()
             self.lines: list[str] = []
             self.declared: dict[str, str] = {}
             self.arrays: dict[str, str] = {}
@@ -73,8 +78,9 @@ class Statements(Memory):
         declarations += [f"{ctype} {name} = ({ctype})(0);" for name, ctype in self.declared.items()]
         return "\n".join([*declarations, *self.lines])
 
-    def _known_so_far(self) -> tuple[int, int, int]:
-        return len(self.varying_names), len(self.out_of_step), sum(map(len, self.row_headers.values()))
+    def _known_so_far(self) -> tuple[int, ...]:
+        notes = (self.varying_names, self.out_of_step, self.outliving, self.written)
+        return (*map(len, notes), sum(map(len, self.row_headers.values())))
 
     # ---- functions -----------------------------------------------------------------------------------
 
@@ -88,7 +94,10 @@ class Statements(Memory):
         self.scopes.append({})
         for parameter, value in zip(tree.args.args, arguments, strict=True):
             self.assign_name(parameter.arg, value, parameter)
-        result = self.block(tree.body)
+        last = tree.body[-1]
+        returned = last.value if isinstance(last, ast.Return) else None
+        self.block(tree.body[:-1] if isinstance(last, ast.Return) else tree.body)
+        result = None if returned is None else self.expression(returned)
         self.scopes.pop()
         self.surroundings.pop()
         self.instance_names.pop()
@@ -108,16 +117,13 @@ class Statements(Memory):
         """What the lanes of one simulation do together; provided by the mapping."""
         raise NotImplementedError
 
-    def block(self, body: Sequence[ast.stmt]) -> Value | None:
-        """Statements in order; a return is the last of a function."""
+    def block(self, body: Sequence[ast.stmt]) -> None:
+        """Statements in order; a return is only the last of a function."""
         for statement in body:
-            if isinstance(statement, ast.Return):
-                return None if statement.value is None else self.expression(statement.value)
             method = getattr(self, "_do_" + type(statement).__name__.lower(), None)
             if method is None:
                 raise self.refuse(statement, "no meaning over lanes")
             method(statement)
-        return None
 
     # ---- names ---------------------------------------------------------------------------------------
 
@@ -125,6 +131,8 @@ class Statements(Memory):
         """A variable of this function, or what its surroundings call so."""
         found = self.scopes[-1].get(name)
         if isinstance(found, Variable):
+            if found.birth != self.path[: len(found.birth)]:
+                self.outliving.add(found.key)  # lanes that went elsewhere since must keep theirs
             items = tuple(Scalar(found.kind, c, found.varying, lane=found.lane) for c in found.names)
             return Vector(items, found.bank) if found.vector else items[0]
         if found is not None:
@@ -147,7 +155,8 @@ class Statements(Memory):
             bank = key if isinstance(value, Vector) and value.bank else ""
             names = tuple(f"{key}[{k}]" if bank else f"{key}_{k}" for k in range(len(items)))
             varying = bool(bank) or key in self.varying_names
-            variable = Variable(names, items[0].kind, varying, self.path, isinstance(value, Vector), bank)
+            birth = () if key in self.outliving else self.path
+            variable = Variable(names, items[0].kind, varying, birth, isinstance(value, Vector), key, bank)
             if bank:
                 self.arrays[bank] = f"f64v {bank}[{len(items)}];"
             variable.lane = all(item.lane for item in items) and key not in self.out_of_step
@@ -159,7 +168,9 @@ class Statements(Memory):
         if any(item.varying for item in items) or (self.mask is not None and elsewhere):
             self.varying_names.add(key)
             variable.varying = True
-        if variable.lane and not all(item.lane for item in items):
+        # Lanes that stay behind are out of step, but for those that leave a walk.
+        behind = self.mask is not None and elsewhere and self.walks.get(self.mask) is not variable
+        if variable.lane and (behind or not all(item.lane for item in items)):
             self.out_of_step.add(key)
         if variable.bank and isinstance(value, Vector) and value.bank == variable.bank:
             return  # added to in place
@@ -175,7 +186,8 @@ class Statements(Memory):
     def _with_header(self, name: str, array: Array) -> Array:
         """Load the entries of a varying row that are asked for by known numbers, once, here."""
         varying = array.offset is not None and array.offset.varying
-        if array.ndim - array.given != 1 or not varying or array.lanes_inside or array.header is not None:
+        constant = not array.lanes_inside and array.name not in self.written
+        if array.ndim - array.given != 1 or not varying or not constant or array.header is not None:
             return array
         wanted = self.row_headers.setdefault(f"{self.instance_names[-1]}_{name}", set())
         header = _Header(wanted)
@@ -184,12 +196,15 @@ class Statements(Memory):
         return replace(array, header=header)
 
     def _do_assign(self, node: ast.Assign) -> None:
+        if len(node.targets) != 1:
+            raise self.refuse(node, "one assignment at a time")
         (target,) = node.targets
         self._assign(target, self.expression(node.value), node)
 
     def _assign(self, target: ast.expr, value: Value, node: ast.AST) -> None:
         if isinstance(target, ast.Tuple):
-            assert isinstance(value, tuple)
+            if not isinstance(value, tuple) or len(value) != len(target.elts):
+                raise self.refuse(node, "as many values as names are wanted")
             # Every right-hand side is a temporary or a name already, so the order does not matter.
             for part, item in zip(target.elts, [self._held(v) for v in value], strict=True):
                 self._assign(part, item, node)
@@ -197,7 +212,8 @@ class Statements(Memory):
             self.assign_name(target.id, value, node)
         elif isinstance(target, ast.Subscript):
             owner, index = self.expression(target.value), self.expression(target.slice)
-            assert isinstance(owner, Array)
+            if not isinstance(owner, Array):
+                raise self.refuse(node, "only parts of arrays are assigned")
             places = index if isinstance(index, tuple) else (index,)
             self.store(self.part(owner, places, node), value, node)
         else:
@@ -206,6 +222,8 @@ class Statements(Memory):
     def _held(self, value: Value) -> Value:
         if isinstance(value, Scalar) and value.const is None:
             return self.temporary(value.kind, value.code, value.varying, lane=value.lane)
+        if isinstance(value, Vector) and not value.bank:
+            return Vector(tuple(self._held(item) for item in value.items))  # type: ignore[misc]
         return value
 
     def _do_augassign(self, node: ast.AugAssign) -> None:

@@ -6,7 +6,7 @@ vector ("pack"). Vectors of Warp are kept as their components, structs and array
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, isnan
 from typing import Any, TypeAlias
 
 import warp as wp
@@ -32,7 +32,7 @@ class Scalar:
     const: int | bool | None = None
     """Its value where the translator knows it."""
     lane: bool = False
-    """Whether it is a multiple of the number of lanes plus the lane's number."""
+    """Whether it counts up from lane to lane."""
     root: str = ""
     """For a varying integer that is another plus a known number: the other, so that gathers share it."""
     shift: int = 0
@@ -134,5 +134,9 @@ def literal(value: int | float | bool, kind: str) -> Scalar:
         return Scalar("bool", "true" if value else "false", const=bool(value))
     if kind == "i32":
         return Scalar("i32", f"({int(value)})", const=int(value))
-    text = float(value).hex() if isfinite(value) else "__builtin_inf()"
+    if not isfinite(value):
+        sign, name = "-" if value < 0 else "", "nan" if isnan(value) else "inf"
+        argument = '""' if name == "nan" else ""
+        return Scalar(kind, f"({SCALAR[kind]})({sign}__builtin_{name}({argument}))")
+    text = float(value).hex()
     return Scalar(kind, f"({text})" if kind == "f64" else f"({text}f)")

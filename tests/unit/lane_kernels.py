@@ -1,0 +1,183 @@
+"""Small kernels through the translator: structs of a few arrays; launches over lanes and by Warp itself."""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from explicit.arguments import SPARE
+from explicit.device import select_device
+from explicit.precision import PRECISIONS, Precision
+from explicit.simd import PACK_BYTES, Mapping, lane_kernel
+from explicit.structs import Structs
+
+N = 13
+"""Simulations of a batch: one full pack and an incomplete one in fp64, an incomplete one in fp32."""
+ELEMENTS = 37
+"""Elements of the body: no multiple of any number of lanes."""
+SLOTS = 48
+"""Numbers that a kernel writes for each simulation."""
+UNTOUCHED = -77
+"""What the output holds before a launch."""
+
+
+def lanes_of(numbers: Precision) -> int:
+    return PACK_BYTES // numbers.dtype().itemsize
+
+
+@cache
+def small_structs(numbers: Precision) -> Structs:
+    real = numbers.real
+
+    @wp.struct
+    class Pair:
+        factor: real
+        arm: numbers.vec2
+
+    @wp.struct
+    class Body:
+        n: int
+        two: int
+        weight: wp.array(dtype=real)
+        place: wp.array(dtype=int)
+
+    @wp.struct
+    class Batch:
+        x: wp.array(dtype=real)
+        y: wp.array(dtype=real)
+        z: wp.array(dtype=real)
+        k: wp.array(dtype=int)
+        v: wp.array(dtype=numbers.vec2)
+        pairs: wp.array(dtype=Pair)
+        rows: wp.array2d(dtype=real)
+        flag: wp.array(dtype=wp.bool)
+
+    @wp.struct
+    class State:
+        u: wp.array2d(dtype=real)
+        marks: wp.array2d(dtype=int)
+
+    @wp.struct
+    class Output:
+        values: wp.array2d(dtype=real)
+        whole: wp.array2d(dtype=int)
+        sums: wp.array2d(dtype=wp.float64)
+
+    Body.pair = Pair
+    return Structs(Body, Batch, State, Output)
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What a launch reads, shape [N] unless said otherwise."""
+
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    k: np.ndarray
+    v: np.ndarray
+    """Shape [N, 2]."""
+    factor: np.ndarray
+    arm: np.ndarray
+    """Shape [N, 2]."""
+    rows: np.ndarray
+    """Shape [5, 7]."""
+    weight: np.ndarray
+    """Shape [ELEMENTS]."""
+    place: np.ndarray
+    """Shape [ELEMENTS], a permutation."""
+
+
+@dataclass(frozen=True)
+class Results:
+    """What a launch wrote, shape [N, SLOTS], and the state."""
+
+    values: np.ndarray
+    whole: np.ndarray
+    sums: np.ndarray
+    u: np.ndarray
+    """Shape [N, ELEMENTS]."""
+
+
+def inputs(numbers: Precision, seed: int = 3) -> Inputs:
+    rng = np.random.default_rng(seed)
+
+    def real(*shape: int) -> np.ndarray:
+        return rng.uniform(-2.0, 2.0, shape).astype(numbers.dtype)
+
+    return Inputs(
+        x=real(N),
+        y=real(N),
+        z=real(N),
+        k=rng.integers(0, 5, N).astype(np.int32),
+        v=real(N, 2),
+        factor=real(N),
+        arm=real(N, 2),
+        rows=real(5, 7),
+        weight=real(ELEMENTS),
+        place=rng.permutation(ELEMENTS).astype(np.int32),
+    )
+
+
+def _arguments(numbers: Precision, given: Inputs, rows: int, lanes: int) -> list[Any]:
+    structs = small_structs(numbers)
+    body, batch = structs.Body(), structs.Batch()
+    body.n, body.two = ELEMENTS, 2
+    body.weight = wp.array(np.pad(given.weight, (0, SPARE)), dtype=numbers.real, device="cpu")
+    body.place = wp.array(np.pad(given.place, (0, SPARE)), dtype=int, device="cpu")
+    for name in ("x", "y", "z"):
+        setattr(batch, name, wp.array(getattr(given, name), dtype=numbers.real, device="cpu"))
+    batch.k = wp.array(given.k, dtype=int, device="cpu")
+    batch.v = wp.array(given.v, dtype=numbers.vec2, device="cpu")
+    pairs = np.zeros(N, dtype=structs.Body.pair.numpy_dtype())
+    pairs["factor"], pairs["arm"] = given.factor, given.arm
+    batch.pairs = wp.array(pairs, dtype=structs.Body.pair, device="cpu")
+    batch.rows = wp.array(given.rows, dtype=numbers.real, device="cpu")
+    batch.flag = wp.zeros(N, dtype=wp.bool, device="cpu")
+    state, output = structs.State(), structs.Output()
+    shape = (ELEMENTS, lanes) if lanes > 1 else (rows, ELEMENTS + SPARE)
+    state.u = wp.zeros(shape, dtype=numbers.real, device="cpu")
+    state.marks = wp.zeros(shape, dtype=int, device="cpu")
+    output.values = wp.full((N, SLOTS), UNTOUCHED, dtype=numbers.real, device="cpu")
+    output.whole = wp.full((N, SLOTS), UNTOUCHED, dtype=int, device="cpu")
+    output.sums = wp.full((N, SLOTS), UNTOUCHED, dtype=wp.float64, device="cpu")
+    return [body, batch, state, output]
+
+
+def scalar_launch(kernel: Any, numbers: Precision, given: Inputs) -> Results:
+    """The kernel as Warp itself runs it, a simulation after the other."""
+    select_device("cpu")
+    arguments = _arguments(numbers, given, N, 1)
+    wp.launch(kernel, dim=(N, 1), inputs=[*arguments, 0], device="cpu", block_dim=1)
+    return _results(arguments[3], arguments[2].u.numpy()[:, :ELEMENTS])
+
+
+def lane_launch(
+    kernel: Any, numbers: Precision, given: Inputs, mapping: Mapping, *, skip: tuple[int, ...] = ()
+) -> Results:
+    """The kernel over lanes, in packs as `explicit.drivers` makes them; `skip` leaves simulations out."""
+    select_device("cpu")
+    lanes = lanes_of(numbers)
+    made = lane_kernel(kernel, small_structs(numbers), numbers, mapping, lanes).kernel
+    width = lanes if mapping == "simulation" else 1
+    arguments = _arguments(numbers, given, 1, width)
+    u = np.zeros((N, ELEMENTS))
+    for first in range(0, N, width):
+        if first in skip:
+            continue
+        count = min(width, N - first)
+        arguments[2] = _arguments(numbers, given, 1, width)[2]
+        wp.launch(made, dim=1, inputs=[*arguments, first, count], device="cpu", block_dim=1)
+        state = arguments[2].u.numpy()
+        u[first : first + count] = state[:, :count].T if width > 1 else state[:, :ELEMENTS]
+    return _results(arguments[3], u)
+
+
+def _results(output: Any, u: np.ndarray) -> Results:
+    return Results(output.values.numpy(), output.whole.numpy(), output.sums.numpy(), u)
+
+
+PRECISION = list(PRECISIONS.values())
+MAPPINGS: tuple[Mapping, ...] = ("simulation", "walker")

@@ -1,0 +1,233 @@
+"""What the translator does not know is refused, with the source that it cannot give a meaning to."""
+
+# ruff: noqa: F841, B007, RUF059 -- these kernels are only read
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+import warp as wp
+from lane_kernels import MAPPINGS, lanes_of, small_structs
+
+from explicit.lanes import lane_functions
+from explicit.precision import PRECISIONS
+from explicit.simd import Mapping, lane_kernel
+
+NUMBERS = PRECISIONS["fp64"]
+STRUCTS = small_structs(NUMBERS)
+Body, Batch, State, Output = STRUCTS.Body, STRUCTS.Batch, STRUCTS.State, STRUCTS.Output
+Function = Callable[..., Any]
+
+add_to, empty_sum, total = lane_functions().add_to, lane_functions().empty_sum, lane_functions().total
+largest = lane_functions().largest
+one = wp.float64(1.0)
+
+
+def refused(source: Function, message: str, mapping: Mapping = "simulation") -> None:
+    """The source's sample is a lane's own (or its lane, for walkers), and it is refused."""
+
+    class March:
+        func = staticmethod(source)
+
+    with pytest.raises(TypeError, match=re.escape(message)):
+        lane_kernel(March, STRUCTS, NUMBERS, mapping, lanes_of(NUMBERS))
+
+
+@wp.func
+def early(x: wp.float64):
+    if x > one:
+        return one
+    return x
+
+
+def return_in_a_branch(body, batch, state, output, first):
+    i, lane = wp.tid()
+    output.values[i, 0] = early(batch.x[i])
+
+
+def leaving_a_loop(body, batch, state, output, first):
+    for k in range(3):
+        break
+
+
+def a_choice(body, batch, state, output, first):
+    i, lane = wp.tid()
+    x = one if batch.k[i] > 2 else batch.x[i]
+
+
+def a_step(body, batch, state, output, first):
+    for k in range(0, 6, 2):
+        i = k
+
+
+def a_loop_over_numbers(body, batch, state, output, first):
+    for k in batch.k:
+        i = k
+
+
+def a_loop_with_else(body, batch, state, output, first):
+    while body.n > 0:
+        i = 1
+    else:
+        i = 2
+
+
+def a_chain(body, batch, state, output, first):
+    i, lane = wp.tid()
+    if 0 < batch.k[i] < 3:
+        i = 1
+
+
+def a_power(body, batch, state, output, first):
+    i, lane = wp.tid()
+    x = batch.x[i] ** batch.y[i]
+
+
+def a_remainder(body, batch, state, output, first):
+    i, lane = wp.tid()
+    x = batch.x[i] % batch.y[i]
+
+
+def two_kinds(body, batch, state, output, first):
+    i, lane = wp.tid()
+    x = batch.x[i] + batch.k[i]
+
+
+def two_kinds_fused(body, batch, state, output, first):
+    i, lane = wp.tid()
+    x = batch.x[i] + batch.y[i] * batch.k[i]
+
+
+def two_kinds_compared(body, batch, state, output, first):
+    i, lane = wp.tid()
+    if batch.x[i] > batch.k[i]:
+        i = 1
+
+
+def two_kinds_in_one_name(body, batch, state, output, first):
+    i, lane = wp.tid()
+    x = one
+    x = batch.k[i]
+
+
+def a_number_for_a_truth(body, batch, state, output, first):
+    i, lane = wp.tid()
+    if batch.k[i]:
+        i = 1
+
+
+def another_function(body, batch, state, output, first):
+    i, lane = wp.tid()
+    x = wp.sin(batch.x[i])
+
+
+def half_precision(body, batch, state, output, first):
+    i, lane = wp.tid()
+    x = wp.float16(batch.x[i])
+
+
+def too_few(body, batch, state, output, first):
+    i, lane = wp.tid()
+    x = wp.vec4d(batch.x[i], one)
+
+
+def a_vector(body, batch, state, output, first):
+    i, lane = wp.tid()
+    x = wp.max(batch.v[i], batch.v[i])
+
+
+def a_component(body, batch, state, output, first):
+    i, lane = wp.tid()
+    x = batch.v[i][batch.k[i]]
+
+
+def written_component(body, batch, state, output, first):
+    i, lane = wp.tid()
+    x = batch.v[i]
+    x[0] = one
+
+
+def written_vector(body, batch, state, output, first):
+    i, lane = wp.tid()
+    batch.v[i] = batch.v[0]
+
+
+def wrong_kind_written(body, batch, state, output, first):
+    i, lane = wp.tid()
+    output.values[i, 0] = batch.k[i]
+
+
+def truth_values_in_memory(body, batch, state, output, first):
+    i, lane = wp.tid()
+    x = batch.flag[i]
+
+
+def shape_of_the_state(body, batch, state, output, first):
+    n = state.u.shape[0]
+
+
+def a_keyword(body, batch, state, output, first):
+    i, lane = wp.tid()
+    x = wp.max(batch.x[i], b=one)
+
+
+def a_sum_of_something(body, batch, state, output, first):
+    i, lane = wp.tid()
+    x = total(wp.float64(batch.x[i]))
+
+
+@pytest.mark.parametrize("mapping", MAPPINGS)
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        (leaving_a_loop, "break: no meaning over lanes"),
+        (a_choice, "one if batch.k[i] > 2 else batch.x[i]: IfExp has no meaning over lanes"),
+        (a_step, "for k in range(0, 6, 2):\n    i = k: a range has one or two bounds"),
+        (a_loop_over_numbers, "batch.k: a loop goes over a range"),
+        (a_loop_with_else, "a loop has no else over lanes"),
+        (return_in_a_branch, "return one: no meaning over lanes"),
+        (a_chain, "0 < batch.k[i] < 3: one comparison of numbers at a time"),
+        (a_power, "batch.x[i] ** batch.y[i]: no such operator over lanes"),
+        (a_remainder, "batch.x[i] % batch.y[i]: no such operator over lanes"),
+        (two_kinds, "batch.x[i] + batch.k[i]: operands of one kind are wanted"),
+        (two_kinds_fused, "batch.x[i] + batch.y[i] * batch.k[i]: operands of one kind are wanted"),
+        (two_kinds_compared, "batch.x[i] > batch.k[i]: operands of one kind are wanted"),
+        (two_kinds_in_one_name, "x = batch.k[i]: x changes from f64 to i32"),
+        (a_number_for_a_truth, "batch.k[i]: a truth value is wanted here"),
+        (another_function, "wp.sin(batch.x[i]): no meaning over lanes"),
+        (half_precision, "wp.float16(batch.x[i]): a number becomes a number of another kind"),
+        (too_few, "wp.vec4d(batch.x[i], one): 4 numbers f64 are wanted"),
+        (a_vector, "wp.max(batch.v[i], batch.v[i]): 2 numbers are wanted"),
+        (a_component, "batch.v[i][batch.k[i]]: a component is chosen by a known number"),
+        (written_component, "x[0] = one: only parts of arrays are assigned"),
+        (written_vector, "batch.v[i] = batch.v[0]: one number is written at a time"),
+        (wrong_kind_written, "output.values[i, 0] = batch.k[i]: a f64 is wanted, this is a i32"),
+        (truth_values_in_memory, "batch.flag: truth values are kept as integers"),
+        (shape_of_the_state, "state.u.shape[0]: the shape of a constant array by a known number is wanted"),
+        (a_keyword, "wp.max(batch.x[i], b=one): arguments by position are wanted"),
+    ],
+)
+def test_refused_in_both_mappings(source: Function, message: str, mapping: Mapping) -> None:
+    refused(source, message, mapping)
+
+
+def test_a_sum_of_one_walker_begins_with_empty_sum() -> None:
+    refused(a_sum_of_something, "total(wp.float64(batch.x[i])): only sums that began with empty_sum")
+
+
+def lanes_apart(body, batch, state, output, first):
+    i, lane = wp.tid()
+    x = wp.float64(0.0)
+    if lane == 2:
+        x = largest(one)
+
+
+def one_place(body, batch, state, output, first):
+    i, lane = wp.tid()
+    output.values[i, 0] = body.weight[lane]
+
+
+def test_walkers_reduce_together_and_write_apart() -> None:
+    refused(lanes_apart, "largest(one): every lane must take part", "walker")
+    refused(one_place, "lanes would write different values to one place", "walker")

@@ -1,0 +1,245 @@
+"""The time loop over lanes: against the scalar kernel, between the mappings, and whatever shares a pack."""
+
+from dataclasses import dataclass
+from functools import cache
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+import warp as wp
+
+from explicit import (
+    CharacteristicBar,
+    Model,
+    Outcome,
+    PlatenMotion,
+    Samples,
+    Sampling,
+    Stepping,
+    cylinder,
+    run,
+)
+from explicit.arguments import batch_of, body_of, output_of, state_of
+from explicit.device import select_device
+from explicit.drivers import LARGE_MESH, packs
+from explicit.march import march_kernel
+from explicit.materials import MarlowLaw, neo_hookean
+from explicit.precision import PRECISIONS
+from explicit.simd import PACK_BYTES, Mapping, lane_kernel
+
+RADIUS, LENGTH, END = 4.75e-3, 6.5e-3, 8e-4
+N = 17
+"""Two packs in fp64 or one in fp32, and one simulation more."""
+CRUSHED, SPOILT = 3, 12
+"""Simulations that end early: the flyer goes through the other platen; a stiffness is not a number."""
+GOOD = np.delete(np.arange(N), [CRUSHED, SPOILT])
+TIMES = np.linspace(0.0, END, 33)
+SAMPLING = Sampling(TIMES, TIMES[::4])
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is simulated."""
+
+    name: str
+    element: str = "one_point"
+    precision: str = "fp64"
+    damping_kind: Any = "deviatoric"
+    bar: bool = False
+
+
+CASES = [
+    Case("deviatoric"),
+    Case("full", damping_kind="full"),
+    Case("bar", bar=True),
+    Case("fp32", precision="fp32"),
+    Case("fp32-full-bar", precision="fp32", damping_kind="full", bar=True),
+    Case("fbar", element="fbar"),
+    Case("fbar-full-bar", element="fbar", damping_kind="full", bar=True),
+]
+EVERY = pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+
+
+def ramp(depth: float, late: float) -> PlatenMotion:
+    """From rest to a depth, at a speed that rises over the first part of the window."""
+    return PlatenMotion.sampled(
+        lambda t: depth * (np.maximum(t - late, 0.0) / END) ** 2,
+        lambda t: 2.0 * depth * np.maximum(t - late, 0.0) / END**2,
+        start=0.0,
+        end=END,
+        n_knots=65,
+    )
+
+
+def model_of(case: Case) -> Model:
+    # A stiffening curve that ends at s = 0.5, so that some of the specimen is strained past its data.
+    soft = neo_hookean(27e3, last=0.5)
+    stiff = MarlowLaw(last=1.0, quotient=np.linspace(20e3, 60e3, 5), slope=np.full(5, 40e3))
+    return Model(
+        cylinder(RADIUS, LENGTH, n_radial=4, n_axial=6),
+        870.0,
+        (soft, stiff),
+        (ramp(0.35 * LENGTH, 0.0), ramp(0.2 * LENGTH, 1e-4), ramp(5.0 * LENGTH, 0.0)),
+        faces="coulomb",
+        side="coulomb",
+        damping_kind=case.damping_kind,
+        element=case.element,
+        # The wave comes back four times within the window; the impedance is near the specimen's own.
+        support=CharacteristicBar(8.0, END / 5) if case.bar else CharacteristicBar(1e300, 1e300),
+    )
+
+
+def samples_of(case: Case) -> Samples:
+    rng = np.random.default_rng(5)
+    motion = rng.integers(0, 2, N)
+    motion[CRUSHED] = 2
+    return Samples.of(
+        stiffness_factor=rng.uniform(0.6, 1.6, N),
+        poisson=rng.uniform(0.48, 0.495, N),
+        damping=rng.choice([0.0, 1e-5, 4e-5], N),
+        friction=rng.choice([0.0, 0.05, 0.3, 5.0], N),
+        mass_damping=rng.choice([0.0, 100.0], N),
+        material=rng.integers(0, 2, N),
+        motion=motion,
+    )
+
+
+def launch(case: Case, mapping: Mapping | None, n: int = N, shift: int = 0, spoil: bool = True) -> Any:
+    """The first n simulations; in packs that begin at `shift`."""
+    where = select_device("cpu")
+    numbers, model = PRECISIONS[case.precision], model_of(case)
+    kernel = march_kernel(MarlowLaw, model.faces, model.side, numbers, case.element)
+    lanes = PACK_BYTES // numbers.dtype().itemsize
+    output = output_of(kernel, N, SAMPLING, model.mesh.side, where)
+    stepping = Stepping(precision=case.precision, max_steps=5000)
+    batch = batch_of(kernel, model, samples_of(case), stepping, numbers, where)
+    if spoil:
+        solids = batch.solids.numpy()
+        solids["scale"][SPOILT] = np.nan
+        batch.solids = wp.array(solids, dtype=kernel.element.Solid, device=where)
+    body = body_of(kernel, model, numbers, where)
+    if mapping is None:
+        state = state_of(kernel, model, numbers, where, n, 1)
+        wp.launch(kernel.kernel, (n, 1), [body, batch, state, output, 0], device=where, block_dim=1)
+        return output
+    made = lane_kernel(kernel.kernel, kernel.structs, numbers, mapping, lanes).kernel
+    width = lanes if mapping == "simulation" else 1
+    first = 0
+    while first < n:
+        count = min(width if first else (shift or width), n - first)
+        state = state_of(kernel, model, numbers, where, 1, width)
+        wp.launch(made, 1, [body, batch, state, output, first, count], device=where, block_dim=1)
+        first += count
+    return output
+
+
+HISTORIES = ("force", "impulse", "position", "energy")
+NUMBERS = ("outcome", "steps", "end_time", "smallest_step", "past_data", "strain_measure")
+
+
+@cache
+def results(case: Case, mapping: Mapping | None) -> dict[str, np.ndarray]:
+    return read(launch(case, mapping))
+
+
+def read(output: Any) -> dict[str, np.ndarray]:
+    return {name: getattr(output, name).numpy() for name in (*HISTORIES, *NUMBERS)}
+
+
+@EVERY
+def test_the_batch_exercises_what_it_should(case: Case) -> None:
+    got = results(case, None)
+    outcomes = [Outcome(int(code)) for code in got["outcome"]]
+    assert all(outcomes[i].ok for i in GOOD)
+    assert outcomes[CRUSHED] in (Outcome.INVERTED, Outcome.STEP_COLLAPSED)
+    assert outcomes[SPOILT] in (Outcome.INVERTED, Outcome.DIVERGED)
+    assert np.isfinite(got["position"][GOOD]).all()
+    assert len(set(got["steps"])) > 5  # lanes end at different times
+    assert got["past_data"].max() > 0.0
+    energy = got["energy"][GOOD, -1]
+    used = [0, 1, 2, 4, 5, 6] if case.element == "fbar" else range(7)
+    assert all((energy[:, k] != 0.0).any() for k in used)
+
+
+@EVERY
+def test_the_mappings_agree_bit_for_bit(case: Case) -> None:
+    a, b = results(case, "simulation"), results(case, "walker")
+    for name in a:
+        np.testing.assert_array_equal(a[name], b[name], err_msg=name)
+
+
+@EVERY
+@pytest.mark.parametrize("mapping", ["simulation", "walker"])
+def test_the_scalar_kernel_agrees(case: Case, mapping: Mapping) -> None:
+    got, warp = results(case, mapping), results(case, None)
+    np.testing.assert_array_equal(got["outcome"][GOOD], warp["outcome"][GOOD])
+    np.testing.assert_array_equal(got["steps"][GOOD], warp["steps"][GOOD])
+    # Sums are fused on one side only. Ten times the largest difference seen, relative to the largest value:
+    # 1e-12 (2e-13 but for forces), 3e-4 (1e-6) in fp32; a stiff contact amplifies round-off most.
+    force, other = (1e-11, 2e-12) if case.precision == "fp64" else (3e-3, 1e-5)
+    for name in (*HISTORIES, *NUMBERS[2:]):
+        atol = (force if name == "force" else other) * np.abs(warp[name][GOOD]).max()
+        np.testing.assert_allclose(got[name][GOOD], warp[name][GOOD], rtol=0.0, atol=atol, err_msg=name)
+    early = slice(0, 9)  # what comes before the crushed one folds
+    atol = force * np.abs(warp["force"][GOOD]).max()
+    np.testing.assert_allclose(got["force"][CRUSHED, early], warp["force"][CRUSHED, early], atol=atol)
+
+
+@pytest.mark.parametrize("case", [CASES[0], CASES[3]], ids=lambda case: case.name)
+def test_a_simulation_keeps_its_bits_in_any_pack(case: Case) -> None:
+    whole = results(case, "simulation")
+    for n in range(1, N + 1):
+        got = read(launch(case, "simulation", n))
+        for name in got:
+            np.testing.assert_array_equal(got[name][:n], whole[name][:n], err_msg=f"{n} {name}")
+        assert np.isnan(got["position"][n:]).all()  # untouched
+        assert (got["steps"][n:] == 0).all()
+    for shift in (1, 2, 5):
+        got = read(launch(case, "simulation", shift=shift))
+        for name in got:
+            np.testing.assert_array_equal(got[name], whole[name], err_msg=f"shift {shift} {name}")
+
+
+@pytest.mark.parametrize("case", [CASES[2], CASES[4], CASES[6]], ids=lambda case: case.name)
+@pytest.mark.parametrize("mapping", ["simulation", "walker"])
+def test_what_is_not_a_number_stays_in_its_lane(case: Case, mapping: Mapping) -> None:
+    got, sound = results(case, mapping), read(launch(case, mapping, spoil=False))
+    others = np.delete(np.arange(N), SPOILT)
+    assert sound["outcome"][SPOILT] == Outcome.COMPLETED
+    for name in got:
+        np.testing.assert_array_equal(got[name][others], sound[name][others], err_msg=name)
+
+
+def test_packs_hold_every_simulation_once() -> None:
+    for n, lanes, elements in product(range(1, 70), (4, 8, 16), (24, LARGE_MESH, LARGE_MESH + 1)):
+        jobs = packs(n, lanes, elements)
+        held = [i for _, first, count in jobs for i in range(first, first + count)]
+        assert held == list(range(n))
+        assert all(count == 1 for mapping, _, count in jobs if mapping == "walker")
+        full = [count for mapping, _, count in jobs if mapping == "simulation"]
+        assert all(count == lanes for count in full[:-1])
+        assert all(0.75 * lanes <= count <= lanes for count in full)
+        assert sum(count == 1 for _, _, count in jobs) < (lanes if elements <= LARGE_MESH else n + 1)
+        assert (not full) == (elements > LARGE_MESH or n < 0.75 * lanes)
+
+
+@pytest.mark.parametrize("case", [CASES[2], CASES[3]], ids=lambda case: case.name)
+def test_a_run_is_the_same_for_any_threads(case: Case) -> None:
+    expected = read(launch(case, "simulation", spoil=False))
+    for threads in (1, 2, 5):
+        finished: list[int] = []
+        stepping = Stepping(precision=case.precision, max_steps=5000)
+        got = run(
+            model_of(case),
+            samples_of(case),
+            SAMPLING,
+            stepping=stepping,
+            threads=threads,
+            progress=finished.append,
+        )
+        assert sum(finished) == N
+        np.testing.assert_array_equal(got.steps, expected["steps"])
+        np.testing.assert_array_equal(got.force_flyer, expected["force"][:, :, 0])
+        np.testing.assert_array_equal(got.surface_r, expected["position"][:, :, :, 0])
+        np.testing.assert_array_equal(got.energy.impact, expected["energy"][:, :, 6])
