@@ -69,7 +69,13 @@ def _side_by_side(shapes: NDArray[Any], dtype: Any) -> NDArray[Any]:
 
 
 def batch_of(
-    kernel: MarchKernel, model: Model, samples: Samples, stepping: Stepping, numbers: Precision, where: Any
+    kernel: MarchKernel,
+    model: Model,
+    samples: Samples,
+    sampling: Sampling,
+    stepping: Stepping,
+    numbers: Precision,
+    where: Any,
 ) -> Any:
     """Per-sample parameters and the tables they choose from."""
     mu = np.array([law.initial_shear_modulus for law in model.materials])[samples.material]
@@ -97,6 +103,7 @@ def batch_of(
     batch.start, batch.safety, batch.floor = model.start, stepping.safety, stepping.floor
     batch.largest_step = min(stepping.largest_step, 1.0)
     batch.measure_every, batch.max_steps = stepping.measure_every, stepping.max_steps
+    batch.ledger_every = sampling.ledger_every
     batch.impedance = min(model.support.impedance, 1e300)
     batch.round_trip = min(model.support.round_trip, 1e300)
     limits = np.minimum([law.data_limit for law in model.materials], 1e30)

@@ -12,8 +12,9 @@ FloatArray = NDArray[np.float64]
 class EnergyLedger:
     """Where the work of the platens went, at the surface times of a batch.
 
-    Every field is an energy [J], shape [n_samples, n_surface_times]. A field ends in NaN
-    after the end time of a simulation that did not complete (see `Response.outcomes`).
+    Every field is an energy [J], shape [n_samples, n_surface_times]. A field ends in NaN after the end time
+    of a simulation that did not complete (see `Response.outcomes`), and is NaN at the times that
+    `Sampling.ledger_every` leaves out.
     """
 
     external: FloatArray

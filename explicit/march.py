@@ -18,6 +18,7 @@ from explicit.elements.base import INVERTED
 from explicit.lanes import field_function, lane_functions
 from explicit.outcome import Outcome
 from explicit.precision import PRECISIONS, Precision
+from explicit.record import record_functions
 from explicit.structs import Structs, batch_structs
 from explicit.sweeps import sweep_functions
 
@@ -48,6 +49,9 @@ def march_kernel(
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
     sweep_elements, sweep_energies = sweeps.elements, sweeps.energies
     flyer_position, returned_wave, meet = boundary.flyer_position, boundary.returned_wave, boundary.meet
+    record = record_functions(precision, structs)
+    is_due, record_force = record.is_due, record.force
+    record_positions, record_ledger = record.positions, record.ledger
     sync, total, largest = lanes.sync, lanes.total, lanes.largest
     empty_sum, add_to = lanes.empty_sum, lanes.add_to
     ordered_first, ordered_step = lanes.ordered_first, lanes.ordered_step
@@ -122,12 +126,15 @@ def march_kernel(
             flyer_next = flyer_position(batch, sample, time + dt)
             lower_next = lower_y + lower_before * dt
             upper_speed = -(flyer_next - flyer_now) / dt
-            flush = int(0)
-            if next_surface < n_surface and output.surface_times[next_surface] <= time + dt:
+            flush, ledger, coming = int(0), int(0), int(next_surface)
+            while coming < n_surface and output.surface_times[coming] <= time + dt:
                 flush = 1
+                if is_due(coming, n_surface, batch.ledger_every):
+                    ledger = 1
+                coming += 1
             elastic, hourglass, past, kinetic = empty_sum(), empty_sum(), empty_sum(), empty_sum()
             most = wp.float64(0.0)
-            if flush == 1:
+            if ledger == 1:
                 elastic, hourglass, past, most = sweep_energies(body, batch, state, sample, lane)
                 sync()  # the node sweep below moves what other lanes may still be reading
             # Half of this step's work belongs to the time of the positions, half to what follows.
@@ -180,7 +187,7 @@ def march_kernel(
                     push_lower[seat] = from_below
                     push_upper[seat] = from_above
                     carried[seat] = riding
-                if flush == 1:
+                if ledger == 1:
                     kinetic = add_to(kinetic, wp.float64(half * mass * wp.dot(old, new)), n)
                 if solid.mass_damping > zero:
                     drag = tau * solid.mass_damping * mass * half * wp.dot(old, old + new)
@@ -217,13 +224,12 @@ def march_kernel(
                     if since < ZERO:
                         sofar = impulse + force_before * since
                     if lane == 0:
-                        output.force[sample, next_force, 0] = value[0]
-                        output.force[sample, next_force, 1] = value[1]
-                        output.impulse[sample, next_force, 0] = sofar[0]
-                        output.impulse[sample, next_force, 1] = sofar[1]
+                        record_force(output, sample, next_force, value, sofar)
                     next_force += 1
                 impulse += force * interval
-                if flush == 1:
+                external, moving, stored, held = ZERO, ZERO, ZERO, ZERO
+                damping, friction_loss, impact = ZERO, ZERO, ZERO
+                if ledger == 1:
                     stored, held, moving = total(elastic), total(hourglass), total(kinetic)
                     external = total(worked + HALF * work_step)
                     damping = total(damped + HALF * damp_step)
@@ -231,26 +237,15 @@ def march_kernel(
                     impact = total(landed + HALF * land_step)
                     past_data = wp.max(past_data, total(past))
                     most_strained = wp.max(most_strained, largest(most))
+                if flush == 1:
                     while next_surface < n_surface and output.surface_times[next_surface] <= time + dt:
                         back = real(time + dt - output.surface_times[next_surface])
-                        k = lane
-                        while k < output.n_recorded:
-                            node = output.nodes[k]
-                            output.position[sample, next_surface, k, 0] = body.reference_r[node] + wp.float64(
-                                u_r[node] - back * v_r[node]
-                            )
-                            output.position[sample, next_surface, k, 1] = body.reference_y[node] + wp.float64(
-                                u_y[node] - back * v_y[node]
-                            )
-                            k += wp.block_dim()
-                        if lane == 0:
-                            output.energy[sample, next_surface, 0] = external
-                            output.energy[sample, next_surface, 1] = moving
-                            output.energy[sample, next_surface, 2] = stored
-                            output.energy[sample, next_surface, 3] = held
-                            output.energy[sample, next_surface, 4] = damping
-                            output.energy[sample, next_surface, 5] = friction_loss
-                            output.energy[sample, next_surface, 6] = impact
+                        record_positions(body, output, sample, lane, next_surface, back, u_r, u_y, v_r, v_y)
+                        if lane == 0 and is_due(next_surface, n_surface, batch.ledger_every):
+                            record_ledger(
+                                output, sample, next_surface,
+                                external, moving, stored, held, damping, friction_loss, impact,
+                            )  # fmt: skip
                         next_surface += 1
                 worked += work_step
                 damped += damp_step

@@ -131,12 +131,17 @@ class Sampling:
     """Times of the side surface and the energy ledger [s], ascending, shape [n_surface_times]."""
     all_nodes: bool = False
     """Record every node at the surface times, for meshes and pictures."""
+    ledger_every: int = 1
+    """Surface times from one entry of the energy ledger to the next; what lies between is NaN, the last time
+    always has one. An entry costs most of a step."""
 
     def __post_init__(self) -> None:
         for name in ("force_times", "surface_times"):
             times = getattr(self, name)
             if len(times) == 0 or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
                 raise ValueError(f"{name} must be finite and strictly ascending, with at least one time")
+        if self.ledger_every < 1:
+            raise ValueError(f"ledger_every must be >= 1, got {self.ledger_every}")
 
     @property
     def end(self) -> float:

@@ -62,7 +62,7 @@ def run(
     nodes = np.arange(model.mesh.n_nodes) if sampling.all_nodes else model.mesh.side
     kernel = march_kernel(type(model.materials[0]), model.faces, model.side, numbers, model.element)
     output = output_of(kernel, len(samples), sampling, nodes, where)
-    batch = batch_of(kernel, model, samples, stepping, numbers, where)
+    batch = batch_of(kernel, model, samples, sampling, stepping, numbers, where)
     plan = Plan(kernel, model, numbers, where, batch, output, len(samples))
     if where.is_cuda:
         run_on_gpu(plan, progress)

@@ -54,6 +54,7 @@ def batch_structs(precision: Precision, Shape: Any, Solid: Any) -> Structs:
         largest_step: wp.float64
         floor: wp.float64
         measure_every: int
+        ledger_every: int
         max_steps: int
         impedance: wp.float64
         round_trip: wp.float64

@@ -20,6 +20,10 @@ MOTION_KNOTS = 2049
 """Knots of the flyer's motion in the solver: 0.7 us apart on a 1.5 ms test, far below a camera frame."""
 
 
+LEDGER_EVERY = 16
+"""Surface times between two entries of the energy ledger of a run that only feeds a surrogate."""
+
+
 @dataclass(frozen=True)
 class Numerics:
     """Numerical choices of a run; they are part of every result's provenance."""
@@ -77,7 +81,8 @@ class Forward:
         motion, material : int or shape [n]
             Which flyer path and material law each run takes.
         all_nodes : bool
-            Record every node, for pictures.
+            Record every node, for pictures, and the energy ledger at every surface time; else at every
+            `LEDGER_EVERY`-th.
         progress : callable, optional
             Called with the number of runs just finished.
 
@@ -99,7 +104,7 @@ class Forward:
         return explicit.run(
             self.model(numerics, sliding="friction" in points),
             samples,
-            replace(self.sampling, all_nodes=all_nodes),
+            replace(self.sampling, all_nodes=all_nodes, ledger_every=1 if all_nodes else LEDGER_EVERY),
             stepping=explicit.Stepping(safety=numerics.safety, precision=numerics.precision),
             device=numerics.device,
             threads=numerics.threads,
