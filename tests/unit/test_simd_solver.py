@@ -113,7 +113,7 @@ def launch(case: Case, mapping: Mapping | None, n: int = N, shift: int = 0, spoi
     lanes = PACK_BYTES // numbers.dtype().itemsize
     output = output_of(kernel, N, SAMPLING, model.mesh.side, where)
     stepping = Stepping(precision=case.precision, max_steps=5000)
-    batch = batch_of(kernel, model, samples_of(case), stepping, numbers, where)
+    batch = batch_of(kernel, model, samples_of(case), SAMPLING, stepping, numbers, where)
     if spoil:
         solids = batch.solids.numpy()
         solids["scale"][SPOILT] = np.nan
