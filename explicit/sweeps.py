@@ -29,7 +29,7 @@ def sweep_functions(precision: Precision, element: ElementFunctions, structs: St
     Body, Batch, State = structs.Body, structs.Batch, structs.State
     lanes = lane_functions()
     empty_sum, add_to, field = lanes.empty_sum, lanes.add_to, field_function(precision)
-    element_shape = element.shape
+    read_shape = element.read_shape
     element_forces, element_energies = element.forces, element.energies
 
     @wp.func
@@ -47,7 +47,7 @@ def sweep_functions(precision: Precision, element: ElementFunctions, structs: St
         while e < body.n_elements:
             q = wp.vec4i(body.quads[0, e], body.quads[1, e], body.quads[2, e], body.quads[3, e])
             f_r, f_y, omega_squared, dissipated = element_forces(
-                element_shape(body.shapes, e),
+                read_shape(body.shapes, e),
                 solid,
                 row,
                 vec4(u_r[q[0]], u_r[q[1]], u_r[q[2]], u_r[q[3]]),
@@ -77,7 +77,7 @@ def sweep_functions(precision: Precision, element: ElementFunctions, structs: St
         e = lane
         while e < body.n_elements:
             q = wp.vec4i(body.quads[0, e], body.quads[1, e], body.quads[2, e], body.quads[3, e])
-            shape = element_shape(body.shapes, e)
+            shape = read_shape(body.shapes, e)
             w, h, s = element_energies(
                 shape,
                 solid,

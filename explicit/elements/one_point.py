@@ -65,7 +65,7 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
     four = four_numbers(precision)
 
     @wp.func
-    def shape_of(constants: wp.array2d(dtype=real), e: int):
+    def read_shape(constants: wp.array2d(dtype=real), e: int):
         return Shape(
             constants[0, e],
             four(constants, 1, e),
@@ -185,4 +185,4 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         measure = wp.sqrt(wp.max(rr + yy + tt - three, zero))
         return elastic, hourglass, measure
 
-    return ElementFunctions(Shape=Shape, shape=shape_of, Solid=Solid, forces=forces, energies=energies)
+    return ElementFunctions(Shape=Shape, read_shape=read_shape, Solid=Solid, forces=forces, energies=energies)
