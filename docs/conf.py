@@ -38,7 +38,10 @@ napoleon_google_docstring = False
 napoleon_use_rtype = False
 
 # A nitpicky build (-n) checks references to our own names; types of others have no page here.
-_OTHERS = r"ast|np|numpy|wp|warp|pathlib|collections|concurrent|enum|typing|h5py|matplotlib|pyvista|pydantic\w*|scipy"
+_OTHERS = (
+    r"ast|np|numpy|wp|warp|pathlib|collections|concurrent|enum|typing|h5py|matplotlib|pyvista|pydantic\w*"
+    r"|scipy"
+)
 nitpick_ignore_regex = [
     ("py:.*", rf"({_OTHERS})\..*"),
     ("py:class", r"Path|tuple\[int|[a-z][a-z_ -]*"),  # words in a type: "array", "callable, optional"
