@@ -42,6 +42,7 @@ TOPICS = [
     "waves",
     "bar",
     "contact",
+    "friction",
     "energy",
     "time_order",
     "space_order",
