@@ -1,57 +1,114 @@
 """The arguments of the time loop on a device: constant body and batch, varying state, room for the output."""
 
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
 from explicit.boundary import BAR_HISTORY, INTERIOR, LOWER, SIDE, UPPER
+from explicit.clock import CLOCK, HANDED
 from explicit.elements import element
 from explicit.geometry import element_geometry
-from explicit.lanes import fits_on_chip
+from explicit.lanes import GROUP, WARPS, fits, grouped, rooms
 from explicit.march import MarchKernel
 from explicit.materials import bulk_modulus
 from explicit.model import Model, Samples, Sampling, Stepping
+from explicit.mesh import Mesh
 from explicit.precision import Precision
+from explicit.update import VALENCE
+
+IntArray = NDArray[np.int64]
 
 SPARE = 16
 """Entries behind every row that a pack may read: the most lanes there are."""
 
 
-def body_of(kernel: MarchKernel, model: Model, numbers: Precision, where: Any) -> Any:
-    """The mesh's constants."""
+_BODIES: WeakKeyDictionary[Mesh, dict[Any, Any]] = WeakKeyDictionary()
+
+
+def body_of(kernel: MarchKernel, model: Model, numbers: Precision, where: Any, on_chip: bool) -> Any:
+    """The mesh's constants on a device, every node in its place of `node_places`; made once."""
+    known = _BODIES.setdefault(model.mesh, {})
+    key = (kernel.structs.Body, model.density, model.element, numbers.name, str(where), on_chip)
+    if key not in known:
+        known[key] = _new_body(kernel, model, numbers, where, on_chip)
+    return known[key]
+
+
+def _new_body(kernel: MarchKernel, model: Model, numbers: Precision, where: Any, on_chip: bool) -> Any:
     mesh, geometry = model.mesh, element_geometry(model.mesh)
     corner_mass = model.density * geometry.corner_volume
     mass = np.zeros(mesh.n_nodes)
     np.add.at(mass, mesh.quads.ravel(), corner_mass.ravel())
     shapes = element(model.element).shapes(mesh, model.density, kernel.element.Shape.numpy_dtype())
-    kind = np.full(mesh.n_nodes, INTERIOR, dtype=np.int32)
-    kind[mesh.side] = SIDE
-    kind[mesh.lower_face] = LOWER
-    kind[mesh.upper_face] = UPPER
-    on_boundary = kind != INTERIOR
-    start, corner = mesh.corners_of_node
-    corner = corner % 4 * mesh.n_elements + corner // 4  # corner by corner, elements side by side
+    place, n_inner, first_seat = node_places(mesh)
+    inner, seats = np.argsort(place)[:n_inner], np.argsort(place)[n_inner:]
+    kind = _kinds(mesh)[seats]
     body = kernel.structs.Body()
-    body.n_elements, body.n_nodes, body.length = mesh.n_elements, mesh.n_nodes, mesh.length
-    body.n_seats = int(on_boundary.sum())
-    body.on_chip = int(fits_on_chip(mesh.n_nodes, mesh.n_elements, body.n_seats, numbers.dtype().itemsize))
+    body.n_elements, body.n_nodes, body.length = mesh.n_elements, first_seat + len(seats), mesh.length
+    body.n_inner, body.first_seat, body.n_seats = n_inner, first_seat, len(seats)
+
+    def placed(values: NDArray[Any]) -> NDArray[Any]:
+        row = np.zeros((*values.shape[:-1], body.n_nodes), dtype=values.dtype)
+        row[..., place] = values
+        return row
+
+    masses = np.stack([mass, np.where(mesh.on_axis, 0.0, 1.0 / mass), 1.0 / mass])
+    height = mesh.nodes[:, 1] - mesh.nodes[:, 1].min()
+    slots = rooms(numbers, on_chip).elements if on_chip else mesh.n_elements
     for name, values, dtype in (
-        ("shapes", _side_by_side(shapes, numbers.dtype), numbers.real),
-        ("quads", np.ascontiguousarray(mesh.quads.T), int),
-        ("first_corner", start, int),
-        ("corners", corner, int),
-        ("reference_r", mesh.nodes[:, 0], wp.float64),
-        ("reference_y", mesh.nodes[:, 1] - mesh.nodes[:, 1].min(), wp.float64),
-        ("mass", mass, numbers.real),
-        ("inverse_mass", 1.0 / mass, numbers.real),
-        ("on_axis", mesh.on_axis, int),
+        ("shapes", grouped(_side_by_side(shapes, numbers.dtype)), numbers.real),
+        ("quads", grouped(place[mesh.quads.T]), int),
+        ("corners", grouped(placed(_corner_table(mesh, slots))), int),
+        ("masses", grouped(placed(masses)), numbers.real),
+        ("reference_r", placed(mesh.nodes[:, 0]), wp.float64),
+        ("reference_y", placed(height), wp.float64),
         ("kind", kind, int),
-        ("seat", np.where(on_boundary, np.cumsum(on_boundary) - 1, -1), int),
+        ("at_rest", kind != SIDE, int),
     ):
         setattr(body, name, wp.array(_spare(values), dtype=dtype, device=where))
     return body
+
+
+def fits_on_chip(mesh: Mesh, numbers: Precision) -> bool:
+    """Whether the state of one simulation fits into a GPU's shared memory."""
+    _, n_inner, first_seat = node_places(mesh)
+    n_seats = mesh.n_nodes - n_inner
+    return fits(first_seat + n_seats, mesh.n_elements, n_seats, numbers)
+
+
+def node_places(mesh: Mesh) -> tuple[IntArray, int, int]:
+    """The place of every node in the time loop's fields, how many nodes are inside, and the first place of the
+    surface's: it begins a group of its own."""
+    inner = _kinds(mesh) == INTERIOR
+    first_seat = -(-int(inner.sum()) // GROUP) * GROUP
+    place = np.where(inner, np.cumsum(inner) - 1, first_seat + np.cumsum(~inner) - 1)
+    return place, int(inner.sum()), first_seat
+
+
+def _kinds(mesh: Mesh) -> IntArray:
+    kind = np.full(mesh.n_nodes, INTERIOR)
+    kind[mesh.side] = SIDE
+    kind[mesh.lower_face] = LOWER
+    kind[mesh.upper_face] = UPPER
+    return kind
+
+
+def _corner_table(mesh: Mesh, slots: int) -> IntArray:
+    """Where each node gathers its forces, shape [VALENCE, n_nodes]: corner by corner with so many slots each,
+    elements side by side; the entry past the last one holds zero."""
+    start, corner = mesh.corners_of_node
+    count = np.diff(start)
+    if count.max() > VALENCE:
+        raise ValueError(
+            f"at most {VALENCE} elements may meet at a node, {count.max()} do at node {count.argmax()}"
+        )
+    node = np.repeat(np.arange(mesh.n_nodes), count)
+    table = np.full((VALENCE, mesh.n_nodes), 4 * slots)
+    table[np.arange(len(corner)) - start[node], node] = corner % 4 * slots + corner // 4
+    return table
 
 
 def _spare(values: NDArray[Any]) -> NDArray[Any]:
@@ -93,12 +150,9 @@ def batch_of(
     table = np.zeros((len(rows), max(len(row) for row in rows)))
     for i, row in enumerate(rows):
         table[i, : len(row)] = row
-    n_knots = max(len(motion.position) for motion in model.motions)
-    motions = np.empty((len(model.motions), n_knots, 2))
-    for i, motion in enumerate(model.motions):
-        if len(motion.position) != n_knots:
-            raise ValueError("the motions of a model need equally many knots")
-        motions[i] = np.column_stack([motion.position, motion.velocity])
+    if len({len(motion.position) for motion in model.motions}) != 1:
+        raise ValueError("the motions of a model need equally many knots")
+    motions = np.stack([motion.cubics for motion in model.motions])
     batch = kernel.structs.Batch()
     batch.start, batch.safety, batch.floor = model.start, stepping.safety, stepping.floor
     batch.largest_step = min(stepping.largest_step, 1.0)
@@ -113,42 +167,51 @@ def batch_of(
     batch.material = wp.array(samples.material.astype(np.int32), dtype=int, device=where)
     batch.rows = wp.array(table, dtype=numbers.real, device=where)
     batch.motion = wp.array(samples.motion.astype(np.int32), dtype=int, device=where)
-    batch.motion_step = wp.array([m.step for m in model.motions], dtype=wp.float64, device=where)
+    batch.motion_rate = wp.array([1.0 / m.step for m in model.motions], dtype=wp.float64, device=where)
     batch.motion_table = wp.array(motions, dtype=wp.float64, device=where)
     return batch
 
 
-def state_of(kernel: MarchKernel, model: Model, numbers: Precision, where: Any, rows: int, lanes: int) -> Any:
-    """Fields that vary, at rest, of `rows` simulations one after the other or of `lanes` side by side."""
+def state_of(
+    kernel: MarchKernel,
+    model: Model,
+    numbers: Precision,
+    where: Any,
+    rows: int,
+    lanes: int,
+    on_chip: bool = False,
+) -> Any:
+    """Fields that vary, at rest, of `rows` simulations one after the other or of `lanes` side by side.
+
+    What a GPU keeps in shared memory needs no room here.
+    """
     mesh = model.mesh
+    _, n_inner, first_seat = node_places(mesh)
+    n_seats = mesh.n_nodes - n_inner
     state = kernel.structs.State()
-
-    def shape(n: int) -> tuple[int, int]:
-        return (n, lanes) if lanes > 1 else (rows, n + SPARE)
-
-    for name in ("u_r", "u_y", "v_r", "v_y"):
-        setattr(state, name, wp.zeros(shape(mesh.n_nodes), dtype=numbers.real, device=where))
-    for name in ("corner_r", "corner_y"):
-        setattr(state, name, wp.zeros(shape(4 * mesh.n_elements), dtype=numbers.real, device=where))
-    for name in ("push_lower", "push_upper", "carried"):
-        setattr(state, name, wp.zeros(shape(mesh.n_nodes), dtype=wp.float64, device=where))
-    touched = np.zeros(mesh.n_nodes, dtype=np.int32)
-    touched[mesh.lower_face] = 1
-    touched[mesh.upper_face] = 1
-    marks = np.repeat(touched[:, None], lanes, axis=1) if lanes > 1 else np.tile(_spare(touched), (rows, 1))
-    state.touched = wp.array(marks, dtype=int, device=where)
-    state.bar_wave = wp.zeros(shape(2 * BAR_HISTORY), dtype=wp.float64, device=where)
+    for name, n, dtype in (
+        *((name, first_seat + n_seats, numbers.real) for name in ("u_r", "u_y", "v_r", "v_y")),
+        *((name, 4 * mesh.n_elements + 1, numbers.real) for name in ("corner_r", "corner_y")),
+        *((name, n_seats, wp.float64) for name in ("push_lower", "push_upper", "carried")),
+        ("clock", CLOCK, wp.float64),
+        ("parts", HANDED * WARPS, wp.float64),
+        ("touched", n_seats, wp.int32),
+        ("bar_wave", 2 * BAR_HISTORY, wp.float64),
+    ):
+        here = not on_chip or (name == "bar_wave" and model.support.round_trip < np.inf)
+        shape = (n, lanes) if lanes > 1 else (rows, n + SPARE)
+        setattr(state, name, wp.zeros(shape if here else (1, 1), dtype=dtype, device=where))
     return state
 
 
-def output_of(kernel: MarchKernel, n: int, sampling: Sampling, nodes: Any, where: Any) -> Any:
+def output_of(kernel: MarchKernel, mesh: Mesh, n: int, sampling: Sampling, nodes: Any, where: Any) -> Any:
     """Room for the histories, NaN where a simulation does not get to."""
     n_force, n_surface = len(sampling.force_times), len(sampling.surface_times)
     output = kernel.structs.Output()
     output.force_times = wp.array(sampling.force_times, dtype=wp.float64, device=where)
     output.surface_times = wp.array(sampling.surface_times, dtype=wp.float64, device=where)
     output.n_recorded = len(nodes)
-    output.nodes = wp.array(_spare(nodes), dtype=int, device=where)
+    output.nodes = wp.array(_spare(node_places(mesh)[0][nodes]), dtype=int, device=where)
     nan = float("nan")  # what the time loop does not reach stays marked, beside its Outcome
     for name, shape in (
         ("force", (n, n_force, 2)),

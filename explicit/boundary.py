@@ -22,7 +22,7 @@ class BoundaryFunctions:
     """The boundary of one pair of contact laws and precision."""
 
     flyer_position: Any
-    """``flyer_position(batch, sample, time)``: displacement of the flyer's platen [m]."""
+    """``flyer_position(batch, motion, time)``: displacement of the flyer's platen [m]."""
     returned_wave: Any
     """``returned_wave(state, sample, elapsed, round_trip)``: h(t) of `explicit.support` [m/s]."""
     meet: Any
@@ -36,24 +36,19 @@ def boundary_functions(faces: str, side: str, precision: Precision, structs: Str
     Batch, State = structs.Batch, structs.State
     face_contact = contact_law(faces).kernel_function(precision)
     side_contact = contact_law(side).kernel_function(precision)
-    ZERO, TWO = wp.float64(0.0), wp.float64(2.0)
+    ZERO = wp.float64(0.0)
     lower, upper, on_side = int(LOWER), int(UPPER), int(SIDE)
     history, twice = int(BAR_HISTORY), int(2 * BAR_HISTORY)
 
     @wp.func
-    def flyer_position(batch: Batch, sample: int, time: wp.float64):
-        which = batch.motion[sample]
-        step = batch.motion_step[which]
+    def flyer_position(batch: Batch, motion: int, time: wp.float64):
         last = batch.motion_table.shape[1] - 1
-        k = wp.clamp(int((time - batch.start) / step), 0, last - 1)
-        x = (time - batch.start) / step - wp.float64(k)
-        f0, f1 = batch.motion_table[which, k, 0], batch.motion_table[which, k + 1, 0]
-        d0, d1 = batch.motion_table[which, k, 1] * step, batch.motion_table[which, k + 1, 1] * step
-        three = wp.float64(3.0)
-        position = f0 + x * (d0 + x * (three * (f1 - f0) - TWO * d0 - d1 + x * (TWO * (f0 - f1) + d0 + d1)))
-        if x > wp.float64(1.0):
-            position = f1 + d1 * (x - wp.float64(1.0))
-        return position
+        place = (time - batch.start) * batch.motion_rate[motion]
+        k = wp.clamp(int(place), 0, last)
+        x = place - wp.float64(k)
+        f, d = batch.motion_table[motion, k, 0], batch.motion_table[motion, k, 1]
+        a, c = batch.motion_table[motion, k, 2], batch.motion_table[motion, k, 3]
+        return f + x * (d + x * (a + x * c))
 
     @wp.func
     def returned_wave(state: State, sample: int, elapsed: wp.float64, round_trip: wp.float64):

@@ -8,13 +8,12 @@ from typing import Any
 import warp as wp
 
 from explicit.arguments import body_of, state_of
+from explicit.lanes import BLOCK
 from explicit.march import MarchKernel
 from explicit.model import Model
 from explicit.precision import Precision
 from explicit.simd import PACK_BYTES, Mapping, lane_kernel
 
-BLOCK = 256
-"""Threads that share one simulation on a GPU."""
 WORTH_A_PACK = 0.75
 """Share of a pack's lanes that must be at work: with fewer, its simulations are faster one by one."""
 LARGE_MESH = 1500
@@ -41,12 +40,14 @@ class Plan:
     """Histories of every simulation, on the device."""
     n_samples: int
     """How many there are."""
+    on_chip: bool
+    """Whether a GPU keeps the state of a simulation in shared memory."""
 
 
 def run_on_gpu(plan: Plan, progress: Progress | None) -> None:
     """Every simulation a block of threads, in one launch."""
-    body = body_of(plan.kernel, plan.model, plan.numbers, plan.where)
-    state = state_of(plan.kernel, plan.model, plan.numbers, plan.where, plan.n_samples, 1)
+    body = body_of(plan.kernel, plan.model, plan.numbers, plan.where, plan.on_chip)
+    state = state_of(plan.kernel, plan.model, plan.numbers, plan.where, plan.n_samples, 1, plan.on_chip)
     wp.launch(
         plan.kernel.kernel,
         dim=(plan.n_samples, BLOCK),
@@ -79,7 +80,7 @@ def run_in_lanes(plan: Plan, threads: int, progress: Progress | None) -> None:
     kernel, model, numbers = plan.kernel, plan.model, plan.numbers
     lanes = PACK_BYTES // numbers.dtype().itemsize
     jobs = packs(plan.n_samples, lanes, model.mesh.n_elements)
-    body, kernels = body_of(kernel, model, numbers, plan.where), {}
+    body, kernels = body_of(kernel, model, numbers, plan.where, False), {}
     for mapping in {job[0] for job in jobs}:
         kernels[mapping] = lane_kernel(kernel.kernel, kernel.structs, numbers, mapping, lanes).kernel
         wp.load_module(kernels[mapping].module, device=plan.where, block_dim=1)

@@ -7,6 +7,7 @@ pass the patch test to round-off, also on the axis. All integrals are over a ful
 """
 
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,14 +43,23 @@ class ElementGeometry:
     """Row-sum share of the volume at each corner [m^3], shape [n_elements, 4]."""
 
 
+_KNOWN: WeakKeyDictionary[Mesh, ElementGeometry] = WeakKeyDictionary()
+
+
 def element_geometry(mesh: Mesh) -> ElementGeometry:
-    """Integrate the element constants of a mesh with 3 x 3 Gauss points.
+    """Integrate the element constants of a mesh with 3 x 3 Gauss points, once.
 
     Raises
     ------
     ValueError
         If an element has a non-positive Jacobian; the message names it.
     """
+    if mesh not in _KNOWN:
+        _KNOWN[mesh] = _integrate(mesh)
+    return _KNOWN[mesh]
+
+
+def _integrate(mesh: Mesh) -> ElementGeometry:
     points, weights = np.polynomial.legendre.leggauss(3)
     corners = mesh.nodes[mesh.quads]
     n = mesh.n_elements

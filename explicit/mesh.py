@@ -10,9 +10,12 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mesh:
-    """Quadrilaterals in the half-plane (r, y), r >= 0, with the node sets a platen can meet."""
+    """Quadrilaterals in the half-plane (r, y), r >= 0, with the node sets a platen can meet.
+
+    A mesh is itself and no other: what is computed from it is kept for as long as it lives.
+    """
 
     nodes: FloatArray
     """Reference positions (R, Y) [m], shape [n_nodes, 2]."""

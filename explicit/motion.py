@@ -43,6 +43,15 @@ class PlatenMotion:
         """Time of the last knot [s]."""
         return self.start + self.step * (len(self.position) - 1)
 
+    @property
+    def cubics(self) -> FloatArray:
+        """Coefficients of the position's cubic in the share of an interval that has passed, constant first [m],
+        shape [n_knots, 4]; the last row is the straight line past the last knot."""
+        f, d = self.position, self.velocity * self.step
+        rise = np.append(np.diff(f), d[-1])
+        following = np.append(d[1:], d[-1])
+        return np.column_stack([f, d, 3 * rise - 2 * d - following, d + following - 2 * rise])
+
     @classmethod
     def sampled(
         cls,
@@ -65,9 +74,8 @@ class PlatenMotion:
 
     def __call__(self, time: FloatArray) -> FloatArray:
         """Displacement at any time from the start on [m]: NumPy twin of the kernel's evaluation."""
-        k = np.clip(((time - self.start) / self.step).astype(int), 0, len(self.position) - 2)
-        x = (time - self.start) / self.step - k
-        f0, f1 = self.position[k], self.position[k + 1]
-        d0, d1 = self.velocity[k] * self.step, self.velocity[k + 1] * self.step
-        cubic = f0 + x * (d0 + x * (3 * (f1 - f0) - 2 * d0 - d1 + x * (2 * (f0 - f1) + d0 + d1)))
-        return np.where(x <= 1.0, cubic, f1 + d1 * (x - 1.0))
+        place = (np.asarray(time) - self.start) / self.step
+        k = np.clip(place.astype(int), 0, len(self.position) - 1)
+        f, d, a, c = np.moveaxis(self.cubics[k], -1, 0)
+        x = place - k
+        return f + x * (d + x * (a + x * c))

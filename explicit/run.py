@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from explicit.arguments import batch_of, output_of
+from explicit.arguments import batch_of, fits_on_chip, output_of
 from explicit.device import select_device
 from explicit.drivers import Plan, run_in_lanes, run_on_gpu
 from explicit.energy import EnergyLedger
@@ -60,10 +60,11 @@ def run(
     numbers = precision(stepping.precision)
     where = select_device(device)
     nodes = np.arange(model.mesh.n_nodes) if sampling.all_nodes else model.mesh.side
-    kernel = march_kernel(type(model.materials[0]), model.faces, model.side, numbers, model.element)
-    output = output_of(kernel, len(samples), sampling, nodes, where)
+    on_chip = where.is_cuda and fits_on_chip(model.mesh, numbers)
+    kernel = march_kernel(type(model.materials[0]), model.faces, model.side, numbers, model.element, on_chip)
+    output = output_of(kernel, model.mesh, len(samples), sampling, nodes, where)
     batch = batch_of(kernel, model, samples, sampling, stepping, numbers, where)
-    plan = Plan(kernel, model, numbers, where, batch, output, len(samples))
+    plan = Plan(kernel, model, numbers, where, batch, output, len(samples), on_chip)
     if where.is_cuda:
         run_on_gpu(plan, progress)
     else:
@@ -85,8 +86,9 @@ def _check(model: Model, samples: Samples, sampling: Sampling) -> None:
 
 
 def _response(model: Model, sampling: Sampling, output: Any, nodes: Any) -> Response:
-    force, impulse = output.force.numpy().copy(), output.impulse.numpy().copy()
-    position, energy = output.position.numpy().copy(), output.energy.numpy().copy()
+    force, impulse, position, energy = (
+        _own(array) for array in (output.force, output.impulse, output.position, output.energy)
+    )
     side = np.searchsorted(nodes, model.mesh.side) if sampling.all_nodes else slice(None)
     return Response(
         force_times=sampling.force_times.copy(),
@@ -106,3 +108,8 @@ def _response(model: Model, sampling: Sampling, output: Any, nodes: Any) -> Resp
         largest_strain_measure=output.strain_measure.numpy().copy(),
         nodes=position if sampling.all_nodes else None,
     )
+
+
+def _own(array: Any) -> Any:
+    """An array's numbers, not shared with Warp: from a device they are a copy already."""
+    return array.numpy() if array.device.is_cuda else array.numpy().copy()

@@ -32,20 +32,18 @@ def batch_structs(precision: Precision, Shape: Any, Solid: Any) -> Structs:
     class Body:
         n_elements: int
         n_nodes: int
+        n_inner: int
+        first_seat: int
         n_seats: int
-        on_chip: int
         length: wp.float64
         shapes: wp.array2d(dtype=real)
         quads: wp.array2d(dtype=int)
-        first_corner: wp.array(dtype=int)
-        corners: wp.array(dtype=int)
+        corners: wp.array2d(dtype=int)
+        masses: wp.array2d(dtype=real)
         reference_r: wp.array(dtype=wp.float64)
         reference_y: wp.array(dtype=wp.float64)
-        mass: wp.array(dtype=real)
-        inverse_mass: wp.array(dtype=real)
-        on_axis: wp.array(dtype=int)
         kind: wp.array(dtype=int)
-        seat: wp.array(dtype=int)
+        at_rest: wp.array(dtype=int)
 
     @wp.struct
     class Batch:
@@ -64,7 +62,7 @@ def batch_structs(precision: Precision, Shape: Any, Solid: Any) -> Structs:
         material: wp.array(dtype=int)
         rows: wp.array2d(dtype=real)
         motion: wp.array(dtype=int)
-        motion_step: wp.array(dtype=wp.float64)
+        motion_rate: wp.array(dtype=wp.float64)
         motion_table: wp.array3d(dtype=wp.float64)
 
     @wp.struct
@@ -79,6 +77,8 @@ def batch_structs(precision: Precision, Shape: Any, Solid: Any) -> Structs:
         push_lower: wp.array2d(dtype=wp.float64)
         push_upper: wp.array2d(dtype=wp.float64)
         carried: wp.array2d(dtype=wp.float64)
+        clock: wp.array2d(dtype=wp.float64)
+        parts: wp.array2d(dtype=wp.float64)
         bar_wave: wp.array2d(dtype=wp.float64)
 
     @wp.struct

@@ -7,7 +7,7 @@ from typing import Any
 import warp as wp
 
 from explicit.elements import ElementFunctions
-from explicit.lanes import field_function, lane_functions
+from explicit.lanes import Rooms, entry_function, lane_functions
 from explicit.precision import Precision
 from explicit.structs import Structs
 
@@ -17,35 +17,53 @@ class SweepFunctions:
     """The sweeps of one law and precision."""
 
     elements: Any
-    """``elements(body, batch, state, sample, lane, measure) -> (omega_squared, power)``."""
+    """``elements(body, solid, row, u_r, u_y, v_r, v_y, corner_r, corner_y, lane, measure) -> (omega^2, power)``."""
     energies: Any
-    """``energies(body, batch, state, sample, lane) -> (elastic, hourglass, volume past data, s)``."""
+    """``energies(body, solid, row, limit_s, u_r, u_y, lane) -> (elastic, hourglass, volume past data, s)``."""
 
 
 @cache
-def sweep_functions(precision: Precision, element: ElementFunctions, structs: Structs) -> SweepFunctions:
+def sweep_functions(
+    precision: Precision, element: ElementFunctions, structs: Structs, place: Rooms
+) -> SweepFunctions:
     """Generate the sweeps."""
     real, vec4 = precision.real, precision.vec4
-    Body, Batch, State = structs.Body, structs.Batch, structs.State
+    Body, Solid = structs.Body, element.Solid
     lanes = lane_functions()
-    empty_sum, add_to, field = lanes.empty_sum, lanes.add_to, field_function(precision)
-    read_shape = element.read_shape
+    empty_sum, add_to, walkers = lanes.empty_sum, lanes.add_to, lanes.walkers
+    node_at = entry_function(wp.int32)
+    read_shape, corner_places = element.read_shape, place.corner_places
     element_forces, element_energies = element.forces, element.energies
 
     @wp.func
-    def sweep_elements(body: Body, batch: Batch, state: State, sample: int, lane: int, measure: int):
+    def quad(body: Body, e: int):
+        return wp.vec4i(
+            node_at(body.quads, 0, e),
+            node_at(body.quads, 1, e),
+            node_at(body.quads, 2, e),
+            node_at(body.quads, 3, e),
+        )
+
+    @wp.func
+    def sweep_elements(
+        body: Body,
+        solid: Solid,
+        row: wp.array(dtype=real),
+        u_r: wp.array(dtype=real),
+        u_y: wp.array(dtype=real),
+        v_r: wp.array(dtype=real),
+        v_y: wp.array(dtype=real),
+        corner_r: wp.array(dtype=real),
+        corner_y: wp.array(dtype=real),
+        lane: int,
+        measure: int,
+    ):
         """Corner forces of this lane's elements; the largest omega^2 and the power dissipated."""
-        solid = batch.solids[sample]
-        row = batch.rows[batch.material[sample]]
-        nodes, chip = body.n_nodes, body.on_chip
-        u_r, u_y = field(state.u_r, sample, chip, 0), field(state.u_y, sample, chip, nodes)
-        v_r, v_y = field(state.v_r, sample, chip, 2 * nodes), field(state.v_y, sample, chip, 3 * nodes)
-        corner_r = field(state.corner_r, sample, chip, 4 * nodes)
-        corner_y = field(state.corner_y, sample, chip, 4 * nodes + 4 * body.n_elements)
         worst, power = real(0.0), empty_sum()
+        corner = corner_places(body.n_elements)
         e = lane
         while e < body.n_elements:
-            q = wp.vec4i(body.quads[0, e], body.quads[1, e], body.quads[2, e], body.quads[3, e])
+            q = quad(body, e)
             f_r, f_y, omega_squared, dissipated = element_forces(
                 read_shape(body.shapes, e),
                 solid,
@@ -57,26 +75,29 @@ def sweep_functions(precision: Precision, element: ElementFunctions, structs: St
                 measure,
             )
             for a in range(4):
-                corner_r[a * body.n_elements + e] = f_r[a]
-                corner_y[a * body.n_elements + e] = f_y[a]
+                corner_r[a * corner + e] = f_r[a]
+                corner_y[a * corner + e] = f_y[a]
             worst = wp.max(worst, omega_squared)
             power = add_to(power, wp.float64(dissipated), e)
-            e += wp.block_dim()
+            e += walkers()
         return wp.float64(worst), power
 
     @wp.func
-    def sweep_energies(body: Body, batch: Batch, state: State, sample: int, lane: int):
+    def sweep_energies(
+        body: Body,
+        solid: Solid,
+        row: wp.array(dtype=real),
+        limit_s: real,
+        u_r: wp.array(dtype=real),
+        u_y: wp.array(dtype=real),
+        lane: int,
+    ):
         """Strain and hourglass energy, volume past the data and the largest s of this lane's elements."""
-        solid = batch.solids[sample]
-        row = batch.rows[batch.material[sample]]
-        limit_s = batch.data_limit[batch.material[sample]]
-        chip = body.on_chip
-        u_r, u_y = field(state.u_r, sample, chip, 0), field(state.u_y, sample, chip, body.n_nodes)
         elastic, hourglass, past = empty_sum(), empty_sum(), empty_sum()
         most = real(0.0)
         e = lane
         while e < body.n_elements:
-            q = wp.vec4i(body.quads[0, e], body.quads[1, e], body.quads[2, e], body.quads[3, e])
+            q = quad(body, e)
             shape = read_shape(body.shapes, e)
             w, h, s = element_energies(
                 shape,

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from explicit.elements.base import INVERTED, ElementFunctions, corner_inverse_mass
 from explicit.elements.shared import four_numbers, inverse_cube_root_squared, solid_struct
 from explicit.geometry import element_geometry
+from explicit.lanes import entry_function
 from explicit.mesh import Mesh
 from explicit.precision import Precision
 
@@ -62,18 +63,18 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         inverse_mass_r: vec4
         inverse_mass_y: vec4
 
-    four = four_numbers(precision)
+    four, number = four_numbers(precision), entry_function(real)
 
     @wp.func
     def read_shape(constants: wp.array2d(dtype=real), e: int):
         return Shape(
-            constants[0, e],
+            number(constants, 0, e),
             four(constants, 1, e),
             four(constants, 5, e),
             four(constants, 9, e),
             four(constants, 13, e),
-            constants[17, e],
-            constants[18, e],
+            number(constants, 17, e),
+            number(constants, 18, e),
             four(constants, 19, e),
             four(constants, 23, e),
         )
@@ -119,51 +120,50 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         plane = h11 + h22 + h11 * h22 - h12 * h21
         dilatation = plane * (one + h33) + h33
         jacobian = one + dilatation
-        f_r, f_y = vec4(), vec4()
-        omega_squared, power = real(inverted), real(0.0)
-        if jacobian > zero and plane > -one:
-            f11, f22, f33 = one + h11, one + h22, one + h33
-            iso = isochoric_factor(jacobian, dilatation)
-            rr = iso * (f11 * f11 + h12 * h12)
-            yy = iso * (f22 * f22 + h21 * h21)
-            ry = iso * (f11 * h21 + h12 * f22)
-            tt = iso * f33 * f33
-            tau = law_stress(rr, yy, ry, tt, row)
-            area = one / (one + plane)
-            b_r = (f22 * shape.gradient_r - h21 * shape.gradient_y) * area
-            b_y = (f11 * shape.gradient_y - h12 * shape.gradient_r) * area
-            c = shape.hoop * (one / f33)
-            # Velocity gradient and the damping stress 2 eta dev D + zeta tr D.
-            d11, d22, d33 = wp.dot(vr, b_r), wp.dot(vy, b_y), wp.dot(vr, c)
-            d12 = half * (wp.dot(vr, b_y) + wp.dot(vy, b_r))
-            rate = d11 + d22 + d33
-            eta = two * solid.shear_viscosity * jacobian
-            pressure_rate = solid.bulk_viscosity * jacobian * rate
-            s11 = eta * (d11 - rate * third) + pressure_rate
-            s22 = eta * (d22 - rate * third) + pressure_rate
-            s33 = eta * (d33 - rate * third) + pressure_rate
-            s12 = eta * d12
-            volumetric = solid.bulk * dilatation * jacobian
-            t11 = solid.scale * tau[0] + volumetric + s11
-            t22 = solid.scale * tau[1] + volumetric + s22
-            t12 = solid.scale * tau[2] + s12
-            t33 = solid.scale * tau[3] + volumetric + s33
-            # Hourglass: stiffness and damping of the part one point does not see.
-            q_r, q_y = wp.dot(shape.gamma, ur), wp.dot(shape.gamma, uy)
-            p_r, p_y = wp.dot(shape.gamma, vr), wp.dot(shape.gamma, vy)
-            g_r = shape.hourglass_r * (solid.hourglass * q_r + solid.hourglass_viscosity * p_r)
-            g_y = shape.hourglass_y * (solid.hourglass * q_y + solid.hourglass_viscosity * p_y)
-            f_r = shape.volume * (t11 * b_r + t12 * b_y + t33 * c) + g_r * shape.gamma
-            f_y = shape.volume * (t12 * b_r + t22 * b_y) + g_y * shape.gamma
-            power = shape.volume * (s11 * d11 + s22 * d22 + s33 * d33 + two * s12 * d12)
-            power += solid.hourglass_viscosity * (
-                shape.hourglass_r * p_r * p_r + shape.hourglass_y * p_y * p_y
-            )
-            omega_squared = real(0.0)
-            if measure == 1:
-                omega_squared = step_bound(
-                    shape, solid, b_r, b_y, c, jacobian, law_tangent(rr, yy, ry, tt, row)
-                )
+        omega_squared = real(0.0)
+        if jacobian <= zero or plane <= -one:  # turned inside out: it resists as if it stood at rest
+            omega_squared = real(inverted)
+            h11, h12, h21, h22, h33 = zero, zero, zero, zero, zero
+            plane, dilatation, jacobian = zero, zero, one
+        f11, f22, f33 = one + h11, one + h22, one + h33
+        iso = isochoric_factor(jacobian, dilatation)
+        rr = iso * (f11 * f11 + h12 * h12)
+        yy = iso * (f22 * f22 + h21 * h21)
+        ry = iso * (f11 * h21 + h12 * f22)
+        tt = iso * f33 * f33
+        tau = law_stress(rr, yy, ry, tt, row)
+        inverse = one / jacobian
+        area = f33 * inverse
+        b_r = (f22 * area) * shape.gradient_r - (h21 * area) * shape.gradient_y
+        b_y = (f11 * area) * shape.gradient_y - (h12 * area) * shape.gradient_r
+        c = shape.hoop * ((one + plane) * inverse)
+        # Velocity gradient and the damping stress 2 eta dev D + zeta tr D.
+        d11, d22, d33 = wp.dot(vr, b_r), wp.dot(vy, b_y), wp.dot(vr, c)
+        d12 = half * (wp.dot(vr, b_y) + wp.dot(vy, b_r))
+        rate = d11 + d22 + d33
+        eta = two * solid.shear_viscosity * jacobian
+        pressure_rate = solid.bulk_viscosity * jacobian * rate
+        s11 = eta * (d11 - rate * third) + pressure_rate
+        s22 = eta * (d22 - rate * third) + pressure_rate
+        s33 = eta * (d33 - rate * third) + pressure_rate
+        s12 = eta * d12
+        volumetric = solid.bulk * dilatation * jacobian
+        t11 = solid.scale * tau[0] + volumetric + s11
+        t22 = solid.scale * tau[1] + volumetric + s22
+        t12 = solid.scale * tau[2] + s12
+        t33 = solid.scale * tau[3] + volumetric + s33
+        # Hourglass: stiffness and damping of the part one point does not see.
+        q_r, q_y = wp.dot(shape.gamma, ur), wp.dot(shape.gamma, uy)
+        p_r, p_y = wp.dot(shape.gamma, vr), wp.dot(shape.gamma, vy)
+        g_r = shape.hourglass_r * (solid.hourglass * q_r + solid.hourglass_viscosity * p_r)
+        g_y = shape.hourglass_y * (solid.hourglass * q_y + solid.hourglass_viscosity * p_y)
+        volume = shape.volume
+        f_r = (volume * t11) * b_r + (volume * t12) * b_y + (volume * t33) * c + g_r * shape.gamma
+        f_y = (volume * t12) * b_r + (volume * t22) * b_y + g_y * shape.gamma
+        power = volume * (s11 * d11 + s22 * d22 + s33 * d33 + two * s12 * d12)
+        power += solid.hourglass_viscosity * (shape.hourglass_r * p_r * p_r + shape.hourglass_y * p_y * p_y)
+        if measure == 1 and omega_squared == zero:
+            omega_squared = step_bound(shape, solid, b_r, b_y, c, jacobian, law_tangent(rr, yy, ry, tt, row))
         return f_r, f_y, omega_squared, power
 
     @wp.func

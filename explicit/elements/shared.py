@@ -5,6 +5,7 @@ from typing import Any
 
 import warp as wp
 
+from explicit.lanes import entry_function
 from explicit.precision import Precision
 
 
@@ -53,9 +54,15 @@ def inverse_cube_root_squared(precision: Precision) -> Any:
 def four_numbers(precision: Precision) -> Any:
     """Generate ``f(constants, k, e) -> vec4``: numbers k to k + 3 of element e."""
     real, vec4 = precision.real, precision.vec4
+    number = entry_function(real)
 
     @wp.func
     def four(constants: wp.array2d(dtype=real), k: int, e: int):
-        return vec4(constants[k, e], constants[k + 1, e], constants[k + 2, e], constants[k + 3, e])
+        return vec4(
+            number(constants, k, e),
+            number(constants, k + 1, e),
+            number(constants, k + 2, e),
+            number(constants, k + 3, e),
+        )
 
     return four

@@ -4,10 +4,53 @@ import ast
 from collections.abc import Sequence
 
 from explicit.simd.control import Control
-from explicit.simd.values import Known, Scalar, Value, Vector, literal
+from explicit.simd.values import Array, Known, Scalar, Value, Vector, literal
 
 
-class LaneIsSimulation(Control):
+class _Lanes(Control):
+    """What both have in common: a lane is walker and clerk at once."""
+
+    def shared(self, name: str, arguments: Sequence[Value], node: ast.Call) -> Value:
+        """The lane functions whose meaning does not depend on what a lane is."""
+        if name == "field":
+            return self.field(arguments, node)
+        if name == "entry":
+            return self.entry(arguments, node)
+        if name in ("sync", "all_read"):
+            return Known(None)
+        if name in ("walks", "tends", "alone"):
+            return literal(1, "i32")
+        if name in ("walkers", "clerk_step"):
+            return self.wp_block_dim()
+        if name in ("from_the_end", "clerk_first", "places"):
+            return arguments[0]
+        if name in ("get_total", "get_largest"):
+            parts, k = arguments
+            return self.load(self.part(parts, (k,), node))  # type: ignore[arg-type]
+        if name == "seat_total":
+            return self._seat_total(arguments, node)
+        raise self.refuse(node, "no meaning over lanes")
+
+    def _seat_total(self, arguments: Sequence[Value], node: ast.Call) -> Scalar:
+        """One after the other, whatever the lanes are, so that forces keep their bits."""
+        seats, n = arguments
+        if not isinstance(seats, Array) or not isinstance(n, Scalar) or n.varying:
+            raise self.refuse(node, "seats and a number that all lanes share are wanted")
+        name, counter, varying = self.name("sum"), self.name("c"), seats.lanes_inside
+        ctype = "f64v" if varying else "double"
+        place = f"((f64vu*){seats.name})[{counter}]" if varying else f"{seats.name}[{counter}]"
+        self.emit(f"{ctype} {name} = ({ctype})(0.0);")
+        self.emit(f"for (int {counter} = 0; {counter} < {n.code}; ++{counter}) {name} += {place};")
+        return Scalar("f64", name, varying)
+
+    def hand_over(self, arguments: Sequence[Value], total: Value, node: ast.Call) -> Value:
+        """Keep a total where it is asked for."""
+        parts, k, _ = arguments
+        self.store(self.part(parts, (k,), node), total, node)  # type: ignore[arg-type]
+        return Known(None)
+
+
+class LaneIsSimulation(_Lanes):
     """Every lane is a simulation; elements and nodes are walked one after the other.
 
     Fields of the state are laid out with the lanes of an entry side by side.
@@ -27,22 +70,16 @@ class LaneIsSimulation(Control):
 
     def together(self, name: str, arguments: Sequence[Value], node: ast.Call) -> Value:
         """Nobody to wait for; walked sums are made as the lanes of one simulation would make them."""
-        if name == "field":
-            return self.field(arguments, node)
         if name == "empty_sum":
             return Vector((literal(0, "f64"),) * self.lanes, bank="new")
         if name == "add_to":
             sofar, share, place = arguments
             return self._add_to(sofar, share, place, node)  # type: ignore[arg-type]
-        if name == "total":
-            return self._total(arguments[0], node)
-        if name in ("largest", "ordered_total"):
-            return arguments[0]
-        if name in ("ordered_first", "ordered_step"):
-            return literal(0 if name == "ordered_first" else 1, "i32")
-        if name == "sync":
-            return Known(None)
-        raise self.refuse(node, "no meaning over lanes")
+        if name == "put_total":
+            return self.hand_over(arguments, self._total(arguments[2], node), node)
+        if name == "put_largest":
+            return self.hand_over(arguments, arguments[2], node)
+        return self.shared(name, arguments, node)
 
     def _add_to(self, sofar: Vector, share: Scalar, place: Scalar, node: ast.AST) -> Vector:
         """The k-th share belongs to partial sum k modulo the lanes."""
@@ -67,7 +104,7 @@ class LaneIsSimulation(Control):
         return parts[0]
 
 
-class LaneIsWalker(Control):
+class LaneIsWalker(_Lanes):
     """The lanes share the elements and nodes of one simulation, as the threads of a block do on a GPU."""
 
     def wp_tid(self) -> Value:
@@ -80,19 +117,11 @@ class LaneIsWalker(Control):
 
     def together(self, name: str, arguments: Sequence[Value], node: ast.Call) -> Value:
         """Sums and largest values over the lanes, in a fixed order."""
-        if name == "field":
-            return self.field(arguments, node)
-        if name == "sync":
-            return Known(None)
-        if name == "ordered_total":
-            return arguments[0]
-        if name in ("ordered_first", "ordered_step"):
-            return literal(0 if name == "ordered_first" else 1, "i32")
-        (value,) = arguments
+        if name not in ("put_total", "put_largest"):
+            return self.shared(name, arguments, node)
+        value = arguments[2]
         if self.mask is not None or not isinstance(value, Scalar):
             raise self.refuse(node, "every lane must take part")
-        if name == "total":
-            return self.temporary("f64", f"op::sum({self.pack(value)})", False)
-        if name == "largest":
-            return self.temporary("f64", f"op::most({self.pack(value)})", False)
-        raise self.refuse(node, "no meaning over lanes")
+        made = {"put_total": "op::sum", "put_largest": "op::most"}[name]
+        total = self.temporary("f64", f"{made}({self.pack(value)})", False)
+        return self.hand_over(arguments, total, node)

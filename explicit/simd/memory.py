@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from explicit.lanes import GROUP
 from explicit.simd.expressions import Expressions
 from explicit.simd.values import (
     PACK,
@@ -22,6 +23,10 @@ from explicit.simd.values import (
 )
 
 ZERO = literal(0, "i32")
+
+
+def _grouped(table: str, k: str, e: str) -> str:
+    return f"(long long)({e} / {GROUP}) * {table}_s0 + {k} * {GROUP} + {e} % {GROUP}"
 
 
 class Memory(Expressions):
@@ -101,6 +106,28 @@ class Memory(Expressions):
         fields, sample = arguments[:2]
         assert isinstance(fields, Array)
         return self.part(fields, (sample,), node)
+
+    def entry(self, arguments: Sequence[Value], node: ast.AST) -> Scalar:
+        """The k-th constant of element or node e of a grouped table (`explicit.lanes.entry_function`).
+
+        Lanes in step begin at a multiple of their number, so that a group holds them all.
+        """
+        table, row, column = arguments
+        if not isinstance(table, Array) or not isinstance(row, Scalar) or not isinstance(column, Scalar):
+            raise self.refuse(node, "a table and two numbers are wanted")
+        if table.ndim != 2 or table.given or table.scratch or row.varying:
+            raise self.refuse(node, "a table of constants and a number that all lanes share are wanted")
+        kind = self._kind(table.dtype)
+        if column.varying and not column.lane:
+            name = self.name("g")
+            self.emit(f"{PACK[kind]} {name};")
+            where = _grouped(table.name, row.code, f"{column.code}[l]")
+            self.emit(f"for (int l = 0; l < W; ++l) {name}[l] = {table.name}[{where}];")
+            return Scalar(kind, name, True)
+        if column.varying:
+            where = _grouped(table.name, row.code, f"{column.code}[0]")
+            return self.temporary(kind, f"*({PACK[kind]}u*)({table.name} + {where})", True)
+        return self.temporary(kind, f"{table.name}[{_grouped(table.name, row.code, column.code)}]", False)
 
     def _further(self, offset: Scalar, step: Scalar, node: ast.AST) -> Scalar:
         """The sum of two offsets, with what is known of it kept apart."""

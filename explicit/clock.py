@@ -1,0 +1,252 @@
+"""The clock of a simulation: what happens once a step, whatever the number of walkers.
+
+While the walkers sweep the elements at one time, the clock is tended: the step before is settled (forces,
+records, the support's answer) and the next one planned (its size, where the platens will be). On a GPU a
+warp of its own does so, and the walkers read the result from shared memory.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from explicit.boundary import BAR_HISTORY, BoundaryFunctions
+from explicit.elements.base import INVERTED
+from explicit.lanes import lane_functions
+from explicit.outcome import Outcome
+from explicit.precision import Precision
+from explicit.record import RecordFunctions
+from explicit.structs import Structs
+
+TIME, STEP, STEP_BEFORE, INTERVAL, RATE, GOING, LEDGER = range(7)
+FLYER, FLYER_NEXT, UPPER_SPEED, LOWER, LOWER_NEXT, LOWER_SPEED = range(7, 13)
+FORCE_FLYER, FORCE_SUPPORT, IMPULSE_FLYER, IMPULSE_SUPPORT = range(13, 17)
+STATUS, STEPS, NEXT_FORCE, NEXT_SURFACE, FORCE_DUE, SURFACE_DUE, RECORDED = range(17, 24)
+FIRST_STEP, SMALLEST_STEP, PAST_DATA, MOST_STRAINED = range(24, 28)
+CLOCK = 28
+"""Numbers on the clock; those above say which is which. Times [s], steps [s], displacements [m], speeds [m/s],
+forces [N], impulses [N s]; counters are exact in fp64."""
+
+ELASTIC, HOURGLASS, KINETIC, WORK, DAMPING, FRICTION, LANDING, PAST, MOST, STIFFEST = range(10)
+"""What the walkers hand over: totals for the ledger, and (twice, in turn) the largest omega^2."""
+HANDED = 11
+"""How many numbers they hand over."""
+
+NO_TIME = 1.0e300
+"""Time [s] of a record that never comes."""
+
+
+@dataclass(frozen=True)
+class ClockFunctions:
+    """The clock's functions."""
+
+    start: Any
+    """``start(batch, output, sample, clock)``: the clock at rest."""
+    settle: Any
+    """``settle(body, batch, state, output, sample, lane, clock, parts, push_lower, push_upper, carried, u_r, u_y,
+    v_r, v_y)``: what the last step has brought."""
+    plan: Any
+    """``plan(batch, output, sample, clock, parts)``: the next step."""
+
+
+@cache
+def clock_functions(
+    precision: Precision, structs: Structs, boundary: BoundaryFunctions, record: RecordFunctions
+) -> ClockFunctions:
+    """Generate the clock's functions."""
+    real = precision.real
+    Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
+    flyer_position, returned_wave = boundary.flyer_position, boundary.returned_wave
+    is_due, record_force = record.is_due, record.force
+    record_positions, record_ledger = record.positions, record.ledger
+    lanes = lane_functions()
+    all_read, get_total, get_largest = lanes.all_read, lanes.get_total, lanes.get_largest
+    seat_total, alone = lanes.seat_total, lanes.alone
+    ZERO, HALF, ONE, TWO = wp.float64(0.0), wp.float64(0.5), wp.float64(1.0), wp.float64(2.0)
+    NEVER, RIGID = wp.float64(NO_TIME), wp.float64(1.0e30)
+    inverted = wp.float64(INVERTED * 0.5)
+    diverged, turned = int(Outcome.DIVERGED), int(Outcome.INVERTED)
+    collapsed, limit = int(Outcome.STEP_COLLAPSED), int(Outcome.STEP_LIMIT)
+    history, twice = int(BAR_HISTORY), int(2 * BAR_HISTORY)
+
+    @wp.func
+    def start(batch: Batch, output: Output, sample: int, clock: wp.array(dtype=wp.float64)):
+        for k in range(CLOCK):
+            clock[k] = ZERO
+        clock[TIME] = batch.start
+        clock[GOING] = ONE
+        clock[FLYER] = flyer_position(batch, batch.motion[sample], batch.start)
+        clock[FORCE_DUE] = output.force_times[0]
+        clock[SURFACE_DUE] = output.surface_times[0]
+        clock[SMALLEST_STEP] = batch.largest_step
+
+    @wp.func
+    def settle(
+        body: Body,
+        batch: Batch,
+        state: State,
+        output: Output,
+        sample: int,
+        lane: int,
+        clock: wp.array(dtype=wp.float64),
+        parts: wp.array(dtype=wp.float64),
+        push_lower: wp.array(dtype=wp.float64),
+        push_upper: wp.array(dtype=wp.float64),
+        carried: wp.array(dtype=wp.float64),
+        u_r: wp.array(dtype=real),
+        u_y: wp.array(dtype=real),
+        v_r: wp.array(dtype=real),
+        v_y: wp.array(dtype=real),
+    ):
+        """What the last step has brought: forces, records, the support's answer."""
+        time, dt, dt_before = wp.float64(clock[TIME]), wp.float64(clock[STEP]), wp.float64(clock[STEP_BEFORE])
+        interval, steps = wp.float64(clock[INTERVAL]), wp.float64(clock[STEPS])
+        flyer_next, lower_next = wp.float64(clock[FLYER_NEXT]), wp.float64(clock[LOWER_NEXT])
+        impulse = wp.vec2d(clock[IMPULSE_FLYER], clock[IMPULSE_SUPPORT])
+        force_due, surface_due = wp.float64(clock[FORCE_DUE]), wp.float64(clock[SURFACE_DUE])
+        following = time + dt
+        lowered, raised = seat_total(push_upper, body.n_seats), seat_total(push_lower, body.n_seats)
+        # Compression-positive forces at `time`: the flyer pushes down, the support pushes up.
+        force = wp.vec2d(-lowered, raised) * (ONE / interval)
+        if wp.isfinite(force[0]) and wp.isfinite(force[1]):
+            if force_due <= time:
+                force_before = wp.vec2d(clock[FORCE_FLYER], clock[FORCE_SUPPORT])
+                next_force = int(clock[NEXT_FORCE])
+                while force_due <= time:
+                    blend = wp.float64(1.0)
+                    if dt_before > ZERO:
+                        blend = (force_due - (time - dt_before)) / dt_before
+                    value = force_before + blend * (force - force_before)
+                    # `impulse` is known half a step behind `time`; the force holds over its interval.
+                    since = force_due - (time - HALF * dt_before)
+                    sofar = impulse + force * since
+                    if since < ZERO:
+                        sofar = impulse + force_before * since
+                    if alone(lane) == 1:
+                        record_force(output, sample, next_force, value, sofar)
+                    next_force += 1
+                    force_due = wp.float64(NEVER)
+                    if next_force < output.force_times.shape[0]:
+                        force_due = wp.float64(output.force_times[next_force])
+                all_read()
+                clock[NEXT_FORCE] = wp.float64(next_force)
+                clock[FORCE_DUE] = force_due
+            if surface_due <= following:
+                next_surface, n_surface = int(clock[NEXT_SURFACE]), output.surface_times.shape[0]
+                past_data, most_strained = wp.float64(clock[PAST_DATA]), wp.float64(clock[MOST_STRAINED])
+                if int(clock[LEDGER]) == 1:
+                    past_data = wp.max(past_data, get_total(parts, PAST))
+                    most_strained = wp.max(most_strained, get_largest(parts, MOST))
+                while surface_due <= following:
+                    back = real(following - surface_due)
+                    record_positions(body, output, sample, lane, next_surface, back, u_r, u_y, v_r, v_y)
+                    if is_due(next_surface, n_surface, batch.ledger_every):
+                        external, moving = get_total(parts, WORK), get_total(parts, KINETIC)
+                        stored, held = get_total(parts, ELASTIC), get_total(parts, HOURGLASS)
+                        damping, rubbing = get_total(parts, DAMPING), get_total(parts, FRICTION)
+                        landing = get_total(parts, LANDING)
+                        if alone(lane) == 1:
+                            record_ledger(
+                                output, sample, next_surface,
+                                external, moving, stored, held, damping, rubbing, landing,
+                            )  # fmt: skip
+                    next_surface += 1
+                    surface_due = wp.float64(NEVER)
+                    if next_surface < n_surface:
+                        surface_due = wp.float64(output.surface_times[next_surface])
+                all_read()
+                clock[NEXT_SURFACE] = wp.float64(next_surface)
+                clock[SURFACE_DUE] = surface_due
+                clock[PAST_DATA] = past_data
+                clock[MOST_STRAINED] = most_strained
+            # The support answers the force it just felt: v = F / Z + 2 h, away from the specimen. The
+            # mass it carries answers with it: a light bar would overshoot one step later without it.
+            if batch.impedance < RIGID:
+                lower_speed, recorded = wp.float64(clock[LOWER_SPEED]), int(clock[RECORDED])
+                returned = wp.float64(0.0)
+                elapsed = following - batch.start
+                if batch.round_trip < RIGID:
+                    returned = returned_wave(state, sample, elapsed, batch.round_trip)
+                inertia = seat_total(carried, body.n_seats) / (interval * batch.impedance)
+                answer = -(force[1] / batch.impedance + TWO * returned)
+                lower_speed = (inertia * lower_speed + answer) / (ONE + inertia)
+                all_read()
+                if batch.round_trip < RIGID:
+                    outgoing = -lower_speed - returned
+                    while wp.float64(recorded) * batch.round_trip / wp.float64(history) <= elapsed:
+                        if alone(lane) == 1:
+                            state.bar_wave[sample, recorded % twice] = outgoing
+                        recorded += 1
+                clock[LOWER_SPEED] = lower_speed
+                clock[RECORDED] = wp.float64(recorded)
+            all_read()
+            impulse += force * interval
+            clock[IMPULSE_FLYER] = impulse[0]
+            clock[IMPULSE_SUPPORT] = impulse[1]
+            clock[FORCE_FLYER] = force[0]
+            clock[FORCE_SUPPORT] = force[1]
+            clock[FLYER] = flyer_next
+            clock[LOWER] = lower_next
+            clock[TIME] = following
+            clock[STEP_BEFORE] = dt
+            clock[STEPS] = steps + ONE
+        else:
+            all_read()
+            clock[STATUS] = wp.float64(diverged)
+
+    @wp.func
+    def plan(
+        batch: Batch,
+        output: Output,
+        sample: int,
+        clock: wp.array(dtype=wp.float64),
+        parts: wp.array(dtype=wp.float64),
+    ):
+        """The next step: its size, where it takes the platens, and what it records."""
+        time, dt, dt_before = wp.float64(clock[TIME]), wp.float64(clock[STEP]), wp.float64(clock[STEP_BEFORE])
+        rate, status, steps = wp.float64(clock[RATE]), int(clock[STATUS]), int(clock[STEPS])
+        next_force, next_surface = int(clock[NEXT_FORCE]), int(clock[NEXT_SURFACE])
+        flyer_y, lower_y = wp.float64(clock[FLYER]), wp.float64(clock[LOWER])
+        lower_speed, surface_due = wp.float64(clock[LOWER_SPEED]), wp.float64(clock[SURFACE_DUE])
+        n_force, n_surface = output.force_times.shape[0], output.surface_times.shape[0]
+        all_read()
+        # The bound was measured one step ago, where the specimen stood before the step just settled.
+        if steps % batch.measure_every == 0:
+            omega_squared = get_largest(parts, STIFFEST + steps % 2)
+            dt = wp.min(batch.safety * TWO / wp.sqrt(omega_squared), batch.largest_step)
+            rate = ONE / dt
+            if steps == 0:
+                clock[FIRST_STEP] = dt
+            all_read()
+            if status == 0 and omega_squared >= inverted:
+                status = turned
+            elif status == 0 and dt < batch.floor * clock[FIRST_STEP]:
+                status = collapsed
+            elif status == 0 and not wp.isfinite(omega_squared):
+                status = diverged
+            elif status == 0:
+                clock[SMALLEST_STEP] = wp.min(clock[SMALLEST_STEP], dt)
+            clock[STEP] = dt
+            clock[RATE] = rate
+        if steps >= batch.max_steps and status == 0:
+            status = limit
+        following = time + dt
+        going, ledger = wp.float64(0.0), wp.float64(0.0)
+        if status == 0 and (next_force < n_force or next_surface < n_surface):
+            going = ONE
+        if surface_due <= following:
+            while next_surface < n_surface and output.surface_times[next_surface] <= following:
+                if is_due(next_surface, n_surface, batch.ledger_every):
+                    ledger = ONE
+                next_surface += 1
+        flyer_next = flyer_position(batch, batch.motion[sample], following)
+        clock[STATUS] = wp.float64(status)
+        clock[GOING] = going
+        clock[LEDGER] = ledger
+        clock[INTERVAL] = HALF * (dt + dt_before)  # the velocity lives between the positions
+        clock[FLYER_NEXT] = flyer_next
+        clock[UPPER_SPEED] = (flyer_y - flyer_next) * rate
+        clock[LOWER_NEXT] = lower_y + lower_speed * dt
+
+    return ClockFunctions(start, settle, plan)
