@@ -19,14 +19,16 @@ from explicit.precision import Precision
 from explicit.record import RecordFunctions
 from explicit.structs import Structs
 
-TIME, STEP, STEP_BEFORE, INTERVAL, RATE, GOING, LEDGER = range(7)
-FLYER, FLYER_NEXT, UPPER_SPEED, LOWER, LOWER_NEXT, LOWER_SPEED = range(7, 13)
-FORCE_FLYER, FORCE_SUPPORT, IMPULSE_FLYER, IMPULSE_SUPPORT = range(13, 17)
-STATUS, STEPS, NEXT_FORCE, NEXT_SURFACE, FORCE_DUE, SURFACE_DUE, RECORDED = range(17, 24)
-FIRST_STEP, SMALLEST_STEP, PAST_DATA, MOST_STRAINED = range(24, 28)
-CLOCK = 28
-"""Numbers on the clock; those above say which is which. Times [s], steps [s], displacements [m], speeds [m/s],
-forces [N], impulses [N s]; counters are exact in fp64."""
+TIME, STATUS, GOING, STEPS, SMALLEST_STEP, FIRST_STEP, PAST_DATA, MOST_STRAINED = range(8)
+FORCE_FLYER, FORCE_SUPPORT, IMPULSE_FLYER, IMPULSE_SUPPORT = range(8, 12)
+LOWER, LOWER_NEXT, LOWER_SPEED, RECORDED = range(12, 16)
+NEXT_FORCE, FORCE_DUE, NEXT_SURFACE, SURFACE_DUE, COMING, COMING_DUE = range(16, 22)
+FAULT, PLANS = 22, 23
+STEP, STEP_BEFORE, INTERVAL, PER_INTERVAL, RATE, FLYER_NEXT, UPPER_SPEED, LEDGER, PLAN = range(9)
+CLOCK = PLANS + 2 * PLAN
+"""Numbers on the clock; those above say which is which. The plan of a step has its own, at `PLANS` for even steps
+and behind them for odd ones, because the next one is made while a plan is carried out. Times and steps [s],
+rate [1/s], displacements [m], speeds [m/s], forces [N], impulses [N s]; counters are exact in fp64."""
 
 ELASTIC, HOURGLASS, KINETIC, WORK, DAMPING, FRICTION, LANDING, PAST, MOST, STIFFEST = range(10)
 """What the walkers hand over: totals for the ledger, and (twice, in turn) the largest omega^2."""
@@ -44,10 +46,10 @@ class ClockFunctions:
     start: Any
     """``start(batch, output, sample, clock)``: the clock at rest."""
     settle: Any
-    """``settle(body, batch, state, output, sample, lane, clock, parts, push_lower, push_upper, carried, u_r, u_y,
-    v_r, v_y)``: what the last step has brought."""
+    """``settle(body, batch, state, output, sample, lane, step, clock, parts, push_lower, push_upper, carried,
+    u_r, u_y, v_r, v_y)``: what a step has brought."""
     plan: Any
-    """``plan(batch, output, sample, clock, parts)``: the next step."""
+    """``plan(batch, output, sample, step, clock, parts)``: a step to come."""
 
 
 @cache
@@ -62,7 +64,7 @@ def clock_functions(
     record_positions, record_ledger = record.positions, record.ledger
     lanes = lane_functions()
     all_read, get_total, get_largest = lanes.all_read, lanes.get_total, lanes.get_largest
-    seat_total, alone = lanes.seat_total, lanes.alone
+    seat_totals, alone = lanes.seat_totals, lanes.alone
     ZERO, HALF, ONE, TWO = wp.float64(0.0), wp.float64(0.5), wp.float64(1.0), wp.float64(2.0)
     NEVER, RIGID = wp.float64(NO_TIME), wp.float64(1.0e30)
     inverted = wp.float64(INVERTED * 0.5)
@@ -76,9 +78,10 @@ def clock_functions(
             clock[k] = ZERO
         clock[TIME] = batch.start
         clock[GOING] = ONE
-        clock[FLYER] = flyer_position(batch, batch.motion[sample], batch.start)
+        clock[PLANS + PLAN + FLYER_NEXT] = flyer_position(batch, batch.motion[sample], batch.start)
         clock[FORCE_DUE] = output.force_times[0]
         clock[SURFACE_DUE] = output.surface_times[0]
+        clock[COMING_DUE] = output.surface_times[0]
         clock[SMALLEST_STEP] = batch.largest_step
 
     @wp.func
@@ -89,6 +92,7 @@ def clock_functions(
         output: Output,
         sample: int,
         lane: int,
+        step: int,
         clock: wp.array(dtype=wp.float64),
         parts: wp.array(dtype=wp.float64),
         push_lower: wp.array(dtype=wp.float64),
@@ -99,16 +103,18 @@ def clock_functions(
         v_r: wp.array(dtype=real),
         v_y: wp.array(dtype=real),
     ):
-        """What the last step has brought: forces, records, the support's answer."""
-        time, dt, dt_before = wp.float64(clock[TIME]), wp.float64(clock[STEP]), wp.float64(clock[STEP_BEFORE])
-        interval, steps = wp.float64(clock[INTERVAL]), wp.float64(clock[STEPS])
-        flyer_next, lower_next = wp.float64(clock[FLYER_NEXT]), wp.float64(clock[LOWER_NEXT])
+        """What a step has brought: forces, records, the support's answer."""
+        this, following_plan = PLANS + PLAN * (step % 2), PLANS + PLAN * ((step + 1) % 2)
+        time, dt, dt_before = wp.float64(clock[TIME]), wp.float64(clock[this + STEP]), wp.float64(clock[this + STEP_BEFORE])
+        interval, fault = wp.float64(clock[this + INTERVAL]), int(clock[FAULT])
+        lower_next, lower_speed = wp.float64(clock[LOWER_NEXT]), wp.float64(clock[LOWER_SPEED])
         impulse = wp.vec2d(clock[IMPULSE_FLYER], clock[IMPULSE_SUPPORT])
         force_due, surface_due = wp.float64(clock[FORCE_DUE]), wp.float64(clock[SURFACE_DUE])
-        following = time + dt
-        lowered, raised = seat_total(push_upper, body.n_seats), seat_total(push_lower, body.n_seats)
+        dt_next = wp.float64(clock[following_plan + STEP])
         # Compression-positive forces at `time`: the flyer pushes down, the support pushes up.
-        force = wp.vec2d(-lowered, raised) * (ONE / interval)
+        pushes = seat_totals(push_upper, push_lower, body.n_seats) * wp.float64(clock[this + PER_INTERVAL])
+        force = wp.vec2d(-pushes[0], pushes[1])
+        following = time + dt
         if wp.isfinite(force[0]) and wp.isfinite(force[1]):
             if force_due <= time:
                 force_before = wp.vec2d(clock[FORCE_FLYER], clock[FORCE_SUPPORT])
@@ -135,7 +141,7 @@ def clock_functions(
             if surface_due <= following:
                 next_surface, n_surface = int(clock[NEXT_SURFACE]), output.surface_times.shape[0]
                 past_data, most_strained = wp.float64(clock[PAST_DATA]), wp.float64(clock[MOST_STRAINED])
-                if int(clock[LEDGER]) == 1:
+                if int(clock[this + LEDGER]) == 1:
                     past_data = wp.max(past_data, get_total(parts, PAST))
                     most_strained = wp.max(most_strained, get_largest(parts, MOST))
                 while surface_due <= following:
@@ -163,12 +169,12 @@ def clock_functions(
             # The support answers the force it just felt: v = F / Z + 2 h, away from the specimen. The
             # mass it carries answers with it: a light bar would overshoot one step later without it.
             if batch.impedance < RIGID:
-                lower_speed, recorded = wp.float64(clock[LOWER_SPEED]), int(clock[RECORDED])
+                recorded = int(clock[RECORDED])
                 returned = wp.float64(0.0)
                 elapsed = following - batch.start
                 if batch.round_trip < RIGID:
                     returned = returned_wave(state, sample, elapsed, batch.round_trip)
-                inertia = seat_total(carried, body.n_seats) / (interval * batch.impedance)
+                inertia = seat_totals(carried, carried, body.n_seats)[0] / (interval * batch.impedance)
                 answer = -(force[1] / batch.impedance + TWO * returned)
                 lower_speed = (inertia * lower_speed + answer) / (ONE + inertia)
                 all_read()
@@ -186,67 +192,80 @@ def clock_functions(
             clock[IMPULSE_SUPPORT] = impulse[1]
             clock[FORCE_FLYER] = force[0]
             clock[FORCE_SUPPORT] = force[1]
-            clock[FLYER] = flyer_next
             clock[LOWER] = lower_next
+            clock[LOWER_NEXT] = lower_next + lower_speed * dt_next
             clock[TIME] = following
-            clock[STEP_BEFORE] = dt
-            clock[STEPS] = steps + ONE
+            clock[STEPS] = wp.float64(step + 1)
         else:
             all_read()
-            clock[STATUS] = wp.float64(diverged)
+            fault = diverged
+        if fault != 0:
+            clock[STATUS] = wp.float64(fault)
+            clock[GOING] = ZERO
+        if force_due >= NEVER and surface_due >= NEVER:  # nothing is left to record
+            clock[STATUS] = ZERO
+            clock[GOING] = ZERO
 
     @wp.func
     def plan(
         batch: Batch,
         output: Output,
         sample: int,
+        step: int,
         clock: wp.array(dtype=wp.float64),
         parts: wp.array(dtype=wp.float64),
     ):
-        """The next step: its size, where it takes the platens, and what it records."""
-        time, dt, dt_before = wp.float64(clock[TIME]), wp.float64(clock[STEP]), wp.float64(clock[STEP_BEFORE])
-        rate, status, steps = wp.float64(clock[RATE]), int(clock[STATUS]), int(clock[STEPS])
-        next_force, next_surface = int(clock[NEXT_FORCE]), int(clock[NEXT_SURFACE])
-        flyer_y, lower_y = wp.float64(clock[FLYER]), wp.float64(clock[LOWER])
-        lower_speed, surface_due = wp.float64(clock[LOWER_SPEED]), wp.float64(clock[SURFACE_DUE])
-        n_force, n_surface = output.force_times.shape[0], output.surface_times.shape[0]
+        """A step to come: its size, where it takes the flyer, and whether the ledger is due in it."""
+        this, before = PLANS + PLAN * (step % 2), PLANS + PLAN * ((step + 1) % 2)
+        dt_before, rate = wp.float64(clock[before + STEP]), wp.float64(clock[before + RATE])
+        flyer_y, coming_due = wp.float64(clock[before + FLYER_NEXT]), wp.float64(clock[COMING_DUE])
+        time = wp.float64(clock[TIME]) + dt_before
+        dt = wp.float64(dt_before)
         all_read()
-        # The bound was measured one step ago, where the specimen stood before the step just settled.
-        if steps % batch.measure_every == 0:
-            omega_squared = get_largest(parts, STIFFEST + steps % 2)
+        # The bound was measured one step ago, where the specimen stood before the step that is under way.
+        if step % batch.measure_every == 0:
+            omega_squared = get_largest(parts, STIFFEST + step % 2)
             dt = wp.min(batch.safety * TWO / wp.sqrt(omega_squared), batch.largest_step)
             rate = ONE / dt
-            if steps == 0:
+            if step == 0:
                 clock[FIRST_STEP] = dt
             all_read()
-            if status == 0 and omega_squared >= inverted:
-                status = turned
-            elif status == 0 and dt < batch.floor * clock[FIRST_STEP]:
-                status = collapsed
-            elif status == 0 and not wp.isfinite(omega_squared):
-                status = diverged
-            elif status == 0:
+            if omega_squared >= inverted:
+                clock[FAULT] = wp.float64(turned)
+            elif dt < batch.floor * clock[FIRST_STEP]:
+                clock[FAULT] = wp.float64(collapsed)
+            elif not wp.isfinite(omega_squared):
+                clock[FAULT] = wp.float64(diverged)
+            else:
                 clock[SMALLEST_STEP] = wp.min(clock[SMALLEST_STEP], dt)
-            clock[STEP] = dt
-            clock[RATE] = rate
-        if steps >= batch.max_steps and status == 0:
-            status = limit
-        following = time + dt
-        going, ledger = wp.float64(0.0), wp.float64(0.0)
-        if status == 0 and (next_force < n_force or next_surface < n_surface):
-            going = ONE
-        if surface_due <= following:
-            while next_surface < n_surface and output.surface_times[next_surface] <= following:
-                if is_due(next_surface, n_surface, batch.ledger_every):
+        if step >= batch.max_steps:
+            clock[FAULT] = wp.float64(limit)
+        all_read()
+        if step == 0 and clock[FAULT] > ZERO:
+            clock[STATUS] = clock[FAULT]
+            clock[GOING] = ZERO
+        following, ledger = time + dt, wp.float64(0.0)
+        if coming_due <= following:
+            coming = int(clock[COMING])
+            while coming_due <= following:
+                if is_due(coming, output.surface_times.shape[0], batch.ledger_every):
                     ledger = ONE
-                next_surface += 1
+                coming += 1
+                coming_due = wp.float64(NEVER)
+                if coming < output.surface_times.shape[0]:
+                    coming_due = wp.float64(output.surface_times[coming])
+            all_read()
+            clock[COMING] = wp.float64(coming)
+            clock[COMING_DUE] = coming_due
         flyer_next = flyer_position(batch, batch.motion[sample], following)
-        clock[STATUS] = wp.float64(status)
-        clock[GOING] = going
-        clock[LEDGER] = ledger
-        clock[INTERVAL] = HALF * (dt + dt_before)  # the velocity lives between the positions
-        clock[FLYER_NEXT] = flyer_next
-        clock[UPPER_SPEED] = (flyer_y - flyer_next) * rate
-        clock[LOWER_NEXT] = lower_y + lower_speed * dt
+        interval = HALF * (dt + dt_before)  # the velocity lives between the positions
+        clock[this + STEP] = dt
+        clock[this + STEP_BEFORE] = dt_before
+        clock[this + INTERVAL] = interval
+        clock[this + PER_INTERVAL] = ONE / interval
+        clock[this + RATE] = rate
+        clock[this + FLYER_NEXT] = flyer_next
+        clock[this + UPPER_SPEED] = (flyer_y - flyer_next) * rate
+        clock[this + LEDGER] = ledger
 
     return ClockFunctions(start, settle, plan)

@@ -22,10 +22,10 @@ BARRIER = """
 """Lanes of one simulation meet here; a single lane (CPU) has nobody to wait for."""
 
 # A GPU's block has a clerk, its last warp, which tends the clock while the others sweep the elements. Totals
-# are handed to it warp by warp and added in the order of the warps.
+# are handed to it warp by warp and added in one order.
 _HAND_OVER = """
 #if defined(__CUDA_ARCH__)
-    #pragma unroll 1
+    #pragma unroll
     for (int offset = 16; offset > 0; offset >>= 1) {
         double other = __shfl_down_sync(0xffffffffu, x, offset);
         x = COMBINE;
@@ -35,25 +35,34 @@ _HAND_OVER = """
 """
 _TAKE = """
 #if defined(__CUDA_ARCH__)
-    double x = parts.data[k * WARPS];
-    #pragma unroll 1
-    for (int i = 1; i < (blockDim.x >> 5); ++i) { double other = parts.data[k * WARPS + i]; x = COMBINE; }
+    const int warp = threadIdx.x & 31;
+    double x = warp < (blockDim.x >> 5) ? parts.data[k * WARPS + warp] : NOTHING;
+    #pragma unroll
+    for (int step = 16; step > 0; step >>= 1) {
+        const double other = __shfl_xor_sync(0xffffffffu, x, step);
+        x = COMBINE;
+    }
     return x;
 #else
     return parts.data[k];
 #endif
 """
 _SUM, _LARGER = "x + other", "x > other ? x : other"
-_SEAT_TOTAL = """
+_SEAT_TOTALS = """
 #if defined(__CUDA_ARCH__)
-    double sum = 0.0;
+    wp::vec_t<2, wp::float64> sums(0.0, 0.0);
     #pragma unroll 1
-    for (int k = threadIdx.x & 31; k < n; k += 32) sum += seats.data[k];
+    for (int k = threadIdx.x & 31; k < n; k += 32) { sums[0] += first.data[k]; sums[1] += second.data[k]; }
     #pragma unroll
-    for (int other = 16; other > 0; other >>= 1) sum += __shfl_xor_sync(0xffffffffu, sum, other);
-    return sum;
+    for (int other = 16; other > 0; other >>= 1) {
+        const double a = __shfl_xor_sync(0xffffffffu, sums[0], other);
+        const double b = __shfl_xor_sync(0xffffffffu, sums[1], other);
+        sums[0] += a;
+        sums[1] += b;
+    }
+    return sums;
 #else
-    return 0.0;
+    return wp::vec_t<2, wp::float64>(0.0, 0.0);
 #endif
 """
 BLOCK = 384
@@ -92,13 +101,13 @@ class LaneFunctions:
     """``get_total(parts, k)``: the k-th total."""
     get_largest: Any
     """``get_largest(parts, k)``: the k-th largest value."""
-    seat_total: Any
-    """``seat_total(seats, n)``: the sum of n numbers in the order of their places, on every lane of the clerk."""
+    seat_totals: Any
+    """``seat_totals(first, second, n)``: sums of n numbers each, on every lane of the clerk."""
     all_read: Any
     """``all_read()``: the clerk's lanes have read what they are about to write."""
     from_the_end: Any
-    """``from_the_end(lane)``: the seat of the boundary at which a lane begins, so that the lanes with a second
-    round of the interior are not those of the boundary."""
+    """``from_the_end(lane)``: the seat of the boundary at which a walker begins: the last ones, who have less of the
+    interior."""
     clerk_first: Any
     """``clerk_first(lane)``: where a lane of the clerk begins a walk."""
     clerk_step: Any
@@ -114,8 +123,8 @@ def lane_functions() -> LaneFunctions:
     """
     total = _HAND_OVER.replace("WARPS", str(WARPS)).replace("COMBINE", _SUM)
     largest = _HAND_OVER.replace("WARPS", str(WARPS)).replace("COMBINE", _LARGER)
-    take_total = _TAKE.replace("WARPS", str(WARPS)).replace("COMBINE", _SUM)
-    take_largest = _TAKE.replace("WARPS", str(WARPS)).replace("COMBINE", _LARGER)
+    take_total = _TAKE.replace("WARPS", str(WARPS)).replace("COMBINE", _SUM).replace("NOTHING", "0.0")
+    take_largest = _TAKE.replace("WARPS", str(WARPS)).replace("COMBINE", _LARGER).replace("NOTHING", "-1.0")
     parts_of = wp.array(dtype=wp.float64)
 
     @wp.func_native(snippet=BARRIER)
@@ -153,13 +162,13 @@ def lane_functions() -> LaneFunctions:
     @wp.func_native(snippet=take_largest)
     def get_largest(parts: parts_of, k: int) -> wp.float64: ...
 
-    @wp.func_native(snippet=_SEAT_TOTAL)
-    def seat_total(seats: parts_of, n: int) -> wp.float64: ...
+    @wp.func_native(snippet=_SEAT_TOTALS)
+    def seat_totals(first: parts_of, second: parts_of, n: int) -> wp.vec2d: ...
 
     @wp.func_native(snippet=_either("__syncwarp();", ""))
     def all_read(): ...
 
-    @wp.func_native(snippet=_either("return blockDim.x - 1 - lane;", "return lane;"))
+    @wp.func_native(snippet=_either("return blockDim.x - 33 - lane;", "return lane;"))
     def from_the_end(lane: int) -> int: ...
 
     @wp.func_native(snippet=_either("return lane & 31;", "return lane;"))
@@ -171,7 +180,7 @@ def lane_functions() -> LaneFunctions:
     return LaneFunctions(
         sync=sync, empty_sum=empty_sum, add_to=add_to, walks=walks, walkers=walkers, tends=tends, alone=alone,
         put_total=put_total, put_largest=put_largest, get_total=get_total, get_largest=get_largest,
-        seat_total=seat_total, all_read=all_read,
+        seat_totals=seat_totals, all_read=all_read,
         from_the_end=from_the_end, clerk_first=clerk_first, clerk_step=clerk_step,
     )  # fmt: skip
 

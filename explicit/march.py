@@ -31,6 +31,8 @@ from explicit.clock import (
     MOST_STRAINED,
     PAST,
     PAST_DATA,
+    PLAN,
+    PLANS,
     RATE,
     SMALLEST_STEP,
     STATUS,
@@ -91,7 +93,7 @@ def march_kernel(
     clockwork = clock_functions(precision, structs, boundary, record_functions(precision, structs))
     start, settle, plan = clockwork.start, clockwork.settle, clockwork.plan
     lanes = lane_functions()
-    sync, walks, tends, all_read = lanes.sync, lanes.walks, lanes.tends, lanes.all_read
+    sync, walks, tends, walkers = lanes.sync, lanes.walks, lanes.tends, lanes.walkers
     empty_sum, add_to, from_the_end = lanes.empty_sum, lanes.add_to, lanes.from_the_end
     put_total, put_largest = lanes.put_total, lanes.put_largest
     real = precision.real
@@ -142,10 +144,10 @@ def march_kernel(
         sync()
         damped, rubbed = empty_sum(), empty_sum()
         landed, worked = empty_sum(), empty_sum()
-        going, sweep, until_measured, latched = int(1), int(0), int(0), wp.float64(0.0)
+        going, step, until_measured, latched = int(1), int(-1), int(0), wp.float64(0.0)
 
-        while going == 1:
-            # While the elements are swept, the clock settles the step before and plans the next one.
+        while going == 1:  # before the first step the elements only say how large it may be
+            # While the elements are swept, the step before is settled.
             power = empty_sum()
             if walks(lane) == 1:
                 measure = int(0)
@@ -158,89 +160,89 @@ def march_kernel(
                 )
                 latched = wp.max(latched, worst)  # an element that turns between two measurements stays known
                 if measure == 1:
-                    put_largest(parts, STIFFEST + sweep % 2, latched)
+                    put_largest(parts, STIFFEST + (step + 1) % 2, latched)
                     latched = wp.float64(0.0)
-            if tends(lane) == 1 and sweep > 0:  # the first sweep only measures the bound for the first step
-                if sweep > 1:
-                    settle(
-                        body, batch, state, output, sample, lane, clock, parts,
-                        push_lower, push_upper, carried, u_r, u_y, v_r, v_y,
-                    )  # fmt: skip
-                    all_read()
-                plan(batch, output, sample, clock, parts)
+            if tends(lane) == 1 and step > 0:
+                settle(
+                    body, batch, state, output, sample, lane, step - 1, clock, parts,
+                    push_lower, push_upper, carried, u_r, u_y, v_r, v_y,
+                )  # fmt: skip
             sync()
-            if sweep > 0:
-                going = int(clock[GOING])
-            if sweep > 0 and going == 1:
-                dt, interval, rate = clock[STEP], clock[INTERVAL], clock[RATE]
-                flyer_next, upper_speed = clock[FLYER_NEXT], clock[UPPER_SPEED]
+            going = int(clock[GOING])
+            if going == 1 and step >= 0:
+                here = PLANS + PLAN * (step % 2)
+                dt, interval, rate = clock[here + STEP], clock[here + INTERVAL], clock[here + RATE]
+                flyer_next, upper_speed = clock[here + FLYER_NEXT], clock[here + UPPER_SPEED]
                 lower_next, lower_speed = clock[LOWER_NEXT], clock[LOWER_SPEED]
-                ledger = int(clock[LEDGER])
+                ledger = int(clock[here + LEDGER])
                 elastic, hourglass, past, kinetic = empty_sum(), empty_sum(), empty_sum(), empty_sum()
                 most = wp.float64(0.0)
                 if ledger == 1:
                     limit_s = batch.data_limit[batch.material[sample]]
-                    elastic, hourglass, past, most = sweep_energies(body, solid, row, limit_s, u_r, u_y, lane)
+                    if walks(lane) == 1:
+                        elastic, hourglass, past, most = sweep_energies(
+                            body, solid, row, limit_s, u_r, u_y, lane
+                        )
                     sync()  # the node sweep below moves what other lanes may still be reading
                 # Half of this step's work belongs to the time of the positions, half to what follows.
                 damp_step, rub_step = power * interval, empty_sum()
                 land_step, work_step = empty_sum(), empty_sum()
                 h, tau = real(dt), real(interval)
 
-                n = lane
-                while n < body.n_inner:
-                    old, new, mass = free_velocity(body, corner_r, corner_y, v_r, v_y, n, tau, alpha)
-                    if ledger == 1:
-                        kinetic = add_to(kinetic, wp.float64(half * mass * wp.dot(old, new)), n)
-                    if alpha > zero:
-                        drag = tau * alpha * mass * half * wp.dot(old, old + new)
-                        damp_step = add_to(damp_step, wp.float64(drag), n)
-                    v_r[n] = new[0]
-                    v_y[n] = new[1]
-                    u_r[n] = u_r[n] + h * new[0]
-                    u_y[n] = u_y[n] + h * new[1]
-                    n += wp.block_dim()
+                if walks(lane) == 1:
+                    n = lane
+                    while n < body.n_inner:
+                        old, new, mass = free_velocity(body, corner_r, corner_y, v_r, v_y, n, tau, alpha)
+                        if ledger == 1:
+                            kinetic = add_to(kinetic, wp.float64(half * mass * wp.dot(old, new)), n)
+                        if alpha > zero:
+                            drag = tau * alpha * mass * half * wp.dot(old, old + new)
+                            damp_step = add_to(damp_step, wp.float64(drag), n)
+                        v_r[n] = new[0]
+                        v_y[n] = new[1]
+                        u_r[n] = u_r[n] + h * new[0]
+                        u_y[n] = u_y[n] + h * new[1]
+                        n += walkers()
 
-                b = from_the_end(lane)
-                while b < body.n_seats:
-                    node = body.first_seat + b
-                    old, free, mass = free_velocity(body, corner_r, corner_y, v_r, v_y, node, tau, alpha)
-                    height = body.reference_y[node] + wp.float64(u_y[node])
-                    to_lower = real((lower_next - height) * rate)
-                    to_upper = real((body.length - flyer_next - height) * rate)
-                    new, platen, mark = meet(body.kind[b], touched[b], free, to_lower, to_upper, friction)
-                    touched[b] = mark
-                    # Impulses of the platen on the node, and where their work goes.
-                    kick = wp.float64(mass) * wp.float64(new[1] - free[1])
-                    rub = wp.float64(mass) * wp.float64(new[0] - free[0])
-                    from_below, from_above, riding = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
-                    speed = wp.float64(half * (old[1] + new[1]))
-                    slide = wp.float64(half * (old[0] + new[0]))
-                    if platen == lower:
-                        from_below = kick
-                        if new[1] == to_lower:
-                            riding = wp.float64(mass)
-                        land_step = add_to(land_step, kick * (lower_speed - speed), b)
-                        work_step = add_to(work_step, kick * lower_speed, b)
-                    elif platen == upper:
-                        from_above = kick
-                        land_step = add_to(land_step, kick * (upper_speed - speed), b)
-                        work_step = add_to(work_step, kick * upper_speed, b)
-                    rub_step = add_to(rub_step, -rub * slide, b)
-                    push_lower[b] = from_below
-                    push_upper[b] = from_above
-                    carried[b] = riding
-                    if ledger == 1:
-                        kinetic = add_to(kinetic, wp.float64(half * mass * wp.dot(old, new)), b)
-                    if alpha > zero:
-                        drag = tau * alpha * mass * half * wp.dot(old, old + new)
-                        damp_step = add_to(damp_step, wp.float64(drag), b)
-                    v_r[node] = new[0]
-                    v_y[node] = new[1]
-                    u_r[node] = u_r[node] + h * new[0]
-                    u_y[node] = u_y[node] + h * new[1]
-                    b += wp.block_dim()
-
+                    b = from_the_end(lane)
+                    while b < body.n_seats:
+                        node = body.first_seat + b
+                        old, free, mass = free_velocity(body, corner_r, corner_y, v_r, v_y, node, tau, alpha)
+                        height = body.reference_y[node] + wp.float64(u_y[node])
+                        to_lower = real((lower_next - height) * rate)
+                        to_upper = real((body.length - flyer_next - height) * rate)
+                        new, platen, mark = meet(body.kind[b], touched[b], free, to_lower, to_upper, friction)
+                        touched[b] = mark
+                        # Impulses of the platen on the node, and where their work goes.
+                        kick = wp.float64(mass) * wp.float64(new[1] - free[1])
+                        rub = wp.float64(mass) * wp.float64(new[0] - free[0])
+                        from_below, from_above, riding = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
+                        speed = wp.float64(half * (old[1] + new[1]))
+                        slide = wp.float64(half * (old[0] + new[0]))
+                        if platen == lower:
+                            from_below = kick
+                            if new[1] == to_lower:
+                                riding = wp.float64(mass)
+                            land_step = add_to(land_step, kick * (lower_speed - speed), b)
+                            work_step = add_to(work_step, kick * lower_speed, b)
+                        elif platen == upper:
+                            from_above = kick
+                            land_step = add_to(land_step, kick * (upper_speed - speed), b)
+                            work_step = add_to(work_step, kick * upper_speed, b)
+                        rub_step = add_to(rub_step, -rub * slide, b)
+                        push_lower[b] = from_below
+                        push_upper[b] = from_above
+                        carried[b] = riding
+                        if ledger == 1:
+                            kinetic = add_to(kinetic, wp.float64(half * mass * wp.dot(old, new)), b)
+                        if alpha > zero:
+                            drag = tau * alpha * mass * half * wp.dot(old, old + new)
+                            damp_step = add_to(damp_step, wp.float64(drag), b)
+                        v_r[node] = new[0]
+                        v_y[node] = new[1]
+                        u_r[node] = u_r[node] + h * new[0]
+                        u_y[node] = u_y[node] + h * new[1]
+                        b += walkers()
                 if ledger == 1:
                     put_total(parts, ELASTIC, elastic)
                     put_total(parts, HOURGLASS, hourglass)
@@ -255,7 +257,9 @@ def march_kernel(
                 damped += damp_step
                 rubbed += rub_step
                 landed += land_step
-            sweep += 1
+            if going == 1 and tends(lane) == 1:
+                plan(batch, output, sample, step + 1, clock, parts)
+            step += 1
             sync()
 
         if lane == 0:

@@ -27,13 +27,13 @@ class _Lanes(Control):
         if name in ("get_total", "get_largest"):
             parts, k = arguments
             return self.load(self.part(parts, (k,), node))  # type: ignore[arg-type]
-        if name == "seat_total":
-            return self._seat_total(arguments, node)
+        if name == "seat_totals":
+            first, second, n = arguments
+            return Vector((self._seat_total(first, n, node), self._seat_total(second, n, node)))
         raise self.refuse(node, "no meaning over lanes")
 
-    def _seat_total(self, arguments: Sequence[Value], node: ast.Call) -> Scalar:
+    def _seat_total(self, seats: Value, n: Value, node: ast.Call) -> Scalar:
         """One after the other, whatever the lanes are, so that forces keep their bits."""
-        seats, n = arguments
         if not isinstance(seats, Array) or not isinstance(n, Scalar) or n.varying:
             raise self.refuse(node, "seats and a number that all lanes share are wanted")
         name, counter, varying = self.name("sum"), self.name("c"), seats.lanes_inside
