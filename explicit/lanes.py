@@ -293,6 +293,27 @@ def entry_function(dtype: Any) -> Any:
     return entry
 
 
+_FOUR = """
+    const TYPE* number = (const TYPE*)row.data + place;
+    return wp::vec_t<4, TYPE>(number[0], number[1], number[2], number[3]);
+"""
+_FOUR_BACKWARD = """
+    if (row.grad) for (int c = 0; c < 4; ++c) wp::atomic_add((TYPE*)row.grad + place + c, adj_ret[c]);
+"""
+
+
+@cache
+def four_function(precision: Precision) -> Any:
+    """Generate ``four(row, place)``: four numbers that follow each other in a row without gaps."""
+    real, vec4 = precision.real, precision.vec4
+    forward, backward = (text.replace("TYPE", f"wp::{real.__name__}") for text in (_FOUR, _FOUR_BACKWARD))
+
+    @wp.func_native(snippet=forward, adj_snippet=backward)
+    def four(row: wp.array(dtype=real), place: int) -> vec4: ...
+
+    return four
+
+
 def grouped(table: NDArray[Any]) -> NDArray[Any]:
     """A table as `entry` reads it: from shape [constants, n] to shape [groups, constants * GROUP]."""
     constants, n = table.shape

@@ -20,6 +20,7 @@ import warp as wp
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from explicit.lanes import four_function
 from explicit.precision import Precision
 
 FloatArray = NDArray[np.float64]
@@ -71,12 +72,18 @@ class MarlowLaw:
         s = (np.arange(len(self.quotient) - 1)[:, None] + x) * self.step
         return np.concatenate([[0.0], np.cumsum((q * s * 0.5 * weights).sum(axis=1) * self.step)])
 
+    @property
+    def cubics(self) -> FloatArray:
+        """Coefficients of 2 U' in the share of an interval that has passed, constant first [Pa], shape
+        [n_knots, 4]; the last row is the straight line past the data."""
+        q, d = self.quotient, self.slope * self.step
+        rise, following = np.append(np.diff(q), d[-1]), np.append(d[1:], d[-1])
+        return np.column_stack([q, d, 3.0 * rise - 2.0 * d - following, d + following - 2.0 * rise])
+
     def parameters(self) -> FloatArray:
-        """Kernel row: last, n_intervals, step, 1 / step; of every knot 2 U', its slope times the step, U."""
-        table = np.column_stack([self.quotient, self.slope * self.step, self.knot_energy])
-        return np.concatenate(
-            [[self.last, len(self.quotient) - 1.0, self.step, 1.0 / self.step], table.ravel()]
-        )
+        """Kernel row: last, n_intervals, step, 1 / step; `cubics`; U at the knots."""
+        header = [self.last, len(self.quotient) - 1.0, self.step, 1.0 / self.step]
+        return np.concatenate([header, self.cubics.ravel(), self.knot_energy])
 
     def two_u_prime(self, s: FloatArray) -> FloatArray:
         """2 U' at s [Pa]: cubic between the knots, on the end tangent past the data."""
@@ -186,37 +193,22 @@ def _kernel_functions(precision: Precision) -> tuple[Any, Any, Any]:
     # Three Gauss points on [0, 1] integrate the energy inside one interval exactly.
     g1, g3 = real(0.5 - sqrt(0.15)), real(0.5 + sqrt(0.15))
     w1, w2 = real(5.0 / 18.0), real(8.0 / 18.0)
-    header = int(_HEADER)
+    header, four = int(_HEADER), four_function(precision)
 
     @wp.func
-    def knot(s: real, row: wp.array(dtype=real)):
-        return wp.min(int(s * row[3]), int(row[1]) - 1)
+    def interval(s: real, row: wp.array(dtype=real)):
+        return wp.min(int(s * row[3]), int(row[1]))
 
     @wp.func
-    def cubic(x: real, k: int, row: wp.array(dtype=real)):
-        f0, d0 = row[header + 3 * k], row[header + 3 * k + 1]
-        f1, d1 = row[header + 3 * k + 3], row[header + 3 * k + 4]
-        return f0 + x * (d0 + x * (three * (f1 - f0) - two * d0 - d1 + x * (two * (f0 - f1) + d0 + d1)))
-
-    @wp.func
-    def cubic_slope(x: real, k: int, row: wp.array(dtype=real)):
-        f0, d0 = row[header + 3 * k], row[header + 3 * k + 1]
-        f1, d1 = row[header + 3 * k + 3], row[header + 3 * k + 4]
-        return d0 + x * (two * (three * (f1 - f0) - two * d0 - d1) + three * x * (two * (f0 - f1) + d0 + d1))
-
-    @wp.func
-    def two_u_prime(s: real, row: wp.array(dtype=real)):
-        inside = wp.min(s, row[0])
-        k = knot(inside, row)
-        q = cubic(inside * row[3] - real(k), k, row)
-        if s > inside:
-            q += cubic_slope(one, k, row) * row[3] * (s - inside)
-        return q
+    def cubic(x: real, c: vec4):
+        return c[0] + x * (c[1] + x * (c[2] + x * c[3]))
 
     @wp.func
     def stress(rr: real, yy: real, ry: real, tt: real, row: wp.array(dtype=real)):
         mean = (rr + yy + tt) * third
-        q = two_u_prime(wp.sqrt(wp.max(three * (mean - one), zero)), row)
+        s = wp.sqrt(wp.max(three * (mean - one), zero))
+        k = interval(s, row)
+        q = cubic(s * row[3] - real(k), four(row, header + 4 * k))
         return vec4(q * (rr - mean), q * (yy - mean), q * ry, q * (tt - mean))
 
     @wp.func
@@ -224,28 +216,24 @@ def _kernel_functions(precision: Precision) -> tuple[Any, Any, Any]:
         # 2 U' b_max + 4 U'' |dev b|^2 bounds the tangent along any rank-one motion; 4 U'' = q' / s.
         mean = (rr + yy + tt) * third
         s = wp.sqrt(wp.max(three * (mean - one), zero))
-        inside = wp.min(s, row[0])
-        k = knot(inside, row)
-        slope = cubic_slope(inside * row[3] - real(k), k, row) * row[3]
+        k = interval(s, row)
+        c, x = four(row, header + 4 * k), s * row[3] - real(k)
+        slope = (c[1] + x * (two * c[2] + three * x * c[3])) * row[3]
         largest = wp.max(wp.max(rr, yy) + wp.abs(ry), tt)
         drr, dyy, dtt = rr - mean, yy - mean, tt - mean
         squared = drr * drr + dyy * dyy + dtt * dtt + two * ry * ry
-        return two_u_prime(s, row) * largest + wp.max(slope, zero) / wp.max(s, tiny) * squared
+        return cubic(x, c) * largest + wp.max(slope, zero) / wp.max(s, tiny) * squared
 
     @wp.func
     def energy(rr: real, yy: real, ry: real, tt: real, row: wp.array(dtype=real)):
         s = wp.sqrt(wp.max(rr + yy + tt - three, zero))
-        inside = wp.min(s, row[0])
-        k = knot(inside, row)
-        step = row[2]
-        x = inside * row[3] - real(k)
-        a = w1 * cubic(g1 * x, k, row) * (real(k) + g1 * x)
-        b = w2 * cubic(half * x, k, row) * (real(k) + half * x)
-        c = w1 * cubic(g3 * x, k, row) * (real(k) + g3 * x)
-        past = s - inside
-        q = cubic(x, k, row)
-        slope = cubic_slope(x, k, row) * row[3]
-        tail = past * (q * (inside + half * past) + slope * past * (half * inside + past / three))
-        return row[header + 3 * k + 2] + (a + b + c) * x * step * step + tail
+        k = interval(s, row)
+        c, x = four(row, header + 4 * k), s * row[3] - real(k)
+        # The integral of 2 U' s ds / 2 from the knot to s.
+        f1 = w1 * cubic(g1 * x, c) * (real(k) + g1 * x)
+        f2 = w2 * cubic(half * x, c) * (real(k) + half * x)
+        f3 = w1 * cubic(g3 * x, c) * (real(k) + g3 * x)
+        start = row[header + 4 * (int(row[1]) + 1) + k]
+        return start + (f1 + f2 + f3) * x * row[2] * row[2]
 
     return stress, tangent, energy

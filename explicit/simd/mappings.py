@@ -16,6 +16,8 @@ class _Lanes(Control):
             return self.field(arguments, node)
         if name == "entry":
             return self.entry(arguments, node)
+        if name == "four":
+            return self.four(arguments, node)
         if name in ("sync", "all_read"):
             return Known(None)
         if name in ("walks", "tends", "alone"):

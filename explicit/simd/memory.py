@@ -129,6 +129,44 @@ class Memory(Expressions):
             return self.temporary(kind, f"*({PACK[kind]}u*)({table.name} + {where})", True)
         return self.temporary(kind, f"{table.name}[{_grouped(table.name, row.code, column.code)}]", False)
 
+    def four(self, arguments: Sequence[Value], node: ast.AST) -> Vector:
+        """Four numbers that follow each other in a row: where the lanes differ, one load a lane and a transposition,
+        which costs a fraction of four gathers."""
+        row, place = arguments
+        if not isinstance(row, Array) or not isinstance(place, Scalar) or row.lanes_inside:
+            raise self.refuse(node, "a row of constants and a number are wanted")
+        array = self.part(row, (place,), node)
+        kind, offset = self._kind(array.dtype), array.offset or ZERO
+        if not offset.varying:
+            items = (self.temporary(kind, f"{array.name}[{offset.code} + {c}]", False) for c in range(4))
+            return Vector(tuple(items))
+        if self.mask is not None:  # idle lanes read a harmless place
+            offset = self.select(Scalar("bool", self.mask, True), offset, ZERO)
+        name, quad = self.name("q"), "f64q" if kind == "f64" else "f32q"
+        for lane in range(self.lanes):
+            self.emit(f"const {quad} {name}_{lane} = *(const {quad}*)({array.name} + {offset.code}[{lane}]);")
+        packs = [f"{name}_{lane}" for lane in range(self.lanes)]
+        width = 4
+        while len(packs) > 4:
+            width *= 2
+            pairs = zip(packs[::2], packs[1::2], strict=True)
+            packs = [self._shuffled(a, b, range(width)) for a, b in pairs]
+        quads = self.lanes // 4  # in each of the four packs
+        items = []
+        for c in range(4):
+            chosen = [c + 4 * k for k in range(2 * quads)]
+            halves = [self._shuffled(packs[0], packs[1], chosen), self._shuffled(packs[2], packs[3], chosen)]
+            whole = self._shuffled(*halves, range(self.lanes))
+            items.append(self.temporary(kind, f"({PACK[kind]}){whole}", True))
+        return Vector(tuple(items))
+
+    def _shuffled(self, first: str, second: str, chosen: Sequence[int]) -> str:
+        """Chosen entries of two vectors, counted through both."""
+        name = self.name("p")
+        places = ", ".join(map(str, chosen))
+        self.emit(f"const auto {name} = __builtin_shufflevector({first}, {second}, {places});")
+        return name
+
     def _further(self, offset: Scalar, step: Scalar, node: ast.AST) -> Scalar:
         """The sum of two offsets, with what is known of it kept apart."""
         root = replace(step, code=step.root, const=None, root="", shift=0) if step.root else step

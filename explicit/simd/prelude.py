@@ -6,6 +6,8 @@ _PRELUDE = """
     typedef float f32v __attribute__((ext_vector_type(W)));
     typedef int i32v __attribute__((ext_vector_type(W)));
     typedef long long i64v __attribute__((ext_vector_type(W)));
+    typedef double f64q __attribute__((ext_vector_type(4), aligned(8)));
+    typedef float f32q __attribute__((ext_vector_type(4), aligned(4)));
     typedef {mask} mask;
     typedef f64v __attribute__((aligned(4))) f64vu; // where a pack may begin anywhere
     typedef f32v __attribute__((aligned(4))) f32vu;
