@@ -14,8 +14,8 @@ from explicit.geometry import element_geometry
 from explicit.lanes import GROUP, WARPS, fits, grouped, rooms
 from explicit.march import MarchKernel
 from explicit.materials import bulk_modulus
-from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.mesh import Mesh
+from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.precision import Precision
 from explicit.update import VALENCE
 
@@ -28,7 +28,7 @@ SPARE = 16
 _BODIES: WeakKeyDictionary[Mesh, dict[Any, Any]] = WeakKeyDictionary()
 
 
-def body_of(kernel: MarchKernel, model: Model, numbers: Precision, where: Any, on_chip: bool) -> Any:
+def body_of(kernel: MarchKernel, model: Model, numbers: Precision, where: Any, on_chip: bool = False) -> Any:
     """The mesh's constants on a device, every node in its place of `node_places`; made once."""
     known = _BODIES.setdefault(model.mesh, {})
     key = (kernel.structs.Body, model.density, model.element, numbers.name, str(where), on_chip)
@@ -80,8 +80,8 @@ def fits_on_chip(mesh: Mesh, numbers: Precision) -> bool:
 
 
 def node_places(mesh: Mesh) -> tuple[IntArray, int, int]:
-    """The place of every node in the time loop's fields, how many nodes are inside, and the first place of the
-    surface's: it begins a group of its own."""
+    """The place of every node in the time loop's fields, how many nodes are inside, and the first place of
+    the surface's: it begins a group of its own."""
     inner = _kinds(mesh) == INTERIOR
     first_seat = -(-int(inner.sum()) // GROUP) * GROUP
     place = np.where(inner, np.cumsum(inner) - 1, first_seat + np.cumsum(~inner) - 1)

@@ -26,9 +26,9 @@ NEXT_FORCE, FORCE_DUE, NEXT_SURFACE, SURFACE_DUE, COMING, COMING_DUE = range(16,
 FAULT, PLANS = 22, 23
 STEP, STEP_BEFORE, INTERVAL, PER_INTERVAL, RATE, FLYER_NEXT, UPPER_SPEED, LEDGER, PLAN = range(9)
 CLOCK = PLANS + 2 * PLAN
-"""Numbers on the clock; those above say which is which. The plan of a step has its own, at `PLANS` for even steps
-and behind them for odd ones, because the next one is made while a plan is carried out. Times and steps [s],
-rate [1/s], displacements [m], speeds [m/s], forces [N], impulses [N s]; counters are exact in fp64."""
+"""Numbers on the clock; those above say which is which. The plan of a step has its own, at `PLANS` for even
+steps and behind them for odd ones, because the next one is made while a plan is carried out. Times and steps
+[s], rate [1/s], displacements [m], speeds [m/s], forces [N], impulses [N s]; counters are exact in fp64."""
 
 ELASTIC, HOURGLASS, KINETIC, WORK, DAMPING, FRICTION, LANDING, PAST, MOST, STIFFEST = range(10)
 """What the walkers hand over: totals for the ledger, and (twice, in turn) the largest omega^2."""
@@ -105,7 +105,8 @@ def clock_functions(
     ):
         """What a step has brought: forces, records, the support's answer."""
         this, following_plan = PLANS + PLAN * (step % 2), PLANS + PLAN * ((step + 1) % 2)
-        time, dt, dt_before = wp.float64(clock[TIME]), wp.float64(clock[this + STEP]), wp.float64(clock[this + STEP_BEFORE])
+        time, dt = wp.float64(clock[TIME]), wp.float64(clock[this + STEP])
+        dt_before = wp.float64(clock[this + STEP_BEFORE])
         interval, fault = wp.float64(clock[this + INTERVAL]), int(clock[FAULT])
         lower_next, lower_speed = wp.float64(clock[LOWER_NEXT]), wp.float64(clock[LOWER_SPEED])
         impulse = wp.vec2d(clock[IMPULSE_FLYER], clock[IMPULSE_SUPPORT])

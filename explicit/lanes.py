@@ -31,6 +31,8 @@ _HAND_OVER = """
         x = COMBINE;
     }
     if ((threadIdx.x & 31) == 0) parts.data[k * WARPS + (threadIdx.x >> 5)] = x;
+#else
+    parts.data[k] = x;
 #endif
 """
 _TAKE = """
@@ -49,8 +51,8 @@ _TAKE = """
 """
 _SUM, _LARGER = "x + other", "x > other ? x : other"
 _SEAT_TOTALS = """
-#if defined(__CUDA_ARCH__)
     wp::vec_t<2, wp::float64> sums(0.0, 0.0);
+#if defined(__CUDA_ARCH__)
     #pragma unroll 1
     for (int k = threadIdx.x & 31; k < n; k += 32) { sums[0] += first.data[k]; sums[1] += second.data[k]; }
     #pragma unroll
@@ -60,10 +62,10 @@ _SEAT_TOTALS = """
         sums[0] += a;
         sums[1] += b;
     }
-    return sums;
 #else
-    return wp::vec_t<2, wp::float64>(0.0, 0.0);
+    for (int k = 0; k < n; ++k) { sums[0] += first.data[k]; sums[1] += second.data[k]; }
 #endif
+    return sums;
 """
 BLOCK = 384
 """Threads that share one simulation on a GPU; among them its registers are shared out."""
@@ -106,8 +108,8 @@ class LaneFunctions:
     all_read: Any
     """``all_read()``: the clerk's lanes have read what they are about to write."""
     from_the_end: Any
-    """``from_the_end(lane)``: the seat of the boundary at which a walker begins: the last ones, who have less of the
-    interior."""
+    """``from_the_end(lane)``: the seat of the boundary at which a walker begins: the last walkers have less of
+    the interior."""
     clerk_first: Any
     """``clerk_first(lane)``: where a lane of the clerk begins a walk."""
     clerk_step: Any
@@ -118,14 +120,14 @@ class LaneFunctions:
 def lane_functions() -> LaneFunctions:
     """Generate the lane functions.
 
-    On the CPU `explicit.simd` gives them their meaning over packs; short sums are made one after the other there,
-    in one order whatever the lanes are, so that forces keep their bits.
+    On the CPU `explicit.simd` gives them their meaning over packs; short sums are made one after the other
+    there, in one order whatever the lanes are, so that forces keep their bits.
     """
     total = _HAND_OVER.replace("WARPS", str(WARPS)).replace("COMBINE", _SUM)
     largest = _HAND_OVER.replace("WARPS", str(WARPS)).replace("COMBINE", _LARGER)
     take_total = _TAKE.replace("WARPS", str(WARPS)).replace("COMBINE", _SUM).replace("NOTHING", "0.0")
     take_largest = _TAKE.replace("WARPS", str(WARPS)).replace("COMBINE", _LARGER).replace("NOTHING", "-1.0")
-    parts_of = wp.array(dtype=wp.float64)
+    parts_of: Any = wp.array(dtype=wp.float64)
 
     @wp.func_native(snippet=BARRIER)
     def sync(): ...

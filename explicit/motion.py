@@ -45,8 +45,8 @@ class PlatenMotion:
 
     @property
     def cubics(self) -> FloatArray:
-        """Coefficients of the position's cubic in the share of an interval that has passed, constant first [m],
-        shape [n_knots, 4]; the last row is the straight line past the last knot."""
+        """Coefficients of the position's cubic in the share of an interval that has passed, constant first
+        [m], shape [n_knots, 4]; the last row is the straight line past the last knot."""
         f, d = self.position, self.velocity * self.step
         rise = np.append(np.diff(f), d[-1])
         following = np.append(d[1:], d[-1])

@@ -17,9 +17,11 @@ class SweepFunctions:
     """The sweeps of one law and precision."""
 
     elements: Any
-    """``elements(body, solid, row, u_r, u_y, v_r, v_y, corner_r, corner_y, lane, measure) -> (omega^2, power)``."""
+    """``elements(body, solid, row, u_r, u_y, v_r, v_y, corner_r, corner_y, lane, measure) -> (omega_squared,
+    power)``."""
     energies: Any
-    """``energies(body, solid, row, limit_s, u_r, u_y, lane) -> (elastic, hourglass, volume past data, s)``."""
+    """``energies(body, solid, row, limit_s, u_r, u_y, lane) -> (elastic, hourglass, volume past data,
+    s)``."""
 
 
 @cache

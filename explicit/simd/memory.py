@@ -130,16 +130,18 @@ class Memory(Expressions):
         return self.temporary(kind, f"{table.name}[{_grouped(table.name, row.code, column.code)}]", False)
 
     def four(self, arguments: Sequence[Value], node: ast.AST) -> Vector:
-        """Four numbers that follow each other in a row: where the lanes differ, one load a lane and a transposition,
-        which costs a fraction of four gathers."""
+        """Four numbers that follow each other in a row.
+
+        Where the lanes differ, one load a lane and a transposition, which costs less than four gathers.
+        """
         row, place = arguments
         if not isinstance(row, Array) or not isinstance(place, Scalar) or row.lanes_inside:
             raise self.refuse(node, "a row of constants and a number are wanted")
         array = self.part(row, (place,), node)
         kind, offset = self._kind(array.dtype), array.offset or ZERO
         if not offset.varying:
-            items = (self.temporary(kind, f"{array.name}[{offset.code} + {c}]", False) for c in range(4))
-            return Vector(tuple(items))
+            places = (f"{array.name}[{offset.code} + {c}]" for c in range(4))
+            return Vector(tuple(self.temporary(kind, place, False) for place in places))
         if self.mask is not None:  # idle lanes read a harmless place
             offset = self.select(Scalar("bool", self.mask, True), offset, ZERO)
         name, quad = self.name("q"), "f64q" if kind == "f64" else "f32q"
@@ -152,11 +154,11 @@ class Memory(Expressions):
             pairs = zip(packs[::2], packs[1::2], strict=True)
             packs = [self._shuffled(a, b, range(width)) for a, b in pairs]
         quads = self.lanes // 4  # in each of the four packs
-        items = []
+        items: list[Scalar] = []
         for c in range(4):
             chosen = [c + 4 * k for k in range(2 * quads)]
-            halves = [self._shuffled(packs[0], packs[1], chosen), self._shuffled(packs[2], packs[3], chosen)]
-            whole = self._shuffled(*halves, range(self.lanes))
+            low, high = (self._shuffled(packs[i], packs[i + 1], chosen) for i in (0, 2))
+            whole = self._shuffled(low, high, range(self.lanes))
             items.append(self.temporary(kind, f"({PACK[kind]}){whole}", True))
         return Vector(tuple(items))
 
