@@ -14,6 +14,7 @@ from explicit.march import MarchKernel
 from explicit.materials import bulk_modulus
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.precision import Precision
+from explicit.support import RIGID, CharacteristicBar, MovingSupport
 
 SPARE = 16
 """Entries behind every row that a pack may read: the most lanes there are."""
@@ -93,19 +94,26 @@ def batch_of(
     table = np.zeros((len(rows), max(len(row) for row in rows)))
     for i, row in enumerate(rows):
         table[i, : len(row)] = row
+    moving = model.support.motions if isinstance(model.support, MovingSupport) else ()
     n_knots = max(len(motion.position) for motion in model.motions)
-    motions = np.empty((len(model.motions), n_knots, 2))
-    for i, motion in enumerate(model.motions):
+    motions = np.empty((len(model.motions) + len(moving), n_knots, 2))
+    for i, motion in enumerate(model.motions + moving):
         if len(motion.position) != n_knots:
-            raise ValueError("the motions of a model need equally many knots")
+            raise ValueError(
+                f"the motions of a model and of its support need equally many knots, {n_knots} here, "
+                f"got {len(motion.position)}"
+            )
         motions[i] = np.column_stack([motion.position, motion.velocity])
     batch = kernel.structs.Batch()
     batch.start, batch.safety, batch.floor = model.start, stepping.safety, stepping.floor
     batch.largest_step = min(stepping.largest_step, 1.0)
     batch.measure_every, batch.max_steps = stepping.measure_every, stepping.max_steps
     batch.ledger_every = sampling.ledger_every
-    batch.impedance = min(model.support.impedance, 1e300)
-    batch.round_trip = min(model.support.round_trip, 1e300)
+    bar = model.support if isinstance(model.support, CharacteristicBar) else RIGID
+    batch.impedance, batch.round_trip = min(bar.impedance, 1e300), min(bar.round_trip, 1e300)
+    batch.support_moves = int(bool(moving))
+    moved = len(model.motions) + np.minimum(np.arange(len(samples)), max(len(moving) - 1, 0))
+    support = moved if moving else np.zeros(len(samples))
     limits = np.minimum([law.data_limit for law in model.materials], 1e30)
     batch.data_limit = wp.array(limits, dtype=numbers.real, device=where)
     batch.solids = wp.array(solids, dtype=kernel.element.Solid, device=where)
@@ -113,7 +121,8 @@ def batch_of(
     batch.material = wp.array(samples.material.astype(np.int32), dtype=int, device=where)
     batch.rows = wp.array(table, dtype=numbers.real, device=where)
     batch.motion = wp.array(samples.motion.astype(np.int32), dtype=int, device=where)
-    batch.motion_step = wp.array([m.step for m in model.motions], dtype=wp.float64, device=where)
+    batch.support_motion = wp.array(support.astype(np.int32), dtype=int, device=where)
+    batch.motion_step = wp.array([m.step for m in model.motions + moving], dtype=wp.float64, device=where)
     batch.motion_table = wp.array(motions, dtype=wp.float64, device=where)
     return batch
 

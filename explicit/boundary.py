@@ -23,6 +23,8 @@ class BoundaryFunctions:
 
     flyer_position: Any
     """``flyer_position(batch, sample, time)``: displacement of the flyer's platen [m]."""
+    support_position: Any
+    """``support_position(batch, sample, time)``: displacement of a moving support [m]."""
     returned_wave: Any
     """``returned_wave(state, sample, elapsed, round_trip)``: h(t) of `explicit.support` [m/s]."""
     meet: Any
@@ -41,8 +43,7 @@ def boundary_functions(faces: str, side: str, precision: Precision, structs: Str
     history, twice = int(BAR_HISTORY), int(2 * BAR_HISTORY)
 
     @wp.func
-    def flyer_position(batch: Batch, sample: int, time: wp.float64):
-        which = batch.motion[sample]
+    def tabulated_position(batch: Batch, which: int, time: wp.float64):
         step = batch.motion_step[which]
         last = batch.motion_table.shape[1] - 1
         k = wp.clamp(int((time - batch.start) / step), 0, last - 1)
@@ -54,6 +55,14 @@ def boundary_functions(faces: str, side: str, precision: Precision, structs: Str
         if x > wp.float64(1.0):
             position = f1 + d1 * (x - wp.float64(1.0))
         return position
+
+    @wp.func
+    def flyer_position(batch: Batch, sample: int, time: wp.float64):
+        return tabulated_position(batch, batch.motion[sample], time)
+
+    @wp.func
+    def support_position(batch: Batch, sample: int, time: wp.float64):
+        return tabulated_position(batch, batch.support_motion[sample], time)
 
     @wp.func
     def returned_wave(state: State, sample: int, elapsed: wp.float64, round_trip: wp.float64):
@@ -96,4 +105,4 @@ def boundary_functions(faces: str, side: str, precision: Precision, structs: Str
             mark = platen
         return new, platen, mark
 
-    return BoundaryFunctions(flyer_position, returned_wave, meet)
+    return BoundaryFunctions(flyer_position, support_position, returned_wave, meet)

@@ -49,6 +49,7 @@ def march_kernel(
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
     sweep_elements, sweep_energies = sweeps.elements, sweeps.energies
     flyer_position, returned_wave, meet = boundary.flyer_position, boundary.returned_wave, boundary.meet
+    support_position = boundary.support_position
     record = record_functions(precision, structs)
     is_due, record_force = record.is_due, record.force
     record_positions, record_ledger = record.positions, record.ledger
@@ -124,6 +125,8 @@ def march_kernel(
             interval = HALF * (dt + dt_before)
             flyer_now = flyer_position(batch, sample, time)
             flyer_next = flyer_position(batch, sample, time + dt)
+            if batch.support_moves == 1:
+                lower_before = (support_position(batch, sample, time + dt) - lower_y) / dt
             lower_next = lower_y + lower_before * dt
             upper_speed = -(flyer_next - flyer_now) / dt
             flush, ledger, coming = int(0), int(0), int(next_surface)
