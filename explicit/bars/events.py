@@ -14,7 +14,7 @@ class Events:
     striker_parts: float
     """The striker lets go of the incident bar for good."""
     incident_rise: float
-    """The compressive wave arrives: 1 % of the largest force on the joint."""
+    """The compressive wave arrives: 1 % of the largest force on the joint before it opens."""
     tensile_dip: float
     """The joint's force becomes tensile."""
     separation: float
@@ -30,7 +30,9 @@ class Events:
 def find_events(history: FlightHistory) -> Events:
     """Find the features of a flyer test in its signals."""
     t, hold, gap = history.times, history.joint_force, history.joint_gap
-    rise = _first(hold >= 0.01 * hold.max()) if hold.max() > 0.0 else None
+    opens = _first(gap > 0.0)
+    peak = float(hold[:opens].max(initial=0.0))
+    rise = _first(hold >= 0.01 * peak) if peak > 0.0 else None
     dip = _first(hold < 0.0, rise)
     apart = _first((hold == 0.0) & (gap > 0.0), dip)
     arrest = _first(history.flyer_velocity <= history.support_velocity, apart)
