@@ -65,6 +65,7 @@ def couple(
     tolerance: float = 1e-3,
     max_passes: int = 6,
     stepping: Stepping | None = None,
+    device: str = "cpu",
     threads: int | None = None,
 ) -> Coupled:
     """Simulate specimens on elastic parts.
@@ -80,23 +81,27 @@ def couple(
         Largest change of the transmitted force from one pass to the next that ends the iteration [N].
     max_passes : int
         Passes after which it is given up, at least 2.
+    stepping, device, threads
+        As for `run`.
 
     Raises
     ------
+    ValueError
+        If `tolerance` or `max_passes` is outside its range.
     RuntimeError
         If a simulation does not complete or the force still changes after `max_passes`.
     """
     if max_passes < 2 or not tolerance > 0.0:
         raise ValueError(f"need tolerance > 0 N and max_passes >= 2, got {tolerance} and {max_passes}")
     motion = model.motions[0]
-    knots = motion.start + motion.step * np.arange(len(motion.position))
+    knots = motion.start + motion.step * np.arange(len(motion.position), dtype=np.float64)
     surface = np.unique(np.append(knots[::SURFACE_EVERY], knots[-1]))
     sampling = Sampling(knots, surface, ledger_every=len(surface))
     face_radius = float(parts.mesh.nodes[parts.mesh.face, 0].max())
     change: list[float] = []
     before: FloatArray | None = None
     for _ in range(max_passes):
-        response = run(model, samples, sampling, stepping=stepping, threads=threads)
+        response = run(model, samples, sampling, stepping=stepping, device=device, threads=threads)
         require_completed(response)
         if before is not None:
             change.append(float(np.abs(response.force_transmission - before).max()))
@@ -123,7 +128,8 @@ def require_completed(response: Response) -> None:
     for i, outcome in enumerate(response.outcomes):
         if not outcome.ok:
             raise RuntimeError(
-                f"simulation {i} ended at {1e6 * response.end_times[i]:.1f} us: {outcome.cause}; {outcome.cure}"
+                f"simulation {i} ended at {1e6 * response.end_times[i]:.1f} us: {outcome.cause}; "
+                f"{outcome.cure}"
             )
 
 

@@ -1,7 +1,7 @@
 """Elastic platens, transducers and bars as an axisymmetric mesh, marched by central differences.
 
-The parts are linear elastic: steel under a soft specimen strains by 1e-6. They are loaded on one face and free
-elsewhere. One product of a sparse matrix is one step.
+The parts are linear elastic: steel under a soft specimen strains by 1e-6. They are loaded on one face and
+free elsewhere. One product of a sparse matrix is one step.
 """
 
 from collections.abc import Sequence

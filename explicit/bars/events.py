@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from explicit.bars.impact import FlightHistory
 
@@ -22,7 +23,7 @@ class Events:
     arrest: float
     """The flyer stands still relative to the transmission platen: largest compression."""
     push_back: float
-    """The flyer is fastest on its way back before the second impact: the specimen pushes no more."""
+    """The specimen pushes the flyer back: after the arrest the transmitted force falls to half its peak."""
     second_impact: float
     """The flyer runs into the incident bar."""
 
@@ -37,13 +38,8 @@ def find_events(history: FlightHistory) -> Events:
     apart = _first((hold == 0.0) & (gap > 0.0), dip)
     arrest = _first(history.flyer_velocity <= history.support_velocity, apart)
     again = _first((gap == 0.0) & (hold > 0.0), apart)
-    back = None
-    if arrest is not None:
-        last = len(t) if again is None else again
-        if last > arrest:
-            back = arrest + int(np.argmin(history.flyer_velocity[arrest:last]))
-            if back == len(t) - 1:
-                back = None  # still pushing at the end
+    force = history.force_transmission[: len(t) if again is None else again]
+    back = _first(force <= 0.5 * force.max(initial=0.0), arrest)
     pressed = np.flatnonzero(history.shaper_force > 0.0)
     parts = int(pressed[-1]) + 1 if pressed.size and pressed[-1] + 1 < len(t) else None
 
@@ -53,7 +49,7 @@ def find_events(history: FlightHistory) -> Events:
     return Events(at(parts), at(rise), at(dip), at(apart), at(arrest), at(back), at(again))
 
 
-def _first(happens: np.ndarray, after: int | None = 0) -> int | None:
+def _first(happens: NDArray[np.bool_], after: int | None = 0) -> int | None:
     """First index not before `after` at which something happens; None if it or `after` is missing."""
     if after is None:
         return None

@@ -81,8 +81,8 @@ def simulate_test(
     if len(samples) != 1:
         raise ValueError(f"a whole test is one sample, got {len(samples)}")
     n_knots = int(np.ceil(end / KNOT)) + 1
-    knots = KNOT * np.arange(n_knots)
-    times = step * np.arange(round(end / step) + 1)
+    knots = KNOT * np.arange(n_knots, dtype=np.float64)
+    times = step * np.arange(round(end / step) + 1, dtype=np.float64)
     sampling = Sampling(knots, knots[::SURFACE_EVERY])
     excess = np.zeros((2, len(times)))
     change: list[float] = []
@@ -105,8 +105,8 @@ def simulate_test(
             return FlyerTest(bars, response, np.array(change))
         excess += found - used
     raise RuntimeError(
-        f"the forces still change by {change[-1]:.3g} N after {max_passes} passes, tolerance {tolerance:g} N: "
-        "raise max_passes, or give a static curve closer to the specimen's"
+        f"the forces still change by {change[-1]:.3g} N after {max_passes} passes, tolerance "
+        f"{tolerance:g} N: raise max_passes, or give a static curve closer to the specimen's"
     )
 
 

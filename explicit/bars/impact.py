@@ -154,4 +154,6 @@ def march_test(
             x_t += 0.5 * step * (before_t + v_t)
         approach = -shaper.gap if isinstance(shaper, JointContact) else shaper.approach
         record[:, n] = push, approach, hold, joint.gap, on_flyer, on_support, x_f, v_f, x_t, v_t
-    return FlightHistory(step * np.arange(n_times), *(line.history() for line in lines), *record)
+    times = step * np.arange(n_times, dtype=np.float64)
+    waves = [line.history() for line in lines]
+    return FlightHistory(times, waves[0], waves[1], waves[2], waves[3], *record)

@@ -1,11 +1,11 @@
 """One-dimensional bars by the method of characteristics: a uniform section is a delay.
 
-With the compressive force F and the particle velocity v to the right, F = R + L and v = (R - L) / Z: R runs to
-the right and L to the left, unchanged. Between the ends of a section nothing is discretised; where sections
-meet, forces and velocities agree. Only the travel times are rounded, to whole time steps.
+With the compressive force F and the particle velocity v to the right, F = R + L and v = (R - L) / Z: R runs
+to the right and L to the left, unchanged. Between the ends of a section nothing is discretised; where
+sections meet, forces and velocities agree. Only the travel times are rounded, to whole time steps.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,7 +70,7 @@ class LineHistory:
         """Kinetic and strain energy together [J], shape [n_times]."""
         return self._in_flight(lambda right, left, z: (right**2 + left**2) * (self.step / z))
 
-    def _in_flight(self, density) -> FloatArray:  # type: ignore[no-untyped-def]
+    def _in_flight(self, density: Callable[[FloatArray, FloatArray, float], FloatArray]) -> FloatArray:
         total = np.zeros(self.n_times)
         for section, delay, right, left in zip(
             self.sections, self.delays, self.right, self.left, strict=True
@@ -153,14 +153,12 @@ def loaded_line(sections: Sequence[Section], force: FloatArray, *, step: float) 
     return line.history()
 
 
-def section_force(
-    times: FloatArray, force: FloatArray, *, delay: float, round_trip: float
-) -> FloatArray:
+def section_force(times: FloatArray, force: FloatArray, *, delay: float, round_trip: float) -> FloatArray:
     """Force inside a uniform bar with a free far end, from the one at its front.
 
-    F(x, t) = F(t - d) + sum over k >= 1 of F(t - d - k T) - F(t + d - k T), with the travel time d = x / c0 and
-    the round trip T. A transducer at depth x sees the inertia of what lies before it: 2 d F'(t - T) of the
-    first echo.
+    F(x, t) = F(t - d) + sum over k >= 1 of F(t - d - k T) - F(t + d - k T), with the travel time d = x / c0
+    and the round trip T. A transducer at depth x sees the inertia of what lies before it: -2 d F'(t - T) of
+    the first echo.
 
     Parameters
     ----------

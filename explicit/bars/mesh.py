@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,7 +92,7 @@ def _lines(fixed: FloatArray, size: float) -> FloatArray:
     """Lines through fixed places, equally spaced between neighbours, not more than `size` apart."""
     spans = [
         np.linspace(a, b, max(1, int(np.ceil((b - a) / size * (1.0 - 1e-9)))) + 1)[1:]
-        for a, b in zip(fixed[:-1], fixed[1:], strict=True)
+        for a, b in pairwise(fixed)
     ]
     return np.concatenate([[0.0], *spans])
 
@@ -122,7 +123,7 @@ def pressed_share(mesh: ElasticMesh, radius: FloatArray) -> FloatArray:
     if wrong.any():
         raise ValueError(f"pressed radius must be in (0, {lines[-1]:.6g}] m, got {a[wrong][0]:.6g}")
     share = np.zeros((len(a), len(lines)))
-    for i, (inner, outer) in enumerate(zip(lines[:-1], lines[1:], strict=True)):
+    for i, (inner, outer) in enumerate(pairwise(lines)):
         end = np.clip(a, inner, outer)
         square, cube = 0.5 * (end**2 - inner**2), (end**3 - inner**3) / 3.0
         share[:, i] += (outer * square - cube) / (outer - inner)

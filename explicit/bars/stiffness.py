@@ -71,7 +71,9 @@ def assemble(mesh: ElasticMesh, stiffness: FloatArray) -> csr_array:
 
 def nodal_mass(mesh: ElasticMesh, corner_mass: FloatArray) -> FloatArray:
     """Lumped mass of each node [kg], shape [n_nodes]."""
-    return np.bincount(mesh.quads.ravel(), weights=corner_mass.ravel(), minlength=mesh.n_nodes)
+    mass = np.zeros(mesh.n_nodes)
+    np.add.at(mass, mesh.quads, corner_mass)
+    return mass
 
 
 def largest_frequency(matrices: ElementMatrices) -> float:

@@ -49,19 +49,19 @@ def test_a_batch_with_a_motion_for_each_sample() -> None:
     """The path that a bar's face took, prescribed, gives the bar's force, in a pack and alone."""
     samples = Samples.of(poisson=0.495, stiffness_factor=np.linspace(0.8, 1.2, 9))
     knots = np.linspace(0.0, END, KNOTS)
-    on_bar = replace(model(0.5 * LENGTH), support=CharacteristicBar(impedance=200.0, round_trip=0.3e-3))
+    on_bar = replace(model(0.25 * LENGTH), support=CharacteristicBar(impedance=200.0, round_trip=0.3e-3))
     bar = run(on_bar, samples, Sampling(TIMES, knots))
     motions = tuple(
         PlatenMotion(start=0.0, step=END / (KNOTS - 1), position=path, velocity=np.gradient(path, knots))
         for path in bar.surface_y[:, :, 0]
     )
     moved = run(replace(on_bar, support=MovingSupport(motions)), samples, Sampling(TIMES, TIMES))
-    rigid = run(model(0.5 * LENGTH), samples, Sampling(TIMES, TIMES))
+    rigid = run(model(0.25 * LENGTH), samples, Sampling(TIMES, TIMES))
     # rms: a node that lands one step later makes a spike of one step.
     difference = np.sqrt(np.mean((moved.force_transmission - bar.force_transmission) ** 2, axis=1))
     effect = np.sqrt(np.mean((rigid.force_transmission - bar.force_transmission) ** 2, axis=1))
     assert (difference < 0.02 * effect).all()  # the path is a cubic between knots at half a time step
-    assert (effect > 0.1).all()  # [N]: a rigid support would not pass
+    assert (effect > 5e-3).all()  # [N], of some 1 N: what the bar does at all
 
 
 def test_impossible_supports_are_refused() -> None:

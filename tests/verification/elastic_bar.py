@@ -10,7 +10,6 @@ from bars_scene import (
     BAR,
     PLATEN,
     POISSON,
-    QUARTZ,
     SENSOR,
     STACK,
     STEEL,
@@ -44,8 +43,8 @@ PHASE_TOLERANCE = 5e-3
 """Allowed error of the phase velocity with 8 elements across the radius [-]: second order, 0.4 % at 27
 elements a wavelength."""
 STEP_TOLERANCE = 1e-3
-"""Allowed error of a transmitted or reflected impulse [-]: the field around a step of the radius holds some of
-it back for a while."""
+"""Allowed error of a transmitted or reflected impulse [-]: the field around a step of the radius holds some
+of it back for a while."""
 ENERGY_TOLERANCE = 1e-8
 """Allowed imbalance of the energy over the work [-]: central differences conserve it up to round-off."""
 FORCE_LIMIT, SHARE_LIMIT = 0.3, 5e-3
@@ -190,13 +189,16 @@ def draw(result: Result, figure: Figure) -> None:
     force.plot(time, result.sensor, linewidth=0.8, label="transducer's mid-section")
     force.set(ylabel="force [N]")
     force.legend(loc="upper left")
-    for (name, values), color in zip(list(result.sensor_difference.items())[:3], ("C2", "C3", "0.6"), strict=True):
+    for (name, values), color in zip(
+        list(result.sensor_difference.items())[:3], ("C2", "C3", "0.6"), strict=True
+    ):
         order = 1 if color == "0.6" else 3
         difference.plot(
             time, low_pass(values, step, 20e3), color=color, linewidth=0.9, label=name, zorder=order
         )
     difference.set(xlabel="time [ms]", ylabel="difference [N]")
-    difference.legend(loc="upper left", ncols=1)
+    difference.set_ylim(-4.5, 4.5)
+    difference.legend(loc="upper left", ncols=3)
     for axes in (force, difference):
         axes.set_xlim(0.0, time[-1])
 
@@ -223,8 +225,8 @@ def page(result: Result) -> str:
     worst = result.bands(result.face_difference["characteristic bar"])["raw"][1]
     return f"""# {TITLE}
 
-**What is checked.** The linear elastic mesh of {{doc}}`../theory/bars`, first by itself, then as the reference
-for the one-dimensional bars that usually stand for it.
+**What is checked.** The linear elastic mesh of {{doc}}`../theory/bars`, first by itself, then as the
+reference for the one-dimensional bars that usually stand for it.
 
 ## The mesh by itself
 
@@ -256,22 +258,22 @@ presses on the face within the specimen's current contact radius. Specimen and p
 transmitted force changes by {changes} N from pass to pass. The last step of the face is
 {1e6 * result.travel[0]:.3f} µm, {1e6 * result.travel[1]:.3f} µm on the characteristic bar.
 
-**Result.** On the face the characteristic bar is within {worst:.3f} N of the elastic parts, {100 * worst / peak:.2f} % of
-the peak of {peak:.1f} N. Differences from the elastic parts, raw and low-passed (Butterworth, fourth order,
+**Result.** On the face the characteristic bar is within {worst:.3f} N of the elastic parts,
+{100 * worst / peak:.2f} % of the peak of {peak:.1f} N. Differences from the elastic parts, raw and low-passed (Butterworth, fourth order,
 forward and backward):
 
 {table(header, rows)}
 
-**What a transducer shows.** It does not sit at the specimen's face: between them lies mass that the bar's own
-waves accelerate. From the first echo on (one round trip after the first force, 0.7 ms here) its signal differs
-from the force on the specimen by several newtons at 10 to 20 kHz, little at 5 kHz. In one dimension that is
-F(x, t) = F(t - d) + F(t - d - T) - F(t + d - T) + ..., {{py:func}}`explicit.bars.lines.section_force`, d the
-travel time to it: compare such a record there, or below 5 kHz. What even the sections of
-one-dimensional bars leave are the jumps of the force when a ring of side nodes lands on the platen: they
-hold frequencies at which a bar disperses.
+**What a transducer shows.** It does not sit at the specimen's face: between them lies mass that the bar's
+own waves accelerate. From the first echo on (one round trip after the first force, 0.7 ms here) its signal
+differs from the force on the specimen by several newtons at 10 to 20 kHz, and little at 5 kHz. In one
+dimension that is F(x, t) = F(t - d) + F(t - d - T) - F(t + d - T) + ... with the travel time d to it
+({{py:func}}`explicit.bars.lines.section_force`): compare such a record there, or below 5 kHz. What even
+sections of one-dimensional bars leave are the jumps of the force when a ring of side nodes lands on the
+platen: they hold frequencies at which a bar disperses.
 
 **Tolerance.** On the face {FORCE_LIMIT:g} N, the paper's transducer, and {100 * SHARE_LIMIT:g} % of the peak.
 At the transducer the same for the 5 kHz signal of the sections and of the uniform bar at its place. Statics
-{STATIC_TOLERANCE:g}, energy {ENERGY_TOLERANCE:g}: round-off. Phase velocity {100 * PHASE_TOLERANCE:g} % on the
-finest mesh: second order. Steps {STEP_TOLERANCE:g}: long-wave limit.
+{STATIC_TOLERANCE:g}, energy {ENERGY_TOLERANCE:g}: round-off. Phase velocity {100 * PHASE_TOLERANCE:g} % on
+the finest mesh: second order. Steps {STEP_TOLERANCE:g}: long-wave limit.
 """
