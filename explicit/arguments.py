@@ -100,7 +100,7 @@ def batch_of(
     for i, motion in enumerate(model.motions + moving):
         if len(motion.position) != n_knots:
             raise ValueError(
-                f"the motions of a model and of its support need equally many knots, {n_knots} here, "
+                f"the motions of a model need equally many knots, with those of its support: {n_knots} here, "
                 f"got {len(motion.position)}"
             )
         motions[i] = np.column_stack([motion.position, motion.velocity])

@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from explicit.bars.impact import FlightHistory
 
+FloatArray = NDArray[np.float64]
+
 
 @dataclass(frozen=True)
 class Events:
@@ -36,8 +38,8 @@ def find_events(history: FlightHistory) -> Events:
     rise = _first(hold >= 0.01 * peak) if peak > 0.0 else None
     dip = _first(hold < 0.0, rise)
     apart = _first((hold == 0.0) & (gap > 0.0), dip)
-    arrest = _first(history.flyer_velocity <= history.support_velocity, apart)
     again = _first((gap == 0.0) & (hold > 0.0), apart)
+    arrest = _summit(history.compression, apart, again)
     force = history.force_transmission[: len(t) if again is None else again]
     back = _first(force <= 0.5 * force.max(initial=0.0), arrest)
     pressed = np.flatnonzero(history.shaper_force > 0.0)
@@ -47,6 +49,15 @@ def find_events(history: FlightHistory) -> Events:
         return float("nan") if index is None else float(t[index])
 
     return Events(at(parts), at(rise), at(dip), at(apart), at(arrest), at(back), at(again))
+
+
+def _summit(signal: FloatArray, after: int | None, before: int | None) -> int | None:
+    """Index of the largest value in a range; None if the signal still rises at its end."""
+    if after is None:
+        return None
+    part = signal[after:before]
+    top = int(np.argmax(part))
+    return None if top == len(part) - 1 else after + top
 
 
 def _first(happens: NDArray[np.bool_], after: int | None = 0) -> int | None:

@@ -132,12 +132,10 @@ def case() -> Result:
         },
         sensor=sensor,
         sensor_difference={
-            "sections of one-dimensional bars": np.interp(knots, grid, line.force(SENSOR)) - sensor,
-            "uniform bar, force at its place": section_force(
-                knots, on_bar, delay=delay, round_trip=bar.round_trip
-            )
+            "sections in one dimension": np.interp(knots, grid, line.force(SENSOR)) - sensor,
+            "uniform bar, at its place": section_force(knots, on_bar, delay=delay, round_trip=bar.round_trip)
             - sensor,
-            "uniform bar, force at its front": on_bar - sensor,
+            "uniform bar, at its front": on_bar - sensor,
             f"mesh of {1e3 * FINE:g} mm": np.interp(knots, fine.times, fine.section_force[:, 0]) - sensor,
         },
         travel=(-float(history.path[-1]), float(characteristic.surface_y[0, -1, 0])),
@@ -259,8 +257,8 @@ transmitted force changes by {changes} N from pass to pass. The last step of the
 {1e6 * result.travel[0]:.3f} µm, {1e6 * result.travel[1]:.3f} µm on the characteristic bar.
 
 **Result.** On the face the characteristic bar is within {worst:.3f} N of the elastic parts,
-{100 * worst / peak:.2f} % of the peak of {peak:.1f} N. Differences from the elastic parts, raw and low-passed (Butterworth, fourth order,
-forward and backward):
+{100 * worst / peak:.2f} % of the peak of {peak:.1f} N. Differences from the elastic parts, raw and
+low-passed (Butterworth, fourth order, forward and backward):
 
 {table(header, rows)}
 

@@ -82,9 +82,9 @@ def test_every_pass_leaves_a_small_share_of_the_error() -> None:
 def test_transducer_shows_the_force_at_its_place() -> None:
     result = topic.case()
     limit = min(topic.FORCE_LIMIT, topic.SHARE_LIMIT * result.face.max())
-    for name in ("sections of one-dimensional bars", "uniform bar, force at its place"):
+    for name in ("sections in one dimension", "uniform bar, at its place"):
         assert result.bands(result.sensor_difference[name])["5 kHz"][1] < limit
     # At 20 kHz the place matters: the front's force misses what the mass before the transducer adds.
-    front = result.bands(result.sensor_difference["uniform bar, force at its front"])["20 kHz"]
-    place = result.bands(result.sensor_difference["uniform bar, force at its place"])["20 kHz"]
+    front = result.bands(result.sensor_difference["uniform bar, at its front"])["20 kHz"]
+    place = result.bands(result.sensor_difference["uniform bar, at its place"])["20 kHz"]
     assert front[0] > 5.0 * place[0]
