@@ -136,7 +136,7 @@ def elastic_bar(sections: Sequence[Section], *, size: float, depths: Sequence[fl
 
     Parameters
     ----------
-    sections : sequence of Section
+    sections : sequence
         The parts, bonded one behind the other, the loaded one first.
     size : float
         Largest side of an element [m].

@@ -59,9 +59,9 @@ def simulate_test(
         The bars.
     model, samples
         The specimen and its parameters, one sample; motion and support of the model are replaced.
-    static : (compression, force)
-        A rough static curve of the specimen [m], [N], steep at its end. The result does not depend on it,
-        the number of passes does.
+    static : tuple
+        Compression [m] and force [N] of a rough static curve of the specimen, steep at its end. The result
+        does not depend on it, the number of passes does.
     end : float
         Last time since the striker touched [s].
     step : float

@@ -54,7 +54,7 @@ def mesh_of(sections: Sequence[Section], *, size: float) -> ElasticMesh:
 
     Parameters
     ----------
-    sections : sequence of Section
+    sections : sequence
         The parts, the loaded one first.
     size : float
         Largest side of an element [m]. A section has at least two elements along its axis, so that its
