@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 from functools import cache
-from time import perf_counter
 
 import elastic_checks as checks
 import numpy as np
@@ -25,7 +24,8 @@ from order import FittedOrder
 from scene import label_sizes, rms, table
 
 from explicit import CharacteristicBar, Sampling, run
-from explicit.bars import couple, elastic_bar, loaded_line, section_force
+from explicit.bars import Section, couple, elastic_bar, loaded_line, section_force
+from explicit.bars.coupling import contact_radius
 
 FloatArray = NDArray[np.float64]
 
@@ -33,6 +33,8 @@ TITLE = "Elastic platens, transducer and bar"
 FIGURE_SIZE = (6.7, 6.4)
 SIZE, FINE = 2.5e-3, 1.25e-3
 """Elements of the parts, and those that show what the mesh leaves [m]."""
+OTHER_LENGTHS = (8e-3, 24e-3)
+"""Lengths of the transducer beside the assumed one [m]."""
 LINE_STEP = 5e-8
 """Time step of the one-dimensional waves [s]."""
 BANDS = {"raw": None, "20 kHz": 20e3, "5 kHz": 5e3}
@@ -68,6 +70,9 @@ class Result:
     """Force at the transducer's mid-section in the elastic parts [N], shape [n]."""
     sensor_difference: dict[str, FloatArray]
     """What a simpler model says less `sensor` [N], by model, shape [n]."""
+    lengths: dict[float, float]
+    """Largest difference of the force on the characteristic bar from that on elastic parts [N], by the
+    transducer's length [m]."""
     travel: tuple[float, float]
     """Last place of the face in the elastic parts and on the characteristic bar [m]."""
     phase: tuple[FloatArray, FloatArray]
@@ -84,8 +89,6 @@ class Result:
     """Elements of the parts."""
     n_steps: int
     """Their time steps."""
-    seconds: float
-    """What their march took [s]."""
 
     def bands(self, difference: FloatArray) -> dict[str, tuple[float, float]]:
         """Rms and largest value of a difference in every band [N]."""
@@ -97,6 +100,25 @@ class Result:
         return found
 
 
+def _with_transducer(length: float) -> float:
+    """Largest difference of the force on the characteristic bar from that on the parts [N]."""
+    model, samples = open_01()
+    stack = (PLATEN, replace(TRANSDUCER, length=length), PLATEN, BAR)
+    coupled = couple(model, samples, elastic_bar(stack, size=SIZE))
+    on_bar = run(replace(model, support=_bar(stack)), samples, _at(coupled.response.force_times))
+    return float(np.abs(on_bar.force_transmission - coupled.response.force_transmission).max())
+
+
+def _bar(stack: tuple[Section, ...]) -> CharacteristicBar:
+    """A uniform bar as long as the parts."""
+    length = sum(section.length for section in stack)
+    return CharacteristicBar(impedance=BAR.impedance, round_trip=2.0 * length / BAR.wave_speed)
+
+
+def _at(times: FloatArray) -> Sampling:
+    return Sampling(times, times, ledger_every=len(times))
+
+
 @cache
 def case() -> Result:
     """Open-01 on elastic parts, on the characteristic bar and on a rigid support."""
@@ -105,21 +127,17 @@ def case() -> Result:
     coupled = couple(model, samples, parts, tolerance=1e-5)
     history, knots = coupled.parts[0], coupled.response.force_times
     face = coupled.response.force_transmission[0]
-    length = sum(section.length for section in STACK)
-    bar = CharacteristicBar(impedance=BAR.impedance, round_trip=2.0 * length / BAR.wave_speed)
-    sampling = Sampling(knots, knots, ledger_every=len(knots))
-    rigid = run(model, samples, sampling)
-    characteristic = run(replace(model, support=bar), samples, sampling)
+    bar = _bar(STACK)
+    rigid = run(model, samples, _at(knots))
+    characteristic = run(replace(model, support=bar), samples, _at(knots))
     on_bar = characteristic.force_transmission[0]
 
     # The front's own force: what differs inside is then the model of the parts alone.
     grid = np.arange(0.0, history.times[-1] - history.times[0], LINE_STEP) + history.times[0]
     line = loaded_line(STACK, np.interp(grid, history.times, history.force), step=LINE_STEP)
     sensor = np.interp(knots, history.times, history.section_force[:, 0])
-    begun = perf_counter()
-    patch = np.full(len(history.times), 0.6 * BAR.radius)
-    parts.march(history.times, history.force, patch)
-    seconds = perf_counter() - begun
+    radius = contact_radius(coupled.response, model.mesh.length)[0]
+    patch = np.interp(history.times, coupled.response.surface_times, radius)
     fine = elastic_bar(STACK, size=FINE, depths=[SENSOR]).march(history.times, history.force, patch)
     delay = SENSOR / BAR.wave_speed
     return Result(
@@ -138,6 +156,7 @@ def case() -> Result:
             "uniform bar, at its front": on_bar - sensor,
             f"mesh of {1e3 * FINE:g} mm": np.interp(knots, fine.times, fine.section_force[:, 0]) - sensor,
         },
+        lengths={length: _with_transducer(length) for length in OTHER_LENGTHS},
         travel=(-float(history.path[-1]), float(characteristic.surface_y[0, -1, 0])),
         phase=checks.phase_velocities(),
         phase_order=checks.phase_order(),
@@ -146,7 +165,6 @@ def case() -> Result:
         imbalance=history.imbalance(),
         n_elements=len(parts.mesh.quads),
         n_steps=len(history.times) - 1,
-        seconds=seconds,
     )
 
 
@@ -219,6 +237,9 @@ def page(result: Result) -> str:
             bands = result.bands(values)
             rows.append([place, name, *(f"{number:.2g}" for band in bands.values() for number in band)])
     header = ["force at", "model", *(f"{name}, {kind} [N]" for name in BANDS for kind in ("rms", "max"))]
+    others = "; ".join(
+        f"{error:.3f} N with a transducer of {1e3 * length:g} mm" for length, error in result.lengths.items()
+    )
     changes = ", ".join(f"{change:.1e}" for change in result.change)
     worst = result.bands(result.face_difference["characteristic bar"])["raw"][1]
     return f"""# {TITLE}
@@ -251,14 +272,14 @@ Fitted order of the error at the shortest wave: {result.phase_order.order:.2f} +
 and others: platen {1e3 * PLATEN.length:g} mm, transducer {1e3 * TRANSDUCER_LENGTH:g} mm (an assumption: the
 paper does not say), platen, bar {1e3 * BAR.length:g} mm, all Ø {2e3 * BAR.radius:g} mm,
 {YOUNG / 1e9:g} GPa, ν = {POISSON}, {STEEL:g} kg/m³, the transducer {TRANSDUCER.density:g} kg/m³;
-{result.n_elements} elements of {1e3 * SIZE:g} mm, {result.n_steps} steps, {result.seconds:.1f} s. The force
+{result.n_elements} elements of {1e3 * SIZE:g} mm, {result.n_steps} steps. The force
 presses on the face within the specimen's current contact radius. Specimen and parts are iterated: the
-transmitted force changes by {changes} N from pass to pass. The last step of the face is
-{1e6 * result.travel[0]:.3f} µm, {1e6 * result.travel[1]:.3f} µm on the characteristic bar.
+transmitted force changes by {changes} N from pass to pass. In the end the face has moved by
+{1e6 * result.travel[0]:.3f} µm, by {1e6 * result.travel[1]:.3f} µm on the characteristic bar.
 
 **Result.** On the face the characteristic bar is within {worst:.3f} N of the elastic parts,
-{100 * worst / peak:.2f} % of the peak of {peak:.1f} N. Differences from the elastic parts, raw and
-low-passed (Butterworth, fourth order, forward and backward):
+{100 * worst / peak:.2f} % of the peak of {peak:.1f} N ({others}).
+Differences from the elastic parts, raw and low-passed (Butterworth, fourth order, forward and backward):
 
 {table(header, rows)}
 

@@ -23,7 +23,9 @@ from numpy.typing import NDArray
 from order import FittedOrder
 from scene import DENSITY, LENGTH, RADIUS, table
 
-from explicit.bars import Events, FlyerTest, find_events, simulate_test
+from explicit.bars import find_events, simulate_test
+from explicit.bars.events import Events
+from explicit.bars.flyer_test import FlyerTest
 
 FloatArray = NDArray[np.float64]
 

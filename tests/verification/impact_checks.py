@@ -7,7 +7,8 @@ from bars_scene import BAR, PLATEN, SPEED, STRIKER, TRANSDUCER, apparatus, part
 from numpy.typing import NDArray
 from order import FittedOrder, fitted_order
 
-from explicit.bars import Apparatus, FlightHistory, Joint, PulseShaper, march_test
+from explicit.bars import Apparatus, Joint, PulseShaper, march_test
+from explicit.bars.impact import FlightHistory
 
 FloatArray = NDArray[np.float64]
 

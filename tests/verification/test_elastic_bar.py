@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 from bars_scene import RADIUS, part
 from order import assert_order
+from scene import speed_after_rise
 
-from explicit.bars import elastic_bar
+from explicit import Model, Samples, Sampling, cylinder, run
+from explicit.bars import couple, elastic_bar
+from explicit.bars.coupling import contact_radius
 from explicit.bars.mesh import mesh_of, pressed_share
+from explicit.materials import neo_hookean
 
 
 def test_uniform_compression_is_exact() -> None:
@@ -59,12 +63,55 @@ def test_what_cannot_be_is_refused() -> None:
         type(part(1.0))(1.0, 1.0, 1.0, 1.0, poisson=0.5)
 
 
+def small_specimen(stroke: float) -> Model:
+    motion = speed_after_rise(stroke / 0.4e-3, 50e-6, end=0.5e-3, n_knots=513)
+    mesh = cylinder(4.75e-3, 6.5e-3, n_radial=4, n_axial=6)
+    return Model(mesh, 870.0, (neo_hookean(27e3),), (motion,))
+
+
+def test_a_batch_is_coupled_sample_by_sample() -> None:
+    parts = elastic_bar([part(0.1)], size=3.75e-3)
+    model = small_specimen(2e-3)
+    both = couple(model, Samples.of(poisson=0.49, stiffness_factor=[0.8, 1.2]), parts)
+    alone = couple(model, Samples.of(poisson=0.49, stiffness_factor=1.2), parts)
+    assert len(both.parts) == 2
+    difference = np.abs(both.response.force_transmission[1] - alone.response.force_transmission[0])
+    assert difference.max() < 1e-3  # [N], the iteration's tolerance: it may end one pass apart
+    # A short free bar is a rigid body for slow forces: its path is the integral of impulse over mass.
+    times, impulse = alone.response.force_times, alone.response.impulse_transmission[0]
+    path = np.trapezoid(impulse, times) / part(0.1).mass
+    assert alone.parts[0].path[-1] == pytest.approx(path, rel=0.05)  # its waves: 41 us a round trip
+
+
+def test_a_coupling_that_fails_says_why() -> None:
+    parts = elastic_bar([part(0.1)], size=3.75e-3)
+    samples = Samples.of(poisson=0.49)
+    with pytest.raises(RuntimeError, match=r"still changes by .* N after 2 passes, tolerance 1e-12 N"):
+        couple(small_specimen(2e-3), samples, parts, max_passes=2, tolerance=1e-12)
+    with pytest.raises(RuntimeError, match=r"simulation 0 ended at .* us: .*; "):
+        couple(small_specimen(8e-3), samples, parts)
+    with pytest.raises(ValueError, match=r"max_passes >= 2, got 0\.001 and 1"):
+        couple(small_specimen(2e-3), samples, parts, max_passes=1)
+
+
+def test_contact_radius_is_that_of_the_outermost_node_on_the_platen() -> None:
+    model = small_specimen(4e-3)
+    times = np.linspace(1e-5, 0.5e-3, 20)
+    response = run(model, Samples.of(poisson=0.49), Sampling(times, times))
+    radius = contact_radius(response, model.mesh.length)[0]
+    assert radius[0] == pytest.approx(4.75e-3, rel=1e-12)  # the bonded face, nothing rolled on yet
+    assert radius[-1] > 4.8e-3
+    touching = response.surface_y[0, -1] < 1e-9
+    assert radius[-1] == response.surface_r[0, -1, touching].max()
+
+
 @pytest.mark.slow
 def test_force_on_the_specimen_is_that_on_the_characteristic_bar() -> None:
     result = topic.case()
     _, worst = result.bands(result.face_difference["characteristic bar"])["raw"]
     assert worst < topic.FORCE_LIMIT
     assert worst < topic.SHARE_LIMIT * result.face.max()
+    assert max(result.lengths.values()) < topic.SHARE_LIMIT * result.face.max()  # the length is an assumption
     assert result.travel[0] == pytest.approx(result.travel[1], rel=0.01)  # local indentation of the platen
     assert result.imbalance < topic.ENERGY_TOLERANCE
     # A rigid support would not pass.

@@ -8,8 +8,20 @@ import numpy as np
 import pytest
 from bars_scene import BAR, PLATEN, SPEED, STRIKER, TRANSDUCER, apparatus, part
 from order import assert_order
+from scene import speed_after_rise
 
-from explicit.bars import Joint, PulseShaper, Section, find_events, loaded_line, march_test, section_force
+from explicit import Model, Samples, cylinder
+from explicit.bars import (
+    Joint,
+    PulseShaper,
+    Section,
+    find_events,
+    loaded_line,
+    march_test,
+    section_force,
+    simulate_test,
+)
+from explicit.materials import neo_hookean
 
 
 def test_equal_bars_face_on_face() -> None:
@@ -98,6 +110,22 @@ def test_what_cannot_be_is_refused() -> None:
         loaded_line([], up, step=1e-7)
     with pytest.raises(ValueError, match=r"depth must be in \[0, 0.005\] m, got 1"):
         loaded_line([part(5e-3)], up, step=1e-7).force(1.0)
+
+
+def test_a_whole_test_is_one_sample_and_must_converge() -> None:
+    model = Model(
+        cylinder(4.75e-3, 6.5e-3, n_radial=4, n_axial=6),
+        870.0,
+        (neo_hookean(27e3),),
+        (speed_after_rise(1.0, 50e-6, end=1e-3),),
+    )
+    curve = topic.static_curve()
+    two = Samples.of(poisson=[0.49, 0.48])
+    with pytest.raises(ValueError, match="one sample, got 2"):
+        simulate_test(apparatus(), model, two, curve, end=0.6e-3)
+    one = Samples.of(poisson=0.49)
+    with pytest.raises(RuntimeError, match=r"still change by .* N after 1 passes, tolerance 0.02 N"):
+        simulate_test(apparatus(), model, one, curve, end=0.6e-3, step=topic.STEP, max_passes=1)
 
 
 @pytest.mark.slow
