@@ -7,8 +7,8 @@ from bars_scene import BAR, PLATEN, SPEED, STRIKER, TRANSDUCER, apparatus, part
 from numpy.typing import NDArray
 from order import FittedOrder, fitted_order
 
-from explicit.bars import Apparatus, Joint, PulseShaper, march_test
-from explicit.bars.impact import FlightHistory
+from explicit.bars import Apparatus, Joint, PulseShaper, find_events, march_test
+from explicit.bars.impact import FlightHistory, SpecimenForce
 
 FloatArray = NDArray[np.float64]
 
@@ -80,6 +80,32 @@ def linear_shaper() -> tuple[FloatArray, FittedOrder]:
 def free_flight() -> FlightHistory:
     """The paper's apparatus without a specimen."""
     return march_test(apparatus(), end=1.5e-3, step=PLATEN.travel_time / 9)
+
+
+SPRING = 2e4
+"""Stiffness of a specimen that is a spring [N/m]."""
+
+
+@cache
+def flight_on_a_spring() -> tuple[float, float]:
+    """Time from separation to arrest, and largest force, over their closed forms [-].
+
+    A rigid flyer of mass M that leaves at speed v with the spring compressed by x0 stands still after
+    (pi / 2 - phi) / w with tan(phi) = w x0 / v and w^2 = k / M, under the force sqrt(k M v^2 + (k x0)^2).
+    """
+    step = PLATEN.travel_time / 9
+    n = round(4e-3 / step) + 1
+    curve = np.array([-1e-2, 1e-2])
+    spring = SpecimenForce(curve, SPRING * curve, np.zeros(n), np.zeros(n))
+    history = march_test(apparatus(), end=4e-3, step=step, specimen=spring)
+    events, mass = find_events(history), PLATEN.mass + TRANSDUCER.mass
+    apart, again = round(events.separation / step), round(events.second_impact / step)
+    speed, start = history.flyer.momentum()[apart] / mass, history.compression[apart]
+    omega = np.sqrt(SPRING / mass)
+    swing = (0.5 * np.pi - np.arctan(omega * start / speed)) / omega
+    largest = np.sqrt(SPRING * mass * speed**2 + (SPRING * start) ** 2)
+    found = history.force_transmission[:again].max()
+    return float((events.arrest - events.separation) / swing), float(found / largest)
 
 
 def balances(history: FlightHistory) -> tuple[float, float, float]:

@@ -68,6 +68,10 @@ def test_shaper_unloads_along_its_slope() -> None:
     assert force.min() == 0.0
 
 
+def test_flight_on_a_spring_is_a_swing() -> None:
+    assert checks.flight_on_a_spring() == pytest.approx((1.0, 1.0), rel=topic.SWING_TOLERANCE)
+
+
 def test_free_flyer_keeps_its_velocity() -> None:
     history = checks.free_flight()
     events = find_events(history)
