@@ -31,7 +31,7 @@ FloatArray = NDArray[np.float64]
 
 TITLE = "Flyer test from the striker on"
 FIGURE_SIZE = (6.7, 8.2)
-END = 4.2e-3
+END = 4.0e-3
 """Last time since the striker touched [s]."""
 STEP = PLATEN.travel_time / 9
 """Time step of the bars [s]: whole steps along the platen, 0.3 % off along the transducer."""
@@ -185,7 +185,7 @@ def draw(result: Result, figure: Figure) -> None:
     flown = low_pass(bars.flyer_velocity, STEP, CUTOFF)
     speed.plot(time, flown[every], label="flyer")
     speed.set(ylabel="velocity [m/s]", ylim=(-3.2, 3.6))
-    speed.legend(loc="lower left")
+    speed.legend(loc=(0.22, 0.08))
     signal = low_pass(bars.flyer.force(FLYER_SENSOR), STEP, CUTOFF)
     incident.plot(time, signal[every], color="C1", linewidth=0.9)
     incident.set(ylabel="flyer force [N]", ylim=(-140, 380))
@@ -196,7 +196,7 @@ def draw(result: Result, figure: Figure) -> None:
     path.plot(time, 1e3 * end[every], color="0.6", label="bar's end")
     path.plot(time, 1e3 * bars.flyer_path[every], label="flyer")
     path.set(xlabel="time since the striker's touch [ms]", ylabel="path [mm]", xlim=(0.0, 1e3 * END))
-    path.legend(loc="upper left")
+    path.legend(loc=(0.22, 0.72))
     share = path.secondary_yaxis("right", functions=(lambda x: 0.1 * x / LENGTH, lambda e: 10.0 * e * LENGTH))
     share.set_ylabel("over length [%]")
     for ax in axes:
