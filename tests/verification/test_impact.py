@@ -140,7 +140,7 @@ def test_everything_in_the_figure_happens_in_its_order() -> None:
     assert np.isfinite(order).all()
     assert (np.diff(order) > 0.0).all()
     assert events.striker_parts < events.tensile_dip  # the incident pulse is complete by then
-    assert 340.0 < numbers["rate"] < 429.0  # the paper's Table 2
+    assert 340.0 < numbers["rate"] < 429.0  # the paper's Table 2, for which the rubber was chosen
     # About 70 % in the paper before symmetry is lost; a flyer of an assumed mass goes on to its arrest.
     assert 0.65 < numbers["strain"] < 0.80
     # The peak is flat: the force of a nearly static specimen follows its compression.
