@@ -7,7 +7,7 @@ from explicit.motion import PlatenMotion
 from explicit.outcome import Outcome
 from explicit.response import Response
 from explicit.run import run
-from explicit.support import RIGID, CharacteristicBar
+from explicit.support import RIGID, CharacteristicBar, MovingSupport
 
 __all__ = [
     "RIGID",
@@ -15,6 +15,7 @@ __all__ = [
     "EnergyLedger",
     "Mesh",
     "Model",
+    "MovingSupport",
     "Outcome",
     "PlatenMotion",
     "Response",

@@ -17,6 +17,7 @@ from explicit.materials import bulk_modulus
 from explicit.mesh import Mesh
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.precision import Precision
+from explicit.support import RIGID, CharacteristicBar, MovingSupport
 from explicit.update import VALENCE
 
 IntArray = NDArray[np.int64]
@@ -150,16 +151,23 @@ def batch_of(
     table = np.zeros((len(rows), max(len(row) for row in rows)))
     for i, row in enumerate(rows):
         table[i, : len(row)] = row
-    if len({len(motion.position) for motion in model.motions}) != 1:
-        raise ValueError("the motions of a model need equally many knots")
-    motions = np.stack([motion.cubics for motion in model.motions])
+    moving = model.support.motions if isinstance(model.support, MovingSupport) else ()
+    counts = {len(motion.position) for motion in model.motions + moving}
+    if len(counts) != 1:
+        raise ValueError(
+            f"the motions of a model need equally many knots, with those of its support, got {sorted(counts)}"
+        )
+    motions = np.stack([motion.cubics for motion in model.motions + moving])
     batch = kernel.structs.Batch()
     batch.start, batch.safety, batch.floor = model.start, stepping.safety, stepping.floor
     batch.largest_step = min(stepping.largest_step, 1.0)
     batch.measure_every, batch.max_steps = stepping.measure_every, stepping.max_steps
     batch.ledger_every = sampling.ledger_every
-    batch.impedance = min(model.support.impedance, 1e300)
-    batch.round_trip = min(model.support.round_trip, 1e300)
+    bar = model.support if isinstance(model.support, CharacteristicBar) else RIGID
+    batch.impedance, batch.round_trip = min(bar.impedance, 1e300), min(bar.round_trip, 1e300)
+    batch.support_moves = int(bool(moving))
+    moved = len(model.motions) + np.minimum(np.arange(len(samples)), max(len(moving) - 1, 0))
+    support = moved if moving else np.zeros(len(samples))
     limits = np.minimum([law.data_limit for law in model.materials], 1e30)
     batch.data_limit = wp.array(limits, dtype=numbers.real, device=where)
     batch.solids = wp.array(solids, dtype=kernel.element.Solid, device=where)
@@ -167,7 +175,9 @@ def batch_of(
     batch.material = wp.array(samples.material.astype(np.int32), dtype=int, device=where)
     batch.rows = wp.array(table, dtype=numbers.real, device=where)
     batch.motion = wp.array(samples.motion.astype(np.int32), dtype=int, device=where)
-    batch.motion_rate = wp.array([1.0 / m.step for m in model.motions], dtype=wp.float64, device=where)
+    rates = [1.0 / motion.step for motion in model.motions + moving]
+    batch.support_motion = wp.array(support.astype(np.int32), dtype=int, device=where)
+    batch.motion_rate = wp.array(rates, dtype=wp.float64, device=where)
     batch.motion_table = wp.array(motions, dtype=wp.float64, device=where)
     return batch
 

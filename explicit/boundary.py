@@ -21,8 +21,8 @@ BAR_HISTORY = 1024
 class BoundaryFunctions:
     """The boundary of one pair of contact laws and precision."""
 
-    flyer_position: Any
-    """``flyer_position(batch, motion, time)``: displacement of the flyer's platen [m]."""
+    platen_position: Any
+    """``platen_position(batch, motion, time)``: displacement of a platen whose motion is tabulated [m]."""
     returned_wave: Any
     """``returned_wave(state, sample, elapsed, round_trip)``: h(t) of `explicit.support` [m/s]."""
     meet: Any
@@ -41,7 +41,7 @@ def boundary_functions(faces: str, side: str, precision: Precision, structs: Str
     history, twice = int(BAR_HISTORY), int(2 * BAR_HISTORY)
 
     @wp.func
-    def flyer_position(batch: Batch, motion: int, time: wp.float64):
+    def platen_position(batch: Batch, motion: int, time: wp.float64):
         last = batch.motion_table.shape[1] - 1
         place = (time - batch.start) * batch.motion_rate[motion]
         k = wp.clamp(int(place), 0, last)
@@ -91,4 +91,4 @@ def boundary_functions(faces: str, side: str, precision: Precision, structs: Str
             mark = platen
         return new, platen, mark
 
-    return BoundaryFunctions(flyer_position, returned_wave, meet)
+    return BoundaryFunctions(platen_position, returned_wave, meet)

@@ -21,9 +21,9 @@ from explicit.structs import Structs
 
 TIME, STATUS, GOING, STEPS, SMALLEST_STEP, FIRST_STEP, PAST_DATA, MOST_STRAINED = range(8)
 FORCE_FLYER, FORCE_SUPPORT, IMPULSE_FLYER, IMPULSE_SUPPORT = range(8, 12)
-LOWER, LOWER_NEXT, LOWER_SPEED, RECORDED = range(12, 16)
-NEXT_FORCE, FORCE_DUE, NEXT_SURFACE, SURFACE_DUE, COMING, COMING_DUE = range(16, 22)
-FAULT, PLANS = 22, 23
+LOWER_NEXT, LOWER_SPEED, RECORDED = range(12, 15)
+NEXT_FORCE, FORCE_DUE, NEXT_SURFACE, SURFACE_DUE, COMING, COMING_DUE = range(15, 21)
+FAULT, PLANS = 21, 22
 STEP, STEP_BEFORE, INTERVAL, PER_INTERVAL, RATE, FLYER_NEXT, UPPER_SPEED, LEDGER, PLAN = range(9)
 CLOCK = PLANS + 2 * PLAN
 """Numbers on the clock; those above say which is which. The plan of a step has its own, at `PLANS` for even
@@ -59,7 +59,7 @@ def clock_functions(
     """Generate the clock's functions."""
     real = precision.real
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
-    flyer_position, returned_wave = boundary.flyer_position, boundary.returned_wave
+    platen_position, returned_wave = boundary.platen_position, boundary.returned_wave
     is_due, record_force = record.is_due, record.force
     record_positions, record_ledger = record.positions, record.ledger
     lanes = lane_functions()
@@ -78,7 +78,7 @@ def clock_functions(
             clock[k] = ZERO
         clock[TIME] = batch.start
         clock[GOING] = ONE
-        clock[PLANS + PLAN + FLYER_NEXT] = flyer_position(batch, batch.motion[sample], batch.start)
+        clock[PLANS + PLAN + FLYER_NEXT] = platen_position(batch, batch.motion[sample], batch.start)
         clock[FORCE_DUE] = output.force_times[0]
         clock[SURFACE_DUE] = output.surface_times[0]
         clock[COMING_DUE] = output.surface_times[0]
@@ -185,15 +185,17 @@ def clock_functions(
                         if alone(lane) == 1:
                             state.bar_wave[sample, recorded % twice] = outgoing
                         recorded += 1
-                clock[LOWER_SPEED] = lower_speed
                 clock[RECORDED] = wp.float64(recorded)
+            if batch.support_moves == 1:
+                planned = platen_position(batch, batch.support_motion[sample], following + dt_next)
+                lower_speed = (planned - lower_next) / dt_next
             all_read()
             impulse += force * interval
             clock[IMPULSE_FLYER] = impulse[0]
             clock[IMPULSE_SUPPORT] = impulse[1]
             clock[FORCE_FLYER] = force[0]
             clock[FORCE_SUPPORT] = force[1]
-            clock[LOWER] = lower_next
+            clock[LOWER_SPEED] = lower_speed
             clock[LOWER_NEXT] = lower_next + lower_speed * dt_next
             clock[TIME] = following
             clock[STEPS] = wp.float64(step + 1)
@@ -258,7 +260,10 @@ def clock_functions(
             all_read()
             clock[COMING] = wp.float64(coming)
             clock[COMING_DUE] = coming_due
-        flyer_next = flyer_position(batch, batch.motion[sample], following)
+        if step == 0 and batch.support_moves == 1:
+            clock[LOWER_NEXT] = platen_position(batch, batch.support_motion[sample], following)
+            clock[LOWER_SPEED] = clock[LOWER_NEXT] * rate
+        flyer_next = platen_position(batch, batch.motion[sample], following)
         interval = HALF * (dt + dt_before)  # the velocity lives between the positions
         clock[this + STEP] = dt
         clock[this + STEP_BEFORE] = dt_before

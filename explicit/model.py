@@ -11,7 +11,7 @@ from explicit.elements import element
 from explicit.materials import MaterialLaw, bulk_modulus
 from explicit.mesh import Mesh
 from explicit.motion import PlatenMotion
-from explicit.support import RIGID, CharacteristicBar
+from explicit.support import RIGID, MovingSupport, Support
 
 FloatArray = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ class Model:
     """Contact law of the end faces."""
     side: str = "bonded"
     """Contact law of the side surface where it rolls onto a platen."""
-    support: CharacteristicBar = RIGID
+    support: Support = RIGID
     """What stands behind the transmission platen."""
     damping_kind: Literal["deviatoric", "full"] = "deviatoric"
     """Stiffness-proportional damping of the deviator only, or of the whole elastic tensor."""
@@ -49,6 +49,10 @@ class Model:
             raise ValueError("a model needs material laws, all of one class")
         if not self.motions or len({motion.start for motion in self.motions}) != 1:
             raise ValueError("a model needs flyer motions, all with one start time")
+        if isinstance(self.support, MovingSupport):
+            starts = {motion.start for motion in self.support.motions}
+            if starts != {self.start}:
+                raise ValueError(f"a moving support must start at {self.start} s as the flyer, got {starts}")
         if self.damping_kind not in ("deviatoric", "full"):
             raise ValueError(f"damping_kind must be 'deviatoric' or 'full', got {self.damping_kind!r}")
         if not self.hourglass >= 0.0:

@@ -16,6 +16,7 @@ from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.outcome import Outcome
 from explicit.precision import precision
 from explicit.response import Response
+from explicit.support import MovingSupport
 
 
 def run(
@@ -83,6 +84,11 @@ def _check(model: Model, samples: Samples, sampling: Sampling) -> None:
         wrong = index[(index < 0) | (index >= count)]
         if wrong.size:
             raise ValueError(f"a sample names {name} {wrong[0]}, the model has 0 to {count - 1}")
+    if isinstance(model.support, MovingSupport) and len(model.support.motions) not in (1, len(samples)):
+        raise ValueError(
+            f"a moving support needs 1 motion or one for each of {len(samples)} samples, "
+            f"got {len(model.support.motions)}"
+        )
 
 
 def _response(model: Model, sampling: Sampling, output: Any, nodes: Any) -> Response:

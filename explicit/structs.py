@@ -56,6 +56,7 @@ def batch_structs(precision: Precision, Shape: Any, Solid: Any) -> Structs:
         max_steps: int
         impedance: wp.float64
         round_trip: wp.float64
+        support_moves: int
         data_limit: wp.array(dtype=real)
         solids: wp.array(dtype=Solid)
         friction: wp.array(dtype=real)
@@ -63,6 +64,7 @@ def batch_structs(precision: Precision, Shape: Any, Solid: Any) -> Structs:
         rows: wp.array2d(dtype=real)
         motion: wp.array(dtype=int)
         motion_rate: wp.array(dtype=wp.float64)
+        support_motion: wp.array(dtype=int)
         motion_table: wp.array3d(dtype=wp.float64)
 
     @wp.struct

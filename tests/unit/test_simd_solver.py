@@ -12,6 +12,7 @@ import warp as wp
 from explicit import (
     CharacteristicBar,
     Model,
+    MovingSupport,
     Outcome,
     PlatenMotion,
     Samples,
@@ -27,6 +28,7 @@ from explicit.march import march_kernel
 from explicit.materials import MarlowLaw, neo_hookean
 from explicit.precision import PRECISIONS
 from explicit.simd import PACK_BYTES, Mapping, lane_kernel
+from explicit.support import Support
 
 RADIUS, LENGTH, END = 4.75e-3, 6.5e-3, 8e-4
 N = 17
@@ -47,6 +49,7 @@ class Case:
     precision: str = "fp64"
     damping_kind: Any = "deviatoric"
     bar: bool = False
+    moving: bool = False
 
 
 CASES = [
@@ -55,6 +58,7 @@ CASES = [
     Case("bar", bar=True),
     Case("fp32", precision="fp32"),
     Case("fp32-full-bar", precision="fp32", damping_kind="full", bar=True),
+    Case("moving", moving=True),
     Case("fbar", element="fbar"),
     Case("fbar-full-bar", element="fbar", damping_kind="full", bar=True),
 ]
@@ -72,6 +76,13 @@ def ramp(depth: float, late: float) -> PlatenMotion:
     )
 
 
+def support_of(case: Case) -> Support:
+    if case.moving:
+        return MovingSupport(tuple(ramp(-0.01 * LENGTH * i / N, 0.0) for i in range(N)))
+    # The wave comes back four times within the window; the impedance is near the specimen's own.
+    return CharacteristicBar(8.0, END / 5) if case.bar else CharacteristicBar(1e300, 1e300)
+
+
 def model_of(case: Case) -> Model:
     # A stiffening curve that ends at s = 0.5, so that some of the specimen is strained past its data.
     soft = neo_hookean(27e3, last=0.5)
@@ -85,8 +96,7 @@ def model_of(case: Case) -> Model:
         side="coulomb",
         damping_kind=case.damping_kind,
         element=case.element,
-        # The wave comes back four times within the window; the impedance is near the specimen's own.
-        support=CharacteristicBar(8.0, END / 5) if case.bar else CharacteristicBar(1e300, 1e300),
+        support=support_of(case),
     )
 
 

@@ -41,6 +41,8 @@ TOPICS = [
     "dynamic_bonded",
     "waves",
     "bar",
+    "elastic_bar",
+    "impact",
     "contact",
     "friction",
     "energy",

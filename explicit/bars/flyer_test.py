@@ -1,0 +1,120 @@
+"""The specimen in the whole test: finite elements and one-dimensional bars, iterated to agreement.
+
+The flyer flies free, so it is the specimen that stops it, and a plain waveform iteration would swing. Each
+pass therefore marches the bars with a static curve of the specimen in the loop and with what that curve left
+out in the pass before; only the curve's error is iterated.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from explicit.bars.coupling import mean_force, require_completed
+from explicit.bars.impact import Apparatus, FlightHistory, SpecimenForce, march_test
+from explicit.model import Model, Samples, Sampling, Stepping
+from explicit.motion import PlatenMotion
+from explicit.response import Response
+from explicit.run import run
+from explicit.support import MovingSupport
+
+FloatArray = NDArray[np.float64]
+
+KNOT = 5e-7
+"""Distance of the knots of the platens' motions [s]."""
+SURFACE_EVERY = 50
+"""Knots from one outline to the next."""
+
+
+@dataclass(frozen=True)
+class FlyerTest:
+    """A test from the striker's impact on."""
+
+    bars: FlightHistory
+    """What the bars did."""
+    response: Response
+    """What the specimen did; its forces at the knots, its outline every 25 us."""
+    change: FloatArray
+    """Largest change of a force on the specimen's platens from each pass to the next [N],
+    shape [n_passes]."""
+
+
+def simulate_test(
+    apparatus: Apparatus,
+    model: Model,
+    samples: Samples,
+    static: tuple[FloatArray, FloatArray],
+    *,
+    end: float,
+    step: float = 1e-7,
+    tolerance: float = 0.02,
+    max_passes: int = 20,
+    stepping: Stepping | None = None,
+) -> FlyerTest:
+    """Simulate the whole test of one specimen.
+
+    Parameters
+    ----------
+    apparatus
+        The bars.
+    model, samples
+        The specimen and its parameters, one sample; motion and support of the model are replaced.
+    static : tuple
+        Compression [m] and force [N] of a rough static curve of the specimen, steep at its end. The result
+        does not depend on it, the number of passes does.
+    end : float
+        Last time since the striker touched [s].
+    step : float
+        Time step of the bars [s].
+    tolerance : float
+        Largest change of a force from one pass to the next that ends the iteration [N].
+    max_passes : int
+        Passes after which it is given up.
+
+    Raises
+    ------
+    ValueError
+        If there is more than one sample.
+    RuntimeError
+        If a simulation does not complete or the forces still change after `max_passes`.
+    """
+    if len(samples) != 1:
+        raise ValueError(f"a whole test is one sample, got {len(samples)}")
+    n_knots = int(np.ceil(end / KNOT)) + 1
+    knots = KNOT * np.arange(n_knots, dtype=np.float64)
+    times = step * np.arange(round(end / step) + 1, dtype=np.float64)
+    sampling = Sampling(knots, knots[::SURFACE_EVERY])
+    excess = np.zeros((2, len(times)))
+    change: list[float] = []
+    for _ in range(max_passes):
+        bars = march_test(apparatus, end=end, step=step, specimen=SpecimenForce(*static, *excess))
+        flyer = _motion(knots, times, bars.flyer_path, bars.flyer_velocity)
+        support = _motion(knots, times, -bars.support_path, -bars.support_velocity)
+        moved = replace(model, motions=(flyer,), support=MovingSupport((support,)))
+        response = run(moved, samples, sampling, stepping=stepping)
+        require_completed(response)
+        used = np.array([bars.force_flyer, bars.force_transmission])
+        found = np.array(
+            [
+                np.interp(times, *mean_force(knots, impulse[0]))
+                for impulse in (response.impulse_flyer, response.impulse_transmission)
+            ]
+        )
+        change.append(float(np.abs(found - used).max()))
+        if change[-1] <= tolerance:
+            return FlyerTest(bars, response, np.array(change))
+        excess += found - used
+    raise RuntimeError(
+        f"the forces still change by {change[-1]:.3g} N after {max_passes} passes, tolerance "
+        f"{tolerance:g} N: raise max_passes, or give a static curve closer to the specimen's"
+    )
+
+
+def _motion(knots: FloatArray, times: FloatArray, path: FloatArray, velocity: FloatArray) -> PlatenMotion:
+    position = np.interp(knots, times, path)
+    return PlatenMotion(
+        start=0.0,
+        step=float(knots[1]),
+        position=position - position[0],
+        velocity=np.interp(knots, times, velocity),
+    )

@@ -1,0 +1,329 @@
+"""The whole flyer test from the striker's impact on, against Fig. 5 and numbers of Mates et al. (2012)."""
+
+from dataclasses import dataclass
+from functools import cache
+
+import impact_checks as checks
+import numpy as np
+from bars_scene import (
+    BAR,
+    PLATEN,
+    SHAPER_MODULUS,
+    SPEED,
+    STRIKER,
+    TRANSDUCER,
+    TRANSDUCER_LENGTH,
+    apparatus,
+    low_pass,
+    open_01,
+    unbonded,
+)
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from order import FittedOrder
+from scene import DENSITY, LENGTH, RADIUS, table
+
+from explicit.bars import find_events, simulate_test
+from explicit.bars.events import Events
+from explicit.bars.flyer_test import FlyerTest
+
+FloatArray = NDArray[np.float64]
+
+TITLE = "Flyer test from the striker on"
+FIGURE_SIZE = (6.7, 8.2)
+END = 4.0e-3
+"""Last time since the striker touched [s]."""
+STEP = PLATEN.travel_time / 9
+"""Time step of the bars [s]: whole steps along the platen, 0.3 % off along the transducer."""
+FLYER_SENSOR = 0.5 * TRANSDUCER_LENGTH
+"""Distance of the flyer's transducer's mid-section from the incident bar [m]."""
+SUPPORT_SENSOR = PLATEN.length + 0.5 * TRANSDUCER_LENGTH
+"""Depth of the transducer's mid-section behind the specimen [m]."""
+CUTOFF = 50e3
+"""Low-pass of the transducers' signals in the figure [Hz]: the flyer rings along its axis at 125 kHz."""
+LEVEL_TOLERANCE = 1e-12
+"""Allowed error of impact forces, times and velocities face on face [-]: round-off."""
+SHAPER_TOLERANCE = 5e-4
+"""Allowed error of the force through a linear shaper, finest step [-]: the trapezoidal rule, second order."""
+MOMENTUM_TOLERANCE = 1e-11
+"""Allowed drift of the momentum [-]: round-off of sums over thousands of steps."""
+BALANCE_TOLERANCE = 1e-3
+"""Allowed imbalance of the energy over the striker's [-]: the shaper's work by the trapezoidal rule."""
+SWING_TOLERANCE = 0.01
+"""Allowed error of a flight on a spring [-]: the flyer's own waves, and the bar behind that gives way."""
+WORK_TOLERANCE = 2e-3
+"""Allowed difference of the work on the specimen by the bars and by its own ledger [-]: forces are averaged
+over half a microsecond between the two."""
+JOINT_TOLERANCE = 0.01
+"""Allowed error of the work that breaks the joint [-]: backward Euler in 500 steps of its opening."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """The simulated test and the closed forms of its parts."""
+
+    test: FlyerTest
+    """Bars and specimen."""
+    events: Events
+    """What happened when."""
+    levels: tuple[FloatArray, FloatArray]
+    """Impact force of a thicker striker [N], found and closed form."""
+    shaper: tuple[FloatArray, FittedOrder]
+    """Error of a linear shaper's force [-] by step, and its order."""
+    balances: tuple[float, float, float]
+    """Drift of the momentum, imbalance of the energy, joint's work over its closed form [-]."""
+    swing: tuple[float, float]
+    """Swing and largest force of a flight on a spring over their closed forms [-]."""
+    work: tuple[float, float]
+    """Work on the specimen up to the last outline before the arrest, by the bars and by the specimen's own
+    ledger [J]."""
+    radius: float
+    """Largest radius of the specimen before the second impact [m]."""
+
+    def at(self, time: float) -> int:
+        """Index of a time."""
+        return round(time / self.test.bars.times[1])
+
+    @property
+    def strain(self) -> FloatArray:
+        """Compression of the specimen over its length [-]."""
+        return self.test.bars.compression / LENGTH
+
+
+def static_curve() -> tuple[FloatArray, FloatArray]:
+    """A rough static curve of the bonded specimen [m], [N]: neo-Hookean, stiffened as it gets flat."""
+    stretch = np.linspace(1.0, 0.04, 300)
+    shear = 1.12 * 74e3 / 3.0
+    flat = 1.0 + 0.5 * (0.5 * RADIUS / LENGTH) ** 2 / stretch**3
+    return LENGTH * (1.0 - stretch), shear * np.pi * RADIUS**2 * (stretch**-2 - stretch) * flat
+
+
+@cache
+def case() -> Result:
+    """The test of the paper with the specimen of open-01, and the closed forms."""
+    model, samples = open_01()
+    test = simulate_test(apparatus(), unbonded(model), samples, static_curve(), end=END, step=STEP)
+    events, bars, response = find_events(test.bars), test.bars, test.response
+    power = bars.force_flyer * bars.flyer_velocity - bars.force_transmission * bars.support_velocity
+    last = int(np.searchsorted(response.surface_times, events.arrest)) - 1
+    given = np.interp(response.surface_times[last], bars.times, np.cumsum(power) * STEP)
+    seen = response.surface_times < events.second_impact
+    return Result(
+        test=test,
+        events=events,
+        levels=checks.staircase(),
+        shaper=checks.linear_shaper(),
+        balances=checks.balances(checks.free_flight()),
+        swing=checks.flight_on_a_spring(),
+        work=(float(given), float(response.energy.external[0, last])),
+        radius=float(response.surface_r[0, seen].max()),
+    )
+
+
+def measured(result: Result) -> dict[str, float]:
+    """Numbers of the test that the paper gives too."""
+    events, bars = result.events, result.test.bars
+    apart, arrest = result.at(events.separation), result.at(events.arrest)
+    seventy = int(np.argmax(result.strain >= 0.7))
+    return {
+        "flyer": float(bars.flyer_velocity[apart]),
+        "rate": float((0.7 - result.strain[apart]) / (bars.times[seventy] - bars.times[apart])),
+        "strain": float(result.strain[: result.at(events.second_impact)].max()),
+        "window": float(bars.times[seventy] - events.incident_rise),
+        "gain": float(
+            result.strain[: result.at(events.second_impact)].max() * LENGTH / pulse_displacement(result)
+        ),
+        "peak": float(bars.force_transmission[: result.at(events.second_impact)].max()),
+        "arrest to peak": float(
+            bars.times[np.argmax(bars.force_transmission[: result.at(events.second_impact)])]
+            - bars.times[arrest]
+        ),
+    }
+
+
+def pulse_displacement(result: Result) -> float:
+    """What the incident pulse alone moves a free end by, 2 I / Z [m]."""
+    impulse = result.test.bars.shaper_force.sum() * STEP
+    return float(2.0 * impulse / BAR.impedance)
+
+
+def row(result: Result) -> tuple[str, str, str]:
+    """Line of the index: what is compared, what was measured, what is allowed."""
+    found, exact = result.levels
+    return (
+        "impact force of bars, linear shaper, energy of a test from 5.5 m/s, closed forms; its events",
+        f"{np.abs(found / exact - 1).max():.0e}; {100 * result.shaper[0][-1]:.2f} %; "
+        f"{100 * result.balances[1]:.2f} %; as in the paper's Fig. 5",
+        f"{LEVEL_TOLERANCE:g}; {100 * SHAPER_TOLERANCE:g} %; {100 * BALANCE_TOLERANCE:g} %; the same",
+    )
+
+
+NAMES = {
+    "incident_rise": "arrival",
+    "tensile_dip": "tensile dip",
+    "separation": "separation",
+    "arrest": "arrest",
+    "push_back": "push-back",
+    "second_impact": "second impact",
+}
+MARKED = tuple(name for name in NAMES if name != "tensile_dip")
+
+
+def draw(result: Result, figure: Figure) -> None:
+    """From the top: gauge at the middle of the incident bar; velocity of the flyer and of the incident bar's
+    end; the flyer's transducer (its second impact leaves the axis); the transmitted force at its transducer;
+    paths of flyer and bar's end, also over the specimen's length. Flyer and transducers low-passed at 50 kHz.
+    Dotted: what the program found in the signals."""
+    bars, events = result.test.bars, result.events
+    axes = figure.subplots(5, 1, sharex=True, height_ratios=(1, 1, 1, 1.1, 1))
+    every = slice(None, None, 8)
+    time = 1e3 * bars.times[every]
+    gauge, speed, incident, transmitted, path = axes
+    gauge.plot(time, 1e-3 * bars.incident.force(0.5 * BAR.length)[every], linewidth=0.8)
+    gauge.set(ylabel="incident bar [kN]", ylim=(-13, 13))
+    speed.plot(time, bars.incident.velocity(BAR.length)[every], color="0.6", linewidth=0.8, label="bar's end")
+    flown = low_pass(bars.flyer_velocity, STEP, CUTOFF)
+    speed.plot(time, flown[every], label="flyer")
+    speed.set(ylabel="velocity [m/s]", ylim=(-3.2, 3.6))
+    speed.legend(loc=(0.22, 0.08))
+    signal = low_pass(bars.flyer.force(FLYER_SENSOR), STEP, CUTOFF)
+    incident.plot(time, signal[every], color="C1", linewidth=0.9)
+    incident.set(ylabel="flyer force [N]", ylim=(-140, 380))
+    sensed = low_pass(bars.transmission.force(SUPPORT_SENSOR), STEP, CUTOFF)
+    transmitted.plot(time, sensed[every], color="C2", linewidth=0.9)
+    transmitted.set(ylabel="transmitted force [N]", ylim=(-15, 175))
+    end = np.cumsum(bars.incident.velocity(BAR.length)) * STEP
+    path.plot(time, 1e3 * end[every], color="0.6", label="bar's end")
+    path.plot(time, 1e3 * bars.flyer_path[every], label="flyer")
+    path.set(xlabel="time since the striker's touch [ms]", ylabel="path [mm]", xlim=(0.0, 1e3 * END))
+    path.legend(loc=(0.22, 0.72))
+    share = path.secondary_yaxis("right", functions=(lambda x: 0.1 * x / LENGTH, lambda e: 10.0 * e * LENGTH))
+    share.set_ylabel("over length [%]")
+    for ax in axes:
+        for name in MARKED:
+            ax.axvline(1e3 * getattr(events, name), color="k", linestyle=":", linewidth=0.7)
+    for name in MARKED:
+        gauge.annotate(
+            NAMES[name],
+            (1e3 * getattr(events, name), 1.0),
+            xycoords=("data", "axes fraction"),
+            xytext=(0, 3),
+            textcoords="offset points",
+            ha="center",
+            fontsize=7.5,
+        )
+
+
+def page(result: Result) -> str:
+    """The page's text."""
+    bars, events, numbers = result.test.bars, result.events, measured(result)
+    found, exact = result.levels
+    errors, order = result.shaper
+    drift, imbalance, joint = result.balances
+    swing, largest = result.swing
+
+    again = result.at(events.second_impact)
+    advance = bars.incident.velocity(BAR.length)[:again].sum() * STEP
+    flyer = TRANSDUCER.mass + PLATEN.mass
+    behind = 0.5 * TRANSDUCER.mass / flyer
+
+    def line(name: str) -> list[str]:
+        time = getattr(events, name)
+        k = result.at(time)
+        return [
+            NAMES[name],
+            f"{1e6 * time:.0f}",
+            f"{bars.flyer_velocity[k]:.2f}",
+            f"{100 * result.strain[k]:.1f}",
+            f"{bars.force_transmission[k]:.1f}",
+        ]
+
+    paper = [
+        ["speed of the striker [m/s]", f"{SPEED:g}", f"{SPEED:g} (given)"],
+        [
+            "flyer at separation over the specimen's length [1/s]",
+            "340 to 429",
+            f"{numbers['flyer'] / LENGTH:.0f} (by the choice of the rubber)",
+        ],
+        ["mean strain rate, separation to 70 % [1/s]", "340 to 429, mean 399", f"{numbers['rate']:.0f}"],
+        ["largest compression [%]", "about 70 before symmetry is lost", f"{100 * numbers['strain']:.1f}"],
+        ["from the wave's arrival to 70 % [ms]", "1.7 (200 pictures)", f"{1e3 * numbers['window']:.2f}"],
+        [
+            "compression over what the pulse alone moves the bar's end by",
+            "10 (bars 10 times as long)",
+            f"{numbers['gain']:.1f}",
+        ],
+        [
+            "transmitted force peaks at the arrest",
+            "yes",
+            f"{1e6 * numbers['arrest to peak']:+.0f} µs from it, {numbers['peak']:.0f} N",
+        ],
+    ]
+    rows = [line(name) for name in NAMES]
+    changes = ", ".join(f"{change:.2g}" for change in result.test.change)
+    return f"""# {TITLE}
+
+**What is checked.** Striker, pulse shaper, incident bar, joint, flyer, specimen and transmission side in one
+model ({{doc}}`../theory/bars`): its parts against closed forms, the whole against what the paper's Fig. 5
+shows.
+
+## Parts
+
+*Face on face.* Equal bars: force Z v / 2 for 2 L / c_0, the free end at v: exact to round-off. A striker of Ø
+20 mm: levels v Z_1 Z_2 / (Z_1 + Z_2) ((Z_1 - Z_2) / (Z_1 + Z_2))^k, largest error
+{np.abs(found / exact - 1).max():.0e}.
+
+*Linear pulse shaper* between equal bars: F = Z v / 2 (1 - exp(-2 k t / Z)) until the striker's rear answers.
+Largest error over Z v / 2 with steps of the striker's length over 64, 128 and 256:
+{", ".join(f"{100 * e:.3f}" for e in errors)} %, fitted order {order.order:.2f} +- {order.standard_error:.2f}.
+
+*Flight on a spring* instead of a specimen, over that of a rigid flyer: time from separation to arrest
+{swing:.4f}, largest force {largest:.4f}.
+
+*Balances* of the paper's apparatus without a specimen: momentum to {drift:.0e}, energy (the shaper's and the
+joint's work included) to {imbalance:.0e} of the striker's; work that breaks the joint over strength times
+opening / 2: {joint:.3f}.
+
+## The test
+
+**Set-up.** Striker {1e3 * STRIKER.length:g} mm at {SPEED:g} m/s, bars of {1e3 * BAR.length:g} mm, Ø 15 mm,
+maraging steel as in the paper; flyer and support a transducer of {1e3 * TRANSDUCER.length:g} mm and a platen
+of 5 mm each (flyer {1e3 * flyer:.1f} g). The specimen is that of open-01 ({DENSITY:g} kg/m³, m = 1.12),
+16 × 22 elements, no slip while pressed. Pulse shaper: the paper's disc of Ø 5.5 mm × 2.0 mm as a neo-Hookean
+rubber. Three things the paper does not say are assumed: the transducer's length, the joint (100 N, gone
+within 20 µm) and the rubber's modulus at 2000 1/s, {SHAPER_MODULUS / 1e6:g} MPa in shear. The last one is
+chosen for the flyer's speed, so that strain rates are no test of the model; times, compression and the order
+of the events follow.
+
+Bars and specimen are iterated; the force on a platen changes from pass to pass by {changes} N.
+Up to the arrest the bars did {1e3 * result.work[0]:.2f} mJ of work on the specimen, its own ledger says
+{1e3 * result.work[1]:.2f} mJ; that ledger is balanced to
+{100 * result.test.response.energy.imbalance()[0]:.2f} %.
+
+{table(["", "time [µs]", "flyer [m/s]", "compression [%]", "force, transmitted [N]"], rows)}
+
+The striker lets go {1e6 * events.striker_parts:.0f} µs after its touch; the shaper took
+{1e-3 * bars.shaper_force.max():.1f} kN and {1e3 * bars.shaper_approach.max():.2f} mm.
+
+{table(["", "paper", "here"], paper)}
+
+**What the flyer's transducer shows** in free flight is not the force on the specimen but the part of it that
+stops the mass behind its own mid-section, {100 * behind:.0f} % here; the rest is the mass compensation of the
+platen and the transducer's front half.
+
+**What is seen.** The sharp rise of the flyer's force with the incident wave, the tensile dip in which the
+joint breaks, a free flight in which the transmitted force climbs until the flyer stands still, the specimen
+pushing it back, and its second impact on the incident bar, which has meanwhile advanced by
+{1e3 * advance:.1f} mm in jerks, one for each round trip of the wave that is trapped in it.
+
+**Not in the model.** The bars are one-dimensional and lossless: after the joint breaks the flyer rings at
+125 kHz for ever. It neither tilts nor leaves the axis, which ends the paper's tests at about 70 %. The
+platens are wider than any specimen; this one reaches Ø {2e3 * result.radius:.1f} mm, more than the 15 mm
+there are.
+
+**Tolerance.** Face on face {LEVEL_TOLERANCE:g}: round-off. Shaper {100 * SHAPER_TOLERANCE:g} % at the finest
+step, second order. Momentum {MOMENTUM_TOLERANCE:g}; energy {100 * BALANCE_TOLERANCE:g} %; joint
+{100 * JOINT_TOLERANCE:g} %; flight on a spring {100 * SWING_TOLERANCE:g} %; work on the specimen
+{100 * WORK_TOLERANCE:g} %. The whole: the order of the events, the rate within the paper's range, a
+compression of 65 to 80 %.
+"""
