@@ -31,6 +31,8 @@ def body_of(kernel: MarchKernel, model: Model, numbers: Precision, where: Any) -
     kind[mesh.lower_face] = LOWER
     kind[mesh.upper_face] = UPPER
     on_boundary = kind != INTERIOR
+    surface_mass = np.zeros(mesh.n_nodes)
+    surface_mass[on_boundary] = mass[on_boundary] / mesh.contact_area[on_boundary]
     start, corner = mesh.corners_of_node
     corner = corner % 4 * mesh.n_elements + corner // 4  # corner by corner, elements side by side
     body = kernel.structs.Body()
@@ -46,6 +48,7 @@ def body_of(kernel: MarchKernel, model: Model, numbers: Precision, where: Any) -
         ("reference_y", mesh.nodes[:, 1] - mesh.nodes[:, 1].min(), wp.float64),
         ("mass", mass, numbers.real),
         ("inverse_mass", 1.0 / mass, numbers.real),
+        ("surface_mass", surface_mass, numbers.real),
         ("on_axis", mesh.on_axis, int),
         ("kind", kind, int),
         ("seat", np.where(on_boundary, np.cumsum(on_boundary) - 1, -1), int),
@@ -109,7 +112,8 @@ def batch_of(
     limits = np.minimum([law.data_limit for law in model.materials], 1e30)
     batch.data_limit = wp.array(limits, dtype=numbers.real, device=where)
     batch.solids = wp.array(solids, dtype=kernel.element.Solid, device=where)
-    batch.friction = wp.array(samples.friction, dtype=numbers.real, device=where)
+    for name in ("friction", "release_stress", "contact_stiffness"):
+        setattr(batch, name, wp.array(getattr(samples, name), dtype=numbers.real, device=where))
     batch.material = wp.array(samples.material.astype(np.int32), dtype=int, device=where)
     batch.rows = wp.array(table, dtype=numbers.real, device=where)
     batch.motion = wp.array(samples.motion.astype(np.int32), dtype=int, device=where)
@@ -126,7 +130,7 @@ def state_of(kernel: MarchKernel, model: Model, numbers: Precision, where: Any, 
     def shape(n: int) -> tuple[int, int]:
         return (n, lanes) if lanes > 1 else (rows, n + SPARE)
 
-    for name in ("u_r", "u_y", "v_r", "v_y"):
+    for name in ("u_r", "u_y", "v_r", "v_y", "slip"):
         setattr(state, name, wp.zeros(shape(mesh.n_nodes), dtype=numbers.real, device=where))
     for name in ("corner_r", "corner_y"):
         setattr(state, name, wp.zeros(shape(4 * mesh.n_elements), dtype=numbers.real, device=where))

@@ -161,8 +161,9 @@ def march_kernel(
                     to_lower = real((lower_next - height) / dt)
                     to_upper = real((body.length - flyer_next - height) / dt)
                     new, platen, mark = meet(
-                        kind, state.touched[sample, n], free, to_lower, to_upper, friction
-                    )
+                        body, batch, state, sample, n,
+                        kind, state.touched[sample, n], free, to_lower, to_upper, friction, tau, h,
+                    )  # fmt: skip
                     state.touched[sample, n] = mark
                     # Impulses of the platen on the node, and where their work goes.
                     kick = wp.float64(mass) * wp.float64(new[1] - free[1])
