@@ -115,7 +115,7 @@ class Samples:
         material: NDArray[np.int64] | int = 0,
         motion: NDArray[np.int64] | int = 0,
         release_stress: FloatArray | float = float("inf"),
-        contact_stiffness: FloatArray | float = 1e12,
+        contact_stiffness: FloatArray | float = 1e13,
     ) -> "Samples":
         """Broadcast scalars and arrays to one batch."""
         values = (stiffness_factor, poisson, damping, friction, mass_damping, release_stress)

@@ -42,6 +42,7 @@ TOPICS = [
     "waves",
     "bar",
     "contact",
+    "contact_limits",
     "friction",
     "energy",
     "time_order",
