@@ -12,8 +12,8 @@ from explicit.precision import Precision
 from explicit.structs import Structs
 
 INTERIOR, LOWER, UPPER, SIDE = 0, 1, 2, 3
-"""Node kinds: which platen a node can meet. LOWER and UPPER also mark the platen that a node has touched, with
-UPPER added where it has been let go again."""
+"""Node kinds: which platen a node can meet. LOWER and UPPER also mark the platen that a node has touched,
+with UPPER added where it has been let go again."""
 
 BAR_HISTORY = 1024
 """Samples per round trip of the wave stored for a characteristic bar."""
@@ -28,8 +28,8 @@ class BoundaryFunctions:
     returned_wave: Any
     """``returned_wave(state, sample, elapsed, round_trip)``: h(t) of `explicit.support` [m/s]."""
     meet: Any
-    """``meet(body, batch, state, sample, node, kind, touched, free, to_lower, to_upper, friction, interval, step)
-    -> (velocity, platen, touched)``."""
+    """``meet(body, batch, state, sample, node, kind, touched, free, to_lower, to_upper, friction, interval,
+    step) -> (velocity, platen, touched)``."""
 
 
 @cache

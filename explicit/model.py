@@ -118,12 +118,12 @@ class Samples:
         contact_stiffness: FloatArray | float = 1e13,
     ) -> "Samples":
         """Broadcast scalars and arrays to one batch."""
-        values = (stiffness_factor, poisson, damping, friction, mass_damping, release_stress)
-        choices = (contact_stiffness, material, motion)
-        shape = np.broadcast_shapes((1,), *(np.shape(value) for value in (*values, *choices)))
-        real = [np.array(np.broadcast_to(value, shape), dtype=np.float64) for value in (*values, choices[0])]
-        index = [np.array(np.broadcast_to(value, shape), dtype=np.int64) for value in choices[1:]]
-        return cls(*real[:5], *index, *real[5:])
+        values = (stiffness_factor, poisson, damping, friction, mass_damping, material, motion)
+        contact = (release_stress, contact_stiffness)
+        shape = np.broadcast_shapes((1,), *(np.shape(value) for value in (*values, *contact)))
+        real = [np.array(np.broadcast_to(x, shape), dtype=np.float64) for x in (*values[:5], *contact)]
+        index = [np.array(np.broadcast_to(value, shape), dtype=np.int64) for value in values[5:]]
+        return cls(real[0], real[1], real[2], real[3], real[4], index[0], index[1], real[5], real[6])
 
 
 def _require(values: FloatArray, good: NDArray[np.bool_], message: str) -> None:

@@ -9,7 +9,7 @@ from explicit.precision import Precision
 
 
 class BondedRelease:
-    """A node that has touched moves with the platen until its tensile contact stress reaches the release stress.
+    """A node that has touched moves with the platen until its tensile stress reaches the release stress.
 
     The contact stress is the normal impulse of the step over its interval and over the undeformed area that
     the node stands for. A bonded face does not slip, so its area stays the undeformed one and the stress is

@@ -1,4 +1,4 @@
-"""Penalty: springs on the platen instead of an exact constraint, normal and tangential, with Coulomb's bound."""
+"""Penalty: springs instead of an exact constraint, normal and tangential, with Coulomb's bound."""
 
 from typing import Any
 
@@ -11,9 +11,10 @@ from explicit.precision import Precision
 class Penalty:
     """A second formulation of Coulomb's law, to verify the kinematic one and to compare with other programs.
 
-    The pressure is the stiffness k times the penetration g, and the shear stress k times an elastic slip s, at
-    most f times the pressure (of the undeformed surface). Both are taken at the end of the step, so that no
-    stiffness shortens the stable step: with c = k h tau / density the impulses per mass are
+    The pressure is the stiffness k times the penetration, the shear stress k times an elastic slip s and at
+    most f times the pressure, all per area of the undeformed surface. They are taken at the end of the step,
+    so that no stiffness shortens the stable step: over the interval tau and the step h, with
+    c = k h tau / density, the impulses per mass are
 
         normal  (target - v_y) c / (1 + c),   tangential  (v_r + s / h) c / (1 + c),
 

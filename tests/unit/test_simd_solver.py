@@ -47,6 +47,7 @@ class Case:
     precision: str = "fp64"
     damping_kind: Any = "deviatoric"
     bar: bool = False
+    contact: str = "coulomb"
 
 
 CASES = [
@@ -57,6 +58,9 @@ CASES = [
     Case("fp32-full-bar", precision="fp32", damping_kind="full", bar=True),
     Case("fbar", element="fbar"),
     Case("fbar-full-bar", element="fbar", damping_kind="full", bar=True),
+    Case("release", contact="bonded_release"),
+    Case("penalty", contact="penalty"),
+    Case("fp32-penalty", precision="fp32", contact="penalty"),
 ]
 EVERY = pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 
@@ -81,8 +85,8 @@ def model_of(case: Case) -> Model:
         870.0,
         (soft, stiff),
         (ramp(0.35 * LENGTH, 0.0), ramp(0.2 * LENGTH, 1e-4), ramp(5.0 * LENGTH, 0.0)),
-        faces="coulomb",
-        side="coulomb",
+        faces=case.contact,
+        side=case.contact,
         damping_kind=case.damping_kind,
         element=case.element,
         # The wave comes back four times within the window; the impedance is near the specimen's own.
@@ -102,6 +106,8 @@ def samples_of(case: Case) -> Samples:
         mass_damping=rng.choice([0.0, 100.0], N),
         material=rng.integers(0, 2, N),
         motion=motion,
+        release_stress=np.resize([0.0, 300.0, 3e3, np.inf], N),
+        contact_stiffness=np.resize([1e10, 1e12, 1e14], N),
     )
 
 

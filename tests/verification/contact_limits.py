@@ -5,11 +5,11 @@ from functools import cache
 
 import numpy as np
 from contact_limits_runs import (
+    AREA,
     FRICTION,
     LAWS,
     PULLED,
     RELEASE,
-    STEP,
     STIFFNESS,
     TIMES,
     Distance,
@@ -25,7 +25,6 @@ from contact_limits_runs import (
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from order import FittedOrder, fitted_order
-from scene import table
 
 from explicit import Response
 
@@ -117,22 +116,25 @@ def row(result: Result) -> tuple[str, str, str]:
     fits = [fit.order for fit in orders(result).values()]
     ends = same_bits(result.release, 0, result.rough) and same_bits(result.release, -1, result.bonded)
     return (
-        "penetration of all nodes at all steps to 60 %; impulses against momentum through stick and slip; order "
-        "of the penalty towards the kinematic law; release stress 0 and infinity against rough and bonded",
+        "penetration of all nodes at all steps to 60 %; impulses against momentum through stick and slip; "
+        "order of the penalty towards the kinematic law; release stress 0 and ∞ against rough and bonded",
         f"{1e6 * kinematic:.0e} µm (penalty {1e6 * result.ledgers['penalty'].penetration:.2f} µm); "
         f"{momentum:.0e}; {min(fits):.2f} to {max(fits):.2f}; {'same bits' if ends else 'DIFFERENT'}",
-        f"{1e6 * GAP_TOLERANCE:.0e} µm (1 µm); {MOMENTUM_TOLERANCE:.0e}; 1 within {ORDER_TOLERANCE}; same bits",
+        f"{1e6 * GAP_TOLERANCE:.0e} µm (1 µm); {MOMENTUM_TOLERANCE:.0e}; 1 within {ORDER_TOLERANCE}; "
+        "same bits",
     )
 
 
 def draw(result: Result, figure: Figure) -> None:
-    """Top left: distance of the penalty law from the kinematic one, f = 0.3. Top right: distance of Coulomb's
-    law from the rough one. Bottom left: first waves with bonded faces that let go. Bottom right: largest force
-    of a slow pull until the faces let go."""
+    """Top left: distance of the penalty law from the kinematic one, f = 0.3 (grey: 1 µm). Top right: distance of Coulomb's
+    law from the rough one. Bottom left: first waves with bonded faces that let go. Bottom right: largest
+    force of a slow pull until the faces let go."""
     (left, right), (waves, pulled) = figure.subplots(2, 2)
     left.loglog(STIFFNESS, 1e6 * result.depth, "o-", label="penetration, largest")
     left.loglog(STIFFNESS, 1e6 * result.penalty.outline, "s-", label="outline, rms")
-    left.loglog(STIFFNESS, 1e6 * result.depth[-1] * STIFFNESS[-1] / STIFFNESS, ":", color="0.4", label="order 1")
+    left.loglog(
+        STIFFNESS, 1e6 * result.depth[-1] * STIFFNESS[-1] / STIFFNESS, ":", color="0.4", label="order 1"
+    )
     left.axhline(1.0, color="0.7", linewidth=0.7)
     left.set(xlabel="penalty stiffness [Pa/m]", ylabel="distance [µm]")
     left.legend()
@@ -148,9 +150,18 @@ def draw(result: Result, figure: Figure) -> None:
         waves.plot(1e3 * TIMES[first], result.release.force_transmission[i, first], style, label=label)
     waves.set(xlabel="time [ms]", ylabel="force on the transmission platen [N]")
     waves.legend()
-    closed = PULLED * np.pi * 4.75e-3**2
+    closed = PULLED * AREA
     pulled.plot(1e-3 * PULLED, closed, "-", color="0.4", label="stress × area")
     pulled.plot(1e-3 * PULLED, result.pull[:, 0] * closed, "o", label="flyer")
     pulled.plot(1e-3 * PULLED, result.pull[:, 1] * closed, "x", label="transmission platen")
-    pulled.set(xlabel="release stress [kPa]", ylabel="largest tensile force [N]", xlim=(0, None), ylim=(0, None))
+    pulled.set(
+        xlabel="release stress [kPa]", ylabel="largest tensile force [N]", xlim=(0, None), ylim=(0, None)
+    )
     pulled.legend()
+
+
+def page(result: Result) -> str:
+    """The page's text: `contact_limits_page.py`."""
+    from contact_limits_page import text  # it asks this module for numbers
+
+    return text(result)

@@ -14,7 +14,7 @@ from explicit.materials import neo_hookean
 FloatArray = NDArray[np.float64]
 
 END, POISSON, DAMPING = 1.5e-3, 0.495, 2.5e-5
-"""End of the impacts at 2.6 m/s [s], at 60 %; Poisson's ratio [-]; stiffness-proportional damping beta [s]."""
+"""End of the impacts at 2.6 m/s, at 60 % [s]; Poisson's ratio [-]; stiffness-proportional damping [s]."""
 AREA = np.pi * RADIUS**2
 """Undeformed area of a face [m^2]."""
 TIMES = np.linspace(0.0, END, 301)[1:]
@@ -41,7 +41,9 @@ SLOW, DRAG = 20e-3, 400.0
 """Duration of the slow pull and compression [s], and their mass-proportional damping [1/s]."""
 
 
-def model(law: str, motion: PlatenMotion, mesh: tuple[int, int] = (16, 22), poisson: float = POISSON) -> Model:
+def model(
+    law: str, motion: PlatenMotion, mesh: tuple[int, int] = (16, 22), poisson: float = POISSON
+) -> Model:
     """Faces and side with one law."""
     body = cylinder(RADIUS, LENGTH, n_radial=mesh[0], n_axial=mesh[1])
     return Model(body, DENSITY, (neo_hookean(shear_modulus(poisson)),), (motion,), faces=law, side=law)
@@ -166,8 +168,8 @@ def pull() -> FloatArray:
 
 @cache
 def press() -> FloatArray:
-    """Penetration of a face's nodes times stiffness over pressure after a slow frictionless compression to 20 %,
-    rows `STIFFNESS`, columns nodes of the face on the transmission platen [-]."""
+    """Penetration of a face's nodes times stiffness over pressure after a slow frictionless compression to
+    20 % [-], rows `STIFFNESS`, columns nodes of the face on the transmission platen."""
     end = np.array([SLOW])
     push = smooth_stroke(0.2 * LENGTH, SLOW, end=SLOW)
     samples = Samples.of(poisson=POISSON, damping=DAMPING, mass_damping=DRAG, contact_stiffness=STIFFNESS)

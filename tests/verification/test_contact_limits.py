@@ -3,6 +3,7 @@
 import contact_limits as topic
 import numpy as np
 import pytest
+from contact_limits_runs import STEP
 from order import assert_order
 
 
@@ -16,7 +17,7 @@ def test_no_node_goes_beyond_a_platen_at_any_step(law: str) -> None:
 @pytest.mark.parametrize("law", topic.LAWS)
 def test_impulses_are_the_momentum_through_stick_and_slip(law: str) -> None:
     ledger = topic.ledger(law)
-    assert ledger.step == topic.STEP  # steps of one size: places within a step give its velocity
+    assert ledger.step == STEP  # steps of one size: places within a step give its velocity
     assert ledger.momentum < topic.MOMENTUM_TOLERANCE
 
 
