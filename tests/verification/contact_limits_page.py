@@ -27,6 +27,7 @@ from contact_limits_runs import (
     STEP,
     STIFFNESS,
     same_bits,
+    twice,
 )
 from scene import table
 
@@ -128,6 +129,7 @@ def text(result: Result) -> str:
     last = FRICTION[result.friction.outline > 0.0].max()
     slope = f"{fit.order:.2f} ± {fit.standard_error:.2f}"
     worst = np.abs(result.press - 1.0).max()
+    bonded, released = twice()
     return f"""# {TITLE}
 
 **What is checked.** No law lets a node through a platen, at any step, past the point where the side surface
@@ -178,6 +180,10 @@ Slow pull within {1e3 * SLOW:g} ms, 6 × 8 elements, ν = 0, α = {DRAG:g} 1/s: 
 terms of the size of the strain (5 % in the last row), and no force can be larger than stress times area.
 
 {pulled(result)}
+
+Pulled by 5 %, pressed by 5 % and pulled again (ν = 0.495), bonded faces pull with {-bonded[0, 0]:.2f} N and
+{-bonded[2, 0]:.2f} N. Faces that let go at 1 kPa pull with {-released[0, 0]:.3f} N, press with
+{released[1, 1]:.2f} N (bonded {bonded[1, 1]:.2f} N) and pull no more.
 
 **Tolerance.** Penetration {1e6 * GAP_TOLERANCE:.0e} µm, round-off of a height, and 1 µm for the penalty.
 Momentum {MOMENTUM_TOLERANCE:.0e}: places known to 1e-18 m, 0.6 µm apart. Energy

@@ -167,6 +167,27 @@ def pull() -> FloatArray:
 
 
 @cache
+def twice() -> tuple[FloatArray, FloatArray]:
+    """Slowly pulled by 5 % of the length, pressed by 5 % and pulled again, bonded and letting go at 1 kPa:
+    smallest and largest force of the flyer [N], rows first pull, push, second pull."""
+    stroke, turn, times = 0.05 * LENGTH, 3.0 * np.pi / SLOW, np.linspace(0.0, SLOW, 1201)[1:]
+    wave = PlatenMotion.sampled(
+        lambda t: -stroke * np.sin(turn * t) ** 3,
+        lambda t: -3.0 * turn * stroke * np.sin(turn * t) ** 2 * np.cos(turn * t),
+        start=0.0,
+        end=SLOW,
+        n_knots=3001,
+    )
+    made = model("bonded_release", wave, (6, 8))
+    samples = Samples.of(
+        poisson=POISSON, damping=DAMPING, mass_damping=DRAG, release_stress=np.array([np.inf, 1e3])
+    )
+    force = run(made, samples, Sampling(times, times[-1:])).force_flyer
+    bonded, released = (np.array([[part.min(), part.max()] for part in np.split(row, 3)]) for row in force)
+    return bonded, released
+
+
+@cache
 def press() -> FloatArray:
     """Penetration of a face's nodes times stiffness over pressure after a slow frictionless compression to
     20 % [-], rows `STIFFNESS`, columns nodes of the face on the transmission platen."""

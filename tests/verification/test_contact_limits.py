@@ -3,7 +3,7 @@
 import contact_limits as topic
 import numpy as np
 import pytest
-from contact_limits_runs import STEP
+from contact_limits_runs import AREA, STEP, twice
 from order import assert_order
 
 
@@ -62,3 +62,11 @@ def test_faces_let_go_at_the_release_stress() -> None:
     # Every node pulls with less than the release stress, so the force stays below stress times area.
     assert (topic.pull() < 1.0).all()
     assert (topic.pull() > 1.0 - topic.PULL_TOLERANCE).all()
+
+
+def test_what_was_let_go_is_pressed_again_but_never_bonds() -> None:
+    bonded, released = twice()
+    assert (bonded[[0, 2], 0] < -0.1).all()  # 80 kPa, 5 % and 71 mm^2: 0.28 N
+    assert -1e3 * AREA < released[0, 0] < 0.0
+    assert released[1, 1] > 0.1
+    assert released[2, 0] == 0.0
