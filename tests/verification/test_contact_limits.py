@@ -4,6 +4,8 @@ import contact_limits as topic
 import numpy as np
 import pytest
 from contact_limits_runs import AREA, STEP, twice
+from friction import FORCE_TOLERANCE, force_excess
+from friction_runs import COARSE, compress
 from order import assert_order
 
 
@@ -70,3 +72,12 @@ def test_what_was_let_go_is_pressed_again_but_never_bonds() -> None:
     assert -1e3 * AREA < released[0, 0] < 0.0
     assert released[1, 1] > 0.1
     assert released[2, 0] == 0.0
+
+
+@pytest.mark.slow
+def test_both_formulations_against_the_static_reference() -> None:
+    hard, soft = compress(COARSE), compress(COARSE, contact="penalty")
+    assert force_excess(soft, "16 × 22") < FORCE_TOLERANCE["16 × 22"]
+    for a, b in zip(hard, soft, strict=True):
+        assert b.completed
+        np.testing.assert_allclose(b.force, a.force, rtol=topic.STATIC_TOLERANCE)
