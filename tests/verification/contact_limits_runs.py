@@ -167,6 +167,22 @@ def pull() -> FloatArray:
 
 
 @cache
+def stuck() -> FloatArray:
+    """Largest radial displacement of a face that sticks on springs after a slow compression to 20 % [m], rows
+    `STIFFNESS`."""
+    end = np.array([SLOW])
+    push = smooth_stroke(0.2 * LENGTH, SLOW, end=SLOW)
+    samples = Samples.of(
+        poisson=POISSON, damping=DAMPING, mass_damping=DRAG, friction=1e3, contact_stiffness=STIFFNESS
+    )
+    made = model("penalty", push, (6, 8))
+    response = run(made, samples, Sampling(end, end, all_nodes=True))
+    assert response.nodes is not None
+    face = made.mesh.lower_face
+    return np.asarray(np.abs(response.nodes[:, -1, face, 0] - made.mesh.nodes[face, 0]).max(axis=1))
+
+
+@cache
 def twice() -> tuple[FloatArray, FloatArray]:
     """Slowly pulled by 5 % of the length, pressed by 5 % and pulled again, bonded and letting go at 1 kPa:
     smallest and largest force of the flyer [N], rows first pull, push, second pull."""

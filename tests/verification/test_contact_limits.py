@@ -3,10 +3,11 @@
 import contact_limits as topic
 import numpy as np
 import pytest
-from contact_limits_runs import AREA, STEP, twice
+from contact_limits_runs import AREA, STEP, STIFFNESS, stuck, twice
 from friction import FORCE_TOLERANCE, force_excess
 from friction_runs import COARSE, compress
 from order import assert_order
+from scene import YOUNG
 
 
 @pytest.mark.parametrize("law", topic.LAWS)
@@ -41,6 +42,15 @@ def test_the_penalty_converges_to_the_kinematic_law(measure: str) -> None:
 
 def test_the_penalty_penetrates_by_pressure_over_stiffness() -> None:
     np.testing.assert_allclose(topic.press(), 1.0, rtol=0.0, atol=topic.PRESS_TOLERANCE)
+
+
+def test_a_sticking_face_moves_by_shear_over_stiffness_and_does_not_creep() -> None:
+    shear = (
+        stuck() * STIFFNESS
+    )  # some of the modulus at 20 %; a face that creeps would move a hundred times more
+    assert (shear > 0.05 * YOUNG).all()
+    assert (shear < 0.5 * YOUNG).all()
+    np.testing.assert_allclose(shear, shear[-1], rtol=0.02)  # 1.5 um of 4.75 mm at the softest: other terms
 
 
 def test_coulomb_converges_to_rough() -> None:
