@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from explicit.boundary import BAR_HISTORY, INTERIOR, LOWER, SIDE, UPPER
 from explicit.clock import CLOCK, HANDED
+from explicit.contact import contact_law
 from explicit.elements import element
 from explicit.geometry import element_geometry
 from explicit.lanes import GROUP, WARPS, fits, grouped, rooms
@@ -66,6 +67,7 @@ def _new_body(kernel: MarchKernel, model: Model, numbers: Precision, where: Any,
         ("masses", grouped(placed(masses)), numbers.real),
         ("reference_r", placed(mesh.nodes[:, 0]), wp.float64),
         ("reference_y", placed(height), wp.float64),
+        ("surface_mass", mass[seats] / mesh.contact_area[seats], numbers.real),
         ("kind", kind, int),
         ("at_rest", kind != SIDE, int),
     ):
@@ -171,7 +173,8 @@ def batch_of(
     limits = np.minimum([law.data_limit for law in model.materials], 1e30)
     batch.data_limit = wp.array(limits, dtype=numbers.real, device=where)
     batch.solids = wp.array(solids, dtype=kernel.element.Solid, device=where)
-    batch.friction = wp.array(samples.friction, dtype=numbers.real, device=where)
+    for name in ("friction", "release_stress", "contact_stiffness"):
+        setattr(batch, name, wp.array(getattr(samples, name), dtype=numbers.real, device=where))
     batch.material = wp.array(samples.material.astype(np.int32), dtype=int, device=where)
     batch.rows = wp.array(table, dtype=numbers.real, device=where)
     batch.motion = wp.array(samples.motion.astype(np.int32), dtype=int, device=where)
@@ -199,6 +202,9 @@ def state_of(
     _, n_inner, first_seat = node_places(mesh)
     n_seats = mesh.n_nodes - n_inner
     state = kernel.structs.State()
+    bar = isinstance(model.support, CharacteristicBar) and model.support.round_trip < np.inf
+    remembers = any(contact_law(name).remembers_slip for name in (model.faces, model.side))
+    needed = {name for name, wanted in (("bar_wave", bar), ("slip", remembers)) if wanted}
     for name, n, dtype in (
         *((name, first_seat + n_seats, numbers.real) for name in ("u_r", "u_y", "v_r", "v_y")),
         *((name, 4 * mesh.n_elements + 1, numbers.real) for name in ("corner_r", "corner_y")),
@@ -206,9 +212,10 @@ def state_of(
         ("clock", CLOCK, wp.float64),
         ("parts", HANDED * WARPS, wp.float64),
         ("touched", n_seats, wp.int32),
+        ("slip", n_seats, numbers.real),
         ("bar_wave", 2 * BAR_HISTORY, wp.float64),
     ):
-        here = not on_chip or (name == "bar_wave" and model.support.round_trip < np.inf)
+        here = not on_chip or name in needed
         shape = (n, lanes) if lanes > 1 else (rows, n + SPARE)
         setattr(state, name, wp.zeros(shape if here else (1, 1), dtype=dtype, device=where))
     return state

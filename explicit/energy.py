@@ -30,7 +30,8 @@ class EnergyLedger:
     friction: FloatArray
     """Dissipated by sliding and sticking on the platens [J], shape [n_samples, n_surface_times]."""
     impact: FloatArray
-    """Lost when a node lands on a platen (inelastic, vanishes with the mesh) [J],
+    """Lost when a node lands on a platen (inelastic, vanishes with the mesh); with the law "penalty" what
+    its normal springs hold or have lost, and in `friction` the tangential ones [J],
     shape [n_samples, n_surface_times]."""
 
     @property

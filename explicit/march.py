@@ -211,7 +211,10 @@ def march_kernel(
                         height = body.reference_y[node] + wp.float64(u_y[node])
                         to_lower = real((lower_next - height) * rate)
                         to_upper = real((body.length - flyer_next - height) * rate)
-                        new, platen, mark = meet(body.kind[b], touched[b], free, to_lower, to_upper, friction)
+                        new, platen, mark = meet(
+                            body, batch, state, sample, b,
+                            body.kind[b], touched[b], free, to_lower, to_upper, friction, tau, h,
+                        )  # fmt: skip
                         touched[b] = mark
                         # Impulses of the platen on the node, and where their work goes.
                         kick = wp.float64(mass) * wp.float64(new[1] - free[1])

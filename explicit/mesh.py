@@ -50,6 +50,23 @@ class Mesh:
         return radius <= 1e-12 * radius.max()
 
     @cached_property
+    def contact_area(self) -> FloatArray:
+        """Undeformed area of the surface that a node stands for in contact [m^2], shape [n_nodes].
+
+        The row sum 2 pi times the integral of N R along the surface; 0 inside. A corner stands for its share
+        of the end face, not of the side.
+        """
+        area = np.zeros(self.n_nodes)
+        for chain in (self.side, self.lower_face, self.upper_face):
+            start, end = self.nodes[chain[:-1]], self.nodes[chain[1:]]
+            ring = np.pi / 3.0 * np.hypot(*(end - start).T)
+            share = np.zeros(len(chain))
+            share[:-1] += ring * (2.0 * start[:, 0] + end[:, 0])
+            share[1:] += ring * (start[:, 0] + 2.0 * end[:, 0])
+            area[chain] = share
+        return area
+
+    @cached_property
     def corners_of_node(self) -> tuple[IntArray, IntArray]:
         """Element corners that meet at each node, in compressed-row form.
 

@@ -85,6 +85,11 @@ class Samples:
     """Index into `Model.materials`, shape [n_samples]."""
     motion: NDArray[np.int64]
     """Index into `Model.motions`, shape [n_samples]."""
+    release_stress: FloatArray
+    """Tensile contact stress at which a node lets go, used where a contact law is "bonded_release"; infinity
+    never [Pa], shape [n_samples]."""
+    contact_stiffness: FloatArray
+    """Pressure per penetration, used where a contact law is "penalty" [Pa/m], shape [n_samples]."""
 
     def __post_init__(self) -> None:
         if len({len(getattr(self, f.name)) for f in fields(self)}) != 1:
@@ -93,7 +98,9 @@ class Samples:
         _require(self.damping, self.damping >= 0.0, "damping must be >= 0 s")
         _require(self.friction, self.friction >= 0.0, "friction must be >= 0")
         _require(self.mass_damping, self.mass_damping >= 0.0, "mass_damping must be >= 0 1/s")
-        for name in ("stiffness_factor", "damping", "friction", "mass_damping"):
+        _require(self.release_stress, self.release_stress >= 0.0, "release_stress must be >= 0 Pa")
+        _require(self.contact_stiffness, self.contact_stiffness > 0.0, "contact_stiffness must be > 0 Pa/m")
+        for name in ("stiffness_factor", "damping", "friction", "mass_damping", "contact_stiffness"):
             _require(getattr(self, name), np.isfinite(getattr(self, name)), f"{name} must be finite")
         bulk_modulus(1.0, self.poisson)
 
@@ -111,13 +118,16 @@ class Samples:
         mass_damping: FloatArray | float = 0.0,
         material: NDArray[np.int64] | int = 0,
         motion: NDArray[np.int64] | int = 0,
+        release_stress: FloatArray | float = float("inf"),
+        contact_stiffness: FloatArray | float = 1e13,
     ) -> "Samples":
         """Broadcast scalars and arrays to one batch."""
         values = (stiffness_factor, poisson, damping, friction, mass_damping, material, motion)
-        shape = np.broadcast_shapes((1,), *(np.shape(value) for value in values))
-        real = [np.array(np.broadcast_to(value, shape), dtype=np.float64) for value in values[:5]]
+        contact = (release_stress, contact_stiffness)
+        shape = np.broadcast_shapes((1,), *(np.shape(value) for value in (*values, *contact)))
+        real = [np.array(np.broadcast_to(x, shape), dtype=np.float64) for x in (*values[:5], *contact)]
         index = [np.array(np.broadcast_to(value, shape), dtype=np.int64) for value in values[5:]]
-        return cls(real[0], real[1], real[2], real[3], real[4], index[0], index[1])
+        return cls(real[0], real[1], real[2], real[3], real[4], index[0], index[1], real[5], real[6])
 
 
 def _require(values: FloatArray, good: NDArray[np.bool_], message: str) -> None:

@@ -74,8 +74,10 @@ class Interface:
     """How the specimen holds to the platens; each entry names a contact law of `explicit.contact`."""
 
     faces: str
-    """Law of the end faces: "bonded", "rough", "coulomb" or "frictionless"."""
+    """Law of the end faces: "bonded", "bonded_release", "rough", "coulomb" or "frictionless"."""
     side: str
     """Law of the side surface where it rolls onto a platen, same names."""
     friction: float = 0.0
     """Coulomb coefficient, used where a law is "coulomb" [-]."""
+    release_stress: float = 0.0
+    """Tensile stress at which a node lets go, used where a law is "bonded_release" [Pa]."""

@@ -119,7 +119,7 @@ def identify(
             "--free",
             metavar="NAME[=LOW:HIGH]",
             help="Free parameter and the bounds of its design; repeat for more. stiffness_factor, friction, "
-            "poisson, damping, mass_damping.",
+            "poisson, damping, mass_damping, release_stress.",
             show_default="stiffness_factor",
         ),
     ] = None,

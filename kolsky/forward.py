@@ -75,7 +75,8 @@ class Forward:
         ----------
         points : mapping
             Parameter name -> values, shape [n] or scalar; the shot's own value where a name is missing.
-            Naming "friction" makes both the faces and the side surface slide by Coulomb's law.
+            Naming "friction" makes both the faces and the side surface slide by Coulomb's law; naming
+            "release_stress" asks for a shot that declares the law "bonded_release".
         numerics
             Mesh, precision, device.
         motion, material : int or shape [n]
@@ -89,8 +90,10 @@ class Forward:
         Raises
         ------
         ValueError
-            If a name is unknown or a value is outside its allowed range.
+            If a name is unknown, a value is outside its allowed range, or "release_stress" would have no
+            effect.
         """
+        self._check_release(points)
         values = {name: np.asarray(value, dtype=float) for name, value in points.items()}
         for name, value in values.items():
             for x in value.ravel():
@@ -110,6 +113,21 @@ class Forward:
             threads=numerics.threads,
             progress=progress,
         )
+
+    def _check_release(self, points: Mapping[str, ArrayLike]) -> None:
+        if "release_stress" not in points:
+            return
+        if "friction" in points:
+            raise ValueError(
+                "release_stress has no effect beside friction, which makes everything slide by Coulomb's "
+                "law: name one of them"
+            )
+        laws = (self.shot.interface.faces, self.shot.interface.side)
+        if "bonded_release" not in laws:
+            raise ValueError(
+                f"release_stress has no effect with the interface that the shot declares (faces {laws[0]}, "
+                f'side {laws[1]}): choose the law "bonded_release" in its [interface]'
+            )
 
     def model(self, numerics: Numerics, *, sliding: bool = False) -> explicit.Model:
         """The solver's model of the shot; `sliding` replaces the declared interface by Coulomb's law."""

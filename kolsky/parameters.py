@@ -37,6 +37,15 @@ PARAMETERS: dict[str, Parameter] = {
         Parameter(
             "mass_damping", "alpha", "1/s", 0.0, 100.0, (0.0, 1e6), lambda shot: shot.model.mass_damping
         ),
+        Parameter(
+            "release_stress",
+            "sigma_b",
+            "Pa",
+            0.0,
+            2e5,
+            (0.0, 1e9),
+            lambda shot: shot.interface.release_stress,
+        ),
     )
 }
 

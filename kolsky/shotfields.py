@@ -125,6 +125,9 @@ Rate = Annotated[float, BeforeValidator(_physical("1/s", ">= 0", "the mass-propo
 Density = Annotated[float, BeforeValidator(_physical("kg/m^3", "> 0", "the mass density"))]
 Modulus = Annotated[float, BeforeValidator(_physical("Pa", "> 0", "Young's modulus"))]
 Stress = Annotated[float, BeforeValidator(_physical("Pa", ">= 0"))]
+ReleaseStress = Annotated[
+    float, BeforeValidator(_physical("Pa", ">= 0", "the tensile stress at which a bonded face lets go"))
+]
 Voltage = Annotated[float, BeforeValidator(_physical("V", "> 0", "the largest voltage the recorder shows"))]
 Sensitivity = Annotated[
     float,
@@ -141,4 +144,4 @@ RatioUnit = Annotated[float, BeforeValidator(_factor("1"))]
 Interval = Annotated[tuple[float, float], BeforeValidator(_interval)]
 FileName = Annotated[str, BeforeValidator(_file)]
 Name = Annotated[str, BeforeValidator(_text)]
-Law = Literal["bonded", "rough", "coulomb", "frictionless"]
+Law = Literal["bonded", "bonded_release", "rough", "coulomb", "frictionless"]

@@ -69,6 +69,7 @@ class InterfaceSection(Section):
     faces: f.Law
     side: f.Law
     friction: f.Friction | None = None
+    release_stress: f.ReleaseStress | None = None
 
     @model_validator(mode="after")
     def _friction_where_it_acts(self) -> "InterfaceSection":
@@ -82,6 +83,23 @@ class InterfaceSection(Section):
                 'is given, but neither faces nor side is "coulomb", so it would have no effect',
                 key="friction",
                 cure='remove it, or choose the law "coulomb"',
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _release_where_it_acts(self) -> "InterfaceSection":
+        releasing = "bonded_release" in (self.faces, self.side)
+        if releasing and self.release_stress is None:
+            raise f.problem(
+                'is missing; the law "bonded_release" needs it',
+                key="release_stress",
+                cure='add e.g. release_stress = "50 kPa"',
+            )
+        if not releasing and self.release_stress is not None:
+            raise f.problem(
+                'is given, but neither faces nor side is "bonded_release", so it would have no effect',
+                key="release_stress",
+                cure='remove it, or choose the law "bonded_release"',
             )
         return self
 

@@ -134,7 +134,12 @@ def load_shot(folder_or_toml: str | Path) -> Shot:
         name=declared.name or folder.resolve().name,
         folder=folder,
         specimen=Specimen(diameter=specimen.diameter, length=specimen.length, density=specimen.density),
-        interface=Interface(faces=interface.faces, side=interface.side, friction=interface.friction or 0.0),
+        interface=Interface(
+            faces=interface.faces,
+            side=interface.side,
+            friction=interface.friction or 0.0,
+            release_stress=interface.release_stress or 0.0,
+        ),
         support=declared.transmission.support,
         transmission_bar=None if bar is None else Bar(**bar.model_dump()),
         model=ModelSettings(**declared.model.model_dump()),

@@ -34,14 +34,19 @@ class Entry:
 def summarise(shot: Shot) -> list[Entry]:
     """Everything that was understood of a shot, in the order of the shot file."""
     start, end = shot.window
-    coulomb = "coulomb" in (shot.interface.faces, shot.interface.side)
+    laws = (shot.interface.faces, shot.interface.side)
     return [
         Entry("specimen", "diameter", shot.specimen.diameter, "m"),
         Entry("specimen", "length", shot.specimen.length, "m"),
         Entry("specimen", "density", shot.specimen.density, "kg/m^3"),
         Entry("interface", "faces", shot.interface.faces),
         Entry("interface", "side", shot.interface.side),
-        *([Entry("interface", "friction", shot.interface.friction)] if coulomb else []),
+        *([Entry("interface", "friction", shot.interface.friction)] if "coulomb" in laws else []),
+        *(
+            [Entry("interface", "release_stress", shot.interface.release_stress, "Pa")]
+            if "bonded_release" in laws
+            else []
+        ),
         Entry("transmission", "support", shot.support),
         *_bar(shot),
         *_force(shot),

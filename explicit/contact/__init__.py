@@ -2,12 +2,14 @@
 
 from explicit.contact.base import ContactLaw
 from explicit.contact.bonded import Bonded
+from explicit.contact.bonded_release import BondedRelease
 from explicit.contact.coulomb import Coulomb
 from explicit.contact.frictionless import Frictionless
+from explicit.contact.penalty import Penalty
 from explicit.contact.rough import Rough
 
 CONTACT_LAWS: dict[str, ContactLaw] = {
-    law.name: law for law in (Bonded(), Rough(), Coulomb(), Frictionless())
+    law.name: law for law in (Bonded(), BondedRelease(), Rough(), Coulomb(), Frictionless(), Penalty())
 }
 
 __all__ = ["CONTACT_LAWS", "ContactLaw", "contact_law"]

@@ -1,13 +1,20 @@
 """The door for a contact law between a node and a rigid platen.
 
-Contact is kinematic ("hard"): after the unconstrained update of a step each node on a platen is moved
-onto it exactly, and the impulse that does so is the contact force. A law only decides which part of
-the predicted velocity survives.
+Contact is kinematic ("hard") unless a law says otherwise: after the unconstrained update of a step each node
+on a platen is moved onto it exactly, and the impulse that does so is the contact force. A law only decides
+which part of the predicted velocity survives. Nothing is regularised: a node sticks with velocity 0 or slides
+with the whole friction, and neither a penalty nor a threshold of velocity lies between the two.
 """
 
+from functools import cache
 from typing import Any, Protocol
 
+import warp as wp
+
 from explicit.precision import Precision
+
+FREE, TOUCHED, RELEASED = 0, 1, 2
+"""What a node remembers of its platen: nothing, that it has touched it, that it was let go again for good."""
 
 
 class ContactLaw(Protocol):
@@ -17,14 +24,47 @@ class ContactLaw(Protocol):
     """Name at the API."""
     needs_friction: bool
     """Whether the law reads the friction coefficient."""
+    remembers_slip: bool
+    """Whether the law keeps a slip of each node from step to step."""
 
     def kernel_function(self, precision: Precision) -> Any:
         """The Warp function of the law.
 
-        ``resolve(v_r, v_y, target, normal, touched, friction) -> vec2`` takes the predicted velocity of
-        a node [m/s], the axial velocity that puts it exactly on the platen at the end of the step, the
-        platen's outward normal (+1 transmission, -1 flyer), whether the node has touched this platen
-        before (0 or 1) and Coulomb's coefficient, and returns the admissible velocity. The node would
-        pass through the platen where ``normal * (v_y - target) < 0``.
+        ``resolve(touch) -> (velocity, held, slip)`` takes a `touch_struct` and returns the admissible
+        velocity of the node [m/s], what it remembers of the platen (`FREE`, `TOUCHED`, `RELEASED`; that a
+        node of the side has touched is noted by the solver) and its new slip [m]. The node would pass
+        through the platen where ``normal * (v_y - target) < 0``. A velocity changed by dv is an impulse
+        ``density * dv`` per area of the undeformed surface, a mean stress ``density * dv / interval``.
         """
         ...
+
+
+@cache
+def touch_struct(precision: Precision) -> Any:
+    """What a law may know of a node that meets a platen.
+
+    ``v_r``, ``v_y``: predicted velocity [m/s]. ``target``: axial velocity that puts the node exactly on the
+    platen at the end of the step [m/s]. ``normal``: the platen's outward normal, +1 transmission, -1 flyer.
+    ``held``: `FREE`, `TOUCHED` or `RELEASED`. ``slip``: what the law returned before, 0 at first and after a
+    step without a platen [m]. ``friction``, ``release_stress`` [Pa], ``stiffness`` [Pa/m]: the sample's
+    parameters. ``density``: mass of the node over the undeformed area it stands for [kg/m^2]. ``interval``:
+    time over which the forces changed the velocity [s]; ``step``: time over which it will act [s].
+    """
+    real = precision.real
+
+    @wp.struct
+    class Touch:
+        v_r: real
+        v_y: real
+        target: real
+        normal: real
+        held: int
+        slip: real
+        friction: real
+        release_stress: real
+        stiffness: real
+        density: real
+        interval: real
+        step: real
+
+    return Touch

@@ -4,6 +4,7 @@ from typing import Any
 
 import warp as wp
 
+from explicit.contact.base import touch_struct
 from explicit.precision import Precision
 
 
@@ -12,19 +13,21 @@ class Coulomb:
 
     name = "coulomb"
     needs_friction = True
+    remembers_slip = False
 
     def kernel_function(self, precision: Precision) -> Any:
         """Warp twin; see `explicit.contact.base.ContactLaw`."""
         real, vec2 = precision.real, precision.vec2
+        Touch = touch_struct(precision)
         zero = real(0.0)
 
         @wp.func
-        def coulomb(v_r: real, v_y: real, target: real, normal: real, touched: int, friction: real):
-            velocity = vec2(v_r, v_y)
-            if normal * (v_y - target) < zero:
+        def coulomb(touch: Touch):
+            velocity = vec2(touch.v_r, touch.v_y)
+            if touch.normal * (touch.v_y - touch.target) < zero:
                 # Impulses per unit mass: |target - v_y| normal, at most f times that tangential.
-                slip = wp.max(wp.abs(v_r) - friction * wp.abs(target - v_y), zero)
-                velocity = vec2(wp.sign(v_r) * slip, target)
-            return velocity
+                slip = wp.max(wp.abs(touch.v_r) - touch.friction * wp.abs(touch.target - touch.v_y), zero)
+                velocity = vec2(wp.sign(touch.v_r) * slip, touch.target)
+            return velocity, touch.held, touch.slip
 
         return coulomb

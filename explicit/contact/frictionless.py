@@ -4,6 +4,7 @@ from typing import Any
 
 import warp as wp
 
+from explicit.contact.base import touch_struct
 from explicit.precision import Precision
 
 
@@ -12,17 +13,19 @@ class Frictionless:
 
     name = "frictionless"
     needs_friction = False
+    remembers_slip = False
 
     def kernel_function(self, precision: Precision) -> Any:
         """Warp twin; see `explicit.contact.base.ContactLaw`."""
         real, vec2 = precision.real, precision.vec2
+        Touch = touch_struct(precision)
         zero = real(0.0)
 
         @wp.func
-        def frictionless(v_r: real, v_y: real, target: real, normal: real, touched: int, friction: real):
-            velocity = vec2(v_r, v_y)
-            if normal * (v_y - target) < zero:
-                velocity = vec2(v_r, target)
-            return velocity
+        def frictionless(touch: Touch):
+            velocity = vec2(touch.v_r, touch.v_y)
+            if touch.normal * (touch.v_y - touch.target) < zero:
+                velocity = vec2(touch.v_r, touch.target)
+            return velocity, touch.held, touch.slip
 
         return frictionless

@@ -24,6 +24,7 @@ _NAMES = {
     "friction": Name("f", "f", "Coulomb friction between specimen and platens", "1"),
     "poisson": Name("ν", r"\nu", "Poisson’s ratio of the initial state", "1"),
     "damping": Name("β", r"\beta", "stiffness-proportional damping", "µs", 1e6),
+    "release_stress": Name("σ_b", r"\sigma_b", "tensile stress at which a bonded face lets go", "kPa", 1e-3),
     "mass_damping": Name("α", r"\alpha", "mass-proportional damping", "1/s"),
 }
 

@@ -192,6 +192,8 @@ def _fixed(result: Identification) -> list[tuple[str, str, str]]:
         text = f"{numbers.plain(value)} {_unit(name.unit)}".rstrip()
         if parameter == "friction" and "coulomb" not in laws:
             text = "not used: nothing slides"
+        if parameter == "release_stress" and "bonded_release" not in laws:
+            text = "not used: no face lets go"
         rows.append((name.words, name.symbol if name.symbol != name.words else "", text))
     return rows
 

@@ -163,6 +163,30 @@ def test_random_sweeps_repeat_with_their_seed(design: str, shot: Path) -> None:
     assert written[0] == written[1] != written[2]
 
 
+def test_sweep_over_the_release_stress(shot: Path) -> None:
+    file = shot / "shot.toml"
+    text = file.read_text("utf-8").replace('faces = "bonded" ', 'faces = "bonded_release" ')
+    file.write_text(text.replace("# friction = 0.3 ", 'release_stress = "50 kPa" '), "utf-8")
+    result = runner.invoke(app, ["sweep", str(shot), *TINY, "--vary", "release_stress=0:100 kPa:2", "--json"])
+    assert result.exit_code == 0, result.stderr
+    assert json.loads(result.stdout)["completed"] == 2
+    with (shot / "results" / "sweep.csv").open(newline="") as opened:
+        rows = list(csv.DictReader(opened))
+    assert [float(r["release_stress (Pa)"]) for r in rows] == [0.0, 1e5]
+    assert float(rows[0]["Phi_F (N)"]) > 1.01 * float(rows[1]["Phi_F (N)"])  # the shot's faces were bonded
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [([], "(faces bonded, side bonded): choose the law"), (["-p", "friction=0.3"], "beside friction")],
+)
+def test_a_release_stress_without_effect_is_refused(more: list[str], words: str, shot: Path) -> None:
+    result = runner.invoke(app, ["simulate", str(shot), *TINY, "-p", "release_stress=20 kPa", *more])
+    assert result.exit_code == 2
+    assert "release_stress has no effect" in result.stderr
+    assert words in result.stderr
+
+
 # What a terminal shows
 
 

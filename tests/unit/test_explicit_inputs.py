@@ -84,6 +84,21 @@ def test_a_cylinder_has_the_volume_and_the_node_sets_of_a_cylinder() -> None:
     assert volume == pytest.approx(np.pi * 4e-6 * 3e-3, rel=1e-14)
 
 
+def test_contact_areas_add_up_to_the_faces_and_the_side_between_their_corners() -> None:
+    mesh = cylinder(2e-3, 3e-3, n_radial=3, n_axial=5, grading=2.0)
+    area = mesh.contact_area
+    for face in (mesh.lower_face, mesh.upper_face):
+        assert area[face].sum() == pytest.approx(np.pi * 4e-6, rel=1e-14)
+    # N R is linear in y along the side, so its corners would have half of the elements they end.
+    half = 0.5 * (np.diff(mesh.nodes[mesh.side, 1])[[0, -1]]).sum()
+    side = 2.0 * np.pi * 2e-3 * (3e-3 - half)
+    assert area[mesh.side[1:-1]].sum() == pytest.approx(side, rel=1e-14)
+    # A node's share of a disc: 2 pi times the integral of N R, here of the node on the axis.
+    radius = mesh.nodes[mesh.lower_face[1], 0]
+    assert area[mesh.lower_face[0]] == pytest.approx(np.pi * radius**2 / 3.0, rel=1e-14)
+    assert (area > 0.0).sum() == 2 * 4 + 4  # none inside
+
+
 def test_grading_is_the_ratio_of_the_largest_to_the_smallest_element() -> None:
     mesh = cylinder(1.0, 1.0, n_radial=6, n_axial=7, grading=3.0)
     r = np.diff(mesh.nodes[mesh.lower_face, 0])
@@ -173,6 +188,10 @@ def test_a_bar_needs_positive_numbers(name: str) -> None:
         ({"poisson": [0.49, -0.1]}, r"poisson must be in \[0, 0.4999\], got -0.1"),
         ({"poisson": float("nan")}, r"poisson must be in \[0, 0.4999\], got nan"),
         ({"friction": float("nan")}, "friction must be >= 0, got nan"),
+        ({"release_stress": -1.0}, "release_stress must be >= 0 Pa, got -1.0"),
+        ({"release_stress": [1e3, float("nan")]}, "release_stress must be >= 0 Pa, got nan"),
+        ({"contact_stiffness": 0.0}, "contact_stiffness must be > 0 Pa/m, got 0.0"),
+        ({"contact_stiffness": float("inf")}, "contact_stiffness must be finite, got inf"),
     ],
 )
 def test_impossible_samples_are_refused(change: dict[str, Any], message: str) -> None:

@@ -74,5 +74,5 @@ def test_impossible_supports_are_refused() -> None:
     with pytest.raises(ValueError, match="one for each of 3 samples, got 2"):
         run(two, Samples.of(stiffness_factor=[1.0, 1.1, 1.2]), sampling)
     short = PlatenMotion(start=0.0, step=END, position=np.zeros(2), velocity=np.zeros(2))
-    with pytest.raises(ValueError, match="equally many knots, with those of its support: 2049 here, got 2"):
+    with pytest.raises(ValueError, match="equally many knots, with those of its support, got"):
         run(replace(model(1e-3), support=MovingSupport((short,))), Samples.of(), sampling)

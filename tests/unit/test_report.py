@@ -336,7 +336,7 @@ def test_every_parameter_has_a_name_and_its_unit() -> None:
         name = name_of(p.name)
         assert name.words != p.name.replace("_", " ")
         # The shown unit is the SI unit but for its prefix, which the factor takes into account.
-        assert (name.unit, name.factor) in ((p.unit, 1.0), (f"µ{p.unit}", 1e6))
+        assert (name.unit, name.factor) in ((p.unit, 1.0), (f"µ{p.unit}", 1e6), (f"k{p.unit}", 1e-3))
 
 
 def test_every_check_and_quality_has_words() -> None:

@@ -50,6 +50,7 @@ class Case:
     damping_kind: Any = "deviatoric"
     bar: bool = False
     moving: bool = False
+    contact: str = "coulomb"
 
 
 CASES = [
@@ -61,6 +62,9 @@ CASES = [
     Case("moving", moving=True),
     Case("fbar", element="fbar"),
     Case("fbar-full-bar", element="fbar", damping_kind="full", bar=True),
+    Case("release", contact="bonded_release"),
+    Case("penalty", contact="penalty"),
+    Case("fp32-penalty", precision="fp32", contact="penalty"),
 ]
 EVERY = pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 
@@ -92,8 +96,8 @@ def model_of(case: Case) -> Model:
         870.0,
         (soft, stiff),
         (ramp(0.35 * LENGTH, 0.0), ramp(0.2 * LENGTH, 1e-4), ramp(5.0 * LENGTH, 0.0)),
-        faces="coulomb",
-        side="coulomb",
+        faces=case.contact,
+        side=case.contact,
         damping_kind=case.damping_kind,
         element=case.element,
         support=support_of(case),
@@ -112,6 +116,8 @@ def samples_of(case: Case) -> Samples:
         mass_damping=rng.choice([0.0, 100.0], N),
         material=rng.integers(0, 2, N),
         motion=motion,
+        release_stress=np.resize([0.0, 300.0, 3e3, np.inf], N),
+        contact_stiffness=np.resize([1e10, 1e12, 1e14], N),
     )
 
 

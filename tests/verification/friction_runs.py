@@ -120,6 +120,7 @@ def compress(
     damping: float = DAMPING,
     element: str = "one_point",
     friction: tuple[float, ...] = FRICTION,
+    contact: str = "coulomb",
 ) -> tuple[Found, ...]:
     """Load slowly at constant speed, one run a coefficient."""
     rise = RISE * DURATION
@@ -128,7 +129,7 @@ def compress(
     motion = speed_after_rise(speed, rise, end=DURATION, n_knots=4001)
     body = cylinder(RADIUS, LENGTH, n_radial=mesh[0], n_axial=mesh[1], grading=mesh[2])
     law = neo_hookean(shear_modulus(POISSON))
-    model = Model(body, DENSITY, (law,), (motion,), faces="coulomb", side="coulomb", element=element)
+    model = Model(body, DENSITY, (law,), (motion,), faces=contact, side=contact, element=element)
     samples = Samples.of(
         poisson=POISSON, mass_damping=DRAG, damping=damping, friction=np.array(friction, dtype=float)
     )

@@ -44,6 +44,7 @@ TOPICS = [
     "elastic_bar",
     "impact",
     "contact",
+    "contact_limits",
     "friction",
     "energy",
     "time_order",
