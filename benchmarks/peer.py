@@ -1,9 +1,9 @@
 """The same problem in CalculiX: its cost beside the solver's, in the same run, and how its force compares.
 
 CalculiX (`ccx`, G. Dhondt and K. Wittig) is used implicitly, as one would: its `*DYNAMIC, EXPLICIT` stalls on
-elements that touch the axis. It runs a share of the time, and a whole run is taken to cost as much a step;
-later steps, with the specimen strained more, need up to half as many iterations more. Compared is the force
-on the transmission platen, which rests, so that no inertia of the face's nodes is in it.
+elements that touch the axis. It runs a share of the time, and a whole run is taken to cost as much a step
+(1400 steps took 31.1 s where the first 100 had promised 30.9 s). Compared is the force on the transmission
+platen, which rests, so that no inertia of the face's nodes is in it.
 """
 
 import os

@@ -50,7 +50,7 @@ def ahead_of_time(
 
     Parameters
     ----------
-    folder : path
+    folder : Path or str
         Where to; made if it is not there. Modules that are there already are not compiled again.
     architectures : sequence of int
         Compute capabilities, ten times: 80 is an A100, 90 an H100 or H200.
@@ -126,7 +126,7 @@ def load_module(kernel: Any, device: Any, folder: Path | str | None) -> bool:
         The time loop.
     device
         A Warp device; nothing is done for a CPU.
-    folder : path, optional
+    folder : Path or str, optional
         Written by `ahead_of_time`; default what the environment variable ``KOLSKY_AOT`` says, or none.
 
     Returns

@@ -45,7 +45,7 @@ def run(
         CPU threads; default all cores. A result does not depend on it.
     progress : callable, optional
         Called with the number of simulations finished since the last call.
-    modules : path, optional
+    modules : Path or str, optional
         Folder of time loops compiled by `explicit.modules.ahead_of_time`, for CUDA devices; default what the
         environment variable ``KOLSKY_AOT`` says. Without one, and on a CPU, they are compiled when
         first used.

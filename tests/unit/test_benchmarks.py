@@ -2,7 +2,6 @@
 
 import json
 import math
-import os
 import stat
 import sys
 from pathlib import Path
@@ -200,11 +199,12 @@ def test_table_without_the_peer(tmp_path, monkeypatch, capsys):
 @pytest.mark.skipif(peer.program() is None, reason="no ccx on the PATH (Debian and Ubuntu: calculix-ccx)")
 def test_the_peers_force_agrees():
     """100 us: the dilatational wave reaches the other platen and comes back once."""
-    found = peer.measure_peer((16, 22))
+    found = peer.measure_peer((32, 44))
     assert found.version.startswith("2.")
-    # The front of the wave is sharper than the mesh, whose shortest waves run late with a lumped mass, early
-    # with the peer's consistent one, and are damped by its integration. Seen: 3.5 % and 9.5 % of the force.
-    assert found.rms_difference < 0.05 * found.largest_force
-    assert found.largest_difference < 0.12 * found.largest_force
+    # The front of the wave is as sharp as the mesh allows, and the two discretise it differently (lumped or
+    # consistent mass, steps at the bound or of 1 us with numerical damping). Seen with 16 x 22 elements 3.5 %
+    # and 9.5 % of the force, here 0.6 % and 1.5 %.
+    assert found.rms_difference < 0.012 * found.largest_force
+    assert found.largest_difference < 0.03 * found.largest_force
     assert found.whole_run == pytest.approx(found.seconds * 14.0)  # 1.4 ms
-    assert found.cost(100, os.cpu_count() or 1) >= 100 * found.whole_run / (os.cpu_count() or 1)
+    assert [found.cost(n, 2) for n in (1, 3)] == [found.whole_run, 2.0 * found.whole_run]
