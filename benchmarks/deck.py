@@ -1,10 +1,10 @@
 """The benchmark's bonded problem as an input deck of CalculiX.
 
 In mm, t, s, N and MPa: in metres the forces of so small a specimen come out several times too low, without a
-word from CalculiX 2.20 (0.15 N where in mm they are 0.84 N: static, 10 %, nu = 0.495). Elements are CAX4R, the same one-point quadrilaterals that
-the solver has; CAX4 locks (10 % too stiff at 10 % compression with nu = 0.495). The implicit procedure has
-no damping by material, and its side surface passes through the platens where the solver's rolls onto them:
-compare undamped runs, before that happens.
+word from CalculiX 2.20 (0.15 N where in mm they are 0.84 N: static, 10 %, nu = 0.495). Elements are CAX4R,
+the same one-point quadrilaterals that the solver has; CAX4 locks (10 % too stiff in that case). The implicit
+procedure has no damping by material, and its side surface passes through the platens where the solver's
+rolls onto them: compare undamped runs, before that happens.
 """
 
 import numpy as np
