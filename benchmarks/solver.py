@@ -65,7 +65,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             for runs in options.runs:
                 found = measure(mesh, contact, runs, name, options.device, options.repeats)
                 measurements.append(replace(found, first_call=first))
-                print(table.line(found, most[name]), flush=True)
+                print(table.line(measurements[-1], most[name]), flush=True)
     peer = None
     if options.peer_time > 0.0 and program() is None:
         print("\nCalculiX: no ccx on the PATH, so nothing to compare with (Debian and Ubuntu: calculix-ccx)")

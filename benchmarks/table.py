@@ -11,7 +11,7 @@ from benchmarks.limits import Limit
 from benchmarks.measure import Measurement
 from benchmarks.peer import Peer
 
-HEAD = "contact  precision   runs   seconds  M element-updates/s  of the limit  same bits"
+HEAD = "contact  precision   runs   seconds  M element-updates/s  of the limit  same bits  first call, s"
 
 
 def is_busy() -> bool:
@@ -24,7 +24,7 @@ def line(m: Measurement, limits: list[Limit]) -> str:
     limit = min(limits, key=lambda item: item.updates)
     return (
         f"{m.contact:8} {m.precision:9} {m.runs:6d} {m.seconds:9.4f} {m.updates / 1e6:20.1f}"
-        f" {m.updates / limit.updates:13.1%} {m.same_bits!s:>10}"
+        f" {m.updates / limit.updates:13.1%} {m.same_bits!s:>10} {m.first_call:13.2f}"
     )
 
 

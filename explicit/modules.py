@@ -3,7 +3,7 @@
 Without them a GPU compiles a time loop when a choice of laws, precision and element first runs, which takes
 seconds to tens of seconds and a cache that a fresh machine does not have. A folder written by
 `ahead_of_time` holds them as machine code (cubin) of one architecture, or as PTX, which the driver of that
-and any later architecture finishes in a second or less. Compiling needs no GPU: the compiler is in Warp.
+and any later architecture finishes when it loads them. Compiling needs no GPU: the compiler is in Warp.
 
 Every file's name carries the hash of the kernel's whole source and options, and the folder below that of
 Warp's version. A file of other sources is therefore never loaded; it is not found.
