@@ -3,6 +3,7 @@
 from explicit.energy import EnergyLedger
 from explicit.mesh import Mesh, cylinder
 from explicit.model import Model, Samples, Sampling, Stepping
+from explicit.modules import ahead_of_time
 from explicit.motion import PlatenMotion
 from explicit.outcome import Outcome
 from explicit.response import Response
@@ -22,6 +23,7 @@ __all__ = [
     "Samples",
     "Sampling",
     "Stepping",
+    "ahead_of_time",
     "cylinder",
     "run",
 ]

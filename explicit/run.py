@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from explicit.energy import EnergyLedger
 from explicit.geometry import element_geometry
 from explicit.march import march_kernel
 from explicit.model import Model, Samples, Sampling, Stepping
+from explicit.modules import load_module
 from explicit.outcome import Outcome
 from explicit.precision import precision
 from explicit.response import Response
@@ -28,6 +30,7 @@ def run(
     device: str = "cpu",
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
+    modules: Path | str | None = None,
 ) -> Response:
     """Simulate every sample of a batch.
 
@@ -43,6 +46,10 @@ def run(
         CPU threads; default all cores. A result does not depend on it.
     progress : callable, optional
         Called with the number of simulations finished since the last call.
+    modules : Path or str, optional
+        Folder of time loops compiled by `explicit.modules.ahead_of_time`, for CUDA devices; default what the
+        environment variable ``KOLSKY_AOT`` says. Without one, and on a CPU, they are compiled when
+        first used.
 
     Returns
     -------
@@ -54,7 +61,7 @@ def run(
     ------
     ValueError
         If a requested time is before the model's start, or a sample names a material or motion the
-        model does not have.
+        model does not have, or the folder `modules` does not exist.
     """
     stepping = stepping or Stepping()
     _check(model, samples, sampling)
@@ -67,6 +74,7 @@ def run(
     batch = batch_of(kernel, model, samples, sampling, stepping, numbers, where)
     plan = Plan(kernel, model, numbers, where, batch, output, len(samples), on_chip)
     if where.is_cuda:
+        load_module(kernel, where, modules)
         run_on_gpu(plan, progress)
     else:
         run_in_lanes(plan, threads or os.cpu_count() or 1, progress)

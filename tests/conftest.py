@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 TESTS = Path(__file__).resolve().parent
+VERIFICATION = TESTS / "verification"
 SHARED = TESTS.parent.parent / "shared"
 
 if str(TESTS) not in sys.path:
@@ -17,8 +18,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--slow", action="store_true", help="also run the tests marked slow (minutes)")
 
 
+@pytest.hookimpl(tryfirst=True)  # the marks must be there when `-m` chooses by them
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Deselect slow tests unless `--slow` is given or `-m` already chooses by mark."""
+    """Mark what the verification manual rests on; deselect slow tests unless `--slow` or `-m` is given."""
+    for item in items:
+        if item.path.is_relative_to(VERIFICATION):
+            item.add_marker("verification")
     if config.getoption("--slow") or config.getoption("-m"):
         return
     slow = [item for item in items if item.get_closest_marker("slow")]

@@ -81,7 +81,8 @@ asserted by the test of the same name in `tests/verification`, which calls the s
 {rows}
 
 `python tests/verification/pages.py` runs every case again and rewrites these pages (a few minutes on two
-cores); `pytest tests/verification` holds the quick ones and `pytest tests/verification --slow` all of them.
+cores). `pytest -m verification` holds all of them, the slow ones too, in less than ten minutes;
+`pytest tests/verification` the quick ones.
 """
 
 

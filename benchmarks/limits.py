@@ -1,0 +1,137 @@
+"""What a device can do at most, measured in the same run as the solver.
+
+The limit of arithmetic is the rate of independent fused multiply-adds at the solver's own width, over as many
+of them as an element update has arithmetic instructions (`benchmarks.counting`). Nothing that updates
+elements with those instructions can be faster; divisions and roots, which take several times as long as a
+multiply-add, waiting for earlier results and for memory keep it slower. On a GPU the same is done with the
+bandwidth of shared memory and the bytes that an update moves there.
+"""
+
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from benchmarks.limit_kernels import READS, THREADS, fma_kernel, lanes, shared_kernel
+from explicit.precision import Precision
+
+CHAINS = (4, 8, 12, 16)
+"""Chains tried: enough to fill the pipes of any processor, few enough for its registers; the best counts."""
+BLOCKS = 8
+"""Blocks on each multiprocessor of a GPU: as many threads as it holds."""
+SECONDS = 0.05
+"""How long a measurement runs, about."""
+REPEATS = 5
+"""Measurements of each; the best counts."""
+NUMBERS_MOVED = 40
+"""Real numbers that an element update moves to or from a simulation's fields, by hand from `explicit.march`:
+displacements and velocities of four corners 16, their forces 8; with the one node to each element, four
+corners gathered 8, its velocity and displacement read and written 8."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """The most of something that a device was seen to do."""
+
+    name: str
+    """What limits."""
+    rate: float
+    """How much a second, in `unit`."""
+    unit: str
+    """Of `rate`."""
+    updates: float
+    """Element updates that this allows [1/s]."""
+
+
+def limits(device: Any, numbers: Precision, instructions: float, threads: int) -> list[Limit]:
+    """Measure a device's limits.
+
+    Parameters
+    ----------
+    device
+        A Warp device.
+    numbers : Precision
+        Arithmetic.
+    instructions : float
+        Arithmetic instructions of an element update.
+    threads : int
+        CPU threads; a GPU is used whole.
+
+    Returns
+    -------
+    list of Limit
+        Of arithmetic; on a GPU of shared memory too.
+    """
+    if not device.is_cuda:
+        rate = _fma_cpu(device, numbers, threads)
+        return [Limit("SIMD arithmetic", rate, "multiply-adds/s", rate / instructions)]
+    rate, moved = _fma_gpu(device, numbers), _shared_gpu(device, numbers)
+    size = int(numbers.dtype().itemsize)
+    return [
+        Limit("arithmetic", rate, "multiply-adds/s", rate / instructions),
+        Limit("shared memory", moved, "bytes/s", moved / (NUMBERS_MOVED * size)),
+    ]
+
+
+def _fma_cpu(device: Any, numbers: Precision, threads: int) -> float:
+    width, best = lanes(numbers), 0.0
+    outs = [wp.zeros(width, dtype=numbers.real, device=device) for _ in range(threads)]
+    with ThreadPoolExecutor(threads) as pool:
+        for chains in CHAINS:
+            kernel = fma_kernel(numbers, chains, False)
+            wp.load_module(kernel.module, device=device, block_dim=1)
+            best = max(best, _rate(partial(_on_threads, pool, kernel, outs), chains * width * threads))
+    return best
+
+
+def _on_threads(pool: ThreadPoolExecutor, kernel: Any, outs: list[Any], turns: int) -> None:
+    def one(out: Any) -> None:
+        wp.launch(kernel, dim=1, inputs=[turns, 0, out], device=out.device, block_dim=1)
+
+    list(pool.map(one, outs))
+
+
+def _fma_gpu(device: Any, numbers: Precision) -> float:
+    n = device.sm_count * BLOCKS * THREADS
+    out, best = wp.zeros(n, dtype=numbers.real, device=device), 0.0
+    for chains in CHAINS:
+        kernel = fma_kernel(numbers, chains, True)
+        best = max(best, _rate(partial(_launch, kernel, n, out, device), chains * n))
+    return best
+
+
+def _shared_gpu(device: Any, numbers: Precision) -> float:
+    n = device.sm_count * BLOCKS * THREADS
+    out = wp.zeros(n, dtype=numbers.real, device=device)
+    moved = READS * int(numbers.dtype().itemsize) * n
+    return _rate(partial(_launch, shared_kernel(numbers), n, out, device), moved)
+
+
+def _launch(kernel: Any, n: int, out: Any, device: Any, turns: int) -> None:
+    wp.launch(kernel, dim=n, inputs=[turns, 0, out], device=device, block_dim=THREADS)
+    wp.synchronize_device(device)
+
+
+def _rate(do: Callable[[int], None], each_turn: float) -> float:
+    """The best of several measurements, each long enough for the clock."""
+    turns, elapsed = 1000, 0.0
+    do(turns)
+    while True:
+        started = time.perf_counter()
+        do(turns)
+        elapsed = time.perf_counter() - started
+        if elapsed >= SECONDS / 4.0:
+            break
+        turns *= 4
+    turns = int(turns * SECONDS / elapsed)
+    times = []
+    for _ in range(REPEATS):
+        started = time.perf_counter()
+        do(turns)
+        times.append(time.perf_counter() - started)
+    return turns * each_turn / float(np.min(times))

@@ -1,0 +1,132 @@
+"""The same problem in CalculiX: its cost beside the solver's, in the same run, and how its force compares.
+
+CalculiX (`ccx`, G. Dhondt and K. Wittig) is used implicitly, as one would: its `*DYNAMIC, EXPLICIT` stalls on
+elements that touch the axis. It runs a share of the time, and a whole run is taken to cost as much a step
+(1400 steps took 31.1 s where the first 100 had promised 30.9 s). Compared is the force on the transmission
+platen, which rests, so that no inertia of the face's nodes is in it.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import explicit
+from benchmarks.deck import WEDGE, deck
+from benchmarks.problem import END, POISSON, FloatArray, model
+
+STEP = 1e-6
+"""[s]"""
+WINDOW = 100e-6
+"""Simulated time unless told otherwise [s]."""
+LONGEST = 3600.0
+"""A peer that takes longer is stopped [s]."""
+
+
+class PeerError(RuntimeError):
+    """The peer did not do what it was asked."""
+
+
+@dataclass(frozen=True)
+class Peer:
+    """What CalculiX needed, and how its forces compare."""
+
+    version: str
+    """As the program says it."""
+    window: float
+    """Simulated time [s]."""
+    step: float
+    """Its step [s]."""
+    seconds: float
+    """Wall time of the window [s]."""
+    whole_run: float
+    """Wall time of a run to the problem's end, the window's step cost throughout [s]."""
+    largest_force: float
+    """Largest force on the transmission platen within the window, of the solver [N]."""
+    largest_difference: float
+    """Largest difference of the two forces there [N]."""
+    rms_difference: float
+    """Root of its mean square [N]."""
+
+    def cost(self, runs: int, cores: int) -> float:
+        """Seconds for so many runs on so many cores, each on one: more make a run of this size no faster."""
+        return float(np.ceil(runs / cores)) * self.whole_run
+
+
+def program() -> str | None:
+    """Path of `ccx`, or None where there is none."""
+    return shutil.which("ccx")
+
+
+def measure_peer(mesh: tuple[int, int], *, window: float = WINDOW, step: float = STEP) -> Peer:
+    """Run the bonded, undamped problem in CalculiX and compare the forces.
+
+    Parameters
+    ----------
+    mesh : (int, int)
+        Elements across and along.
+    window, step : float
+        Simulated time and step [s].
+
+    Raises
+    ------
+    PeerError
+        If there is no `ccx` on the PATH, or it fails or does not print a force for every step.
+    """
+    path = program()
+    if path is None:
+        raise PeerError("no ccx on the PATH; Debian and Ubuntu have it as calculix-ccx")
+    version = re.search(
+        r"Version (\S+)", subprocess.run([path, "-v"], capture_output=True, text=True, check=False).stdout
+    )
+    problem = model(mesh, "bonded")
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "peer.inp").write_text(deck(problem.mesh, end=window, step=step))
+        started = time.perf_counter()
+        said = _call([path, "-i", "peer"], Path(folder))
+        seconds = time.perf_counter() - started
+        times, force = forces((Path(folder) / "peer.dat").read_text())
+    steps = round(window / step)
+    if len(times) != steps:
+        raise PeerError(f"ccx printed {len(times)} of {steps} forces; it ended with: {said.strip()[-200:]}")
+    ours = explicit.run(
+        problem, explicit.Samples.of(poisson=POISSON), explicit.Sampling(times, times[-1:])
+    ).force_transmission[0]
+    apart = force - ours
+    return Peer(
+        version=version[1] if version else "unknown",
+        window=window,
+        step=step,
+        seconds=seconds,
+        whole_run=seconds * END / window,
+        largest_force=float(np.abs(ours).max()),
+        largest_difference=float(np.abs(apart).max()),
+        rms_difference=float(np.sqrt(np.mean(apart**2))),
+    )
+
+
+def forces(printed: str) -> tuple[FloatArray, FloatArray]:
+    """Times [s] and compression-positive forces [N] on the lower face, from the text of a `.dat` file."""
+    pattern = r"total force \(fx,fy,fz\) for set LOWER and time +(\S+)\s+(\S+) +(\S+) +(\S+)"
+    found = np.array([[float(t), float(fy)] for t, _, fy, _ in re.findall(pattern, printed)]).reshape(-1, 2)
+    return found[:, 0], WEDGE * found[:, 1]
+
+
+def _call(command: list[str], folder: Path) -> str:
+    """Standard output of a program on one core."""
+    settings = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    try:
+        done = subprocess.run(
+            command, cwd=folder, env=settings, capture_output=True, text=True, timeout=LONGEST, check=False
+        )
+    except subprocess.TimeoutExpired:
+        raise PeerError(f"{' '.join(command)} took longer than {LONGEST:.0f} s") from None
+    if done.returncode != 0:
+        raise PeerError(f"{' '.join(command)} ended with {done.returncode}: {done.stdout.strip()[-200:]}")
+    return done.stdout
