@@ -1,0 +1,175 @@
+"""What one simulation needs to march phase by phase: constants, a window of rows, and their gradients."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from explicit.adjoint.kernels import PhaseKernels, phase_kernels
+from explicit.arguments import batch_of, body_of
+from explicit.device import select_device
+from explicit.march import march_kernel
+from explicit.model import Model, Samples, Sampling, Stepping
+from explicit.precision import PRECISIONS
+
+FloatArray = NDArray[np.float64]
+
+FIELDS = ("u_r", "u_y", "v_r", "v_y")
+"""The fields of the state that carry a gradient."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """Rows of the fields for a number of consecutive steps: step k leads from row k to row k + 1.
+
+    Every entry is a Warp array; `view` is its memory as NumPy sees it.
+    """
+
+    arrays: dict[str, Any]
+    """Warp arrays by name."""
+    view: dict[str, NDArray[Any]]
+    """The same memory."""
+    gradient: dict[str, FloatArray]
+    """The memory of their gradients, of those that have one."""
+
+    @property
+    def n_steps(self) -> int:
+        """Steps that fit into the window."""
+        return len(self.view["clock"])
+
+    def state(self, k: int) -> dict[str, NDArray[Any]]:
+        """A copy of row k of the state."""
+        return {name: self.view[name][k].copy() for name in (*FIELDS, "touched")}
+
+    def begin(self, state: dict[str, NDArray[Any]]) -> None:
+        """Put a state into row 0."""
+        for name, values in state.items():
+            self.view[name][0] = values
+        self.view["push"][:] = 0.0
+
+    def clear_gradients(self) -> None:
+        """Zero the gradients of the rows; those of the parameters go on summing."""
+        for name in (*FIELDS, "corner_r", "corner_y", "push"):
+            self.gradient[name][:] = 0.0
+
+    @property
+    def bytes(self) -> int:
+        """Memory of the rows and their gradients [B]."""
+        return sum(a.nbytes for a in (*self.view.values(), *self.gradient.values()))
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One simulation, ready to march in phases on the CPU in double precision."""
+
+    model: Model
+    """What is simulated."""
+    samples: Samples
+    """With which parameters: one sample."""
+    stepping: Stepping
+    """Numerical choices."""
+    kernels: PhaseKernels
+    """The two phases."""
+    window: Window
+    """The rows."""
+    element_inputs: tuple[Any, ...]
+    """Arguments of the elements' phase after k and `measure`."""
+    node_inputs: tuple[Any, ...]
+    """Arguments of the nodes' phase after k."""
+
+    def launch(self, k: int, measure: int = 0) -> None:
+        """Take step k: both phases; the tape records them if one is open."""
+        self.launch_elements(k, measure)
+        self.launch_nodes(k)
+
+    def launch_elements(self, k: int, measure: int) -> None:
+        """The first phase of step k: corner forces, and the step's bound if it is measured."""
+        inputs = [k, measure, *self.element_inputs]
+        wp.launch(self.kernels.elements, dim=self.model.mesh.n_elements, inputs=inputs, device="cpu")
+
+    def launch_nodes(self, k: int) -> None:
+        """The second phase of step k: nodes and platens."""
+        inputs = [k, *self.node_inputs]
+        wp.launch(self.kernels.nodes, dim=self.model.mesh.n_nodes, inputs=inputs, device="cpu")
+
+
+def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Plan:
+    """Bring one simulation to the CPU with room for `n_steps` steps.
+
+    Raises
+    ------
+    ValueError
+        If there is not exactly one sample, the support moves, or single precision is asked for.
+    """
+    if len(samples) != 1:
+        raise ValueError(f"samples must be one sample, the point to differentiate at, got {len(samples)}")
+    if np.isfinite(model.support.impedance):
+        raise ValueError(
+            f"the adjoint needs a rigid support, got an impedance of {model.support.impedance:.6g} N s/m;"
+            " use explicit.RIGID, or explicit.derivatives.jacobian"
+        )
+    if stepping.precision != "fp64":
+        raise ValueError(f"the adjoint runs in 'fp64', got precision {stepping.precision!r}")
+    device = select_device("cpu")
+    mesh, numbers = model.mesh, PRECISIONS["fp64"]
+    law = type(model.materials[0])
+    loop = march_kernel(law, model.faces, model.side, numbers, model.element)
+    body = body_of(loop, model, numbers, device)
+    batch = batch_of(loop, model, samples, _nothing(model), stepping, numbers, device)
+    batch.solids.requires_grad = True
+    batch.friction.requires_grad = True
+    start, corner = mesh.corners_of_node
+    met = np.diff(start)
+    element_of = np.full((int(met.max()), mesh.n_nodes), mesh.n_elements, dtype=np.int32)
+    corner_of = np.zeros_like(element_of)
+    for c in range(len(element_of)):
+        there = met > c
+        element_of[c, there] = corner[start[:-1][there] + c] // 4
+        corner_of[c, there] = corner[start[:-1][there] + c] % 4
+    row = model.materials[int(samples.material[0])].parameters()
+    window = _window(mesh.n_nodes, mesh.n_elements, n_steps, row, batch)
+    a = window.arrays
+    state = tuple(a[name] for name in FIELDS)
+
+    def integers(values: NDArray[np.int32]) -> Any:
+        return wp.array(values, dtype=int, device=device)
+
+    return Plan(
+        model=model,
+        samples=samples,
+        stepping=stepping,
+        kernels=phase_kernels(law, model.faces, model.side, model.element, len(element_of)),
+        window=window,
+        element_inputs=(
+            *(body.quads, body.shapes, a["solids"], a["row"]),
+            *(*state, a["corner_r"], a["corner_y"], a["worst"]),
+        ),
+        node_inputs=(
+            *(a["clock"], mesh.length, integers(element_of), integers(corner_of)),
+            *(body.mass, body.inverse_mass, body.on_axis, body.kind, body.reference_y),
+            *(a["solids"], a["friction"], a["corner_r"], a["corner_y"], a["touched"], *state, a["push"]),
+        ),
+    )
+
+
+def _nothing(model: Model) -> Sampling:
+    return Sampling(np.array([model.start]), np.array([model.start]))
+
+
+def _window(n_nodes: int, n_elements: int, n_steps: int, row: FloatArray, batch: Any) -> Window:
+    def room(*shape: int) -> Any:
+        return wp.zeros(shape, dtype=wp.float64, device="cpu", requires_grad=True)
+
+    arrays = {name: room(n_steps + 1, n_nodes) for name in FIELDS}
+    for name in ("corner_r", "corner_y"):
+        arrays[name] = room(n_steps, 4, n_elements + 1)  # the last column stays zero
+    arrays["push"] = room(n_steps, 2)
+    arrays["row"] = wp.array(row, dtype=wp.float64, device="cpu", requires_grad=True)
+    arrays["solids"], arrays["friction"] = batch.solids, batch.friction
+    arrays["touched"] = wp.zeros((n_steps + 1, n_nodes), dtype=int, device="cpu")
+    arrays["clock"] = wp.zeros((n_steps, 3), dtype=wp.float64, device="cpu")
+    arrays["worst"] = wp.zeros(1, dtype=wp.float64, device="cpu")
+    gradient = {name: a.grad.numpy() for name, a in arrays.items() if a.requires_grad}
+    return Window(arrays, {name: a.numpy() for name, a in arrays.items()}, gradient)

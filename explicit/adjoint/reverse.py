@@ -1,0 +1,78 @@
+"""The reverse pass: every segment is run again from its checkpoint onto a tape, and the tape backward."""
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from explicit.adjoint.forward import Forward
+from explicit.adjoint.plan import FIELDS, Plan
+from explicit.adjoint.steps import ForceSampling
+from explicit.histories import Histories
+from explicit.model import Sampling
+
+FloatArray = NDArray[np.float64]
+
+
+def reverse(plan: Plan, sampling: Sampling, forward: Forward, cotangent: Histories) -> dict[str, FloatArray]:
+    """Carry the cotangent of the histories back to what the kernels read.
+
+    Parameters
+    ----------
+    plan : Plan
+        The simulation, in a window as long as a segment.
+    sampling : Sampling
+        What was recorded.
+    forward : Forward
+        The forward run of this plan.
+    cotangent : Histories
+        Derivative of the objective by every entry of the histories, without leading axes.
+
+    Returns
+    -------
+    dict
+        Derivatives by "solids" (a record per modulus and viscosity), "row" (the law's constants) and
+        "friction".
+    """
+    window, steps = plan.window, forward.steps
+    gradient, view = window.gradient, window.view
+    push = _push_cotangent(sampling, forward, cotangent)
+    reached = np.searchsorted(steps.time + steps.dt, sampling.surface_times, side="left")
+    late = (steps.time + steps.dt)[reached] - sampling.surface_times
+    motion = plan.model.motions[int(plan.samples.motion[0])]
+    flyer_next = motion(steps.time + steps.dt)
+    for name in ("solids", "row", "friction"):
+        window.arrays[name].grad.zero_()
+    window.clear_gradients()
+    carried = {name: np.zeros(plan.model.mesh.n_nodes) for name in FIELDS}
+    side = plan.model.mesh.side
+    for segment in reversed(range(len(forward.checkpoints))):
+        first = segment * window.n_steps
+        n = min(window.n_steps, len(steps) - first)
+        now = slice(first, first + n)
+        window.begin(forward.checkpoints[segment])
+        view["clock"][:n] = np.column_stack([steps.dt[now], steps.interval[now], flyer_next[now]])
+        tape = wp.Tape()
+        with tape:
+            for k in range(n):
+                plan.launch(k)
+        window.clear_gradients()
+        for name in FIELDS:
+            gradient[name][n] = carried[name]
+        gradient["push"][:n] = push[now]
+        for i in np.flatnonzero((reached >= first) & (reached < first + n)):
+            k = reached[i] - first + 1  # a surface is read from the row after its step
+            gradient["u_r"][k, side] += cotangent.surface_r[i]
+            gradient["u_y"][k, side] += cotangent.surface_y[i]
+            gradient["v_r"][k, side] -= late[i] * cotangent.surface_r[i]
+            gradient["v_y"][k, side] -= late[i] * cotangent.surface_y[i]
+        tape.backward()
+        carried = {name: gradient[name][0].copy() for name in FIELDS}
+    return {name: window.arrays[name].grad.numpy().copy() for name in ("solids", "row", "friction")}
+
+
+def _push_cotangent(sampling: Sampling, forward: Forward, cotangent: Histories) -> FloatArray:
+    """Cotangent of the platens' impulses on the nodes in each step [.../(N s)], shape [n_steps, 2]."""
+    sampled = ForceSampling(forward.steps, sampling.force_times)
+    flyer = sampled.transposed(cotangent.force_flyer, cotangent.impulse_flyer)
+    transmission = sampled.transposed(cotangent.force_transmission, cotangent.impulse_transmission)
+    return np.column_stack([-flyer, transmission]) / forward.steps.interval[:, None]
