@@ -75,6 +75,8 @@ class Jacobian:
     """The histories at the values themselves, without leading axes."""
     study: StepStudy
     """The steps that were tried and the one that was taken."""
+    stepping: Stepping
+    """The numerical choices of all runs."""
     steps_shared: bool
     """Whether all runs took the same time steps; if not, the derivatives contain their noise."""
 
@@ -150,6 +152,7 @@ def jacobian(
         error=slopes.map(error),
         nominal=histories.map(lambda f: f[0]),
         study=study,
+        stepping=stepping,
         steps_shared=bool((response.smallest_step == stepping.largest_step).all()),
     )
 

@@ -40,9 +40,9 @@ class Histories:
     @classmethod
     def zeros(cls, n_force_times: int, n_surface_times: int, n_surface_nodes: int) -> "Histories":
         """Nothing yet, without leading axes: where a cotangent begins."""
-        surface = (n_surface_times, n_surface_nodes)
-        forces = [np.zeros(n_force_times) for _ in range(4)]
-        return cls(*forces, np.zeros(surface), np.zeros(surface))
+        surface: tuple[int, ...] = (n_surface_times, n_surface_nodes)
+        shapes = [(n_force_times,)] * 4 + [surface] * 2
+        return cls(**{name: np.zeros(shape) for name, shape in zip(NAMES, shapes, strict=True)})
 
     def items(self) -> Iterator[tuple[str, FloatArray]]:
         """Name and array of every history."""

@@ -27,7 +27,7 @@ LEAST_SCALE = {"damping": 1e-5, "friction": 0.1, "mass_damping": 10.0}
 
 @dataclass(frozen=True)
 class Stencil:
-    """Where a response is evaluated, and how a slope follows: sum_j weights[j] f(value + offsets[j] h) / h."""
+    """Where a response is evaluated, and its slope: sum_j weights[j] f(value + offsets[j] h) / h."""
 
     offsets: FloatArray
     """Distances from the value in steps [-], shape [3]."""
@@ -70,10 +70,10 @@ def stencil_for(name: str, value: float, widest: float) -> Stencil:
         If neither side has room for the widest step.
     """
     low, high = BOUNDS[name]
-    # An open lower bound: a stiffness of zero is no solid. A closed one is allowed but left alone.
     for stencil in (CENTRAL, FORWARD, BACKWARD):
         reached = value + stencil.offsets * widest
-        if reached.min() > low - (name != "stiffness_factor") * 1e-300 and reached.max() <= high:
+        above = reached.min() > low if name == "stiffness_factor" else reached.min() >= low
+        if above and reached.max() <= high:
             return stencil
     raise ValueError(
         f"{name} = {value:.6g} has no room for a step of {widest:.3g} inside [{low:g}, {high:g}];"

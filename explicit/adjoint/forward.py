@@ -48,9 +48,13 @@ def march(plan: Plan, sampling: Sampling, steps: StepSequence | None = None) -> 
     Raises
     ------
     ValueError
-        If the run does not reach its end; the message has the cause and the cure.
+        If a requested time is before the model's start, or the run does not reach its end; the message has
+        the cause and the cure.
     """
     window, model = plan.window, plan.model
+    asked = min(float(sampling.force_times[0]), float(sampling.surface_times[0]))
+    if asked < model.start:
+        raise ValueError(f"requested time {asked:.9g} s is before the model's start {model.start:.9g} s")
     motion, side = model.motions[int(plan.samples.motion[0])], model.mesh.side
     rest = {name: np.zeros_like(window.view[name][0]) for name in ("u_r", "u_y", "v_r", "v_y", "touched")}
     rest["touched"][model.mesh.lower_face] = 1
@@ -73,7 +77,7 @@ def march(plan: Plan, sampling: Sampling, steps: StepSequence | None = None) -> 
             k = 0
         step = len(taken)
         measured = steps is None and step % plan.stepping.measure_every == 0
-        plan.launch_elements(k, int(measured))
+        plan.sweep_elements(k, int(measured))
         if steps is not None:
             if step == len(steps):
                 raise ValueError(f"the {len(steps)} recorded steps end at {time:.6g} s, before the last time")
@@ -86,7 +90,7 @@ def march(plan: Plan, sampling: Sampling, steps: StepSequence | None = None) -> 
             window.view["worst"][0] = 0.0
         flyer_next = float(motion(np.array([time + dt]))[0])
         window.view["clock"][k] = dt, 0.5 * (dt + before), flyer_next
-        plan.launch_nodes(k)
+        plan.sweep_nodes(k)
         end = time + dt
         while done < len(sampling.surface_times) and sampling.surface_times[done] <= end:
             late = end - sampling.surface_times[done]

@@ -140,9 +140,7 @@ def _by_parameter(model: Model, samples: Samples, solid: NDArray[np.void]) -> di
     ratio = 2.0 * (1.0 + nu) / (3.0 * (1.0 - 2.0 * nu))  # K / mu
     by_ratio = mu * (solid["bulk"] + full * beta * solid["bulk_viscosity"])
     by_beta = (
-        solid["shear_viscosity"]
-        + full * ratio * solid["bulk_viscosity"]
-        + chi * solid["hourglass_viscosity"]
+        solid["shear_viscosity"] + full * ratio * solid["bulk_viscosity"] + chi * solid["hourglass_viscosity"]
     )
     by_mu = ratio * solid["bulk"] + chi * solid["hourglass"] + beta * by_beta
     return {

@@ -1,7 +1,6 @@
 """The reverse pass: every segment is run again from its checkpoint onto a tape, and the tape backward."""
 
 import numpy as np
-import warp as wp
 from numpy.typing import NDArray
 
 from explicit.adjoint.forward import Forward
@@ -45,16 +44,19 @@ def reverse(plan: Plan, sampling: Sampling, forward: Forward, cotangent: Histori
     window.clear_gradients()
     carried = {name: np.zeros(plan.model.mesh.n_nodes) for name in FIELDS}
     side = plan.model.mesh.side
+    tape, n_taped = None, 0
     for segment in reversed(range(len(forward.checkpoints))):
         first = segment * window.n_steps
         n = min(window.n_steps, len(steps) - first)
         now = slice(first, first + n)
         window.begin(forward.checkpoints[segment])
         view["clock"][:n] = np.column_stack([steps.dt[now], steps.interval[now], flyer_next[now]])
-        tape = wp.Tape()
-        with tape:
+        if tape is None or n != n_taped:
+            tape, n_taped = plan.taped(n), n
+        else:  # the same launches on the same rows: only what is in them is new
             for k in range(n):
-                plan.launch(k)
+                plan.sweep_elements(k)
+                plan.sweep_nodes(k)
         window.clear_gradients()
         for name in FIELDS:
             gradient[name][n] = carried[name]

@@ -48,6 +48,8 @@ TOPICS = [
     "space_order",
     "fbar",
     "batch",
+    "derivatives",
+    "adjoint",
 ]
 """Modules of the manual, in its order."""
 
