@@ -25,19 +25,19 @@ from explicit.stencils import BOUNDS, Stencil, perturbed, scale_of, stencil_for
 
 FloatArray = NDArray[np.float64]
 
-LADDER = tuple(10.0 ** (-0.5 * k) for k in range(2, 11))
-"""Relative steps from 0.1 to 1e-5, two a decade."""
+LADDER = tuple(10.0 ** (-0.5 * k) for k in range(2, 14))
+"""Relative steps from 0.1 to 3e-7, two a decade."""
 STEP_MARGIN = 0.9
 """Share of the smallest step of a trial batch that all runs take."""
-FORCES, PROFILE = NAMES[:4], NAMES[4:]
+FORCES, IMPULSES, PROFILE = NAMES[:2], NAMES[2:4], NAMES[4:]
 
 
 @dataclass(frozen=True)
 class StepStudy:
     """The V: how much a derivative changes from one step of the ladder to the next smaller one.
 
-    Changes are root mean squares over a history, over the derivative's own, the larger one of the
-    histories; while the step is too wide they fall with its square, and where it is too narrow they rise.
+    Changes are root mean squares over both platens, or over radii and heights, over the derivative's own;
+    while the step is too wide they fall with its square, and where it is too narrow they rise.
     """
 
     step: FloatArray
@@ -133,8 +133,9 @@ def jacobian(
     response = run(model, batch, quick, stepping=stepping, device=device, threads=threads)
     _require_completed(response, batch, names)
     histories = Histories.of(response)
-    # Sample 0 is the point itself; then parameter by parameter, step by step, three places each.
-    place = 1 + np.arange(step.size * 3).reshape(*step.shape, 3)
+    # Sample 0 is the point itself, the first place of every formula; then parameters, steps, other places.
+    place = np.zeros((*step.shape, 3), dtype=np.intp)
+    place[..., 1:] = 1 + np.arange(2 * step.size).reshape(*step.shape, 2)
     weight = np.array([s.weights for s in stencils])[:, None, :] / step[:, :, None]
     slopes = histories.map(lambda f: np.einsum("pkj,pkj...->pk...", weight, f[place]))
     study = _study(step, slopes)
@@ -197,13 +198,13 @@ def _check(model: Model, samples: Samples, names: tuple[str, ...], ladder: Float
 
 
 def _batch(samples: Samples, names: tuple[str, ...], stencils: list[Stencil], step: FloatArray) -> Samples:
-    """The point itself, then every place of every stencil: parameters, steps, places."""
-    n = 1 + 3 * step.size
+    """The point itself, then the other two places of every stencil: parameters, steps, places."""
+    n, each = 1 + 2 * step.size, 2 * step.shape[1]
     values = {}
     for p, (name, stencil) in enumerate(zip(names, stencils, strict=True)):
         column = np.repeat(getattr(samples, name), n)
-        first = 1 + 3 * p * step.shape[1]
-        column[first : first + 3 * step.shape[1]] += np.outer(step[p], stencil.offsets).ravel()
+        first = 1 + p * each
+        column[first : first + each] += np.outer(step[p], stencil.offsets[1:]).ravel()
         values[name] = column
     return perturbed(samples, values, n)
 
@@ -220,15 +221,13 @@ def _require_completed(response: Response, samples: Samples, names: tuple[str, .
 
 def _study(step: FloatArray, slopes: Histories) -> StepStudy:
     def change(names: tuple[str, ...]) -> FloatArray:
-        found = []
-        for name in names:
-            slope = getattr(slopes, name).reshape(*step.shape, -1)
-            size = np.sqrt((slope[:, 1:] ** 2).mean(axis=2))
-            moved = np.sqrt((np.diff(slope, axis=1) ** 2).mean(axis=2))
-            found.append(np.divide(moved, size, out=np.zeros_like(moved), where=size > 0.0))
-        return np.max(found, axis=0)
+        # Together: a platen that no wave has reached yet has nothing but round-off.
+        slope = np.concatenate([getattr(slopes, name).reshape(*step.shape, -1) for name in names], axis=2)
+        size = np.sqrt((slope[:, 1:] ** 2).mean(axis=2))
+        moved = np.sqrt((np.diff(slope, axis=1) ** 2).mean(axis=2))
+        return np.divide(moved, size, out=np.zeros_like(moved), where=size > 0.0)
 
-    force, profile = change(FORCES), change(PROFILE)
+    force, profile = np.maximum(change(FORCES), change(IMPULSES)), change(PROFILE)
     both = np.maximum(force, profile)
     chosen = both.argmin(axis=1)
     smooth = np.ones(len(step), dtype=bool)

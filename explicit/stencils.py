@@ -30,7 +30,7 @@ class Stencil:
     """Where a response is evaluated, and its slope: sum_j weights[j] f(value + offsets[j] h) / h."""
 
     offsets: FloatArray
-    """Distances from the value in steps [-], shape [3]."""
+    """Distances from the value in steps, the first one 0 [-], shape [3]."""
     weights: FloatArray
     """Weights of the responses [-], shape [3]."""
 

@@ -32,8 +32,8 @@ def row(result: Result) -> tuple[str, str, str]:
     """Line of the index: what is compared, what was measured, what is allowed."""
     forward = max(scene.forward for scene in result.scenes)
     return (
-        "gradient by parameters and by random directions of the material table against central differences with"
-        " the same steps; forward run in phases against the time loop",
+        "gradient by parameters and by random directions of the material table, central differences with the"
+        " same steps; forward run in phases against the time loop",
         f"{result.worst:.0e}; {forward:.0e}",
         f"{ALLOWED:g}; {FORWARD:g}",
     )
@@ -100,11 +100,12 @@ each, is compared with the time loop in one kernel. Euler's identity: scaling ev
 scaling m.
 
 **Set-up.** 8 × 11 elements, a stiffening Marlow law with 33 knots, m = {POINT["stiffness_factor"]:g},
-ν = {POINT["poisson"]:g}, β = {POINT["damping"]:g} s, α = {POINT["mass_damping"]:g} 1/s, f = {POINT["friction"]:g};
-2.6 m/s after a rise of 50 µs to {1e3 * END:g} ms (55 %; with friction {1e3 * SHORT:g} ms), contact of the side
-surface. The number is half the sum of squares of all forces, impulses, radii and heights, each history over
-its largest value. A direction of the table changes all quotients and slopes at random. Derivatives are by the
-relative change of a parameter ({{py:func}}`explicit.stencils.scale_of`).
+ν = {POINT["poisson"]:g}, β = {POINT["damping"]:g} s, α = {POINT["mass_damping"]:g} 1/s,
+f = {POINT["friction"]:g}; 2.6 m/s after a rise of 50 µs to {1e3 * END:g} ms (55 %; with friction
+{1e3 * SHORT:g} ms), contact of the side surface. The number is half the sum of squares
+of all forces, impulses, radii and heights, each history over its largest value. A direction of the table
+changes all quotients and slopes at random. Derivatives are by the relative change of a parameter
+({{py:func}}`explicit.stencils.scale_of`).
 
 The forward run in phases, largest distance from `explicit.run` over the largest value:
 
@@ -117,16 +118,17 @@ Gradient and relative distance of the differences, at the chosen step and by ste
 Where a wide step is far off a node lands, sticks or slips in another step of one of its runs; between
 decisions the differences fall onto the gradient.
 
-**A field of unknowns.** Shot open-01 (`runs/open-01`), 16 × 22 elements, {shot.n_steps} steps: $\\chi^2$ of its
-{{doc}}`force bins <../theory/inverse_method>` at m = 1, by the stress of each of the {len(shot.strain)} points
-of its quasi-static curve, in one gradient. The truth is m = 1.12. Distances over the largest derivative:
+**A field of unknowns.** Shot open-01 (`runs/open-01`), 16 × 22 elements, {shot.n_steps} steps:
+$\\chi^2$ of its {{doc}}`force bins <../theory/inverse_method>` at m = 1, by the stress of each of the
+{len(shot.strain)} points of its quasi-static curve, in one gradient. The truth is m = 1.12.
+Distances over the largest derivative:
 
 {table(["strain [%]", "∂ ln χ²/∂ ln T", "distance"], points)}
 
 The points to 16 % strain weigh most: they give the initial modulus, which sets the bulk modulus and the
 damping too. Beyond, each point acts on its own part of the curve; the last one holds the tangent on which the
-curve is continued. The sum over all points is {shot.by_stress.sum() / shot.chi2:.6f}, the derivative by m itself
-{shot.by_factor / shot.chi2:.6f} (relative difference {euler:.0e}).
+curve is continued. The sum over all points is {shot.by_stress.sum() / shot.chi2:.6f}, the derivative by m
+itself {shot.by_factor / shot.chi2:.6f} (relative difference {euler:.0e}).
 
 **Tolerance.** {ALLOWED:g} of the derivative: the round-off of the number over a step of 1e-6. Forward run
 {FORWARD:g}: round-off (the time loop fuses multiply-adds), amplified by contact. Euler's identity 1e-8: the

@@ -1,4 +1,4 @@
-"""Runs for the page on the adjoint: gradients against differences with the same steps, and a measured shot."""
+"""Runs for the page on the adjoint: gradients against differences with the same steps; a measured shot."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ from scene import DENSITY, LENGTH, RADIUS, shear_modulus, speed_after_rise
 
 import explicit
 from explicit import Model, Samples, Sampling, cylinder
-from explicit.adjoint import Gradient, by_curve_stress, by_table, forward_run, gradient
+from explicit.adjoint import Gradient, Objective, by_curve_stress, by_table, forward_run, gradient
 from explicit.histories import Histories
 from explicit.materials import MarlowLaw, marlow_from_curve
 from explicit.stencils import scale_of
@@ -141,7 +141,7 @@ def scene_model(contact: str, element: str, damping: str, *, end: float = END) -
     return model, Sampling(times, times[9::10])
 
 
-def half_square(scale: Histories) -> Callable[[Histories], tuple[float, Histories]]:
+def half_square(scale: Histories) -> Objective:
     """Half the sum of squares of all histories, each over its own largest value."""
     size = scale.map(lambda f: np.array(np.abs(f).max()))
 
@@ -162,7 +162,7 @@ def parameter_check(
     model: Model,
     sampling: Sampling,
     found: Gradient,
-    objective: Callable[..., tuple[float, Histories]],
+    objective: Objective,
     name: str,
 ) -> Check:
     """A scalar parameter, by its relative scale."""
@@ -181,7 +181,7 @@ def table_check(
     model: Model,
     sampling: Sampling,
     found: Gradient,
-    objective: Callable[..., tuple[float, Histories]],
+    objective: Objective,
     rng: np.random.Generator,
     name: str,
 ) -> Check:
@@ -208,9 +208,10 @@ def scene(contact: str, element: str, damping: str, *, end: float = END) -> Scen
     reference = Histories.of(explicit.run(model, samples, sampling)).map(lambda f: f[0])
     objective = half_square(reference)
     found = gradient(model, samples, sampling, objective)
-    apart = found.histories.items()
+    size = reference.map(np.abs)
     forward = max(
-        np.abs(f - getattr(reference, n)).max() / np.abs(getattr(reference, n)).max() for n, f in apart
+        np.abs(f - getattr(reference, name)).max() / getattr(size, name).max()
+        for name, f in found.histories.items()
     )
     names = [name for name in POINT if name != "friction" or contact == "coulomb"]
     checks = [parameter_check(model, sampling, found, objective, name) for name in names]

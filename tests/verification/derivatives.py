@@ -30,7 +30,8 @@ def row(result: Result) -> tuple[str, str, str]:
     bottom = result.common.study.change.min(axis=1)
     waves = [result.wave_error(platen) for platen in result.wave]
     return (
-        "bottom of the V of central differences; the same derivatives by the adjoint; plane wave, closed form",
+        "bottom of the V of central differences; the same derivatives by the adjoint; those of a plane wave,"
+        " closed form",
         f"{bottom.max():.0e}; {result.adjoint_error.max():.0e}; {100 * max(waves):.2f} %",
         f"{BOTTOM:g}; {ADJOINT:g}; {100 * WAVE:g} %",
     )
@@ -119,17 +120,18 @@ support.
 stick and slip. Which step they do it in is a decision; when it changes between the two runs of a difference
 the response has jumped, which adds jump/h to the derivative (right figure). Below the step at which no
 decision changes any more, {result.rolling["bonded"].study.step[0, 5]:.0e} bonded and
-{friction.step[0, friction.chosen[0]]:.0e} with friction here, the derivative is sharp again, but it is the one
-*between two decisions*: the time at which a node lands does not move with the parameter. `study.smooth` is
-False for both. Derivatives by m between decisions ({BETWEEN[0]:g} m) against those over {WIDE[0]:g} m:
+{friction.step[0, friction.chosen[0]]:.0e} with friction here, the derivative is sharp again, but it is the
+one *between two decisions*: the time at which a node lands does not move with the parameter. `study.smooth`
+is False for both. Derivatives by m between decisions ({BETWEEN[0]:g} m) against those over {WIDE[0]:g} m:
 
 {table(["contact", "mesh", "transmission impulse [%]", "radius [%]"], secants)}
 
-The impulse hardly notices, and the outline does, less on finer meshes: a bonded node keeps the radius at which
-it lands. For an outline with side contact, take a ladder that stays wide, such as {WIDE}: it
+The impulse hardly notices, and the outline does, less on finer meshes: a bonded node keeps the radius at
+which it lands. For an outline with side contact, take a ladder that stays wide, such as {WIDE}: it
 averages over landings, and its error estimate says what they leave.
 
 **Tolerance.** Bottom {BOTTOM:g}: round-off of 1e-15 over a step of 1e-5, amplified a hundredfold by the run.
 Order 2 within 0.02: a step of 10 % is left out, at 3 % the next term is 0.5 %. Adjoint {ADJOINT:g}, as the
-bottom, and within the error estimate. Wave {100 * WAVE:g} %: dispersion, which 44 elements have fourfold.
+bottom, and within the error estimate. Wave {100 * WAVE:g} %: dispersion, twice what is
+left of it here; 44 elements have four times as much.
 """

@@ -37,13 +37,13 @@ MESHES = ((8, 11), (16, 22), (32, 44))
 WIDE, BETWEEN = (0.03, 0.02, 0.015), (1e-5, 5e-6, 2.5e-6)
 """Ladders over some landings and between two of them [-]."""
 BOTTOM = 1e-7
-"""Allowed change of a derivative at the bottom of the V [-]: round-off of 1e-15 over a step of 1e-5, times the
-hundredfold of it that a few hundred steps amplify."""
+"""Allowed change of a derivative at the bottom of the V [-]: round-off of 1e-15 over a step of 1e-5, which a
+few hundred steps amplify a hundredfold."""
 ADJOINT = 1e-7
 """Allowed distance from the adjoint, over the derivative [-]: as the bottom."""
 WAVE = 3e-3
-"""Allowed rms distance from the closed form of a wave, over the derivative's rms [-]: dispersion, twice what 88
-elements along the length have, a quarter of what 44 have."""
+"""Allowed rms distance from the closed form of a wave, over the derivative's rms [-]: dispersion, twice what
+88 elements along the length have, half of what 44 have."""
 
 
 @dataclass(frozen=True)
