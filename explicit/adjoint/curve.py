@@ -8,7 +8,7 @@ what it does to quotients and slopes around it.
 import numpy as np
 from numpy.typing import NDArray
 
-from explicit.adjoint.gradient import Gradient
+from explicit.adjoint.gradients import Gradient
 from explicit.materials import MarlowLaw, marlow_from_curve
 
 FloatArray = NDArray[np.float64]

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from explicit.adjoint.plan import Plan
+from explicit.adjoint.plan import PhasePlan
 from explicit.adjoint.steps import ForceSampling, StepSequence
 from explicit.elements.base import INVERTED
 from explicit.histories import Histories
@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Forward:
+class ForwardRun:
     """A finished forward run."""
 
     steps: StepSequence
@@ -28,17 +28,17 @@ class Forward:
     """The state at the beginning of every segment."""
 
     @property
-    def bytes(self) -> int:
+    def memory(self) -> int:
         """Memory of the checkpoints [B]."""
         return sum(values.nbytes for state in self.checkpoints for values in state.values())
 
 
-def march(plan: Plan, sampling: Sampling, steps: StepSequence | None = None) -> Forward:
+def march(plan: PhasePlan, sampling: Sampling, steps: StepSequence | None = None) -> ForwardRun:
     """Run forward, segment by segment of as many steps as the plan's window holds.
 
     Parameters
     ----------
-    plan : Plan
+    plan : PhasePlan
         The simulation.
     sampling : Sampling
         What to record.
@@ -114,15 +114,15 @@ def march(plan: Plan, sampling: Sampling, steps: StepSequence | None = None) -> 
         surface_r=surface_r,
         surface_y=surface_y,
     )
-    return Forward(sequence, histories, checkpoints)
+    return ForwardRun(sequence, histories, checkpoints)
 
 
-def _measured_step(plan: Plan) -> float:
+def _measured_step(plan: PhasePlan) -> float:
     omega_squared = float(plan.window.view["worst"][0])
     return min(plan.stepping.safety * 2.0 / np.sqrt(omega_squared), plan.stepping.largest_step)
 
 
-def _check(plan: Plan, worst: float, dt: float, first: float, step: int, time: float) -> None:
+def _check(plan: PhasePlan, worst: float, dt: float, first: float, step: int, time: float) -> None:
     outcome = Outcome.COMPLETED
     if worst >= 0.5 * INVERTED:
         outcome = Outcome.INVERTED

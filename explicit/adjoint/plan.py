@@ -56,13 +56,13 @@ class Window:
             self.gradient[name][:] = 0.0
 
     @property
-    def bytes(self) -> int:
+    def memory(self) -> int:
         """Memory of the rows and their gradients [B]."""
         return sum(a.nbytes for a in (*self.view.values(), *self.gradient.values()))
 
 
 @dataclass(frozen=True)
-class Plan:
+class PhasePlan:
     """One simulation, ready to march in phases on the CPU in double precision."""
 
     model: Model
@@ -117,7 +117,7 @@ class Plan:
         return tape
 
 
-def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Plan:
+def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> PhasePlan:
     """Bring one simulation to the CPU with room for `n_steps` steps.
 
     Raises
@@ -165,7 +165,7 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Pl
     def integers(values: NDArray[np.int32]) -> Any:
         return wp.array(values, dtype=int, device=device)
 
-    return Plan(
+    return PhasePlan(
         model=model,
         samples=samples,
         stepping=stepping,

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from explicit.adjoint.forward import Forward
-from explicit.adjoint.plan import FIELDS, Plan
+from explicit.adjoint.forward import ForwardRun
+from explicit.adjoint.plan import FIELDS, PhasePlan
 from explicit.adjoint.steps import ForceSampling
 from explicit.histories import Histories
 from explicit.model import Sampling
@@ -12,16 +12,18 @@ from explicit.model import Sampling
 FloatArray = NDArray[np.float64]
 
 
-def reverse(plan: Plan, sampling: Sampling, forward: Forward, cotangent: Histories) -> dict[str, FloatArray]:
+def reverse(
+    plan: PhasePlan, sampling: Sampling, forward: ForwardRun, cotangent: Histories
+) -> dict[str, FloatArray]:
     """Carry the cotangent of the histories back to what the kernels read.
 
     Parameters
     ----------
-    plan : Plan
+    plan : PhasePlan
         The simulation, in a window as long as a segment.
     sampling : Sampling
         What was recorded.
-    forward : Forward
+    forward : ForwardRun
         The forward run of this plan.
     cotangent : Histories
         Derivative of the objective by every entry of the histories, without leading axes.
@@ -72,7 +74,7 @@ def reverse(plan: Plan, sampling: Sampling, forward: Forward, cotangent: Histori
     return {name: window.arrays[name].grad.numpy().copy() for name in ("solids", "row", "friction")}
 
 
-def _push_cotangent(sampling: Sampling, forward: Forward, cotangent: Histories) -> FloatArray:
+def _push_cotangent(sampling: Sampling, forward: ForwardRun, cotangent: Histories) -> FloatArray:
     """Cotangent of the platens' impulses on the nodes in each step [.../(N s)], shape [n_steps, 2]."""
     sampled = ForceSampling(forward.steps, sampling.force_times)
     flyer = sampled.transposed(cotangent.force_flyer, cotangent.impulse_flyer)

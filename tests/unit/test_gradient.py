@@ -76,7 +76,7 @@ def test_given_steps_are_repeated_bit_by_bit() -> None:
 
 
 def test_the_memory_is_that_of_the_checkpoints_and_one_segment() -> None:
-    few, many = (gradient(model(), POINT, SAMPLING, half_force, checkpoint_every=n).bytes for n in (5, 50))
+    few, many = (gradient(model(), POINT, SAMPLING, half_force, checkpoint_every=n).memory for n in (5, 50))
     assert few < many  # a run of so few steps is mostly its segment
 
 

@@ -47,7 +47,7 @@ class Gradient:
     and the hourglass control, the stress of the law held fixed."""
     steps: StepSequence
     """The steps that were taken."""
-    bytes: int
+    memory: int
     """Memory of checkpoints, rows of a segment and their gradients [B]."""
 
 
@@ -108,7 +108,7 @@ def gradient(
         friction=float(raw["friction"][0]),
         law=raw["row"],
         steps=forward.steps,
-        bytes=forward.bytes + ready.window.bytes,
+        memory=forward.memory + ready.window.memory,
         **_by_parameter(model, samples, raw["solids"][0]),
     )
 
