@@ -1,12 +1,13 @@
 """The forward run in phases: measures its steps or repeats recorded ones, and leaves checkpoints."""
 
 from dataclasses import dataclass
+from math import inf, sqrt
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from explicit.adjoint.plan import PhasePlan
+from explicit.adjoint.plan import FIELDS, PhasePlan
 from explicit.adjoint.steps import ForceSampling, StepSequence
 from explicit.elements.base import INVERTED
 from explicit.histories import Histories
@@ -55,21 +56,20 @@ def march(plan: PhasePlan, sampling: Sampling, steps: StepSequence | None = None
     asked = min(float(sampling.force_times[0]), float(sampling.surface_times[0]))
     if asked < model.start:
         raise ValueError(f"requested time {asked:.9g} s is before the model's start {model.start:.9g} s")
-    motion, side = model.motions[int(plan.samples.motion[0])], model.mesh.side
-    rest = {name: np.zeros_like(window.view[name][0]) for name in ("u_r", "u_y", "v_r", "v_y", "touched")}
+    motion = model.motions[int(plan.samples.motion[0])]
+    path = None if steps is None else motion(steps.time + steps.dt)
+    rest = {name: np.zeros_like(window.view[name][0]) for name in (*FIELDS, "touched")}
     rest["touched"][model.mesh.lower_face] = 1
     rest["touched"][model.mesh.upper_face] = 1
     window.begin(rest)
     window.view["worst"][0] = 0.0
-    reference = model.mesh.nodes[side] - [0.0, model.mesh.nodes[:, 1].min()]
-    surface_r = np.empty((len(sampling.surface_times), len(side)))
-    surface_y = np.empty_like(surface_r)
+    outline = _Outline(plan, sampling.surface_times)
     checkpoints = [window.state(0)]
     taken: list[float] = []
     pushes: list[FloatArray] = []
     time, dt, before, first = model.start, 0.0, 0.0, 0.0
-    begun, done, k = -np.inf, 0, 0
-    while begun < sampling.force_times[-1] or done < len(sampling.surface_times):
+    begun, k = -np.inf, 0
+    while begun < sampling.force_times[-1] or not outline.complete:
         if k == window.n_steps:
             pushes.append(window.view["push"].copy())
             checkpoints.append(window.state(k))
@@ -88,18 +88,12 @@ def march(plan: PhasePlan, sampling: Sampling, steps: StepSequence | None = None
         _check(plan, window.view["worst"][0], dt, first, step, time)
         if measured:
             window.view["worst"][0] = 0.0
-        flyer_next = float(motion(np.array([time + dt]))[0])
+        flyer_next = float(motion(np.array([time + dt]))[0]) if path is None else path[step]
         window.view["clock"][k] = dt, 0.5 * (dt + before), flyer_next
         plan.sweep_nodes(k)
-        end = time + dt
-        while done < len(sampling.surface_times) and sampling.surface_times[done] <= end:
-            late = end - sampling.surface_times[done]
-            view = window.view
-            surface_r[done] = reference[:, 0] + view["u_r"][k + 1, side] - late * view["v_r"][k + 1, side]
-            surface_y[done] = reference[:, 1] + view["u_y"][k + 1, side] - late * view["v_y"][k + 1, side]
-            done += 1
+        outline.record(k + 1, time + dt)
         taken.append(dt)
-        begun, time, before, k = time, end, dt, k + 1
+        begun, time, before, k = time, time + dt, dt, k + 1
     pushes.append(window.view["push"][:k].copy())
     sequence = StepSequence(model.start, np.array(taken))
     push = np.concatenate(pushes) / sequence.interval[:, None]
@@ -111,22 +105,50 @@ def march(plan: PhasePlan, sampling: Sampling, steps: StepSequence | None = None
         force_transmission=sampled.force(transmission),
         impulse_flyer=sampled.impulse(flyer),
         impulse_transmission=sampled.impulse(transmission),
-        surface_r=surface_r,
-        surface_y=surface_y,
+        surface_r=outline.r,
+        surface_y=outline.y,
     )
     return ForwardRun(sequence, histories, checkpoints)
 
 
+class _Outline:
+    """The side surface at the requested times, carried back from the end of the step that contains each."""
+
+    def __init__(self, plan: PhasePlan, times: FloatArray) -> None:
+        mesh = plan.model.mesh
+        self._view, self._side, self._times = plan.window.view, mesh.side, times
+        self._reference = mesh.nodes[mesh.side] - [0.0, mesh.nodes[:, 1].min()]
+        self._done = 0
+        self.r = np.empty((len(times), len(mesh.side)))
+        self.y = np.empty_like(self.r)
+
+    @property
+    def complete(self) -> bool:
+        """Whether every requested time has passed."""
+        return self._done == len(self._times)
+
+    def record(self, k: int, end: float) -> None:
+        """Record what lies before `end`, the time of row k."""
+        view, side = self._view, self._side
+        while not self.complete and self._times[self._done] <= end:
+            late = end - self._times[self._done]
+            self.r[self._done] = self._reference[:, 0] + view["u_r"][k, side] - late * view["v_r"][k, side]
+            self.y[self._done] = self._reference[:, 1] + view["u_y"][k, side] - late * view["v_y"][k, side]
+            self._done += 1
+
+
 def _measured_step(plan: PhasePlan) -> float:
     omega_squared = float(plan.window.view["worst"][0])
-    return min(plan.stepping.safety * 2.0 / np.sqrt(omega_squared), plan.stepping.largest_step)
+    if not omega_squared > 0.0:
+        return inf  # no bound is larger than a number that is none: the run has diverged
+    return min(plan.stepping.safety * 2.0 / sqrt(omega_squared), plan.stepping.largest_step)
 
 
 def _check(plan: PhasePlan, worst: float, dt: float, first: float, step: int, time: float) -> None:
     outcome = Outcome.COMPLETED
     if worst >= 0.5 * INVERTED:
         outcome = Outcome.INVERTED
-    elif not np.isfinite(worst):
+    elif not (np.isfinite(worst) and np.isfinite(dt)):
         outcome = Outcome.DIVERGED
     elif dt < plan.stepping.floor * first:
         outcome = Outcome.STEP_COLLAPSED

@@ -26,7 +26,7 @@ END = 1.4e-3
 """End of the runs [s]: 55 % compression, with side contact."""
 STEPS = 10.0 ** -np.arange(4.0, 6.6, 0.5)
 """Relative steps of the differences: most are below those at which a node lands in another step."""
-N_DIRECTIONS = 5
+N_DIRECTIONS = 4
 """Random directions of a table."""
 SHORT = 7e-4
 """End of the run with friction and full damping, whose steps are short [s]."""
