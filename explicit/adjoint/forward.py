@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from explicit.adjoint.echo import Echo
 from explicit.adjoint.plan import FIELDS, PhasePlan
 from explicit.adjoint.steps import ForceSampling, StepSequence
 from explicit.elements.base import INVERTED
@@ -27,6 +28,8 @@ class ForwardRun:
     """What was recorded, without leading axes."""
     checkpoints: list[dict[str, NDArray[Any]]]
     """The state at the beginning of every segment."""
+    echo: Echo
+    """What left and what returned in a moving support."""
 
     @property
     def memory(self) -> int:
@@ -63,6 +66,7 @@ def march(plan: PhasePlan, sampling: Sampling, steps: StepSequence | None = None
     rest["touched"][model.mesh.upper_face] = 1
     window.begin(rest)
     window.view["worst"][0] = 0.0
+    echo = Echo(model.support)
     outline = _Outline(plan, sampling.surface_times)
     checkpoints = [window.state(0)]
     taken: list[float] = []
@@ -90,7 +94,12 @@ def march(plan: PhasePlan, sampling: Sampling, steps: StepSequence | None = None
             window.view["worst"][0] = 0.0
         flyer_next = float(motion(np.array([time + dt]))[0]) if path is None else path[step]
         window.view["clock"][k] = dt, 0.5 * (dt + before), flyer_next
+        elapsed = time + dt - model.start
+        if plan.moving:
+            window.view["returned"][k] = echo.arrive(elapsed)
         plan.sweep_nodes(k)
+        if plan.moving:
+            echo.leave(float(window.view["outgoing"][k]), elapsed)
         outline.record(k + 1, time + dt)
         taken.append(dt)
         begun, time, before, k = time, time + dt, dt, k + 1
@@ -108,7 +117,7 @@ def march(plan: PhasePlan, sampling: Sampling, steps: StepSequence | None = None
         surface_r=outline.r,
         surface_y=outline.y,
     )
-    return ForwardRun(sequence, histories, checkpoints)
+    return ForwardRun(sequence, histories, checkpoints, echo)
 
 
 class _Outline:
@@ -140,7 +149,7 @@ class _Outline:
 def _measured_step(plan: PhasePlan) -> float:
     omega_squared = float(plan.window.view["worst"][0])
     if not omega_squared > 0.0:
-        return inf  # no bound is larger than a number that is none: the run has diverged
+        return inf  # what is no number leaves the largest bound at zero
     return min(plan.stepping.safety * 2.0 / sqrt(omega_squared), plan.stepping.largest_step)
 
 

@@ -71,7 +71,7 @@ def gradient(
     Parameters
     ----------
     model : Model
-        What to simulate; its support must be rigid.
+        What to simulate.
     samples : Samples
         One sample: where to differentiate.
     sampling : Sampling
@@ -89,8 +89,9 @@ def gradient(
     Raises
     ------
     ValueError
-        If there is not exactly one sample, the support moves, a requested time is before the start, the
-        cotangent has other shapes than the histories, or the run does not reach its end.
+        If there is not exactly one sample, a requested time is before the start, the wave in a bar returns
+        within a segment, the cotangent has other shapes than the histories, or the run does not reach its
+        end.
     """
     if checkpoint_every < 1:
         raise ValueError(f"checkpoint_every must be >= 1 step, got {checkpoint_every}")

@@ -1,4 +1,4 @@
-"""The two phases of a time step as differentiable Warp kernels: corner forces, then the nodes.
+"""The phases of a time step as differentiable Warp kernels: corner forces, the nodes, the support.
 
 They call the same functions of element, law and boundary as the time loop in one kernel (`explicit.march`). A
 kernel of their own is needed because Warp does not differentiate a loop that carries state: here a launch
@@ -26,6 +26,8 @@ class PhaseKernels:
     """Corner forces of row k; launch with dim = n_elements."""
     nodes: Any
     """Velocities and displacements of row k + 1 and the platens' impulses; launch with dim = n_nodes."""
+    support: Any
+    """Motion of the transmission platen in front of a bar, row k + 1; launch with dim = 1."""
 
 
 @cache
@@ -37,7 +39,7 @@ def phase_kernels(law: type, faces: str, side: str, element_name: str, valence: 
     Solid, read_shape, forces = functions.Solid, functions.read_shape, functions.forces
     structs = batch_structs(precision, functions.Shape, Solid)
     meet = boundary_functions(faces, side, precision, structs).meet
-    zero = real(0.0)
+    zero, one, two = real(0.0), real(1.0), real(2.0)
     lower, upper, corners_met = int(LOWER), int(UPPER), int(valence)
 
     @wp.kernel(module="unique")
@@ -95,6 +97,8 @@ def phase_kernels(law: type, faces: str, side: str, element_name: str, valence: 
         v_r: wp.array2d(dtype=real),
         v_y: wp.array2d(dtype=real),
         push: wp.array2d(dtype=wp.float64),
+        lower_platen: wp.array2d(dtype=wp.float64),
+        loaded: wp.array(dtype=wp.float64),
     ):
         n = wp.tid()
         dt, interval, flyer_next = clock[k, 0], clock[k, 1], clock[k, 2]
@@ -112,7 +116,7 @@ def phase_kernels(law: type, faces: str, side: str, element_name: str, valence: 
         mark = touched[k, n]
         if kind[n] != 0:
             height = reference_y[n] + u_y[k, n]
-            to_lower = -height / dt
+            to_lower = (lower_platen[k, 0] + lower_platen[k, 1] * dt - height) / dt
             to_upper = (length - flyer_next - height) / dt
             met, platen, now = meet(kind[n], touched[k, n], free, to_lower, to_upper, friction[0])
             new = met
@@ -120,6 +124,8 @@ def phase_kernels(law: type, faces: str, side: str, element_name: str, valence: 
             kick = mass[n] * (met[1] - free[1])
             if platen == lower:
                 wp.atomic_add(push, k, 1, kick)
+                if met[1] == to_lower:
+                    wp.atomic_add(loaded, k, mass[n])
             elif platen == upper:
                 wp.atomic_add(push, k, 0, kick)
         touched[k + 1, n] = mark
@@ -128,4 +134,25 @@ def phase_kernels(law: type, faces: str, side: str, element_name: str, valence: 
         u_r[k + 1, n] = u_r[k, n] + dt * new[0]
         u_y[k + 1, n] = u_y[k, n] + dt * new[1]
 
-    return PhaseKernels(elements, nodes)
+    @wp.kernel(module="unique")
+    def support(
+        k: int,
+        clock: wp.array2d(dtype=wp.float64),
+        impedance: wp.float64,
+        push: wp.array2d(dtype=wp.float64),
+        loaded: wp.array(dtype=wp.float64),
+        returned: wp.array(dtype=wp.float64),
+        lower_platen: wp.array2d(dtype=wp.float64),
+        outgoing: wp.array(dtype=wp.float64),
+    ):
+        # As the time loop does it: v = F / Z + 2 h, together with the mass that the platen carries.
+        dt, interval = clock[k, 0], clock[k, 1]
+        speed = lower_platen[k, 1]
+        inertia = loaded[k] / (interval * impedance)
+        answer = -(push[k, 1] / interval / impedance + two * returned[k])
+        new = (inertia * speed + answer) / (one + inertia)
+        lower_platen[k + 1, 0] = lower_platen[k, 0] + speed * dt
+        lower_platen[k + 1, 1] = new
+        outgoing[k] = -new - returned[k]
+
+    return PhaseKernels(elements, nodes, support)

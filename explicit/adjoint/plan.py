@@ -17,8 +17,10 @@ from explicit.precision import PRECISIONS
 
 FloatArray = NDArray[np.float64]
 
-FIELDS = ("u_r", "u_y", "v_r", "v_y")
-"""The fields of the state that carry a gradient."""
+FIELDS = ("u_r", "u_y", "v_r", "v_y", "lower_platen")
+"""The fields of the state that carry a gradient: of the nodes, and position and speed of a moving support."""
+SUMS = ("push", "loaded")
+"""What the nodes add up in each step: impulses of both platens, and the mass that the support carries."""
 
 
 @dataclass(frozen=True)
@@ -48,11 +50,12 @@ class Window:
         """Put a state into row 0."""
         for name, values in state.items():
             self.view[name][0] = values
-        self.view["push"][:] = 0.0
+        for name in SUMS:
+            self.view[name][:] = 0.0
 
     def clear_gradients(self) -> None:
         """Zero the gradients of the rows; those of the parameters go on summing."""
-        for name in (*FIELDS, "corner_r", "corner_y", "push"):
+        for name in (*FIELDS, *SUMS, "corner_r", "corner_y", "returned", "outgoing"):
             self.gradient[name][:] = 0.0
 
     @property
@@ -79,6 +82,13 @@ class PhasePlan:
     """Arguments of the elements' phase after k and `measure`."""
     node_inputs: tuple[Any, ...]
     """Arguments of the nodes' phase after k."""
+    support_inputs: tuple[Any, ...]
+    """Arguments of the support's phase after k."""
+
+    @property
+    def moving(self) -> bool:
+        """Whether the support moves."""
+        return bool(np.isfinite(self.model.support.impedance))
 
     @cached_property
     def _elements(self) -> Any:
@@ -88,6 +98,10 @@ class PhasePlan:
     def _nodes(self) -> Any:
         return self._launch_nodes(0, prepare=True)
 
+    @cached_property
+    def _support(self) -> Any:
+        return self._launch_support(0, prepare=True)
+
     def _launch_elements(self, k: int, *, prepare: bool = False) -> Any:
         n, inputs = self.model.mesh.n_elements, [k, 0, *self.element_inputs]
         return wp.launch(self.kernels.elements, dim=n, inputs=inputs, device="cpu", record_cmd=prepare)
@@ -96,6 +110,10 @@ class PhasePlan:
         n, inputs = self.model.mesh.n_nodes, [k, *self.node_inputs]
         return wp.launch(self.kernels.nodes, dim=n, inputs=inputs, device="cpu", record_cmd=prepare)
 
+    def _launch_support(self, k: int, *, prepare: bool = False) -> Any:
+        inputs = [k, *self.support_inputs]
+        return wp.launch(self.kernels.support, dim=1, inputs=inputs, device="cpu", record_cmd=prepare)
+
     def sweep_elements(self, k: int, measure: int = 0) -> None:
         """The first phase of step k: corner forces, and the step's bound if it is measured."""
         self._elements.set_param_at_index(0, k)  # a prepared launch costs a fifth of a new one
@@ -103,9 +121,12 @@ class PhasePlan:
         self._elements.launch()
 
     def sweep_nodes(self, k: int) -> None:
-        """The second phase of step k: nodes and platens."""
+        """The other phases of step k: nodes and platens, and the support if it moves."""
         self._nodes.set_param_at_index(0, k)
         self._nodes.launch()
+        if self.moving:
+            self._support.set_param_at_index(0, k)
+            self._support.launch()
 
     def taped(self, n_steps: int) -> Any:
         """A tape of steps 0 to `n_steps` - 1, which are taken meanwhile."""
@@ -114,6 +135,8 @@ class PhasePlan:
             for k in range(n_steps):
                 self._launch_elements(k)
                 self._launch_nodes(k)
+                if self.moving:
+                    self._launch_support(k)
         return tape
 
 
@@ -123,8 +146,8 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
     Raises
     ------
     ValueError
-        If there is not exactly one sample, it names a material or motion that the model does not have, the
-        support moves, or single precision is asked for.
+        If there is not exactly one sample, it names a material or motion that the model does not have, or
+        single precision is asked for.
     """
     if len(samples) != 1:
         raise ValueError(f"samples must be one sample, the point to differentiate at, got {len(samples)}")
@@ -134,11 +157,6 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
     ):
         if not 0 <= index < count:
             raise ValueError(f"the sample names {name} {index}, the model has 0 to {count - 1}")
-    if np.isfinite(model.support.impedance):
-        raise ValueError(
-            f"the adjoint needs a rigid support, got an impedance of {model.support.impedance:.6g} N s/m;"
-            " use explicit.RIGID, or explicit.derivatives.jacobian"
-        )
     if stepping.precision != "fp64":
         raise ValueError(f"the adjoint runs in 'fp64', got precision {stepping.precision!r}")
     device = select_device("cpu")
@@ -160,7 +178,7 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
     row = model.materials[int(samples.material[0])].parameters()
     window = _window(mesh.n_nodes, mesh.n_elements, n_steps, row, batch)
     a = window.arrays
-    state = tuple(a[name] for name in FIELDS)
+    state = tuple(a[name] for name in ("u_r", "u_y", "v_r", "v_y"))
 
     def integers(values: NDArray[np.int32]) -> Any:
         return wp.array(values, dtype=int, device=device)
@@ -178,7 +196,12 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
         node_inputs=(
             *(a["clock"], mesh.length, integers(element_of), integers(corner_of)),
             *(body.mass, body.inverse_mass, body.on_axis, body.kind, body.reference_y),
-            *(a["solids"], a["friction"], a["corner_r"], a["corner_y"], a["touched"], *state, a["push"]),
+            *(a["solids"], a["friction"], a["corner_r"], a["corner_y"], a["touched"], *state),
+            *(a["push"], a["lower_platen"], a["loaded"]),
+        ),
+        support_inputs=(
+            *(a["clock"], min(model.support.impedance, 1e300), a["push"], a["loaded"]),
+            *(a["returned"], a["lower_platen"], a["outgoing"]),
         ),
     )
 
@@ -191,7 +214,10 @@ def _window(n_nodes: int, n_elements: int, n_steps: int, row: FloatArray, batch:
     def room(*shape: int) -> Any:
         return wp.zeros(shape, dtype=wp.float64, device="cpu", requires_grad=True)
 
-    arrays = {name: room(n_steps + 1, n_nodes) for name in FIELDS}
+    arrays = {name: room(n_steps + 1, n_nodes) for name in ("u_r", "u_y", "v_r", "v_y")}
+    arrays["lower_platen"] = room(n_steps + 1, 2)
+    for name in ("loaded", "returned", "outgoing"):
+        arrays[name] = room(n_steps)
     for name in ("corner_r", "corner_y"):
         arrays[name] = room(n_steps, 4, n_elements + 1)  # the last column stays zero
     arrays["push"] = room(n_steps, 2)

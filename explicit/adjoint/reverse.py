@@ -33,9 +33,15 @@ def reverse(
     dict
         Derivatives by "solids" (a record per modulus and viscosity), "row" (the law's constants) and
         "friction".
+
+    Raises
+    ------
+    ValueError
+        If the wave in the support returns within a segment.
     """
     window, steps = plan.window, forward.steps
     gradient, view = window.gradient, window.view
+    forward.echo.check_segments(window.n_steps)
     push = _push_cotangent(sampling, forward, cotangent)
     reached = np.searchsorted(steps.time + steps.dt, sampling.surface_times, side="left")
     late = (steps.time + steps.dt)[reached] - sampling.surface_times
@@ -44,7 +50,8 @@ def reverse(
     for name in ("solids", "row", "friction"):
         window.arrays[name].grad.zero_()
     window.clear_gradients()
-    carried = {name: np.zeros(plan.model.mesh.n_nodes) for name in FIELDS}
+    carried = {name: np.zeros_like(view[name][0]) for name in FIELDS}
+    outgoing = np.zeros(len(steps))
     side = plan.model.mesh.side
     tape, n_taped = None, 0
     for segment in reversed(range(len(forward.checkpoints))):
@@ -53,6 +60,8 @@ def reverse(
         now = slice(first, first + n)
         window.begin(forward.checkpoints[segment])
         view["clock"][:n] = np.column_stack([steps.dt[now], steps.interval[now], flyer_next[now]])
+        if plan.moving:
+            view["returned"][:n] = forward.echo.returned[now]
         if tape is None or n != n_taped:
             tape, n_taped = plan.taped(n), n
         else:  # the same launches on the same rows: only what is in them is new
@@ -63,6 +72,7 @@ def reverse(
         for name in FIELDS:
             gradient[name][n] = carried[name]
         gradient["push"][:n] = push[now]
+        gradient["outgoing"][:n] = outgoing[now]  # it returns in later segments, which are done
         for i in np.flatnonzero((reached >= first) & (reached < first + n)):
             k = reached[i] - first + 1  # a surface is read from the row after its step
             gradient["u_r"][k, side] += cotangent.surface_r[i]
@@ -71,6 +81,8 @@ def reverse(
             gradient["v_y"][k, side] -= late[i] * cotangent.surface_y[i]
         tape.backward()
         carried = {name: gradient[name][0].copy() for name in FIELDS}
+        if plan.moving:
+            forward.echo.carry_back(first, gradient["returned"][:n], outgoing)
     return {name: window.arrays[name].grad.numpy().copy() for name in ("solids", "row", "friction")}
 
 

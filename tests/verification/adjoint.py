@@ -3,6 +3,7 @@
 import numpy as np
 from adjoint_runs import (
     ALLOWED,
+    BAR,
     END,
     FORWARD,
     POINT,
@@ -102,10 +103,11 @@ scaling m.
 **Set-up.** 8 × 11 elements, a stiffening Marlow law with 33 knots, m = {POINT["stiffness_factor"]:g},
 ν = {POINT["poisson"]:g}, β = {POINT["damping"]:g} s, α = {POINT["mass_damping"]:g} 1/s,
 f = {POINT["friction"]:g}; 2.6 m/s after a rise of 50 µs to {1e3 * END:g} ms (55 %; with friction
-{1e3 * SHORT:g} ms), contact of the side surface. The number is half the sum of squares
-of all forces, impulses, radii and heights, each history over its largest value. A direction of the table
-changes all quotients and slopes at random. Derivatives are by the relative change of a parameter
-({{py:func}}`explicit.stencils.scale_of`).
+{1e3 * SHORT:g} ms), contact of the side surface; a light bar with
+Z = {BAR.impedance:g} N s/m and a round trip of {1e3 * BAR.round_trip:g} ms behind one of them. The number is
+half the sum of squares of all forces, impulses, radii and heights, each history over its largest value. A
+direction of the table changes all quotients and slopes at random. Derivatives are by the relative change of a
+parameter ({{py:func}}`explicit.stencils.scale_of`).
 
 The forward run in phases, largest distance from `explicit.run` over the largest value:
 

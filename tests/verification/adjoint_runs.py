@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scene import DENSITY, LENGTH, RADIUS, shear_modulus, speed_after_rise
 
 import explicit
-from explicit import Model, Samples, Sampling, cylinder
+from explicit import RIGID, CharacteristicBar, Model, Samples, Sampling, cylinder
 from explicit.adjoint import Gradient, Objective, by_curve_stress, by_table, forward_run, gradient
 from explicit.histories import Histories
 from explicit.materials import MarlowLaw, marlow_from_curve
@@ -37,6 +37,8 @@ POINT = {
     "mass_damping": 50.0,
     "friction": 0.3,
 }
+BAR = CharacteristicBar(impedance=30.0, round_trip=3e-4)
+"""A light bar whose end is near: the platen in front of it moves by half a millimetre."""
 ALLOWED = 1e-6
 """Allowed distance of a gradient from its difference [-]: round-off of the objective, 1e-15 amplified a
 hundredfold by the run, over a step of 1e-6 or more."""
@@ -108,7 +110,7 @@ class Result:
     """Everything that the page shows."""
 
     scenes: list[Scene]
-    """Bonded, rough and with friction."""
+    """Bonded, on a bar, rough and with friction."""
     shot: ShotGradient
     """open-01 at m = 1."""
 
@@ -125,7 +127,9 @@ def curve() -> tuple[FloatArray, FloatArray]:
     return lam, shear_modulus(0.5) * (lam - lam**-2) * (1.0 + 0.2 * (lam**2 + 2.0 / lam - 3.0))
 
 
-def scene_model(contact: str, element: str, damping: str, *, end: float = END) -> tuple[Model, Sampling]:
+def scene_model(
+    contact: str, element: str, damping: str, *, end: float = END, support: CharacteristicBar = RIGID
+) -> tuple[Model, Sampling]:
     """A flyer of 2.6 m/s on 8 × 11 elements of Marlow's law with 33 knots."""
     model = Model(
         cylinder(RADIUS, LENGTH, n_radial=8, n_axial=11),
@@ -134,6 +138,7 @@ def scene_model(contact: str, element: str, damping: str, *, end: float = END) -
         (speed_after_rise(2.6, 50e-6, end=END),),
         faces=contact,
         side=contact,
+        support=support,
         element=element,
         damping_kind=damping,  # type: ignore[arg-type]
     )
@@ -201,9 +206,11 @@ def table_check(
     return Check(name, value, differences(evaluate), abs(value))
 
 
-def scene(contact: str, element: str, damping: str, *, end: float = END) -> Scene:
+def scene(
+    contact: str, element: str, damping: str, *, end: float = END, support: CharacteristicBar = RIGID
+) -> Scene:
     """Gradient, forward run and differences of one scene."""
-    model, sampling = scene_model(contact, element, damping, end=end)
+    model, sampling = scene_model(contact, element, damping, end=end, support=support)
     samples = Samples.of(**POINT)
     reference = Histories.of(explicit.run(model, samples, sampling)).map(lambda f: f[0])
     objective = half_square(reference)
@@ -220,7 +227,8 @@ def scene(contact: str, element: str, damping: str, *, end: float = END) -> Scen
         table_check(model, sampling, found, objective, rng, f"table, direction {k + 1}")
         for k in range(N_DIRECTIONS)
     ]
-    return Scene(f"{contact}, {element}, {damping}", len(found.steps), float(forward), checks)
+    name = f"{contact}, {element}, {damping}" + (", on a bar" if support is not RIGID else "")
+    return Scene(name, len(found.steps), float(forward), checks)
 
 
 def shot_gradient() -> ShotGradient:
@@ -267,10 +275,11 @@ def shot_gradient() -> ShotGradient:
 
 @cache
 def case() -> Result:
-    """Three scenes of 8 × 11 elements, and open-01 on 16 × 22."""
+    """Four scenes of 8 × 11 elements, and open-01 on 16 × 22."""
     return Result(
         scenes=[
             scene("bonded", "one_point", "deviatoric"),
+            scene("bonded", "one_point", "deviatoric", support=BAR),
             scene("rough", "one_point", "deviatoric"),
             scene("coulomb", "fbar", "full", end=SHORT),
         ],
