@@ -1,6 +1,7 @@
 """The wave that comes back from the far end of the bar, step by step, and how it depends on what left."""
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,17 @@ from explicit.boundary import BAR_HISTORY
 from explicit.support import CharacteristicBar
 
 FloatArray = NDArray[np.float64]
+
+
+class Source(NamedTuple):
+    """Where a returned wave comes from: two neighbours among the stored values."""
+
+    early: int
+    """The step in which the earlier one left; -1 if nothing returns yet."""
+    later: int
+    """The step in which the later one left."""
+    share: float
+    """Share of the later one [-]."""
 
 
 @dataclass
@@ -25,20 +37,20 @@ class Echo:
     """Wave h that returned in each step [m/s]."""
     outgoing: list[float] = field(default_factory=list)
     """Wave g that left in each step [m/s]."""
-    sources: list[tuple[int, int, float]] = field(default_factory=list)
-    """Of each step: the two steps whose outgoing wave returned and the share of the second; -1 if none."""
+    sources: list[Source] = field(default_factory=list)
+    """What returned in each step."""
     _stored: list[int] = field(default_factory=list)
 
     def arrive(self, elapsed: float) -> float:
         """The wave that returns in the next step, whose end is `elapsed` [s] after the start [m/s]."""
-        source, wave = (-1, -1, 0.0), 0.0
+        source, wave = Source(-1, -1, 0.0), 0.0
         late = elapsed - self.support.round_trip
         if late > 0.0:
             place = late / self.support.round_trip * BAR_HISTORY
             k = int(place)
-            source = (self._stored[k], self._stored[k + 1], place - k)
-            wave = self.outgoing[source[0]]
-            wave += source[2] * (self.outgoing[source[1]] - wave)
+            source = Source(self._stored[k], self._stored[k + 1], place - k)
+            wave = self.outgoing[source.early]
+            wave += source.share * (self.outgoing[source.later] - wave)
         self.sources.append(source)
         self.returned.append(wave)
         return wave
@@ -57,7 +69,7 @@ class Echo:
         ValueError
             If so; the message names the round trip and the cure.
         """
-        later = np.array([source[1] for source in self.sources], dtype=np.int64)
+        later = np.array([source.later for source in self.sources], dtype=np.int64)
         inside = np.flatnonzero((later >= 0) & (later >= np.arange(len(later)) // n_steps * n_steps))
         if inside.size:
             raise ValueError(

@@ -75,7 +75,7 @@ class PhasePlan:
     stepping: Stepping
     """Numerical choices."""
     kernels: PhaseKernels
-    """The two phases."""
+    """The phases."""
     window: Window
     """The rows."""
     element_inputs: tuple[Any, ...]
