@@ -96,7 +96,7 @@ def jacobian(
 
     Differences are central, (f(p + h) - f(p - h)) / 2 h, and one-sided of second order where a bound of the
     parameter is near. The error of an entry is the Richardson estimate r^2 / (r^2 - 1) |D(h) - D(h / r)|
-    from the chosen step and the next smaller one; on the narrow side of the V it is as large as the round-off.
+    from the chosen step and the next smaller one; on the narrow side of the V it is about the round-off.
 
     Parameters
     ----------

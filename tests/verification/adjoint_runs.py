@@ -95,6 +95,10 @@ class ShotGradient:
     """Nominal compressive strain of the points [-], shape [n]."""
     by_stress: FloatArray
     """Derivative of chi-square by the relative change of the stress of each point [-], shape [n]."""
+    by_stress_held: FloatArray
+    """The same without what a point does to bulk modulus, damping and hourglass control [-], shape [n]."""
+    past_data: float
+    """Largest share of the specimen's volume that is strained past the curve [-]."""
     checks: dict[int, Check]
     """Some of them against differences, by index of the point."""
     by_factor: float
@@ -266,6 +270,8 @@ def shot_gradient() -> ShotGradient:
     return ShotGradient(
         strain=1.0 - stretch,
         by_stress=by_stress,
+        by_stress_held=by_curve_stress(replace(found, shear_modulus=0.0), stretch, stress) * stress,
+        past_data=float(explicit.run(model, samples, sampling).extrapolated_share[0]),
         checks={i: check(i) for i in SHOT_POINTS},
         by_factor=found.stiffness_factor,
         chi2=found.objective,
