@@ -92,6 +92,11 @@ class Number:
     def __lt__(self, other: "Number") -> bool:
         return self.value < other.value
 
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Number) and self.value == other.value
+
+    __hash__ = None  # type: ignore[assignment]
+
     def __le__(self, other: "Number") -> bool:
         return self.value <= other.value
 

@@ -21,6 +21,7 @@ from explicit.precision import Precision
 from explicit.support import RIGID, CharacteristicBar, MovingSupport
 from explicit.update import VALENCE
 
+FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 SPARE = 16
@@ -40,14 +41,11 @@ def body_of(kernel: MarchKernel, model: Model, numbers: Precision, where: Any, o
 
 
 def _new_body(kernel: MarchKernel, model: Model, numbers: Precision, where: Any, on_chip: bool) -> Any:
-    mesh, geometry = model.mesh, element_geometry(model.mesh)
-    corner_mass = model.density * geometry.corner_volume
-    mass = np.zeros(mesh.n_nodes)
-    np.add.at(mass, mesh.quads.ravel(), corner_mass.ravel())
+    mesh, mass = model.mesh, nodal_mass(model.mesh, model.density)
     shapes = element(model.element).shapes(mesh, model.density, kernel.element.Shape.numpy_dtype())
     place, n_inner, first_seat = node_places(mesh)
     seats = np.argsort(place)[n_inner:]
-    kind = _kinds(mesh)[seats]
+    kind = node_kinds(mesh)[seats]
     body = kernel.structs.Body()
     body.n_elements, body.n_nodes, body.length = mesh.n_elements, first_seat + len(seats), mesh.length
     body.n_inner, body.first_seat, body.n_seats = n_inner, first_seat, len(seats)
@@ -75,6 +73,14 @@ def _new_body(kernel: MarchKernel, model: Model, numbers: Precision, where: Any,
     return body
 
 
+def nodal_mass(mesh: Mesh, density: float) -> FloatArray:
+    """The lumped mass of every node [kg]."""
+    shares = density * element_geometry(mesh).corner_volume
+    mass = np.zeros(mesh.n_nodes)
+    np.add.at(mass, mesh.quads.ravel(), shares.ravel())
+    return mass
+
+
 def fits_on_chip(mesh: Mesh, numbers: Precision) -> bool:
     """Whether the state of one simulation fits into a GPU's shared memory."""
     _, n_inner, first_seat = node_places(mesh)
@@ -85,13 +91,14 @@ def fits_on_chip(mesh: Mesh, numbers: Precision) -> bool:
 def node_places(mesh: Mesh) -> tuple[IntArray, int, int]:
     """The place of every node in the time loop's fields, how many nodes are inside, and the first place of
     the surface's: it begins a group of its own."""
-    inner = _kinds(mesh) == INTERIOR
+    inner = node_kinds(mesh) == INTERIOR
     first_seat = -(-int(inner.sum()) // GROUP) * GROUP
     place = np.where(inner, np.cumsum(inner) - 1, first_seat + np.cumsum(~inner) - 1)
     return place, int(inner.sum()), first_seat
 
 
-def _kinds(mesh: Mesh) -> IntArray:
+def node_kinds(mesh: Mesh) -> IntArray:
+    """Which platen each node can meet, see `explicit.boundary`."""
     kind = np.full(mesh.n_nodes, INTERIOR)
     kind[mesh.side] = SIDE
     kind[mesh.lower_face] = LOWER

@@ -51,6 +51,8 @@ TOPICS = [
     "space_order",
     "fbar",
     "batch",
+    "derivatives",
+    "adjoint",
 ]
 """Modules of the manual, in its order."""
 

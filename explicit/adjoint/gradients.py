@@ -1,0 +1,153 @@
+"""The gradient of one objective by everything a simulation reads: parameters and the law's constants."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from explicit.adjoint.forward import march
+from explicit.adjoint.plan import plan
+from explicit.adjoint.reverse import reverse
+from explicit.adjoint.steps import StepSequence
+from explicit.histories import Histories
+from explicit.model import Model, Samples, Sampling, Stepping
+
+FloatArray = NDArray[np.float64]
+Objective = Callable[[Histories], tuple[float, Histories]]
+"""From the histories of a simulation to a number and its derivative by every entry of them."""
+
+CHECKPOINT_EVERY = 50
+"""Steps of a segment: what is kept grows with their number, checkpoints fall with it."""
+
+
+@dataclass(frozen=True)
+class Gradient:
+    """Derivatives of an objective at one sample, with the sequence of time steps held fixed."""
+
+    objective: float
+    """The objective [its unit]."""
+    histories: Histories
+    """The forward run, without leading axes."""
+    stiffness_factor: float
+    """Derivative by m [1]."""
+    poisson: float
+    """Derivative by Poisson's ratio [1]."""
+    damping: float
+    """Derivative by beta [1/s]."""
+    friction: float
+    """Derivative by Coulomb's coefficient [1]; 0 where no contact law reads it."""
+    mass_damping: float
+    """Derivative by alpha [s]."""
+    law: FloatArray
+    """Partial derivatives by the law's constants as the kernels read them, in the order of
+    `MaterialLaw.parameters` and per their units, the initial shear modulus held fixed."""
+    shear_modulus: float
+    """Partial derivative by the law's initial shear modulus [1/Pa], through the bulk modulus, the damping
+    and the hourglass control, the stress of the law held fixed."""
+    steps: StepSequence
+    """The steps that were taken."""
+    memory: int
+    """Memory of checkpoints, rows of a segment and their gradients [B]."""
+
+
+def gradient(
+    model: Model,
+    samples: Samples,
+    sampling: Sampling,
+    objective: Objective,
+    *,
+    stepping: Stepping | None = None,
+    steps: StepSequence | None = None,
+    checkpoint_every: int = CHECKPOINT_EVERY,
+) -> Gradient:
+    """Differentiate any function of the histories by all parameters and the whole material table at once.
+
+    One forward run in phases measures its steps and leaves a checkpoint every `checkpoint_every` of them;
+    then, from the end, every segment is run again onto a `warp.Tape` and carried backward. The cost does not
+    depend on the number of unknowns. It is the derivative of the discrete response: of the steps that were
+    taken, and of the decisions of contact that were made (docs/theory/derivatives.md).
+
+    Parameters
+    ----------
+    model : Model
+        What to simulate.
+    samples : Samples
+        One sample: where to differentiate.
+    sampling : Sampling
+        What is recorded.
+    objective : callable
+        ``objective(histories) -> (value, cotangent)``: a number and, in a bundle of the same shapes, its
+        derivative by every entry. `Histories.zeros` is where a cotangent begins.
+    stepping : Stepping, optional
+        Numerical choices; fp64 only.
+    steps : StepSequence, optional
+        The time steps to take; default: measured as by `explicit.run`.
+    checkpoint_every : int
+        Steps of a segment.
+
+    Raises
+    ------
+    ValueError
+        If there is not exactly one sample, a requested time is before the start, the wave in a bar returns
+        within a segment, the cotangent has other shapes than the histories, or the run does not reach its
+        end.
+    """
+    if checkpoint_every < 1:
+        raise ValueError(f"checkpoint_every must be >= 1 step, got {checkpoint_every}")
+    ready = plan(model, samples, stepping or Stepping(), checkpoint_every)
+    forward = march(ready, sampling, steps)
+    value, cotangent = objective(forward.histories)
+    for name, given in cotangent.items():
+        wanted = getattr(forward.histories, name).shape
+        if np.shape(given) != wanted:
+            raise ValueError(f"the cotangent's {name} must have shape {wanted}, got {np.shape(given)}")
+    raw = reverse(ready, sampling, forward, cotangent)
+    return Gradient(
+        objective=float(value),
+        histories=forward.histories,
+        friction=float(raw["friction"][0]),
+        law=raw["row"],
+        steps=forward.steps,
+        memory=forward.memory + ready.window.memory,
+        **_by_parameter(model, samples, raw["solids"][0]),
+    )
+
+
+def forward_run(
+    model: Model,
+    samples: Samples,
+    sampling: Sampling,
+    *,
+    stepping: Stepping | None = None,
+    steps: StepSequence | None = None,
+) -> tuple[Histories, StepSequence]:
+    """The forward run of `gradient` alone, with the same steps if they are given: for differences.
+
+    Raises
+    ------
+    ValueError
+        As `gradient`.
+    """
+    done = march(plan(model, samples, stepping or Stepping(), CHECKPOINT_EVERY), sampling, steps)
+    return done.histories, done.steps
+
+
+def _by_parameter(model: Model, samples: Samples, solid: NDArray[np.void]) -> dict[str, float]:
+    """Chain the derivatives by moduli and viscosities, as `explicit.arguments.batch_of` makes them."""
+    m, nu, beta = (float(getattr(samples, f.name)[0]) for f in fields(samples)[:3])
+    at_rest = model.materials[int(samples.material[0])].initial_shear_modulus
+    mu, chi, full = at_rest * m, model.hourglass, float(model.damping_kind == "full")
+    ratio = 2.0 * (1.0 + nu) / (3.0 * (1.0 - 2.0 * nu))  # K / mu
+    by_ratio = mu * (solid["bulk"] + full * beta * solid["bulk_viscosity"])
+    by_beta = (
+        solid["shear_viscosity"] + full * ratio * solid["bulk_viscosity"] + chi * solid["hourglass_viscosity"]
+    )
+    by_mu = ratio * solid["bulk"] + chi * solid["hourglass"] + beta * by_beta
+    return {
+        "stiffness_factor": float(solid["scale"] + at_rest * by_mu),
+        "poisson": float(by_ratio * 2.0 / (1.0 - 2.0 * nu) ** 2),
+        "damping": float(mu * by_beta),
+        "mass_damping": float(solid["mass_damping"]),
+        "shear_modulus": float(m * by_mu),
+    }

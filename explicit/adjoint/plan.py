@@ -1,0 +1,256 @@
+"""What one simulation needs to march phase by phase: constants, a window of rows, and their gradients."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from explicit.adjoint.kernels import PhaseKernels, phase_kernels
+from explicit.arguments import batch_of, body_of, nodal_mass, node_kinds, state_of
+from explicit.boundary import INTERIOR
+from explicit.contact import contact_law
+from explicit.device import select_device
+from explicit.march import march_kernel
+from explicit.model import Model, Samples, Sampling, Stepping
+from explicit.precision import PRECISIONS
+from explicit.support import CharacteristicBar, MovingSupport
+
+FloatArray = NDArray[np.float64]
+
+FIELDS = ("u_r", "u_y", "v_r", "v_y", "lower_platen")
+"""The fields of the state that carry a gradient: of the nodes, and position and speed of a moving support."""
+SUMS = ("push", "loaded")
+"""What the nodes add up in each step: impulses of both platens, and the mass that the support carries."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """Rows of the fields for a number of consecutive steps: step k leads from row k to row k + 1.
+
+    Every entry is a Warp array; `view` is its memory as NumPy sees it.
+    """
+
+    arrays: dict[str, Any]
+    """Warp arrays by name."""
+    view: dict[str, NDArray[Any]]
+    """The same memory."""
+    gradient: dict[str, FloatArray]
+    """The memory of their gradients, of those that have one."""
+
+    @property
+    def n_steps(self) -> int:
+        """Steps that fit into the window."""
+        return len(self.view["clock"])
+
+    def state(self, k: int) -> dict[str, NDArray[Any]]:
+        """A copy of row k of the state."""
+        return {name: self.view[name][k].copy() for name in (*FIELDS, "touched")}
+
+    def begin(self, state: dict[str, NDArray[Any]]) -> None:
+        """Put a state into row 0."""
+        for name, values in state.items():
+            self.view[name][0] = values
+        for name in SUMS:
+            self.view[name][:] = 0.0
+
+    def clear_gradients(self) -> None:
+        """Zero the gradients of the rows; those of the parameters go on summing."""
+        for name in (*FIELDS, *SUMS, "corner_r", "corner_y", "returned", "outgoing"):
+            self.gradient[name][:] = 0.0
+
+    @property
+    def memory(self) -> int:
+        """Memory of the rows and their gradients [B]."""
+        return sum(a.nbytes for a in (*self.view.values(), *self.gradient.values()))
+
+
+@dataclass(frozen=True)
+class PhasePlan:
+    """One simulation, ready to march in phases on the CPU in double precision."""
+
+    model: Model
+    """What is simulated."""
+    samples: Samples
+    """With which parameters: one sample."""
+    stepping: Stepping
+    """Numerical choices."""
+    kernels: PhaseKernels
+    """The phases."""
+    window: Window
+    """The rows."""
+    element_inputs: tuple[Any, ...]
+    """Arguments of the elements' phase after k and `measure`."""
+    node_inputs: tuple[Any, ...]
+    """Arguments of the nodes' phase after k."""
+    support_inputs: tuple[Any, ...]
+    """Arguments of the support's phase after k."""
+
+    @property
+    def moving(self) -> bool:
+        """Whether the support moves."""
+        return bool(np.isfinite(self.support.impedance))
+
+    @property
+    def support(self) -> CharacteristicBar:
+        """The support, of the kind that has an adjoint."""
+        assert isinstance(self.model.support, CharacteristicBar)
+        return self.model.support
+
+    @cached_property
+    def _elements(self) -> Any:
+        return self._launch_elements(0, prepare=True)
+
+    @cached_property
+    def _nodes(self) -> Any:
+        return self._launch_nodes(0, prepare=True)
+
+    @cached_property
+    def _support(self) -> Any:
+        return self._launch_support(0, prepare=True)
+
+    def _launch_elements(self, k: int, *, prepare: bool = False) -> Any:
+        n, inputs = self.model.mesh.n_elements, [k, 0, *self.element_inputs]
+        return wp.launch(self.kernels.elements, dim=n, inputs=inputs, device="cpu", record_cmd=prepare)
+
+    def _launch_nodes(self, k: int, *, prepare: bool = False) -> Any:
+        n, inputs = self.model.mesh.n_nodes, [k, *self.node_inputs]
+        return wp.launch(self.kernels.nodes, dim=n, inputs=inputs, device="cpu", record_cmd=prepare)
+
+    def _launch_support(self, k: int, *, prepare: bool = False) -> Any:
+        inputs = [k, *self.support_inputs]
+        return wp.launch(self.kernels.support, dim=1, inputs=inputs, device="cpu", record_cmd=prepare)
+
+    def sweep_elements(self, k: int, measure: int = 0) -> None:
+        """The first phase of step k: corner forces, and the step's bound if it is measured."""
+        self._elements.set_param_at_index(0, k)  # a prepared launch costs a fifth of a new one
+        self._elements.set_param_at_index(1, measure)
+        self._elements.launch()
+
+    def sweep_nodes(self, k: int) -> None:
+        """The other phases of step k: nodes and platens, and the support if it moves."""
+        self._nodes.set_param_at_index(0, k)
+        self._nodes.launch()
+        if self.moving:
+            self._support.set_param_at_index(0, k)
+            self._support.launch()
+
+    def taped(self, n_steps: int) -> Any:
+        """A tape of steps 0 to `n_steps` - 1, which are taken meanwhile."""
+        tape = wp.Tape()
+        with tape:
+            for k in range(n_steps):
+                self._launch_elements(k)
+                self._launch_nodes(k)
+                if self.moving:
+                    self._launch_support(k)
+        return tape
+
+
+def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> PhasePlan:
+    """Bring one simulation to the CPU with room for `n_steps` steps.
+
+    Raises
+    ------
+    ValueError
+        If there is not exactly one sample, it names a material or motion that the model does not have,
+        single precision is asked for, or the support or a contact law is one without an adjoint.
+    """
+    if len(samples) != 1:
+        raise ValueError(f"samples must be one sample, the point to differentiate at, got {len(samples)}")
+    for name, index, count in (
+        ("material", int(samples.material[0]), len(model.materials)),
+        ("motion", int(samples.motion[0]), len(model.motions)),
+    ):
+        if not 0 <= index < count:
+            raise ValueError(f"the sample names {name} {index}, the model has 0 to {count - 1}")
+    if stepping.precision != "fp64":
+        raise ValueError(f"the adjoint runs in 'fp64', got precision {stepping.precision!r}")
+    if isinstance(model.support, MovingSupport):
+        raise ValueError(
+            "the adjoint knows a rigid support and a bar, got a support with a motion of its own"
+        )
+    if any(contact_law(name).remembers_slip for name in (model.faces, model.side)):
+        raise ValueError(
+            f"the adjoint knows no contact law that remembers its slip, got faces {model.faces!r} and side "
+            f"{model.side!r}; use 'coulomb'"
+        )
+    device = select_device("cpu")
+    mesh, numbers = model.mesh, PRECISIONS["fp64"]
+    law = type(model.materials[0])
+    loop = march_kernel(law, model.faces, model.side, numbers, model.element)
+    body = body_of(loop, model, numbers, device)
+    batch = batch_of(loop, model, samples, _nothing(model), stepping, numbers, device)
+    state = state_of(loop, model, numbers, device, 1, 1)
+    batch.solids.requires_grad = True
+    batch.friction.requires_grad = True
+    start, corner = mesh.corners_of_node
+    met = np.diff(start)
+    element_of = np.full((int(met.max()), mesh.n_nodes), mesh.n_elements, dtype=np.int32)
+    corner_of = np.zeros_like(element_of)
+    for c in range(len(element_of)):
+        there = met > c
+        element_of[c, there] = corner[start[:-1][there] + c] // 4
+        corner_of[c, there] = corner[start[:-1][there] + c] % 4
+    row = model.materials[int(samples.material[0])].parameters()
+    window = _window(mesh.n_nodes, mesh.n_elements, n_steps, row, batch)
+    a = window.arrays
+    fields = tuple(a[name] for name in ("u_r", "u_y", "v_r", "v_y"))
+    mass, kind = nodal_mass(mesh, model.density), node_kinds(mesh)
+    on_boundary = kind != INTERIOR
+
+    def integers(values: NDArray[Any]) -> Any:
+        return wp.array(np.ascontiguousarray(values, dtype=np.int32), dtype=int, device=device)
+
+    def numbers_of(values: FloatArray) -> Any:
+        return wp.array(values, dtype=wp.float64, device=device)
+
+    return PhasePlan(
+        model=model,
+        samples=samples,
+        stepping=stepping,
+        kernels=phase_kernels(law, model.faces, model.side, model.element, len(element_of)),
+        window=window,
+        element_inputs=(
+            *(integers(mesh.quads.T), body.shapes, a["solids"], a["row"]),
+            *(*fields, a["corner_r"], a["corner_y"], a["worst"]),
+        ),
+        node_inputs=(
+            *(body, batch, state, a["clock"], mesh.length),
+            *(integers(np.where(on_boundary, np.cumsum(on_boundary) - 1, -1)), integers(element_of)),
+            *(integers(corner_of), numbers_of(mass), numbers_of(1.0 / mass), integers(mesh.on_axis)),
+            *(integers(kind), numbers_of(mesh.nodes[:, 1] - mesh.nodes[:, 1].min())),
+            *(a["solids"], a["friction"], a["corner_r"], a["corner_y"], a["touched"], *fields),
+            *(a["push"], a["lower_platen"], a["loaded"]),
+        ),
+        support_inputs=(
+            *(a["clock"], min(model.support.impedance, 1e300), a["push"], a["loaded"]),
+            *(a["returned"], a["lower_platen"], a["outgoing"]),
+        ),
+    )
+
+
+def _nothing(model: Model) -> Sampling:
+    return Sampling(np.array([model.start]), np.array([model.start]))
+
+
+def _window(n_nodes: int, n_elements: int, n_steps: int, row: FloatArray, batch: Any) -> Window:
+    def room(*shape: int) -> Any:
+        return wp.zeros(shape, dtype=wp.float64, device="cpu", requires_grad=True)
+
+    arrays = {name: room(n_steps + 1, n_nodes) for name in ("u_r", "u_y", "v_r", "v_y")}
+    arrays["lower_platen"] = room(n_steps + 1, 2)
+    for name in ("loaded", "returned", "outgoing"):
+        arrays[name] = room(n_steps)
+    for name in ("corner_r", "corner_y"):
+        arrays[name] = room(n_steps, 4, n_elements + 1)  # the last column stays zero
+    arrays["push"] = room(n_steps, 2)
+    arrays["row"] = wp.array(row, dtype=wp.float64, device="cpu", requires_grad=True)
+    arrays["solids"], arrays["friction"] = batch.solids, batch.friction
+    arrays["touched"] = wp.zeros((n_steps + 1, n_nodes), dtype=int, device="cpu")
+    arrays["clock"] = wp.zeros((n_steps, 3), dtype=wp.float64, device="cpu")
+    arrays["worst"] = wp.zeros(1, dtype=wp.float64, device="cpu")
+    gradient = {name: a.grad.numpy() for name, a in arrays.items() if a.requires_grad}
+    return Window(arrays, {name: a.numpy() for name, a in arrays.items()}, gradient)

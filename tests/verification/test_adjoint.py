@@ -1,0 +1,29 @@
+"""Gradients by the adjoint; figures and tolerances as on the page (`adjoint.py`)."""
+
+import adjoint_runs as runs
+import pytest
+
+
+def test_gradient_before_landing_against_differences() -> None:
+    found = runs.scene("bonded", "one_point", "deviatoric", end=3e-4)
+    assert found.forward < runs.FORWARD  # round-off
+    assert max(check.best for check in found.checks) < runs.ALLOWED
+    # Both sides of the V: at the widest step the differences are wrong by the truncation alone.
+    assert found.checks[0].error[0] > 10.0 * found.checks[0].best
+
+
+@pytest.mark.slow
+def test_gradients_with_side_contact_and_friction_against_differences() -> None:
+    for scene in runs.case().scenes:
+        assert scene.forward < runs.FORWARD, scene.name
+        for check in scene.checks:
+            assert check.best < runs.ALLOWED, (scene.name, check.name)
+
+
+@pytest.mark.slow
+def test_gradient_of_a_measured_shot_by_its_curve() -> None:
+    shot = runs.case().shot
+    for check in shot.checks.values():
+        assert check.best < runs.ALLOWED, check.name
+    # Scaling every stress is scaling m; the differences of the table leave 1e-9.
+    assert abs(shot.by_stress.sum() / shot.by_factor - 1.0) < 1e-8
