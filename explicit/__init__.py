@@ -4,7 +4,7 @@ from explicit.energy import EnergyLedger
 from explicit.mesh import Mesh, cylinder
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.motion import PlatenMotion
-from explicit.outcome import Outcome
+from explicit.outcome import Ending, Outcome
 from explicit.response import Response
 from explicit.run import run
 from explicit.support import RIGID, CharacteristicBar
@@ -12,6 +12,7 @@ from explicit.support import RIGID, CharacteristicBar
 __all__ = [
     "RIGID",
     "CharacteristicBar",
+    "Ending",
     "EnergyLedger",
     "Mesh",
     "Model",

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from explicit.boundary import BAR_HISTORY, INTERIOR, LOWER, SIDE, UPPER
 from explicit.elements import element
+from explicit.failure import STRAY_ENERGY
 from explicit.geometry import element_geometry
 from explicit.lanes import fits_on_chip
 from explicit.march import MarchKernel
@@ -108,6 +109,9 @@ def batch_of(
     batch.round_trip = min(model.support.round_trip, 1e300)
     limits = np.minimum([law.data_limit for law in model.materials], 1e30)
     batch.data_limit = wp.array(limits, dtype=numbers.real, device=where)
+    batch.stop_past_data = int(model.past_data == "stop")
+    stray = STRAY_ENERGY * mu * element_geometry(model.mesh).volume.sum()
+    batch.stray_energy = wp.array(stray, dtype=wp.float64, device=where)
     batch.solids = wp.array(solids, dtype=kernel.element.Solid, device=where)
     batch.friction = wp.array(samples.friction, dtype=numbers.real, device=where)
     batch.material = wp.array(samples.material.astype(np.int32), dtype=int, device=where)
@@ -158,6 +162,7 @@ def output_of(kernel: MarchKernel, n: int, sampling: Sampling, nodes: Any, where
     ):
         setattr(output, name, wp.full(shape, nan, dtype=wp.float64, device=where))
     output.outcome = wp.zeros(n, dtype=int, device=where)
+    output.failed_element = wp.full(n, -1, dtype=int, device=where)
     output.steps = wp.zeros(n, dtype=int, device=where)
     for name in ("end_time", "smallest_step", "past_data", "strain_measure"):
         setattr(output, name, wp.zeros(n, dtype=wp.float64, device=where))

@@ -15,6 +15,7 @@ from explicit.boundary import BAR_HISTORY, LOWER, UPPER, boundary_functions
 from explicit.elements import ElementFunctions
 from explicit.elements import element as element_named
 from explicit.elements.base import INVERTED
+from explicit.failure import MOTION_LIMIT, WATCH_EVERY, failure_functions
 from explicit.lanes import field_function, lane_functions
 from explicit.outcome import Outcome
 from explicit.precision import PRECISIONS, Precision
@@ -44,6 +45,7 @@ def march_kernel(
     structs = batch_structs(precision, element.Shape, element.Solid)
     sweeps = sweep_functions(precision, element, structs)
     boundary = boundary_functions(faces, side, precision, structs)
+    failure = failure_functions(precision, element, structs)
     lanes = lane_functions()
     real, vec2 = precision.real, precision.vec2
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
@@ -52,6 +54,7 @@ def march_kernel(
     record = record_functions(precision, structs)
     is_due, record_force = record.is_due, record.force
     record_positions, record_ledger = record.positions, record.ledger
+    motion, strain, verdict, culprit = failure.motion, failure.strain, failure.verdict, failure.culprit
     sync, total, largest = lanes.sync, lanes.total, lanes.largest
     empty_sum, add_to = lanes.empty_sum, lanes.add_to
     ordered_first, ordered_step = lanes.ordered_first, lanes.ordered_step
@@ -60,6 +63,7 @@ def march_kernel(
     zero, half = real(0.0), real(0.5)
     ZERO, HALF, TWO = wp.float64(0.0), wp.float64(0.5), wp.float64(2.0)
     inverted = wp.float64(INVERTED * 0.5)
+    watch_every, motion_limit = int(WATCH_EVERY), wp.float64(MOTION_LIMIT)
     lower, upper = int(LOWER), int(UPPER)
     diverged, turned = int(Outcome.DIVERGED), int(Outcome.INVERTED)
     collapsed, limit = int(Outcome.STEP_COLLAPSED), int(Outcome.STEP_LIMIT)
@@ -98,6 +102,7 @@ def march_kernel(
         damped, rubbed = empty_sum(), empty_sum()
         landed, worked = empty_sum(), empty_sum()
         past_data, most_strained, latched = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
+        most_work = wp.float64(0.0)
 
         while status == 0 and (next_force < n_force or next_surface < n_surface):
             measure = int(0)
@@ -119,6 +124,16 @@ def march_kernel(
                     status = diverged
             if step >= batch.max_steps:
                 status = limit
+            if step % watch_every == 0:
+                turned_now, past_limit = int(0), wp.float64(0.0)
+                if largest(latched) >= inverted:
+                    turned_now = 1
+                if batch.stop_past_data == 1:
+                    past_limit = largest(strain(body, batch, state, sample, lane))
+                most_work = wp.max(most_work, total(worked))
+                allowed = motion_limit * most_work + batch.stray_energy[sample]
+                moves = total(motion(body, state, sample, lane))
+                status = verdict(status, moves, allowed, turned_now, past_limit)
             sync()
             # The velocity lives between the positions: the first interval is half a step from rest.
             interval = HALF * (dt + dt_before)
@@ -141,6 +156,8 @@ def march_kernel(
             damp_step, rub_step = power * interval, empty_sum()
             land_step, work_step = empty_sum(), empty_sum()
             h, tau = real(dt), real(interval)
+            if status != 0:
+                h, tau = zero, zero  # it stays where it failed
             n = lane
             while n < body.n_nodes:
                 f_r, f_y = real(0.0), real(0.0)
@@ -273,8 +290,16 @@ def march_kernel(
                 dt_before = dt
                 smallest = wp.min(smallest, dt)
                 step += 1
+        failed = int(-1)
+        if status != 0:
+            score, element_index = culprit(body, batch, state, sample, lane, status)
+            candidate = wp.float64(-1.0e30)
+            if score == largest(score):
+                candidate = -wp.float64(element_index)  # of equal ones the first
+            failed = int(-largest(candidate))
         if lane == 0:
             output.outcome[sample] = status
+            output.failed_element[sample] = failed
             output.steps[sample] = step
             output.end_time[sample] = time
             output.smallest_step[sample] = smallest

@@ -41,6 +41,12 @@ class Mesh:
         return float(self.nodes[:, 1].max() - self.nodes[:, 1].min())
 
     @cached_property
+    def centres(self) -> FloatArray:
+        """Mean of each element's corners (R, Y), Y above the lower face [m], shape [n_elements, 2]."""
+        corners = self.nodes[self.quads]
+        return np.asarray(corners.mean(axis=1) - [0.0, self.nodes[:, 1].min()])
+
+    @cached_property
     def on_axis(self) -> NDArray[np.bool_]:
         """Which nodes lie on the axis of symmetry, shape [n_nodes]."""
         radius = self.nodes[:, 0]

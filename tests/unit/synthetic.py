@@ -178,6 +178,8 @@ def failed() -> Identification:
             surface_y=np.full_like(response.surface_y, np.nan),
             energy=EnergyLedger(**gone),
             outcomes=(Outcome.INVERTED,),
+            failed_elements=np.array([23], dtype=np.int64),
+            failed_places=np.array([[0.984 * RADIUS, 0.015 * LENGTH]]),
             nodes=None,
         ),
         design=replace(
@@ -345,6 +347,8 @@ def _response(with_nodes: bool) -> Response:
         surface_y=side_y,
         energy=EnergyLedger(external=external[None], **{n: v[None] for n, v in parts.items()}),
         outcomes=(Outcome.COMPLETED,),
+        failed_elements=np.array([-1], dtype=np.int64),
+        failed_places=np.full((1, 2), np.nan),
         end_times=np.array([frames[-1]]),
         steps=np.array([12345], dtype=np.int64),
         smallest_step=np.array([7.7e-8]),

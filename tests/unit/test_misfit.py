@@ -55,6 +55,8 @@ def response(n_nodes=23, outcomes=(Outcome.COMPLETED, Outcome.COMPLETED)):
         surface_y=np.stack([y, y]),
         energy=EnergyLedger(*[nothing] * 7),
         outcomes=outcomes,
+        failed_elements=np.array([-1 if outcome.ok else 17 for outcome in outcomes]),
+        failed_places=np.array([(np.nan, np.nan) if o.ok else (4.6e-3, 0.2e-3) for o in outcomes]),
         end_times=np.full(2, FRAMES[-1]),
         steps=np.ones(2, dtype=np.int64),
         smallest_step=np.full(2, 1e-7),
