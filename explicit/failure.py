@@ -29,11 +29,11 @@ from explicit.structs import Structs
 WATCH_EVERY = 8
 """Steps between two looks at a simulation: a failure is noticed at most so many steps late."""
 MOTION_LIMIT = 2.0
-"""Kinetic energy over the largest work of the platens so far at which a simulation has diverged [-]; energy is
-kept to 0.1 % (verification manual), so that no sound run comes near."""
+"""Kinetic energy over the largest work of the platens so far at which a simulation has diverged [-]; energy
+is kept to 0.1 % (verification manual), so that no sound run comes near."""
 STRAY_ENERGY = 1e-6
-"""Kinetic energy that is never called motion, over mu_0 V [-]: that of a strain of 1e-3. A specimen that waits
-for the flyer trembles with round-off though no platen has worked on it yet."""
+"""Kinetic energy that is never called motion, over mu_0 V [-]: that of a strain of 1e-3. A specimen that
+waits for the flyer may tremble with round-off though no platen has worked on it yet."""
 
 
 @dataclass(frozen=True)
@@ -49,8 +49,8 @@ class FailureFunctions:
     verdict: Any
     """``verdict(status, motion, limit, inverted, past) -> status``: what has happened, the gravest first."""
     culprit: Any
-    """``culprit(body, batch, state, sample, lane, status) -> (score, element)``: which of this lane's elements
-    answers most for a failure; a number that is not finite beats all others."""
+    """``culprit(body, batch, state, sample, lane, status) -> (score, element)``: which of this lane's
+    elements answers most for a failure; a number that is not finite beats all others."""
 
 
 @cache
@@ -61,7 +61,7 @@ def failure_functions(precision: Precision, element: ElementFunctions, structs: 
     lanes = lane_functions()
     empty_sum, add_to, field = lanes.empty_sum, lanes.add_to, field_function(precision)
     read_shape, element_forces, element_strains = element.read_shape, element.forces, element.strains
-    zero, half = real(0.0), real(0.5)
+    half = real(0.5)
     least, most = wp.float64(-1e300), wp.float64(1e300)
     inverted, diverged = int(Outcome.INVERTED), int(Outcome.DIVERGED)
     exceeded = int(Outcome.TABLE_EXCEEDED)
@@ -87,7 +87,7 @@ def failure_functions(precision: Precision, element: ElementFunctions, structs: 
         e = lane
         while e < body.n_elements:
             q = wp.vec4i(body.quads[0, e], body.quads[1, e], body.quads[2, e], body.quads[3, e])
-            jacobian, s = element_strains(
+            _jacobian, s = element_strains(
                 read_shape(body.shapes, e),
                 vec4(u_r[q[0]], u_r[q[1]], u_r[q[2]], u_r[q[3]]),
                 vec4(u_y[q[0]], u_y[q[1]], u_y[q[2]], u_y[q[3]]),
@@ -125,7 +125,7 @@ def failure_functions(precision: Precision, element: ElementFunctions, structs: 
             vr = vec4(v_r[q[0]], v_r[q[1]], v_r[q[2]], v_r[q[3]])
             vy = vec4(v_y[q[0]], v_y[q[1]], v_y[q[2]], v_y[q[3]])
             jacobian, s = element_strains(shape, ur, uy)
-            f_r, f_y, omega_squared, power = element_forces(shape, solid, row, ur, uy, vr, vy, 1)
+            _f_r, _f_y, omega_squared, _power = element_forces(shape, solid, row, ur, uy, vr, vy, 1)
             score = omega_squared  # STEP_COLLAPSED, STEP_LIMIT: the shortest stable step
             if status == inverted:
                 score = -jacobian

@@ -42,8 +42,8 @@ class Model:
     element: str = "one_point"
     """The element: a name of `explicit.elements.ELEMENTS`."""
     past_data: Literal["continue", "stop"] = "continue"
-    """What happens when an element is strained past the data of its material law: the law continues on its end
-    tangent and `Response.extrapolated_share` counts it, or the simulation ends as TABLE_EXCEEDED."""
+    """What happens when an element is strained past the data of its material law: the law continues on its
+    end tangent and `Response.extrapolated_share` counts it, or the simulation ends as TABLE_EXCEEDED."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.density < float("inf"):

@@ -46,9 +46,9 @@ _TEXTS = {
         "the smallest J",
     ),
     Outcome.DIVERGED: (
-        "the specimen moves with more energy than the platens ever gave it, or a force is not a finite number",
-        "lower safety or measure_every; check that the material curve does not soften to nothing, and density, "
-        "stiffness and damping",
+        "the specimen moves with more energy than the platens gave it, or a force is not a finite number",
+        "lower measure_every or safety, end the window before the specimen is crushed, and check that the "
+        "material curve does not soften to nothing",
         "the fastest corners",
     ),
     Outcome.STEP_COLLAPSED: (
@@ -63,7 +63,7 @@ _TEXTS = {
     ),
     Outcome.TABLE_EXCEEDED: (
         "the material was strained past the data of its curve, s = sqrt(I1_bar - 3)",
-        'measure the curve to larger strain, end the window earlier, or let the law continue: past_data = '
+        "measure the curve to larger strain, end the window earlier, or let the law continue: past_data = "
         '"continue"',
         "the largest s",
     ),
@@ -95,7 +95,7 @@ class Ending:
 
     @property
     def sentence(self) -> str:
-        """What happened, when, in which element and what can be done, in one sentence without a final stop."""
+        """What happened, when, in which element and what can be done, without a final stop."""
         if self.outcome.ok:
             return f"{self.outcome.name} {self.where}"
         element = f"; the element has {self.outcome.role}" if self.element >= 0 else ""

@@ -47,8 +47,8 @@ class Response:
     """The element where each simulation failed (its `Outcome.role` says what singles it out), -1 where it
     completed, shape [n_samples]."""
     failed_places: FloatArray
-    """Centre (R, Y) of that element in the undeformed mesh, Y above the transmission platen [m], NaN where the
-    simulation completed, shape [n_samples, 2]."""
+    """Centre (R, Y) of that element in the undeformed mesh, Y above the transmission platen [m], NaN where
+    the simulation completed, shape [n_samples, 2]."""
     end_times: FloatArray
     """Time each simulation reached [s], shape [n_samples]."""
     steps: NDArray[np.int64]
@@ -91,6 +91,11 @@ class Response:
             element=int(self.failed_elements[sample]),
             place=(float(r), float(y)),
         )
+
+    @property
+    def endings(self) -> tuple[Ending, ...]:
+        """How, when and where every simulation ended, length n_samples."""
+        return tuple(self.ending(i) for i in range(self.n_samples))
 
     def describe(self, sample: int) -> str:
         """The sentence of `ending`, e.g. "INVERTED at 280.3 us in element 87 (R = 4.45 mm, Y = 6.21 mm): an

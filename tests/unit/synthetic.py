@@ -185,6 +185,8 @@ def failed() -> Identification:
         design=replace(
             good.design,
             outcomes=("INVERTED",) * count,
+            failed_elements=np.full(count, 351),
+            failed_places=np.tile([0.97 * RADIUS, 0.98 * LENGTH], (count, 1)),
             phi_shape=lost,
             phi_force=lost,
             chi2_shape=lost,
@@ -279,12 +281,16 @@ def _design(
     outcomes = ["COMPLETED"] * len(points)
     outcomes[int(np.argmin(points[:, 0]))] = "INVERTED"
     results[int(np.argmin(points[:, 0]))] = np.nan
+    good = np.array(outcomes) == "COMPLETED"
     design = DesignTable(
         names=names,
         points=points,
         lower=lower,
         upper=upper,
         outcomes=tuple(outcomes),
+        end_times=np.where(good, 1.55e-3, 1.2e-3),
+        failed_elements=np.where(good, -1, 351),
+        failed_places=np.where(good[:, None], np.nan, [0.97 * RADIUS, 0.98 * LENGTH]),
         stage=stage,
         phi_shape=results[:, 0],
         phi_force=results[:, 1],

@@ -246,7 +246,7 @@ def test_force_between_the_models_times_is_linear():
 
 def test_what_the_response_does_not_cover_is_refused():
     observations, full = seen(), response()
-    with pytest.raises(ValueError, match=r"simulation 1 of 2 did not complete \(INVERTED: .*select"):
+    with pytest.raises(ValueError, match=r"simulation 1 of 2 did not complete \(INVERTED at .*select"):
         predict(response(outcomes=(Outcome.COMPLETED, Outcome.INVERTED)), observations)
     fewer = replace(
         full,
