@@ -1,8 +1,8 @@
 """Watching a simulation for its failure, and finding the element where it happened.
 
-None of this is part of a step. Every `WATCH_EVERY` steps the time loop asks for the specimen's motion (and,
-where a run is to stop at the end of the material's data, for its strain); once, after its end, a simulation
-that failed is searched for the element.
+None of this is part of a step. Every `WATCH_EVERY` steps the time loop asks for the specimen's motion; where
+a run is to stop at the end of the material's data, it asks for the strain at every step; once, after its end,
+a simulation that failed is searched for the element.
 
 A run has *diverged* when the specimen moves with more energy than the platens ever gave it. It starts at rest
 and stores no less than nothing, so
@@ -27,7 +27,8 @@ from explicit.precision import Precision
 from explicit.structs import Structs
 
 WATCH_EVERY = 8
-"""Steps between two looks at a simulation: a failure is noticed at most so many steps late."""
+"""Steps between two looks at a simulation: a divergence or a turned element is noticed at most so many steps
+late."""
 MOTION_LIMIT = 2.0
 """Kinetic energy over the largest work of the platens so far at which a simulation has diverged [-]; energy
 is kept to 0.1 % (verification manual), so that no sound run comes near."""
@@ -46,8 +47,6 @@ class FailureFunctions:
     strain: Any
     """``strain(body, batch, state, sample, lane)``: the largest s of this lane's elements past the data limit
     of their law, or 0 [-]."""
-    verdict: Any
-    """``verdict(status, motion, limit, inverted, past) -> status``: what has happened, the gravest first."""
     culprit: Any
     """``culprit(body, batch, state, sample, lane, status) -> (score, element)``: which of this lane's
     elements answers most for a failure; a number that is not finite beats all others."""
@@ -98,17 +97,6 @@ def failure_functions(precision: Precision, element: ElementFunctions, structs: 
         return wp.float64(past)
 
     @wp.func
-    def verdict(status: int, motion: wp.float64, limit: wp.float64, turned: int, past: wp.float64):
-        found = int(status)
-        if not (motion <= limit):  # true as well where it is not a number
-            found = diverged
-        elif found == 0 and turned == 1:
-            found = inverted
-        elif found == 0 and past > wp.float64(0.0):
-            found = exceeded
-        return found
-
-    @wp.func
     def culprit(body: Body, batch: Batch, state: State, sample: int, lane: int, status: int):
         solid = batch.solids[sample]
         row = batch.rows[batch.material[sample]]
@@ -142,4 +130,4 @@ def failure_functions(precision: Precision, element: ElementFunctions, structs: 
             e += wp.block_dim()
         return best, place
 
-    return FailureFunctions(motion, strain, verdict, culprit)
+    return FailureFunctions(motion, strain, culprit)

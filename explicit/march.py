@@ -54,7 +54,7 @@ def march_kernel(
     record = record_functions(precision, structs)
     is_due, record_force = record.is_due, record.force
     record_positions, record_ledger = record.positions, record.ledger
-    motion, strain, verdict, culprit = failure.motion, failure.strain, failure.verdict, failure.culprit
+    motion, strain, culprit = failure.motion, failure.strain, failure.culprit
     sync, total, largest = lanes.sync, lanes.total, lanes.largest
     empty_sum, add_to = lanes.empty_sum, lanes.add_to
     ordered_first, ordered_step = lanes.ordered_first, lanes.ordered_step
@@ -66,6 +66,7 @@ def march_kernel(
     watch_every, motion_limit = int(WATCH_EVERY), wp.float64(MOTION_LIMIT)
     lower, upper = int(LOWER), int(UPPER)
     diverged, turned = int(Outcome.DIVERGED), int(Outcome.INVERTED)
+    exceeded = int(Outcome.TABLE_EXCEEDED)
     collapsed, limit = int(Outcome.STEP_COLLAPSED), int(Outcome.STEP_LIMIT)
     history, twice = int(BAR_HISTORY), int(2 * BAR_HISTORY)
 
@@ -124,16 +125,17 @@ def march_kernel(
                     status = diverged
             if step >= batch.max_steps:
                 status = limit
+            if batch.stop_past_data == 1:
+                past_limit = largest(strain(body, batch, state, sample, lane))
+                if status == 0 and past_limit > ZERO:
+                    status = exceeded
             if step % watch_every == 0:
-                turned_now, past_limit = int(0), wp.float64(0.0)
-                if largest(latched) >= inverted:
-                    turned_now = 1
-                if batch.stop_past_data == 1:
-                    past_limit = largest(strain(body, batch, state, sample, lane))
+                if status == 0 and largest(latched) >= inverted:
+                    status = turned
                 most_work = wp.max(most_work, total(worked))
                 allowed = motion_limit * most_work + batch.stray_energy[sample]
-                moves = total(motion(body, state, sample, lane))
-                status = verdict(status, moves, allowed, turned_now, past_limit)
+                if not (total(motion(body, state, sample, lane)) <= allowed):  # nor where it is no number
+                    status = diverged
             sync()
             # The velocity lives between the positions: the first interval is half a step from rest.
             interval = HALF * (dt + dt_before)

@@ -123,8 +123,12 @@ def test_runs_that_did_not_complete() -> None:
     assert len(texts) == 3  # the count, and the first run of each kind with its moment, element and cure
     count = "3 of 22 runs did not complete (2 in design: INVERTED, 1 in refinement: STEP_COLLAPSED)"
     assert texts[0] == f"{count}; the surrogate rests on the others"
-    for text, run, outcome in zip(texts[1:], (3, 17), (Outcome.INVERTED, Outcome.STEP_COLLAPSED), strict=True):
-        assert text.startswith(f"run {run} (stiffness_factor = {design.points[run, 0]:.4g}) ended {outcome.name}")
+    for text, run, outcome in zip(
+        texts[1:], (3, 17), (Outcome.INVERTED, Outcome.STEP_COLLAPSED), strict=True
+    ):
+        assert text.startswith(
+            f"run {run} (stiffness_factor = {design.points[run, 0]:.4g}) ended {outcome.name}"
+        )
         assert "at 1200.0 us in element 351 (R = 4.60 mm, Y = 6.40 mm)" in text
         assert outcome.cure in text
     assert "4 replicates of the input noise did not complete" in said(clean(), lost=4)

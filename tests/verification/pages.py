@@ -48,6 +48,7 @@ TOPICS = [
     "space_order",
     "fbar",
     "batch",
+    "failure",
 ]
 """Modules of the manual, in its order."""
 
