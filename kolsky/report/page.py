@@ -248,7 +248,7 @@ def _ended(ending: Ending) -> str:
     if ending.outcome.ok:
         return name
     r, y = (numbers.rounded(1e3 * x, -2) for x in ending.place)
-    return f"{name} at {_ms(ending.time)}, element {ending.element} at R = {r} mm, Y = {y} mm"
+    return f"{name} at {_ms(ending.time)}, element {ending.element} at ({r}, {y}) mm"
 
 
 def _failures(result: Identification) -> list[tuple[str, str]]:

@@ -94,8 +94,8 @@ def row(result: Result) -> tuple[str, str, str]:
 
 
 def draw(result: Result, figure: Figure) -> None:
-    """Left: transmission force of the batch, each simulation to its end (dot), linear below 10 N. Right: kinetic energy over the
-    largest work of the platens so far; above the limit a simulation has diverged."""
+    """Left: transmission force of the batch, each simulation to its end (dot), linear below 10 N. Right:
+    kinetic energy over the largest work of the platens so far; above the limit a simulation has diverged."""
     left, right = figure.subplots(1, 2)
     batch = result.batch
     for i, outcome in enumerate(batch.outcomes):
