@@ -110,7 +110,7 @@ def batch_of(
     limits = np.minimum([law.data_limit for law in model.materials], 1e30)
     batch.data_limit = wp.array(limits, dtype=numbers.real, device=where)
     batch.stop_past_data = int(model.past_data == "stop")
-    stray = STRAY_ENERGY * mu * element_geometry(model.mesh).volume.sum()
+    stray = STRAY_ENERGY * mu * model.mesh.volume
     batch.stray_energy = wp.array(stray, dtype=wp.float64, device=where)
     batch.solids = wp.array(solids, dtype=kernel.element.Solid, device=where)
     batch.friction = wp.array(samples.friction, dtype=numbers.real, device=where)
