@@ -84,7 +84,7 @@ class Stages:
         self._clock(stage, started)
         rows = np.flatnonzero(response.completed)
         if len(rows) == 0:
-            raise ValueError(f"no run of the {stage} completed: {_lost(design, response)}")
+            raise ValueError(f"no run of the {stage} completed: {_first_lost(design, response)}")
         kept = response.select(rows)
         prediction = predict(kept, self.observations)
         self.table.add(stage, design.points, response.endings, rows, prediction, self.observations)
@@ -137,11 +137,15 @@ class Stages:
 
 
 def _lost(design: Design, response: Response) -> str:
-    """How many runs did not complete, and how the first of them ended."""
-    lost = np.flatnonzero(~response.completed)
-    if len(lost) == 0:
-        return ""
-    values = design.box.as_dict(design.points[lost[0]])
+    """How many runs did not complete, and how the first of them ended; empty if all did."""
+    lost = len(design) - int(response.completed.sum())
+    told = f"{lost} of {len(design)} runs did not complete"
+    return f"{told}; {_first_lost(design, response)}" if lost else ""
+
+
+def _first_lost(design: Design, response: Response) -> str:
+    """Where the first run that did not complete lies, and how it ended."""
+    first = int(np.argmin(response.completed))
+    values = design.box.as_dict(design.points[first])
     point = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
-    ended = response.describe(int(lost[0]))
-    return f"{len(lost)} of {len(design)} runs did not complete; the one at {point} ended {ended}"
+    return f"the one at {point} ended {response.describe(first)}"
