@@ -5,7 +5,7 @@ from explicit.mesh import Mesh, cylinder
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.modules import ahead_of_time
 from explicit.motion import PlatenMotion
-from explicit.outcome import Outcome
+from explicit.outcome import Ending, Outcome
 from explicit.response import Response
 from explicit.run import run
 from explicit.support import RIGID, CharacteristicBar, MovingSupport
@@ -13,6 +13,7 @@ from explicit.support import RIGID, CharacteristicBar, MovingSupport
 __all__ = [
     "RIGID",
     "CharacteristicBar",
+    "Ending",
     "EnergyLedger",
     "Mesh",
     "Model",

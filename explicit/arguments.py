@@ -11,6 +11,7 @@ from explicit.boundary import BAR_HISTORY, INTERIOR, LOWER, SIDE, UPPER
 from explicit.clock import CLOCK, HANDED
 from explicit.contact import contact_law
 from explicit.elements import element
+from explicit.failure import STRAY_ENERGY
 from explicit.geometry import element_geometry
 from explicit.lanes import GROUP, WARPS, fits, grouped, rooms
 from explicit.march import MarchKernel
@@ -179,6 +180,9 @@ def batch_of(
     support = moved if moving else np.zeros(len(samples))
     limits = np.minimum([law.data_limit for law in model.materials], 1e30)
     batch.data_limit = wp.array(limits, dtype=numbers.real, device=where)
+    batch.stop_past_data = int(model.past_data == "stop")
+    stray = STRAY_ENERGY * mu * model.mesh.volume
+    batch.stray_energy = wp.array(stray, dtype=wp.float64, device=where)
     batch.solids = wp.array(solids, dtype=kernel.element.Solid, device=where)
     for name in ("friction", "release_stress", "contact_stiffness"):
         setattr(batch, name, wp.array(getattr(samples, name), dtype=numbers.real, device=where))
@@ -245,6 +249,7 @@ def output_of(kernel: MarchKernel, mesh: Mesh, n: int, sampling: Sampling, nodes
     ):
         setattr(output, name, wp.full(shape, nan, dtype=wp.float64, device=where))
     output.outcome = wp.zeros(n, dtype=int, device=where)
+    output.failed_element = wp.full(n, -1, dtype=int, device=where)
     output.steps = wp.zeros(n, dtype=int, device=where)
     for name in ("end_time", "smallest_step", "past_data", "strain_measure"):
         setattr(output, name, wp.zeros(n, dtype=wp.float64, device=where))

@@ -13,6 +13,7 @@ import warp as wp
 
 from explicit.boundary import BAR_HISTORY, BoundaryFunctions
 from explicit.elements.base import INVERTED
+from explicit.failure import MOTION_LIMIT, WATCH_EVERY
 from explicit.lanes import lane_functions
 from explicit.outcome import Outcome
 from explicit.precision import Precision
@@ -23,16 +24,32 @@ TIME, STATUS, GOING, STEPS, SMALLEST_STEP, FIRST_STEP, PAST_DATA, MOST_STRAINED 
 FORCE_FLYER, FORCE_SUPPORT, IMPULSE_FLYER, IMPULSE_SUPPORT = range(8, 12)
 LOWER_NEXT, LOWER_SPEED, RECORDED = range(12, 15)
 NEXT_FORCE, FORCE_DUE, NEXT_SURFACE, SURFACE_DUE, COMING, COMING_DUE = range(15, 21)
-FAULT, PLANS = 21, 22
+FAULT, VOID, MOST_WORK, PLANS = range(21, 25)
 STEP, STEP_BEFORE, INTERVAL, PER_INTERVAL, RATE, FLYER_NEXT, UPPER_SPEED, LEDGER, PLAN = range(9)
 CLOCK = PLANS + 2 * PLAN
 """Numbers on the clock; those above say which is which. The plan of a step has its own, at `PLANS` for even
 steps and behind them for odd ones, because the next one is made while a plan is carried out. Times and steps
 [s], rate [1/s], displacements [m], speeds [m/s], forces [N], impulses [N s]; counters are exact in fp64."""
 
-ELASTIC, HOURGLASS, KINETIC, WORK, DAMPING, FRICTION, LANDING, PAST, MOST, STIFFEST = range(10)
-"""What the walkers hand over: totals for the ledger, and (twice, in turn) the largest omega^2."""
-HANDED = 11
+(
+    ELASTIC,
+    HOURGLASS,
+    KINETIC,
+    WORK,
+    DAMPING,
+    FRICTION,
+    LANDING,
+    PAST,
+    MOST,
+    MOTION,
+    WORK_DONE,
+    TURNED,
+    BEYOND,
+    STIFFEST,
+) = range(14)
+"""What the walkers hand over: totals for the ledger; what the clock watches; twice, in turn, the largest
+omega^2."""
+HANDED = 15
 """How many numbers they hand over."""
 
 NO_TIME = 1.0e300
@@ -68,7 +85,12 @@ def clock_functions(
     ZERO, HALF, ONE, TWO = wp.float64(0.0), wp.float64(0.5), wp.float64(1.0), wp.float64(2.0)
     NEVER, RIGID = wp.float64(NO_TIME), wp.float64(1.0e30)
     inverted = wp.float64(INVERTED * 0.5)
-    diverged, turned = int(Outcome.DIVERGED), int(Outcome.INVERTED)
+    watch_every, motion_limit = int(WATCH_EVERY), wp.float64(MOTION_LIMIT)
+    diverged, turned, exceeded = (
+        int(Outcome.DIVERGED),
+        int(Outcome.INVERTED),
+        int(Outcome.TABLE_EXCEEDED),
+    )
     collapsed, limit = int(Outcome.STEP_COLLAPSED), int(Outcome.STEP_LIMIT)
     history, twice = int(BAR_HISTORY), int(2 * BAR_HISTORY)
 
@@ -116,7 +138,9 @@ def clock_functions(
         pushes = seat_totals(push_upper, push_lower, body.n_seats) * wp.float64(clock[this + PER_INTERVAL])
         force = wp.vec2d(-pushes[0], pushes[1])
         following = time + dt
-        if wp.isfinite(force[0]) and wp.isfinite(force[1]):
+        if clock[VOID] > ZERO:  # it began where something had gone wrong already
+            all_read()
+        elif wp.isfinite(force[0]) and wp.isfinite(force[1]):
             if force_due <= time:
                 force_before = wp.vec2d(clock[FORCE_FLYER], clock[FORCE_SUPPORT])
                 next_force = int(clock[NEXT_FORCE])
@@ -235,10 +259,12 @@ def clock_functions(
             all_read()
             if omega_squared >= inverted:
                 clock[FAULT] = wp.float64(turned)
+                clock[VOID] = ONE
             elif dt < batch.floor * clock[FIRST_STEP]:
                 clock[FAULT] = wp.float64(collapsed)
             elif not wp.isfinite(omega_squared):
                 clock[FAULT] = wp.float64(diverged)
+                clock[VOID] = ONE
             else:
                 clock[SMALLEST_STEP] = wp.min(clock[SMALLEST_STEP], dt)
         if step >= batch.max_steps:
@@ -247,6 +273,20 @@ def clock_functions(
         if step == 0 and clock[FAULT] > ZERO:
             clock[STATUS] = clock[FAULT]
             clock[GOING] = ZERO
+        if batch.stop_past_data == 1 and get_largest(parts, BEYOND) > ZERO:
+            clock[FAULT] = wp.float64(exceeded)
+            clock[VOID] = ONE
+        if step > 0 and (step - 1) % watch_every == 0:
+            if get_largest(parts, TURNED) >= inverted:
+                clock[FAULT] = wp.float64(turned)
+                clock[VOID] = ONE
+            most_work = wp.max(wp.float64(clock[MOST_WORK]), get_total(parts, WORK_DONE))
+            all_read()
+            clock[MOST_WORK] = most_work
+            allowed = motion_limit * most_work + batch.stray_energy[sample]
+            if not (get_total(parts, MOTION) <= allowed):  # nor where it is no number
+                clock[FAULT] = wp.float64(diverged)
+                clock[VOID] = ONE
         following, ledger = time + dt, wp.float64(0.0)
         if coming_due <= following:
             coming = int(clock[COMING])

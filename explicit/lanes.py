@@ -126,7 +126,7 @@ def lane_functions() -> LaneFunctions:
     total = _HAND_OVER.replace("WARPS", str(WARPS)).replace("COMBINE", _SUM)
     largest = _HAND_OVER.replace("WARPS", str(WARPS)).replace("COMBINE", _LARGER)
     take_total = _TAKE.replace("WARPS", str(WARPS)).replace("COMBINE", _SUM).replace("NOTHING", "0.0")
-    take_largest = _TAKE.replace("WARPS", str(WARPS)).replace("COMBINE", _LARGER).replace("NOTHING", "-1.0")
+    take_largest = _TAKE.replace("WARPS", str(WARPS)).replace("COMBINE", _LARGER).replace("NOTHING", "-1e300")
     parts_of: Any = wp.array(dtype=wp.float64)
 
     @wp.func_native(snippet=BARRIER)
@@ -189,7 +189,7 @@ def lane_functions() -> LaneFunctions:
 
 GROUP = 32
 """Elements or nodes whose constants lie side by side: those of a warp, or of a few packs."""
-ON_CHIP_NODES, ON_CHIP_ELEMENTS, ON_CHIP_SEATS, ON_CHIP_CLOCK = 448, 384, 96, 208
+ON_CHIP_NODES, ON_CHIP_ELEMENTS, ON_CHIP_SEATS, ON_CHIP_CLOCK = 448, 384, 96, 224
 """Places in shared memory for the state of a simulation in fp64; in fp32 there are twice as many nodes and
 elements. Together with what reductions need, they fill the 48 KiB a block gets without a request."""
 

@@ -13,6 +13,7 @@ import warp as wp
 
 from explicit.boundary import LOWER, UPPER, boundary_functions
 from explicit.clock import (
+    BEYOND,
     CLOCK,
     DAMPING,
     ELASTIC,
@@ -29,6 +30,7 @@ from explicit.clock import (
     LOWER_SPEED,
     MOST,
     MOST_STRAINED,
+    MOTION,
     PAST,
     PAST_DATA,
     PLAN,
@@ -40,12 +42,15 @@ from explicit.clock import (
     STEPS,
     STIFFEST,
     TIME,
+    TURNED,
     UPPER_SPEED,
     WORK,
+    WORK_DONE,
     clock_functions,
 )
 from explicit.elements import ElementFunctions
 from explicit.elements import element as element_named
+from explicit.failure import WATCH_EVERY, failure_functions
 from explicit.lanes import BLOCK, ON_CHIP_CLOCK, WARPS, lane_functions, rooms
 from explicit.precision import Precision
 from explicit.record import record_functions
@@ -89,13 +94,15 @@ def march_kernel(
     sweep_elements, sweep_energies = sweeps.elements, sweeps.energies
     boundary = boundary_functions(faces, side, precision, structs)
     meet = boundary.meet
+    failure = failure_functions(precision, element, structs)
+    motion, strain, culprit, watch_every = failure.motion, failure.strain, failure.culprit, int(WATCH_EVERY)
     free_velocity = update_functions(precision, structs).free_velocity
     clockwork = clock_functions(precision, structs, boundary, record_functions(precision, structs))
     start, settle, plan = clockwork.start, clockwork.settle, clockwork.plan
     lanes = lane_functions()
     sync, walks, tends, walkers = lanes.sync, lanes.walks, lanes.tends, lanes.walkers
     empty_sum, add_to, from_the_end = lanes.empty_sum, lanes.add_to, lanes.from_the_end
-    put_total, put_largest = lanes.put_total, lanes.put_largest
+    put_total, put_largest, get_largest = lanes.put_total, lanes.put_largest, lanes.get_largest
     real = precision.real
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
     zero, half = real(0.0), real(0.5)
@@ -109,6 +116,7 @@ def march_kernel(
         sample = first + index
         solid = batch.solids[sample]
         row = batch.rows[batch.material[sample]]
+        limit_s = batch.data_limit[batch.material[sample]]
         friction, alpha = batch.friction[sample], solid.mass_damping
         seats, nodes = body.n_seats, node_places(body.n_nodes)
         corners = 4 * corner_places(body.n_elements) + 1
@@ -159,6 +167,12 @@ def march_kernel(
                     body, solid, row, u_r, u_y, v_r, v_y, corner_r, corner_y, lane, measure
                 )
                 latched = wp.max(latched, worst)  # an element that turns between two measurements stays known
+                if step % watch_every == 0:
+                    put_total(parts, MOTION, motion(body, v_r, v_y, lane))
+                    put_total(parts, WORK_DONE, worked)
+                    put_largest(parts, TURNED, latched)
+                if batch.stop_past_data == 1:
+                    put_largest(parts, BEYOND, strain(body, limit_s, u_r, u_y, lane))
                 if measure == 1:
                     put_largest(parts, STIFFEST + (step + 1) % 2, latched)
                     latched = wp.float64(0.0)
@@ -178,7 +192,6 @@ def march_kernel(
                 elastic, hourglass, past, kinetic = empty_sum(), empty_sum(), empty_sum(), empty_sum()
                 most = wp.float64(0.0)
                 if ledger == 1:
-                    limit_s = batch.data_limit[batch.material[sample]]
                     if walks(lane) == 1:
                         elastic, hourglass, past, most = sweep_energies(
                             body, solid, row, limit_s, u_r, u_y, lane
@@ -265,7 +278,19 @@ def march_kernel(
             step += 1
             sync()
 
+        failed = int(-1)
+        if int(clock[STATUS]) != 0:
+            score, place_of = culprit(body, solid, row, u_r, u_y, v_r, v_y, lane, int(clock[STATUS]))
+            put_largest(parts, MOST, score)
+            sync()
+            candidate = wp.float64(-1.0e30)
+            if score == get_largest(parts, MOST):
+                candidate = -wp.float64(place_of)  # of equal ones the first
+            put_largest(parts, TURNED, candidate)
+            sync()
+            failed = int(-get_largest(parts, TURNED))
         if lane == 0:
+            output.failed_element[sample] = failed
             output.outcome[sample] = int(clock[STATUS])
             output.steps[sample] = int(clock[STEPS])
             output.end_time[sample] = clock[TIME]

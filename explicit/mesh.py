@@ -44,6 +44,19 @@ class Mesh:
         return float(self.nodes[:, 1].max() - self.nodes[:, 1].min())
 
     @cached_property
+    def volume(self) -> float:
+        """Volume over a full turn, 2 pi times the integral of R over the straight-sided quads [m^3]."""
+        R, Y = np.moveaxis(self.nodes[self.quads], -1, 0)
+        R_next, Y_next = np.roll(R, -1, axis=1), np.roll(Y, -1, axis=1)
+        return float(np.pi / 3.0 * ((R + R_next) * (R * Y_next - R_next * Y)).sum())
+
+    @cached_property
+    def centres(self) -> FloatArray:
+        """Mean of each element's corners (R, Y), Y above the lower face [m], shape [n_elements, 2]."""
+        corners = self.nodes[self.quads]
+        return np.asarray(corners.mean(axis=1) - [0.0, self.nodes[:, 1].min()])
+
+    @cached_property
     def on_axis(self) -> NDArray[np.bool_]:
         """Which nodes lie on the axis of symmetry, shape [n_nodes]."""
         radius = self.nodes[:, 0]

@@ -41,6 +41,9 @@ class Model:
     hourglass control ignores it."""
     element: str = "one_point"
     """The element: a name of `explicit.elements.ELEMENTS`."""
+    past_data: Literal["continue", "stop"] = "continue"
+    """What happens when an element is strained past the data of its material law: the law continues on its
+    end tangent and `Response.extrapolated_share` counts it, or the simulation ends as TABLE_EXCEEDED."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.density < float("inf"):
@@ -55,6 +58,8 @@ class Model:
                 raise ValueError(f"a moving support must start at {self.start} s as the flyer, got {starts}")
         if self.damping_kind not in ("deviatoric", "full"):
             raise ValueError(f"damping_kind must be 'deviatoric' or 'full', got {self.damping_kind!r}")
+        if self.past_data not in ("continue", "stop"):
+            raise ValueError(f"past_data must be 'continue' or 'stop', got {self.past_data!r}")
         if not self.hourglass >= 0.0:
             raise ValueError(f"hourglass must be >= 0, got {self.hourglass}")
         contact_law(self.faces)

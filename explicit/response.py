@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explicit.energy import EnergyLedger
-from explicit.outcome import Outcome
+from explicit.outcome import Ending, Outcome
 
 FloatArray = NDArray[np.float64]
 
@@ -15,8 +15,10 @@ FloatArray = NDArray[np.float64]
 class Response:
     """Histories of a batch, sampled at the requested times.
 
-    Times are those asked for in `explicit.Sampling`; a simulation that ended early has NaN after
-    its `end_times` entry, and its `outcomes` entry says why. Forces are compression-positive.
+    Times are those asked for in `explicit.Sampling`. A simulation that ended early keeps what it recorded
+    until then and has NaN after it: positions and ledger to its `end_times` entry, forces to the step before,
+    since a force is known when its step is made. `ending` says why, when and where. Forces are
+    compression-positive.
     """
 
     force_times: FloatArray
@@ -41,6 +43,12 @@ class Response:
     """Energy ledger at the surface times."""
     outcomes: tuple[Outcome, ...]
     """How each simulation ended, length n_samples."""
+    failed_elements: NDArray[np.int64]
+    """The element where each simulation failed (its `Outcome.role` says what singles it out), -1 where it
+    completed, shape [n_samples]."""
+    failed_places: FloatArray
+    """Centre (R, Y) of that element in the undeformed mesh, Y above the transmission platen [m], NaN where
+    the simulation completed, shape [n_samples, 2]."""
     end_times: FloatArray
     """Time each simulation reached [s], shape [n_samples]."""
     steps: NDArray[np.int64]
@@ -66,6 +74,34 @@ class Response:
         """Which simulations reached their end, shape [n_samples]."""
         return np.array([outcome.ok for outcome in self.outcomes], dtype=bool)
 
+    def ending(self, sample: int) -> Ending:
+        """How, when and where one simulation ended.
+
+        Raises
+        ------
+        ValueError
+            If there is no such simulation.
+        """
+        if not 0 <= sample < self.n_samples:
+            raise ValueError(f"sample must be in [0, {self.n_samples - 1}], got {sample}")
+        r, y = self.failed_places[sample]
+        return Ending(
+            outcome=self.outcomes[sample],
+            time=float(self.end_times[sample]),
+            element=int(self.failed_elements[sample]),
+            place=(float(r), float(y)),
+        )
+
+    @property
+    def endings(self) -> tuple[Ending, ...]:
+        """How, when and where every simulation ended, length n_samples."""
+        return tuple(self.ending(i) for i in range(self.n_samples))
+
+    def describe(self, sample: int) -> str:
+        """The sentence of `ending`, e.g. "INVERTED at 280.3 us in element 87 (R = 4.45 mm, Y = 6.21 mm): an
+        element turned inside out (J <= 0); ... Cure: ..."."""
+        return self.ending(sample).sentence
+
     def select(self, rows: NDArray[np.intp] | list[int]) -> "Response":
         """Some simulations of the batch, in the order of `rows`."""
         index = np.asarray(rows, dtype=np.intp)
@@ -80,6 +116,8 @@ class Response:
             surface_y=self.surface_y[index],
             energy=self.energy.select(index),
             outcomes=tuple(self.outcomes[i] for i in index),
+            failed_elements=self.failed_elements[index],
+            failed_places=self.failed_places[index],
             end_times=self.end_times[index],
             steps=self.steps[index],
             smallest_step=self.smallest_step[index],

@@ -54,8 +54,8 @@ def run(
     Returns
     -------
     Response
-        One row per sample. A simulation that ends early has its `Outcome` and NaN after its end; it
-        does not disturb its neighbours.
+        One row per sample. A simulation that ends early has its `Outcome`, its time and its element, what it
+        recorded until then and NaN after it; it does not disturb its neighbours.
 
     Raises
     ------
@@ -103,6 +103,7 @@ def _response(model: Model, sampling: Sampling, output: Any, nodes: Any) -> Resp
     force, impulse, position, energy = (
         _own(array) for array in (output.force, output.impulse, output.position, output.energy)
     )
+    failed = output.failed_element.numpy().astype(np.int64)
     side = np.searchsorted(nodes, model.mesh.side) if sampling.all_nodes else slice(None)
     return Response(
         force_times=sampling.force_times.copy(),
@@ -115,6 +116,8 @@ def _response(model: Model, sampling: Sampling, output: Any, nodes: Any) -> Resp
         surface_y=position[:, :, side, 1],
         energy=EnergyLedger(*(energy[:, :, k] for k in range(7))),
         outcomes=tuple(Outcome(int(code)) for code in output.outcome.numpy()),
+        failed_elements=failed,
+        failed_places=np.where(failed[:, None] >= 0, model.mesh.centres[failed], np.nan),
         end_times=output.end_time.numpy().copy(),
         steps=output.steps.numpy().astype(np.int64),
         smallest_step=output.smallest_step.numpy().copy(),

@@ -59,6 +59,8 @@ def batch_structs(precision: Precision, Shape: Any, Solid: Any) -> Structs:
         round_trip: wp.float64
         support_moves: int
         data_limit: wp.array(dtype=real)
+        stop_past_data: int
+        stray_energy: wp.array(dtype=wp.float64)
         solids: wp.array(dtype=Solid)
         friction: wp.array(dtype=real)
         release_stress: wp.array(dtype=real)
@@ -98,6 +100,7 @@ def batch_structs(precision: Precision, Shape: Any, Solid: Any) -> Structs:
         position: wp.array4d(dtype=wp.float64)
         energy: wp.array3d(dtype=wp.float64)
         outcome: wp.array(dtype=int)
+        failed_element: wp.array(dtype=int)
         steps: wp.array(dtype=int)
         end_time: wp.array(dtype=wp.float64)
         smallest_step: wp.array(dtype=wp.float64)

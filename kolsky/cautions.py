@@ -1,14 +1,13 @@
 """What a user must know before using an answer: one sentence each, with the value and what to do."""
 
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from math import hypot, isfinite, sqrt
 from typing import Any
 
 import numpy as np
 
 from kolsky.apparatus import Interface
-from kolsky.identification import Identification, Verdict
+from kolsky.identification import DesignTable, Identification, Verdict
 from kolsky.results_text import worst_imbalance
 
 PAST_CURVE = 0.01
@@ -85,16 +84,26 @@ def past_curve(share: float, reached: float, checks: Mapping[str, float]) -> Ite
         )
 
 
-def lost_runs(stages: Sequence[str], outcomes: Sequence[str]) -> Iterator[str]:
-    """Count the runs that did not complete, by stage and `explicit.Outcome`."""
-    lost = Counter(
-        f"{stage}: {outcome}"
-        for stage, outcome in zip(stages, outcomes, strict=True)
-        if outcome != "COMPLETED"
-    )
-    if lost:
-        kinds = ", ".join(f"{count} in {kind}" for kind, count in lost.items())
-        yield f"{lost.total()} of {len(outcomes)} runs did not complete ({kinds})"
+def lost_runs(table: DesignTable, rest: str = "") -> Iterator[str]:
+    """Count the runs that did not complete, by stage and `explicit.Outcome`, and tell the first of each kind.
+
+    Parameters
+    ----------
+    table
+        Every run.
+    rest : str
+        What the others are for, said behind the count.
+    """
+    kinds: dict[str, list[int]] = {}
+    for run in table.lost:
+        kinds.setdefault(f"{table.stage[run]}: {table.outcomes[run]}", []).append(run)
+    if kinds:
+        counts = ", ".join(f"{len(runs)} in {kind}" for kind, runs in kinds.items())
+        yield f"{len(table.lost)} of {len(table.outcomes)} runs did not complete ({counts}){rest}"
+    for runs in kinds.values():
+        values = zip(table.names, table.points[runs[0]], strict=True)
+        point = ", ".join(f"{name} = {value:.4g}" for name, value in values)
+        yield f"run {runs[0]} ({point}) ended {table.ending(runs[0]).sentence}"
 
 
 def sliding(interface: Interface, named: list[str]) -> Iterator[str]:
@@ -178,8 +187,7 @@ def _energy(result: Identification) -> Iterator[str]:
 
 
 def _lost(result: Identification, lost_replicates: int) -> Iterator[str]:
-    for said in lost_runs(result.design.stage, result.design.outcomes):
-        yield f"{said}; the surrogate rests on the others"
+    yield from lost_runs(result.design, "; the surrogate rests on the others")
     if lost_replicates:
         yield (
             f"{lost_replicates} replicates of the input noise did not complete; the interval rests on the "

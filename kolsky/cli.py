@@ -31,6 +31,14 @@ Numbers = Annotated[
 Precision = Annotated[str, typer.Option(help="Arithmetic of the solver: fp64 or fp32.")]
 Device = Annotated[str, typer.Option(help='"cpu" or a CUDA device such as "cuda:0".')]
 Threads = Annotated[int | None, typer.Option(min=1, help="CPU threads.", show_default="all cores")]
+PastData = Annotated[
+    str,
+    typer.Option(
+        metavar="CHOICE",
+        help="Past the last point of the quasi-static curve the law continues on its tangent (continue), or "
+        "the run ends (stop).",
+    ),
+]
 Mesh = Annotated[str, typer.Option(metavar="NRxNY", help="Elements across the radius x along the length.")]
 Out = Annotated[
     Path | None,
@@ -134,6 +142,7 @@ def identify(
     precision: Precision = "fp64",
     device: Device = "cpu",
     threads: Threads = None,
+    past_data: PastData = "continue",
     seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 1,
     out: Out = None,
     figures: Annotated[
@@ -155,7 +164,7 @@ def identify(
             mesh=options.mesh("--mesh", mesh),
             refined_mesh=options.mesh("--refined-mesh", refined_mesh),
             replicates=replicates,
-            arithmetic=commands.Arithmetic(precision, device, threads),
+            arithmetic=commands.Arithmetic(precision, device, threads, past_data),
             seed=seed,
             out=out,
             formats=tuple(part.strip() for part in figures.split(",") if part.strip()),
@@ -171,23 +180,29 @@ def simulate(
     precision: Precision = "fp64",
     device: Device = "cpu",
     threads: Threads = None,
+    past_data: PastData = "continue",
     out: Out = None,
     vtu: Annotated[bool, typer.Option("--vtu", help="Also write the deforming mesh for ParaView.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Simulate a shot once, e.g. -p stiffness_factor=1.1, and compare it with the data."""
+    """Simulate a shot once, e.g. -p stiffness_factor=1.1, and compare it with the data.
+
+    A run that fails is written up to its end; the exit code is then 1.
+    """
     from kolsky import commands, options
 
     with refusing_bad_input():
-        commands.simulate(
+        completed = commands.simulate(
             shot,
             parameters=options.values("--parameter", parameter or []),
             mesh=options.mesh("--mesh", mesh),
-            arithmetic=commands.Arithmetic(precision, device, threads),
+            arithmetic=commands.Arithmetic(precision, device, threads, past_data),
             out=out,
             vtu=vtu,
             as_json=as_json,
         )
+    if not completed:
+        raise typer.Exit(1)
 
 
 @app.command()
@@ -211,6 +226,7 @@ def sweep(
     precision: Precision = "fp64",
     device: Device = "cpu",
     threads: Threads = None,
+    past_data: PastData = "continue",
     seed: Annotated[int, typer.Option(min=0, help="Seed of a random design.")] = 1,
     out: Out = None,
     as_json: AsJson = False,
@@ -233,7 +249,7 @@ def sweep(
             design=design,
             runs=runs,
             mesh=options.mesh("--mesh", mesh),
-            arithmetic=commands.Arithmetic(precision, device, threads),
+            arithmetic=commands.Arithmetic(precision, device, threads, past_data),
             seed=seed,
             out=out,
             as_json=as_json,

@@ -21,11 +21,12 @@ from kolsky.shots import Shot, load_shot
 
 @dataclass(frozen=True)
 class Arithmetic:
-    """Precision, device and threads as given on the command line."""
+    """Precision, device, threads and the end of the data as given on the command line."""
 
     precision: str
     device: str
     threads: int | None
+    past_data: str = "continue"
 
     def numerics(self, mesh: tuple[int, int]) -> Any:
         """The solver's numerical choices.
@@ -39,6 +40,7 @@ class Arithmetic:
         from kolsky.forward import Numerics
 
         options.one_of("--precision", self.precision, ("fp64", "fp32"))
+        options.one_of("--past-data", self.past_data, ("continue", "stop"))
         try:
             select_device(self.device)
         except ValueError as error:
@@ -48,6 +50,7 @@ class Arithmetic:
             precision="fp32" if self.precision == "fp32" else "fp64",
             device=self.device,
             threads=self.threads,
+            past_data="stop" if self.past_data == "stop" else "continue",
         )
 
 
@@ -109,14 +112,14 @@ def simulate(
     out: Path | None,
     vtu: bool,
     as_json: bool,
-) -> None:
-    """`kolsky simulate`."""
+) -> bool:
+    """`kolsky simulate`; returns whether the run completed."""
     started = perf_counter()
     loaded, folder = _load(shot, out, "simulation")
     numerics = arithmetic.numerics(mesh)
     from kolsky import cautions
     from kolsky import simulate as forward
-    from kolsky.results_text import jsonable
+    from kolsky.results_text import jsonable, worst_imbalance
 
     with _usable(loaded), bars() as progress:
         progress("simulation", 0, 1)
@@ -129,24 +132,26 @@ def simulate(
             from kolsky.report.vtu import write_vtu
 
             write_vtu(partial, run.response, run.prepared.forward.mesh(numerics).quads)
-    share = float(run.response.extrapolated_share[0])
+    share, ending = float(run.response.extrapolated_share[0]), run.response.ending(0)
     warnings = [
+        *([] if ending.outcome.ok else [f"the simulation ended {ending.sentence}"]),
         *cautions.past_curve(share, float(run.response.largest_strain_measure[0]), run.prepared.checks),
         *cautions.sliding(loaded.interface, list(parameters)),
     ]
     summary = {
         "shot": loaded.name,
         "parameters": run.parameters,
-        "outcome": run.response.outcomes[0].name,
+        "outcome": ending.outcome.name,
+        **({} if ending.outcome.ok else _failure(ending)),
         "steps": int(run.response.steps[0]),
-        "energy_imbalance": float(run.response.energy.imbalance()[0]),
+        "energy_imbalance": worst_imbalance(run.response),
         "extrapolated_share": share,
-        **vars(run.terms),
-        "phi_units": "phi_force N, phi_shape 1",
+        **({} if run.terms is None else {**vars(run.terms), "phi_units": "phi_force N, phi_shape 1"}),
         "folder": str(folder),
     }
     said = jsonable({**summary, "warnings": warnings}, "simulation") if as_json else None
     _tell([], summary, said, rest={"wall time": _since(started)}, warnings=warnings)
+    return ending.outcome.ok
 
 
 def sweep(
@@ -173,7 +178,7 @@ def sweep(
 
     from kolsky import cautions, misfit
     from kolsky import sweep as factorial
-    from kolsky.results_text import jsonable
+    from kolsky.results_text import failed_runs, jsonable
 
     with _usable(loaded), bars() as progress:
         progress("sweep", 0, len(points))
@@ -183,7 +188,7 @@ def sweep(
     with filling(folder) as partial:
         factorial.write_sweep(partial / "sweep.csv", result)
     table = result.table
-    completed = sum(outcome == "COMPLETED" for outcome in table.outcomes)
+    completed = len(table.outcomes) - len(table.lost)
     phi = table.phi_force / misfit.SCALE_FORCE + table.phi_shape / misfit.SCALE_SHAPE  # Eq. (M.5)
     best = int(np.nanargmin(phi)) if completed else None
     summary = {
@@ -194,12 +199,25 @@ def sweep(
         "at": None if best is None else dict(zip(table.names, table.points[best].tolist(), strict=True)),
         "file": str(folder / "sweep.csv"),
     }
+    failed = {"failed_runs": failed_runs(table)}
     warnings = [
-        *cautions.lost_runs(table.stage, table.outcomes),
+        *cautions.lost_runs(table),
         *cautions.sliding(loaded.interface, [*bounds, *held]),
     ]
-    said = jsonable({**summary, "warnings": warnings}, "sweep") if as_json else None
+    said = jsonable({**summary, **failed, "warnings": warnings}, "sweep") if as_json else None
     _tell([], summary, said, rest={"wall time": _since(started)}, warnings=warnings)
+
+
+def _failure(ending: Any) -> dict[str, Any]:
+    """When, where and why a run ended."""
+    r, y = ending.place
+    return {
+        "end_time": ending.time,
+        "element": ending.element,
+        "element_place": {"R": r, "Y": y},
+        "cause": ending.outcome.cause,
+        "cure": ending.outcome.cure,
+    }
 
 
 def _design(

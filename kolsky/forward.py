@@ -40,6 +40,9 @@ class Numerics:
     """ "cpu" or a CUDA device."""
     threads: int | None = None
     """CPU threads; all cores if left out."""
+    past_data: Literal["continue", "stop"] = "continue"
+    """Whether a run ends where its material is strained past the quasi-static curve, see
+    `explicit.Model.past_data`."""
 
     def with_mesh(self, mesh: tuple[int, int]) -> "Numerics":
         """The same choices on another mesh."""
@@ -142,6 +145,7 @@ class Forward:
             side=side,
             support=_support(shot),
             damping_kind="full" if shot.model.damping_kind == "full" else "deviatoric",
+            past_data=numerics.past_data,
         )
 
     def mesh(self, numerics: Numerics) -> explicit.Mesh:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from explicit import Response
+from explicit import Ending, Outcome, Response
 from kolsky.records import CentreLine, ForceHistory
 
 FloatArray = NDArray[np.float64]
@@ -138,6 +138,12 @@ class DesignTable:
     """Upper bounds, shape [n_parameters]."""
     outcomes: tuple[str, ...]
     """`explicit.Outcome` names, length n_runs."""
+    end_times: FloatArray
+    """Time each run reached [s], shape [n_runs]."""
+    failed_elements: NDArray[np.int64]
+    """Element where it failed, of its own mesh; -1 if it completed, shape [n_runs]."""
+    failed_places: FloatArray
+    """Centre (R, Y) of that element in the undeformed mesh [m], shape [n_runs, 2]; NaN if it completed."""
     stage: tuple[str, ...]
     """Why the run was made: "design", "refinement" or "check", length n_runs."""
     phi_shape: FloatArray
@@ -148,6 +154,21 @@ class DesignTable:
     """Shape chi-square of each run [-], shape [n_runs]; NaN for a run that did not complete."""
     chi2_force: FloatArray
     """Force chi-square of each run [-], shape [n_runs]; NaN for a run that did not complete."""
+
+    def ending(self, run: int) -> Ending:
+        """How, when and where a run ended."""
+        r, y = self.failed_places[run]
+        return Ending(
+            outcome=Outcome[self.outcomes[run]],
+            time=float(self.end_times[run]),
+            element=int(self.failed_elements[run]),
+            place=(float(r), float(y)),
+        )
+
+    @property
+    def lost(self) -> tuple[int, ...]:
+        """The runs that did not complete."""
+        return tuple(i for i, name in enumerate(self.outcomes) if name != Outcome.COMPLETED.name)
 
 
 @dataclass(frozen=True)

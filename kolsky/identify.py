@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe import Box, ResponseSurrogate, from_points
+from doe.surrogates import SurrogateError
 from kolsky.cautions import cautions
 from kolsky.identification import Identification
 from kolsky.misfit import terms
@@ -70,8 +71,8 @@ def identify(
     Raises
     ------
     ValueError
-        If a parameter is unknown, a bound or value is outside its range, or no run of the design
-        completed.
+        If a parameter is unknown, a bound or value is outside its range, or too few runs completed; the
+        message says how, when and where the first one failed.
     """
     settings = settings or Settings()
     whole = design_box(settings.free)
@@ -133,7 +134,7 @@ def _check_refined(stages: Stages, coarse: _Coarse) -> _Refined:
     for _ in range(MOST_CHECKS):
         check = stages.simulate("check", from_points(stages.box, wave), numerics, all_nodes=True)
         if len(check.points) < len(wave):
-            raise ValueError("a run on the refined mesh did not complete; see its outcome in a sweep")
+            raise ValueError(f"the check needs every run on the refined mesh to complete: {check.lost}")
         vectors = objective.vectors(check.prediction)
         missed = vectors[0] - model.predict(optimum)[0]
         for point, vector in zip(check.points[::-1], vectors[::-1], strict=True):
@@ -167,7 +168,15 @@ def _fit(stages: Stages, box: Box, runs: Runs) -> tuple[Objective, ResponseSurro
     objective = Objective(stages.observations, counted)
     use = box.contains(runs.points)
     vectors = objective.vectors(runs.prediction)
-    return objective, ResponseSurrogate.fit(box, runs.points[use], vectors[use], scale=objective.noise)
+    try:
+        surrogate = ResponseSurrogate.fit(box, runs.points[use], vectors[use], scale=objective.noise)
+    except SurrogateError as error:
+        if not runs.lost:
+            raise
+        raise ValueError(
+            f"the runs that completed do not carry a surrogate ({error}): {runs.lost}"
+        ) from error
+    return objective, surrogate
 
 
 def _input_noise(stages: Stages, fine: _Refined) -> tuple[dict[str, FloatArray], int]:

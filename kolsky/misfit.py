@@ -134,10 +134,9 @@ def predict(response: Response, observations: Observations) -> Prediction:
     """
     lost = np.flatnonzero(~response.completed)
     if lost.size:
-        outcome = response.outcomes[lost[0]]
         raise ValueError(
-            f"simulation {lost[0]} of {response.n_samples} did not complete ({outcome.name}:"
-            f" {outcome.cause}); first select the completed ones:"
+            f"simulation {lost[0]} of {response.n_samples} did not complete"
+            f" ({response.describe(int(lost[0]))}); first select the completed ones:"
             " response.select(np.flatnonzero(response.completed))"
         )
     t, line = response.force_times, observations.centre_line

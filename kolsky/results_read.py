@@ -123,7 +123,7 @@ def _read_entry(file: h5py.File) -> Identification:
         response=_read_response(file),
         mesh=(int(entry["mesh"][0]), int(entry["mesh"][1])),
         refined_mesh=(int(entry["refined_mesh"][0]), int(entry["refined_mesh"][1])),
-        design=DesignTable(**_read(file, "entry/design", DESIGN, {})),
+        design=DesignTable(**_read_design(file)),
         curves=tuple(SurrogateCurve(**_read(file, p, CURVE, {})) for p in _numbered(file, "entry/curves")),
         surrogate=_read_numbers(file, "entry/surrogate"),
         seconds=_read_numbers(file, "entry/seconds"),
@@ -145,13 +145,23 @@ def _read_estimate(file: h5py.File, name: str) -> Estimate:
     return Estimate(name=name, **values, noise_parts=_read_numbers(file, f"{place}/noise_parts"))
 
 
+def _read_design(file: h5py.File) -> dict[str, Any]:
+    values = _read(file, "entry/design", DESIGN, {"two": 2})
+    _known_outcomes("entry/design", values["outcomes"])
+    return values
+
+
+def _known_outcomes(place: str, names: tuple[str, ...]) -> None:
+    unknown = sorted(set(names) - set(Outcome.__members__))
+    if unknown:
+        known = ", ".join(Outcome.__members__)
+        raise _Refused(f"/{place}/outcomes: {unknown[0]!r}, expected one of {known}")
+
+
 def _read_response(file: h5py.File) -> Response:
     dims = {"two": 2}
     values = _read(file, "entry/response", RESPONSE, dims)
-    unknown = sorted(set(values["outcomes"]) - set(Outcome.__members__))
-    if unknown:
-        known = ", ".join(Outcome.__members__)
-        raise _Refused(f"/entry/response/outcomes: {unknown[0]!r}, expected one of {known}")
+    _known_outcomes("entry/response", values["outcomes"])
     values["outcomes"] = tuple(Outcome[name] for name in values["outcomes"])
     if "nodes" in _open(file, "entry/response", h5py.Group):
         values |= _read(file, "entry/response", NODES, dims)

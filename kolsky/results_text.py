@@ -11,17 +11,17 @@ import numpy as np
 
 from explicit import Response
 from kolsky.csvtable import write_table
-from kolsky.identification import Identification
+from kolsky.identification import DesignTable, Identification
 
-__all__ = ["jsonable", "to_json", "worst_imbalance", "write_csv"]
+__all__ = ["ends", "jsonable", "to_json", "worst_imbalance", "write_csv"]
 
 
 def to_json(identification: Identification) -> dict[str, Any]:
     """The result as one object of JSON types.
 
     Every free parameter is a key with `value`, `interval` (k = 2), `sigma`, `sigma_noise`,
-    `sigma_numerical`, `mesh_shift`, `noise_parts`, `unit` and `outcome`. Numbers that are not finite
-    become null.
+    `sigma_numerical`, `mesh_shift`, `noise_parts`, `unit` and `outcome`; `failed_runs` lists the runs that
+    did not complete. Numbers that are not finite become null.
 
     Raises
     ------
@@ -41,11 +41,13 @@ def to_json(identification: Identification) -> dict[str, Any]:
         "mesh": {"default": result.mesh, "refined": result.refined_mesh},
         "check_run": {
             "outcome": [outcome.name for outcome in response.outcomes],
+            "ending": [ending.sentence for ending in response.endings],
             "steps": response.steps,
             "smallest_step": response.smallest_step,
             "extrapolated_share": response.extrapolated_share,
             "energy_imbalance": worst_imbalance(response),
         },
+        "failed_runs": failed_runs(result.design),
         "surrogate": result.surrogate,
         "seconds": result.seconds,
         "provenance": result.provenance,
@@ -68,6 +70,39 @@ def to_json(identification: Identification) -> dict[str, Any]:
         for name, e in result.estimates.items()
     }
     return {key: jsonable(value, key) for key, value in {"shot": result.shot, **estimates, **rest}.items()}
+
+
+def failed_runs(design: DesignTable) -> list[dict[str, Any]]:
+    """The runs that did not complete: number, stage, parameters, outcome, time, element, place and cure."""
+    rows = []
+    for i in design.lost:
+        ending = design.ending(i)
+        rows.append(
+            {
+                "run": i,
+                "stage": design.stage[i],
+                "parameters": dict(zip(design.names, design.points[i], strict=True)),
+                "outcome": ending.outcome.name,
+                "end_time": ending.time,
+                "element": ending.element,
+                "place": ending.place,
+                "ending": ending.sentence,
+            }
+        )
+    return rows
+
+
+def ends(design: DesignTable) -> dict[str, Any]:
+    """Columns of a CSV table: the time a run reached and, if it failed, its element and what happened."""
+    r, y = design.failed_places.T
+    lost = set(design.lost)
+    return {
+        "end (s)": design.end_times,
+        "element": [str(e) if e >= 0 else "" for e in design.failed_elements],
+        "element R (m)": [f"{x:.9g}" if np.isfinite(x) else "" for x in r],
+        "element Y (m)": [f"{x:.9g}" if np.isfinite(x) else "" for x in y],
+        "ending": [design.ending(i).sentence if i in lost else "" for i in range(len(design.points))],
+    }
 
 
 def worst_imbalance(response: Response) -> float:
@@ -137,6 +172,7 @@ def write_csv(folder: Path, identification: Identification) -> list[Path]:
         "Phi_S (1)": design.phi_shape,
         "chi2 force (1)": design.chi2_force,
         "chi2 shape (1)": design.chi2_shape,
+        **ends(design),
     }
     energy = {"time (s)": result.response.surface_times}
     energy |= {f"{f.name} (J)": getattr(ledger, f.name)[0] for f in fields(ledger)}

@@ -96,7 +96,7 @@ def _write_entry(entry: h5py.Group, result: Identification) -> None:
     _write(profile, PROFILE, vars(comparison.centre_line), points)
     _write(profile, PROFILE_MODEL, vars(comparison), points)
     _write(_data(entry, "recorded", "force", "time"), RECORDED, vars(comparison.recorded), {})
-    _write(_data(entry, "design", "chi2_force", "."), DESIGN, vars(result.design), {})
+    _write(_data(entry, "design", "chi2_force", "."), DESIGN, vars(result.design), {"two": 2})
     curves = _group(entry, "curves", "NXcollection")
     for number, curve in enumerate(result.curves):
         _write(_data(curves, str(number), "chi2", "x"), CURVE, vars(curve), {})

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe import Box, Design, full_factorial, latin_hypercube
-from explicit import Outcome, Response
+from explicit import Response
 from kolsky.forward import Numerics
 from kolsky.misfit import Observations, Prediction, predict
 from kolsky.prepare import Prepared
@@ -30,6 +30,8 @@ class Runs:
     """What the instruments would have seen."""
     response: Response
     """The solver's full answer."""
+    lost: str
+    """What became of the runs that did not complete, the first of them in full; empty if there are none."""
 
 
 @dataclass(frozen=True)
@@ -82,11 +84,11 @@ class Stages:
         self._clock(stage, started)
         rows = np.flatnonzero(response.completed)
         if len(rows) == 0:
-            raise ValueError(f"no run of the {stage} completed: {_why(response.outcomes[0])}")
+            raise ValueError(f"no run of the {stage} completed: {_first_lost(design, response)}")
         kept = response.select(rows)
         prediction = predict(kept, self.observations)
-        self.table.add(stage, design.points, response.outcomes, rows, prediction, self.observations)
-        return Runs(design.points[rows], prediction, kept)
+        self.table.add(stage, design.points, response.endings, rows, prediction, self.observations)
+        return Runs(design.points[rows], prediction, kept, _lost(design, response))
 
     def replicate(self, point: FloatArray) -> Replicates:
         """Run the point again under `settings.replicates` other motions, and as many other curves.
@@ -111,7 +113,7 @@ class Stages:
         self._clock("noise", started)
         rows = np.flatnonzero(response.completed)
         if 0 not in rows:
-            raise ValueError(f"the noise stage's reference run failed: {_why(response.outcomes[0])}")
+            raise ValueError(f"the noise stage's reference run ended {response.describe(0)}")
         return Replicates(
             prediction=predict(response.select(rows), self.observations),
             flyer=(rows > 0) & (rows <= n),
@@ -134,5 +136,16 @@ class Stages:
         self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - started
 
 
-def _why(outcome: Outcome) -> str:
-    return f"{outcome.cause}. Cure: {outcome.cure}"
+def _lost(design: Design, response: Response) -> str:
+    """How many runs did not complete, and how the first of them ended; empty if all did."""
+    lost = len(design) - int(response.completed.sum())
+    told = f"{lost} of {len(design)} runs did not complete"
+    return f"{told}; {_first_lost(design, response)}" if lost else ""
+
+
+def _first_lost(design: Design, response: Response) -> str:
+    """Where the first run that did not complete lies, and how it ended."""
+    first = int(np.argmin(response.completed))
+    values = design.box.as_dict(design.points[first])
+    point = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
+    return f"the one at {point} ended {response.describe(first)}"

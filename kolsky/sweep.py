@@ -14,6 +14,7 @@ from kolsky.identification import DesignTable
 from kolsky.misfit import predict
 from kolsky.parameters import PARAMETERS
 from kolsky.prepare import prepare
+from kolsky.results_text import ends
 from kolsky.shots import Shot
 from kolsky.table import RunTable
 
@@ -63,12 +64,13 @@ def sweep(
     rows = np.flatnonzero(response.completed)
     prediction = predict(response.select(rows), prepared.observations) if len(rows) else None
     table = RunTable(names)
-    table.add("design", design.points, response.outcomes, rows, prediction, prepared.observations)
+    table.add("design", design.points, response.endings, rows, prediction, prepared.observations)
     return Sweep(shot=shot.name, table=table.build(design.box), held=dict(held or {}))
 
 
 def write_sweep(path: Path, result: Sweep) -> Path:
-    """Write one row a run, atomically: parameters, outcome, Phi_F, Phi_S, Phi and chi-square."""
+    """Write one row a run, atomically: parameters, outcome, Phi_F, Phi_S, Phi and chi-square; and how, when
+    and where a run that did not complete ended."""
     table = result.table
     columns: dict[str, Any] = {"run": np.arange(len(table.outcomes))}
     columns |= {f"{name} ({PARAMETERS[name].unit})": table.points[:, i] for i, name in enumerate(table.names)}
@@ -79,5 +81,6 @@ def write_sweep(path: Path, result: Sweep) -> Path:
         "Phi (1)": table.phi_force / 1000.0 + table.phi_shape / 0.001,
         "chi2 force (1)": table.chi2_force,
         "chi2 shape (1)": table.chi2_shape,
+        **ends(table),
     }
     return write_table(path, columns)

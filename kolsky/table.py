@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe import Box
-from explicit import Outcome
+from explicit import Ending
 from kolsky.identification import DesignTable, Terms
 from kolsky.misfit import Observations, Prediction, terms
 
@@ -14,12 +14,12 @@ FloatArray = NDArray[np.float64]
 
 
 class RunTable:
-    """Runs in the order they were made, with their outcome and misfit terms."""
+    """Runs in the order they were made, with their ending and misfit terms."""
 
     def __init__(self, names: tuple[str, ...]) -> None:
         self.names = names
         self.points: list[FloatArray] = []
-        self.outcomes: list[str] = []
+        self.endings: list[Ending] = []
         self.stages: list[str] = []
         self.terms: list[Terms | None] = []
 
@@ -27,16 +27,16 @@ class RunTable:
         self,
         stage: str,
         points: FloatArray,
-        outcomes: Sequence[Outcome],
+        endings: Sequence[Ending],
         completed: NDArray[np.intp],
         prediction: Prediction | None,
         observations: Observations,
     ) -> None:
         """Append a batch; `prediction` holds the rows of `completed` only (None if there are none)."""
         place = {int(row): k for k, row in enumerate(completed)}
-        for row, (point, outcome) in enumerate(zip(points, outcomes, strict=True)):
+        for row, (point, ending) in enumerate(zip(points, endings, strict=True)):
             self.points.append(np.asarray(point, dtype=float))
-            self.outcomes.append(outcome.name)
+            self.endings.append(ending)
             self.stages.append(stage)
             if prediction is not None and row in place:
                 self.terms.append(terms(prediction, observations, place[row]))
@@ -66,7 +66,10 @@ class RunTable:
             points=np.array(self.points),
             lower=np.array(box.lower),
             upper=np.array(box.upper),
-            outcomes=tuple(self.outcomes),
+            outcomes=tuple(ending.outcome.name for ending in self.endings),
+            end_times=np.array([ending.time for ending in self.endings]),
+            failed_elements=np.array([ending.element for ending in self.endings], dtype=np.int64),
+            failed_places=np.array([ending.place for ending in self.endings]),
             stage=tuple(self.stages),
             phi_shape=column("phi_shape"),
             phi_force=column("phi_force"),

@@ -1,8 +1,8 @@
 """From the constants that the kernels read of Marlow's law to its table, and to the curve it was built from.
 
-The kernels read the cubic of every interval, which follows from the quotient 2 U' and its slope at both ends:
-two unknowns at every knot. The slopes follow from a curve's points by the monotone cubic, so the derivative by
-a point sums what it does to quotients and slopes around it.
+The kernels read the cubic of every interval, which follows from the quotient 2 U' and its slope at both
+ends: two unknowns at every knot. The slopes follow from a curve's points by the monotone cubic, so the
+derivative by a point sums what it does to quotients and slopes around it.
 """
 
 import numpy as np

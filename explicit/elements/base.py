@@ -39,6 +39,9 @@ class ElementFunctions:
     energies: Any
     """``energies(shape, solid, row, ur, uy) -> (elastic, hourglass, s)``: stored energies [J], and the
     largest s = sqrt(I1_bar - 3) of the element's stress points [-]."""
+    strains: Any
+    """``strains(shape, ur, uy) -> (J, s)``: the smallest of det F and its planar part over the stress points
+    [-], above 0 in an element that has not turned inside out, and the largest s [-]."""
 
 
 class Element(Protocol):

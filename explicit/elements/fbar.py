@@ -275,4 +275,28 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         hourglass = real(0.0)
         return elastic, hourglass, measure
 
-    return ElementFunctions(Shape=Shape, read_shape=read_shape, Solid=Solid, forces=forces, energies=energies)
+    @wp.func
+    def point_strains(gradient_r: vec4, gradient_y: vec4, hoop: vec4, ur: vec4, uy: vec4):
+        """The smaller of J and its planar part, and I1_bar - 3."""
+        h11, h12 = wp.dot(ur, gradient_r), wp.dot(ur, gradient_y)
+        h21, h22 = wp.dot(uy, gradient_r), wp.dot(uy, gradient_y)
+        h33 = wp.dot(ur, hoop)
+        plane = h11 + h22 + h11 * h22 - h12 * h21
+        dilatation = plane * (one + h33) + h33
+        f11, f22, f33 = one + h11, one + h22, one + h33
+        squared = f11 * f11 + h12 * h12 + f22 * f22 + h21 * h21 + f33 * f33
+        first_invariant = isochoric_factor(one + dilatation, dilatation) * squared
+        return one + wp.min(dilatation, plane), first_invariant - three
+
+    @wp.func
+    def strains(shape: Shape, ur: vec4, uy: vec4):
+        j0, i0 = point_strains(shape.gradient_r0, shape.gradient_y0, shape.hoop0, ur, uy)
+        j1, i1 = point_strains(shape.gradient_r1, shape.gradient_y1, shape.hoop1, ur, uy)
+        j2, i2 = point_strains(shape.gradient_r2, shape.gradient_y2, shape.hoop2, ur, uy)
+        j3, i3 = point_strains(shape.gradient_r3, shape.gradient_y3, shape.hoop3, ur, uy)
+        measure = wp.sqrt(wp.max(wp.max(wp.max(i0, i1), wp.max(i2, i3)), zero))
+        return wp.min(wp.min(j0, j1), wp.min(j2, j3)), measure
+
+    return ElementFunctions(
+        Shape=Shape, read_shape=read_shape, Solid=Solid, forces=forces, energies=energies, strains=strains
+    )

@@ -185,4 +185,18 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         measure = wp.sqrt(wp.max(rr + yy + tt - three, zero))
         return elastic, hourglass, measure
 
-    return ElementFunctions(Shape=Shape, read_shape=read_shape, Solid=Solid, forces=forces, energies=energies)
+    @wp.func
+    def strains(shape: Shape, ur: vec4, uy: vec4):
+        h11, h12 = wp.dot(ur, shape.gradient_r), wp.dot(ur, shape.gradient_y)
+        h21, h22 = wp.dot(uy, shape.gradient_r), wp.dot(uy, shape.gradient_y)
+        h33 = wp.dot(ur, shape.hoop)
+        plane = h11 + h22 + h11 * h22 - h12 * h21
+        dilatation = plane * (one + h33) + h33
+        f11, f22, f33 = one + h11, one + h22, one + h33
+        squared = f11 * f11 + h12 * h12 + f22 * f22 + h21 * h21 + f33 * f33
+        first_invariant = isochoric_factor(one + dilatation, dilatation) * squared
+        return one + wp.min(dilatation, plane), wp.sqrt(wp.max(first_invariant - three, zero))
+
+    return ElementFunctions(
+        Shape=Shape, read_shape=read_shape, Solid=Solid, forces=forces, energies=energies, strains=strains
+    )

@@ -35,6 +35,7 @@ LABELS = {
     "numerics.precision": "arithmetic",
     "numerics.device": "device",
     "numerics.threads": "threads",
+    "numerics.past_data": "past the quasi-static curve",
     "refined_mesh": "refined mesh",
     "replicates": "replicates of the input noise",
     "replicate_mesh": "mesh of the replicates",

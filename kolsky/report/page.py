@@ -9,6 +9,7 @@ import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
+from explicit import Ending
 from kolsky.atomic import replacing
 from kolsky.identification import Estimate, Identification, Verdict
 from kolsky.report import labels, numbers
@@ -111,7 +112,8 @@ def render(identification: Identification) -> str:
         tested=flattened({key: provenance[key] for key in _TESTED if key in provenance}),
         **{name: flattened(provenance.get(name, {})) for name in _TABLES},
         further=flattened({k: v for k, v in provenance.items() if k not in (*_TESTED, *_TABLES)}),
-        completed=sum(outcome == "COMPLETED" for outcome in result.design.outcomes),
+        completed=len(result.design.outcomes) - len(result.design.lost),
+        failures=_failures(result),
         total_seconds=sum(result.seconds.values()),
     )
 
@@ -220,8 +222,9 @@ def _check_run(result: Identification) -> list[tuple[str, str]]:
     """How the simulation at the optimum went."""
     r, plain = result.response, numbers.plain
     outcome = r.outcomes[0]
+    where = _ended(r.ending(0))
     share, strain = float(r.extrapolated_share[0]), float(r.largest_strain_measure[0])
-    ended = "completed" if outcome.ok else f"{outcome.name}: {outcome.cause}; {outcome.cure}"
+    ended = "completed" if outcome.ok else f"{where}: {outcome.cause}. Cure: {outcome.cure}"
     return [
         ("outcome", ended),
         ("time reached", f"{plain(1e3 * float(r.end_times[0]))} ms in {int(r.steps[0])} steps"),
@@ -241,6 +244,24 @@ def _quality(result: Identification) -> list[tuple[str, str]]:
     return rows
 
 
+def _ended(ending: Ending) -> str:
+    """How, when and where a run ended, short enough for a cell of a table."""
+    name = ending.outcome.name.lower().replace("_", " ")
+    if ending.outcome.ok:
+        return name
+    r, y = (numbers.rounded(1e3 * x, -2) for x in ending.place)
+    return f"{name} at {_ms(ending.time)}, element {ending.element} at ({r}, {y}) mm"
+
+
+def _failures(result: Identification) -> list[tuple[str, str]]:
+    """The kinds of failure among the runs: what happened, and what can be done."""
+    kinds = {result.design.ending(run).outcome for run in result.design.lost}
+    return [
+        (kind.name.lower().replace("_", " "), f"{kind.cause}; the element has {kind.role}. Cure: {kind.cure}")
+        for kind in sorted(kinds)
+    ]
+
+
 def _runs(result: Identification) -> list[dict[str, Any]]:
     """The rows of the design table."""
     design = result.design
@@ -253,7 +274,7 @@ def _runs(result: Identification) -> list[dict[str, Any]]:
                 numbers.like(value, U.get(name, np.nan))
                 for name, value in zip(design.names, design.points[number], strict=True)
             ],
-            "outcome": design.outcomes[number].lower().replace("_", " "),
+            "outcome": _ended(design.ending(number)),
             "completed": design.outcomes[number] == "COMPLETED",
             "terms": [
                 numbers.rounded(design.phi_force[number], -1),

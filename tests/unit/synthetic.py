@@ -178,11 +178,15 @@ def failed() -> Identification:
             surface_y=np.full_like(response.surface_y, np.nan),
             energy=EnergyLedger(**gone),
             outcomes=(Outcome.INVERTED,),
+            failed_elements=np.array([23], dtype=np.int64),
+            failed_places=np.array([[0.984 * RADIUS, 0.015 * LENGTH]]),
             nodes=None,
         ),
         design=replace(
             good.design,
             outcomes=("INVERTED",) * count,
+            failed_elements=np.full(count, 351),
+            failed_places=np.tile([0.97 * RADIUS, 0.98 * LENGTH], (count, 1)),
             phi_shape=lost,
             phi_force=lost,
             chi2_shape=lost,
@@ -277,12 +281,16 @@ def _design(
     outcomes = ["COMPLETED"] * len(points)
     outcomes[int(np.argmin(points[:, 0]))] = "INVERTED"
     results[int(np.argmin(points[:, 0]))] = np.nan
+    good = np.array(outcomes) == "COMPLETED"
     design = DesignTable(
         names=names,
         points=points,
         lower=lower,
         upper=upper,
         outcomes=tuple(outcomes),
+        end_times=np.where(good, 1.55e-3, 1.2e-3),
+        failed_elements=np.where(good, -1, 351),
+        failed_places=np.where(good[:, None], np.nan, [0.97 * RADIUS, 0.98 * LENGTH]),
         stage=stage,
         phi_shape=results[:, 0],
         phi_force=results[:, 1],
@@ -345,6 +353,8 @@ def _response(with_nodes: bool) -> Response:
         surface_y=side_y,
         energy=EnergyLedger(external=external[None], **{n: v[None] for n, v in parts.items()}),
         outcomes=(Outcome.COMPLETED,),
+        failed_elements=np.array([-1], dtype=np.int64),
+        failed_places=np.full((1, 2), np.nan),
         end_times=np.array([frames[-1]]),
         steps=np.array([12345], dtype=np.int64),
         smallest_step=np.array([7.7e-8]),

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from synthetic import CHECKS, failed, synthetic
 
+from explicit import Outcome
 from kolsky.apparatus import Interface
 from kolsky.cautions import cautions
 from kolsky.identification import Identification, Verdict
@@ -111,9 +112,25 @@ def test_runs_that_did_not_complete() -> None:
     outcomes = ["COMPLETED"] * 22
     outcomes[3] = outcomes[5] = "INVERTED"
     outcomes[17] = "STEP_COLLAPSED"
-    design = replace(clean().design, outcomes=tuple(outcomes))
-    text = said(clean(design=design))
-    assert "3 of 22 runs did not complete (2 in design: INVERTED, 1 in refinement: STEP_COLLAPSED)" in text
+    design = replace(
+        clean().design,
+        outcomes=tuple(outcomes),
+        end_times=np.full(22, 1.2e-3),
+        failed_elements=np.full(22, 351),
+        failed_places=np.tile([4.6e-3, 6.4e-3], (22, 1)),
+    )
+    texts = cautions(clean(design=design), checks=CHECKS, interface=BONDED)
+    assert len(texts) == 3  # the count, and the first run of each kind with its moment, element and cure
+    count = "3 of 22 runs did not complete (2 in design: INVERTED, 1 in refinement: STEP_COLLAPSED)"
+    assert texts[0] == f"{count}; the surrogate rests on the others"
+    for text, run, outcome in zip(
+        texts[1:], (3, 17), (Outcome.INVERTED, Outcome.STEP_COLLAPSED), strict=True
+    ):
+        assert text.startswith(
+            f"run {run} (stiffness_factor = {design.points[run, 0]:.4g}) ended {outcome.name}"
+        )
+        assert "at 1200.0 us in element 351 (R = 4.60 mm, Y = 6.40 mm)" in text
+        assert outcome.cure in text
     assert "4 replicates of the input noise did not complete" in said(clean(), lost=4)
 
 

@@ -86,5 +86,6 @@ def test_an_element_that_turns_inside_out_ends_its_simulation(name: str) -> None
         element=name,
     )
     response = run(model, Samples.of(poisson=0.495), Sampling(times, times))
-    # the shrinking step of the last instants may come first
-    assert response.outcomes[0] in (Outcome.INVERTED, Outcome.STEP_COLLAPSED)
+    # The shrinking step of the last instants may come first, or outrun the one that was measured before.
+    assert response.outcomes[0] in (Outcome.INVERTED, Outcome.STEP_COLLAPSED, Outcome.DIVERGED)
+    assert response.failed_elements[0] in range(4)

@@ -55,6 +55,8 @@ def response(n_nodes=23, outcomes=(Outcome.COMPLETED, Outcome.COMPLETED)):
         surface_y=np.stack([y, y]),
         energy=EnergyLedger(*[nothing] * 7),
         outcomes=outcomes,
+        failed_elements=np.array([-1 if outcome.ok else 17 for outcome in outcomes]),
+        failed_places=np.array([(np.nan, np.nan) if o.ok else (4.6e-3, 0.2e-3) for o in outcomes]),
         end_times=np.full(2, FRAMES[-1]),
         steps=np.ones(2, dtype=np.int64),
         smallest_step=np.full(2, 1e-7),
@@ -244,7 +246,7 @@ def test_force_between_the_models_times_is_linear():
 
 def test_what_the_response_does_not_cover_is_refused():
     observations, full = seen(), response()
-    with pytest.raises(ValueError, match=r"simulation 1 of 2 did not complete \(INVERTED: .*select"):
+    with pytest.raises(ValueError, match=r"simulation 1 of 2 did not complete \(INVERTED at .*select"):
         predict(response(outcomes=(Outcome.COMPLETED, Outcome.INVERTED)), observations)
     fewer = replace(
         full,

@@ -294,7 +294,9 @@ def test_csv_columns_carry_units_and_values(tmp_path: Path) -> None:
         with path.open(newline="", encoding="utf-8") as file:
             header, *rows = csv.reader(file)
         for name in header:
-            assert name in ("run", "stage", "outcome", "frame") or name.endswith(")"), name
+            assert name in ("run", "stage", "outcome", "frame", "element", "ending") or name.endswith(")"), (
+                name
+            )
         tables[path.stem] = {name: [row[i] for row in rows] for i, name in enumerate(header)}
     c = result.comparison
     written = np.array(tables["force"]["measured force (N)"], dtype=float)

@@ -151,7 +151,7 @@ def launch(case: Case, mapping: Mapping | None, n: int = N, shift: int = 0, spoi
 
 
 HISTORIES = ("force", "impulse", "position", "energy")
-NUMBERS = ("outcome", "steps", "end_time", "smallest_step", "past_data", "strain_measure")
+NUMBERS = ("outcome", "failed_element", "steps", "end_time", "smallest_step", "past_data", "strain_measure")
 
 
 @cache
@@ -168,7 +168,9 @@ def test_the_batch_exercises_what_it_should(case: Case) -> None:
     got = results(case, None)
     outcomes = [Outcome(int(code)) for code in got["outcome"]]
     assert all(outcomes[i].ok for i in GOOD)
-    assert outcomes[CRUSHED] in (Outcome.INVERTED, Outcome.STEP_COLLAPSED)
+    # Its 24 elements are crushed at 36 m/s within a few steps: they fold, the step collapses, or the step
+    # that was measured before no longer holds, whichever is seen first.
+    assert outcomes[CRUSHED] in (Outcome.INVERTED, Outcome.STEP_COLLAPSED, Outcome.DIVERGED)
     assert outcomes[SPOILT] in (Outcome.INVERTED, Outcome.DIVERGED)
     assert np.isfinite(got["position"][GOOD]).all()
     assert len(set(got["steps"])) > 5  # lanes end at different times
@@ -194,7 +196,7 @@ def test_the_scalar_kernel_agrees(case: Case, mapping: Mapping) -> None:
     # Sums are fused on one side only. Ten times the largest difference seen, relative to the largest value:
     # 1e-12 (2e-13 but for forces), 3e-4 (1e-6) in fp32; a stiff contact amplifies round-off most.
     force, other = (1e-11, 2e-12) if case.precision == "fp64" else (3e-3, 1e-5)
-    for name in (*HISTORIES, *NUMBERS[2:]):
+    for name in (*HISTORIES, *NUMBERS[3:]):
         atol = (force if name == "force" else other) * np.abs(warp[name][GOOD]).max()
         np.testing.assert_allclose(got[name][GOOD], warp[name][GOOD], rtol=0.0, atol=atol, err_msg=name)
     early = slice(0, 9)  # what comes before the crushed one folds

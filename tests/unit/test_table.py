@@ -3,6 +3,7 @@
 import numpy as np
 
 from doe import Box
+from explicit import Ending, Outcome
 from kolsky.identification import Terms
 from kolsky.table import RunTable
 
@@ -25,7 +26,11 @@ def table() -> RunTable:
     for stage, point, outcome, phi in rows:
         made.points.append(np.array([point]))
         made.stages.append(stage)
-        made.outcomes.append(outcome)
+        made.endings.append(
+            Ending(Outcome.COMPLETED, 1e-3)
+            if outcome == "COMPLETED"
+            else Ending(Outcome[outcome], 4e-4, 17, (4.6e-3, 0.2e-3))
+        )
         made.terms.append(None if phi is None else terms(phi))
     return made
 
@@ -42,5 +47,8 @@ def test_a_lost_run_keeps_its_place_with_nan_misfits() -> None:
     assert np.isnan(built.phi_force[1])
     assert np.isnan(built.chi2_shape[1])
     assert built.outcomes[1] == "INVERTED"
+    assert built.lost == (1,)
+    assert built.ending(1).where == "at 400.0 us in element 17 (R = 4.60 mm, Y = 0.20 mm)"
+    assert built.ending(0).outcome.ok
     np.testing.assert_array_equal(built.phi_force[[0, 2, 6]], [50.0, 30.0, 5.0])
     assert (built.lower[0], built.upper[0]) == (0.5, 1.5)

@@ -53,6 +53,7 @@ TOPICS = [
     "batch",
     "derivatives",
     "adjoint",
+    "failure",
 ]
 """Modules of the manual, in its order."""
 
