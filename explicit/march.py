@@ -95,7 +95,7 @@ def march_kernel(
         force_before = wp.vec2d()
         impulse = wp.vec2d()
         recorded_bar = int(0)
-        damped, rubbed = empty_sum(), empty_sum()
+        damped, rubbed, restrained = empty_sum(), empty_sum(), empty_sum()
         landed, worked = empty_sum(), empty_sum()
         past_data, most_strained, latched = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
 
@@ -103,7 +103,7 @@ def march_kernel(
             measure = int(0)
             if step % batch.measure_every == 0:
                 measure = 1
-            worst, power = sweep_elements(body, batch, state, sample, lane, measure)
+            worst, power, artificial = sweep_elements(body, batch, state, sample, lane, measure)
             latched = wp.max(latched, worst)  # an element that turns between two measurements stays known
             if measure == 1:
                 omega_squared = largest(latched)
@@ -139,6 +139,7 @@ def march_kernel(
                 sync()  # the node sweep below moves what other lanes may still be reading
             # Half of this step's work belongs to the time of the positions, half to what follows.
             damp_step, rub_step = power * interval, empty_sum()
+            hold_step = artificial * interval
             land_step, work_step = empty_sum(), empty_sum()
             h, tau = real(dt), real(interval)
             n = lane
@@ -228,13 +229,14 @@ def march_kernel(
                     next_force += 1
                 impulse += force * interval
                 external, moving, stored, held = ZERO, ZERO, ZERO, ZERO
-                damping, friction_loss, impact = ZERO, ZERO, ZERO
+                damping, friction_loss, impact, restraint = ZERO, ZERO, ZERO, ZERO
                 if ledger == 1:
                     stored, held, moving = total(elastic), total(hourglass), total(kinetic)
                     external = total(worked + HALF * work_step)
                     damping = total(damped + HALF * damp_step)
                     friction_loss = total(rubbed + HALF * rub_step)
                     impact = total(landed + HALF * land_step)
+                    restraint = total(restrained + HALF * hold_step)
                     past_data = wp.max(past_data, total(past))
                     most_strained = wp.max(most_strained, largest(most))
                 if flush == 1:
@@ -244,12 +246,13 @@ def march_kernel(
                         if lane == 0 and is_due(next_surface, n_surface, batch.ledger_every):
                             record_ledger(
                                 output, sample, next_surface,
-                                external, moving, stored, held, damping, friction_loss, impact,
+                                external, moving, stored, held, damping, friction_loss, impact, restraint,
                             )  # fmt: skip
                         next_surface += 1
                 worked += work_step
                 damped += damp_step
                 rubbed += rub_step
+                restrained += hold_step
                 landed += land_step
                 force_before = force
                 # The support answers the force it just felt: v = F / Z + 2 h, away from the specimen. The

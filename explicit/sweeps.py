@@ -17,7 +17,7 @@ class SweepFunctions:
     """The sweeps of one law and precision."""
 
     elements: Any
-    """``elements(body, batch, state, sample, lane, measure) -> (omega_squared, power)``."""
+    """``elements(body, batch, state, sample, lane, measure) -> (omega_squared, power, artificial)``."""
     energies: Any
     """``energies(body, batch, state, sample, lane) -> (elastic, hourglass, volume past data, s)``."""
 
@@ -34,7 +34,7 @@ def sweep_functions(precision: Precision, element: ElementFunctions, structs: St
 
     @wp.func
     def sweep_elements(body: Body, batch: Batch, state: State, sample: int, lane: int, measure: int):
-        """Corner forces of this lane's elements; the largest omega^2 and the power dissipated."""
+        """Corner forces of this lane's elements; the largest omega^2; powers lost, as of the element."""
         solid = batch.solids[sample]
         row = batch.rows[batch.material[sample]]
         nodes, chip = body.n_nodes, body.on_chip
@@ -42,11 +42,11 @@ def sweep_functions(precision: Precision, element: ElementFunctions, structs: St
         v_r, v_y = field(state.v_r, sample, chip, 2 * nodes), field(state.v_y, sample, chip, 3 * nodes)
         corner_r = field(state.corner_r, sample, chip, 4 * nodes)
         corner_y = field(state.corner_y, sample, chip, 4 * nodes + 4 * body.n_elements)
-        worst, power = real(0.0), empty_sum()
+        worst, power, artificial = real(0.0), empty_sum(), empty_sum()
         e = lane
         while e < body.n_elements:
             q = wp.vec4i(body.quads[0, e], body.quads[1, e], body.quads[2, e], body.quads[3, e])
-            f_r, f_y, omega_squared, dissipated = element_forces(
+            f_r, f_y, omega_squared, dissipated, controlled = element_forces(
                 read_shape(body.shapes, e),
                 solid,
                 row,
@@ -61,8 +61,9 @@ def sweep_functions(precision: Precision, element: ElementFunctions, structs: St
                 corner_y[a * body.n_elements + e] = f_y[a]
             worst = wp.max(worst, omega_squared)
             power = add_to(power, wp.float64(dissipated), e)
+            artificial = add_to(artificial, wp.float64(controlled), e)
             e += wp.block_dim()
-        return wp.float64(worst), power
+        return wp.float64(worst), power, artificial
 
     @wp.func
     def sweep_energies(body: Body, batch: Batch, state: State, sample: int, lane: int):

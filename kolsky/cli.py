@@ -31,6 +31,10 @@ Numbers = Annotated[
 Precision = Annotated[str, typer.Option(help="Arithmetic of the solver: fp64 or fp32.")]
 Device = Annotated[str, typer.Option(help='"cpu" or a CUDA device such as "cuda:0".')]
 Threads = Annotated[int | None, typer.Option(min=1, help="CPU threads.", show_default="all cores")]
+Element = Annotated[
+    str, typer.Option(help="one_point, or fbar: fully integrated, nothing to tune, three times as dear.")
+]
+Hourglass = Annotated[str, typer.Option(help="Hourglass control of one_point: stiffness or viscous.")]
 Mesh = Annotated[str, typer.Option(metavar="NRxNY", help="Elements across the radius x along the length.")]
 Out = Annotated[
     Path | None,
@@ -131,6 +135,8 @@ def identify(
     replicates: Annotated[
         int, typer.Option(min=0, help="Draws of the flyer's and the curve's noise; 0 leaves them out.")
     ] = 16,
+    element: Element = "one_point",
+    hourglass: Hourglass = "stiffness",
     precision: Precision = "fp64",
     device: Device = "cpu",
     threads: Threads = None,
@@ -155,7 +161,7 @@ def identify(
             mesh=options.mesh("--mesh", mesh),
             refined_mesh=options.mesh("--refined-mesh", refined_mesh),
             replicates=replicates,
-            arithmetic=commands.Arithmetic(precision, device, threads),
+            arithmetic=commands.Arithmetic(precision, device, threads, element, hourglass),
             seed=seed,
             out=out,
             formats=tuple(part.strip() for part in figures.split(",") if part.strip()),
@@ -168,6 +174,8 @@ def simulate(
     shot: ShotPath,
     parameter: Numbers = None,
     mesh: Mesh = "24x32",
+    element: Element = "one_point",
+    hourglass: Hourglass = "stiffness",
     precision: Precision = "fp64",
     device: Device = "cpu",
     threads: Threads = None,
@@ -183,7 +191,7 @@ def simulate(
             shot,
             parameters=options.values("--parameter", parameter or []),
             mesh=options.mesh("--mesh", mesh),
-            arithmetic=commands.Arithmetic(precision, device, threads),
+            arithmetic=commands.Arithmetic(precision, device, threads, element, hourglass),
             out=out,
             vtu=vtu,
             as_json=as_json,
@@ -208,6 +216,8 @@ def sweep(
     ] = "factorial",
     runs: Annotated[int, typer.Option(min=2, max=1_000_000, help="Points of a lhs or sobol design.")] = 64,
     mesh: Mesh = "16x22",
+    element: Element = "one_point",
+    hourglass: Hourglass = "stiffness",
     precision: Precision = "fp64",
     device: Device = "cpu",
     threads: Threads = None,
@@ -233,7 +243,7 @@ def sweep(
             design=design,
             runs=runs,
             mesh=options.mesh("--mesh", mesh),
-            arithmetic=commands.Arithmetic(precision, device, threads),
+            arithmetic=commands.Arithmetic(precision, device, threads, element, hourglass),
             seed=seed,
             out=out,
             as_json=as_json,

@@ -21,11 +21,13 @@ from kolsky.shots import Shot, load_shot
 
 @dataclass(frozen=True)
 class Arithmetic:
-    """Precision, device and threads as given on the command line."""
+    """Precision, device, threads and element as given on the command line."""
 
     precision: str
     device: str
     threads: int | None
+    element: str = "one_point"
+    hourglass: str = "stiffness"
 
     def numerics(self, mesh: tuple[int, int]) -> Any:
         """The solver's numerical choices.
@@ -33,12 +35,16 @@ class Arithmetic:
         Raises
         ------
         InputError
-            If the precision is unknown or the machine has no such device.
+            If the precision, the element or the hourglass control is unknown, or the machine has no such
+            device.
         """
         from explicit.device import select_device
+        from explicit.elements import ELEMENTS
         from kolsky.forward import Numerics
 
         options.one_of("--precision", self.precision, ("fp64", "fp32"))
+        options.one_of("--element", self.element, tuple(ELEMENTS))
+        options.one_of("--hourglass", self.hourglass, ("stiffness", "viscous"))
         try:
             select_device(self.device)
         except ValueError as error:
@@ -48,6 +54,8 @@ class Arithmetic:
             precision="fp32" if self.precision == "fp32" else "fp64",
             device=self.device,
             threads=self.threads,
+            element=self.element,
+            hourglass_form="viscous" if self.hourglass == "viscous" else "stiffness",
         )
 
 
@@ -132,6 +140,7 @@ def simulate(
     share = float(run.response.extrapolated_share[0])
     warnings = [
         *cautions.past_curve(share, float(run.response.largest_strain_measure[0]), run.prepared.checks),
+        *cautions.hourglass(run.response),
         *cautions.sliding(loaded.interface, list(parameters)),
     ]
     summary = {
@@ -140,6 +149,7 @@ def simulate(
         "outcome": run.response.outcomes[0].name,
         "steps": int(run.response.steps[0]),
         "energy_imbalance": float(run.response.energy.imbalance()[0]),
+        "artificial_energy": float(run.response.energy.artificial_share()[0]),
         "extrapolated_share": share,
         **vars(run.terms),
         "phi_units": "phi_force N, phi_shape 1",

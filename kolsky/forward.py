@@ -40,6 +40,10 @@ class Numerics:
     """ "cpu" or a CUDA device."""
     threads: int | None = None
     """CPU threads; all cores if left out."""
+    element: str = "one_point"
+    """The element: a name of `explicit.elements.ELEMENTS`."""
+    hourglass_form: Literal["stiffness", "viscous"] = "stiffness"
+    """Hourglass control of the one-point element, see `explicit.Model.hourglass_form`."""
 
     def with_mesh(self, mesh: tuple[int, int]) -> "Numerics":
         """The same choices on another mesh."""
@@ -124,6 +128,8 @@ class Forward:
             side=side,
             support=_support(shot),
             damping_kind="full" if shot.model.damping_kind == "full" else "deviatoric",
+            element=numerics.element,
+            hourglass_form=numerics.hourglass_form,
         )
 
     def mesh(self, numerics: Numerics) -> explicit.Mesh:

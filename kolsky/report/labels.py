@@ -35,6 +35,8 @@ LABELS = {
     "numerics.precision": "arithmetic",
     "numerics.device": "device",
     "numerics.threads": "threads",
+    "numerics.element": "element",
+    "numerics.hourglass_form": "hourglass control",
     "refined_mesh": "refined mesh",
     "replicates": "replicates of the input noise",
     "replicate_mesh": "mesh of the replicates",

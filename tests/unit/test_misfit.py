@@ -53,7 +53,7 @@ def response(n_nodes=23, outcomes=(Outcome.COMPLETED, Outcome.COMPLETED)):
         surface_times=FRAMES,
         surface_r=r,
         surface_y=np.stack([y, y]),
-        energy=EnergyLedger(*[nothing] * 7),
+        energy=EnergyLedger(*[nothing] * 8),
         outcomes=outcomes,
         end_times=np.full(2, FRAMES[-1]),
         steps=np.ones(2, dtype=np.int64),
