@@ -164,8 +164,8 @@ def page(result: Result) -> str:
 
 **What is checked.** The work of both platens must equal what it became: kinetic, strain and hourglass energy
 and what damping, hourglass control, friction and landing nodes took. Every term is on: Coulomb friction on
-faces and side, stiffness-proportional damping 2.5e-5 s of either kind, mass-proportional damping 100 1/s, and behind the
-transmission platen the steel bar of the paper with its returning wave.
+faces and side, stiffness-proportional damping 2.5e-5 s of either kind, mass-proportional damping 100 1/s, and
+behind the transmission platen the steel bar of the paper with its returning wave.
 
 **Independent source.** Conservation of energy: each term is summed by itself, from other quantities than the
 rest. The work is computed a second time outside the solver, from the recorded impulses, the flyer's motion

@@ -47,6 +47,7 @@ TOPICS = [
     "time_order",
     "space_order",
     "fbar",
+    "which_element",
     "batch",
 ]
 """Modules of the manual, in its order."""
