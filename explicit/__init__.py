@@ -1,6 +1,7 @@
 """Explicit finite elements for impact on soft axisymmetric specimens, batch-first."""
 
 from explicit.energy import EnergyLedger
+from explicit.incompressible import NearlyIncompressible, run_nearly_incompressible
 from explicit.mesh import Mesh, cylinder
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.motion import PlatenMotion
@@ -15,6 +16,7 @@ __all__ = [
     "EnergyLedger",
     "Mesh",
     "Model",
+    "NearlyIncompressible",
     "Outcome",
     "PlatenMotion",
     "Response",
@@ -23,4 +25,5 @@ __all__ = [
     "Stepping",
     "cylinder",
     "run",
+    "run_nearly_incompressible",
 ]

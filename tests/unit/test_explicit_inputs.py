@@ -169,9 +169,9 @@ def test_a_bar_needs_positive_numbers(name: str) -> None:
         ({"damping": -1e-5}, "damping must be >= 0 s, got -1e-05"),
         ({"friction": -0.1}, "friction must be >= 0, got -0.1"),
         ({"mass_damping": -1.0}, "mass_damping must be >= 0 1/s, got -1.0"),
-        ({"poisson": 0.5}, r"poisson must be in \[0, 0.4999\], got 0.5"),
-        ({"poisson": [0.49, -0.1]}, r"poisson must be in \[0, 0.4999\], got -0.1"),
-        ({"poisson": float("nan")}, r"poisson must be in \[0, 0.4999\], got nan"),
+        ({"poisson": 0.5}, r"poisson must be in \[0, 0.49999\], got 0.5"),
+        ({"poisson": [0.49, -0.1]}, r"poisson must be in \[0, 0.49999\], got -0.1"),
+        ({"poisson": float("nan")}, r"poisson must be in \[0, 0.49999\], got nan"),
         ({"friction": float("nan")}, "friction must be >= 0, got nan"),
     ],
 )

@@ -48,6 +48,7 @@ TOPICS = [
     "space_order",
     "fbar",
     "which_element",
+    "incompressible",
     "batch",
 ]
 """Modules of the manual, in its order."""

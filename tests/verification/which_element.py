@@ -159,8 +159,13 @@ def grading_table(result: Result) -> str:
 def page(result: Result) -> str:
     """The page's text."""
     apart = (runs.apart(result.found.force_limits), runs.apart(result.found.outline_limits))
+    common = result.factor
     best = {form: one.weighted for form, one in result.found.series.items()}
     one, four = best["one-point, stiffness"], best["F-bar"]
+
+    def off(m: float) -> str:
+        return f"{100 * abs(m / TRUTH - 1):.2f}"
+
     return f"""# {TITLE}
 
 **What is checked.** The known-answer shot `runs/open-01` (m = {TRUTH}, ν = 0.499, β = 25 µs, bonded, 56 %)
@@ -171,12 +176,11 @@ simulated as `kolsky` does, with the one-point quadrilateral under both forms of
 **Which one to take.** *One-point with stiffness control*, the default: mesh for mesh its force is the
 nearest to the limit and so is its outline, at a third of F-bar's price ([F-bar](fbar.md)). The *viscous*
 form has no advantage here: its force is as good, its outline and m are not better, its energy is all lost
-instead of mostly stored, and nothing in it pushes a pattern back, so that it is no choice for a slow test. *F-bar* has nothing to tune and
-comes to m from nearer, because its force and its outline err to opposite sides: with the weights of
-`identify`, which let the outline count, its m is off by {1e2 * abs(four[0] / TRUTH - 1):.1f} % on 16 × 22
-where one-point is off by {1e2 * abs(one[0] / TRUTH - 1):.1f} %, and by
-{1e2 * abs(four[-1] / TRUTH - 1):.2f} and {1e2 * abs(one[-1] / TRUTH - 1):.2f} % on 48 × 64. Take it to check
-an answer (`kolsky simulate --element fbar`) or when `kolsky` warns of artificial energy.
+instead of mostly stored, and nothing in it pushes a pattern back, so that it is no choice for a slow test.
+*F-bar* has nothing to tune and comes to m from nearer, because its force and its outline err to opposite
+sides: with the weights of `identify`, which let the outline count, its m is off by {off(four[0])} % on
+16 × 22 where one-point is off by {off(one[0])} %, and by {off(four[-1])} and {off(one[-1])} % on 48 × 64.
+Take it to check an answer (`kolsky simulate --element fbar`) or when `kolsky` warns of artificial energy.
 
 **Independent source.** The shot's known answer, which was not made with any of these meshes; for force and
 outline the elements check each other, since they have one limit and differ in how they come to it.
@@ -204,15 +208,15 @@ the mean of the three limits, each extrapolated with h² over all meshes; and th
 {convergence_table(result)}
 
 The limits of two elements lie at most {100 * apart[0] / peak():.2f} % (force) and {1e6 * apart[1]:.1f} µm
-(outline) apart: what is left on the finest mesh is of that size, so that its error, and the orders with
-it, are known to about a factor of two. "Limit" is each element's own m extrapolated with h², ± the largest
-distance of a mesh from that law. Second order is what the elements have where the solution is smooth;
-at the bonded edges it is singular ([F-bar](fbar.md)), which the graded meshes resolve well enough for the
-5 kHz force and m not to show it.
+(outline) apart: what is left on the finest mesh is of that size, so that its error, and the orders with it,
+are known to about a factor of two. "Limit" is each element's own m extrapolated with h², ± the largest
+distance of a mesh from that law. Second order is what the elements have where the solution is smooth; at the
+bonded edges it is singular ([F-bar](fbar.md)), which the graded meshes resolve well enough for the 5 kHz
+force and m not to show it.
 
-One limit and one order for the twelve m (weighted by the noise) give **m = {result.factor.value:.4f} ±
-{result.factor.deviation:.4f}** with order {result.factor.order:.2f}; ± is the largest distance of a mesh from
-the law. The known answer is {TRUTH}.
+One limit and one order for the twelve m (weighted by the noise) give **m = {common.value:.4f} ±
+{common.deviation:.4f}** with order {common.order:.2f}; ± is the largest distance of a mesh from the law. The
+known answer is {TRUTH}.
 
 ## Graded meshes
 
