@@ -106,6 +106,7 @@ def test_simulate(shot: Path) -> None:
     assert said["parameters"] == pytest.approx({"stiffness_factor": 1.12, "damping": 25e-6})
     assert said["outcome"] == "COMPLETED"
     assert said["energy_imbalance"] < 1e-3
+    assert 0.0 < said["artificial_energy"] < 0.01
     folder = shot / "results" / "simulation"
     assert said["folder"] == str(folder)
     assert (folder / "mesh.pvd").exists()
@@ -125,6 +126,20 @@ def test_simulate_for_people(shot: Path) -> None:
     assert "parameters          friction = 0.5" in result.stdout
     assert re.search(r"wall time +\d", result.stdout)
     assert "Coulomb's law replaced the interface" in result.stderr
+
+
+@pytest.mark.parametrize(
+    "chosen", [["--element", "fbar"], ["--hourglass", "viscous"]], ids=["element", "hourglass"]
+)
+def test_simulate_with_another_element(shot: Path, chosen: list[str]) -> None:
+    arguments = ["simulate", str(shot), *TINY, "--json"]
+    found = [runner.invoke(app, [*arguments, *extra]) for extra in ([], chosen)]
+    assert [result.exit_code for result in found] == [0, 0], found[1].stderr
+    default, other = (json.loads(result.stdout) for result in found)
+    assert other["artificial_energy"] == 0.0 if "fbar" in chosen else other["artificial_energy"] > 0.0
+    # another element on a coarse mesh is another answer, by some per cent of the misfit
+    assert other["phi_force"] != default["phi_force"]
+    assert other["phi_force"] == pytest.approx(default["phi_force"], rel=0.2)
 
 
 def test_sweep(shot: Path) -> None:
@@ -274,6 +289,8 @@ OPTIONS: dict[str, tuple[list[str], str]] = {
     "mesh of words": (["identify", "--mesh", "fine"], "elements across the radius x along"),
     "figure format": (["identify", "--figures", "svg,gif"], '"gif" is not known; it must be pdf, svg or png'),
     "precision": (["identify", "--precision", "fp16"], "it must be fp64 or fp32"),
+    "element": (["identify", "--element", "hex"], "it must be one_point or fbar"),
+    "hourglass": (["sweep", "--hourglass", "enhanced"], "it must be stiffness or viscous"),
     "device": (["identify", "--device", "cuda:7"], "device must be one of ["),
     "simulated precision": (["simulate", "--precision", "double"], "it must be fp64 or fp32"),
     "simulated parameter": (["simulate", "-p", "m=1.1"], "there is no parameter 'm'"),
