@@ -35,8 +35,8 @@ class NearlyIncompressible:
     """A batch at its own Poisson's ratios, and what is known of its error."""
 
     response: Response
-    """Histories of the fine mesh, corrected. `steps`, `smallest_step`, `extrapolated_share` and
-    `largest_strain_measure` are those of the run on the fine mesh, at the compressible ratio."""
+    """Histories of the fine mesh, corrected, and the strain measures too (`extrapolated_share` within 0 and
+    1). `steps` and `smallest_step` are those of the run on the fine mesh, at the compressible ratio."""
     force_change: FloatArray
     """What the correction of the transmission force changes from the coarser to the coarse mesh [N], shape
     [n_samples, n_force_times]. Its size estimates the error; filter it first as the force will be."""
@@ -81,7 +81,7 @@ def run_nearly_incompressible(
     compressible : float
         Poisson's ratio of the runs on the fine mesh [-].
     stepping, device, threads, progress
-        As in `explicit.run`; progress counts five runs a sample.
+        As in `explicit.run`; progress counts the runs on the fine mesh, which come last.
 
     Returns
     -------
@@ -98,7 +98,7 @@ def run_nearly_incompressible(
     _check(model.mesh, coarse, samples, sampling, compressible)
     soft = replace(samples, poisson=np.full(len(samples), compressible))
 
-    def simulate(mesh: Mesh, batch: Samples) -> Response:
+    def simulate(mesh: Mesh, batch: Samples, progress: Callable[[int], None] | None = None) -> Response:
         return run(
             replace(model, mesh=mesh),
             batch,
@@ -109,8 +109,8 @@ def run_nearly_incompressible(
             progress=progress,
         )
 
-    base = simulate(model.mesh, soft)
     pairs = [(simulate(mesh, samples), simulate(mesh, soft)) for mesh in coarse]
+    base = simulate(model.mesh, soft, progress)
     changes = [_Change.of(mesh, model.mesh, *pair) for mesh, pair in zip(coarse, pairs, strict=True)]
     first, second = changes
     compressible_work = base.steps.astype(np.float64) * model.mesh.n_elements
@@ -136,6 +136,8 @@ class _Change:
     impulse_transmission: FloatArray
     surface_r: FloatArray
     surface_y: FloatArray
+    extrapolated_share: FloatArray
+    largest_strain_measure: FloatArray
     energy: dict[str, FloatArray]
 
     @classmethod
@@ -152,7 +154,7 @@ class _Change:
             return found
 
         return cls(
-            **{name: histories(name) for name in _FORCES},
+            **{name: histories(name) for name in (*_FORCES, *_STRAINS)},
             **{name: surface(name) for name in _SURFACES},
             energy={
                 f.name: getattr(stiff.energy, f.name) - getattr(soft.energy, f.name)
@@ -168,9 +170,14 @@ class _Change:
             for found in zip(*(r.outcomes for r in runs), strict=True)
         )
         ledger = {name: getattr(base.energy, name) + change for name, change in self.energy.items()}
+        corrected = {
+            name: getattr(base, name) + getattr(self, name) for name in (*_FORCES, *_SURFACES, *_STRAINS)
+        }
+        # a share of the volume: where it is next to nothing, the sum of three can fall below
+        corrected["extrapolated_share"] = np.clip(corrected["extrapolated_share"], 0.0, 1.0)
         return replace(
             base,
-            **{name: getattr(base, name) + getattr(self, name) for name in (*_FORCES, *_SURFACES)},
+            **corrected,
             energy=EnergyLedger(**ledger),
             outcomes=outcomes,
             end_times=np.min([r.end_times for r in runs], axis=0),
@@ -179,6 +186,7 @@ class _Change:
 
 _FORCES = ("force_flyer", "force_transmission", "impulse_flyer", "impulse_transmission")
 _SURFACES = ("surface_r", "surface_y")
+_STRAINS = ("extrapolated_share", "largest_strain_measure")
 
 
 def _heights(mesh: Mesh) -> FloatArray:

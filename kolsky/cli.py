@@ -35,6 +35,14 @@ Element = Annotated[
     str, typer.Option(help="one_point, or fbar: fully integrated, nothing to tune, three times as dear.")
 ]
 Hourglass = Annotated[str, typer.Option(help="Hourglass control of one_point: stiffness or viscous.")]
+Corrected = Annotated[
+    bool,
+    typer.Option(
+        "--nearly-incompressible",
+        help="Run the mesh at poisson = 0.495 and correct to the wanted one on coarser meshes: cheaper from "
+        "0.499 on.",
+    ),
+]
 Mesh = Annotated[str, typer.Option(metavar="NRxNY", help="Elements across the radius x along the length.")]
 Out = Annotated[
     Path | None,
@@ -137,6 +145,7 @@ def identify(
     ] = 16,
     element: Element = "one_point",
     hourglass: Hourglass = "stiffness",
+    nearly_incompressible: Corrected = False,
     precision: Precision = "fp64",
     device: Device = "cpu",
     threads: Threads = None,
@@ -161,7 +170,9 @@ def identify(
             mesh=options.mesh("--mesh", mesh),
             refined_mesh=options.mesh("--refined-mesh", refined_mesh),
             replicates=replicates,
-            arithmetic=commands.Arithmetic(precision, device, threads, element, hourglass),
+            arithmetic=commands.Arithmetic(
+                precision, device, threads, element, hourglass, nearly_incompressible
+            ),
             seed=seed,
             out=out,
             formats=tuple(part.strip() for part in figures.split(",") if part.strip()),
@@ -176,6 +187,7 @@ def simulate(
     mesh: Mesh = "24x32",
     element: Element = "one_point",
     hourglass: Hourglass = "stiffness",
+    nearly_incompressible: Corrected = False,
     precision: Precision = "fp64",
     device: Device = "cpu",
     threads: Threads = None,
@@ -191,7 +203,9 @@ def simulate(
             shot,
             parameters=options.values("--parameter", parameter or []),
             mesh=options.mesh("--mesh", mesh),
-            arithmetic=commands.Arithmetic(precision, device, threads, element, hourglass),
+            arithmetic=commands.Arithmetic(
+                precision, device, threads, element, hourglass, nearly_incompressible
+            ),
             out=out,
             vtu=vtu,
             as_json=as_json,
@@ -218,6 +232,7 @@ def sweep(
     mesh: Mesh = "16x22",
     element: Element = "one_point",
     hourglass: Hourglass = "stiffness",
+    nearly_incompressible: Corrected = False,
     precision: Precision = "fp64",
     device: Device = "cpu",
     threads: Threads = None,
@@ -243,7 +258,9 @@ def sweep(
             design=design,
             runs=runs,
             mesh=options.mesh("--mesh", mesh),
-            arithmetic=commands.Arithmetic(precision, device, threads, element, hourglass),
+            arithmetic=commands.Arithmetic(
+                precision, device, threads, element, hourglass, nearly_incompressible
+            ),
             seed=seed,
             out=out,
             as_json=as_json,

@@ -28,6 +28,7 @@ class Arithmetic:
     threads: int | None
     element: str = "one_point"
     hourglass: str = "stiffness"
+    nearly_incompressible: bool = False
 
     def numerics(self, mesh: tuple[int, int]) -> Any:
         """The solver's numerical choices.
@@ -40,6 +41,7 @@ class Arithmetic:
         """
         from explicit.device import select_device
         from explicit.elements import ELEMENTS
+        from explicit.incompressible import COMPRESSIBLE
         from kolsky.forward import Numerics
 
         options.one_of("--precision", self.precision, ("fp64", "fp32"))
@@ -56,6 +58,7 @@ class Arithmetic:
             threads=self.threads,
             element=self.element,
             hourglass_form="viscous" if self.hourglass == "viscous" else "stiffness",
+            compressible=COMPRESSIBLE if self.nearly_incompressible else None,
         )
 
 
@@ -120,6 +123,13 @@ def simulate(
 ) -> None:
     """`kolsky simulate`."""
     started = perf_counter()
+    if vtu and arithmetic.nearly_incompressible:
+        raise InputError(
+            options.COMMAND_LINE,
+            "--vtu and --nearly-incompressible exclude each other: meshes with different nodes have no "
+            "common deformed one",
+            cure="leave one out",
+        )
     loaded, folder = _load(shot, out, "simulation")
     numerics = arithmetic.numerics(mesh)
     from kolsky import cautions

@@ -171,7 +171,8 @@ On finer meshes the damping of the deviator takes a larger part in the step, and
 
 ## Corrected runs
 
-Cost in elements × steps of all runs, the estimate's included, over the run at ν = 0.495 with the same mesh.
+On the meshes that `kolsky identify`, `simulate` and `sweep` take with `--nearly-incompressible`. Cost in
+elements × steps of all runs, the estimate's included, over the run at ν = 0.495 with the same mesh.
 Errors are rms differences from the direct run: *at ν = 0.495, corrected, estimated*. The force over its peak
 of {peak():.1f} N.
 

@@ -35,13 +35,12 @@ STUDY: Mesh = (16, 22)
 """Its mesh."""
 TARGETS = (0.4999, 0.49999)
 """Nearly incompressible ratios [-]."""
+FINE: tuple[Mesh, ...] = ((16, 22), (24, 32), (32, 44), (48, 64))
+"""Corrected meshes."""
 CASES: dict[Mesh, tuple[Mesh, Mesh]] = {
-    (16, 22): ((10, 14), (8, 11)),
-    (24, 32): ((12, 16), (9, 12)),
-    (32, 44): ((16, 22), (12, 16)),
-    (48, 64): ((24, 32), (16, 22)),
+    mesh: (half.mesh, less.mesh) for mesh in FINE for half, less in [Numerics(mesh=mesh).coarser()]
 }
-"""Fine mesh and the two of the correction."""
+"""Fine mesh and the two of the correction, as `kolsky` takes them."""
 LADDER: tuple[Mesh, ...] = ((8, 11), (12, 16), (16, 22))
 """Coarse meshes under the fine one of 32 × 44: what the error of the correction converges with."""
 FACTORS = TRUTH + 0.006 * np.arange(-1, 7)
