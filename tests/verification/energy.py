@@ -133,7 +133,8 @@ def draw(result: Result, figure: Figure) -> None:
     left, right = figure.subplots(1, 2)
     ledger = result.ledgers["deviatoric"]
     sample = FRICTION.index(0.3)
-    for name in (*TERMS, "external"):
+    left.plot(1e3 * TIMES, 1e3 * ledger.external[sample], "--", color="0.4", label="external")
+    for name in TERMS:
         left.plot(1e3 * TIMES, 1e3 * getattr(ledger, name)[sample], label=name.replace("_", " "))
     left.set(xlabel="time [ms]", ylabel="energy [mJ]")
     left.legend()
