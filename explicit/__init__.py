@@ -1,6 +1,7 @@
 """Explicit finite elements for impact on soft axisymmetric specimens, batch-first."""
 
 from explicit.energy import EnergyLedger
+from explicit.incompressible import NearlyIncompressible, run_nearly_incompressible
 from explicit.mesh import Mesh, cylinder
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.modules import ahead_of_time
@@ -18,6 +19,7 @@ __all__ = [
     "Mesh",
     "Model",
     "MovingSupport",
+    "NearlyIncompressible",
     "Outcome",
     "PlatenMotion",
     "Response",
@@ -27,4 +29,5 @@ __all__ = [
     "ahead_of_time",
     "cylinder",
     "run",
+    "run_nearly_incompressible",
 ]

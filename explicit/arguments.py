@@ -152,10 +152,12 @@ def batch_of(
     solids = np.zeros(len(samples), dtype=kernel.element.Solid.numpy_dtype())
     solids["scale"] = samples.stiffness_factor
     solids["bulk"] = bulk
-    solids["hourglass"] = model.hourglass * mu
+    stiff = model.hourglass if model.hourglass_form == "stiffness" else 0.0
+    solids["hourglass"] = stiff * mu
     solids["shear_viscosity"] = samples.damping * mu
     solids["bulk_viscosity"] = samples.damping * bulk if model.damping_kind == "full" else 0.0
-    solids["hourglass_viscosity"] = model.hourglass * samples.damping * mu
+    solids["hourglass_viscosity"] = stiff * samples.damping * mu
+    solids["hourglass_impedance"] = 2.0 * (model.hourglass - stiff) * np.sqrt(mu)
     solids["mass_damping"] = samples.mass_damping
     rows = [law.parameters() for law in model.materials]
     table = np.zeros((len(rows), max(len(row) for row in rows)))
@@ -245,7 +247,7 @@ def output_of(kernel: MarchKernel, mesh: Mesh, n: int, sampling: Sampling, nodes
         ("force", (n, n_force, 2)),
         ("impulse", (n, n_force, 2)),
         ("position", (n, n_surface, len(nodes), 2)),
-        ("energy", (n, n_surface, 7)),
+        ("energy", (n, n_surface, 8)),
     ):
         setattr(output, name, wp.full(shape, nan, dtype=wp.float64, device=where))
     output.outcome = wp.zeros(n, dtype=int, device=where)

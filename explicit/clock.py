@@ -49,7 +49,7 @@ steps and behind them for odd ones, because the next one is made while a plan is
 ) = range(14)
 """What the walkers hand over: totals for the ledger; what the clock watches; twice, in turn, the largest
 omega^2."""
-HANDED = 15
+HANDED = 16
 """How many numbers they hand over."""
 
 NO_TIME = 1.0e300
@@ -176,11 +176,11 @@ def clock_functions(
                         external, moving = get_total(parts, WORK), get_total(parts, KINETIC)
                         stored, held = get_total(parts, ELASTIC), get_total(parts, HOURGLASS)
                         damping, rubbing = get_total(parts, DAMPING), get_total(parts, FRICTION)
-                        landing = get_total(parts, LANDING)
+                        landing, restraint = get_total(parts, LANDING), get_total(parts, RESTRAINT)
                         if alone(lane) == 1:
                             record_ledger(
                                 output, sample, next_surface,
-                                external, moving, stored, held, damping, rubbing, landing,
+                                external, moving, stored, held, damping, rubbing, landing, restraint,
                             )  # fmt: skip
                     next_surface += 1
                     surface_due = wp.float64(NEVER)

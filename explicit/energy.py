@@ -33,18 +33,34 @@ class EnergyLedger:
     """Lost when a node lands on a platen (inelastic, vanishes with the mesh); with the law "penalty" what
     its normal springs hold or have lost, and in `friction` the tangential ones [J],
     shape [n_samples, n_surface_times]."""
+    hourglass_damping: FloatArray
+    """Dissipated by hourglass control [J], shape [n_samples, n_surface_times]."""
+
+    @property
+    def artificial(self) -> FloatArray:
+        """Energy stored and dissipated by hourglass control [J], shape [n_samples, n_surface_times]."""
+        return self.hourglass + self.hourglass_damping
 
     @property
     def residual(self) -> FloatArray:
         """External work minus everything it became [J], shape [n_samples, n_surface_times]."""
-        return self.external - (
-            self.kinetic + self.elastic + self.hourglass + self.damping + self.friction + self.impact
-        )
+        lost = self.damping + self.friction + self.impact
+        return self.external - (self.kinetic + self.elastic + self.artificial + lost)
 
     def imbalance(self) -> FloatArray:
         """Largest |residual| over the largest |external work| of each simulation [-], shape [n_samples]."""
         worst = np.nanmax(np.abs(self.residual), axis=1)
         scale = np.nanmax(np.abs(self.external), axis=1)
+        return np.divide(worst, scale, out=np.zeros_like(worst), where=scale > 0.0)
+
+    def artificial_share(self) -> FloatArray:
+        """Largest artificial energy over the largest strain energy of each simulation [-], shape [n_samples].
+
+        Above 0.01 hourglass control takes part in the answer: refine the mesh, or check with an element that
+        has none (`Model.element = "fbar"`).
+        """
+        worst = np.nanmax(self.artificial, axis=1)
+        scale = np.nanmax(self.elastic, axis=1)
         return np.divide(worst, scale, out=np.zeros_like(worst), where=scale > 0.0)
 
     def select(self, rows: NDArray[np.intp]) -> "EnergyLedger":

@@ -123,7 +123,9 @@ def failure_functions(precision: Precision, element: ElementFunctions, structs: 
             vr = vec4(v_r[q[0]], v_r[q[1]], v_r[q[2]], v_r[q[3]])
             vy = vec4(v_y[q[0]], v_y[q[1]], v_y[q[2]], v_y[q[3]])
             jacobian, s = element_strains(shape, ur, uy)
-            _f_r, _f_y, omega_squared, _power = element_forces(shape, solid, row, ur, uy, vr, vy, 1)
+            _f_r, _f_y, omega_squared, _power, _artificial = element_forces(
+                shape, solid, row, ur, uy, vr, vy, 1
+            )
             score = omega_squared  # STEP_COLLAPSED, STEP_LIMIT: the shortest stable step
             if status == inverted:
                 score = -jacobian

@@ -189,7 +189,7 @@ def lane_functions() -> LaneFunctions:
 
 GROUP = 32
 """Elements or nodes whose constants lie side by side: those of a warp, or of a few packs."""
-ON_CHIP_NODES, ON_CHIP_ELEMENTS, ON_CHIP_SEATS, ON_CHIP_CLOCK = 448, 384, 96, 224
+ON_CHIP_NODES, ON_CHIP_ELEMENTS, ON_CHIP_SEATS, ON_CHIP_CLOCK = 448, 384, 96, 240
 """Places in shared memory for the state of a simulation in fp64; in fp32 there are twice as many nodes and
 elements. Together with what reductions need, they fill the 48 KiB a block gets without a request."""
 

@@ -36,6 +36,7 @@ from explicit.clock import (
     PLAN,
     PLANS,
     RATE,
+    RESTRAINT,
     SMALLEST_STEP,
     STATUS,
     STEP,
@@ -150,20 +151,20 @@ def march_kernel(
         if tends(lane) == 1:
             start(batch, output, sample, clock)
         sync()
-        damped, rubbed = empty_sum(), empty_sum()
+        damped, rubbed, restrained = empty_sum(), empty_sum(), empty_sum()
         landed, worked = empty_sum(), empty_sum()
         going, step, until_measured, latched = int(1), int(-1), int(0), wp.float64(0.0)
 
         while going == 1:  # before the first step the elements only say how large it may be
             # While the elements are swept, the step before is settled.
-            power = empty_sum()
+            power, artificial = empty_sum(), empty_sum()
             if walks(lane) == 1:
                 measure = int(0)
                 if until_measured == 0:
                     measure = 1
                     until_measured = batch.measure_every
                 until_measured -= 1
-                worst, power = sweep_elements(
+                worst, power, artificial = sweep_elements(
                     body, solid, row, u_r, u_y, v_r, v_y, corner_r, corner_y, lane, measure
                 )
                 latched = wp.max(latched, worst)  # an element that turns between two measurements stays known
@@ -199,6 +200,7 @@ def march_kernel(
                     sync()  # the node sweep below moves what other lanes may still be reading
                 # Half of this step's work belongs to the time of the positions, half to what follows.
                 damp_step, rub_step = power * interval, empty_sum()
+                hold_step = artificial * interval
                 land_step, work_step = empty_sum(), empty_sum()
                 h, tau = real(dt), real(interval)
 
@@ -267,11 +269,13 @@ def march_kernel(
                     put_total(parts, DAMPING, damped + HALF * damp_step)
                     put_total(parts, FRICTION, rubbed + HALF * rub_step)
                     put_total(parts, LANDING, landed + HALF * land_step)
+                    put_total(parts, RESTRAINT, restrained + HALF * hold_step)
                     put_total(parts, PAST, past)
                     put_largest(parts, MOST, most)
                 worked += work_step
                 damped += damp_step
                 rubbed += rub_step
+                restrained += hold_step
                 landed += land_step
             if going == 1 and tends(lane) == 1:
                 plan(batch, output, sample, step + 1, clock, parts)

@@ -37,8 +37,11 @@ class Model:
     damping_kind: Literal["deviatoric", "full"] = "deviatoric"
     """Stiffness-proportional damping of the deviator only, or of the whole elastic tensor."""
     hourglass: float = 0.3
-    """Hourglass stiffness relative to full integration of the initial shear stiffness [-]; an element without
-    hourglass control ignores it."""
+    """Size of hourglass control [-]; an element without it ignores this. "stiffness": relative to full
+    integration of the initial shear stiffness. "viscous": share of the pattern's critical damping."""
+    hourglass_form: Literal["stiffness", "viscous"] = "stiffness"
+    """What resists the hourglass patterns: a stiffness, damped like the solid, or a viscosity alone, scaled
+    with the shear wave's speed (Flanagan and Belytschko 1981)."""
     element: str = "one_point"
     """The element: a name of `explicit.elements.ELEMENTS`."""
     past_data: Literal["continue", "stop"] = "continue"
@@ -62,6 +65,8 @@ class Model:
             raise ValueError(f"past_data must be 'continue' or 'stop', got {self.past_data!r}")
         if not self.hourglass >= 0.0:
             raise ValueError(f"hourglass must be >= 0, got {self.hourglass}")
+        if self.hourglass_form not in ("stiffness", "viscous"):
+            raise ValueError(f"hourglass_form must be 'stiffness' or 'viscous', got {self.hourglass_form!r}")
         contact_law(self.faces)
         contact_law(self.side)
         element(self.element)

@@ -23,7 +23,8 @@ class RecordFunctions:
     """``positions(body, output, sample, lane, row, late, u_r, u_y, v_r, v_y)``: where the nodes were a time
     `late` before they came to `u` with the velocity `v`."""
     ledger: Any
-    """``ledger(output, sample, row, external, kinetic, elastic, hourglass, damping, friction, impact)``."""
+    """``ledger(output, sample, row, external, kinetic, elastic, hourglass, damping, friction, impact,
+    hourglass_damping)``."""
 
 
 @cache
@@ -78,6 +79,7 @@ def record_functions(precision: Precision, structs: Structs) -> RecordFunctions:
         damping: wp.float64,
         friction: wp.float64,
         impact: wp.float64,
+        hourglass_damping: wp.float64,
     ):
         output.energy[sample, row, 0] = external
         output.energy[sample, row, 1] = kinetic
@@ -86,5 +88,6 @@ def record_functions(precision: Precision, structs: Structs) -> RecordFunctions:
         output.energy[sample, row, 4] = damping
         output.energy[sample, row, 5] = friction
         output.energy[sample, row, 6] = impact
+        output.energy[sample, row, 7] = hourglass_damping
 
     return RecordFunctions(is_due, record_force, record_positions, record_ledger)

@@ -114,7 +114,7 @@ def _response(model: Model, sampling: Sampling, output: Any, nodes: Any) -> Resp
         surface_times=sampling.surface_times.copy(),
         surface_r=position[:, :, side, 0],
         surface_y=position[:, :, side, 1],
-        energy=EnergyLedger(*(energy[:, :, k] for k in range(7))),
+        energy=EnergyLedger(*(energy[:, :, k] for k in range(8))),
         outcomes=tuple(Outcome(int(code)) for code in output.outcome.numpy()),
         failed_elements=failed,
         failed_places=np.where(failed[:, None] >= 0, model.mesh.centres[failed], np.nan),

@@ -18,7 +18,7 @@ class SweepFunctions:
 
     elements: Any
     """``elements(body, solid, row, u_r, u_y, v_r, v_y, corner_r, corner_y, lane, measure) -> (omega_squared,
-    power)``."""
+    power, artificial)``."""
     energies: Any
     """``energies(body, solid, row, limit_s, u_r, u_y, lane) -> (elastic, hourglass, volume past data,
     s)``."""
@@ -60,13 +60,13 @@ def sweep_functions(
         lane: int,
         measure: int,
     ):
-        """Corner forces of this lane's elements; the largest omega^2 and the power dissipated."""
-        worst, power = real(0.0), empty_sum()
+        """Corner forces of this lane's elements; the largest omega^2; powers lost, as of the element."""
+        worst, power, artificial = real(0.0), empty_sum(), empty_sum()
         corner = corner_places(body.n_elements)
         e = lane
         while e < body.n_elements:
             q = quad(body, e)
-            f_r, f_y, omega_squared, dissipated = element_forces(
+            f_r, f_y, omega_squared, dissipated, controlled = element_forces(
                 read_shape(body.shapes, e),
                 solid,
                 row,
@@ -81,8 +81,9 @@ def sweep_functions(
                 corner_y[a * corner + e] = f_y[a]
             worst = wp.max(worst, omega_squared)
             power = add_to(power, wp.float64(dissipated), e)
+            artificial = add_to(artificial, wp.float64(controlled), e)
             e += walkers()
-        return wp.float64(worst), power
+        return wp.float64(worst), power, artificial
 
     @wp.func
     def sweep_energies(

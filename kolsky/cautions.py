@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from explicit import Response
 from kolsky.apparatus import Interface
 from kolsky.identification import DesignTable, Identification, Verdict
 from kolsky.results_text import worst_imbalance
@@ -20,6 +21,8 @@ RESIDUALS = "force and shape"
 """The part of an estimate's noise that comes from the residuals."""
 IMBALANCE = 0.01
 """Share of the external work that may be unaccounted for before it is said."""
+ARTIFICIAL = 0.01
+"""Energy of hourglass control over the strain energy from which on it is said."""
 
 
 def cautions(
@@ -50,6 +53,7 @@ def cautions(
             *_bounds(result),
             *_past_curve(result, checks),
             *_energy(result),
+            *hourglass(result.response),
             *_lost(result, lost_replicates),
             *_outside(result),
             *_flyer(checks),
@@ -81,6 +85,18 @@ def past_curve(share: float, reached: float, checks: Mapping[str, float]) -> Ite
             f"s = sqrt(I1 - 3) reached {reached:.3g}, the curve ends at {last:.3g} (nominal strain "
             f"{strain:+.2g}); from there the law continues on its end tangent, which no test supports. "
             f"A curve to a nominal strain of {_equivalent_strain(reached, strain):+.2g} would cover it"
+        )
+
+
+def hourglass(response: Response) -> Iterator[str]:
+    """Say that hourglass control took part in the answer of the batch's first simulation."""
+    if not response.outcomes[0].ok:
+        return
+    share = float(response.energy.artificial_share()[0])
+    if share > ARTIFICIAL:
+        yield (
+            f"hourglass control stored and dissipated {100.0 * share:.2g} % of the strain energy; refine the "
+            "mesh, or check with --element fbar"
         )
 
 

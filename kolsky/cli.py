@@ -39,6 +39,18 @@ PastData = Annotated[
         "the run ends (stop).",
     ),
 ]
+Element = Annotated[
+    str, typer.Option(help="one_point, or fbar: fully integrated, nothing to tune, three times as dear.")
+]
+Hourglass = Annotated[str, typer.Option(help="Hourglass control of one_point: stiffness or viscous.")]
+Corrected = Annotated[
+    bool,
+    typer.Option(
+        "--nearly-incompressible",
+        help="Run the mesh at poisson = 0.495 and correct to the wanted one on coarser meshes: cheaper from "
+        "0.499 on.",
+    ),
+]
 Mesh = Annotated[str, typer.Option(metavar="NRxNY", help="Elements across the radius x along the length.")]
 Out = Annotated[
     Path | None,
@@ -139,6 +151,9 @@ def identify(
     replicates: Annotated[
         int, typer.Option(min=0, help="Draws of the flyer's and the curve's noise; 0 leaves them out.")
     ] = 16,
+    element: Element = "one_point",
+    hourglass: Hourglass = "stiffness",
+    nearly_incompressible: Corrected = False,
     precision: Precision = "fp64",
     device: Device = "cpu",
     threads: Threads = None,
@@ -164,7 +179,9 @@ def identify(
             mesh=options.mesh("--mesh", mesh),
             refined_mesh=options.mesh("--refined-mesh", refined_mesh),
             replicates=replicates,
-            arithmetic=commands.Arithmetic(precision, device, threads, past_data),
+            arithmetic=commands.Arithmetic(
+                precision, device, threads, past_data, element, hourglass, nearly_incompressible
+            ),
             seed=seed,
             out=out,
             formats=tuple(part.strip() for part in figures.split(",") if part.strip()),
@@ -177,6 +194,9 @@ def simulate(
     shot: ShotPath,
     parameter: Numbers = None,
     mesh: Mesh = "24x32",
+    element: Element = "one_point",
+    hourglass: Hourglass = "stiffness",
+    nearly_incompressible: Corrected = False,
     precision: Precision = "fp64",
     device: Device = "cpu",
     threads: Threads = None,
@@ -196,7 +216,9 @@ def simulate(
             shot,
             parameters=options.values("--parameter", parameter or []),
             mesh=options.mesh("--mesh", mesh),
-            arithmetic=commands.Arithmetic(precision, device, threads, past_data),
+            arithmetic=commands.Arithmetic(
+                precision, device, threads, past_data, element, hourglass, nearly_incompressible
+            ),
             out=out,
             vtu=vtu,
             as_json=as_json,
@@ -223,6 +245,9 @@ def sweep(
     ] = "factorial",
     runs: Annotated[int, typer.Option(min=2, max=1_000_000, help="Points of a lhs or sobol design.")] = 64,
     mesh: Mesh = "16x22",
+    element: Element = "one_point",
+    hourglass: Hourglass = "stiffness",
+    nearly_incompressible: Corrected = False,
     precision: Precision = "fp64",
     device: Device = "cpu",
     threads: Threads = None,
@@ -249,7 +274,9 @@ def sweep(
             design=design,
             runs=runs,
             mesh=options.mesh("--mesh", mesh),
-            arithmetic=commands.Arithmetic(precision, device, threads, past_data),
+            arithmetic=commands.Arithmetic(
+                precision, device, threads, past_data, element, hourglass, nearly_incompressible
+            ),
             seed=seed,
             out=out,
             as_json=as_json,

@@ -21,12 +21,15 @@ from kolsky.shots import Shot, load_shot
 
 @dataclass(frozen=True)
 class Arithmetic:
-    """Precision, device, threads and the end of the data as given on the command line."""
+    """Precision, device, threads, the end of the data and the element as given on the command line."""
 
     precision: str
     device: str
     threads: int | None
     past_data: str = "continue"
+    element: str = "one_point"
+    hourglass: str = "stiffness"
+    nearly_incompressible: bool = False
 
     def numerics(self, mesh: tuple[int, int]) -> Any:
         """The solver's numerical choices.
@@ -34,13 +37,18 @@ class Arithmetic:
         Raises
         ------
         InputError
-            If the precision is unknown or the machine has no such device.
+            If the precision, the element or the hourglass control is unknown, or the machine has no such
+            device.
         """
         from explicit.device import select_device
+        from explicit.elements import ELEMENTS
+        from explicit.incompressible import COMPRESSIBLE
         from kolsky.forward import Numerics
 
         options.one_of("--precision", self.precision, ("fp64", "fp32"))
         options.one_of("--past-data", self.past_data, ("continue", "stop"))
+        options.one_of("--element", self.element, tuple(ELEMENTS))
+        options.one_of("--hourglass", self.hourglass, ("stiffness", "viscous"))
         try:
             select_device(self.device)
         except ValueError as error:
@@ -51,6 +59,9 @@ class Arithmetic:
             device=self.device,
             threads=self.threads,
             past_data="stop" if self.past_data == "stop" else "continue",
+            element=self.element,
+            hourglass_form="viscous" if self.hourglass == "viscous" else "stiffness",
+            compressible=COMPRESSIBLE if self.nearly_incompressible else None,
         )
 
 
@@ -115,6 +126,13 @@ def simulate(
 ) -> bool:
     """`kolsky simulate`; returns whether the run completed."""
     started = perf_counter()
+    if vtu and arithmetic.nearly_incompressible:
+        raise InputError(
+            options.COMMAND_LINE,
+            "--vtu and --nearly-incompressible exclude each other: meshes with different nodes have no "
+            "common deformed one",
+            cure="leave one out",
+        )
     loaded, folder = _load(shot, out, "simulation")
     numerics = arithmetic.numerics(mesh)
     from kolsky import cautions
@@ -136,6 +154,7 @@ def simulate(
     warnings = [
         *([] if ending.outcome.ok else [f"the simulation ended {ending.sentence}"]),
         *cautions.past_curve(share, float(run.response.largest_strain_measure[0]), run.prepared.checks),
+        *cautions.hourglass(run.response),
         *cautions.sliding(loaded.interface, list(parameters)),
     ]
     summary = {
@@ -145,6 +164,7 @@ def simulate(
         **({} if ending.outcome.ok else _failure(ending)),
         "steps": int(run.response.steps[0]),
         "energy_imbalance": worst_imbalance(run.response),
+        "artificial_energy": float(run.response.energy.artificial_share()[0]),
         "extrapolated_share": share,
         **({} if run.terms is None else {**vars(run.terms), "phi_units": "phi_force N, phi_shape 1"}),
         "folder": str(folder),

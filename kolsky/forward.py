@@ -18,8 +18,8 @@ FloatArray = NDArray[np.float64]
 
 MOTION_KNOTS = 2049
 """Knots of the flyer's motion in the solver: 0.7 us apart on a 1.5 ms test, far below a camera frame."""
-
-
+LEAST_ACROSS = 10
+"""Fewest elements across the radius of a mesh that corrects for Poisson's ratio."""
 LEDGER_EVERY = 16
 """Surface times between two entries of the energy ledger of a run that only feeds a surrogate."""
 
@@ -43,10 +43,34 @@ class Numerics:
     past_data: Literal["continue", "stop"] = "continue"
     """Whether a run ends where its material is strained past the quasi-static curve, see
     `explicit.Model.past_data`."""
+    element: str = "one_point"
+    """The element: a name of `explicit.elements.ELEMENTS`."""
+    hourglass_form: Literal["stiffness", "viscous"] = "stiffness"
+    """Hourglass control of the one-point element, see `explicit.Model.hourglass_form`."""
+    compressible: float | None = None
+    """Poisson's ratio at which the mesh is run and corrected to the wanted one on coarser meshes, see
+    `explicit.run_nearly_incompressible`; None runs it directly. Every wanted ratio must lie above."""
 
     def with_mesh(self, mesh: tuple[int, int]) -> "Numerics":
         """The same choices on another mesh."""
         return replace(self, mesh=mesh)
+
+    def coarser(self) -> tuple["Numerics", "Numerics"]:
+        """The meshes that correct for Poisson's ratio: half as fine, and three quarters of that.
+
+        Raises
+        ------
+        ValueError
+            If the mesh has too few elements across the radius.
+        """
+        if self.mesh[0] < LEAST_ACROSS + 2:
+            raise ValueError(
+                f"correcting for Poisson's ratio needs {LEAST_ACROSS + 2} elements or more across the "
+                f"radius, got {self.mesh[0]}: run it directly"
+            )
+        share = max(0.5, LEAST_ACROSS / self.mesh[0])
+        half = round(share * self.mesh[0]), round(share * self.mesh[1])
+        return self.with_mesh(half), self.with_mesh((round(0.75 * half[0]), round(0.75 * half[1])))
 
 
 @dataclass(frozen=True)
@@ -86,15 +110,15 @@ class Forward:
             Which flyer path and material law each run takes.
         all_nodes : bool
             Record every node, for pictures, and the energy ledger at every surface time; else at every
-            `LEDGER_EVERY`-th.
+            `LEDGER_EVERY`-th. With `Numerics.compressible` there are no common nodes, and none are recorded.
         progress : callable, optional
             Called with the number of runs just finished.
 
         Raises
         ------
         ValueError
-            If a name is unknown, a value is outside its allowed range, or "release_stress" would have no
-            effect.
+            If a name is unknown, a value is outside its allowed range, also that of `Numerics.compressible`,
+            or "release_stress" would have no effect.
         """
         self._check_release(points)
         values = {name: np.asarray(value, dtype=float) for name, value in points.items()}
@@ -107,15 +131,32 @@ class Forward:
             motion=np.asarray(motion, dtype=np.int64),
             material=np.asarray(material, dtype=np.int64),
         )
-        return explicit.run(
-            self.model(numerics, sliding="friction" in points),
+        model = self.model(numerics, sliding="friction" in points)
+        sampling = replace(self.sampling, ledger_every=1 if all_nodes else LEDGER_EVERY)
+        stepping = explicit.Stepping(safety=numerics.safety, precision=numerics.precision)
+        device, threads = numerics.device, numerics.threads
+        if numerics.compressible is None:
+            return explicit.run(
+                model,
+                samples,
+                replace(sampling, all_nodes=all_nodes),
+                stepping=stepping,
+                device=device,
+                threads=threads,
+                progress=progress,
+            )
+        half, less = numerics.coarser()
+        return explicit.run_nearly_incompressible(
+            model,
+            (self.mesh(half), self.mesh(less)),
             samples,
-            replace(self.sampling, all_nodes=all_nodes, ledger_every=1 if all_nodes else LEDGER_EVERY),
-            stepping=explicit.Stepping(safety=numerics.safety, precision=numerics.precision),
-            device=numerics.device,
-            threads=numerics.threads,
+            sampling,
+            compressible=numerics.compressible,
+            stepping=stepping,
+            device=device,
+            threads=threads,
             progress=progress,
-        )
+        ).response
 
     def _check_release(self, points: Mapping[str, ArrayLike]) -> None:
         if "release_stress" not in points:
@@ -146,6 +187,8 @@ class Forward:
             support=_support(shot),
             damping_kind="full" if shot.model.damping_kind == "full" else "deviatoric",
             past_data=numerics.past_data,
+            element=numerics.element,
+            hourglass_form=numerics.hourglass_form,
         )
 
     def mesh(self, numerics: Numerics) -> explicit.Mesh:

@@ -32,10 +32,10 @@ class ElementFunctions:
     Solid: Any
     """Warp struct: moduli and viscosities of one sample."""
     forces: Any
-    """``forces(shape, solid, row, ur, uy, vr, vy, measure) -> (f_r, f_y, omega_squared, power)``: corner
-    forces [N], the bound for the stable step [1/s^2] (0 unless `measure` is 1, `INVERTED` if the element has
-    turned inside out) and the power dissipated by damping [W], from the corners' displacements and
-    velocities."""
+    """``forces(shape, solid, row, ur, uy, vr, vy, measure) -> (f_r, f_y, omega_squared, power, artificial)``:
+    corner forces [N], the bound for the stable step [1/s^2] (0 unless `measure` is 1, `INVERTED` if the
+    element has turned inside out), the powers dissipated by the solid's damping and by hourglass
+    control [W], from the corners' displacements and velocities."""
     energies: Any
     """``energies(shape, solid, row, ur, uy) -> (elastic, hourglass, s)``: stored energies [J], and the
     largest s = sqrt(I1_bar - 3) of the element's stress points [-]."""

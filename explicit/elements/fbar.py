@@ -243,7 +243,8 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
                 xi = half * damp / wp.sqrt(stiff)
                 factor = wp.sqrt(one + xi * xi) + xi
                 omega_squared = stiff * factor * factor
-        return f_r, f_y, omega_squared, power
+        artificial = real(0.0)
+        return f_r, f_y, omega_squared, power, artificial
 
     @wp.func
     def point_energy(

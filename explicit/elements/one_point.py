@@ -35,6 +35,9 @@ class OnePoint:
         shapes = np.zeros(mesh.n_elements, dtype=dtype)
         for field in ("volume", "gradient_r", "gradient_y", "hoop", "gamma", "hourglass_r", "hourglass_y"):
             shapes[field] = getattr(geometry, field)
+        for way in ("r", "y"):
+            pattern = getattr(geometry, f"hourglass_{way}")
+            shapes[f"impedance_{way}"] = np.sqrt(pattern * density * geometry.volume)
         radial, axial = corner_inverse_mass(mesh, density, geometry.corner_volume)
         shapes["inverse_mass_r"], shapes["inverse_mass_y"] = radial, axial
         return shapes
@@ -62,6 +65,8 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         hourglass_y: real
         inverse_mass_r: vec4
         inverse_mass_y: vec4
+        impedance_r: real
+        impedance_y: real
 
     four, number = four_numbers(precision), entry_function(real)
 
@@ -77,25 +82,37 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
             number(constants, 18, e),
             four(constants, 19, e),
             four(constants, 23, e),
+            number(constants, 27, e),
+            number(constants, 28, e),
         )
+
+    @wp.func
+    def pattern_viscosity(shape: Shape, solid: Solid):
+        """Viscosities of the two hourglass patterns [N s/m]: of damped stiffness, and of viscous control."""
+        radial = shape.hourglass_r * solid.hourglass_viscosity + shape.impedance_r * solid.hourglass_impedance
+        axial = shape.hourglass_y * solid.hourglass_viscosity + shape.impedance_y * solid.hourglass_impedance
+        return radial, axial
 
     @wp.func
     def step_bound(shape: Shape, solid: Solid, b_r: vec4, b_y: vec4, c: vec4, jacobian: real, tangent: real):
         # The volumetric part is of rank one, so its bound is sharp; the rest is bounded by its trace.
-        rank_one, trace, hourglass = real(0.0), real(0.0), real(0.0)
+        rank_one, trace, hourglass, lost = real(0.0), real(0.0), real(0.0), real(0.0)
+        viscous_r, viscous_y = pattern_viscosity(shape, solid)
         for a in range(4):
             w_r, w_y = shape.inverse_mass_r[a], shape.inverse_mass_y[a]
             dilating = b_r[a] + c[a]
             gradient = b_r[a] * b_r[a] + b_y[a] * b_y[a]
             rank_one += w_r * dilating * dilating + w_y * b_y[a] * b_y[a]
             trace += w_r * (gradient + c[a] * c[a]) + w_y * gradient
-            hourglass += shape.gamma[a] * shape.gamma[a] * (w_r * shape.hourglass_r + w_y * shape.hourglass_y)
+            squared = shape.gamma[a] * shape.gamma[a]
+            hourglass += squared * (w_r * shape.hourglass_r + w_y * shape.hourglass_y)
+            lost += squared * (w_r * viscous_r + w_y * viscous_y)
         bulk = solid.bulk * jacobian * wp.max(two * jacobian - one, half)
         stiff = shape.volume * (bulk * rank_one + two * solid.scale * tangent * trace)
         stiff += solid.hourglass * hourglass
         viscous = solid.bulk_viscosity * rank_one + two * solid.shear_viscosity * trace
         damp = shape.volume * jacobian * viscous
-        damp += solid.hourglass_viscosity * hourglass + solid.mass_damping
+        damp += lost + solid.mass_damping
         # dt <= (2 / omega) (sqrt(1 + xi^2) - xi) with xi = damp / (2 omega); returned is the omega^2
         # of an undamped element with the same limit.
         xi = half * damp / wp.sqrt(stiff)
@@ -152,19 +169,20 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         t22 = solid.scale * tau[1] + volumetric + s22
         t12 = solid.scale * tau[2] + s12
         t33 = solid.scale * tau[3] + volumetric + s33
-        # Hourglass: stiffness and damping of the part one point does not see.
+        # Hourglass: stiffness and viscosity of the part one point does not see.
         q_r, q_y = wp.dot(shape.gamma, ur), wp.dot(shape.gamma, uy)
         p_r, p_y = wp.dot(shape.gamma, vr), wp.dot(shape.gamma, vy)
-        g_r = shape.hourglass_r * (solid.hourglass * q_r + solid.hourglass_viscosity * p_r)
-        g_y = shape.hourglass_y * (solid.hourglass * q_y + solid.hourglass_viscosity * p_y)
+        viscous_r, viscous_y = pattern_viscosity(shape, solid)
+        g_r = shape.hourglass_r * solid.hourglass * q_r + viscous_r * p_r
+        g_y = shape.hourglass_y * solid.hourglass * q_y + viscous_y * p_y
         volume = shape.volume
         f_r = (volume * t11) * b_r + (volume * t12) * b_y + (volume * t33) * c + g_r * shape.gamma
         f_y = (volume * t12) * b_r + (volume * t22) * b_y + g_y * shape.gamma
         power = volume * (s11 * d11 + s22 * d22 + s33 * d33 + two * s12 * d12)
-        power += solid.hourglass_viscosity * (shape.hourglass_r * p_r * p_r + shape.hourglass_y * p_y * p_y)
+        artificial = viscous_r * p_r * p_r + viscous_y * p_y * p_y
         if measure == 1 and omega_squared == zero:
             omega_squared = step_bound(shape, solid, b_r, b_y, c, jacobian, law_tangent(rr, yy, ry, tt, row))
-        return f_r, f_y, omega_squared, power
+        return f_r, f_y, omega_squared, power, artificial
 
     @wp.func
     def energies(shape: Shape, solid: Solid, row: wp.array(dtype=real), ur: vec4, uy: vec4):

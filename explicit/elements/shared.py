@@ -11,7 +11,8 @@ from explicit.precision import Precision
 
 @cache
 def solid_struct(precision: Precision) -> Any:
-    """Generate the struct of one sample's moduli [Pa], viscosities [Pa s] and drag [1/s]."""
+    """Generate the struct of one sample's moduli [Pa], viscosities [Pa s], drag [1/s] and the root of the
+    modulus that scales viscous hourglass control [Pa^(1/2)]."""
     real = precision.real
 
     @wp.struct
@@ -22,6 +23,7 @@ def solid_struct(precision: Precision) -> Any:
         shear_viscosity: real
         bulk_viscosity: real
         hourglass_viscosity: real
+        hourglass_impedance: real
         mass_damping: real
 
     return Solid

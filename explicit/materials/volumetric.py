@@ -5,8 +5,8 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-POISSON_LIMIT = 0.4999
-"""Largest Poisson ratio the explicit step can afford."""
+POISSON_LIMIT = 0.49999
+"""Largest Poisson's ratio: beyond it nothing changes but the step, see `explicit.incompressible`."""
 
 
 def bulk_modulus(shear_modulus: FloatArray | float, poisson: FloatArray | float) -> FloatArray:
@@ -15,7 +15,7 @@ def bulk_modulus(shear_modulus: FloatArray | float, poisson: FloatArray | float)
     Raises
     ------
     ValueError
-        If a Poisson ratio is outside [0, 0.4999].
+        If a Poisson ratio is outside [0, 0.49999].
     """
     nu = np.asarray(poisson, dtype=float)
     if not ((nu >= 0.0) & (nu <= POISSON_LIMIT)).all():

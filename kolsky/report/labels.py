@@ -36,6 +36,9 @@ LABELS = {
     "numerics.device": "device",
     "numerics.threads": "threads",
     "numerics.past_data": "past the quasi-static curve",
+    "numerics.element": "element",
+    "numerics.hourglass_form": "hourglass control",
+    "numerics.compressible": "Poisson’s ratio corrected from",
     "refined_mesh": "refined mesh",
     "replicates": "replicates of the input noise",
     "replicate_mesh": "mesh of the replicates",
@@ -55,7 +58,7 @@ UNITS = {
 JOINED = {"window_s": " to ", "numerics.mesh": " × ", "refined_mesh": " × ", "replicate_mesh": " × "}
 """What stands between the numbers of a list; a comma otherwise."""
 
-DEFAULTS = {"numerics.threads": "all cores"}
+DEFAULTS = {"numerics.threads": "all cores", "numerics.compressible": "none, run directly"}
 """What a value that was left out means."""
 
 DIGITS = {

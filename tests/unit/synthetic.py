@@ -336,7 +336,8 @@ def _response(with_nodes: bool) -> Response:
         "elastic": 0.9 * work,
         "damping": 0.06 * work,
         "friction": 0.02 * work,
-        "hourglass": 0.01 * work,
+        "hourglass": 0.004 * work,
+        "hourglass_damping": 0.002 * work,
         "impact": 1e-3 * frames / frames[-1],
         "kinetic": kinetic,
     }

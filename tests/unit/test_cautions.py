@@ -68,6 +68,21 @@ def test_strained_past_the_curve() -> None:
     assert "strain of +1.4 " in said(clean(response=response), curve_last_s=1.0, curve_last_strain=0.64)
 
 
+def test_hourglass_control_takes_part() -> None:
+    energy = clean().response.energy
+    # 0.9 % stored and 0.3 % dissipated of the largest strain energy: together they pass 1 %.
+    most = energy.elastic.max()
+    changed = replace(
+        energy,
+        hourglass=0.009 * most * np.ones_like(energy.elastic),
+        hourglass_damping=0.003 * most * np.ones_like(energy.elastic),
+        external=energy.external - energy.artificial + 0.012 * most,  # the balance stays as it was
+    )
+    text = said(clean(response=replace(clean().response, energy=changed)))
+    assert text.startswith("hourglass control stored and dissipated 1.2 % of the strain energy")
+    assert "--element fbar" in text
+
+
 def test_flyer_noise() -> None:
     assert said(clean(), flyer_noise_scale=1.31, flyer_chi2_per_dof=1.75).startswith(
         "the flyer's noise is 1.3 "

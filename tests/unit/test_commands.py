@@ -106,6 +106,7 @@ def test_simulate(shot: Path) -> None:
     assert said["parameters"] == pytest.approx({"stiffness_factor": 1.12, "damping": 25e-6})
     assert said["outcome"] == "COMPLETED"
     assert said["energy_imbalance"] < 1e-3
+    assert 0.0 < said["artificial_energy"] < 0.01
     folder = shot / "results" / "simulation"
     assert said["folder"] == str(folder)
     assert (folder / "mesh.pvd").exists()
@@ -125,6 +126,40 @@ def test_simulate_for_people(shot: Path) -> None:
     assert "parameters          friction = 0.5" in result.stdout
     assert re.search(r"wall time +\d", result.stdout)
     assert "Coulomb's law replaced the interface" in result.stderr
+
+
+def test_simulate_with_another_element(shot: Path) -> None:
+    arguments = ["simulate", str(shot), *TINY, "--json"]
+    chosen = ([], ["--element", "fbar"], ["--hourglass", "viscous"])
+    found = [runner.invoke(app, [*arguments, *extra]) for extra in chosen]
+    assert [result.exit_code for result in found] == [0, 0, 0], found[-1].stderr
+    default, full, viscous = (json.loads(result.stdout) for result in found)
+    assert full["artificial_energy"] == 0.0
+    assert 0.0 < viscous["artificial_energy"] != default["artificial_energy"]
+    for other in (full, viscous):  # another answer on a coarse mesh, by some per cent of the misfit
+        assert other["phi_force"] != default["phi_force"]
+        assert other["phi_force"] == pytest.approx(default["phi_force"], rel=0.2)
+
+
+def test_simulate_nearly_incompressible(shot: Path) -> None:
+    arguments = ["simulate", str(shot), "--mesh", "12x16", "--json", "-p", "poisson=0.4999"]
+    found = [runner.invoke(app, [*arguments, *extra]) for extra in ([], ["--nearly-incompressible"])]
+    assert [result.exit_code for result in found] == [0, 0], found[1].stderr
+    direct, corrected = (json.loads(result.stdout) for result in found)
+    assert corrected["steps"] < 0.3 * direct["steps"]  # those at nu = 0.495: sqrt(50) in the limit
+    # At 0.495 Phi_S is 40 % larger; the correction leaves a tenth of that on so coarse a mesh.
+    assert corrected["phi_shape"] == pytest.approx(direct["phi_shape"], rel=0.04)
+    assert corrected["extrapolated_share"] == pytest.approx(direct["extrapolated_share"], abs=0.03)
+
+
+def test_nearly_incompressible_has_its_limits(shot: Path) -> None:
+    for arguments, words in (
+        (["--mesh", "12x16", "-p", "poisson=0.49"], "poisson must be above compressible = 0.495, got 0.49"),
+        (TINY, "needs 12 elements or more across the radius, got 8"),
+    ):
+        result = runner.invoke(app, ["simulate", str(shot), *arguments, "--nearly-incompressible"])
+        assert result.exit_code == 2
+        assert words in " ".join(result.stderr.split())
 
 
 def test_sweep(shot: Path) -> None:
@@ -298,6 +333,9 @@ OPTIONS: dict[str, tuple[list[str], str]] = {
     "mesh of words": (["identify", "--mesh", "fine"], "elements across the radius x along"),
     "figure format": (["identify", "--figures", "svg,gif"], '"gif" is not known; it must be pdf, svg or png'),
     "precision": (["identify", "--precision", "fp16"], "it must be fp64 or fp32"),
+    "element": (["identify", "--element", "hex"], "it must be one_point or fbar"),
+    "hourglass": (["sweep", "--hourglass", "enhanced"], "it must be stiffness or viscous"),
+    "nodes of two meshes": (["simulate", "--nearly-incompressible", "--vtu"], "exclude each other"),
     "device": (["identify", "--device", "cuda:7"], "device must be one of ["),
     "simulated precision": (["simulate", "--precision", "double"], "it must be fp64 or fp32"),
     "simulated parameter": (["simulate", "-p", "m=1.1"], "there is no parameter 'm'"),

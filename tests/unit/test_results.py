@@ -306,9 +306,9 @@ def test_csv_columns_carry_units_and_values(tmp_path: Path) -> None:
     assert tables["profile"]["inside (0/1)"].count("0") == 16
     assert tables["design"]["outcome"].count("INVERTED") == 1
     assert len(tables["energy"]["time (s)"]) == 186
-    # The residual closes the ledger: its column is external minus the six others, each rounded to nine
-    # digits, so to 7 * 5e-10 of the largest.
+    # The residual closes the ledger: its column is external minus the seven others, each rounded to nine
+    # digits, so to 8 * 5e-10 of the largest.
     ledger = {name: np.array(column, dtype=float) for name, column in tables["energy"].items()}
     external, residual = ledger.pop("external (J)"), ledger.pop("residual (J)")
     del ledger["time (s)"]
-    np.testing.assert_allclose(external - sum(ledger.values()), residual, atol=3.5e-9 * external.max())
+    np.testing.assert_allclose(external - sum(ledger.values()), residual, atol=4e-9 * external.max())

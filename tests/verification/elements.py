@@ -31,6 +31,8 @@ class Evaluated:
     """Stored energy [J], shape [n_elements]."""
     hourglass: FloatArray
     """Energy stored by hourglass control [J], shape [n_elements]."""
+    artificial: FloatArray
+    """Power dissipated by hourglass control [W], shape [n_elements]."""
 
 
 @cache
@@ -52,7 +54,7 @@ def _kernel(element_name: str, precision_name: str) -> Any:
         numbers: wp.array2d(dtype=real),
     ):
         e = wp.tid()
-        f_r, f_y, omega_squared, lost = forces(
+        f_r, f_y, omega_squared, lost, held = forces(
             shapes[e], solids[0], row, u[e, 0], u[e, 1], v[e, 0], v[e, 1], 1
         )
         elastic, hourglass, _s = energies(shapes[e], solids[0], row, u[e, 0], u[e, 1])
@@ -62,6 +64,7 @@ def _kernel(element_name: str, precision_name: str) -> Any:
         numbers[e, 1] = lost
         numbers[e, 2] = elastic
         numbers[e, 3] = hourglass
+        numbers[e, 4] = held
 
     return every_element, functions
 
@@ -77,6 +80,7 @@ def evaluate(
     beta: float = 0.0,
     damping_kind: str = "deviatoric",
     hourglass: float = 1.0,
+    hourglass_form: str = "stiffness",
     density: float = 1.0,
     precision_name: str = "fp64",
 ) -> Evaluated:
@@ -87,8 +91,10 @@ def evaluate(
     mu = law.initial_shear_modulus
     bulk = float(bulk_modulus(mu, poisson))
     solid = np.zeros(1, dtype=functions.Solid.numpy_dtype())
-    solid["scale"], solid["bulk"], solid["hourglass"] = 1.0, bulk, hourglass * mu
-    solid["shear_viscosity"], solid["hourglass_viscosity"] = beta * mu, hourglass * beta * mu
+    stiff = hourglass if hourglass_form == "stiffness" else 0.0
+    solid["scale"], solid["bulk"], solid["hourglass"] = 1.0, bulk, stiff * mu
+    solid["shear_viscosity"], solid["hourglass_viscosity"] = beta * mu, stiff * beta * mu
+    solid["hourglass_impedance"] = 2.0 * (hourglass - stiff) * np.sqrt(mu)
     solid["bulk_viscosity"] = beta * bulk if damping_kind == "full" else 0.0
     shapes = element(element_name).shapes(mesh, density, functions.Shape.numpy_dtype())
 
@@ -97,7 +103,7 @@ def evaluate(
         return wp.array(values.astype(numbers.dtype), dtype=numbers.vec4, device=device)
 
     corner = wp.zeros((mesh.n_elements, 2), dtype=numbers.vec4, device=device)
-    answers = wp.zeros((mesh.n_elements, 4), dtype=numbers.real, device=device)
+    answers = wp.zeros((mesh.n_elements, 5), dtype=numbers.real, device=device)
     inputs = [
         wp.array(shapes, dtype=functions.Shape, device=device),
         wp.array(solid, dtype=functions.Solid, device=device),
@@ -115,4 +121,5 @@ def evaluate(
         power=found[:, 1],
         elastic=found[:, 2],
         hourglass=found[:, 3],
+        artificial=found[:, 4],
     )

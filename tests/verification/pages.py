@@ -50,6 +50,8 @@ TOPICS = [
     "time_order",
     "space_order",
     "fbar",
+    "which_element",
+    "incompressible",
     "batch",
     "derivatives",
     "adjoint",

@@ -13,6 +13,7 @@ PARTS = {
     "damping": "#E69F00",
     "friction": "#CC79A7",
     "hourglass": "#F0E442",
+    "hourglass_damping": "#D55E00",
     "impact": "#009E73",
 }
 
@@ -33,7 +34,9 @@ def draw(result: Identification, panels: Panels) -> None:
     top, low = panels["ledger"], panels["residual"]
     scale = largest(ledger.external[0])
     shares = [largest(getattr(ledger, name)[0], default=0.0) / scale for name in PARTS]
-    labels = [f"{name}, {percent(share)}" for name, share in zip(PARTS, shares, strict=True)]
+    labels = [
+        f"{name.replace('_', ' ')}, {percent(share)}" for name, share in zip(PARTS, shares, strict=True)
+    ]
     stack = [MJ * getattr(ledger, name)[0] for name in PARTS]
     ended = np.isfinite(ledger.external[0])
     if not ended.any():
