@@ -31,22 +31,8 @@ CLOCK = PLANS + 2 * PLAN
 steps and behind them for odd ones, because the next one is made while a plan is carried out. Times and steps
 [s], rate [1/s], displacements [m], speeds [m/s], forces [N], impulses [N s]; counters are exact in fp64."""
 
-(
-    ELASTIC,
-    HOURGLASS,
-    KINETIC,
-    WORK,
-    DAMPING,
-    FRICTION,
-    LANDING,
-    PAST,
-    MOST,
-    MOTION,
-    WORK_DONE,
-    TURNED,
-    BEYOND,
-    STIFFEST,
-) = range(14)
+ELASTIC, HOURGLASS, KINETIC, WORK, DAMPING, FRICTION, LANDING, RESTRAINT, PAST, MOST = range(10)
+MOTION, WORK_DONE, TURNED, BEYOND, STIFFEST = range(10, 15)
 """What the walkers hand over: totals for the ledger; what the clock watches; twice, in turn, the largest
 omega^2."""
 HANDED = 16
