@@ -111,7 +111,7 @@ def launch(case: Case, mapping: Mapping | None, n: int = N, shift: int = 0, spoi
     numbers, model = PRECISIONS[case.precision], model_of(case)
     kernel = march_kernel(MarlowLaw, model.faces, model.side, numbers, case.element)
     lanes = PACK_BYTES // numbers.dtype().itemsize
-    output = output_of(kernel, N, SAMPLING, model.mesh.side, where)
+    output = output_of(kernel, model.mesh, N, SAMPLING, model.mesh.side, where)
     stepping = Stepping(precision=case.precision, max_steps=5000)
     batch = batch_of(kernel, model, samples_of(case), SAMPLING, stepping, numbers, where)
     if spoil:
