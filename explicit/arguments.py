@@ -44,7 +44,7 @@ def _new_body(kernel: MarchKernel, model: Model, numbers: Precision, where: Any,
     np.add.at(mass, mesh.quads.ravel(), corner_mass.ravel())
     shapes = element(model.element).shapes(mesh, model.density, kernel.element.Shape.numpy_dtype())
     place, n_inner, first_seat = node_places(mesh)
-    inner, seats = np.argsort(place)[:n_inner], np.argsort(place)[n_inner:]
+    seats = np.argsort(place)[n_inner:]
     kind = _kinds(mesh)[seats]
     body = kernel.structs.Body()
     body.n_elements, body.n_nodes, body.length = mesh.n_elements, first_seat + len(seats), mesh.length

@@ -79,7 +79,8 @@ def _either(cuda: str, cpu: str) -> str:
 
 @dataclass(frozen=True)
 class LaneFunctions:
-    """What lanes do together; the words for a GPU are block, warp and clerk, elsewhere a lane is all of them."""
+    """What lanes do together. On a GPU they are a block of warps, the last one the clerk; elsewhere a lane is
+    all of them."""
 
     sync: Any
     """``sync()``: every lane waits for the others; their writes are visible after it."""
@@ -108,8 +109,8 @@ class LaneFunctions:
     all_read: Any
     """``all_read()``: the clerk's lanes have read what they are about to write."""
     from_the_end: Any
-    """``from_the_end(lane)``: the seat of the boundary at which a walker begins: the last walkers have less of
-    the interior."""
+    """``from_the_end(lane)``: the seat of the boundary at which a walker begins: the last walkers have less
+    of the interior."""
     clerk_first: Any
     """``clerk_first(lane)``: where a lane of the clerk begins a walk."""
     clerk_step: Any

@@ -1,7 +1,5 @@
 """Constants in groups and rows of four: by one lane, by all lanes together, and by Warp itself."""
 
-# ruff: noqa: RUF046, UP018 -- in a Warp kernel `int(0)` declares a variable that a loop may change
-
 from functools import cache
 from typing import Any
 
@@ -28,9 +26,7 @@ from explicit.lanes import GROUP, entry_function, four_function, grouped, lane_f
 from explicit.precision import Precision
 from explicit.simd import Mapping
 
-EVERY = [
-    pytest.param(p, m, id=f"{p.name}-{m or 'warp'}") for p in PRECISION for m in (*MAPPINGS, None)
-]
+EVERY = [pytest.param(p, m, id=f"{p.name}-{m or 'warp'}") for p in PRECISION for m in (*MAPPINGS, None)]
 FAR = 1_000_000_000
 """Where no array reaches."""
 
@@ -139,7 +135,7 @@ def four_kernel(numbers: Precision) -> Any:
 
     @wp.func
     def mixed(c: vec4):
-        """A number that another order of the four changes. Halving is exact: fused or not, it rounds alike."""
+        """A number that their order changes. Halving is exact: fused or not, it rounds alike."""
         return ((c[0] * real(0.5) - c[1]) * real(0.5) - c[2]) * real(0.5) - c[3]
 
     @wp.kernel(module="unique", enable_backward=False)
