@@ -27,8 +27,8 @@ class ElementFunctions:
     """Warp struct of real numbers and 4-vectors: reference-configuration constants of one element, `volume`
     [m^3] among them. `Element.shapes` fills an array of it."""
     read_shape: Any
-    """``read_shape(constants, e) -> Shape``: one element's constants from an array of shape
-    [numbers of a `Shape`, n_elements], in which neighbouring elements lie side by side."""
+    """``read_shape(constants, e) -> Shape``: one element's constants from a grouped table
+    (`explicit.lanes.grouped`), which only `explicit.lanes.entry_function` reads."""
     Solid: Any
     """Warp struct: moduli and viscosities of one sample."""
     forces: Any

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from explicit.elements.base import INVERTED, ElementFunctions, corner_inverse_mass
 from explicit.elements.gauss import gauss_points
 from explicit.elements.shared import four_numbers, inverse_cube_root_squared, solid_struct
+from explicit.lanes import entry_function
 from explicit.mesh import Mesh
 from explicit.precision import Precision
 
@@ -79,12 +80,12 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         inverse_mass_r: vec4
         inverse_mass_y: vec4
 
-    four = four_numbers(precision)
+    four, number = four_numbers(precision), entry_function(real)
 
     @wp.func
     def read_shape(constants: wp.array2d(dtype=real), e: int):
         return Shape(
-            constants[0, e],
+            number(constants, 0, e),
             four(constants, 1, e),
             four(constants, 5, e),
             four(constants, 9, e),

@@ -197,7 +197,7 @@ def _kernel_functions(precision: Precision) -> tuple[Any, Any, Any]:
 
     @wp.func
     def interval(s: real, row: wp.array(dtype=real)):
-        return wp.min(int(s * row[3]), int(row[1]))
+        return int(wp.min(s * row[3], row[1]))  # no integer holds every s of a simulation that diverges
 
     @wp.func
     def cubic(x: real, c: vec4):

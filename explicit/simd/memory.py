@@ -119,6 +119,8 @@ class Memory(Expressions):
             raise self.refuse(node, "a table of constants and a number that all lanes share are wanted")
         kind = self._kind(table.dtype)
         if column.varying and not column.lane:
+            if self.mask is not None:  # idle lanes read a harmless place
+                column = self.select(Scalar("bool", self.mask, True), column, ZERO)
             name = self.name("g")
             self.emit(f"{PACK[kind]} {name};")
             where = _grouped(table.name, row.code, f"{column.code}[l]")

@@ -9,6 +9,7 @@ import warp as wp
 
 from explicit.arguments import SPARE
 from explicit.device import select_device
+from explicit.lanes import grouped
 from explicit.precision import PRECISIONS, Precision
 from explicit.simd import PACK_BYTES, Mapping, lane_kernel
 from explicit.structs import Structs
@@ -16,7 +17,9 @@ from explicit.structs import Structs
 N = 13
 """Simulations of a batch: one full pack and an incomplete one in fp64, an incomplete one in fp32."""
 ELEMENTS = 37
-"""Elements of the body: no multiple of any number of lanes."""
+"""Elements of the body: no multiple of any number of lanes, and more than a group."""
+CONSTANTS = 5
+"""Constants of an element in the grouped tables."""
 SLOTS = 48
 """Numbers that a kernel writes for each simulation."""
 UNTOUCHED = -77
@@ -42,6 +45,8 @@ def small_structs(numbers: Precision) -> Structs:
         two: int
         weight: wp.array(dtype=real)
         place: wp.array(dtype=int)
+        table: wp.array2d(dtype=real)
+        numbers: wp.array2d(dtype=int)
 
     @wp.struct
     class Batch:
@@ -58,6 +63,9 @@ def small_structs(numbers: Precision) -> Structs:
     class State:
         u: wp.array2d(dtype=real)
         marks: wp.array2d(dtype=int)
+        parts: wp.array2d(dtype=wp.float64)
+        seats: wp.array2d(dtype=wp.float64)
+        others: wp.array2d(dtype=wp.float64)
 
     @wp.struct
     class Output:
@@ -88,6 +96,10 @@ class Inputs:
     """Shape [ELEMENTS]."""
     place: np.ndarray
     """Shape [ELEMENTS], a permutation."""
+    table: np.ndarray
+    """Shape [CONSTANTS, ELEMENTS]."""
+    numbers: np.ndarray
+    """Shape [CONSTANTS, ELEMENTS]."""
 
 
 @dataclass(frozen=True)
@@ -118,6 +130,8 @@ def inputs(numbers: Precision, seed: int = 3) -> Inputs:
         rows=real(5, 7),
         weight=real(ELEMENTS),
         place=rng.permutation(ELEMENTS).astype(np.int32),
+        table=real(CONSTANTS, ELEMENTS),
+        numbers=rng.integers(-99, 99, (CONSTANTS, ELEMENTS)).astype(np.int32),
     )
 
 
@@ -127,6 +141,8 @@ def _arguments(numbers: Precision, given: Inputs, rows: int, lanes: int) -> list
     body.n, body.two = ELEMENTS, 2
     body.weight = wp.array(np.pad(given.weight, (0, SPARE)), dtype=numbers.real, device="cpu")
     body.place = wp.array(np.pad(given.place, (0, SPARE)), dtype=int, device="cpu")
+    body.table = wp.array(grouped(given.table), dtype=numbers.real, device="cpu")
+    body.numbers = wp.array(grouped(given.numbers), dtype=int, device="cpu")
     for name in ("x", "y", "z"):
         setattr(batch, name, wp.array(getattr(given, name), dtype=numbers.real, device="cpu"))
     batch.k = wp.array(given.k, dtype=int, device="cpu")
@@ -140,6 +156,8 @@ def _arguments(numbers: Precision, given: Inputs, rows: int, lanes: int) -> list
     shape = (ELEMENTS, lanes) if lanes > 1 else (rows, ELEMENTS + SPARE)
     state.u = wp.zeros(shape, dtype=numbers.real, device="cpu")
     state.marks = wp.zeros(shape, dtype=int, device="cpu")
+    for name in ("parts", "seats", "others"):
+        setattr(state, name, wp.zeros(shape, dtype=wp.float64, device="cpu"))
     output.values = wp.full((N, SLOTS), UNTOUCHED, dtype=numbers.real, device="cpu")
     output.whole = wp.full((N, SLOTS), UNTOUCHED, dtype=int, device="cpu")
     output.sums = wp.full((N, SLOTS), UNTOUCHED, dtype=wp.float64, device="cpu")

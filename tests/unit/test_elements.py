@@ -4,11 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import warp as wp
 
 from explicit import Model, Outcome, PlatenMotion, Samples, Sampling, cylinder, run
+from explicit.arguments import body_of
+from explicit.device import select_device
 from explicit.elements import ELEMENTS, element
 from explicit.elements.gauss import gauss_points
 from explicit.geometry import element_geometry
+from explicit.lanes import GROUP
+from explicit.march import march_kernel
 from explicit.materials import MarlowLaw, neo_hookean
 from explicit.mesh import Mesh
 from explicit.precision import PRECISIONS
@@ -44,6 +49,29 @@ def test_every_element_offers_its_volume_and_inverse_masses(name: str, precision
     np.testing.assert_allclose(mass, 870.0 * np.pi * RADIUS**2 * LENGTH, rtol=rtol)
     on_axis = mesh.on_axis[mesh.quads]
     assert (np.asarray(shapes["inverse_mass_r"])[on_axis] == 0.0).all()
+
+
+@pytest.mark.parametrize("name", list(ELEMENTS))
+@pytest.mark.parametrize("precision", list(PRECISIONS))
+def test_every_element_reads_its_constants(name: str, precision: str) -> None:
+    mesh = cylinder(RADIUS, LENGTH, n_radial=7, n_axial=11, grading=2.0)
+    assert mesh.n_elements > 2 * GROUP
+    where, numbers = select_device("cpu"), PRECISIONS[precision]
+    motion = PlatenMotion(start=0.0, step=1.0, position=np.zeros(2), velocity=np.zeros(2))
+    model = Model(mesh, 870.0, (neo_hookean(27e3),), (motion,), element=name)
+    kernel = march_kernel(MarlowLaw, model.faces, model.side, numbers, name)
+    body = body_of(kernel, model, numbers, where)
+    read_shape, Shape = kernel.element.read_shape, kernel.element.Shape
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def read(constants: wp.array2d(dtype=numbers.real), shapes: wp.array(dtype=Shape)):
+        shapes[wp.tid()] = read_shape(constants, wp.tid())
+
+    shapes = wp.zeros(mesh.n_elements, dtype=Shape, device=where)
+    wp.launch(read, mesh.n_elements, [body.shapes, shapes], device=where)
+    got, wanted = shapes.numpy(), element(name).shapes(mesh, 870.0, Shape.numpy_dtype())
+    for field in wanted.dtype.names:
+        np.testing.assert_array_equal(got[field], wanted[field], err_msg=field)
 
 
 def test_gauss_points_integrate_what_three_by_three_do() -> None:

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+import warp as wp
+from scipy.interpolate import CubicHermiteSpline
 
 from explicit import (
     RIGID,
@@ -20,9 +22,12 @@ from explicit import (
     cylinder,
     run,
 )
+from explicit.arguments import batch_of
+from explicit.boundary import boundary_functions
 from explicit.contact import contact_law
 from explicit.device import select_device
 from explicit.geometry import element_geometry
+from explicit.march import march_kernel
 from explicit.materials import MarlowLaw, bulk_modulus, neo_hookean
 from explicit.precision import precision
 
@@ -290,6 +295,47 @@ def test_a_motion_is_exact_for_a_cubic_and_goes_on_at_its_last_velocity() -> Non
     late = np.array([1.0, 1.5, 3.0])
     np.testing.assert_allclose(found(late), place(1.0) + speed(1.0) * (late - 1.0), rtol=1e-13)
     assert found.end == pytest.approx(1.0, rel=1e-15)
+
+
+@pytest.mark.parametrize("n_knots", [2, 3, 9])
+def test_the_cubics_of_a_motion_are_those_of_hermite_and_a_straight_line_follows(n_knots: int) -> None:
+    rng = np.random.default_rng(n_knots)
+    position, velocity = rng.uniform(0.0, 5e-3, n_knots), rng.uniform(-3.0, 3.0, n_knots)
+    position[0] = 0.0
+    found = PlatenMotion(start=2e-4, step=1e-3, position=position, velocity=velocity)
+    knots = 2e-4 + 1e-3 * np.arange(n_knots)
+    spline = CubicHermiteSpline(knots, position, velocity)
+    expected = spline.c[::-1].T * 1e-3 ** np.arange(4)  # SciPy has the highest power first
+    assert found.cubics.shape == (n_knots, 4)
+    atol = 1e-15 * 20 * 5e-3  # twenty roundings
+    np.testing.assert_allclose(found.cubics[:-1], expected, rtol=0, atol=atol)
+    np.testing.assert_allclose(found.cubics[-1], [position[-1], velocity[-1] * 1e-3, 0, 0], rtol=0, atol=atol)
+    times = np.linspace(knots[0], knots[-1], 101)
+    late = knots[-1] + np.array([0.0, 1e-4, 1e-3, 0.7])
+    line = position[-1] + velocity[-1] * (late - knots[-1])
+    np.testing.assert_allclose(found(times), spline(times), rtol=0, atol=100 * atol)  # round-off of the times
+    np.testing.assert_allclose(found(late), line, rtol=1e-12)
+    # and as the time loop evaluates it
+    kernel = march_kernel(MarlowLaw, "bonded", "frictionless", precision("fp64"))
+    Batch = kernel.structs.Batch
+    position_at = boundary_functions(
+        "bonded", "frictionless", precision("fp64"), kernel.structs
+    ).flyer_position
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def evaluate(batch: Batch, at: wp.array(dtype=wp.float64), there: wp.array(dtype=wp.float64)):
+        there[wp.tid()] = position_at(batch, 0, at[wp.tid()])
+
+    where, samples = select_device("cpu"), Samples.of()
+    mine = model(motions=(found,))
+    sampling = Sampling(times, times)
+    batch = batch_of(kernel, mine, samples, sampling, Stepping(), precision("fp64"), where)
+    every = np.concatenate([times, late])
+    there = wp.zeros(len(every), dtype=wp.float64, device=where)
+    wp.launch(
+        evaluate, len(every), [batch, wp.array(every, dtype=wp.float64, device=where), there], device=where
+    )
+    np.testing.assert_allclose(there.numpy(), np.append(spline(times), line), rtol=1e-12, atol=100 * atol)
 
 
 def test_a_sampled_motion_is_measured_from_its_start() -> None:

@@ -10,7 +10,7 @@ import pytest
 import warp as wp
 from lane_kernels import MAPPINGS, lanes_of, small_structs
 
-from explicit.lanes import lane_functions
+from explicit.lanes import entry_function, four_function, lane_functions
 from explicit.precision import PRECISIONS
 from explicit.simd import Mapping, lane_kernel
 
@@ -19,8 +19,9 @@ STRUCTS = small_structs(NUMBERS)
 Body, Batch, State, Output = STRUCTS.Body, STRUCTS.Batch, STRUCTS.State, STRUCTS.Output
 Function = Callable[..., Any]
 
-add_to, empty_sum, total = lane_functions().add_to, lane_functions().empty_sum, lane_functions().total
-largest = lane_functions().largest
+put_total, put_largest = lane_functions().put_total, lane_functions().put_largest
+seat_totals = lane_functions().seat_totals
+entry, four = entry_function(NUMBERS.real), four_function(NUMBERS)
 one = wp.float64(1.0)
 
 
@@ -174,7 +175,35 @@ def a_keyword(body, batch, state, output, first):
 
 def a_sum_of_something(body, batch, state, output, first):
     i, lane = wp.tid()
-    x = total(wp.float64(batch.x[i]))
+    put_total(state.parts[i], 0, wp.float64(batch.x[i]))
+
+
+def constants_of_a_row(body, batch, state, output, first):
+    i, lane = wp.tid()
+    x = entry(body.weight, 0, lane)
+
+
+def constants_of_the_state(body, batch, state, output, first):
+    i, lane = wp.tid()
+    x = entry(state.u, 0, lane)
+
+
+def another_constant_a_lane(body, batch, state, output, first):
+    i, lane = wp.tid()
+    x = entry(body.table, body.place[lane + batch.k[i]], lane)
+
+
+def four_of_a_vector(body, batch, state, output, first):
+    x = four(batch.v[0], 0)
+
+
+def seats_of_a_number(body, batch, state, output, first):
+    x = seat_totals(one, one, body.n)
+
+
+def seats_a_lane(body, batch, state, output, first):
+    i, lane = wp.tid()
+    x = seat_totals(state.seats[i], state.seats[i], body.place[lane + batch.k[i]])
 
 
 @pytest.mark.parametrize("mapping", MAPPINGS)
@@ -206,6 +235,12 @@ def a_sum_of_something(body, batch, state, output, first):
         (truth_values_in_memory, "batch.flag: truth values are kept as integers"),
         (shape_of_the_state, "state.u.shape[0]: the shape of a constant array by a known number is wanted"),
         (a_keyword, "wp.max(batch.x[i], b=one): arguments by position are wanted"),
+        (constants_of_a_row, "entry(body.weight, 0, lane): a table of constants and a number"),
+        (constants_of_the_state, "entry(state.u, 0, lane): a table of constants and a number"),
+        (another_constant_a_lane, "a table of constants and a number that all lanes share are wanted"),
+        (four_of_a_vector, "four(batch.v[0], 0): a row of constants and a number are wanted"),
+        (seats_of_a_number, "seat_totals(one, one, body.n): seats and a number that all lanes share"),
+        (seats_a_lane, "seats and a number that all lanes share are wanted"),
     ],
 )
 def test_refused_in_both_mappings(source: Function, message: str, mapping: Mapping) -> None:
@@ -213,14 +248,23 @@ def test_refused_in_both_mappings(source: Function, message: str, mapping: Mappi
 
 
 def test_a_sum_of_one_walker_begins_with_empty_sum() -> None:
-    refused(a_sum_of_something, "total(wp.float64(batch.x[i])): only sums that began with empty_sum")
+    message = "put_total(state.parts[i], 0, wp.float64(batch.x[i])): only sums that began with empty_sum"
+    refused(a_sum_of_something, message)
+
+
+def four_of_the_state(body, batch, state, output, first):
+    i, lane = wp.tid()
+    x = four(state.u[i], 0)
+
+
+def test_the_state_of_a_pack_has_no_four_numbers_in_a_row() -> None:
+    refused(four_of_the_state, "four(state.u[i], 0): a row of constants and a number are wanted")
 
 
 def lanes_apart(body, batch, state, output, first):
     i, lane = wp.tid()
-    x = wp.float64(0.0)
     if lane == 2:
-        x = largest(one)
+        put_largest(state.parts[i], 0, one)
 
 
 def one_place(body, batch, state, output, first):
@@ -229,5 +273,5 @@ def one_place(body, batch, state, output, first):
 
 
 def test_walkers_reduce_together_and_write_apart() -> None:
-    refused(lanes_apart, "largest(one): every lane must take part", "walker")
+    refused(lanes_apart, "put_largest(state.parts[i], 0, one): every lane must take part", "walker")
     refused(one_place, "lanes would write different values to one place", "walker")

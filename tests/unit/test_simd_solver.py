@@ -92,7 +92,7 @@ def model_of(case: Case) -> Model:
     soft = neo_hookean(27e3, last=0.5)
     stiff = MarlowLaw(last=1.0, quotient=np.linspace(20e3, 60e3, 5), slope=np.full(5, 40e3))
     return Model(
-        cylinder(RADIUS, LENGTH, n_radial=4, n_axial=6),
+        cylinder(RADIUS, LENGTH, n_radial=5, n_axial=8),  # 40 elements and 35 inner nodes: two groups of each
         870.0,
         (soft, stiff),
         (ramp(0.35 * LENGTH, 0.0), ramp(0.2 * LENGTH, 1e-4), ramp(5.0 * LENGTH, 0.0)),
@@ -127,7 +127,7 @@ def launch(case: Case, mapping: Mapping | None, n: int = N, shift: int = 0, spoi
     numbers, model = PRECISIONS[case.precision], model_of(case)
     kernel = march_kernel(MarlowLaw, model.faces, model.side, numbers, case.element)
     lanes = PACK_BYTES // numbers.dtype().itemsize
-    output = output_of(kernel, N, SAMPLING, model.mesh.side, where)
+    output = output_of(kernel, model.mesh, N, SAMPLING, model.mesh.side, where)
     stepping = Stepping(precision=case.precision, max_steps=5000)
     batch = batch_of(kernel, model, samples_of(case), SAMPLING, stepping, numbers, where)
     if spoil:
