@@ -56,6 +56,8 @@ def _new_body(kernel: MarchKernel, model: Model, numbers: Precision, where: Any,
         row[..., place] = values
         return row
 
+    area = mesh.contact_area
+    surface_mass = np.divide(mass, area, out=np.full(mesh.n_nodes, np.inf), where=area > 0.0)
     masses = np.stack([mass, np.where(mesh.on_axis, 0.0, 1.0 / mass), 1.0 / mass])
     height = mesh.nodes[:, 1] - mesh.nodes[:, 1].min()
     slots = rooms(numbers, on_chip).elements if on_chip else mesh.n_elements
@@ -66,7 +68,7 @@ def _new_body(kernel: MarchKernel, model: Model, numbers: Precision, where: Any,
         ("masses", grouped(placed(masses)), numbers.real),
         ("reference_r", placed(mesh.nodes[:, 0]), wp.float64),
         ("reference_y", placed(height), wp.float64),
-        ("surface_mass", mass[seats] / mesh.contact_area[seats], numbers.real),
+        ("surface_mass", surface_mass[seats], numbers.real),
         ("kind", kind, int),
         ("at_rest", kind != SIDE, int),
     ):

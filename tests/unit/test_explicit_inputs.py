@@ -320,7 +320,7 @@ def test_the_cubics_of_a_motion_are_those_of_hermite_and_a_straight_line_follows
     Batch = kernel.structs.Batch
     position_at = boundary_functions(
         "bonded", "frictionless", precision("fp64"), kernel.structs
-    ).flyer_position
+    ).platen_position
 
     @wp.kernel(module="unique", enable_backward=False)
     def evaluate(batch: Batch, at: wp.array(dtype=wp.float64), there: wp.array(dtype=wp.float64)):
