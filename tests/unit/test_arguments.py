@@ -7,9 +7,18 @@ import pytest
 
 from explicit import Mesh, Model, PlatenMotion, Sampling, cylinder
 from explicit.arguments import SPARE, body_of, fits_on_chip, node_places, output_of
+from explicit.clock import CLOCK, HANDED
 from explicit.device import select_device
 from explicit.geometry import element_geometry
-from explicit.lanes import GROUP, ON_CHIP_ELEMENTS, ON_CHIP_SEATS, rooms
+from explicit.lanes import (
+    GROUP,
+    ON_CHIP_CLOCK,
+    ON_CHIP_ELEMENTS,
+    ON_CHIP_NODES,
+    ON_CHIP_SEATS,
+    WARPS,
+    rooms,
+)
 from explicit.march import MarchKernel, march_kernel
 from explicit.materials import MarlowLaw, neo_hookean
 from explicit.precision import PRECISIONS
@@ -156,3 +165,10 @@ def test_what_fits_on_a_chip() -> None:
     assert thin.n_elements <= ON_CHIP_ELEMENTS
     assert len(surface_of(thin)) > ON_CHIP_SEATS
     assert not fits_on_chip(thin, fp64)
+
+
+def test_what_lies_on_a_chip_has_room_there() -> None:
+    assert CLOCK + HANDED * WARPS <= ON_CHIP_CLOCK
+    fields = 4 * ON_CHIP_NODES + 2 * (4 * ON_CHIP_ELEMENTS + 1)
+    sums, marks = 3 * ON_CHIP_SEATS + ON_CHIP_CLOCK, ON_CHIP_SEATS
+    assert 8 * (fields + sums) + 4 * marks <= 48 * 1024  # what a block gets without a request
