@@ -51,6 +51,10 @@ class ClockFunctions:
     settle: Any
     """``settle(body, batch, state, output, sample, lane, step, clock, parts, push_lower, push_upper, carried,
     u_r, u_y, v_r, v_y)``: what a step has brought."""
+    depart: Any
+    """``depart(clock)``: the first step begins, if it can be taken."""
+    look: Any
+    """``look(batch, sample, clock, parts)``: the outcome of a failure that the walkers' totals show, or 0."""
     plan: Any
     """``plan(batch, output, sample, step, clock, parts)``: a step to come."""
 
@@ -220,6 +224,32 @@ def clock_functions(
             clock[GOING] = ZERO
 
     @wp.func
+    def depart(clock: wp.array(dtype=wp.float64)):
+        """The first step begins, if it can be taken."""
+        if clock[FAULT] > ZERO:
+            clock[STATUS] = clock[FAULT]
+            clock[GOING] = ZERO
+
+    @wp.func
+    def look(
+        batch: Batch,
+        sample: int,
+        clock: wp.array(dtype=wp.float64),
+        parts: wp.array(dtype=wp.float64),
+    ):
+        """The outcome of a failure that the walkers' totals show, or 0."""
+        most_work = wp.max(wp.float64(clock[MOST_WORK]), get_total(parts, WORK_DONE))
+        all_read()
+        clock[MOST_WORK] = most_work
+        allowed = motion_limit * most_work + batch.stray_energy[sample]
+        fault = int(0)
+        if not (get_total(parts, MOTION) <= allowed):  # nor where it is no number
+            fault = diverged
+        elif get_largest(parts, TURNED) >= inverted:
+            fault = turned
+        return fault
+
+    @wp.func
     def plan(
         batch: Batch,
         output: Output,
@@ -255,23 +285,13 @@ def clock_functions(
                 clock[SMALLEST_STEP] = wp.min(clock[SMALLEST_STEP], dt)
         if step >= batch.max_steps:
             clock[FAULT] = wp.float64(limit)
-        all_read()
-        if step == 0 and clock[FAULT] > ZERO:
-            clock[STATUS] = clock[FAULT]
-            clock[GOING] = ZERO
         if batch.stop_past_data == 1 and get_largest(parts, BEYOND) > ZERO:
             clock[FAULT] = wp.float64(exceeded)
             clock[VOID] = ONE
         if step > 0 and (step - 1) % watch_every == 0:
-            if get_largest(parts, TURNED) >= inverted:
-                clock[FAULT] = wp.float64(turned)
-                clock[VOID] = ONE
-            most_work = wp.max(wp.float64(clock[MOST_WORK]), get_total(parts, WORK_DONE))
-            all_read()
-            clock[MOST_WORK] = most_work
-            allowed = motion_limit * most_work + batch.stray_energy[sample]
-            if not (get_total(parts, MOTION) <= allowed):  # nor where it is no number
-                clock[FAULT] = wp.float64(diverged)
+            fault = look(batch, sample, clock, parts)
+            if fault != 0:
+                clock[FAULT] = wp.float64(fault)
                 clock[VOID] = ONE
         following, ledger = time + dt, wp.float64(0.0)
         if coming_due <= following:
@@ -300,4 +320,4 @@ def clock_functions(
         clock[this + UPPER_SPEED] = (flyer_y - flyer_next) * rate
         clock[this + LEDGER] = ledger
 
-    return ClockFunctions(start, settle, plan)
+    return ClockFunctions(start, settle, depart, look, plan)

@@ -100,6 +100,7 @@ def march_kernel(
     free_velocity = update_functions(precision, structs).free_velocity
     clockwork = clock_functions(precision, structs, boundary, record_functions(precision, structs))
     start, settle, plan = clockwork.start, clockwork.settle, clockwork.plan
+    depart, look = clockwork.depart, clockwork.look
     lanes = lane_functions()
     sync, walks, tends, walkers = lanes.sync, lanes.walks, lanes.tends, lanes.walkers
     empty_sum, add_to, from_the_end = lanes.empty_sum, lanes.add_to, lanes.from_the_end
@@ -177,6 +178,8 @@ def march_kernel(
                 if measure == 1:
                     put_largest(parts, STIFFEST + (step + 1) % 2, latched)
                     latched = wp.float64(0.0)
+            if tends(lane) == 1 and step == 0:
+                depart(clock)
             if tends(lane) == 1 and step > 0:
                 settle(
                     body, batch, state, output, sample, lane, step - 1, clock, parts,
@@ -282,6 +285,15 @@ def march_kernel(
             step += 1
             sync()
 
+        if int(clock[STATUS]) == 0:  # a last look at what happened since the one before
+            if walks(lane) == 1:
+                put_total(parts, MOTION, motion(body, v_r, v_y, lane))
+                put_total(parts, WORK_DONE, worked)
+                put_largest(parts, TURNED, latched)
+            sync()
+            if tends(lane) == 1:
+                clock[STATUS] = wp.float64(look(batch, sample, clock, parts))
+        sync()
         failed = int(-1)
         if int(clock[STATUS]) != 0:
             score, place_of = culprit(body, solid, row, u_r, u_y, v_r, v_y, lane, int(clock[STATUS]))

@@ -20,7 +20,11 @@ def test_coulomb_approaches_rough_steadily() -> None:
 
 
 def test_force_grows_with_friction() -> None:
-    assert (np.diff(contact.case().sweep.impulse_transmission[:, -1]) > 0.0).all()
+    grown = np.diff(contact.case().sweep.impulse_transmission[:, -1])
+    assert (grown[:-1] > 0.0).all()
+    assert (
+        grown[-1] >= 0.0
+    )  # from the coefficient on at which every pressed node sticks, nothing is left to grow
 
 
 def test_friction_never_gives_energy_back() -> None:
