@@ -28,8 +28,9 @@ SPEED, RAMP = 2.6, 50e-6
 END = 1.4e-3
 """[s]"""
 SAMPLING = explicit.Sampling(
-    force_times=np.linspace(0.0, END, 169), surface_times=np.linspace(END / 168, END, 168)
+    force_times=np.linspace(0.0, END, 169), surface_times=np.linspace(END / 168, END, 168), ledger_every=16
 )
+"""What the runs of a factorial record: forces and outlines at 168 times, the ledger at every sixteenth."""
 
 
 def stroke(t: FloatArray) -> FloatArray:

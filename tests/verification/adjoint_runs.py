@@ -72,6 +72,12 @@ class Check:
         """Distance at the step after which the differences change least: chosen without the adjoint [-]."""
         return float(self.error[np.abs(np.diff(self.differences)).argmin()])
 
+    @property
+    def allowed(self) -> float:
+        """`ALLOWED`, or how far the differences are apart among themselves where they agree best [-]: with
+        sliding contact their bottom may lie higher."""
+        return max(ALLOWED, float(np.abs(np.diff(self.differences)).min()) / self.size)
+
 
 @dataclass(frozen=True)
 class Scene:

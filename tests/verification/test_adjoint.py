@@ -17,7 +17,8 @@ def test_gradients_with_side_contact_and_friction_against_differences() -> None:
     for scene in runs.case().scenes:
         assert scene.forward < runs.FORWARD, scene.name
         for check in scene.checks:
-            assert check.best < runs.ALLOWED, (scene.name, check.name)
+            assert check.allowed < 1e-5  # a check that could not fail would be none
+            assert check.best < check.allowed, (scene.name, check.name)
 
 
 @pytest.mark.slow
