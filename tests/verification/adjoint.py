@@ -139,7 +139,8 @@ curve; the last three hold the tangent on which it is continued, and {100 * shot
 volume is strained past the data. The sum over all points is {shot.by_stress.sum() / shot.chi2:.6f}, the
 derivative by m itself {shot.by_factor / shot.chi2:.6f} (relative difference {euler:.0e}).
 
-**Tolerance.** {ALLOWED:g} of the derivative: the round-off of the number over a step of 1e-6; where differences
-with sliding contact agree no better among themselves, what they are apart. Forward run {FORWARD:g}: round-off (the time loop fuses multiply-adds), amplified by contact. Euler's identity 1e-8: the
+**Tolerance.** {ALLOWED:g} of the derivative: the round-off of the number over a step of 1e-6; where the
+differences with sliding contact agree no better among themselves, what they are apart. Forward run
+{FORWARD:g}: round-off (the time loop fuses multiply-adds), amplified by contact. Euler's identity 1e-8: the
 table is carried back to the curve by differences of its own.
 """
