@@ -13,11 +13,12 @@ from explicit.contact import contact_law
 from explicit.elements import element
 from explicit.failure import STRAY_ENERGY
 from explicit.geometry import element_geometry
-from explicit.lanes import GROUP, WARPS, fits, grouped, rooms
+from explicit.lanes import WARPS
 from explicit.march import MarchKernel
 from explicit.materials import bulk_modulus
 from explicit.mesh import Mesh
 from explicit.model import Model, Samples, Sampling, Stepping
+from explicit.places import GROUP, fits, grouped, rooms
 from explicit.precision import Precision
 from explicit.support import RIGID, CharacteristicBar, MovingSupport
 from explicit.update import VALENCE

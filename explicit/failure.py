@@ -21,8 +21,9 @@ from typing import Any
 import warp as wp
 
 from explicit.elements import ElementFunctions
-from explicit.lanes import entry_function, lane_functions
+from explicit.lanes import lane_functions
 from explicit.outcome import Outcome
+from explicit.places import entry_function
 from explicit.precision import Precision
 from explicit.structs import Structs
 

@@ -47,14 +47,16 @@ from explicit.clock import (
     UPPER_SPEED,
     WORK,
     WORK_DONE,
-    clock_functions,
 )
 from explicit.elements import ElementFunctions
 from explicit.elements import element as element_named
 from explicit.failure import WATCH_EVERY, failure_functions
-from explicit.lanes import BLOCK, ON_CHIP_CLOCK, WARPS, lane_functions, rooms
+from explicit.lanes import BLOCK, WARPS, lane_functions
+from explicit.places import ON_CHIP_CLOCK, rooms
+from explicit.plan import plan_functions
 from explicit.precision import Precision
 from explicit.record import record_functions
+from explicit.settle import settle_function
 from explicit.structs import Structs, batch_structs
 from explicit.sweeps import sweep_functions
 from explicit.update import update_functions
@@ -84,7 +86,7 @@ def march_kernel(
     """Generate the time loop for a material law, two contact laws, a precision and an element.
 
     With `on_chip` a GPU keeps the state of a simulation in shared memory, where it must fit
-    (`explicit.lanes.fits`).
+    (`explicit.places.fits`).
     """
     element = element_named(element_name).functions(law, precision)
     structs = batch_structs(precision, element.Shape, element.Solid)
@@ -98,9 +100,10 @@ def march_kernel(
     failure = failure_functions(precision, element, structs)
     motion, strain, culprit, watch_every = failure.motion, failure.strain, failure.culprit, int(WATCH_EVERY)
     free_velocity = update_functions(precision, structs).free_velocity
-    clockwork = clock_functions(precision, structs, boundary, record_functions(precision, structs))
-    start, settle, plan = clockwork.start, clockwork.settle, clockwork.plan
-    depart, look = clockwork.depart, clockwork.look
+    record = record_functions(precision, structs)
+    settle = settle_function(precision, structs, boundary, record)
+    planning = plan_functions(structs, boundary, record)
+    start, depart, look, plan = planning.start, planning.depart, planning.look, planning.plan
     lanes = lane_functions()
     sync, walks, tends, walkers = lanes.sync, lanes.walks, lanes.tends, lanes.walkers
     empty_sum, add_to, from_the_end = lanes.empty_sum, lanes.add_to, lanes.from_the_end

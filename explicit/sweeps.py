@@ -7,7 +7,8 @@ from typing import Any
 import warp as wp
 
 from explicit.elements import ElementFunctions
-from explicit.lanes import Rooms, entry_function, lane_functions
+from explicit.lanes import lane_functions
+from explicit.places import Rooms, entry_function
 from explicit.precision import Precision
 from explicit.structs import Structs
 

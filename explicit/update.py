@@ -6,7 +6,7 @@ from typing import Any
 
 import warp as wp
 
-from explicit.lanes import entry_function
+from explicit.places import entry_function
 from explicit.precision import Precision
 from explicit.structs import Structs
 

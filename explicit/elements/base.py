@@ -28,7 +28,7 @@ class ElementFunctions:
     [m^3] among them. `Element.shapes` fills an array of it."""
     read_shape: Any
     """``read_shape(constants, e) -> Shape``: one element's constants from a grouped table
-    (`explicit.lanes.grouped`), which only `explicit.lanes.entry_function` reads."""
+    (`explicit.places.grouped`), which only `explicit.places.entry_function` reads."""
     Solid: Any
     """Warp struct: moduli and viscosities of one sample."""
     forces: Any

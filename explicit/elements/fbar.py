@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from explicit.elements.base import INVERTED, ElementFunctions, corner_inverse_mass
 from explicit.elements.gauss import gauss_points
 from explicit.elements.shared import four_numbers, inverse_cube_root_squared, solid_struct
-from explicit.lanes import entry_function
 from explicit.mesh import Mesh
+from explicit.places import entry_function
 from explicit.precision import Precision
 
 

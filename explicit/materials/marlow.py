@@ -20,7 +20,7 @@ import warp as wp
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from explicit.lanes import four_function
+from explicit.places import four_function
 from explicit.precision import Precision
 
 FloatArray = NDArray[np.float64]

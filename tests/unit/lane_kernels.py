@@ -9,7 +9,7 @@ import warp as wp
 
 from explicit.arguments import SPARE
 from explicit.device import select_device
-from explicit.lanes import grouped
+from explicit.places import grouped
 from explicit.precision import PRECISIONS, Precision
 from explicit.simd import PACK_BYTES, Mapping, lane_kernel
 from explicit.structs import Structs

@@ -10,17 +10,10 @@ from explicit.arguments import SPARE, body_of, fits_on_chip, node_places, output
 from explicit.clock import CLOCK, HANDED
 from explicit.device import select_device
 from explicit.geometry import element_geometry
-from explicit.lanes import (
-    GROUP,
-    ON_CHIP_CLOCK,
-    ON_CHIP_ELEMENTS,
-    ON_CHIP_NODES,
-    ON_CHIP_SEATS,
-    WARPS,
-    rooms,
-)
+from explicit.lanes import WARPS
 from explicit.march import MarchKernel, march_kernel
 from explicit.materials import MarlowLaw, neo_hookean
+from explicit.places import GROUP, ON_CHIP_CLOCK, ON_CHIP_ELEMENTS, ON_CHIP_NODES, ON_CHIP_SEATS, rooms
 from explicit.precision import PRECISIONS
 from explicit.update import VALENCE
 
@@ -71,7 +64,7 @@ def test_every_node_has_a_place_and_the_surface_is_last(size: tuple[int, int]) -
 
 
 def entries(table: np.ndarray, constants: int) -> np.ndarray:
-    """A grouped table on the device, shape [constants, places], as `explicit.lanes.grouped` documents it."""
+    """A grouped table on the device, shape [constants, places], as `explicit.places.grouped` documents it."""
     groups = table[:, : constants * GROUP]
     assert table.shape[1] == groups.shape[1] + SPARE
     return groups.reshape(-1, constants, GROUP).transpose(1, 0, 2).reshape(constants, -1)

@@ -12,10 +12,10 @@ from explicit.device import select_device
 from explicit.elements import ELEMENTS, element
 from explicit.elements.gauss import gauss_points
 from explicit.geometry import element_geometry
-from explicit.lanes import GROUP
 from explicit.march import march_kernel
 from explicit.materials import MarlowLaw, neo_hookean
 from explicit.mesh import Mesh
+from explicit.places import GROUP
 from explicit.precision import PRECISIONS
 
 RADIUS, LENGTH = 4.75e-3, 6.5e-3

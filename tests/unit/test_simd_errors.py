@@ -10,7 +10,8 @@ import pytest
 import warp as wp
 from lane_kernels import MAPPINGS, lanes_of, small_structs
 
-from explicit.lanes import entry_function, four_function, lane_functions
+from explicit.lanes import lane_functions
+from explicit.places import entry_function, four_function
 from explicit.precision import PRECISIONS
 from explicit.simd import Mapping, lane_kernel
 

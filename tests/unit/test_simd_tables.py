@@ -22,7 +22,8 @@ from lane_kernels import (
     small_structs,
 )
 
-from explicit.lanes import GROUP, entry_function, four_function, grouped, lane_functions
+from explicit.lanes import lane_functions
+from explicit.places import GROUP, entry_function, four_function, grouped
 from explicit.precision import Precision
 from explicit.simd import Mapping
 

@@ -20,7 +20,8 @@ from lane_kernels import (
     small_structs,
 )
 
-from explicit.lanes import lane_functions, rooms
+from explicit.lanes import lane_functions
+from explicit.places import rooms
 from explicit.precision import Precision
 from explicit.simd import Mapping
 

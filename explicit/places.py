@@ -1,0 +1,160 @@
+"""Where a simulation's state and a mesh's constants lie, and how the time loop reaches them.
+
+On a GPU the state of a simulation is in shared memory where it fits. Native accessors spend one address on
+what Warp's own subscripts would spend several instructions on; `explicit.simd` gives them their meaning over
+packs.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from explicit.precision import Precision
+
+GROUP = 32
+"""Elements or nodes whose constants lie side by side: those of a warp, or of a few packs."""
+ON_CHIP_NODES, ON_CHIP_ELEMENTS, ON_CHIP_SEATS, ON_CHIP_CLOCK = 448, 384, 96, 240
+"""Places in shared memory for the state of a simulation in fp64; in fp32 there are twice as many nodes and
+elements. Together with what reductions need, they fill the 48 KiB a block gets without a request."""
+
+
+_FIELD = """
+    wp::array_t<TYPE> row;
+    row.data = (TYPE*)((char*)fields.data + (long long)sample * fields.strides[0]);
+    row.shape[0] = fields.shape[1];
+    row.strides[0] = sizeof(TYPE);
+    row.ndim = 1;
+    return row;
+"""
+_FIELD_ON_CHIP = """
+    wp::array_t<TYPE> row;
+#if defined(__CUDA_ARCH__)
+    __shared__ TYPE pool[ROOM];
+    row.data = pool + offset;
+#else
+    row.data = (TYPE*)((char*)fields.data + (long long)sample * fields.strides[0]);
+#endif
+    row.shape[0] = fields.shape[1];
+    row.strides[0] = sizeof(TYPE);
+    row.ndim = 1;
+    return row;
+"""
+_ENTRY = """
+    const char* group = (const char*)table.data + (long long)((e >> SHIFT) * (int)table.strides[0]);
+    return ((const TYPE*)group + (e & (GROUP - 1)))[k * GROUP];
+"""
+_PLACES = """
+#if defined(__CUDA_ARCH__)
+    return PLACES;
+#else
+    return n;
+#endif
+"""
+
+
+@dataclass(frozen=True)
+class Rooms:
+    """Where the state of a simulation lies."""
+
+    field: Any
+    """``field(fields, sample, offset)``: a simulation's row of an array of fields or corner forces; in shared
+    memory at an offset in numbers, where the state is on the chip."""
+    sums: Any
+    """The same for sums of the boundary."""
+    marks: Any
+    """The same for its marks."""
+    elements: int
+    """Places for elements on the chip."""
+    node_places: Any
+    """``node_places(n)``: places for the nodes of a field, n or what the chip has."""
+    corner_places: Any
+    """``corner_places(n)``: places for corner forces of one corner, n or what the chip has."""
+
+
+@cache
+def rooms(precision: Precision, on_chip: bool) -> Rooms:
+    """Generate the places of the state."""
+    more = 8 // precision.dtype().itemsize
+    nodes, elements = more * ON_CHIP_NODES, more * ON_CHIP_ELEMENTS
+    return Rooms(
+        field=_field(precision.real, 4 * nodes + 8 * elements + 2, on_chip),
+        sums=_field(wp.float64, 3 * ON_CHIP_SEATS + ON_CHIP_CLOCK, on_chip),
+        marks=_field(wp.int32, ON_CHIP_SEATS, on_chip),
+        elements=elements,
+        node_places=_places(nodes, on_chip),
+        corner_places=_places(elements, on_chip),
+    )
+
+
+def _field(dtype: Any, room: int, on_chip: bool) -> Any:
+    snippet = (_FIELD_ON_CHIP if on_chip else _FIELD).replace("TYPE", f"wp::{dtype.__name__}")
+
+    @wp.func_native(snippet=snippet.replace("ROOM", str(room)))
+    def field(fields: wp.array2d(dtype=dtype), sample: int, offset: int) -> wp.array(dtype=dtype): ...
+
+    return field
+
+
+def _places(count: int, on_chip: bool) -> Any:
+    snippet = _PLACES.replace("PLACES", str(count)) if on_chip else "return n;"
+
+    @wp.func_native(snippet=snippet)
+    def places(n: int) -> int: ...
+
+    return places
+
+
+@cache
+def entry_function(dtype: Any) -> Any:
+    """Generate ``entry(table, k, e)``: the k-th constant of element or node e of a grouped table."""
+    snippet = (
+        _ENTRY.replace("TYPE", f"wp::{dtype.__name__}")
+        .replace("GROUP", str(GROUP))
+        .replace("SHIFT", str(GROUP.bit_length() - 1))
+    )
+
+    @wp.func_native(snippet=snippet)
+    def entry(table: wp.array2d(dtype=dtype), k: int, e: int) -> dtype: ...
+
+    return entry
+
+
+_FOUR = """
+    const TYPE* number = (const TYPE*)row.data + place;
+    return wp::vec_t<4, TYPE>(number[0], number[1], number[2], number[3]);
+"""
+_FOUR_BACKWARD = """
+    if (row.grad) for (int c = 0; c < 4; ++c) wp::atomic_add((TYPE*)row.grad + place + c, adj_ret[c]);
+"""
+
+
+@cache
+def four_function(precision: Precision) -> Any:
+    """Generate ``four(row, place)``: four numbers that follow each other in a row without gaps."""
+    real, vec4 = precision.real, precision.vec4
+    forward, backward = (text.replace("TYPE", f"wp::{real.__name__}") for text in (_FOUR, _FOUR_BACKWARD))
+
+    @wp.func_native(snippet=forward, adj_snippet=backward)
+    def four(row: wp.array(dtype=real), place: int) -> vec4: ...
+
+    return four
+
+
+def grouped(table: NDArray[Any]) -> NDArray[Any]:
+    """A table as `entry` reads it: from shape [constants, n] to shape [groups, constants * GROUP]."""
+    constants, n = table.shape
+    groups = -(-n // GROUP)
+    padded = np.pad(table, [(0, 0), (0, groups * GROUP - n)], mode="edge")
+    split = padded.reshape(constants, groups, GROUP)
+    return np.ascontiguousarray(split.transpose(1, 0, 2)).reshape(groups, constants * GROUP)
+
+
+def fits(n_nodes: int, n_elements: int, n_seats: int, precision: Precision) -> bool:
+    """Whether the state of one simulation fits into a GPU's shared memory."""
+    more = 8 // precision.dtype().itemsize
+    room = (more * ON_CHIP_NODES, more * ON_CHIP_ELEMENTS, ON_CHIP_SEATS)
+    return n_nodes <= room[0] and n_elements <= room[1] and n_seats <= room[2]
