@@ -13,8 +13,8 @@ from explicit.simd.kernel import FLAGS, PACK_BYTES
 
 THREADS = 256
 """Threads of a block on a GPU."""
-POOL_BYTES = 16_384
-"""Shared memory that a block reads from."""
+POOL_BYTES = 32_768
+"""Shared memory that a block reads from: what its threads read in one turn, so that none is read twice."""
 READS = 16
 """Reads of a thread from shared memory in one turn of the loop."""
 
