@@ -224,7 +224,7 @@ known answer is {TRUTH}.
 
 {grading_table(result)}
 
-A grading of 2 costs a third more steps than none and saves a third of m's error. 4 saves little more and
+A grading of 2 costs a third more steps than none and saves two fifths of m's error. 4 saves little more and
 takes nearly as many steps as 24 × 32 elements, whose m is better.
 
 **Tolerance.** Artificial energy {100 * ARTIFICIAL:g} % of the strain energy, at the end and largest over
