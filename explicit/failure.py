@@ -20,6 +20,7 @@ from typing import Any
 
 import warp as wp
 
+from explicit.corners import corner_functions
 from explicit.elements import ElementFunctions
 from explicit.lanes import lane_functions
 from explicit.outcome import Outcome
@@ -56,11 +57,12 @@ class FailureFunctions:
 @cache
 def failure_functions(precision: Precision, element: ElementFunctions, structs: Structs) -> FailureFunctions:
     """Generate the functions."""
-    real, vec4 = precision.real, precision.vec4
+    real = precision.real
     Body, Solid = structs.Body, element.Solid
     lanes = lane_functions()
     empty_sum, add_to, walkers = lanes.empty_sum, lanes.add_to, lanes.walkers
-    number, node_at = entry_function(real), entry_function(wp.int32)
+    number, corner = entry_function(real), corner_functions(precision, structs)
+    nodes, values = corner.nodes, corner.values
     read_shape, element_forces, element_strains = element.read_shape, element.forces, element.strains
     half = real(0.5)
     least, most = wp.float64(-1e300), wp.float64(1e300)
@@ -78,24 +80,15 @@ def failure_functions(precision: Precision, element: ElementFunctions, structs: 
         return kinetic
 
     @wp.func
-    def quad(body: Body, e: int):
-        return wp.vec4i(
-            node_at(body.quads, 0, e),
-            node_at(body.quads, 1, e),
-            node_at(body.quads, 2, e),
-            node_at(body.quads, 3, e),
-        )
-
-    @wp.func
     def strain(body: Body, limit: real, u_r: wp.array(dtype=real), u_y: wp.array(dtype=real), lane: int):
         past = real(0.0)
         e = lane
         while e < body.n_elements:
-            q = quad(body, e)
+            q = nodes(body, e)
             _jacobian, s = element_strains(
                 read_shape(body.shapes, e),
-                vec4(u_r[q[0]], u_r[q[1]], u_r[q[2]], u_r[q[3]]),
-                vec4(u_y[q[0]], u_y[q[1]], u_y[q[2]], u_y[q[3]]),
+                values(u_r, q),
+                values(u_y, q),
             )
             if s > limit:
                 past = wp.max(past, s)
@@ -117,12 +110,12 @@ def failure_functions(precision: Precision, element: ElementFunctions, structs: 
         best, place = wp.float64(least), int(-1)
         e = lane
         while e < body.n_elements:
-            q = quad(body, e)
+            q = nodes(body, e)
             shape = read_shape(body.shapes, e)
-            ur = vec4(u_r[q[0]], u_r[q[1]], u_r[q[2]], u_r[q[3]])
-            uy = vec4(u_y[q[0]], u_y[q[1]], u_y[q[2]], u_y[q[3]])
-            vr = vec4(v_r[q[0]], v_r[q[1]], v_r[q[2]], v_r[q[3]])
-            vy = vec4(v_y[q[0]], v_y[q[1]], v_y[q[2]], v_y[q[3]])
+            ur = values(u_r, q)
+            uy = values(u_y, q)
+            vr = values(v_r, q)
+            vy = values(v_y, q)
             jacobian, s = element_strains(shape, ur, uy)
             _f_r, _f_y, omega_squared, _power, _artificial = element_forces(
                 shape, solid, row, ur, uy, vr, vy, 1

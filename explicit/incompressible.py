@@ -87,7 +87,7 @@ def run_nearly_incompressible(
     -------
     NearlyIncompressible
         The response at `samples.poisson`. A sample has the `Outcome` of the first of its runs that did not
-        complete, and NaN from there.
+        complete, and NaN from there. The corrected `extrapolated_share` is kept between 0 and 1.
 
     Raises
     ------

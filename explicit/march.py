@@ -99,7 +99,9 @@ def march_kernel(
     meet = boundary.meet
     failure = failure_functions(precision, element, structs)
     motion, strain, culprit, watch_every = failure.motion, failure.strain, failure.culprit, int(WATCH_EVERY)
-    free_velocity = update_functions(precision, structs).free_velocity
+    update = update_functions(precision, structs)
+    free_velocity, move = update.free_velocity, update.move
+    kinetic_energy, drag_loss = update.kinetic, update.drag_loss
     record = record_functions(precision, structs)
     settle = settle_function(precision, structs, boundary, record)
     planning = plan_functions(structs, boundary, record)
@@ -215,14 +217,10 @@ def march_kernel(
                     while n < body.n_inner:
                         old, new, mass = free_velocity(body, corner_r, corner_y, v_r, v_y, n, tau, alpha)
                         if ledger == 1:
-                            kinetic = add_to(kinetic, wp.float64(half * mass * wp.dot(old, new)), n)
+                            kinetic = add_to(kinetic, kinetic_energy(mass, old, new), n)
                         if alpha > zero:
-                            drag = tau * alpha * mass * half * wp.dot(old, old + new)
-                            damp_step = add_to(damp_step, wp.float64(drag), n)
-                        v_r[n] = new[0]
-                        v_y[n] = new[1]
-                        u_r[n] = u_r[n] + h * new[0]
-                        u_y[n] = u_y[n] + h * new[1]
+                            damp_step = add_to(damp_step, drag_loss(mass, old, new, tau, alpha), n)
+                        move(u_r, u_y, v_r, v_y, n, new, h)
                         n += walkers()
 
                     b = from_the_end(lane)
@@ -258,14 +256,10 @@ def march_kernel(
                         push_upper[b] = from_above
                         carried[b] = riding
                         if ledger == 1:
-                            kinetic = add_to(kinetic, wp.float64(half * mass * wp.dot(old, new)), b)
+                            kinetic = add_to(kinetic, kinetic_energy(mass, old, new), b)
                         if alpha > zero:
-                            drag = tau * alpha * mass * half * wp.dot(old, old + new)
-                            damp_step = add_to(damp_step, wp.float64(drag), b)
-                        v_r[node] = new[0]
-                        v_y[node] = new[1]
-                        u_r[node] = u_r[node] + h * new[0]
-                        u_y[node] = u_y[node] + h * new[1]
+                            damp_step = add_to(damp_step, drag_loss(mass, old, new, tau, alpha), b)
+                        move(u_r, u_y, v_r, v_y, node, new, h)
                         b += walkers()
                 if ledger == 1:
                     put_total(parts, ELASTIC, elastic)

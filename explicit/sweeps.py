@@ -6,9 +6,10 @@ from typing import Any
 
 import warp as wp
 
+from explicit.corners import corner_functions
 from explicit.elements import ElementFunctions
 from explicit.lanes import lane_functions
-from explicit.places import Rooms, entry_function
+from explicit.places import Rooms
 from explicit.precision import Precision
 from explicit.structs import Structs
 
@@ -30,22 +31,14 @@ def sweep_functions(
     precision: Precision, element: ElementFunctions, structs: Structs, place: Rooms
 ) -> SweepFunctions:
     """Generate the sweeps."""
-    real, vec4 = precision.real, precision.vec4
+    real = precision.real
     Body, Solid = structs.Body, element.Solid
     lanes = lane_functions()
     empty_sum, add_to, walkers = lanes.empty_sum, lanes.add_to, lanes.walkers
-    node_at = entry_function(wp.int32)
+    corner = corner_functions(precision, structs)
+    nodes, values = corner.nodes, corner.values
     read_shape, corner_places = element.read_shape, place.corner_places
     element_forces, element_energies = element.forces, element.energies
-
-    @wp.func
-    def quad(body: Body, e: int):
-        return wp.vec4i(
-            node_at(body.quads, 0, e),
-            node_at(body.quads, 1, e),
-            node_at(body.quads, 2, e),
-            node_at(body.quads, 3, e),
-        )
 
     @wp.func
     def sweep_elements(
@@ -63,23 +56,23 @@ def sweep_functions(
     ):
         """Corner forces of this lane's elements; the largest omega^2; powers lost, as of the element."""
         worst, power, artificial = real(0.0), empty_sum(), empty_sum()
-        corner = corner_places(body.n_elements)
+        places = corner_places(body.n_elements)
         e = lane
         while e < body.n_elements:
-            q = quad(body, e)
+            q = nodes(body, e)
             f_r, f_y, omega_squared, dissipated, controlled = element_forces(
                 read_shape(body.shapes, e),
                 solid,
                 row,
-                vec4(u_r[q[0]], u_r[q[1]], u_r[q[2]], u_r[q[3]]),
-                vec4(u_y[q[0]], u_y[q[1]], u_y[q[2]], u_y[q[3]]),
-                vec4(v_r[q[0]], v_r[q[1]], v_r[q[2]], v_r[q[3]]),
-                vec4(v_y[q[0]], v_y[q[1]], v_y[q[2]], v_y[q[3]]),
+                values(u_r, q),
+                values(u_y, q),
+                values(v_r, q),
+                values(v_y, q),
                 measure,
             )
             for a in range(4):
-                corner_r[a * corner + e] = f_r[a]
-                corner_y[a * corner + e] = f_y[a]
+                corner_r[a * places + e] = f_r[a]
+                corner_y[a * places + e] = f_y[a]
             worst = wp.max(worst, omega_squared)
             power = add_to(power, wp.float64(dissipated), e)
             artificial = add_to(artificial, wp.float64(controlled), e)
@@ -101,21 +94,21 @@ def sweep_functions(
         most = real(0.0)
         e = lane
         while e < body.n_elements:
-            q = quad(body, e)
+            q = nodes(body, e)
             shape = read_shape(body.shapes, e)
             w, h, s = element_energies(
                 shape,
                 solid,
                 row,
-                vec4(u_r[q[0]], u_r[q[1]], u_r[q[2]], u_r[q[3]]),
-                vec4(u_y[q[0]], u_y[q[1]], u_y[q[2]], u_y[q[3]]),
+                values(u_r, q),
+                values(u_y, q),
             )
             elastic = add_to(elastic, wp.float64(w), e)
             hourglass = add_to(hourglass, wp.float64(h), e)
             most = wp.max(most, s)
             if s > limit_s:
                 past = add_to(past, wp.float64(shape.volume), e)
-            e += wp.block_dim()
+            e += walkers()
         return elastic, hourglass, past, wp.float64(most)
 
     return SweepFunctions(sweep_elements, sweep_energies)

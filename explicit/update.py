@@ -1,4 +1,4 @@
-"""The free motion of a node: corner forces gathered, and the velocity they would give it."""
+"""The motion of a node: corner forces gathered, the velocity they would give it, and where it goes."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -16,11 +16,17 @@ VALENCE = 4
 
 @dataclass(frozen=True)
 class UpdateFunctions:
-    """The update of a node before the platens have their say."""
+    """The update of a node; between its first and its second part the platens have their say."""
 
     free_velocity: Any
     """``free_velocity(body, corner_r, corner_y, v_r, v_y, n, tau, alpha) -> (old, free, mass)``: velocity
     before [m/s], velocity after an interval `tau` [s] without contact, and the node's mass [kg]."""
+    move: Any
+    """``move(u_r, u_y, v_r, v_y, n, new, step)``: node n goes on with the velocity `new` for a `step`."""
+    kinetic: Any
+    """``kinetic(mass, old, new)``: kinetic energy between two velocities [J]."""
+    drag_loss: Any
+    """``drag_loss(mass, old, new, tau, alpha)``: what mass-proportional damping took in an interval [J]."""
 
 
 @cache
@@ -29,7 +35,7 @@ def update_functions(precision: Precision, structs: Structs) -> UpdateFunctions:
     real, vec2 = precision.real, precision.vec2
     Body = structs.Body
     number, corner_at = entry_function(real), entry_function(wp.int32)
-    valence = int(VALENCE)
+    valence, half = int(VALENCE), real(0.5)
 
     @wp.func
     def free_velocity(
@@ -53,4 +59,27 @@ def update_functions(precision: Precision, structs: Structs) -> UpdateFunctions:
         push = vec2(f_r * number(body.masses, 1, n), f_y * number(body.masses, 2, n))
         return old, old - tau * (push + alpha * old), number(body.masses, 0, n)
 
-    return UpdateFunctions(free_velocity)
+    @wp.func
+    def move(
+        u_r: wp.array(dtype=real),
+        u_y: wp.array(dtype=real),
+        v_r: wp.array(dtype=real),
+        v_y: wp.array(dtype=real),
+        n: int,
+        new: vec2,
+        step: real,
+    ):
+        v_r[n] = new[0]
+        v_y[n] = new[1]
+        u_r[n] = u_r[n] + step * new[0]
+        u_y[n] = u_y[n] + step * new[1]
+
+    @wp.func
+    def kinetic(mass: real, old: vec2, new: vec2):
+        return wp.float64(half * mass * wp.dot(old, new))
+
+    @wp.func
+    def drag_loss(mass: real, old: vec2, new: vec2, tau: real, alpha: real):
+        return wp.float64(tau * alpha * mass * half * wp.dot(old, old + new))
+
+    return UpdateFunctions(free_velocity, move, kinetic, drag_loss)

@@ -1,0 +1,70 @@
+"""A CUDA device, where there is one, against the CPU: on the chip and off it, with ledgers and failures."""
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+import warp as wp
+
+from explicit import Model, Outcome, PlatenMotion, Response, Samples, Sampling, Stepping, cylinder, run
+from explicit.device import select_device
+from explicit.lanes import BLOCK
+from explicit.materials import neo_hookean
+from explicit.places import ON_CHIP_ELEMENTS
+
+TIMES = np.linspace(5e-6, 2e-4, 40)
+SAMPLES = Samples.of(stiffness_factor=[0.8, 1.0, 1.2], friction=0.3, damping=2.5e-5)
+MESHES = [(6, 8), (16, 22), (24, 32)]
+"""Fewer elements than walkers, as many, and more than fit on the chip in fp64."""
+APART = 1e-9
+"""Sums are made in another order: round-off, 1e-16, amplified by a few hundred steps."""
+
+
+@pytest.fixture(scope="module")
+def cuda() -> str:
+    select_device("cpu")
+    if not wp.is_cuda_available():
+        pytest.skip("no CUDA device")
+    return "cuda"
+
+
+def model(mesh: tuple[int, int]) -> Model:
+    """A soft disc under a platen that gains speed."""
+    motion = PlatenMotion.sampled(lambda t: 5e4 * t**2, lambda t: 1e5 * t, start=0.0, end=TIMES[-1])
+    specimen = cylinder(4.75e-3, 6.5e-3, n_radial=mesh[0], n_axial=mesh[1], grading=2.0)
+    return Model(specimen, 870.0, (neo_hookean(27e3),), (motion,), faces="coulomb", side="coulomb")
+
+
+def both(mesh: tuple[int, int], device: str, **stepping: int) -> tuple[Response, Response]:
+    problem = model(mesh)
+    sampling, steps = Sampling(TIMES, TIMES), Stepping(**stepping)  # type: ignore[arg-type]
+    here, there = (run(problem, SAMPLES, sampling, stepping=steps, device=d) for d in ("cpu", device))
+    return here, there
+
+
+def apart(a: np.ndarray, b: np.ndarray) -> float:
+    assert np.array_equal(np.isnan(a), np.isnan(b))
+    return float(np.nanmax(np.abs(a - b)) / max(float(np.nanmax(np.abs(a))), 1e-300))
+
+
+def test_the_meshes_are_what_they_are_for() -> None:
+    few, full, many = (across * along for across, along in MESHES)
+    assert few < BLOCK - 32 == full < ON_CHIP_ELEMENTS < many
+
+
+@pytest.mark.parametrize("mesh", MESHES, ids=str)
+def test_histories_and_ledgers_agree(mesh: tuple[int, int], cuda: str) -> None:
+    here, there = both(mesh, cuda)
+    for name in ("force_flyer", "force_transmission", "impulse_flyer", "surface_r", "surface_y"):
+        assert apart(getattr(here, name), getattr(there, name)) < APART, name
+    work = np.abs(here.energy.external).max()
+    for field in fields(here.energy):
+        difference = np.abs(getattr(here.energy, field.name) - getattr(there.energy, field.name)).max()
+        assert difference < APART * work, field.name
+    np.testing.assert_array_equal(here.steps, there.steps)
+
+
+def test_a_failure_ends_at_the_same_element(cuda: str) -> None:
+    here, there = both((24, 32), cuda, max_steps=50)
+    assert here.outcomes == there.outcomes == (Outcome.STEP_LIMIT,) * 3
+    np.testing.assert_array_equal(here.failed_elements, there.failed_elements)
