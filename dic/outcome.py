@@ -1,4 +1,4 @@
-"""How the measurement of one surface point in one frame ended: a named cause with its cure."""
+"""How the measurement of a surface point, and of a whole frame, ended: a named cause with its cure."""
 
 from enum import IntEnum
 
@@ -58,5 +58,51 @@ _CAUSES = {
     PointOutcome.NO_FIRST_GUESS: (
         "no neighbour or earlier frame gave a position to start from",
         "choose a seed point nearer to it, or raise the frame rate",
+    ),
+}
+
+
+class FrameOutcome(IntEnum):
+    """The end of one frame of a picture pair; the values are those stored in files."""
+
+    VALID = 0
+    UNREADABLE = 1
+    BLACK = 2
+    SATURATED = 3
+    LOST = 4
+
+    @property
+    def ok(self) -> bool:
+        """True when the frame gave points."""
+        return self is FrameOutcome.VALID
+
+    @property
+    def cause(self) -> str:
+        """What happened, in one sentence."""
+        return _FRAME_CAUSES[self][0]
+
+    @property
+    def cure(self) -> str:
+        """What a user can do about it."""
+        return _FRAME_CAUSES[self][1]
+
+
+_FRAME_CAUSES = {
+    FrameOutcome.VALID: ("points were found in both cameras", "nothing to do"),
+    FrameOutcome.UNREADABLE: (
+        "a camera's picture is missing or cannot be read",
+        "export the pictures again; the other frames stand",
+    ),
+    FrameOutcome.BLACK: (
+        "a picture shows no more than its noise",
+        "look at the trigger of the light and the exposure of that frame",
+    ),
+    FrameOutcome.SATURATED: (
+        "most of a picture is at the largest grey value",
+        "shorten the exposure; look for a flash in that frame",
+    ),
+    FrameOutcome.LOST: (
+        "no point was found in both cameras",
+        "look at the frame: a blocked view, another scene, or more motion than the search allows",
     ),
 }

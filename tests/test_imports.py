@@ -24,7 +24,7 @@ READERS_MAY_IMPORT = ("kolsky.records", "kolsky.errors", "kolsky.units", "kolsky
 """A reader knows one instrument format and no physics."""
 
 PLOTTING = {"matplotlib", "pyvista", "vtk", "vtkmodules"}
-HEAVY = sorted({"warp", "scipy", *PLOTTING})
+HEAVY = sorted({"warp", "scipy", "cv2", *PLOTTING})
 
 ALLOWED: dict[tuple[str, str], str] = {}
 """Exceptions: (importing module, imported module) -> the reason. Empty is the aim."""

@@ -1,0 +1,1 @@
+"""Cameras and their poses from pictures of targets."""

@@ -1,0 +1,180 @@
+"""A camera and a stereo rig: where a point of space is seen.
+
+Pixel coordinates are (x, y) = (column, row); whole numbers are pixel centres, (0, 0) the centre of the
+top left pixel. A camera sees a point X of the rig's frame at ``X_c = R X + t``, x to the right of the
+picture, y down, z along the view.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+PARAMETERS = ("fx", "fy", "cx", "cy", "skew", "k1", "k2", "p1", "p2", "k3")
+"""Names of the numbers that a camera's own parameters are listed in."""
+POSE = ("rx", "ry", "rz", "tx", "ty", "tz")
+"""Names of a pose: a small rotation [rad] applied after `Camera.rotation`, and the translation [m]."""
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera with Brown's lens distortion.
+
+    Raises
+    ------
+    ValueError
+        A focal length that is not positive, a rotation that is not one, a number that is not finite.
+    """
+
+    fx: float
+    """Focal length over pixel pitch, along x [px]."""
+    fy: float
+    """Focal length over pixel pitch, along y [px]."""
+    cx: float
+    """Principal point, x [px]."""
+    cy: float
+    """Principal point, y [px]."""
+    skew: float = 0.0
+    """Shear of the pixel grid: x = fx x' + skew y' + cx [px]."""
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    """Brown's k1, k2, p1, p2, k3, in OpenCV's order [-]."""
+    rotation: FloatArray = field(default_factory=lambda: np.eye(3))
+    """R, from the rig's frame to the camera's, shape [3, 3]."""
+    translation: FloatArray = field(default_factory=lambda: np.zeros(3))
+    """t, of the rig's origin in the camera's frame [m], shape [3]."""
+    sensor: tuple[int, int] | None = None
+    """Columns and rows of the picture these parameters belong to [px]."""
+
+    def __post_init__(self) -> None:
+        numbers = np.array([self.fx, self.fy, self.cx, self.cy, self.skew, *self.distortion])
+        if not np.all(np.isfinite(numbers)) or not np.all(np.isfinite(self.translation)):
+            raise ValueError(
+                f"a camera's parameters must be finite, got {numbers} and t = {self.translation}"
+            )
+        if self.fx <= 0.0 or self.fy <= 0.0:
+            raise ValueError(f"focal lengths must be positive, got fx = {self.fx}, fy = {self.fy} px")
+        off = np.abs(self.rotation @ self.rotation.T - np.eye(3)).max()
+        if not off < 1e-6 or np.linalg.det(self.rotation) < 0.0:
+            raise ValueError(f"rotation must be orthonormal and right-handed to 1e-6, is off by {off:.1e}")
+
+    @property
+    def matrix(self) -> FloatArray:
+        """The camera matrix K [px], shape [3, 3]."""
+        return np.array([[self.fx, self.skew, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+    @property
+    def centre(self) -> FloatArray:
+        """Centre of projection in the rig's frame [m], shape [3]."""
+        return np.asarray(-self.rotation.T @ self.translation)
+
+    def cropped(self, offset: tuple[float, float]) -> "Camera":
+        """The same camera for pictures whose top left pixel lies at `offset` (x, y) of the sensor [px]."""
+        return replace(self, cx=self.cx - offset[0], cy=self.cy - offset[1])
+
+    def in_camera(self, X: FloatArray) -> FloatArray:
+        """Points of the rig's frame in the camera's [m], shape [..., 3]."""
+        return np.asarray(X @ self.rotation.T + self.translation)
+
+    def distort(self, ideal: FloatArray) -> FloatArray:
+        """Where the lens puts an ideal image point, both on the plane z = 1 [-], shape [..., 2]."""
+        k1, k2, p1, p2, k3 = self.distortion
+        x, y = ideal[..., 0], ideal[..., 1]
+        r2 = x * x + y * y
+        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        return np.stack(
+            [
+                x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+                y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+            ],
+            axis=-1,
+        )
+
+    def project(self, X: FloatArray) -> FloatArray:
+        """Where points are seen [px], shape [..., 2]; NaN for a point behind the camera.
+
+        Parameters
+        ----------
+        X
+            Points in the rig's frame [m], shape [..., 3].
+        """
+        inside = self.in_camera(np.asarray(X, dtype=np.float64))
+        depth = np.where(inside[..., 2:] > 0.0, inside[..., 2:], np.nan)
+        return self.to_pixels(self.distort(inside[..., :2] / depth))
+
+    def to_pixels(self, plane: FloatArray) -> FloatArray:
+        """Points of the plane z = 1, distorted already, in pixels, shape [..., 2]."""
+        x = self.fx * plane[..., 0] + self.skew * plane[..., 1] + self.cx
+        return np.stack([x, self.fy * plane[..., 1] + self.cy], axis=-1)
+
+    def undistort(self, pixels: FloatArray) -> FloatArray:
+        """Ideal points on the plane z = 1 of what is seen at `pixels` [-], shape [..., 2].
+
+        Newton's method on `distort`, to 1e-12 of a focal length.
+
+        Raises
+        ------
+        ValueError
+            If it does not converge: the lens model folds back on itself there.
+        """
+        pixels = np.asarray(pixels, dtype=np.float64)
+        y = (pixels[..., 1] - self.cy) / self.fy
+        target = np.stack([(pixels[..., 0] - self.cx - self.skew * y) / self.fx, y], axis=-1)
+        ideal = target.copy()
+        for _ in range(30):
+            off = self.distort(ideal) - target
+            ideal = ideal - np.linalg.solve(self._slope(ideal), off[..., None])[..., 0]
+            if not np.any(np.abs(off) > 1e-12):  # a NaN pixel stays NaN and stops nobody
+                return ideal
+        worst = pixels.reshape(-1, 2)[np.nanargmax(np.abs(off).max(axis=-1).reshape(-1))]
+        raise ValueError(
+            f"the lens distortion {self.distortion} cannot be undone at pixel {worst}: it folds back there; "
+            "use fewer distortion coefficients, or a calibration that covers the whole picture"
+        )
+
+    def _slope(self, ideal: FloatArray) -> FloatArray:
+        """Derivative of `distort`, shape [..., 2, 2]."""
+        k1, k2, p1, p2, k3 = self.distortion
+        x, y = ideal[..., 0], ideal[..., 1]
+        r2 = x * x + y * y
+        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        growth = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3))  # d radial / d x = growth x
+        across = growth * x * y + 2.0 * p1 * x + 2.0 * p2 * y
+        return np.stack(
+            [
+                np.stack([radial + growth * x * x + 2.0 * p1 * y + 6.0 * p2 * x, across], axis=-1),
+                np.stack([across, radial + growth * y * y + 6.0 * p1 * y + 2.0 * p2 * x], axis=-1),
+            ],
+            axis=-2,
+        )
+
+
+@dataclass(frozen=True)
+class StereoRig:
+    """Two calibrated cameras that look at one specimen, and how well they are known."""
+
+    cameras: tuple[Camera, Camera]
+    """Camera 0 and camera 1; their poses refer to one frame, usually that of camera 0."""
+    covariance: FloatArray | None = None
+    """Of the parameters in `parameter_names` order, with m, rad and px; None if not known."""
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the rows of `covariance`: both cameras' `PARAMETERS`, then the relative pose.
+
+        The relative pose is ``R = exp([r]) R1 R0ᵀ``, ``t = t1 - R t0``; its `POSE` rotation is the small r.
+        """
+        return tuple([f"{name}{k}" for k in (0, 1) for name in PARAMETERS] + list(POSE))
+
+    @property
+    def relative(self) -> tuple[FloatArray, FloatArray]:
+        """R [3, 3] and t [m, 3] from camera 0 to camera 1: X_1 = R X_0 + t."""
+        first, second = self.cameras
+        R = second.rotation @ first.rotation.T
+        return R, second.translation - R @ first.translation
+
+    def cropped(self, first: tuple[float, float], second: tuple[float, float]) -> "StereoRig":
+        """The rig for pictures cropped at these offsets (x, y) of the sensors [px]."""
+        a, b = self.cameras
+        return replace(self, cameras=(a.cropped(first), b.cropped(second)))

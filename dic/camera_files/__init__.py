@@ -1,0 +1,1 @@
+"""Calibration files of other programs, read and written: one format a file."""

@@ -1,0 +1,7 @@
+"""Subset matching by inverse-compositional Gauss-Newton, many points at once."""
+
+from dic.correlation.match import Match
+from dic.correlation.settings import Correlation
+from dic.correlation.warp import Shape
+
+__all__ = ["Correlation", "Match", "Shape"]

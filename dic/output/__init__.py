@@ -1,0 +1,1 @@
+"""Surfaces on disk: HDF5, CSV, VTU, the reporting table."""

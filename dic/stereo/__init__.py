@@ -1,0 +1,1 @@
+"""Two cameras: which point is which, and where it is in space."""

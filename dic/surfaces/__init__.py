@@ -1,0 +1,1 @@
+"""From points in space to the specimen: cylinder, test frame, outline, strains."""

@@ -1,0 +1,1 @@
+"""Points followed through the frames of one camera."""

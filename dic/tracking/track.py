@@ -1,0 +1,28 @@
+"""Points of one camera through all frames."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Track:
+    """Subsets followed through a series, material picture and points fixed for the whole of it."""
+
+    points: FloatArray
+    """Places in the material picture (x, y) [px], shape [n_points, 2]."""
+    warp: FloatArray
+    """Total warps, shape [n_frames, n_points, 12]; meaningful where the outcome is VALID."""
+    covariance: FloatArray
+    """Of the position, noise of the match and of all reference updates before it [px²],
+    shape [n_frames, n_points, 2, 2]."""
+    zncc: FloatArray
+    """Correlation with the reference used, shape [n_frames, n_points]."""
+    outcome: IntArray
+    """`dic.PointOutcome`, shape [n_frames, n_points]."""
+    reference: IntArray
+    """Frame whose picture served as the reference, shape [n_frames, n_points]."""
