@@ -1,0 +1,1 @@
+"""Warp kernels of the subset match; the one place of `dic` that knows Warp."""
