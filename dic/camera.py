@@ -124,7 +124,7 @@ class Camera:
         ideal = target.copy()
         for _ in range(30):
             off = self.distort(ideal) - target
-            ideal = ideal - np.linalg.solve(self._slope(ideal), off[..., None])[..., 0]
+            ideal = ideal - np.linalg.solve(self.slope(ideal), off[..., None])[..., 0]
             if not np.any(np.abs(off) > 1e-12):  # a NaN pixel stays NaN and stops nobody
                 return ideal
         worst = pixels.reshape(-1, 2)[np.nanargmax(np.abs(off).max(axis=-1).reshape(-1))]
@@ -133,7 +133,7 @@ class Camera:
             "use fewer distortion coefficients, or a calibration that covers the whole picture"
         )
 
-    def _slope(self, ideal: FloatArray) -> FloatArray:
+    def slope(self, ideal: FloatArray) -> FloatArray:
         """Derivative of `distort`, shape [..., 2, 2]."""
         k1, k2, p1, p2, k3 = self.distortion
         x, y = ideal[..., 0], ideal[..., 1]
