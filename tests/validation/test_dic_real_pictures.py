@@ -4,7 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from dic import FrameOutcome
+from dic import FrameOutcome, PointOutcome
+from dic.correlation import Correlation, Noise, PictureStack, correlate, warp
 from dic.images import PictureError, frame_health, grey_noise, open_pictures, speckle_quality
 
 N_FRAMES, STATIC = 186, 12
@@ -102,3 +103,33 @@ def test_two_cameras_in_one_folder_need_a_pattern(shot):
     with pytest.raises(PictureError, match=r'"cam0_\*\.png", "cam1_\*\.png"'):
         open_pictures(shot / "calibration")
     assert open_pictures(shot / "calibration", pattern="cam1_*.png").n_frames == 20
+
+
+@pytest.mark.slow  # the first match compiles its kernels
+def test_the_predicted_floor_is_nearly_that_of_the_match(shot):
+    series = open_pictures(shot / "cam0.tif", bits=12)
+    frames = np.array([series.frame(k) for k in range(STATIC)])
+    noise = grey_noise(series, range(STATIC))
+    floor = speckle_quality(frames.mean(axis=0), None, 21, noise, averaged=STATIC).floor
+    side = np.arange(16, 113, 4)
+    points = np.array([(x, y) for y in side for x in side], dtype=np.float64)
+    stack = PictureStack.prepare(frames, noise=Noise(np.sqrt(noise.intercept), noise.slope))
+    normalised = []
+    for k in range(1, STATIC):
+        before, after = (np.full(len(points), frame) for frame in (k - 1, k))
+        match = correlate(
+            stack,
+            stack,
+            points,
+            warp.identity(len(points)),
+            Correlation(subset=21),
+            reference_picture=before,
+            deformed_picture=after,
+        )
+        assert np.all(match.outcome == PointOutcome.VALID)
+        moved = match.warp[:, :2] - np.median(match.warp[:, :2], axis=0)
+        normalised.append(moved / floor[points[:, 1].astype(int), points[:, 0].astype(int)])
+    # no match is better than the floor; six parameters and two of brightness are estimated from some nine
+    # speckles, and the reference is noisy too: about a tenth more
+    assert np.all(np.std(normalised, axis=(0, 1)) > 1.0)
+    assert np.all(np.std(normalised, axis=(0, 1)) < 1.2)
