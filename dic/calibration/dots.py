@@ -14,6 +14,8 @@ FloatArray = NDArray[np.float64]
 
 LEAST_AREA = 12.0
 """Area of the smallest dot that is looked for [px²]: below, an outline has too few pixels for an ellipse."""
+ALIKE = 1.8
+"""Dots of one target differ in radius by less than this, with all tilt and perspective."""
 MOST_DOTS = 20_000
 """A picture with more dark patches than this shows no target, and is not searched to its end."""
 WINDOW, RING = 1.35, 1.85
@@ -42,7 +44,7 @@ def find_dots(picture: NDArray[np.generic], *, dark: bool = True, round_dots: bo
     """All dots of a picture that lie wholly inside it.
 
     Outlines come from thresholds relative to the mean brightness nearby, at window sizes in steps of two;
-    the size with the most dots of similar darkness is kept. The centre of a dot is then the centroid of
+    the size with the most dots alike is kept. The centre of a dot is then the centroid of
 
         w = 1 - I / B
 
@@ -57,21 +59,30 @@ def find_dots(picture: NDArray[np.generic], *, dark: bool = True, round_dots: bo
     round_dots
         Whether outlines must be ellipses; False lets squares and other compact shapes pass.
     """
-    image, full = grey(picture)
+    image = grey(picture)
     if not dark:
         image = image.max() + image.min() - image
     eight = np.clip(255.0 * (image - image.min()) / max(np.ptp(image), 1e-12), 0, 255).astype(np.uint8)
     noise = noise_level(picture)
-    best = _nothing()
-    size = 15
+    best: list[tuple[FloatArray, bool]] = []
+    size, most = 15, 0.0
     while size <= max(16, min(eight.shape) // 2):
-        outlines = _outlines(eight, size, round_dots)
-        if len(outlines) > len(best.radius):
-            found = _located(image, outlines, noise, full)
-            if len(found.radius) > len(best.radius):
-                best = found
+        outlines, score = _alike(_outlines(eight, size, round_dots))
+        if score > most:
+            best, most = outlines, score
         size = 2 * size + 1
-    return best
+    return _located(image, best, noise)
+
+
+def _alike(outlines: list[tuple[FloatArray, bool]]) -> tuple[list[tuple[FloatArray, bool]], float]:
+    """The outlines of one size, with the sum of their radii: many dots outweigh specks and a few patches."""
+    radius = np.array([0.5 * np.sqrt(ellipse[2] * ellipse[3]) for ellipse, _ in outlines])
+    best, most = np.zeros(len(radius), dtype=bool), 0.0
+    for smallest in np.unique(radius):
+        rows = (radius >= smallest) & (radius <= ALIKE * smallest)
+        if radius[rows].sum() > most:
+            best, most = rows, float(radius[rows].sum())
+    return [outline for outline, kept in zip(outlines, best, strict=True) if kept], most
 
 
 def _nothing() -> Dots:
@@ -130,7 +141,7 @@ def _has_hole(
     return False
 
 
-def _located(image: FloatArray, outlines: list[tuple[FloatArray, bool]], noise: float, full: float) -> Dots:
+def _located(image: FloatArray, outlines: list[tuple[FloatArray, bool]], noise: float) -> Dots:
     """Centroids of the outlined dots; those whose darkness is unlike the others' are left out."""
     rows = [(_centroid(image, ellipse, noise), ellipse, hole) for ellipse, hole in outlines]
     good = [(c, e, hole) for c, e, hole in rows if c is not None]
