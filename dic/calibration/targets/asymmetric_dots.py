@@ -88,10 +88,11 @@ class AsymmetricDots:
 
 def _blob_detector(dots: Dots, dark: bool) -> Any:
     """OpenCV's detector, told the size and the colour of what was found already."""
-    options = cv2.SimpleBlobDetector_Params()
+    opencv: Any = cv2  # its type stubs leave this detector out
+    options = opencv.SimpleBlobDetector_Params()
     areas = np.pi * dots.radius**2
     options.minArea, options.maxArea = 0.5 * float(areas.min()), 2.0 * float(areas.max())
     options.blobColor = 0 if dark else 255
     options.minDistBetweenBlobs = float(dots.radius.min())
     options.filterByInertia, options.minInertiaRatio = True, 0.05
-    return cv2.SimpleBlobDetector_create(options)
+    return opencv.SimpleBlobDetector_create(options)
