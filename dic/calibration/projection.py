@@ -136,7 +136,7 @@ def derivatives(camera: Camera, sight: Sight, R: FloatArray, t: FloatArray) -> t
     perspective = np.zeros((n, 2, 3))
     perspective[:, 0, 0] = perspective[:, 1, 1] = 1.0 / z
     perspective[:, :, 2] = -inside[:, :2] / (z * z)[:, None]
-    by_place = K @ camera.slope(ideal) @ perspective
+    by_place = K @ camera.distortion_slope(ideal) @ perspective
     if sight.camera == 1:
         shared[:, :, 2 * OWN : 2 * OWN + 3] = -by_place @ cross_matrices(first @ camera.rotation.T)
         shared[:, :, 2 * OWN + 3 :] = by_place
