@@ -1,4 +1,4 @@
-"""Dots of a target in a picture: found by their outlines, located by their grey-weighted centroid."""
+"""Dots of a target in a picture: found by their outlines, located by centroid and edges."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.calibration.edges import LARGEST, fit_discs
 from dic.calibration.noise import grey, noise_level
 
 FloatArray = NDArray[np.float64]
@@ -29,9 +30,9 @@ class Dots:
     """Dots of a picture, one row a dot."""
 
     centre: FloatArray
-    """Grey-weighted centroid [px], shape [n, 2]."""
+    """Centroid of the image of the dot [px], shape [n, 2]."""
     sigma: FloatArray
-    """Standard deviation of a centroid coordinate from the picture's noise [px], shape [n]."""
+    """Standard deviation of a coordinate from the picture's noise [px], shape [n]."""
     mass: FloatArray
     """Sum of the darkness, each pixel between 0 (surroundings) and about 1 [px²], shape [n]."""
     radius: FloatArray
@@ -49,6 +50,8 @@ def find_dots(picture: NDArray[np.generic], *, dark: bool = True, round_dots: bo
         w = 1 - I / B
 
     with B a plane through the brightness around the dot, so that neither uneven light nor blur shifts it.
+    Round dots without a hole are then fitted by their edges (`dic.calibration.edges`), and the more precise
+    of the two is kept.
 
     Parameters
     ----------
@@ -71,7 +74,7 @@ def find_dots(picture: NDArray[np.generic], *, dark: bool = True, round_dots: bo
         if score > most:
             best, most = outlines, score
         size = 2 * size + 1
-    return _located(image, best, noise)
+    return _located(image, best, noise, round_dots)
 
 
 def _alike(outlines: list[tuple[FloatArray, bool]]) -> tuple[list[tuple[FloatArray, bool]], float]:
@@ -141,7 +144,9 @@ def _has_hole(
     return False
 
 
-def _located(image: FloatArray, outlines: list[tuple[FloatArray, bool]], noise: float) -> Dots:
+def _located(
+    image: FloatArray, outlines: list[tuple[FloatArray, bool]], noise: float, round_dots: bool
+) -> Dots:
     """Centroids of the outlined dots; those whose darkness is unlike the others' are left out."""
     rows = [(_centroid(image, ellipse, noise), ellipse, hole) for ellipse, hole in outlines]
     good = [(c, e, hole) for c, e, hole in rows if c is not None]
@@ -152,7 +157,29 @@ def _located(image: FloatArray, outlines: list[tuple[FloatArray, bool]], noise: 
     hollow = np.array([hole for _, _, hole in good])
     depth = values[:, 4]
     kept = depth > 0.4 * np.percentile(depth, 80.0)  # printed dots are about equally dark
-    return Dots(values[kept, :2], values[kept, 2], values[kept, 3], radius[kept], hollow[kept])
+    centre, sigma = values[kept, :2], values[kept, 2]
+    if round_dots:
+        ellipses = np.array([e for _, e, _ in good])[kept]
+        small = np.flatnonzero(~hollow[kept] & (radius[kept] <= LARGEST))
+        centre[small], sigma[small] = _fitted(image, centre[small], sigma[small], ellipses[small], noise)
+    return Dots(centre, sigma, values[kept, 3], radius[kept], hollow[kept])
+
+
+def _fitted(
+    image: FloatArray, centre: FloatArray, sigma: FloatArray, ellipses: FloatArray, noise: float
+) -> tuple[FloatArray, FloatArray]:
+    """Centres from the edges where that is the more precise, with their sigma."""
+    if not len(centre):
+        return centre, sigma
+    c, s = np.cos(np.deg2rad(ellipses[:, 4])), np.sin(np.deg2rad(ellipses[:, 4]))
+    along, across = 4.0 / ellipses[:, 2] ** 2, 4.0 / ellipses[:, 3] ** 2
+    shape = np.stack(
+        [along * c * c + across * s * s, (along - across) * c * s, along * s * s + across * c * c], axis=1
+    )
+    reach = 0.5 * float(ellipses[:, 2:4].max()) * WINDOW + MARGIN
+    found, noise_of_it = fit_discs(image, centre, shape, reach, noise)
+    better = noise_of_it < sigma  # not where the fit failed: NaN
+    return np.where(better[:, None], found, centre), np.where(better, noise_of_it, sigma)
 
 
 def _centroid(image: FloatArray, ellipse: FloatArray, noise: float) -> tuple[float, ...] | None:
