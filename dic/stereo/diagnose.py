@@ -142,8 +142,8 @@ def _standing_faults(
             return [*swap, _offset_finding(best[name])], cameras, best[name].shifts
     what = (
         f"epipolar distances of {before:.2f} px (median) stay at {after:.2f} px with the cameras exchanged, "
-        f"at {best['as given'].after:.2f} px with the best crop offset, and at {best['exchanged'].after:.2f} px "
-        "with both"
+        f"at {best['as given'].after:.2f} px with the best crop offset, "
+        f"and at {best['exchanged'].after:.2f} px with both"
     )
     cure = "calibrate again: a camera or lens has moved, or this calibration is of another set-up"
     return [Finding(Fault.CALIBRATION, what, cure, before, before, ())], rig, none

@@ -21,7 +21,7 @@ POINTS = 4000
 """Point pairs that are used at most, evenly taken from all."""
 INDEPENDENT = 100
 """Points that count at most for a standard deviation: neighbours share the errors of the calibration."""
-DETERMINED = 2.0
+DETERMINED = 8.0
 """Standard deviation up to which a component is determined [px]."""
 FARTHEST = 4096.0
 """Offset up to which one is sought [px]: the side of a large sensor."""
