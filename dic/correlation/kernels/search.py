@@ -1,5 +1,6 @@
 """The C++ of the search: inverse-compositional Gauss-Newton from a guess to an outcome."""
 
+from dic.correlation.kernels.grain import GRAIN
 from dic.correlation.kernels.jets import JETS
 from dic.correlation.kernels.packs import PACKS
 from dic.correlation.kernels.spline import SPLINE
@@ -60,9 +61,17 @@ _SEARCH = """
                 for (int k = start; k < room; k += STEP) op::store(T + k, op::load(T + k) - level);
                 N.sum(W, T, GX, GY, X, Y, room, start);
                 bool whole = true;  // N holds the whole template
-                double offset = level, contrast = 1.0, brightness = level;
+                double offset = level, contrast = 1.0, brightness = level, noise_f = 0.0, share = 0.0;
                 while (true) {
-                    if (!N.definite) { outcome = LOW_CONTRAST; break; }
+                    // What the noise of the reference adds to its gradients must be less than they themselves.
+                    noise_f = job.f_floor.data[a] + job.f_gain.data[a] * op::positive(N.mean + level);
+                    const double grit = job.grit * noise_f * N.n;
+                    const double xx = N.gradient[0] - 2.0 * grit * (F0[0] * F0[0] + F0[2] * F0[2]);
+                    const double xy = N.gradient[1] - 2.0 * grit * (F0[0] * F0[1] + F0[2] * F0[3]);
+                    const double yy = N.gradient[2] - 2.0 * grit * (F0[1] * F0[1] + F0[3] * F0[3]);
+                    if (!N.definite || !(xx > 0.0 && xx * yy > xy * xy)) { outcome = LOW_CONTRAST; break; }
+                    share = grit * (F0[0] * F0[0] + F0[1] * F0[1] + F0[2] * F0[2] + F0[3] * F0[3])
+                        / (N.gradient[0] + N.gradient[2]);
                     to.set(g, cx, cy, w, h);
                     jet::at(w, 0.0, 0.0, here, F1);
                     if (!to.sane) { outcome = OUT_OF_VIEW; break; }
@@ -139,12 +148,15 @@ _SEARCH = """
                             N.solve(column[c]);
                         }
                         jet::at(w, 0.0, 0.0, here, F1);
-                        const double noise_f =
-                            job.f_floor.data[a] + job.f_gain.data[a] * op::positive(N.mean + level);
                         const double noise_g =
                             job.g_floor.data[b] + job.g_gain.data[b] * op::positive(brightness);
-                        const double variance = noise_f / fabs(F0[0] * F0[3] - F0[1] * F0[2])
-                            + noise_g / fabs(F1[0] * F1[3] - F1[1] * F1[2]) / (contrast * contrast);
+                        const double spectrum[3] = {N.gradient[0] / N.energy, N.gradient[1] / N.energy,
+                                                    N.gradient[2] / N.energy};
+                        const double smooth = job.prefilter * job.prefilter;
+                        const double kept = 1.0 - share;
+                        const double variance = (noise_f * grain::gain(F0, smooth, spectrum)
+                            + noise_g * grain::gain(F1, smooth, spectrum) / (contrast * contrast))
+                            / (kept * kept);
                         const double xx = column[0][0] * variance, xy = column[0][ORDER] * variance;
                         const double yy = column[1][ORDER] * variance;
                         covariance[0] = F1[0] * (F1[0] * xx + F1[1] * xy) + F1[1] * (F1[0] * xy + F1[1] * yy);
@@ -171,4 +183,4 @@ def search_source(parameters: int) -> str:
     text = f"    constexpr int ORDER = {parameters // 2};  // monomials of a displacement component\n"
     for outcome in PointOutcome:
         text += f"    constexpr int {outcome.name} = {outcome.value};\n"
-    return text + PACKS + JETS + SPLINE + SUBSET + _SEARCH
+    return text + PACKS + JETS + SPLINE + GRAIN + SUBSET + _SEARCH
