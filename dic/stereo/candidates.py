@@ -56,9 +56,9 @@ class Subsets:
     xi: FloatArray
     """Offsets of the samples within the subset [px], shape [m, 2]."""
     template: NDArray[np.float32]
-    """Samples less their mean, over their norm; 0 outside the mask; shape [n, m]."""
+    """Samples less their mean, over their norm; 0 outside mask and picture; shape [n, m]."""
     weight: NDArray[np.float32]
-    """1 inside the mask, 0 outside, shape [n, m]."""
+    """1 inside mask and picture, 0 outside, shape [n, m]."""
     stride: int
     """Distance between samples [px]."""
 
@@ -88,16 +88,26 @@ def subsets(
     base = np.broadcast_to(points[:, None], everywhere)
     at = warps.apply(base, reference[:, None], xi)
     grey = sample(smoothed(picture, stride), at[..., 0], at[..., 1])
-    weight = np.ones(grey.shape, dtype=np.float32)
+    weight = inside_picture(at, (picture.shape[0], picture.shape[1])).astype(np.float32)
     if mask is not None:
-        column, row = np.moveaxis(np.rint(base + xi).astype(np.int64), -1, 0)
-        inside = (column >= 0) & (row >= 0) & (column < mask.shape[1]) & (row < mask.shape[0])
-        weight[:] = inside & mask[np.where(inside, row, 0), np.where(inside, column, 0)]
+        weight *= in_mask(base + xi, mask)
     total = np.maximum(weight.sum(axis=1, keepdims=True), 1.0)
     grey = (grey - np.sum(grey * weight, axis=1, keepdims=True) / total) * weight
     norm = np.linalg.norm(grey, axis=1, keepdims=True)
     template = np.divide(grey, norm, out=np.zeros_like(grey), where=norm > 0.0)
     return Subsets(points, reference, xi, template, weight, stride)
+
+
+def inside_picture(places: FloatArray, shape: tuple[int, int]) -> BoolArray:
+    """Whether places [px] lie between a picture's outermost pixel centres, shape [...]; NaN does not."""
+    return np.asarray(np.all((places >= 0.0) & (places <= (shape[1] - 1.0, shape[0] - 1.0)), axis=-1))
+
+
+def in_mask(places: FloatArray, mask: BoolArray) -> BoolArray:
+    """Whether the pixels nearest to places [px] belong to the mask, shape [...]."""
+    column, row = np.moveaxis(np.rint(places).astype(np.int64), -1, 0)
+    there = (column >= 0) & (row >= 0) & (column < mask.shape[1]) & (row < mask.shape[0])
+    return np.asarray(there & mask[np.where(there, row, 0), np.where(there, column, 0)])
 
 
 def smoothed(picture: NDArray[np.float32], stride: int) -> NDArray[np.float32]:
@@ -244,17 +254,34 @@ def _correlate(
         for c in (0, 1)
     )
     grey = sample(picture, x, y).reshape(n, k * h, -1)
-    both = np.stack([wanted.template, wanted.weight], axis=-1)
-    product, mean = np.moveaxis(grey @ both, -1, 0)
-    square = ((grey * grey) @ wanted.weight[:, :, None])[..., 0]
-    count = np.maximum(wanted.weight.sum(axis=1), 1.0)[:, None]
-    variance = square - mean * mean / count
-    # a place of one grey value (to rounding) matches nothing
-    flat = variance <= 1e-6 * np.maximum(square, 1e-30)
-    zncc = np.where(flat, -1.0, product / np.sqrt(np.where(flat, 1.0, variance)))
-    zncc = zncc.reshape(n, k, h).astype(np.float64)
+    template, weight = wanted.template[:, None], wanted.weight[:, None]
+    zncc = _zncc(grey, template, weight)
+    # what lies beyond the picture's rim does not count, and less than half a subset is none
+    beyond = (x < 0.0) | (y < 0.0) | (x > picture.shape[1] - 1.0) | (y > picture.shape[0] - 1.0)
+    i, j = np.nonzero(beyond.any(axis=1).reshape(n, k * h))
+    if len(i):
+        seen = wanted.weight[i] * ~beyond.reshape(n, k * h, -1)[i, j]
+        part = _zncc(grey[i, j], wanted.template[i], seen)
+        zncc[i, j] = np.where(2.0 * seen.sum(axis=1) < wanted.weight[i].sum(axis=1), -1.0, part)
+    zncc = zncc.reshape(n, k, h)
     zncc[nowhere] = -1.0
-    return np.asarray(zncc)
+    return zncc
+
+
+def _zncc(g: NDArray[np.float32], t: NDArray[np.float32], weight: NDArray[np.float32]) -> FloatArray:
+    """Zero-normalised cross-correlation of g and t over the samples of weight 1, shape [...]; -1 if flat."""
+    count = np.maximum(np.einsum("...m->...", weight), 1.0)
+
+    def total(a: NDArray[np.float32], b: NDArray[np.float32]) -> FloatArray:
+        return np.asarray(np.einsum("...m,...m->...", a, b), dtype=np.float64)
+
+    tw = t * weight
+    gw = g * weight
+    sg, st = total(g, weight), total(t, weight)
+    vg, vt = total(g, gw) - sg * sg / count, total(t, tw) - st * st / count
+    flat = (vg <= 1e-6 * total(g, gw)) | (vt <= 1e-6 * total(t, tw))
+    norm = np.sqrt(np.where(flat, 1.0, vg * vt))
+    return np.asarray(np.where(flat, -1.0, (total(g, tw) - sg * st / count) / norm))
 
 
 def _keep_best(

@@ -31,6 +31,8 @@ class Gate(IntFlag):
     """Another place on the epipolar line looks nearly as much alike, or more."""
     DISTANCE = 64
     """The point lies outside the declared distances."""
+    VIEW = 128
+    """A camera's picture holds too little of the subset: its outcome is OUT_OF_VIEW."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,8 @@ class Evidence:
     """ZNSSD over that of the best rival, the worse of both directions [-], shape [n]."""
     distance: FloatArray
     """Along camera 0's line of sight [m], shape [n]."""
+    seen: FloatArray
+    """Share of the subset within the mask that both pictures hold [-], shape [n]."""
 
 
 def judge(
@@ -84,6 +88,7 @@ def judge(
         (Gate.NEIGHBOURS, evidence.neighbours > gates.neighbours + wide),
         (Gate.UNIQUENESS, evidence.distinct > gates.distinct),
         (Gate.DISTANCE, ~((evidence.distance >= near) & (evidence.distance <= far))),
+        (Gate.VIEW, ~(evidence.seen >= gates.least_seen)),
     )
     return np.asarray(sum(np.where(failed, int(gate), 0) for gate, failed in fails), dtype=np.int64)
 

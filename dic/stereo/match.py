@@ -13,10 +13,10 @@ from dic.correlation.settings import Correlation
 from dic.correlation.stack import Noise, PictureStack
 from dic.correlation.warp import Shape
 from dic.outcome import PointOutcome
-from dic.stereo.candidates import SAMPLES, subsets
+from dic.stereo.candidates import SAMPLES, in_mask, inside_picture, subsets
 from dic.stereo.candidates import search as search_curves
 from dic.stereo.epipolar import epipolar_distance, epipolar_sigma
-from dic.stereo.facet import distance_along, fit_facet
+from dic.stereo.facet import distance_along, fit_facet, sight
 from dic.stereo.gates import Evidence, Gate, judge, neighbours_disagree, slope
 from dic.stereo.propagate import neighbourhood, propagate
 from dic.stereo.settings import StereoGates, StereoSearch
@@ -30,7 +30,12 @@ BoolArray = NDArray[np.bool_]
 SEARCHED = 31
 """Smallest side of the subset that a whole epipolar curve is searched with by default [px]."""
 MARGIN = 0.5
-"""Distances found are widened on both sides by this share of their span when rivals are looked for."""
+"""Distances found are widened on both sides by this share of their span when rivals are looked for ..."""
+ROOM = 2.0
+"""... and by at least so many subsets along the curve."""
+LOOSE = 0.02
+"""Tolerance of the way back [px], which a gate of a few tenths judges; at a picture's rim, where pixels come
+and go between the steps, a finer one may never be met."""
 
 
 @dataclass(frozen=True)
@@ -198,7 +203,7 @@ class _Matcher:
         turns = [(a, b) for a in self.search.stretching_turns for b in self.search.shearing_turns]
         limits = self.search.distances
         if limits is None and found.any():  # the rest of the surface is near what is known of it
-            limits = _widened(self._distances(np.flatnonzero(found), match))
+            limits = self._around(np.flatnonzero(found), match)
         candidates = search_curves(self.rig, wanted, self.pictures[1], limits=limits, turns=np.radians(turns))
         alone = 1.0 - candidates.zncc < self.search.distinct * (1.0 - candidates.rival)
         good = (candidates.zncc >= self.search.least_zncc) & alone
@@ -240,6 +245,15 @@ class _Matcher:
         places0, places1 = self.places[rows], warps.apply(self.points[rows], match.warp[rows])
         return distance_along(self.rig, places0, midpoint(self.rig, places0, places1))
 
+    def _around(self, rows: IntArray, match: Match) -> tuple[float, float]:
+        """Nearest and farthest distance of matched points, with room for rivals on either side [m]."""
+        distance = self._distances(rows, match)
+        near, far = float(distance.min()), float(distance.max())
+        seen = sight(self.rig, self.places[rows], distance)
+        pace = np.median(np.linalg.norm(seen.P @ seen.d[..., None], axis=1))  # along the curve [px/m]
+        margin = max(MARGIN * (far - near), ROOM * self.settings.subset / float(pace))
+        return max(near - margin, near / 2.0), far + margin
+
     def _judged(self, match: Match, near: IntArray) -> StereoMatch:
         """The evidence for every match, and the verdict."""
         n = len(self.points)
@@ -247,7 +261,7 @@ class _Matcher:
         rows = np.flatnonzero(valid)
         epipolar, epipolar_noise = self._epipolar(np.arange(n), match)
         facet, incidence, back, distinct, distance = (np.full(n, np.inf) for _ in range(5))
-        sigma = np.zeros(n)
+        sigma, seen = np.zeros(n), np.zeros(n)
         if len(rows):
             places0 = self.places[rows]
             distance[rows] = self._distances(rows, match)
@@ -255,23 +269,40 @@ class _Matcher:
             fit = fit_facet(self.rig, places0, distance[rows], A)
             facet[rows] = fit.across * (self.settings.subset / 2.0)
             incidence[rows] = np.maximum(*fit.incidence)
-            sigma[rows], back[rows], distinct[rows] = self._both_ways(rows, match, A, distance[rows])
+            seen[rows] = self._seen(rows, match)
+            sigma[rows], back[rows], distinct[rows] = self._both_ways(rows, match, A)
         disagree = neighbours_disagree(self.points, match.warp, near, valid)
-        evidence = Evidence(epipolar, epipolar_noise, facet, incidence, back, disagree, distinct, distance)
+        evidence = Evidence(
+            epipolar, epipolar_noise, facet, incidence, back, disagree, distinct, distance, seen
+        )
         failed = np.where(
             valid, judge(evidence, sigma, self.gates, self.search.distances), int(Gate.CORRELATION)
         )
         outcome = np.where(valid & (failed != 0), int(PointOutcome.STEREO_MISMATCH), match.outcome)
+        outcome[valid & (failed & int(Gate.VIEW) != 0)] = PointOutcome.OUT_OF_VIEW
         return StereoMatch(
             self.points, match.warp, match.covariance, match.zncc, outcome, failed.astype(np.int64), evidence
         )
 
+    def _seen(self, rows: IntArray, match: Match) -> FloatArray:
+        """Share of each subset within the mask that both pictures hold [-]."""
+        side = np.linspace(-0.5, 0.5, 9) * (self.settings.subset - 1)
+        xi = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+        base = np.repeat(self.points[rows, None], len(xi), axis=1)
+        wanted = np.ones(base.shape[:2], dtype=np.bool_)
+        if self.mask is not None:
+            wanted = in_mask(base + xi, self.mask)
+        held = wanted.copy()
+        for picture, warp in zip(self.pictures, (self.reference[rows], match.warp[rows]), strict=True):
+            held &= inside_picture(warps.apply(base, warp[:, None], xi), picture.shape)
+        return np.asarray(held.sum(axis=1) / np.maximum(wanted.sum(axis=1), 1))
+
     def _both_ways(
-        self, rows: IntArray, match: Match, A: FloatArray, distance: FloatArray
+        self, rows: IntArray, match: Match, A: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Sigma, distance of the way back, ZNSSD over that of the best rival, each of shape [rows]."""
         points, reference, warp = self.points[rows], self.reference[rows], match.warp[rows]
-        near, far = self.search.distances or _widened(distance)
+        near, far = self.search.distances or self._around(rows, match)
         side = self.settings.subset
         there = search_curves(
             self.rig,
@@ -295,7 +326,7 @@ class _Matcher:
             *self.stacks[::-1],
             points,
             back.warp,
-            self.settings,
+            replace(self.settings, tolerance=max(LOOSE, self.settings.tolerance)),
             reference_warp=warp,
             mask=self.mask,
         )
@@ -309,13 +340,6 @@ class _Matcher:
             shares.append(np.where(missed, np.inf, best))
         trace = np.trace(match.covariance[rows] + again.covariance, axis1=1, axis2=2)
         return np.sqrt(trace / 2.0), np.where(fine, off, np.inf), np.maximum(*shares)
-
-
-def _widened(distance: FloatArray) -> tuple[float, float]:
-    """Nearest and farthest of these distances, with a margin on either side [m]."""
-    near, far = float(distance.min()), float(distance.max())
-    margin = MARGIN * (far - near) + 0.002 * near  # a flat specimen has a span of nothing
-    return max(near - margin, near / 2.0), far + margin
 
 
 def _spread_out(points: FloatArray, wanted: BoolArray, number: int) -> IntArray:
