@@ -1,0 +1,89 @@
+"""Which reader opens a file: known by what it starts with, not by its name."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from dic.images import numbered, tiff
+from dic.images.declared import declared
+from dic.images.series import PictureError, Pictures
+
+
+@dataclass(frozen=True)
+class Format:
+    """A picture file format."""
+
+    name: str
+    """What users call it."""
+    sniff: Callable[[Path, bytes], bool]
+    """Whether a file, given with its first `SNIFFED` bytes, is of this format."""
+    read: Callable[[Path], Pictures]
+    """Opens it."""
+
+
+SNIFFED = 512
+"""How many bytes at the start of a file are looked at."""
+
+FORMATS = (Format("TIFF", tiff.sniff, tiff.read),)
+"""Formats that hold a series in one file, in the order in which they are asked."""
+
+
+def open_pictures(
+    path: Path | str | Sequence[Path | str],
+    *,
+    pattern: str | None = None,
+    bits: int | None = None,
+    crop_offset: tuple[float, float] | None = None,
+    times: Sequence[float] | None = None,
+    n_frames: int | None = None,
+) -> Pictures:
+    """Open the pictures of one camera, whatever the format.
+
+    Parameters
+    ----------
+    path
+        A file of any of the formats; a folder with a numbered series of PNG, JPEG or BMP files; or
+        a list of such files in the order of the frames.
+    pattern
+        In a folder: the names of the series with one `*` for the number, ``"cam0_*.png"``.
+    bits, crop_offset, times, n_frames
+        What the files do not say, or say wrongly: `dic.images.declared`.
+
+    Returns
+    -------
+    Pictures
+        The series. Only headers were read.
+
+    Raises
+    ------
+    PictureError
+        If there is nothing at `path`, no format fits, or the headers cannot be right.
+    """
+    pictures = _opened(path, pattern)
+    if bits is None and crop_offset is None and times is None and n_frames is None:
+        return pictures
+    return declared(pictures, bits=bits, crop_offset=crop_offset, times=times, n_frames=n_frames)
+
+
+def _opened(path: Path | str | Sequence[Path | str], pattern: str | None) -> Pictures:
+    if not isinstance(path, Path | str):
+        if pattern is not None:
+            raise PictureError("list of files", f'takes no pattern, got "{pattern}"')
+        return numbered.read_files([Path(one) for one in path])
+    path = Path(path)
+    if path.is_dir():
+        return numbered.read_folder(path, pattern)
+    if pattern is not None:
+        raise PictureError(path, f'is no folder: pattern "{pattern}" has nothing to choose from')
+    try:
+        with open(path, "rb") as file:
+            start = file.read(SNIFFED)
+    except OSError as error:
+        raise PictureError(path, f"cannot be read ({error.strerror})") from None
+    for known in FORMATS:
+        if known.sniff(path, start):
+            return known.read(path)
+    if path.suffix.lower() in numbered.SUFFIXES:
+        return numbered.read_files([path])
+    names = ", ".join(known.name for known in FORMATS)
+    raise PictureError(path, f"is none of {names}, PNG, JPEG, BMP", cure="export it as TIFF")

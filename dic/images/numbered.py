@@ -1,0 +1,177 @@
+"""Numbered series of PNG, JPEG and BMP pictures: one file a frame, decoded by OpenCV.
+
+The frame number is the number in the name; the first number present is frame 0, and numbers count in the
+largest step that fits them all (0002, 0004, 0008: step 2). A number that is left out is a missing frame.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import gcd
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.images.checks import Grey, checked_bits, checked_frame, checked_index, checked_shape
+from dic.images.series import PictureError
+from dic.images.whole import missing_end
+
+SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp")
+"""Endings of the files that a folder is searched for; a pattern may name any that OpenCV knows."""
+MOST_MISSING = 20
+"""Numbers a series may span for each picture that is there; more looks like time stamps."""
+LARGEST_FILE = 2**31
+"""Largest picture file that is read [bytes]."""
+
+
+@dataclass(frozen=True)
+class NumberedPictures:
+    """Frames that are files of their own; see `dic.images.Pictures`."""
+
+    path: Path
+    files: tuple[Path | None, ...]
+    """The file of each frame, None where the number is missing."""
+    numbers: tuple[int, ...]
+    """The numbers of the frames, as the names give them."""
+    shape: tuple[int, int]
+    bits: int
+    crop_offset: tuple[float, float] = (0.0, 0.0)
+    times: NDArray[np.float64] | None = None
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames, the missing ones counted."""
+        return len(self.files)
+
+    def frame(self, index: int) -> Grey:
+        """Grey values of one file, turned as its EXIF says, colours weighted to grey by OpenCV.
+
+        Raises
+        ------
+        PictureError
+            If the file is missing, cut short, cannot be decoded or has another shape.
+        """
+        file = self.files[checked_index(self.n_frames, index)]
+        if file is None:
+            raise PictureError(
+                self.path, f"no file has the number {self.numbers[index]}", frame=index, cure="copy it again"
+            )
+        return checked_frame(file, index, _decode(file, index), self.shape)
+
+
+def read_folder(path: Path, pattern: str | None = None) -> NumberedPictures:
+    """Open the series in a folder.
+
+    Parameters
+    ----------
+    path
+        The folder.
+    pattern
+        Names of the series with one `*` for the number, e.g. ``"cam0_*.png"``; without it all
+        pictures of the folder must belong to one series, by the last number in their names.
+
+    Raises
+    ------
+    PictureError
+        If there is no such series or more than one, two files have one number, the numbers
+        are no frame numbers, or no file can be decoded.
+    """
+    named = _matching(path, pattern) if pattern is not None else _only_series(path)
+    found: dict[int, Path] = {}
+    for number, file in named:
+        if number in found:
+            raise PictureError(path, f"{found[number].name} and {file.name} have one number, {number}")
+        found[number] = file
+    first, last = min(found), max(found)
+    step = gcd(*(number - first for number in found)) or 1
+    n_frames = (last - first) // step + 1
+    if n_frames > MOST_MISSING * len(found):
+        raise PictureError(
+            path,
+            f"{len(found)} pictures are numbered from {first} to {last}: these are no frame numbers",
+            cure="rename them, or open a list of files in the wanted order",
+        )
+    numbers = range(first, last + 1, step)
+    return _opened(path, [found.get(number) for number in numbers], tuple(numbers))
+
+
+def read_files(files: Sequence[Path]) -> NumberedPictures:
+    """Open picture files in the order given; frame i is file i, and a file that is not there a missing frame.
+
+    Raises
+    ------
+    PictureError
+        If there is no file or none can be decoded.
+    """
+    if not files:
+        raise PictureError("list of files", "it is empty")
+    return _opened(files[0].parent, list(files), tuple(range(len(files))))
+
+
+def _opened(path: Path, files: list[Path | None], numbers: tuple[int, ...]) -> NumberedPictures:
+    """The series, with shape and depth of its first picture that can be decoded."""
+    failures: list[PictureError] = []
+    for index, file in enumerate(files):
+        if file is None:
+            continue
+        try:
+            picture = _decode(file, index)
+        except PictureError as error:
+            failures.append(error)
+            continue
+        shape = checked_shape(file, *picture.shape)
+        container = picture.dtype.itemsize * 8
+        return NumberedPictures(path, tuple(files), numbers, shape, checked_bits(file, container, 16))
+    raise PictureError(path, f"none of {len(failures)} pictures can be decoded, the first: {failures[0]}")
+
+
+def _only_series(path: Path) -> list[tuple[int, Path]]:
+    """Number and file of the one series in a folder."""
+    series: dict[str, list[tuple[int, Path]]] = {}
+    for file in path.iterdir():
+        numbered = re.fullmatch(r"(.*?)(\d{1,18})(\D*)", file.stem, re.DOTALL)
+        if file.suffix.lower() in SUFFIXES and numbered:
+            before, number, after = numbered.groups()
+            series.setdefault(f"{before}*{after}{file.suffix}", []).append((int(number), file))
+    if not series:
+        raise PictureError(path, f"holds no numbered pictures ({', '.join(SUFFIXES)})")
+    if len(series) > 1:
+        names = ", ".join(f'"{name}"' for name in sorted(series)[:6])
+        raise PictureError(path, f"holds {len(series)} series: {names}", cure="name one with pattern=")
+    return next(iter(series.values()))
+
+
+def _matching(path: Path, pattern: str) -> list[tuple[int, Path]]:
+    """Number and file of the names that fit a pattern."""
+    if pattern.count("*") != 1 or "/" in pattern:
+        raise PictureError(path, f'pattern "{pattern}" must have one * for the number, and no /')
+    before, after = pattern.split("*")
+    fits = re.compile(re.escape(before) + r"(\d{1,18})" + re.escape(after))
+    found = [(int(hit[1]), file) for file in path.iterdir() if (hit := fits.fullmatch(file.name))]
+    if not found:
+        raise PictureError(path, f'no file fits the pattern "{pattern}", with a whole number for *')
+    return found
+
+
+def _decode(file: Path, index: int) -> NDArray[np.generic]:
+    import cv2
+
+    try:
+        size = file.stat().st_size
+        data = file.read_bytes() if size <= LARGEST_FILE else b""
+    except OSError as error:
+        raise PictureError(file, f"cannot be read ({error.strerror})", frame=index) from None
+    if not data:
+        raise PictureError(file, f"has {size} bytes, allowed are 1 to {LARGEST_FILE}", frame=index)
+    what = missing_end(data)
+    if what:
+        raise PictureError(file, what, frame=index, cure="copy or export it again")
+    flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH
+    try:
+        picture = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
+    except cv2.error as error:
+        raise PictureError(file, f"cannot be decoded ({error.err})", frame=index) from error
+    if picture is None:
+        raise PictureError(file, "cannot be decoded: damaged, or no picture", frame=index)
+    return np.asarray(picture)

@@ -1,0 +1,223 @@
+"""Multi-page TIFF and BigTIFF: 8, 12 and 16-bit grey values, a page a frame.
+
+Opening walks the chain of page headers and reads the first of them; a frame is decoded when it is asked for.
+A file that was cut off keeps the pages before the cut. How many were to follow it, only a description
+written by tifffile or ImageJ says; without one, one page more than are there is known to have been promised.
+"""
+
+import re
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.images.checks import MOST_FRAMES, Grey, checked_bits, checked_frame, checked_index, checked_shape
+from dic.images.packed import packed_size, unpack
+from dic.images.series import PictureError
+
+if TYPE_CHECKING:
+    import tifffile
+
+_MAGIC = {b"II*\0": "<", b"MM\0*": ">", b"II+\0": "<", b"MM\0+": ">"}
+_MOST_TAGS = 4096
+_OWN_DECODERS = {1, 8, 32773, 32946}
+"""Compressions decoded without a further library: none, Deflate (twice), PackBits; OpenCV has the others."""
+_CHUNKY, _MIN_IS_WHITE, _MIN_IS_BLACK = 1, 0, 1
+
+
+@dataclass(frozen=True)
+class TiffPictures:
+    """Frames of a multi-page TIFF; see `dic.images.Pictures`."""
+
+    path: Path
+    n_frames: int
+    shape: tuple[int, int]
+    bits: int
+    offsets: tuple[int, ...]
+    """Where the headers of the pages lie in the file [bytes]."""
+    crop_offset: tuple[float, float] = (0.0, 0.0)
+    times: NDArray[np.float64] | None = None
+
+    def frame(self, index: int) -> Grey:
+        """Grey values of one page, larger is brighter, shape [rows, columns].
+
+        Raises
+        ------
+        PictureError
+            If the page lies beyond a cut, cannot be decoded or has another shape.
+        """
+        if checked_index(self.n_frames, index) >= len(self.offsets):
+            raise PictureError(
+                self.path,
+                f"the file is cut off, {len(self.offsets)} of {self.n_frames} frames or more are there",
+                frame=index,
+                cure="copy or export it again",
+            )
+        try:
+            picture = _decode(self.path, index, self.offsets[index])
+        except PictureError:
+            raise
+        except Exception as error:  # whatever a decoder makes of a damaged page is the page's fault
+            raise PictureError(
+                self.path, f"cannot be decoded ({error})", frame=index, cure="copy or export the file again"
+            ) from error
+        return checked_frame(self.path, index, picture, self.shape)
+
+
+def sniff(path: Path, start: bytes) -> bool:
+    """Whether a file that starts like this is a TIFF."""
+    return start[:4] in _MAGIC
+
+
+def read(path: Path) -> TiffPictures:
+    """Open a TIFF.
+
+    The grey range is that of the stored numbers, unless the first page states a smaller one: in the
+    `MaxSampleValue` tag, or as `SignificantBits` in an OME description.
+
+    Raises
+    ------
+    PictureError
+        If it is not a TIFF of grey pictures, or not even its first page's header is there.
+    """
+    import tifffile
+
+    offsets, cut = _chain(path)
+    if not offsets:
+        raise PictureError(path, "it is cut off before its first page", cure="copy or export it again")
+    try:
+        with tifffile.TiffFile(path) as file:
+            file.filehandle.seek(offsets[0])
+            page = tifffile.TiffPage(file, 0)
+            stored, rows, columns = page.bitspersample, page.imagelength, page.imagewidth
+            largest, description = page.tags.valueof(281), page.description
+    except Exception as error:  # see TiffPictures.frame
+        raise PictureError(path, f"its first page cannot be read ({error})") from error
+    if not isinstance(stored, int) or not 1 <= stored <= 16:
+        raise PictureError(path, f"its grey values have {stored} bits, 8 to 16 can be read")
+    stated = _stated_bits(largest, description, stored)
+    promised = max(len(offsets) + cut, _promised(description) if cut else 0)
+    return TiffPictures(
+        path=path,
+        n_frames=promised,
+        shape=checked_shape(path, rows, columns),
+        bits=checked_bits(path, stated, 16),
+        offsets=offsets,
+    )
+
+
+def _chain(path: Path) -> tuple[tuple[int, ...], bool]:
+    """Offsets of the page headers that are whole, and whether the chain was cut off before its end."""
+    offsets: dict[int, None] = {}
+    with open(path, "rb") as file:
+        size = file.seek(0, 2)
+        file.seek(0)
+        magic = file.read(4)
+        order, big = _MAGIC[magic], magic in (b"II+\0", b"MM\0+")
+        head, count, entry, link = (16, "Q", 20, "Q") if big else (8, "H", 12, "I")
+        file.seek(8 if big else 4)
+        raw = file.read(struct.calcsize(link))
+        while len(raw) == struct.calcsize(link):
+            (offset,) = struct.unpack(order + link, raw)
+            if offset == 0:
+                return tuple(offsets), not offsets
+            if offset < head - 8 or offset in offsets or len(offsets) >= MOST_FRAMES:
+                raise PictureError(path, f"page {len(offsets)} starts at byte {offset}, where none can be")
+            if offset + struct.calcsize(count) > size:
+                return tuple(offsets), True
+            file.seek(offset)
+            (tags,) = struct.unpack(order + count, file.read(struct.calcsize(count)))
+            if not 1 <= tags <= _MOST_TAGS:
+                raise PictureError(
+                    path, f"page {len(offsets)} has {tags} tags, allowed are 1 to {_MOST_TAGS}"
+                )
+            file.seek(tags * entry, 1)
+            raw = file.read(struct.calcsize(link))
+            if len(raw) == struct.calcsize(link):
+                offsets[offset] = None
+    return tuple(offsets), True
+
+
+def _promised(description: str) -> int:
+    """How many pages the description of the first one speaks of; 0 if of none."""
+    shaped = re.search(r'"shape": ?\[(\d+), ?\d+, ?\d+\]', description)
+    imagej = re.search(r"^images=(\d+)$", description, re.MULTILINE) if "ImageJ=" in description else None
+    found = [int(match[1][:12]) for match in (shaped, imagej) if match]
+    return found[0] if found and found[0] <= MOST_FRAMES else 0
+
+
+def _stated_bits(largest: object, description: str, stored: int) -> int:
+    """Bits that the header says carry the grey value: at most those stored."""
+    significant = re.search(r'SignificantBits="(\d{1,2})"', description)
+    if significant and 1 <= int(significant[1]) <= stored:
+        return int(significant[1])
+    if isinstance(largest, int) and 1 <= largest < 2**stored:
+        return largest.bit_length()
+    return stored
+
+
+def _decode(path: Path, index: int, offset: int) -> NDArray[np.generic]:
+    import tifffile
+
+    with tifffile.TiffFile(path) as file:
+        file.filehandle.seek(offset)
+        page = tifffile.TiffPage(file, index)
+        shape = checked_shape(path, page.imagelength, page.imagewidth)
+        if page.samplesperpixel != 1 or page.photometric not in (_MIN_IS_WHITE, _MIN_IS_BLACK):
+            raise PictureError(
+                path, "is a colour picture", frame=index, cure="export grey values as they were recorded"
+            )
+        for start, length in zip(page.dataoffsets, page.databytecounts, strict=True):
+            if length < 1 or start + length > file.filehandle.size:
+                raise PictureError(
+                    path,
+                    f"its grey values lie at bytes {start} to {start + length} of {file.filehandle.size}",
+                    frame=index,
+                    cure="the file is cut off or damaged: copy or export it again",
+                )
+        if page.bitspersample == 12 and page.compression == 1 and not page.is_tiled:
+            picture: NDArray[np.generic] = _unpacked(file, page, shape)
+        elif page.bitspersample in (8, 16) and page.compression in _OWN_DECODERS:
+            picture = page.asarray()
+        else:
+            picture = _by_opencv(path, index, page.bitspersample)
+        if page.photometric == _MIN_IS_WHITE:
+            picture = (2**page.bitspersample - 1 - picture.astype(np.int64)).astype(picture.dtype)
+    return picture
+
+
+def _unpacked(file: "tifffile.TiffFile", page: "tifffile.TiffPage", shape: tuple[int, int]) -> Grey:
+    """An uncompressed page of 12 bits; each row starts at a whole byte."""
+    rows, columns = shape
+    length = packed_size(columns, 12)
+    raw = b"".join(
+        segment[:count] for segment, count in zip(_segments(file, page), page.databytecounts, strict=True)
+    )
+    if len(raw) < rows * length:
+        raise ValueError(f"{rows} rows of {length} bytes are {rows * length}, there are {len(raw)}")
+    table = np.frombuffer(raw, dtype=np.uint8, count=rows * length).reshape(rows, length)
+    even = np.zeros((rows, packed_size(columns + columns % 2, 12)), dtype=np.uint8)
+    even[:, :length] = table
+    return unpack(even.reshape(-1), 12, even.size * 2 // 3).reshape(rows, -1)[:, :columns]
+
+
+def _segments(file: "tifffile.TiffFile", page: "tifffile.TiffPage") -> Iterator[bytes]:
+    for start, length in zip(page.dataoffsets, page.databytecounts, strict=True):
+        file.filehandle.seek(start)
+        yield file.filehandle.read(length)
+
+
+def _by_opencv(path: Path, index: int, bits: int) -> NDArray[np.generic]:
+    import cv2
+
+    found, pictures = cv2.imreadmulti(str(path), index, 1, flags=cv2.IMREAD_UNCHANGED)
+    if not found or len(pictures) != 1:
+        raise ValueError("neither tifffile nor OpenCV knows its compression")
+    picture = np.asarray(pictures[0])
+    if picture.dtype == np.uint16 and bits < 16:  # OpenCV moves the bits of a short value to the top
+        return np.right_shift(picture, 16 - bits)
+    return picture

@@ -1,0 +1,46 @@
+"""Whether a picture file is whole: OpenCV decodes one that was cut off, and makes the rest up."""
+
+import struct
+import zlib
+
+_PNG = b"\x89PNG\r\n\x1a\n"
+_JPEG_END_WITHIN = 65_536
+"""How far from its end a JPEG's end mark may lie: cameras append notes [bytes]."""
+
+
+def missing_end(data: bytes) -> str:
+    """What is missing or damaged in the bytes of a PNG, JPEG or BMP file; empty if nothing is seen."""
+    if data.startswith(_PNG):
+        return _png(data)
+    if data.startswith(b"\xff\xd8"):
+        whole = b"\xff\xd9" in data[max(2, len(data) - _JPEG_END_WITHIN) :]
+        return "" if whole else "the JPEG file is cut off: its end mark is missing"
+    if data.startswith(b"BM"):
+        return _bmp(data)
+    return ""
+
+
+def _png(data: bytes) -> str:
+    place = len(_PNG)
+    while place + 12 <= len(data):
+        length, kind = struct.unpack_from(">I4s", data, place)
+        end = place + 12 + length
+        if end > len(data):
+            break
+        (check,) = struct.unpack_from(">I", data, end - 4)
+        if zlib.crc32(data[place + 4 : end - 4]) != check:
+            return f"the PNG file is damaged: the check sum of its block at byte {place} is wrong"
+        if kind == b"IEND":
+            return ""
+        place = end
+    return f"the PNG file is cut off: its block at byte {place} is not whole"
+
+
+def _bmp(data: bytes) -> str:
+    if len(data) < 34:
+        return "the BMP file is cut off in its header"
+    start, header, width, height, _, bits, compression = struct.unpack_from("<IIiiHHI", data, 10)
+    if header < 40 or compression != 0:
+        return ""  # an older header or run lengths: the decoder has to see
+    need = start + (abs(width) * bits + 31) // 32 * 4 * abs(height)
+    return f"the BMP file is cut off: {len(data)} of {need} bytes are there" if len(data) < need else ""
