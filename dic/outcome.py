@@ -16,6 +16,7 @@ class PointOutcome(IntEnum):
     LOW_CORRELATION = 4
     STEREO_MISMATCH = 5
     NO_FIRST_GUESS = 6
+    NO_PICTURE = 7
 
     @property
     def ok(self) -> bool:
@@ -58,6 +59,10 @@ _CAUSES = {
     PointOutcome.NO_FIRST_GUESS: (
         "no neighbour or earlier frame gave a position to start from",
         "choose a seed point nearer to it, or raise the frame rate",
+    ),
+    PointOutcome.NO_PICTURE: (
+        "the frame has no usable picture",
+        "see the outcome of the frame; the other frames stand",
     ),
 }
 

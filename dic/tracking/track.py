@@ -26,3 +26,5 @@ class Track:
     """`dic.PointOutcome`, shape [n_frames, n_points]."""
     reference: IntArray
     """Frame whose picture served as the reference, shape [n_frames, n_points]."""
+    frame_outcome: IntArray | None = None
+    """`dic.FrameOutcome` of the pictures, shape [n_frames]; None if nobody judged them."""

@@ -1,0 +1,61 @@
+"""Warp's devices, without its banner."""
+
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
+
+
+def select_device(name: str) -> Any:
+    """Start Warp quietly and return a device.
+
+    Raises
+    ------
+    ValueError
+        If the machine has no such device; the message lists those it has.
+    """
+    _start()
+    known = {"cpu"} | {device.alias for device in wp.get_cuda_devices()}
+    alias = "cuda:0" if name == "cuda" else name
+    if alias not in known:
+        raise ValueError(f"device must be one of {sorted(known)}, got {name!r}")
+    return wp.get_device(alias)
+
+
+@cache
+def _start() -> None:
+    wp.config.log_level = wp.LOG_ERROR
+    with _without(NO_DRIVER):
+        wp.init()
+
+
+@contextmanager
+def _without(expected: str) -> Iterator[None]:
+    """Keep one expected line of native code off stderr; anything else still gets there.
+
+    Warp's library says on every start that a machine has no GPU; that is no news to its user.
+    """
+    try:
+        saved = os.dup(2)
+    except OSError:  # no stderr at all, as under some services: nothing to keep clean
+        yield
+        return
+    with tempfile.TemporaryFile(mode="w+", encoding="utf-8", errors="replace") as caught:
+        sys.stderr.flush()
+        os.dup2(caught.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(saved, 2)
+            os.close(saved)
+            caught.seek(0)
+            for line in caught:
+                if expected not in line:
+                    os.write(2, line.encode())

@@ -1,0 +1,24 @@
+"""Spline coefficients of pictures, and their way to a device."""
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from dic.correlation.kernels.device import select_device
+from dic.correlation.kernels.spline import PAD
+
+
+def coefficients(grey: NDArray[np.float32], prefilter: float) -> NDArray[np.float32]:
+    """Coefficients of the quintic B-spline through a picture, with mirrored margins of `PAD`."""
+    smooth = ndimage.gaussian_filter(grey.astype(np.float64), prefilter, mode="mirror") if prefilter else grey
+    found = ndimage.spline_filter(smooth, order=5, output=np.float64, mode="mirror")
+    right = PAD + -(grey.shape[1] + 2 * PAD) % 16  # rows begin on a cache line
+    return np.pad(found, ((PAD, PAD), (PAD, right)), mode="reflect").astype(np.float32)
+
+
+def upload(planes: list[NDArray[np.float32]], device: str) -> Any:
+    """The planes on a device, shape [n, rows + 2 PAD, columns + 2 PAD and more]."""
+    return wp.array(np.stack(planes), dtype=wp.float32, device=select_device(device))

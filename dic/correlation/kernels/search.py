@@ -1,0 +1,169 @@
+"""The C++ of the search: inverse-compositional Gauss-Newton from a guess to an outcome."""
+
+from dic.correlation.kernels.jets import JETS
+from dic.correlation.kernels.packs import PACKS
+from dic.correlation.kernels.spline import SPLINE
+from dic.correlation.kernels.subset import SUBSET
+from dic.outcome import PointOutcome
+
+_SEARCH = """
+    const double h = 0.5 * (job.subset - 1);
+    const int square = job.subset * job.subset, room = job.room;
+    float* W = job.scratch.data + (long long)slot * 4 * room;
+    float* T = W + room; float* GX = T + room; float* GY = GX + room;
+    const float* X = job.offsets.data;
+    const float* Y = X + room;
+    const float* U = Y + room;  // 1 for a pixel of the subset, 0 for what fills the last pack
+    const int start = STEP == 32 ? lane : 0;
+
+    for (int i = first + slot; i < first + count; i += slots) {
+        const double cx = job.points.data[2 * i], cy = job.points.data[2 * i + 1];
+        double w[12], reference[12];
+        for (int k = 0; k < 12; ++k) {
+            w[k] = job.guess.data[12 * i + k];
+            reference[k] = job.has_reference ? job.reference.data[12 * i + k] : 0.0;
+        }
+        const long long a = job.reference_picture.data[i], b = job.deformed_picture.data[i];
+        const view f = {job.f.data + a * job.f_plane + job.f_first, job.f_rows, job.f_cols, job.f_stride};
+        const view g = {job.g.data + b * job.g_plane + job.g_first, job.g_rows, job.g_cols, job.g_stride};
+        const material body = {job.mask.data, job.mask_rows, job.mask_cols, cx, cy, h};
+        int outcome = NOT_CONVERGED, iterations = 0;
+        double zncc = 0.0, covariance[3] = {0.0, 0.0, 0.0};
+        double here[2], F0[4], F1[4], A[4], step[12];
+        places from, to;
+        normal N;
+
+        from.set(f, cx, cy, reference, h);
+        jet::at(reference, 0.0, 0.0, here, F0);
+        if (!from.sane || !jet::inverse(F0, A)) {
+            outcome = OUT_OF_VIEW;
+        } else {
+            // The template and its gradient by the offset in the subset.
+            pack counted = op::all(0.0f), total = counted;
+            for (int k = start; k < room; k += STEP) {
+                const pack x = op::load(X + k), y = op::load(Y + k);
+                pack u = op::load(U + k), px, py, gx, gy;
+                if (job.has_mask) u = u * body.at(x, y);
+                from.of(x, y, &px, &py);
+                if (!from.within) u = u * from.held(&px, &py);
+                const pack t = spline::slope(from.origin, from.stride, px, py, &gx, &gy);
+                from.turn(x, y, &gx, &gy);
+                op::store(W + k, u); op::store(T + k, t);
+                op::store(GX + k, gx); op::store(GY + k, gy);
+                counted += u; total += u * t;
+            }
+            const double n = op::sum(counted);
+            if (n < job.least_pixels * square) {
+                outcome = OUT_OF_VIEW;
+            } else {
+                const float level = (float)(op::sum(total) / n);  // sums of small numbers
+                for (int k = start; k < room; k += STEP) op::store(T + k, op::load(T + k) - level);
+                N.sum(W, T, GX, GY, X, Y, room, start);
+                bool whole = true;  // N holds the whole template
+                double offset = level, contrast = 1.0, brightness = level;
+                while (true) {
+                    if (!N.definite) { outcome = LOW_CONTRAST; break; }
+                    to.set(g, cx, cy, w, h);
+                    jet::at(w, 0.0, 0.0, here, F1);
+                    if (!to.sane) { outcome = OUT_OF_VIEW; break; }
+                    if (!jet::inverse(F1, A)) { outcome = NOT_CONVERGED; break; }
+                    if (!to.within || !whole) {
+                        // Pixels that left the picture do not count, those that came back do.
+                        pack left = op::all(0.0f);
+                        for (int k = start; k < room; k += STEP) {
+                            const pack x = op::load(X + k), y = op::load(Y + k);
+                            pack u = op::load(U + k), px, py;
+                            if (job.has_mask) u = u * body.at(x, y);
+                            from.of(x, y, &px, &py);
+                            u = u * from.held(&px, &py);
+                            to.of(x, y, &px, &py);
+                            u = u * to.held(&px, &py);
+                            op::store(W + k, u);
+                            left += u;
+                        }
+                        if (op::sum(left) < job.least_pixels * square) { outcome = OUT_OF_VIEW; break; }
+                        N.sum(W, T, GX, GY, X, Y, room, start);
+                        whole = to.within;
+                        if (!N.definite) { outcome = LOW_CONTRAST; break; }
+                    }
+                    pack g1 = op::all(0.0f), g2 = g1, tg = g1, s[K];
+                    for (int j = 0; j < K; ++j) s[j] = op::all(0.0f);
+                    monomials at;
+                    const float zero = (float)offset;
+                    for (int k = start; k < room; k += STEP) {
+                        const pack x = op::load(X + k), y = op::load(Y + k);
+                        pack px, py;
+                        to.of(x, y, &px, &py);
+                        if (!to.within) to.held(&px, &py);
+                        const pack v = spline::value(to.origin, to.stride, px, py) - zero;
+                        const pack wv = v * op::load(W + k);
+                        g1 += wv; g2 += wv * v; tg += wv * op::load(T + k);
+                        const pack ax = wv * op::load(GX + k), ay = wv * op::load(GY + k);
+                        at.set(x, y);
+                        for (int j = 0; j < ORDER; ++j) { s[j] += ax * at.m[j]; s[ORDER + j] += ay * at.m[j]; }
+                    }
+                    const double sum = op::sum(g1), mean = sum / N.n;
+                    const double energy = op::sum(g2) - mean * sum, cross = op::sum(tg) - N.mean * sum;
+                    if (!(energy > 0.0)) { outcome = LOW_CONTRAST; break; }
+                    zncc = cross / sqrt(energy * N.energy);
+                    contrast = sqrt(energy / N.energy);
+                    brightness = mean + zero;
+                    offset = brightness;
+                    if (iterations == job.max_iterations) { outcome = NOT_CONVERGED; break; }
+                    double d[K];
+                    for (int j = 0; j < K; ++j)
+                        d[j] = (op::sum(s[j]) - mean * N.S[j] - cross / N.energy * N.q[j]) / contrast;
+                    N.solve(d);
+                    for (int k = 0; k < 12; ++k) step[k] = 0.0;
+                    step[0] = d[0]; step[1] = d[ORDER];
+                    if (ORDER > 1) {
+                        step[2] = d[1 % K] / h; step[3] = d[2 % K] / h;
+                        step[4] = d[(ORDER + 1) % K] / h; step[5] = d[(ORDER + 2) % K] / h;
+                    }
+                    if (ORDER > 3)
+                        for (int k = 0; k < 3; ++k) {
+                            step[6 + k] = d[(3 + k) % K] / (h * h);
+                            step[9 + k] = d[(ORDER + 3 + k) % K] / (h * h);
+                        }
+                    ++iterations;
+                    const double far = jet::farthest(step, h);
+                    if (!(far < 1e3) || !jet::update(w, step)) { outcome = NOT_CONVERGED; break; }
+                    if (far < job.tolerance) {
+                        outcome = zncc < job.least_zncc ? LOW_CORRELATION : VALID;
+                        double column[2][K];
+                        for (int c = 0; c < 2; ++c) {
+                            for (int j = 0; j < K; ++j) column[c][j] = j == c * ORDER ? 1.0 : 0.0;
+                            N.solve(column[c]);
+                        }
+                        jet::at(w, 0.0, 0.0, here, F1);
+                        const double noise_f = (job.f_floor.data[a] + job.f_gain.data[a] * op::positive(N.mean + level));
+                        const double noise_g = (job.g_floor.data[b] + job.g_gain.data[b] * op::positive(brightness));
+                        const double variance = noise_f / fabs(F0[0] * F0[3] - F0[1] * F0[2])
+                            + noise_g / fabs(F1[0] * F1[3] - F1[1] * F1[2]) / (contrast * contrast);
+                        const double xx = column[0][0] * variance, xy = column[0][ORDER] * variance;
+                        const double yy = column[1][ORDER] * variance;
+                        covariance[0] = F1[0] * (F1[0] * xx + F1[1] * xy) + F1[1] * (F1[0] * xy + F1[1] * yy);
+                        covariance[1] = F1[2] * (F1[0] * xx + F1[1] * xy) + F1[3] * (F1[0] * xy + F1[1] * yy);
+                        covariance[2] = F1[2] * (F1[2] * xx + F1[3] * xy) + F1[3] * (F1[2] * xy + F1[3] * yy);
+                        break;
+                    }
+                }
+            }
+        }
+        if (start == 0) {
+            for (int k = 0; k < 12; ++k) job.warp.data[12 * i + k] = w[k];
+            for (int k = 0; k < 3; ++k) job.covariance.data[3 * i + k] = covariance[k];
+            job.zncc.data[i] = zncc;
+            job.iterations.data[i] = iterations;
+            job.outcome.data[i] = outcome;
+        }
+    }
+"""
+
+
+def search_source(parameters: int) -> str:
+    """The body of the native function for a shape function of so many parameters."""
+    text = f"    constexpr int ORDER = {parameters // 2};  // monomials of a displacement component\n"
+    for outcome in PointOutcome:
+        text += f"    constexpr int {outcome.name} = {outcome.value};\n"
+    return text + PACKS + JETS + SPLINE + SUBSET + _SEARCH

@@ -1,0 +1,122 @@
+"""Pictures prepared for the match: spline coefficients on a device, with the noise of their grey values."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dic.correlation.kernels import pictures as device_pictures
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise of grey values, independent from pixel to pixel: variance = floor² + gain × grey value.
+
+    Raises
+    ------
+    ValueError
+        A number that is negative or not finite.
+    """
+
+    floor: float
+    """Standard deviation in the dark [grey]."""
+    gain: float = 0.0
+    """Growth of the variance with the grey value, as of photons that are counted [grey]."""
+
+    def __post_init__(self) -> None:
+        for name in ("floor", "gain"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0.0):
+                raise ValueError(f"{name} of the noise must be finite and not negative, got {value}")
+
+
+@dataclass(frozen=True)
+class PictureStack:
+    """Pictures of one camera, ready to be matched; make it with `prepare`."""
+
+    n_pictures: int
+    """Number of pictures."""
+    shape: tuple[int, int]
+    """Rows and columns [px]."""
+    noise: tuple[Noise, ...]
+    """Of each picture, before any filter."""
+    prefilter: float
+    """Standard deviation of the Gaussian that the pictures were smoothed with [px]."""
+    device: str
+    """Where the coefficients lie."""
+    coefficients: Any
+    """Of the quintic B-splines, fp32, with mirrored margins; an array of the device."""
+
+    @property
+    def memory(self) -> int:
+        """Bytes of the coefficients on the device: 4 a pixel, margins included."""
+        return int(self.coefficients.size) * 4
+
+    @classmethod
+    def prepare(
+        cls,
+        pictures: ArrayLike | Iterable[ArrayLike],
+        *,
+        noise: float | Noise | Sequence[float | Noise],
+        prefilter: float = 0.0,
+        device: str = "cpu",
+    ) -> "PictureStack":
+        """Smooth pictures, if asked, and turn them into spline coefficients.
+
+        Parameters
+        ----------
+        pictures
+            Grey values, shape [rows, columns] or [n, rows, columns], or pictures of one shape one after the
+            other, of which only one at a time is held.
+        noise
+            Standard deviation of a grey value, the same in all pictures or one a picture [grey].
+        prefilter
+            Standard deviation of the Gaussian [px], 0 to 5; that of the `Correlation` used later.
+        device
+            "cpu" or "cuda".
+
+        Raises
+        ------
+        ValueError
+            No picture, pictures of several shapes or smaller than 8 x 8, grey values that are not finite, a
+            noise for another number of pictures, a device that is not there.
+        """
+        if not 0.0 <= prefilter <= 5.0:
+            raise ValueError(f"prefilter must be from 0 to 5 px, got {prefilter}")
+        if isinstance(pictures, np.ndarray) and pictures.ndim == 2:
+            pictures = pictures[None]
+        planes: list[Any] = []
+        shape: tuple[int, int] | None = None
+        for index, picture in enumerate(pictures):  # type: ignore[arg-type]
+            grey = np.asarray(picture, dtype=np.float32)
+            if grey.ndim != 2 or min(grey.shape) < 8:
+                raise ValueError(
+                    f"picture {index} must have two axes of at least 8 px, got shape {grey.shape}"
+                )
+            shape = shape or (grey.shape[0], grey.shape[1])
+            if grey.shape != shape:
+                raise ValueError(
+                    f"picture {index} has shape {grey.shape}, those before have {shape}: "
+                    "pictures of one stack come from one camera"
+                )
+            if not np.all(np.isfinite(grey)):
+                raise ValueError(f"picture {index} has grey values that are not finite")
+            planes.append(device_pictures.coefficients(grey, prefilter))
+        if shape is None:
+            raise ValueError("a stack needs at least one picture")
+        single = isinstance(noise, (int, float, Noise))
+        given = [noise] * len(planes) if single else list(noise)  # type: ignore[arg-type]
+        if len(given) != len(planes):
+            raise ValueError(f"noise must be one value or {len(planes)}, one a picture; got {len(given)}")
+        return cls(
+            n_pictures=len(planes),
+            shape=shape,
+            noise=tuple(value if isinstance(value, Noise) else Noise(float(value)) for value in given),  # type: ignore[arg-type]
+            prefilter=prefilter,
+            device=device,
+            coefficients=device_pictures.upload(planes, device),
+        )

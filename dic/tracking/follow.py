@@ -1,0 +1,254 @@
+"""Follow points through the frames of one camera."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.correlation import PictureStack
+from dic.correlation.warp import identity
+from dic.outcome import FrameOutcome, PointOutcome
+from dic.tracking.frame_match import FrameMatch
+from dic.tracking.frames import Picture, Series, count, judge, read
+from dic.tracking.matcher import Matcher, shares
+from dic.tracking.neighbours import Neighbours
+from dic.tracking.predict import Predictor
+from dic.tracking.references import References
+from dic.tracking.settings import Tracking
+from dic.tracking.track import Track
+from dic.tracking.update import Last, Updates, composed
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+MATERIAL = -1
+"""Frame number under which a material picture of another series is kept."""
+
+
+MATERIAL = -1
+"""Frame number under which a material picture of another series is kept."""
+
+
+def track(
+    pictures: Series,
+    points: FloatArray,
+    settings: Tracking | None = None,
+    *,
+    noise: float,
+    mask: BoolArray | None = None,
+    start: FloatArray | None = None,
+    start_covariance: FloatArray | None = None,
+    material: Picture | None = None,
+    first: int = 0,
+    frame_outcome: IntArray | None = None,
+    device: str = "cpu",
+    progress: Callable[[int, int], None] | None = None,
+) -> Track:
+    """Follow points through a series of pictures, read one at a time.
+
+    A frame without a usable picture and a point that is not found are outcomes; the rest goes on.
+
+    Parameters
+    ----------
+    pictures
+        The series; an array of shape [n_frames, rows, columns] will do.
+    points
+        Places (x, y) in the material picture [px], shape [n_points, 2].
+    settings
+        How to match and when to change references; None: `Tracking()`.
+    noise
+        Standard deviation of the pictures' noise [grey levels].
+    mask
+        Pixels of the material picture that belong to the surface, shape [rows, columns]; None: all.
+    start
+        Total warps of the points in frame `first`, shape [n_points, 12]; None: they have not moved. Without
+        `material` they are taken as they are, with it as the first guess.
+    start_covariance
+        Of the places that `start` gives, as the match that found them tells [px²], shape [n_points, 2, 2].
+    material
+        The material picture, shape [rows, columns], if it is not a frame of this series (of another camera,
+        say); None: frame `first` is the first reference.
+    first
+        Frame from which the points are followed, forward to the end and then back to the beginning.
+    frame_outcome
+        `dic.FrameOutcome` of the frames where the caller knows better, shape [n_frames]; frames that are not
+        VALID there are skipped.
+    device
+        Where the matches are computed.
+    progress
+        Called with the frames done and their number.
+
+    Raises
+    ------
+    ValueError
+        Points, mask, warps or frame numbers that do not fit the pictures, or a frame `first` without a picture.
+    """
+    chosen = settings or Tracking()
+    points = np.ascontiguousarray(points, dtype=np.float64)
+    n = count(pictures)
+    _check(points, n, start, start_covariance, material, first, frame_outcome)
+    run = _Run(pictures, points, chosen, noise, mask, frame_outcome, device)
+    run.begin(first, start, start_covariance, material)
+    forward = range(first if material is not None else first + 1, n)
+    backward = range(first - 1, -1, -1)
+    for done, frame in enumerate([*forward, *backward], start=n - len(forward) - len(backward)):
+        if frame == first - 1:
+            run.turn(first)
+        run.step(frame)
+        if progress is not None:
+            progress(done + 1, n)
+    return run.track
+
+
+def _check(
+    points: FloatArray,
+    n_frames: int,
+    start: FloatArray | None,
+    start_covariance: FloatArray | None,
+    material: Picture | None,
+    first: int,
+    frame_outcome: IntArray | None,
+) -> None:
+    n = len(points)
+    if points.ndim != 2 or points.shape[1] != 2 or n == 0 or not np.all(np.isfinite(points)):
+        raise ValueError(f"points must be finite pixels of shape [n, 2], n at least 1, got shape {points.shape}")
+    if not 0 <= first < n_frames:
+        raise ValueError(f"first must be a frame from 0 to {n_frames - 1}, got {first}")
+    wanted = (
+        ("start", start, (n, 12)),
+        ("start_covariance", start_covariance, (n, 2, 2)),
+        ("frame_outcome", frame_outcome, (n_frames,)),
+    )
+    for name, value, shape in wanted:
+        if value is not None and np.shape(value) != shape:
+            raise ValueError(f"{name} has shape {np.shape(value)}, must be {shape}")
+        if value is not None and not np.all(np.isfinite(value)):
+            raise ValueError(f"{name} must be finite: leave out the points that have no start")
+    if start_covariance is not None and (start is None or material is not None):
+        raise ValueError("start_covariance belongs to a start without a material picture")
+
+
+class _Run:
+    """A tracking under way."""
+
+    def __init__(
+        self,
+        pictures: Series,
+        points: FloatArray,
+        settings: Tracking,
+        noise: float,
+        mask: BoolArray | None,
+        frame_outcome: IntArray | None,
+        device: str,
+    ) -> None:
+        n_frames, n = count(pictures), len(points)
+        self.pictures, self.points, self.settings = pictures, points, settings
+        self.noise, self.device = noise, device
+        self.declared = frame_outcome
+        self.references = References(n)
+        self.matcher = Matcher(points, settings.correlation, self.references, mask)
+        self.neighbours = Neighbours.of(points)
+        self.predictor = Predictor(n)
+        self.material: Picture
+        self.updates = Updates(self.references, settings)
+        self.last: Last | None = None
+        self.track = Track(
+            points=points,
+            warp=np.full((n_frames, n, 12), np.nan),
+            covariance=np.full((n_frames, n, 2, 2), np.nan),
+            zncc=np.full((n_frames, n), np.nan),
+            outcome=np.full((n_frames, n), int(PointOutcome.NO_PICTURE)),
+            reference=np.full((n_frames, n), MATERIAL),
+            frame_outcome=np.full(n_frames, int(FrameOutcome.VALID)),
+        )
+
+    def begin(
+        self,
+        first: int,
+        start: FloatArray | None,
+        start_covariance: FloatArray | None,
+        material: Picture | None,
+    ) -> None:
+        """Take in the first reference, and match it with itself to learn which of its subsets are of use."""
+        n = len(self.points)
+        warp = identity(n) if start is None else np.array(start, dtype=np.float64)
+        none = np.zeros((n, 2, 2))
+        if material is not None:
+            self.material = np.asarray(material)
+            self.references.add(MATERIAL, self.material, self._prepared(self.material))
+            self.references.root(MATERIAL, identity(n), none)
+            self.predictor.add(first, np.arange(n), warp)
+            self.predictor.known[:] = 1
+            return
+        picture = read(self.pictures, first)
+        outcome = FrameOutcome.UNREADABLE if picture is None else judge(picture, picture)
+        if picture is None or not outcome.ok:
+            raise ValueError(f"frame {first} cannot be the first reference: {outcome.cause}; choose another")
+        self.material = picture
+        stack = self._prepared(picture)
+        self.references.add(first, picture, stack)
+        self.references.root(first, warp, none)
+        if start_covariance is not None:
+            template, _ = shares(warp, identity(n))
+            self.references.start_from(template[:, None, None] * np.asarray(start_covariance))
+        rows = np.arange(n)
+        match = self.matcher.match(stack, rows, warp, self.references.template(rows))
+        self.predictor.add(first, rows, warp)
+        track = self.track
+        track.warp[first], track.zncc[first], track.outcome[first] = warp, match.zncc, match.outcome
+        track.covariance[first] = none if start_covariance is None else start_covariance
+        track.reference[first] = first
+
+    def turn(self, first: int) -> None:
+        """Start again at frame `first`, to go back in time."""
+        found = np.flatnonzero(self.track.outcome[first] == int(PointOutcome.VALID))
+        self.predictor = Predictor(len(self.points))
+        for frame in range(min(first + 2, len(self.track.warp) - 1), first - 1, -1):
+            valid = found[self.track.outcome[frame, found] == int(PointOutcome.VALID)]
+            self.predictor.add(frame, valid, self.track.warp[frame, valid])
+        self.references.level[:] = 0
+        self.updates = Updates(self.references, self.settings)
+        self.last = None
+
+    def step(self, frame: int) -> None:
+        """Find the points in one frame."""
+        picture = read(self.pictures, frame)
+        if self.declared is not None and self.declared[frame] != int(FrameOutcome.VALID):
+            outcome = FrameOutcome(int(self.declared[frame]))
+        else:
+            outcome = judge(picture, self.material)
+        if picture is None or not outcome.ok:
+            self.track.frame_outcome[frame] = int(outcome)
+            return
+        stack = self._prepared(picture)
+        self.references.add(frame, picture, stack)
+        here = FrameMatch.begin(
+            picture,
+            stack,
+            self.matcher,
+            self.neighbours,
+            self.settings,
+            self.predictor.predict(frame),
+            self.predictor.known > 0,
+        )
+        self.updates.hurry(here, self.last)
+        self.updates.back(here)
+        covariance, carried = composed(here)
+        self._record(frame, here, covariance)
+        self.updates.forward(here, frame, carried)
+        found = np.flatnonzero(here.valid)
+        self.predictor.add(frame, found, here.warp[found])
+        self.last = Last(frame, here.warp, carried, here.valid)
+        self.references.tidy(keep=frame)
+
+    def _prepared(self, picture: Picture) -> PictureStack:
+        return PictureStack.prepare(picture[None], noise=self.noise, device=self.device)
+
+    def _record(self, frame: int, here: FrameMatch, covariance: FloatArray) -> None:
+        track = self.track
+        track.warp[frame], track.covariance[frame] = here.warp, covariance
+        track.zncc[frame], track.outcome[frame] = here.zncc, here.outcome
+        track.reference[frame] = here.template.frame
+        if not np.any(here.valid):
+            track.frame_outcome[frame] = int(FrameOutcome.LOST)

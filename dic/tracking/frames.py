@@ -1,0 +1,64 @@
+"""Which pictures of a series can be used."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.images.series import PictureError, Pictures
+from dic.outcome import FrameOutcome
+
+FloatArray = NDArray[np.float64]
+Picture = NDArray[Any]
+Series = Pictures | Sequence[Picture] | Picture
+"""A series of pictures: of a file, or arrays [rows, columns] in memory."""
+
+CONTRAST = 0.1
+"""A picture with less than this share of the material picture's contrast is black."""
+ROUGHNESS = 0.8
+"""Noise alone has neighbouring pixels that differ as much as any two: this share of it is noise."""
+CLIPPED = 0.5
+"""Share of the pixels at the largest grey value from which a picture is saturated."""
+
+
+def count(pictures: Series) -> int:
+    """Number of frames."""
+    return pictures.n_frames if isinstance(pictures, Pictures) else len(pictures)
+
+
+def read(pictures: Series, index: int) -> Picture | None:
+    """One frame, shape [rows, columns]; None if it cannot be read."""
+    if not isinstance(pictures, Pictures):
+        return np.asarray(pictures[index])
+    try:
+        return pictures.frame(index)
+    except (PictureError, OSError):
+        return None
+
+
+def judge(picture: Picture | None, material: Picture) -> FrameOutcome:
+    """Whether a picture shows a scene.
+
+    A picture is saturated if at least half of its pixels lie within 2 % of its largest grey value and that
+    lies above the mean of the material picture. It is black if its contrast (standard deviation) is below a
+    tenth of the material picture's, or if neighbouring pixels differ as much as distant ones do.
+
+    Parameters
+    ----------
+    picture
+        The frame, shape [rows, columns]; None if it could not be read.
+    material
+        The material picture, shape [rows, columns] of its own camera.
+    """
+    if picture is None or picture.ndim != 2 or not np.all(np.isfinite(picture)):
+        return FrameOutcome.UNREADABLE
+    grey = np.asarray(picture, dtype=np.float32)
+    top = float(grey.max())
+    if np.mean(grey >= 0.98 * top) >= CLIPPED and top > float(np.mean(material)):
+        return FrameOutcome.SATURATED
+    contrast = float(grey.std())
+    if contrast <= CONTRAST * float(np.std(material)):
+        return FrameOutcome.BLACK
+    rough = min(float(np.diff(grey, axis=axis).std()) for axis in (0, 1)) / (np.sqrt(2.0) * contrast)
+    return FrameOutcome.BLACK if rough > ROUGHNESS else FrameOutcome.VALID

@@ -1,0 +1,98 @@
+"""Which points lie beside which, and what they say about each other."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from dic.correlation.warp import carried
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+NEAREST = 8
+"""Neighbours looked for: those around a point of a square grid."""
+REACH = 3.0
+"""A neighbour farther than this many times the median distance of the nearest one is none."""
+
+
+@dataclass(frozen=True)
+class Neighbours:
+    """The nearest points of every point in the material picture."""
+
+    index: IntArray
+    """Rows of the neighbours, nearest first, shape [n, k]; where `there` is False the point itself."""
+    step: FloatArray
+    """From the neighbours to the point [px], shape [n, k, 2]."""
+    there: BoolArray
+    """Whether there is such a neighbour, shape [n, k]."""
+
+    @classmethod
+    def of(cls, points: FloatArray) -> "Neighbours":
+        """Neighbours of `points` (x, y) [px], shape [n, 2]."""
+        n = len(points)
+        k = min(NEAREST, n - 1)
+        if k < 1:
+            empty = np.zeros((n, 1), dtype=np.int64)
+            return cls(empty, np.zeros((n, 1, 2)), np.zeros((n, 1), dtype=bool))
+        distance, index = cKDTree(points).query(points, k=k + 1)
+        # a point that coincides with another need not be its own nearest one
+        own = index == np.arange(n)[:, None]
+        own[~own.any(axis=1), -1] = True
+        distance, index = distance[~own].reshape(n, k), index[~own].reshape(n, k)
+        there = distance <= REACH * np.median(distance[:, 0])
+        index = np.where(there, index, np.arange(n)[:, None])
+        return cls(index, points[:, None, :] - points[index], there)
+
+    def guesses(self, warp: FloatArray, rows: IntArray) -> FloatArray:
+        """The warps that the neighbours of points `rows` suggest for them, shape [len(rows), k, 12]."""
+        return carried(warp[self.index[rows]], self.step[rows])
+
+    def best(self, warp: FloatArray, zncc: FloatArray, usable: BoolArray, rows: IntArray) -> FloatArray:
+        """The warp that the neighbour with the best correlation suggests (reliability-guided), [len(rows), 12].
+
+        Parameters
+        ----------
+        warp
+            Warps of all points, shape [n, 12].
+        zncc
+            Their correlations, shape [n].
+        usable
+            Which of them have been found, shape [n].
+        rows
+            Points with at least one neighbour among those.
+        """
+        index = self.index[rows]
+        score = np.where(self.there[rows] & usable[index], zncc[index], -np.inf)
+        pick = np.argmax(score, axis=1)
+        here = np.arange(len(rows))
+        return carried(warp[index[here, pick]], self.step[rows][here, pick])
+
+    def any(self, usable: BoolArray) -> BoolArray:
+        """Which points have a neighbour among the `usable` ones, shape [n]."""
+        return np.any(self.there & usable[self.index], axis=1)
+
+    def agreeing(self, warp: FloatArray, usable: BoolArray, rows: IntArray, gate: float) -> BoolArray:
+        """Which points lie where two of their neighbours put them, shape [len(rows)].
+
+        Two, not most: at the border of two bodies most neighbours may belong to the other one. A point with
+        fewer than three neighbours found has nobody to contradict it and agrees.
+
+        Parameters
+        ----------
+        warp, usable, rows
+            As in `best`.
+        gate
+            Largest distance [px].
+        """
+        index, step = self.index[rows], self.step[rows]
+        near = warp[index]
+        x, y = step[..., 0], step[..., 1]
+        u = near[..., 0] + near[..., 2] * x + near[..., 3] * y
+        v = near[..., 1] + near[..., 4] * x + near[..., 5] * y
+        off = np.hypot(u - warp[rows, None, 0], v - warp[rows, None, 1])
+        asked = self.there[rows] & usable[index]
+        votes = np.sum(asked & (off <= gate), axis=1)
+        return (votes >= 2) | (np.sum(asked, axis=1) < 3)

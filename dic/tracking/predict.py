@@ -1,0 +1,69 @@
+"""Where points will be in the next frame."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+ORDERS = (0, 1, 2)
+"""At rest, constant velocity, constant acceleration."""
+PARTS = (slice(0, 2), slice(2, 6), slice(6, 12))
+"""Displacement, its first and its second derivatives: the noisier, the lower the order that foretells best."""
+
+
+class Predictor:
+    """Extrapolates the warps of the last three frames in which each point was found.
+
+    The order of the extrapolation is that which would have foretold the last frame best, by the median over
+    the points, for displacements and their derivatives each: a series that starts from rest, moves steadily
+    or is shaken chooses its own. A point with too short a past takes the highest order it has.
+    """
+
+    def __init__(self, n: int) -> None:
+        self.frame = np.zeros((3, n), dtype=np.int64)
+        """Latest first, shape [3, n]."""
+        self.warp = np.zeros((3, n, 12))
+        """Warps in those frames, shape [3, n, 12]."""
+        self.known = np.zeros(n, dtype=np.int64)
+        """How many of them are filled, shape [n]."""
+        self.order = [0] * len(PARTS)
+        """Order in use for each of `PARTS`."""
+        self._foretold: dict[int, FloatArray] = {}
+
+    def predict(self, frame: int) -> FloatArray:
+        """Warps expected in `frame`, shape [n, 12]; those of a point never found are zero."""
+        self._foretold = {order: self._extrapolated(frame, order) for order in ORDERS}
+        guess = np.empty_like(self.warp[0])
+        for part, order in zip(PARTS, self.order, strict=True):
+            guess[:, part] = self._foretold[order][:, part]
+        return guess
+
+    def add(self, frame: int, rows: IntArray, warp: FloatArray) -> None:
+        """Take in that points `rows` were found in `frame` with these warps, shape [len(rows), 12]."""
+        past = self.known[rows] > max(ORDERS)
+        if self._foretold and np.any(past):
+            found = warp[past]
+            off = [np.abs(self._foretold[order][rows[past]] - found) for order in ORDERS]
+            for k, part in enumerate(PARTS):
+                self.order[k] = int(np.argmin([np.median(o[:, part].max(axis=1)) for o in off]))
+        self._foretold = {}
+        for kept in (self.frame, self.warp):
+            kept[1:, rows] = kept[:-1, rows]
+        self.frame[0, rows], self.warp[0, rows] = frame, warp
+        self.known[rows] = np.minimum(self.known[rows] + 1, 3)
+
+    def _extrapolated(self, frame: int, order: int) -> FloatArray:
+        """Lagrange's polynomial through the latest `order` + 1 frames of each point, at `frame`."""
+        result = self.warp[0].copy()
+        for reach in range(1, order + 1):
+            rows = np.flatnonzero(np.minimum(self.known - 1, order) == reach)
+            times = self.frame[: reach + 1, rows].astype(np.float64)
+            total = np.zeros((len(rows), 12))
+            for j in range(reach + 1):
+                others = [times[i] for i in range(reach + 1) if i != j]
+                weight = np.prod([(frame - t) / (times[j] - t) for t in others], axis=0)
+                total += weight[:, None] * self.warp[j, rows]
+            result[rows] = total
+        return result

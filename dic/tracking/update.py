@@ -1,0 +1,122 @@
+"""When a point changes its reference: forward when it no longer looks like it, back when it does again."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.outcome import PointOutcome
+from dic.tracking.frame_match import FrameMatch
+from dic.tracking.matcher import compose
+from dic.tracking.references import References, Template, relative, stretch
+from dic.tracking.settings import Tracking
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+JOIN = 0.7
+"""When a point changes its reference, others that have come this far toward it (in ln stretch) join: fewer
+pictures are kept and the neighbours keep a common reference."""
+DROP = 0.05
+"""A poor correlation asks for a new reference only if it has fallen by this much since the reference was new."""
+
+
+@dataclass(frozen=True)
+class Last:
+    """The latest frame with a picture, as a reference that a point may need in a hurry."""
+
+    frame: int
+    warp: FloatArray
+    """Total warps, shape [n, 12]."""
+    carried: FloatArray
+    """Covariance that a chain through this frame carries [px²], shape [n, 2, 2]."""
+    valid: BoolArray
+    """Points found in it, shape [n]."""
+
+
+class Updates:
+    """Decides about the references of n points."""
+
+    def __init__(self, references: References, settings: Tracking) -> None:
+        n = len(references.level)
+        self.references, self.settings = references, settings
+        self.low = np.zeros(n, dtype=bool)
+        """Points whose correlation was poor in the frame before, shape [n]."""
+        self.fresh = np.full(n, np.nan)
+        """Correlation in the first frame after the reference was taken, shape [n]."""
+        self.steps = 0
+
+    def hurry(self, here: FrameMatch, last: Last | None) -> None:
+        """Try lost points with the frame before as their reference, and let them keep it if that finds them."""
+        if last is None:
+            return
+        rows = np.flatnonzero(~here.valid & last.valid & (here.template.frame != last.frame))
+        if len(rows) == 0:
+            return
+        template = Template(
+            np.full(len(rows), last.frame),
+            last.warp[rows],
+            last.carried[rows],
+            np.zeros(len(rows), dtype=bool),
+        )
+        guess = here.guess[rows]
+        lean = here.neighbours.any(here.valid)[rows]
+        guess[lean] = here.neighbours.best(here.warp, here.zncc, here.valid, rows[lean])
+        found = here.attempt(rows, guess, template)
+        self.references.renew(found, last.frame, last.warp[found], last.carried[found])
+        self.fresh[found] = np.nan
+        here.propagate()
+
+    def forward(self, here: FrameMatch, frame: int, carried: FloatArray) -> None:
+        """Give the points that ask for it this frame as their reference."""
+        valid = np.flatnonzero(here.valid)
+        new = np.isnan(self.fresh[valid])
+        self.fresh[valid[new]] = here.zncc[valid[new]]
+        low = np.zeros_like(self.low)
+        poor = here.zncc[valid] < np.minimum(self.settings.update_zncc, self.fresh[valid] - DROP)
+        low[valid] = poor
+        strain = np.log(stretch(relative(here.warp[valid], here.template.warp[valid])))
+        limit = np.log(self.settings.update_stretch)
+        asks = (strain > limit) | (poor & self.low[valid])
+        if np.any(asks):
+            asks |= strain > JOIN * limit
+        rows = valid[asks]
+        self.references.renew(rows, frame, here.warp[rows], carried[rows])
+        self.fresh[rows], low[rows] = np.nan, False
+        self.low = low
+
+    def back(self, here: FrameMatch) -> None:
+        """Return points to an earlier reference that they look like again; the match with it replaces theirs."""
+        self.steps += 1
+        if self.settings.return_every == 0 or self.steps % self.settings.return_every != 0:
+            return
+        rows = np.flatnonzero(here.valid & (self.references.level > 0))
+        if len(rows) == 0:
+            return
+        earlier = self.references.template(rows, back=1)
+        strain = np.log(stretch(relative(here.warp[rows], earlier.warp)))
+        near = strain < JOIN * np.log(self.settings.update_stretch)
+        rows, earlier = rows[near], earlier.take(np.flatnonzero(near))
+        if len(rows) == 0:
+            return
+        match = here.matcher.match(here.stack, rows, here.warp[rows], earlier)
+        off = np.hypot(*(match.warp[:, :2] - here.warp[rows, :2]).T)
+        fits = match.outcome == int(PointOutcome.VALID)
+        fits &= match.zncc >= np.minimum(self.settings.update_zncc, here.zncc[rows])
+        fits &= off <= self.settings.neighbour_gate
+        picked = np.flatnonzero(fits)
+        rows = rows[picked]
+        here.warp[rows], here.zncc[rows] = match.warp[picked], match.zncc[picked]
+        here.covariance[rows] = match.covariance[picked]
+        here.template.put(rows, earlier.take(picked))
+        self.references.go_back(rows)
+        self.fresh[rows], self.low[rows] = np.nan, False
+
+
+def composed(here: FrameMatch) -> tuple[FloatArray, FloatArray]:
+    """`compose` for the points found, NaN for the others, each of shape [n, 2, 2]."""
+    total, carried = np.full_like(here.covariance, np.nan), np.full_like(here.covariance, np.nan)
+    rows = np.flatnonzero(here.valid)
+    total[rows], carried[rows] = compose(here.covariance[rows], here.warp[rows], here.template.take(rows))
+    return total, carried
