@@ -124,7 +124,9 @@ class Camera:
         ideal = target.copy()
         for _ in range(30):
             off = self.distort(ideal) - target
-            ideal = ideal - np.linalg.solve(self._slope(ideal), off[..., None])[..., 0]
+            (a, b), (c, d) = np.moveaxis(self.distortion_slope(ideal), (-2, -1), (0, 1))
+            across = np.stack([d * off[..., 0] - b * off[..., 1], a * off[..., 1] - c * off[..., 0]], axis=-1)
+            ideal = ideal - across / (a * d - b * c)[..., None]
             if not np.any(np.abs(off) > 1e-12):  # a NaN pixel stays NaN and stops nobody
                 return ideal
         worst = pixels.reshape(-1, 2)[np.nanargmax(np.abs(off).max(axis=-1).reshape(-1))]
@@ -133,8 +135,8 @@ class Camera:
             "use fewer distortion coefficients, or a calibration that covers the whole picture"
         )
 
-    def _slope(self, ideal: FloatArray) -> FloatArray:
-        """Derivative of `distort`, shape [..., 2, 2]."""
+    def distortion_slope(self, ideal: FloatArray) -> FloatArray:
+        """Derivative of `distort` by its argument [-], shape [..., 2, 2]."""
         k1, k2, p1, p2, k3 = self.distortion
         x, y = ideal[..., 0], ideal[..., 1]
         r2 = x * x + y * y

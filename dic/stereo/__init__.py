@@ -1,1 +1,20 @@
 """Two cameras: which point is which, and where it is in space."""
+
+from dic.stereo.epipolar import epipolar_curve, epipolar_distance, epipolar_sigma
+from dic.stereo.reconstruct import reconstruct
+from dic.stereo.reconstruction import Reconstruction
+from dic.stereo.systematic import calibration_sigma, calibration_slopes
+from dic.stereo.triangulate import Triangulation, projection_error, triangulate
+
+__all__ = [
+    "Reconstruction",
+    "Triangulation",
+    "calibration_sigma",
+    "calibration_slopes",
+    "epipolar_curve",
+    "epipolar_distance",
+    "epipolar_sigma",
+    "projection_error",
+    "reconstruct",
+    "triangulate",
+]

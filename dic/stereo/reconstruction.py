@@ -11,7 +11,11 @@ IntArray = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """Material points in the rig's frame, through the frames; NaN where the outcome is not VALID."""
+    """Material points in the rig's frame, through the frames.
+
+    NaN where the outcome is not VALID; but distances remain where both cameras found a point that does not
+    meet, and pixels where that camera found it.
+    """
 
     position: FloatArray
     """Places in the rig's frame [m], shape [n_frames, n_points, 3]."""

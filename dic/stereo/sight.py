@@ -1,0 +1,58 @@
+"""Lines of sight, and how what a camera sees changes with the place of a point."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.camera import Camera
+
+FloatArray = NDArray[np.float64]
+
+
+def directions(camera: Camera, pixels: FloatArray) -> FloatArray:
+    """Unit vectors from the camera's centre toward what it sees at `pixels`, in the rig's frame [-].
+
+    Parameters
+    ----------
+    camera
+        The camera.
+    pixels
+        Places in its picture (x, y) [px], shape [..., 2].
+
+    Returns
+    -------
+    NDArray
+        Shape [..., 3]; NaN where the pixel is.
+
+    Raises
+    ------
+    ValueError
+        If the lens distortion cannot be undone there.
+    """
+    ideal = camera.undistort(pixels)
+    inside = np.concatenate([ideal, np.ones((*ideal.shape[:-1], 1))], axis=-1)
+    return np.asarray(inside @ camera.rotation / np.linalg.norm(inside, axis=-1, keepdims=True))
+
+
+def pixel_slope(camera: Camera, ideal: FloatArray) -> FloatArray:
+    """Derivative of the pixel by the ideal image point on the plane z = 1 [px], shape [..., 2, 2]."""
+    grid = np.array([[camera.fx, camera.skew], [0.0, camera.fy]])
+    return np.asarray(grid @ camera.distortion_slope(ideal))
+
+
+def projection_slope(camera: Camera, X: FloatArray) -> FloatArray:
+    """Derivative of `Camera.project` by the point [px/m], shape [..., 2, 3].
+
+    Parameters
+    ----------
+    camera
+        The camera.
+    X
+        Points in the rig's frame, in front of the camera [m], shape [..., 3].
+    """
+    inside = camera.in_camera(X)
+    depth = inside[..., 2]
+    ideal = inside[..., :2] / depth[..., None]
+    perspective = np.zeros((*depth.shape, 2, 3))
+    perspective[..., 0, 0] = perspective[..., 1, 1] = 1.0 / depth
+    perspective[..., :, 2] = -ideal / depth[..., None]
+    return np.asarray(pixel_slope(camera, ideal) @ perspective @ camera.rotation)

@@ -1,0 +1,114 @@
+"""Two tracks to positions: what becomes of points that a camera lost or that do not meet."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dic import Camera, PointOutcome, StereoRig
+from dic.stereo import reconstruct
+from dic.tracking.track import Track
+
+N_FRAMES, N_POINTS = 4, 6
+
+
+def tilted(angle: float, side: float) -> Camera:
+    """A camera 0.3 m away that looks at the origin, turned about y."""
+    c, s = np.cos(angle), np.sin(angle)
+    rotation = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    return Camera(5000.0, 5000.0, 64.0, 64.0, rotation=rotation, translation=np.array([side, 0.0, 0.3]))
+
+
+RIG = StereoRig((tilted(-0.1, 0.0), tilted(0.1, 0.0)))
+
+
+def followed(camera: Camera, X: np.ndarray, sigma: float = 0.01) -> Track:
+    """A perfect track of points X [n_frames, n_points, 3]."""
+    pixels = camera.project(X)
+    shape = pixels.shape[:2]
+    start = np.round(RIG.cameras[0].project(X[0]))  # both cameras: places in camera 0's material picture
+    warp = np.zeros((*shape, 12))
+    warp[..., :2] = pixels - start
+    return Track(
+        points=start,
+        warp=warp,
+        covariance=np.broadcast_to(sigma**2 * np.eye(2), (*shape, 2, 2)).copy(),
+        zncc=np.ones(shape),
+        outcome=np.zeros(shape, dtype=np.int64),
+        reference=np.zeros(shape, dtype=np.int64),
+    )
+
+
+@pytest.fixture
+def X() -> np.ndarray:
+    """Six points that move upward and toward the cameras [m], shape [4, 6, 3]."""
+    start = np.random.default_rng(0).uniform(-1e-3, 1e-3, (N_POINTS, 3))
+    return start + np.arange(N_FRAMES)[:, None, None] * np.array([0.0, -2e-4, 1e-4])
+
+
+def test_points_of_two_tracks_come_back(X: np.ndarray) -> None:
+    tracks = [followed(camera, X) for camera in RIG.cameras]
+    found = reconstruct(RIG, *tracks)
+    np.testing.assert_allclose(found.position, X, atol=1e-11)  # undistort to 1e-12 of 0.3 m, over sin(12°)
+    assert np.all(found.outcome == PointOutcome.VALID)
+    for k, camera in enumerate(RIG.cameras):
+        np.testing.assert_allclose(found.pixels[k], camera.project(X), atol=1e-12)  # round-off
+    # Depth of two cameras at ±5.7°: sigma Z0/(f √2 sin 5.7°), at the small field's edge to 1 %.
+    sigma = np.sqrt(found.covariance[..., 2, 2])
+    np.testing.assert_allclose(sigma, 0.01 * 0.3 / 5000.0 / np.sqrt(2.0) / np.sin(0.1), rtol=0.01)
+
+
+def test_lost_points_keep_the_first_camera_s_outcome(X: np.ndarray) -> None:
+    first, second = (followed(camera, X) for camera in RIG.cameras)
+    first.outcome[1, 2] = PointOutcome.LOW_CONTRAST
+    second.outcome[1, 2:4] = PointOutcome.NOT_CONVERGED
+    first.warp[1, 2], first.covariance[1, 2] = np.nan, np.nan
+    second.warp[1, 3] = 1e6
+    found = reconstruct(RIG, first, second)
+    expected = np.zeros((N_FRAMES, N_POINTS), dtype=int)
+    expected[1, 2], expected[1, 3] = PointOutcome.LOW_CONTRAST, PointOutcome.NOT_CONVERGED
+    np.testing.assert_array_equal(found.outcome, expected)
+    lost = expected != PointOutcome.VALID
+    np.testing.assert_array_equal(np.isnan(found.position).any(axis=-1), lost)
+    np.testing.assert_array_equal(np.isnan(found.covariance).any(axis=(-2, -1)), lost)
+    np.testing.assert_array_equal(np.isnan(found.epipolar), lost)
+    np.testing.assert_array_equal(np.isnan(found.pixels[1]).any(axis=-1), second.outcome != 0)
+    np.testing.assert_allclose(found.position[~lost], X[~lost], atol=1e-11)
+
+
+def test_rays_that_do_not_meet_are_a_mismatch(X: np.ndarray) -> None:
+    first, second = (followed(camera, X) for camera in RIG.cameras)
+    second.warp[2, 1, 1] += 0.6
+    second.warp[2, 3, 1] += 0.4
+    second.warp[3, 4, 0] += 2000.0  # along the line: the rays meet behind the cameras
+    found = reconstruct(RIG, first, second)
+    assert np.argwhere(found.outcome == PointOutcome.STEREO_MISMATCH).tolist() == [[2, 1], [3, 4]]
+    assert np.all(np.isnan(found.position[2, 1]))
+    assert found.epipolar[2, 1] == pytest.approx(0.6, abs=0.01)  # kept, for diagnosis; lines lean by < 0.1
+    assert found.epipolar[2, 3] == pytest.approx(0.4, abs=0.01)
+
+
+def test_noise_widens_the_gate(X: np.ndarray) -> None:
+    first, second = (followed(camera, X, sigma=0.2) for camera in RIG.cameras)
+    second.warp[2, :, 1] += 1.2
+    # Its predicted sigma is 0.2 √2 px: 1.2 px is 4.2 of them.
+    assert np.all(reconstruct(RIG, first, second).outcome == PointOutcome.VALID)
+    narrow = reconstruct(RIG, first, second, gate_sigmas=4.0).outcome
+    assert np.all(narrow[2] == PointOutcome.STEREO_MISMATCH)
+    assert np.all(np.delete(narrow, 2, axis=0) == PointOutcome.VALID)
+
+
+def test_tracks_that_do_not_fit_are_refused(X: np.ndarray) -> None:
+    first, second = (followed(camera, X) for camera in RIG.cameras)
+    with pytest.raises(ValueError, match=r"\(4, 6\) and \(3, 6\)"):
+        reconstruct(RIG, first, followed(RIG.cameras[1], X[:3]))
+    with pytest.raises(ValueError, match="must be positive, got 0"):
+        reconstruct(RIG, first, second, gate=0.0)
+    warp = second.warp.copy()
+    warp[1, 5] = np.nan
+    with pytest.raises(ValueError, match="camera 1, frame 1, point 5 is VALID but"):
+        reconstruct(RIG, first, replace(second, warp=warp))
+    covariance = second.covariance.copy()
+    covariance[1, 5] = 0.0
+    with pytest.raises(ValueError, match=r"covariance1 of point .* positive definite"):
+        reconstruct(RIG, first, replace(second, covariance=covariance))
