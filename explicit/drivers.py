@@ -5,20 +5,25 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from explicit.arguments import body_of, state_of
-from explicit.lanes import BLOCK
 from explicit.march import MarchKernel
 from explicit.model import Model
+from explicit.parcels import HISTORIES, Parcels, streams
 from explicit.precision import Precision
 from explicit.simd import PACK_BYTES, Mapping, lane_kernel
 
 WORTH_A_PACK = 0.75
 """Share of a pack's lanes that must be at work: with fewer, its simulations are faster one by one."""
+PART_WAVES = 8
+"""Simulations per multiprocessor in one launch: their histories travel while those of the next are made."""
 LARGE_MESH = 1500
 """Elements from which the state of a pack leaves the caches and simulations are faster one by one."""
 
+FloatArray = NDArray[np.float64]
 Progress = Callable[[int], None]
 
 
@@ -44,20 +49,38 @@ class Plan:
     """Whether a GPU keeps the state of a simulation in shared memory."""
 
 
-def run_on_gpu(plan: Plan, progress: Progress | None) -> None:
-    """Every simulation a block of threads, in one launch."""
+def run_on_gpu(plan: Plan, progress: Progress | None) -> dict[str, FloatArray]:
+    """Every simulation a block of threads; a large batch in parts, whose histories travel while others run.
+
+    Two streams take turns, so that the next part fills the multiprocessors that the last blocks of the one
+    before leave idle.
+    """
     body = body_of(plan.kernel, plan.model, plan.numbers, plan.where, plan.on_chip)
     state = state_of(plan.kernel, plan.model, plan.numbers, plan.where, plan.n_samples, 1, plan.on_chip)
-    wp.launch(
-        plan.kernel.kernel,
-        dim=(plan.n_samples, BLOCK),
-        inputs=[body, plan.batch, state, plan.output, 0],
-        device=plan.where,
-        block_dim=BLOCK,
-    )
-    wp.synchronize_device(plan.where)
-    if progress:
-        progress(plan.n_samples)
+    block = plan.kernel.block
+    part = PART_WAVES * plan.where.sm_count
+    firsts = range(0, plan.n_samples, part)
+    ready, ends = wp.get_stream(plan.where).record_event(), []
+    for k, first in enumerate(firsts):
+        stream = streams(plan.where.alias)[k % 2]
+        if k < 2:
+            stream.wait_event(ready)
+        wp.launch(
+            plan.kernel.kernel,
+            dim=(min(part, plan.n_samples - first), block),
+            inputs=[body, plan.batch, state, plan.output, first],
+            stream=stream,
+            block_dim=block,
+        )
+        ends.append(stream.record_event())
+    parcels = Parcels(plan.output, plan.where)
+    for first, end in zip(firsts, ends, strict=True):
+        count = min(part, plan.n_samples - first)
+        wp.synchronize_event(end)
+        if progress:
+            progress(count)
+        parcels.send(first, count, end)
+    return parcels.collect()
 
 
 def packs(n_samples: int, lanes: int, n_elements: int) -> list[tuple[Mapping, int, int]]:
@@ -75,7 +98,7 @@ def packs(n_samples: int, lanes: int, n_elements: int) -> list[tuple[Mapping, in
     return jobs + [("walker", i, 1) for i in range(first, n_samples)]
 
 
-def run_in_lanes(plan: Plan, threads: int, progress: Progress | None) -> None:
+def run_in_lanes(plan: Plan, threads: int, progress: Progress | None) -> dict[str, FloatArray]:
     """Packs of simulations, or simulations of packs of elements, shared out over threads."""
     kernel, model, numbers = plan.kernel, plan.model, plan.numbers
     lanes = PACK_BYTES // numbers.dtype().itemsize
@@ -97,3 +120,4 @@ def run_in_lanes(plan: Plan, threads: int, progress: Progress | None) -> None:
             count = done.result()
             if progress:
                 progress(count)
+    return {name: getattr(plan.output, name).numpy().copy() for name in HISTORIES}

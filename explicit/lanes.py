@@ -65,8 +65,16 @@ _SEAT_TOTALS = """
 """
 BLOCK = 384
 """Threads that share one simulation on a GPU; among them its registers are shared out."""
+SMALL_BLOCK = 160
+"""The same where there are more simulations than multiprocessors: two share one, and while the threads of
+one wait for each other those of the other go on."""
 WARPS = BLOCK // 32
-"""Warps of a block; the last one is the clerk."""
+"""Most warps of a block; its last one is the clerk."""
+
+
+def block_for(n_samples: int, device: Any, on_chip: bool) -> int:
+    """Threads that a simulation of a batch gets on a Warp device."""
+    return SMALL_BLOCK if device.is_cuda and on_chip and n_samples > device.sm_count else BLOCK
 
 
 def _either(cuda: str, cpu: str) -> str:

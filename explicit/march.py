@@ -51,7 +51,7 @@ from explicit.clock import (
 from explicit.elements import ElementFunctions
 from explicit.elements import element as element_named
 from explicit.failure import WATCH_EVERY, failure_functions
-from explicit.lanes import BLOCK, WARPS, lane_functions
+from explicit.lanes import BLOCK, SMALL_BLOCK, WARPS, lane_functions
 from explicit.places import ON_CHIP_CLOCK, rooms
 from explicit.plan import plan_functions
 from explicit.precision import Precision
@@ -72,6 +72,8 @@ class MarchKernel:
     """Types of its arguments."""
     element: ElementFunctions
     """The element it sweeps, with the types of one element's and one sample's constants."""
+    block: int
+    """Threads that share a simulation on a GPU."""
 
 
 @cache
@@ -82,11 +84,12 @@ def march_kernel(
     precision: Precision,
     element_name: str = "one_point",
     on_chip: bool = False,
+    block: int = BLOCK,
 ) -> MarchKernel:
     """Generate the time loop for a material law, two contact laws, a precision and an element.
 
     With `on_chip` a GPU keeps the state of a simulation in shared memory, where it must fit
-    (`explicit.places.fits`).
+    (`explicit.places.fits`). `block` is the number of threads it is compiled for there.
     """
     element = element_named(element_name).functions(law, precision)
     structs = batch_structs(precision, element.Shape, element.Solid)
@@ -115,9 +118,10 @@ def march_kernel(
     zero, half = real(0.0), real(0.5)
     ZERO, HALF = wp.float64(0.0), wp.float64(0.5)
     lower, upper = int(LOWER), int(UPPER)
+    residents = 2 if block <= SMALL_BLOCK else 1  # blocks that a multiprocessor must have registers for
     clock_places, parts_places = int(CLOCK), int(HANDED * WARPS)
 
-    @wp.kernel(module="unique", enable_backward=False, launch_bounds=BLOCK)
+    @wp.kernel(module="unique", enable_backward=False, launch_bounds=(block, residents))
     def march(body: Body, batch: Batch, state: State, output: Output, first: int):
         index, lane = wp.tid()
         sample = first + index
@@ -311,4 +315,4 @@ def march_kernel(
             output.past_data[sample] = clock[PAST_DATA]
             output.strain_measure[sample] = clock[MOST_STRAINED]
 
-    return MarchKernel(march, structs, element)
+    return MarchKernel(march, structs, element, block)

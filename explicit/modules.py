@@ -22,7 +22,7 @@ import warp as wp
 from explicit.contact import CONTACT_LAWS, contact_law
 from explicit.device import select_device
 from explicit.elements import ELEMENTS, element
-from explicit.lanes import BLOCK
+from explicit.lanes import BLOCK, SMALL_BLOCK
 from explicit.march import march_kernel
 from explicit.materials import MarlowLaw
 from explicit.precision import PRECISIONS, precision
@@ -66,7 +66,8 @@ def ahead_of_time(
     Returns
     -------
     list of Path
-        The compiled files, two for each combination and architecture: the state on the chip or not.
+        The compiled files, three for each combination and architecture: the state on the chip, for small
+        and for large batches, or not.
 
     Raises
     ------
@@ -109,8 +110,9 @@ def compile_each(
             raise ValueError(f"architecture must be one of {supported}, got {arch}")
     place = _place(folder)
     # A mesh that fits keeps its state in shared memory, a larger one does not.
-    for (faces, side, number, shape), on_chip in product(wanted, (True, False)):
-        module = _module(march_kernel(law, faces, side, precision(number), shape, on_chip))
+    homes = ((True, BLOCK), (True, SMALL_BLOCK), (False, BLOCK))
+    for (faces, side, number, shape), (on_chip, block) in product(wanted, homes):
+        module = _module(march_kernel(law, faces, side, precision(number), shape, on_chip, block))
         wp.compile_aot_module(module, arch=list(architectures), module_dir=place, use_ptx=ptx)
         for source in place.glob(f"wp_{module.name}_*.cu"):
             source.unlink()  # it is not needed to load a module
@@ -175,7 +177,7 @@ def _place(folder: Path | str) -> Path:
 
 def _module(kernel: Any) -> Any:
     module = kernel.kernel.module
-    module.options["block_dim"] = BLOCK  # part of the hash: as launched
+    module.options["block_dim"] = kernel.block  # part of the hash: as launched
     return module
 
 

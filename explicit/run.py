@@ -6,19 +6,24 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from explicit.arguments import batch_of, fits_on_chip, output_of
 from explicit.device import select_device
 from explicit.drivers import Plan, run_in_lanes, run_on_gpu
 from explicit.energy import EnergyLedger
 from explicit.geometry import element_geometry
+from explicit.lanes import block_for
 from explicit.march import march_kernel
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.modules import load_module
 from explicit.outcome import Outcome
+from explicit.parcels import HISTORIES
 from explicit.precision import precision
 from explicit.response import Response
 from explicit.support import MovingSupport
+
+FloatArray = NDArray[np.float64]
 
 
 def run(
@@ -69,16 +74,19 @@ def run(
     where = select_device(device)
     nodes = np.arange(model.mesh.n_nodes) if sampling.all_nodes else model.mesh.side
     on_chip = where.is_cuda and fits_on_chip(model.mesh, numbers)
-    kernel = march_kernel(type(model.materials[0]), model.faces, model.side, numbers, model.element, on_chip)
+    kernel = march_kernel(
+        type(model.materials[0]), model.faces, model.side, numbers, model.element, on_chip,
+        block_for(len(samples), where, on_chip),
+    )  # fmt: skip
     output = output_of(kernel, model.mesh, len(samples), sampling, nodes, where)
     batch = batch_of(kernel, model, samples, sampling, stepping, numbers, where)
     plan = Plan(kernel, model, numbers, where, batch, output, len(samples), on_chip)
     if where.is_cuda:
         load_module(kernel, where, modules)
-        run_on_gpu(plan, progress)
+        histories = run_on_gpu(plan, progress)
     else:
-        run_in_lanes(plan, threads or os.cpu_count() or 1, progress)
-    return _response(model, sampling, output, nodes)
+        histories = run_in_lanes(plan, threads or os.cpu_count() or 1, progress)
+    return _response(model, sampling, output, histories, nodes)
 
 
 def _check(model: Model, samples: Samples, sampling: Sampling) -> None:
@@ -99,10 +107,10 @@ def _check(model: Model, samples: Samples, sampling: Sampling) -> None:
         )
 
 
-def _response(model: Model, sampling: Sampling, output: Any, nodes: Any) -> Response:
-    force, impulse, position, energy = (
-        _own(array) for array in (output.force, output.impulse, output.position, output.energy)
-    )
+def _response(
+    model: Model, sampling: Sampling, output: Any, histories: dict[str, FloatArray], nodes: Any
+) -> Response:
+    force, impulse, position, energy = (histories[name] for name in HISTORIES)
     failed = output.failed_element.numpy().astype(np.int64)
     side = np.searchsorted(nodes, model.mesh.side) if sampling.all_nodes else slice(None)
     return Response(
@@ -125,8 +133,3 @@ def _response(model: Model, sampling: Sampling, output: Any, nodes: Any) -> Resp
         largest_strain_measure=output.strain_measure.numpy().copy(),
         nodes=position if sampling.all_nodes else None,
     )
-
-
-def _own(array: Any) -> Any:
-    """An array's numbers, not shared with Warp: from a device they are a copy already."""
-    return array.numpy() if array.device.is_cuda else array.numpy().copy()

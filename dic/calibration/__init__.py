@@ -1,1 +1,24 @@
 """Cameras and their poses from pictures of targets."""
+
+from dic.calibration.bundle import Undetermined
+from dic.calibration.detect import detect
+from dic.calibration.result import Calibration, Checks, Pair, PairOutcome, View
+from dic.calibration.solve import MODELS, calibrate
+from dic.calibration.targets import TARGETS, Detection, FiducialDots, Target, TargetNotFound
+
+__all__ = [
+    "MODELS",
+    "TARGETS",
+    "Calibration",
+    "Checks",
+    "Detection",
+    "FiducialDots",
+    "Pair",
+    "PairOutcome",
+    "Target",
+    "TargetNotFound",
+    "Undetermined",
+    "View",
+    "calibrate",
+    "detect",
+]

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from dic.images import numbered, tiff
+from dic.images import cine, hdf5, mraw, numbered, tiff
 from dic.images.declared import declared
 from dic.images.series import PictureError, Pictures
 
@@ -24,7 +24,12 @@ class Format:
 SNIFFED = 512
 """How many bytes at the start of a file are looked at."""
 
-FORMATS = (Format("TIFF", tiff.sniff, tiff.read),)
+FORMATS = (
+    Format("TIFF", tiff.sniff, tiff.read),
+    Format("HDF5", hdf5.sniff, hdf5.read),
+    Format("Phantom cine", cine.sniff, cine.read),
+    Format("Photron mraw", mraw.sniff, mraw.read),
+)
 """Formats that hold a series in one file, in the order in which they are asked."""
 
 
@@ -45,7 +50,8 @@ def open_pictures(
         A file of any of the formats; a folder with a numbered series of PNG, JPEG or BMP files; or
         a list of such files in the order of the frames.
     pattern
-        In a folder: the names of the series with one `*` for the number, ``"cam0_*.png"``.
+        In a folder: the names of the series with one `*` for the number, ``"cam0_*.png"``. In an HDF5
+        file: the name of the dataset.
     bits, crop_offset, times, n_frames
         What the files do not say, or say wrongly: `dic.images.declared`.
 
@@ -73,13 +79,15 @@ def _opened(path: Path | str | Sequence[Path | str], pattern: str | None) -> Pic
     path = Path(path)
     if path.is_dir():
         return numbered.read_folder(path, pattern)
-    if pattern is not None:
-        raise PictureError(path, f'is no folder: pattern "{pattern}" has nothing to choose from')
     try:
         with open(path, "rb") as file:
             start = file.read(SNIFFED)
     except OSError as error:
         raise PictureError(path, f"cannot be read ({error.strerror})") from None
+    if pattern is not None:
+        if hdf5.sniff(path, start):
+            return hdf5.read(path, pattern)
+        raise PictureError(path, f'is no folder: pattern "{pattern}" has nothing to choose from')
     for known in FORMATS:
         if known.sniff(path, start):
             return known.read(path)

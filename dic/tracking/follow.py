@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.correlation import PictureStack
+from dic.correlation import Noise, PictureStack
 from dic.correlation.warp import identity
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.tracking.frame_match import FrameMatch
@@ -35,7 +35,7 @@ def track(
     points: FloatArray,
     settings: Tracking | None = None,
     *,
-    noise: float,
+    noise: float | Noise,
     mask: BoolArray | None = None,
     start: FloatArray | None = None,
     start_covariance: FloatArray | None = None,
@@ -58,7 +58,7 @@ def track(
     settings
         How to match and when to change references; None: `Tracking()`.
     noise
-        Standard deviation of the pictures' noise [grey levels].
+        Standard deviation of a grey value, or `dic.correlation.Noise` where it grows with it [grey].
     mask
         Pixels of the material picture that belong to the surface, shape [rows, columns]; None: all.
     start
@@ -137,7 +137,7 @@ class _Run:
         pictures: Series,
         points: FloatArray,
         settings: Tracking,
-        noise: float,
+        noise: float | Noise,
         mask: BoolArray | None,
         frame_outcome: IntArray | None,
         device: str,
@@ -243,7 +243,8 @@ class _Run:
         self.references.tidy(keep=frame)
 
     def _prepared(self, picture: Picture) -> PictureStack:
-        return PictureStack.prepare(picture[None], noise=self.noise, device=self.device)
+        prefilter = self.settings.correlation.prefilter
+        return PictureStack.prepare(picture, noise=self.noise, prefilter=prefilter, device=self.device)
 
     def _record(self, frame: int, here: FrameMatch, covariance: FloatArray) -> None:
         track = self.track

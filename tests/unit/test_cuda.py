@@ -68,3 +68,20 @@ def test_a_failure_ends_at_the_same_element(cuda: str) -> None:
     here, there = both((24, 32), cuda, max_steps=50)
     assert here.outcomes == there.outcomes == (Outcome.STEP_LIMIT,) * 3
     np.testing.assert_array_equal(here.failed_elements, there.failed_elements)
+
+
+def test_a_simulation_has_the_same_bits_in_a_batch_that_shares_multiprocessors(cuda: str) -> None:
+    n = 9 * wp.get_device(cuda).sm_count  # more than one launch
+    problem, few = model((16, 22)), SAMPLES
+    many = Samples.of(stiffness_factor=np.resize(few.stiffness_factor, n), friction=0.3, damping=2.5e-5)
+    sampling = Sampling(TIMES, TIMES, ledger_every=4)
+    alone, among = (run(problem, samples, sampling, device=cuda) for samples in (few, many))
+    for name in ("force_flyer", "force_transmission", "surface_r", "surface_y", "steps"):
+        expected = np.resize(getattr(alone, name), getattr(among, name).shape)
+        assert np.array_equal(expected, getattr(among, name), equal_nan=True), name
+    work = np.nanmax(alone.energy.external)
+    for name in (
+        field.name for field in fields(alone.energy)
+    ):  # summed warp by warp, in blocks of two sizes: round-off
+        expected = np.resize(getattr(alone.energy, name), getattr(among.energy, name).shape)
+        assert np.nanmax(np.abs(expected - getattr(among.energy, name))) < 1e-12 * work, name

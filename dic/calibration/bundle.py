@@ -1,0 +1,256 @@
+"""Bundle adjustment of two cameras and the target's poses, with exact covariance.
+
+Least squares over all points of all pictures, weighted with their sigma, by Levenberg and Marquardt's
+method. Every pose is seen in its own pictures only, so the poses are eliminated pair by pair (Schur's
+complement) and the system that is solved has the size of the rig's parameters [Triggs2000]_.
+
+.. [Triggs2000] B. Triggs, P. McLauchlan, R. Hartley, A. Fitzgibbon, Bundle adjustment - a modern synthesis,
+   in Vision Algorithms: Theory and Practice, Springer, 2000, doi:10.1007/3-540-44480-7_21.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.calibration.projection import OWN, SHARED, Sight, derivatives, exponential, seen
+from dic.camera import PARAMETERS, Camera
+
+FloatArray = NDArray[np.float64]
+Pose = tuple[FloatArray, FloatArray]
+
+MOST_STEPS = 100
+FAR = 1e6
+"""Residuals, over their sigma, of a trial that puts a point behind a camera."""
+
+
+class Undetermined(ValueError):
+    """The pictures do not determine the parameters asked for."""
+
+
+@dataclass(frozen=True)
+class Rig:
+    """The state of the solve: two cameras, camera 0 at the origin, and the target's pose in each pair."""
+
+    cameras: tuple[Camera, Camera]
+    poses: Mapping[int, Pose]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A minimum."""
+
+    rig: Rig
+    covariance: FloatArray
+    """Of the rig's parameters for residuals of unit variance, shape [SHARED, SHARED]."""
+    chi2: float
+    """Sum of the squares of the residuals over their sigma."""
+    freedom: int
+    """Numbers measured less numbers adjusted."""
+    pose_covariance: Mapping[int, FloatArray]
+    """Of each pose, for residuals of unit variance, shape [6, 6]."""
+
+    @property
+    def unit(self) -> float:
+        """Root of the variance of unit weight: 1 if the points' sigma say all."""
+        return float(np.sqrt(self.chi2 / max(self.freedom, 1)))
+
+
+def free_columns(free: Iterable[str], *, square_pixels: bool, relative: bool) -> FloatArray:
+    """From the numbers adjusted to the rig's parameters, shape [SHARED, m].
+
+    Parameters
+    ----------
+    free
+        Names of `PARAMETERS` that are adjusted, in both cameras.
+    square_pixels
+        Whether fx and fy are one number.
+    relative
+        Whether the relative pose is adjusted.
+    """
+    columns = []
+    names = list(free)
+    for camera in (0, 1):
+        for name in names:
+            if name == "fy" and square_pixels:
+                continue
+            column = np.zeros(SHARED)
+            column[camera * OWN + PARAMETERS.index(name)] = 1.0
+            if name == "fx" and square_pixels:
+                column[camera * OWN + PARAMETERS.index("fy")] = 1.0
+            columns.append(column)
+    for k in range(6 * relative):
+        column = np.zeros(SHARED)
+        column[2 * OWN + k] = 1.0
+        columns.append(column)
+    return np.stack(columns, axis=1) if columns else np.zeros((SHARED, 0))
+
+
+def residuals(rig: Rig, sight: Sight) -> FloatArray:
+    """Seen less expected [px], shape [n, 2]."""
+    R, t = rig.poses[sight.pair]
+    return np.asarray(sight.pixels - seen(rig.cameras[sight.camera], sight, R, t))
+
+
+def moved(rig: Rig, shared: FloatArray, poses: Mapping[int, FloatArray]) -> Rig:
+    """The state after a step."""
+    cameras = []
+    for k, camera in enumerate(rig.cameras):
+        own = shared[k * OWN : (k + 1) * OWN]
+        R, t = camera.rotation, camera.translation
+        if k == 1:
+            turn = shared[2 * OWN : 2 * OWN + 3]
+            R, t = _orthonormal(exponential(turn) @ R), t + shared[2 * OWN + 3 :]
+        cameras.append(
+            replace(
+                camera,
+                fx=camera.fx + own[0],
+                fy=camera.fy + own[1],
+                cx=camera.cx + own[2],
+                cy=camera.cy + own[3],
+                skew=camera.skew + own[4],
+                distortion=tuple(np.add(camera.distortion, own[5:]).tolist()),
+                rotation=R,
+                translation=t,
+            )
+        )
+    new = dict(rig.poses)
+    for pair, step in poses.items():
+        R, t = rig.poses[pair]
+        new[pair] = (_orthonormal(exponential(step[:3]) @ R), t + step[3:])
+    return Rig((cameras[0], cameras[1]), new)
+
+
+def adjust(rig: Rig, sights: Iterable[Sight], columns: FloatArray, *, tolerance: float = 1e-10) -> Fit:
+    """The least squares over all sights, from a start near enough.
+
+    Parameters
+    ----------
+    rig
+        The start; poses that no sight asks for stay as they are.
+    sights
+        What was seen.
+    columns
+        What is adjusted (`free_columns`), beside the poses.
+    tolerance
+        Relative decrease of the sum of squares at which the search ends.
+
+    Raises
+    ------
+    Undetermined
+        Fewer numbers measured than adjusted, or a combination of parameters that no picture depends on.
+    """
+    sights = list(sights)
+    pairs = sorted({sight.pair for sight in sights})
+    freedom = sum(2 * len(s.ids) for s in sights) - columns.shape[1] - 6 * len(pairs)
+    if freedom <= 0:
+        raise Undetermined(
+            f"{freedom + columns.shape[1] + 6 * len(pairs)} coordinates were measured, too few for "
+            f"{columns.shape[1]} parameters and {len(pairs)} poses; take more pictures, or free fewer "
+            "parameters"
+        )
+    damping, cost = 1e-4, _cost(rig, sights)
+    normal = _normal_equations(rig, sights, columns)
+    for _ in range(MOST_STEPS):
+        step = _step(normal, damping)
+        trial_cost = np.inf
+        if step is not None:
+            try:
+                trial = moved(rig, columns @ step[0], step[1])
+                trial_cost = _cost(trial, sights)
+            except (ValueError, FloatingPointError):  # a focal length below zero
+                trial_cost = np.inf
+        if trial_cost <= cost:
+            gain = (cost - trial_cost) / max(cost, 1e-300)
+            rig, cost, damping = trial, trial_cost, max(damping / 10.0, 1e-15)
+            normal = _normal_equations(rig, sights, columns)
+            if gain < tolerance:
+                break
+        elif damping > 1e12:
+            break
+        else:
+            damping *= 10.0
+    covariance, poses = _covariances(normal, columns)
+    return Fit(rig, covariance, cost, freedom, poses)
+
+
+Normal = tuple[FloatArray, FloatArray, dict[int, tuple[FloatArray, FloatArray, FloatArray]]]
+
+
+def _normal_equations(rig: Rig, sights: list[Sight], columns: FloatArray) -> Normal:
+    """U, its right side, and of each pair V, W and its right side."""
+    m = columns.shape[1]
+    U, b = np.zeros((m, m)), np.zeros(m)
+    pairs: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}
+    for sight in sights:
+        R, t = rig.poses[sight.pair]
+        shared, pose = derivatives(rig.cameras[sight.camera], sight, R, t)
+        weight = np.repeat(1.0 / sight.sigma, 2)[:, None]
+        A = weight * (shared.reshape(-1, SHARED) @ columns)
+        P = weight * pose.reshape(-1, 6)
+        r = weight[:, 0] * residuals(rig, sight).reshape(-1)
+        U += A.T @ A
+        b += A.T @ r
+        V, W, c = pairs.get(sight.pair, (0.0, 0.0, 0.0))
+        pairs[sight.pair] = (V + P.T @ P, W + A.T @ P, c + P.T @ r)
+    return U, b, pairs
+
+
+def _step(normal: Normal, damping: float) -> tuple[FloatArray, dict[int, FloatArray]] | None:
+    """A damped Gauss-Newton step; None if its system cannot be solved."""
+    U, b, pairs = normal
+    S, right = U + damping * np.diag(np.diag(U)), b.copy()
+    inverses = {}
+    try:
+        for pair, (V, W, c) in pairs.items():
+            inverses[pair] = np.linalg.inv(V + damping * np.diag(np.diag(V)))
+            S = S - W @ inverses[pair] @ W.T
+            right = right - W @ inverses[pair] @ c
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(S), 1e-300))
+        shared = scale * np.linalg.solve(S * np.outer(scale, scale), scale * right)
+    except np.linalg.LinAlgError:
+        return None
+    return shared, {pair: inverses[pair] @ (c - W.T @ shared) for pair, (V, W, c) in pairs.items()}
+
+
+def _covariances(normal: Normal, columns: FloatArray) -> tuple[FloatArray, dict[int, FloatArray]]:
+    U, _, pairs = normal
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(U), 1e-300))
+    S = U.copy()
+    inverses = {}
+    for pair, (V, W, _) in pairs.items():
+        inverses[pair] = np.linalg.inv(V)
+        S -= W @ inverses[pair] @ W.T
+    S = 0.5 * (S + S.T) * np.outer(scale, scale)
+    if len(S):
+        values, vectors = np.linalg.eigh(S)
+        if values[0] < 1e-13:
+            worst = np.abs(columns @ (scale * vectors[:, 0]))
+            names = [f"{n}{k}" for k in (0, 1) for n in PARAMETERS] + ["pose"] * 6
+            raise Undetermined(
+                f"the pictures do not determine {names[int(np.argmax(worst))]} together with the others; "
+                "take pictures with the target tilted, rolled and spread over the field, or free fewer "
+                "parameters"
+            )
+        C = np.outer(scale, scale) * (vectors / values @ vectors.T)
+    else:
+        C = np.zeros((0, 0))
+    poses = {}
+    for pair, (_, W, _) in pairs.items():
+        back = inverses[pair] @ W.T
+        poses[pair] = inverses[pair] + back @ C @ back.T
+    return columns @ C @ columns.T, poses
+
+
+def _cost(rig: Rig, sights: list[Sight]) -> float:
+    total = 0.0
+    for sight in sights:
+        off = residuals(rig, sight) / sight.sigma[:, None]
+        total += float(np.sum(np.where(np.isfinite(off), off, FAR) ** 2))
+    return total
+
+
+def _orthonormal(R: FloatArray) -> FloatArray:
+    u, _, v = np.linalg.svd(R)
+    return np.asarray(u @ v)

@@ -1,0 +1,122 @@
+"""What a calibration predicts without having been told: pairs left out, distances on the target."""
+
+from collections.abc import Sequence
+from itertools import groupby
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.calibration.bundle import Fit, Rig, adjust, residuals
+from dic.calibration.projection import SHARED, Sight, seen
+from dic.camera import StereoRig
+
+FloatArray = NDArray[np.float64]
+
+
+def by_pair(sights: Sequence[Sight]) -> dict[int, list[Sight]]:
+    """Views of each pair."""
+    ordered = sorted(sights, key=lambda s: (s.pair, s.camera))
+    return {pair: list(views) for pair, views in groupby(ordered, key=lambda s: s.pair)}
+
+
+def posed(rig: Rig, views: Sequence[Sight]) -> Fit:
+    """The best pose of one target for given cameras."""
+    return adjust(rig, views, np.zeros((SHARED, 0)))
+
+
+def held_out(fit: Fit, sights: Sequence[Sight], columns: FloatArray, folds: int) -> float:
+    """Root mean square residual of pairs that the cameras were not fitted to [px].
+
+    Pairs k, k + folds, ... are left out in turn, the rest is solved again, and of each pair left out only
+    the target's pose is adjusted. NaN if a part leaves too little to solve.
+    """
+    pairs = by_pair(sights)
+    joint = [pair for pair, views in pairs.items() if len(views) == 2]
+    if folds < 2 or len(joint) < 4:
+        return float("nan")
+    squares, count = 0.0, 0
+    for k in range(min(folds, len(joint))):
+        out = set(joint[k::folds])
+        try:
+            part = adjust(fit.rig, [s for s in sights if s.pair not in out], columns)
+        except ValueError:
+            return float("nan")
+        for pair in out:
+            again = posed(part.rig, pairs[pair])
+            off = np.concatenate([residuals(again.rig, s) for s in pairs[pair]])
+            squares, count = squares + float(np.sum(off**2)), count + len(off)
+    return float(np.sqrt(squares / count))
+
+
+def triangulated(rig: Rig, views: Sequence[Sight]) -> tuple[FloatArray, FloatArray]:
+    """Points of a target seen by both cameras: in space from the two rays alone [m], and on the target.
+
+    The offset of a dot's centroid from its centre's image is taken off first. A ray is x × (R X + t) = 0
+    on the plane z = 1; the four equations are weighted with the cameras' focal lengths.
+    """
+    first, second = views
+    _, rows0, rows1 = np.intersect1d(first.ids, second.ids, return_indices=True)
+    equations, right = [], []
+    for view, rows in ((first, rows0), (second, rows1)):
+        camera = rig.cameras[view.camera]
+        R, t = rig.poses[view.pair]
+        shift = seen(camera, view, R, t) - seen(camera, view, R, t, patches=False)
+        ideal = camera.undistort((view.pixels - shift)[rows])
+        for axis, focal in ((0, camera.fx), (1, camera.fy)):
+            equations.append(focal * (ideal[:, axis : axis + 1] * camera.rotation[2] - camera.rotation[axis]))
+            right.append(focal * (camera.translation[axis] - ideal[:, axis] * camera.translation[2]))
+    A, b = np.stack(equations, axis=1), np.stack(right, axis=1)
+    normal, side = np.swapaxes(A, 1, 2) @ A, np.swapaxes(A, 1, 2) @ b[..., None]
+    return np.linalg.solve(normal, side)[..., 0], first.points[rows0]
+
+
+def distances(rig: Rig, sights: Sequence[Sight]) -> tuple[float, float, float]:
+    """Triangulated over true distances on the target, the ratio's sigma, and the rms error of shape [m].
+
+    The ratio is the scale of the similarity that carries the true points of each pair onto the
+    triangulated ones, which weights each distance with its length.
+    """
+    ratios, squares, count = [], 0.0, 0
+    for views in by_pair(sights).values():
+        if len(views) != 2:
+            continue
+        found, true = triangulated(rig, views)
+        if len(found) < 4:
+            continue
+        a, b = true - true.mean(axis=0), found - found.mean(axis=0)
+        u, _, v = np.linalg.svd(b.T @ a)
+        R = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))]) @ v
+        turned = a @ R.T
+        ratios.append(float(np.sum(turned * b) / np.sum(a * a)))
+        squares, count = squares + float(np.sum((b - turned) ** 2)), count + len(b)
+    if not ratios:
+        return float("nan"), float("nan"), float("nan")
+    spread = float(np.std(ratios, ddof=1) / np.sqrt(len(ratios))) if len(ratios) > 1 else float("nan")
+    return float(np.mean(ratios)), spread, float(np.sqrt(squares / count))
+
+
+def advice(rig: StereoRig, free: Sequence[str]) -> tuple[str, ...]:
+    """Parameters that the pictures do not determine, and what to do about it."""
+    assert rig.covariance is not None
+    sigma = dict(zip(rig.parameter_names, np.sqrt(np.diag(rig.covariance)), strict=True))
+    said = []
+    for k, camera in enumerate(rig.cameras):
+        own = dict(
+            zip(("skew", "k1", "k2", "p1", "p2", "k3"), (camera.skew, *camera.distortion), strict=True)
+        )
+        said += [
+            f"camera {k}: {name} = {own[name]:.3g} ± {sigma[f'{name}{k}']:.2g} is not determined "
+            "(its sigma exceeds its value): leave it out"
+            for name in own
+            if name in free and sigma[f"{name}{k}"] > abs(own[name])
+        ]
+        if camera.sensor is None:
+            continue
+        size = dict(zip(("cx", "cy"), camera.sensor, strict=True))
+        said += [
+            f"camera {k}: {name} is known to ± {sigma[f'{name}{k}']:.1f} px only; a stronger tilt and roll "
+            "of the target would settle it (a long lens trades it for the pose, as the covariance says)"
+            for name in size
+            if name in free and sigma[f"{name}{k}"] > 0.02 * size[name]
+        ]
+    return tuple(said)

@@ -1,0 +1,191 @@
+"""Dots of a target in a picture: found by their outlines, located by their grey-weighted centroid."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.calibration.noise import grey, noise_level
+
+FloatArray = NDArray[np.float64]
+
+LEAST_AREA = 12.0
+"""Area of the smallest dot that is looked for [px²]: below, an outline has too few pixels for an ellipse."""
+MOST_DOTS = 20_000
+"""A picture with more dark patches than this shows no target, and is not searched to its end."""
+WINDOW, RING = 1.35, 1.85
+"""The centroid is taken over this many radii of the dot, the brightness around it out to the second."""
+MARGIN = 1.5
+"""Further out by this much, for the blur of the lens [px]."""
+
+
+@dataclass(frozen=True)
+class Dots:
+    """Dots of a picture, one row a dot."""
+
+    centre: FloatArray
+    """Grey-weighted centroid [px], shape [n, 2]."""
+    sigma: FloatArray
+    """Standard deviation of a centroid coordinate from the picture's noise [px], shape [n]."""
+    mass: FloatArray
+    """Sum of the darkness, each pixel between 0 (surroundings) and about 1 [px²], shape [n]."""
+    radius: FloatArray
+    """Root of the product of the semi-axes of the outline [px], shape [n]."""
+    hollow: NDArray[np.bool_]
+    """Whether a bright hole lies in the middle, shape [n]."""
+
+
+def find_dots(picture: NDArray[np.generic], *, dark: bool = True, round_dots: bool = True) -> Dots:
+    """All dots of a picture that lie wholly inside it.
+
+    Outlines come from thresholds relative to the mean brightness nearby, at window sizes in steps of two;
+    the size with the most dots of similar darkness is kept. The centre of a dot is then the centroid of
+
+        w = 1 - I / B
+
+    with B a plane through the brightness around the dot, so that neither uneven light nor blur shifts it.
+
+    Parameters
+    ----------
+    picture
+        Grey values of any depth, shape [rows, columns].
+    dark
+        True for dark dots on a bright board, False for bright dots on a dark one.
+    round_dots
+        Whether outlines must be ellipses; False lets squares and other compact shapes pass.
+    """
+    image, full = grey(picture)
+    if not dark:
+        image = image.max() + image.min() - image
+    eight = np.clip(255.0 * (image - image.min()) / max(np.ptp(image), 1e-12), 0, 255).astype(np.uint8)
+    noise = noise_level(picture)
+    best = _nothing()
+    size = 15
+    while size <= max(16, min(eight.shape) // 2):
+        outlines = _outlines(eight, size, round_dots)
+        if len(outlines) > len(best.radius):
+            found = _located(image, outlines, noise, full)
+            if len(found.radius) > len(best.radius):
+                best = found
+        size = 2 * size + 1
+    return best
+
+
+def _nothing() -> Dots:
+    return Dots(np.zeros((0, 2)), np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool))
+
+
+def _outlines(eight: NDArray[np.uint8], size: int, round_dots: bool) -> list[tuple[FloatArray, bool]]:
+    """Ellipses (x, y, major, minor diameter, angle in degrees) of dark patches, and whether hollow."""
+    contrast = float(np.percentile(eight, 99.0)) - float(np.percentile(eight, 1.0))
+    mask = cv2.adaptiveThreshold(
+        eight, 255, cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY_INV, size, 0.08 * max(contrast, 25.0)
+    )
+    contours, tree = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    if tree is None or len(contours) > MOST_DOTS:
+        return []
+    rows, columns = eight.shape
+    kept = []
+    for k, contour in enumerate(contours):
+        if tree[0, k, 3] >= 0 or len(contour) < 8:
+            continue
+        area = cv2.contourArea(contour) + 0.5 * len(contour)  # through pixel centres: half a pixel short
+        x, y, w, h = cv2.boundingRect(contour)
+        inside = x > 1 and y > 1 and x + w < columns - 1 and y + h < rows - 1
+        # A patch larger than the window is filled only along its rim.
+        if area < LEAST_AREA or not inside or max(w, h) > 0.7 * size:
+            continue
+        ellipse = cv2.fitEllipseDirect(contour)
+        (cx, cy), (major, minor), angle = ellipse
+        major, minor = major + 1.0, minor + 1.0
+        if not np.isfinite([cx, cy, major, minor]).all() or min(major, minor) < 0.2 * max(major, minor):
+            continue
+        filled = area / (0.25 * np.pi * major * minor)
+        # A square fills more of its ellipse's outline, or less, than a disc does.
+        if not (0.9 if round_dots else 0.7) < filled < (1.1 if round_dots else 1.3):
+            continue
+        kept.append(
+            (np.array([cx, cy, major, minor, angle]), _has_hole(contours, tree[0], k, (cx, cy), area))
+        )
+    return kept
+
+
+def _has_hole(
+    contours: Sequence[Any], tree: NDArray[Any], k: int, centre: tuple[float, float], area: float
+) -> bool:
+    """Whether a child outline lies in the middle and is large enough to be meant."""
+    child = tree[k, 2]
+    while child >= 0:
+        hole = contours[child]
+        if len(hole) >= 4:
+            middle = hole[:, 0].mean(axis=0)
+            inner = max(cv2.contourArea(hole) - 0.5 * len(hole), 1.0)
+            near = np.hypot(*(middle - centre)) < 0.25 * np.sqrt(area)
+            if near and 0.015 < inner / area < 0.6:
+                return True
+        child = tree[child, 0]
+    return False
+
+
+def _located(image: FloatArray, outlines: list[tuple[FloatArray, bool]], noise: float, full: float) -> Dots:
+    """Centroids of the outlined dots; those whose darkness is unlike the others' are left out."""
+    rows = [(_centroid(image, ellipse, noise), ellipse, hole) for ellipse, hole in outlines]
+    good = [(c, e, hole) for c, e, hole in rows if c is not None]
+    if not good:
+        return _nothing()
+    values = np.array([c for c, _, _ in good])
+    radius = np.array([0.5 * np.sqrt(e[2] * e[3]) for _, e, _ in good])
+    hollow = np.array([hole for _, _, hole in good])
+    depth = values[:, 4]
+    kept = depth > 0.4 * np.percentile(depth, 80.0)  # printed dots are about equally dark
+    return Dots(values[kept, :2], values[kept, 2], values[kept, 3], radius[kept], hollow[kept])
+
+
+def _centroid(image: FloatArray, ellipse: FloatArray, noise: float) -> tuple[float, ...] | None:
+    """x, y, sigma, mass and darkness of one dot; None where its surroundings cannot be told from it."""
+    x0, y0, major, minor, angle = ellipse
+    c, s = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
+    reach = int(np.ceil(0.5 * max(major, minor) * RING + 2.0 * MARGIN)) + 1
+    for _ in range(2):  # a second time about the centre found, so that the window is centred on the dot
+        left, top = max(int(x0) - reach, 0), max(int(y0) - reach, 0)
+        part = image[top : int(y0) + reach + 2, left : int(x0) + reach + 2]
+        yy, xx = np.mgrid[top : top + part.shape[0], left : left + part.shape[1]]
+        dx, dy = xx - x0, yy - y0
+        u, v = c * dx + s * dy, -s * dx + c * dy  # along the ellipse's axes
+        inner = np.hypot(u / (0.5 * major * WINDOW + MARGIN), v / (0.5 * minor * WINDOW + MARGIN)) <= 1.0
+        outer = np.hypot(u / (0.5 * major * RING + 2 * MARGIN), v / (0.5 * minor * RING + 2 * MARGIN)) <= 1.0
+        ring = outer & ~inner
+        plane = _plane(dx[ring], dy[ring], part[ring])
+        if plane is None:
+            return None
+        around = plane[0] + plane[1] * dx[inner] + plane[2] * dy[inner]
+        if around.min() <= 4.0 * noise:
+            return None
+        w = 1.0 - part[inner] / around
+        mass = float(w.sum())
+        if mass <= 0.15 * 0.25 * np.pi * major * minor:
+            return None
+        shift_x, shift_y = float(w @ dx[inner]) / mass, float(w @ dy[inner]) / mass
+        if np.hypot(shift_x, shift_y) > 0.25 * minor:
+            return None
+        x0, y0 = x0 + shift_x, y0 + shift_y
+    spread = (dx[inner] - shift_x) ** 2 + (dy[inner] - shift_y) ** 2
+    sigma = np.sqrt(0.5 * float((spread * (noise / around) ** 2).sum())) / mass
+    return x0, y0, max(sigma, 1e-4), mass, float(np.percentile(w, 90.0))
+
+
+def _plane(x: FloatArray, y: FloatArray, values: FloatArray) -> FloatArray | None:
+    """Brightness a + b x + c y around a dot without the pixels that belong to something else."""
+    kept = np.ones(values.size, dtype=bool)
+    A = np.stack([np.ones(x.size), x, y], axis=1)
+    for _ in range(3):
+        if kept.sum() < 12:
+            return None
+        solution = np.linalg.lstsq(A[kept], values[kept], rcond=None)[0]
+        off = np.abs(values - A @ solution)
+        limit = 4.0 * 1.4826 * float(np.median(off[kept])) + 1e-9 * abs(solution[0])
+        kept = off <= limit
+    return np.asarray(solution)

@@ -1,0 +1,150 @@
+"""Where a camera sees the points of a target, with derivatives: circles by their image's centroid.
+
+A flat disc of radius r about X, with unit normal n, is seen as an ellipse whose centre is not the image of
+X. On the plane z = 1 the dual of its outline is C* = H diag(1, 1, -1) Hᵀ with H = [r e1, r e2, X], so that
+the centre is
+
+    c = (X X_z - r² (ẑ - n n_z)) / (X_z² - r² (1 - n_z²))                                         (C.1)
+
+in closed form [Heikkilä2000]_. The centroid of any flat, symmetric patch moves, to the order kept by (C.1),
+with its second moment s per axis: r² = 4 s, with s = (r² + h²)/4 for a ring of radii r and h and a²/12 for
+a square of side a.
+
+.. [Heikkilä2000] J. Heikkilä, Geometric camera calibration using circular control points, IEEE Trans.
+   PAMI 22 (2000) 1066-1077, doi:10.1109/34.879788.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.camera import PARAMETERS, POSE, Camera
+
+FloatArray = NDArray[np.float64]
+
+OWN = len(PARAMETERS)
+SHARED = 2 * OWN + len(POSE)
+"""Parameters of a rig, in the order of `StereoRig.parameter_names`."""
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What one camera saw of the target in one pair of pictures."""
+
+    pair: int
+    camera: int
+    """0 or 1."""
+    ids: NDArray[np.int64]
+    """Which points, shape [n]."""
+    points: FloatArray
+    """Their places on the target [m], shape [n, 3]."""
+    normals: FloatArray
+    """Their normals, shape [n, 3]."""
+    spread: FloatArray
+    """Their second moments [m²], shape [n]."""
+    pixels: FloatArray
+    """Where they were seen [px], shape [n, 2]."""
+    sigma: FloatArray
+    """Standard deviations of the coordinates [px], shape [n]."""
+
+
+def exponential(r: FloatArray) -> FloatArray:
+    """Rotation about r by its length [rad], shape [3, 3]."""
+    angle = float(np.linalg.norm(r))
+    K = np.array([[0.0, -r[2], r[1]], [r[2], 0.0, -r[0]], [-r[1], r[0], 0.0]])
+    a = np.sinc(angle / np.pi)
+    b = 0.5 * np.sinc(0.5 * angle / np.pi) ** 2
+    return np.asarray(np.eye(3) + a * K + b * K @ K)
+
+
+def cross_matrices(v: FloatArray) -> FloatArray:
+    """[v]× of each row, shape [n, 3, 3]."""
+    zero = np.zeros(len(v))
+    x, y, z = v.T
+    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(-1, 3, 3)
+
+
+def centroids(inside: FloatArray, normals: FloatArray, spread: FloatArray) -> FloatArray:
+    """Centroids on the plane z = 1 of patches in the camera's frame, Eq. (C.1), shape [n, 2]."""
+    z, nz, r2 = inside[:, 2], normals[:, 2], 4.0 * spread
+    below = z * z - r2 * (1.0 - nz * nz)
+    return np.asarray((inside[:, :2] * z[:, None] + (r2 * nz)[:, None] * normals[:, :2]) / below[:, None])
+
+
+def seen(camera: Camera, sight: Sight, R: FloatArray, t: FloatArray, *, patches: bool = True) -> FloatArray:
+    """Pixels of a target's points in a camera, shape [n, 2]; NaN behind it.
+
+    Parameters
+    ----------
+    camera
+        With its pose in the rig's frame.
+    sight
+        Whose points.
+    R, t
+        From the target's frame to the rig's.
+    patches
+        Centroids of the patches, as they are measured; False: the points themselves.
+    """
+    inside = camera.in_camera(sight.points @ R.T + t)
+    normals = sight.normals @ (camera.rotation @ R).T
+    inside = np.where(inside[:, 2:] > 0.0, inside, np.nan)
+    return camera.to_pixels(camera.distort(centroids(inside, normals, sight.spread * patches)))
+
+
+def derivatives(camera: Camera, sight: Sight, R: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Derivatives of `seen` after the rig's parameters and after the target's pose.
+
+    The small change of (C.1) with the pose is left out: it is r²/z² of what stays, 1e-5 or less.
+
+    Returns
+    -------
+    shared
+        Shape [n, 2, SHARED], in the order of `StereoRig.parameter_names`.
+    pose
+        After a small rotation applied after R, and t, shape [n, 2, 6].
+    """
+    n = len(sight.points)
+    turned = sight.points @ R.T
+    first = turned + t
+    inside = camera.in_camera(first)
+    ideal = centroids(inside, sight.normals @ (camera.rotation @ R).T, sight.spread)
+    plane = camera.distort(ideal)
+    x, y = ideal.T
+    r2 = x * x + y * y
+
+    shared = np.zeros((n, 2, SHARED))
+    own = shared[:, :, camera_columns(sight.camera)]
+    own[:, 0, 0], own[:, 1, 1] = plane[:, 0], plane[:, 1]
+    own[:, 0, 2] = own[:, 1, 3] = 1.0
+    own[:, 0, 4] = plane[:, 1]
+    K = camera.matrix[:2, :2]
+    lens = np.stack(
+        [
+            *(x * r2, y * r2),
+            *(x * r2**2, y * r2**2),
+            *(2 * x * y, r2 + 2 * y * y),
+            *(r2 + 2 * x * x, 2 * x * y),
+            *(x * r2**3, y * r2**3),
+        ],
+        axis=-1,
+    ).reshape(n, 5, 2)
+    own[:, :, 5:10] = np.einsum("ij,nkj->nik", K, lens)
+    shared[:, :, camera_columns(sight.camera)] = own
+
+    z = inside[:, 2]
+    perspective = np.zeros((n, 2, 3))
+    perspective[:, 0, 0] = perspective[:, 1, 1] = 1.0 / z
+    perspective[:, :, 2] = -inside[:, :2] / (z * z)[:, None]
+    by_place = K @ camera.distortion_slope(ideal) @ perspective
+    if sight.camera == 1:
+        shared[:, :, 2 * OWN : 2 * OWN + 3] = -by_place @ cross_matrices(first @ camera.rotation.T)
+        shared[:, :, 2 * OWN + 3 :] = by_place
+        by_place = by_place @ camera.rotation
+    pose = np.concatenate([-by_place @ cross_matrices(turned), by_place], axis=2)
+    return shared, pose
+
+
+def camera_columns(camera: int) -> slice:
+    """Columns of a camera's own parameters."""
+    return slice(camera * OWN, (camera + 1) * OWN)

@@ -1,0 +1,132 @@
+"""Pairs and points that do not belong: found against the cameras which the others agree on."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.calibration.bundle import Fit, Rig, Undetermined, adjust, residuals
+from dic.calibration.checks import by_pair, posed
+from dic.calibration.projection import Sight
+from dic.calibration.start import rms
+from dic.calibration.views import only
+
+FloatArray = NDArray[np.float64]
+
+Z_PAIR, TIMES = 6.0, 2.0
+"""A pair is bad if its rms residual lies this many robust standard deviations above the median of the pairs
+and is this many times the median: the first alone would reject the worst of very even pictures, the second
+alone the blurred ones of a mixed set."""
+Z_POINT = 7.0
+"""A point is dropped if it is off by more than this many robust standard deviations of its view."""
+LEAST_PAIRS = 4
+"""With fewer pairs than this there is no majority to judge by."""
+
+
+@dataclass(frozen=True)
+class Verdicts:
+    """What was kept and what was not."""
+
+    kept: list[Sight]
+    """Views with the points used."""
+    used: dict[tuple[int, int], NDArray[np.bool_]]
+    """(pair, camera) -> which points of the view were used."""
+    bad: dict[int, str]
+    """Pair -> why it was left out."""
+
+
+def solve_without_bad(
+    rig: Rig, sights: Sequence[Sight], columns: tuple[FloatArray, FloatArray], *, reject: bool
+) -> tuple[Fit, Verdicts]:
+    """The least squares of the pairs and points that agree.
+
+    The worst pair is left out as long as it is bad; after each solution every pair that is out is tried
+    again with nothing but its pose adjusted, and comes back if it fits. So one bad pair cannot take good
+    ones with it, and the verdict on a pair never rests on a solution that it took part in spoiling.
+
+    Parameters
+    ----------
+    rig, sights
+        The start, and all that was seen.
+    columns
+        What is adjusted first, and in the end (`free_columns`).
+    reject
+        False: keep all.
+    """
+    pairs = by_pair([s for s in sights if s.pair in rig.poses])
+    bad: dict[int, str] = {}
+    if reject:
+        first = {pair: rms(rig, views) for pair, views in pairs.items()}
+        # The start is rough: only what is far beyond the rest is put aside now, and tried again below.
+        limit = 10.0 * float(np.median(list(first.values()))) + 1.0
+        bad = {pair: "" for pair, value in first.items() if value > limit}
+    fit = _solve(rig, pairs, bad, columns[0])
+    for _ in range(len(pairs)):
+        fit = _solve(fit.rig, pairs, bad, columns[1])
+        if not reject:
+            break
+        errors = {pair: _error(fit, views, pair in bad) for pair, views in pairs.items()}
+        now = _judged(errors, bad, fit)
+        if set(now) == set(bad):
+            bad = now
+            break
+        bad = now
+    used = _points(fit, pairs, bad, reject)
+    kept = [only(s, used[s.pair, s.camera]) for p, views in pairs.items() if p not in bad for s in views]
+    fit = adjust(fit.rig, kept, columns[1])
+    poses = dict(fit.rig.poses)
+    for pair in bad:
+        poses[pair] = posed(fit.rig, pairs[pair]).rig.poses[pair]
+    return Fit(
+        Rig(fit.rig.cameras, poses), fit.covariance, fit.chi2, fit.freedom, fit.pose_covariance
+    ), Verdicts(kept, used, bad)
+
+
+def _solve(rig: Rig, pairs: dict[int, list[Sight]], bad: dict[int, str], columns: FloatArray) -> Fit:
+    good = [s for pair, views in pairs.items() if pair not in bad for s in views]
+    if not any(len(views) == 2 for pair, views in pairs.items() if pair not in bad):
+        raise Undetermined("no pair in which both cameras saw the target agrees with the others")
+    return adjust(rig, good, columns)
+
+
+def _error(fit: Fit, views: list[Sight], out: bool) -> float:
+    """Rms residual of a pair [px]; its pose is adjusted first if it took no part."""
+    return rms(posed(fit.rig, views).rig if out else fit.rig, views)
+
+
+def _judged(errors: dict[int, float], bad: dict[int, str], fit: Fit) -> dict[int, str]:
+    """Bad pairs: those out that still do not fit, and the worst of those in if it does not."""
+    if len(errors) < LEAST_PAIRS:
+        return {}
+    inside = np.array([value for pair, value in errors.items() if pair not in bad])
+    median = float(np.median(inside))
+    spread = 1.4826 * float(np.median(np.abs(inside - median)))
+    limit = max(median + Z_PAIR * spread, TIMES * median)
+
+    def reason(value: float) -> str:
+        return (
+            f"rms residual {value:.3g} px with the cameras of the other pairs, median of these "
+            f"{median:.3g} px, limit {limit:.3g} px"
+        )
+
+    now = {pair: reason(errors[pair]) for pair in bad if errors[pair] > limit}
+    worst = max((pair for pair in errors if pair not in bad), key=lambda pair: errors[pair])
+    if errors[worst] > limit:
+        now[worst] = reason(errors[worst])
+    return now
+
+
+def _points(
+    fit: Fit, pairs: dict[int, list[Sight]], bad: dict[int, str], reject: bool
+) -> dict[tuple[int, int], NDArray[np.bool_]]:
+    """Which points of each view are used."""
+    used = {}
+    for pair, views in pairs.items():
+        for sight in views:
+            off = np.hypot(*residuals(fit.rig, sight).T)
+            # The median length of a plane Gaussian vector is 1.1774 of its coordinates' sigma.
+            limit = Z_POINT * float(np.median(off)) / 1.1774
+            near = off <= limit if reject else np.ones(len(off), dtype=bool)
+            used[pair, sight.camera] = near & (pair not in bad)
+    return used

@@ -1,0 +1,161 @@
+"""What a calibration found, how well, and how it knows."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.camera import StereoRig
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+class PairOutcome(IntEnum):
+    """The end of one pair of calibration pictures."""
+
+    VALID = 0
+    NOT_FOUND = 1
+    INCONSISTENT = 2
+    ONE_CAMERA = 3
+
+    @property
+    def used(self) -> bool:
+        """True when the pair took part in the solution."""
+        return self in (PairOutcome.VALID, PairOutcome.ONE_CAMERA)
+
+    @property
+    def cause(self) -> str:
+        """What happened, in one sentence."""
+        return _CAUSES[self][0]
+
+    @property
+    def cure(self) -> str:
+        """What a user can do about it."""
+        return _CAUSES[self][1]
+
+
+_CAUSES = {
+    PairOutcome.VALID: ("both cameras saw the target where the others put it", "nothing to do"),
+    PairOutcome.NOT_FOUND: (
+        "the target was recognised by neither camera",
+        "look at the pictures: all fiducials in view, in focus, free of glare",
+    ),
+    PairOutcome.INCONSISTENT: (
+        "what the two cameras saw does not fit the cameras that all other pairs agree on",
+        "look for a target that moved between the two exposures, pictures that are no pair, or blur",
+    ),
+    PairOutcome.ONE_CAMERA: (
+        "one camera alone recognised the target: used for that camera's own parameters",
+        "keep the target in both fields of view",
+    ),
+}
+
+
+def _rms(residual: FloatArray) -> float:
+    return float(np.sqrt(np.mean(np.sum(residual**2, axis=1)))) if len(residual) else float("nan")
+
+
+@dataclass(frozen=True)
+class View:
+    """One camera's part in a pair of pictures."""
+
+    ids: IntArray
+    """Points of the target that were recognised, shape [n]."""
+    pixels: FloatArray
+    """Where they were seen, as measured [px], shape [n, 2]."""
+    sigma: FloatArray
+    """Standard deviations from the picture's noise [px], shape [n]."""
+    residual: FloatArray
+    """Measured less expected [px], shape [n, 2]."""
+    eccentricity: FloatArray
+    """Expected centroid of a dot less the image of its centre [px], shape [n, 2]."""
+    used: NDArray[np.bool_]
+    """Points that took part; the others lie too far off, shape [n]."""
+
+    @property
+    def rms(self) -> float:
+        """Root mean square length of the residuals of the points used, or of all if none was [px]."""
+        return _rms(self.residual[self.used] if self.used.any() else self.residual)
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One pair of pictures of the target."""
+
+    name: str
+    outcome: PairOutcome
+    reason: str
+    """Why it was left out, with numbers; empty if it was not."""
+    views: tuple[View | None, View | None]
+    """Of camera 0 and 1; None where the target was not recognised."""
+    rotation: FloatArray | None
+    """From the target's frame to the rig's, shape [3, 3]; None if the target was not recognised."""
+    translation: FloatArray | None
+    """From the target's frame to the rig's [m], shape [3]."""
+
+    @property
+    def rms(self) -> float:
+        """The same over both cameras [px]; NaN if neither recognised the target."""
+        views = [view for view in self.views if view is not None]
+        any_used = any(view.used.any() for view in views)
+        parts = [view.residual[view.used] if any_used else view.residual for view in views]
+        return _rms(np.concatenate([*parts, np.zeros((0, 2))]))
+
+
+@dataclass(frozen=True)
+class Checks:
+    """What the calibration predicts that it was not told."""
+
+    fit_rms: float
+    """Root mean square residual of the points used [px]."""
+    held_out_rms: float
+    """The same for pairs that were left out of the solution in turn, the target's pose adjusted [px];
+    NaN with fewer than four pairs."""
+    folds: int
+    """Parts the pairs were divided in for it."""
+    distance_ratio: float
+    """Triangulated over true distances of points of the target, all pairs of points, weighted by length;
+    NaN if no target was seen by both cameras."""
+    distance_sigma: float
+    """Standard deviation of that ratio from picture pair to picture pair, over the root of their number."""
+    distance_rms: float
+    """Root mean square distance of triangulated points from the target's rigid shape [m]."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Two calibrated cameras and all that speaks for and against them."""
+
+    rig: StereoRig
+    """The cameras, camera 0 at the origin, with the covariance of their parameters."""
+    free: tuple[str, ...]
+    """Parameters of each camera that were adjusted."""
+    pairs: tuple[Pair, ...]
+    """Every pair that was given, in its order."""
+    unit: float
+    """Root of the variance of unit weight: residuals over the sigma that the pictures' noise explains. The
+    covariance is scaled with its square."""
+    freedom: int
+    """Coordinates measured less numbers adjusted."""
+    checks: Checks
+    advice: tuple[str, ...]
+    """What the covariance says about the choice of parameters and pictures."""
+
+    @property
+    def rms(self) -> float:
+        """Root mean square length of all residuals used [px]."""
+        return self.checks.fit_rms
+
+    @property
+    def rejected(self) -> tuple[Pair, ...]:
+        """Pairs that were left out."""
+        return tuple(pair for pair in self.pairs if not pair.outcome.used)
+
+    @property
+    def sigma(self) -> dict[str, float]:
+        """Standard deviation of every parameter of the rig, by name; zero for one that was held."""
+        assert self.rig.covariance is not None  # a calibration always has it
+        values = np.sqrt(np.maximum(np.diag(self.rig.covariance), 0.0))
+        return dict(zip(self.rig.parameter_names, values.tolist(), strict=True))

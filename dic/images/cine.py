@@ -1,0 +1,214 @@
+"""Phantom `.cine`: uncompressed 8 and 16-bit pictures, and the packed P10 and P12L.
+
+After Vision Research's "Cine File Format": a file header, a bitmap header, the SETUP block, tagged blocks
+with the time stamps, and a table of where each picture lies. Uncompressed pictures are stored bottom row
+first, packed ones top row first. The display settings in SETUP (flips, gain, gamma) are not applied. SETUP
+does not say where a crop lies on the sensor: that has to be declared.
+"""
+
+import struct
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.images.checks import Grey, checked_bits, checked_count, checked_frame, checked_index, checked_shape
+from dic.images.packed import packed_size, unpack
+from dic.images.series import PictureError
+
+_HEADER = struct.Struct("<2sHHHiIiIIIIII")
+_BITMAP = struct.Struct("<IiiHHIIiiII")
+_NUMBER = struct.Struct("<I")
+_TIMES_BLOCK = 1002
+_MARK, _RATE, _CFA, _REAL_BITS = 140, 768, 808, 896
+"""Where the fields of SETUP lie that are read [bytes]."""
+_LARGEST_HEADER = 2**30
+_PACKED = {256: 10, 1024: 12}
+"""Values of biCompression for packed pictures, and their bits: P10 and P12L."""
+
+
+@dataclass(frozen=True)
+class CinePictures:
+    """Frames of a Phantom cine; see `dic.images.Pictures`."""
+
+    path: Path
+    n_frames: int
+    shape: tuple[int, int]
+    bits: int
+    times: NDArray[np.float64] | None
+    table: int
+    """Where the table of picture positions lies [bytes]."""
+    entry: int
+    """Size of one position in that table [bytes]: 4 or 8."""
+    stored: int
+    """Bits of a grey value in the file: 8, 16, or 10 and 12 packed."""
+    bottom_up: bool
+    """Whether the bottom row is stored first."""
+    crop_offset: tuple[float, float] = (0.0, 0.0)
+
+    def frame(self, index: int) -> Grey:
+        """Grey values of one picture, P10 made linear with 12 bits (`p10_to_linear`), shape [rows, columns].
+
+        Raises
+        ------
+        PictureError
+            If the picture or its place in the table lies beyond the end of the file, or its size is wrong.
+        """
+        index = checked_index(self.n_frames, index)
+        rows, columns = self.shape
+        need = packed_size(rows * columns, self.stored)
+        with open(self.path, "rb") as file:
+            place = self._bytes(file, index, self.table + self.entry * index, self.entry)
+            (start,) = struct.unpack("<q" if self.entry == 8 else "<I", place)
+            (notes,) = _NUMBER.unpack(self._bytes(file, index, start, 4))
+            if notes < 8:
+                raise PictureError(self.path, f"its annotation has {notes} bytes, at least 8", frame=index)
+            (size,) = _NUMBER.unpack(self._bytes(file, index, start + notes - 4, 4))
+            if size < need:
+                raise PictureError(self.path, f"it has {size} bytes, {need} are needed", frame=index)
+            self._bytes(file, index, start + notes + need - 1, 1)
+        raw = np.memmap(self.path, dtype=np.uint8, mode="r", offset=start + notes, shape=(need,))
+        return checked_frame(self.path, index, self._grey(raw), self.shape)
+
+    def _grey(self, raw: NDArray[np.uint8]) -> NDArray[np.generic]:
+        rows, columns = self.shape
+        if self.stored in (10, 12):
+            values = unpack(raw, self.stored, rows * columns)
+            grey: NDArray[np.generic] = p10_to_linear()[values] if self.stored == 10 else values
+        else:
+            grey = np.array(raw.view("<u2") if self.stored == 16 else raw)
+        grey = grey.reshape(rows, columns)
+        return np.ascontiguousarray(grey[::-1]) if self.bottom_up else grey
+
+    def _bytes(self, file: BinaryIO, index: int, start: int, count: int) -> bytes:
+        """Bytes that must be there."""
+        size = file.seek(0, 2)
+        if not 0 <= start <= size - count:
+            raise PictureError(
+                self.path,
+                f"bytes {start} to {start + count} of {size} are needed",
+                frame=index,
+                cure="the file is cut off or damaged: copy or export it again",
+            )
+        file.seek(start)
+        return file.read(count)
+
+
+def sniff(path: Path, start: bytes) -> bool:
+    """Whether a file that starts like this is a cine."""
+    return start[:2] == b"CI" and len(start) >= _HEADER.size and _HEADER.unpack_from(start)[1] == _HEADER.size
+
+
+def read(path: Path) -> CinePictures:
+    """Open a cine.
+
+    The bits are SETUP's RealBPP for pictures stored in 16 bits, and 12 for P10 and P12L. The times are those
+    of the time stamps, from the trigger on; a file without stamps gets them from its frame rate and first
+    image number, and one whose stamps are not one a picture none.
+
+    Raises
+    ------
+    PictureError
+        If its headers are cut off or contradict themselves, or it holds compressed or colour pictures.
+    """
+    size = path.stat().st_size
+    with open(path, "rb") as file:
+        head = file.read(_HEADER.size)
+        _, _, compression, version, _, _, first, count, at_bitmap, at_setup, table, fraction, second = (
+            _HEADER.unpack(head)
+        )
+        bitmap = _BITMAP.unpack(_piece(file, path, "bitmap header", at_bitmap, _BITMAP.size))
+        mark, length = struct.unpack("<2sH", _piece(file, path, "SETUP", at_setup + _MARK, 4))
+        if mark != b"ST":
+            raise PictureError(path, f"its SETUP block at byte {at_setup} has the mark {mark!r}, not b'ST'")
+        setup = _piece(file, path, "SETUP", at_setup, length)
+        if table >= size:
+            raise PictureError(path, f"its table of pictures is at byte {table} of {size}: it is cut off")
+        stamps = _stamps(_piece(file, path, "tagged blocks", at_setup + length, table - at_setup - length))
+    _, columns, height, _, container, packing, *_ = bitmap
+    colours = _field(setup, _CFA)
+    if compression != 0 or colours & 0xFFFF or container not in (8, 16) or packing not in (0, *_PACKED):
+        raise PictureError(
+            path,
+            f"compression {compression}, colour filter {colours}, {container} bits, packing {packing}: only "
+            "grey pictures, uncompressed or packed as P10 or P12L, can be read",
+            cure="export it as such, or as TIFF",
+        )
+    stored = _PACKED.get(packing, container)
+    real = _field(setup, _REAL_BITS)
+    bits = 12 if packing else (real or container) if container == 16 else 8
+    count = checked_count(path, count)
+    return CinePictures(
+        path=path,
+        n_frames=count,
+        shape=checked_shape(path, abs(height), columns),
+        bits=checked_bits(path, bits, 16),
+        times=_times(stamps, second << 32 | fraction, first, count, _field(setup, _RATE)),
+        table=table,
+        entry=8 if version else 4,
+        stored=stored,
+        bottom_up=packing == 0 and height > 0,
+    )
+
+
+def _piece(file: BinaryIO, path: Path, what: str, start: int, count: int) -> bytes:
+    """Part of the headers that must be there."""
+    size = file.seek(0, 2)
+    if not 0 <= count <= _LARGEST_HEADER or start + count > size:
+        raise PictureError(
+            path,
+            f"its {what} should lie at bytes {start} to {start + count} of {size}",
+            cure="the file is cut off or damaged: copy or export it again",
+        )
+    file.seek(start)
+    return file.read(count)
+
+
+def _field(setup: bytes, place: int) -> int:
+    """An unsigned field of SETUP; 0 if the writer's version of SETUP ended before it."""
+    return int(_NUMBER.unpack_from(setup, place)[0]) if len(setup) >= place + 4 else 0
+
+
+def _stamps(blocks: bytes) -> NDArray[np.uint32] | None:
+    """The time stamps among the tagged blocks, fractions and seconds, shape [n, 2]."""
+    place = 0
+    while place + 8 <= len(blocks):
+        size, kind = struct.unpack_from("<IH", blocks, place)
+        if size < 8 or place + size > len(blocks):
+            return None
+        if kind == _TIMES_BLOCK:
+            return np.frombuffer(blocks[place + 8 : place + size - size % 8], dtype="<u4").reshape(-1, 2)
+        place += size
+    return None
+
+
+def _times(
+    stamps: NDArray[np.uint32] | None, trigger: int, first: int, count: int, rate: int
+) -> NDArray[np.float64] | None:
+    """Seconds from the trigger on; the two lowest bits of a stamp's fraction are flags."""
+    if stamps is None:
+        return (first + np.arange(count)) / rate if rate else None
+    if len(stamps) != count:
+        return None
+    ticks = (stamps[:, 1].astype(np.int64) << 32) + (stamps[:, 0] & np.uint32(0xFFFF_FFFC))
+    return np.asarray((ticks - (trigger & ~3)) / 2.0**32)
+
+
+@cache
+def p10_to_linear() -> NDArray[np.uint16]:
+    """Grey values of 12 bits, proportional to light, of the 1024 values of P10, shape [1024].
+
+    P10 stores grey values through the transfer curve of ITU-R BT.709, V = 4.5 L below L = 0.018 and
+    V = 1.099 L^0.45 - 0.099 above, with V = (value - 63.25)/954.57 and grey value 63.7 + 4033.7 L. The two
+    ranges are fitted to the table that the manufacturer prints, which this follows to one grey value
+    from 1 to 1014. Above 1014 the sensor was saturated: 4095.
+    """
+    V = (np.arange(1024) - 63.253) / 954.569
+    with np.errstate(invalid="ignore"):
+        L = np.where(V < 0.081, V / 4.5, ((V + 0.09872) / 1.09872) ** (1.0 / 0.45))
+    grey = np.rint(63.731 + 4033.710 * L)
+    grey[1015:] = 4095.0
+    return np.asarray(grey, dtype=np.uint16)

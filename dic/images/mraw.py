@@ -1,0 +1,131 @@
+"""Photron `.mraw`: raw pictures of 8, 10, 12 or 16 bits, described by a `.cih` or `.cihx` beside them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.images.checks import Grey, checked_bits, checked_count, checked_frame, checked_index, checked_shape
+from dic.images.cih import Header, read_header
+from dic.images.packed import packed_size, unpack
+from dic.images.series import PictureError
+
+
+@dataclass(frozen=True)
+class MrawPictures:
+    """Frames of a Photron recording; see `dic.images.Pictures`."""
+
+    path: Path
+    n_frames: int
+    shape: tuple[int, int]
+    bits: int
+    times: NDArray[np.float64] | None
+    stored: int
+    """Bits of a grey value in the file: 8, 16, or 10 and 12 packed."""
+    shift: int
+    """Zero bits below the grey value, in the file ("EffectiveBit Side: Higher")."""
+    crop_offset: tuple[float, float] = (0.0, 0.0)
+
+    def frame(self, index: int) -> Grey:
+        """Grey values of one picture, shape [rows, columns].
+
+        Raises
+        ------
+        PictureError
+            If it lies beyond the end of the file, or needs more bits than the header says.
+        """
+        index = checked_index(self.n_frames, index)
+        rows, columns = self.shape
+        need = packed_size(rows * columns, self.stored)
+        size = self.path.stat().st_size
+        if (index + 1) * need > size:
+            raise PictureError(
+                self.path,
+                f"the file has {size} bytes, {size // need} of {self.n_frames} frames",
+                frame=index,
+                cure="it is cut off: copy it again",
+            )
+        raw = np.memmap(self.path, dtype=np.uint8, mode="r", offset=index * need, shape=(need,))
+        if self.stored in (10, 12):
+            grey: NDArray[np.generic] = unpack(raw, self.stored, rows * columns)
+        else:
+            grey = np.array(raw.view("<u2")) if self.stored == 16 else np.array(raw)
+        if self.shift:
+            grey = self._lowered(index, grey)
+        return checked_frame(self.path, index, grey.reshape(rows, columns), self.shape)
+
+    def _lowered(self, index: int, grey: NDArray[np.generic]) -> NDArray[np.generic]:
+        values = np.asarray(grey, dtype=np.uint16)
+        if np.any(values & (2**self.shift - 1)):
+            raise PictureError(
+                self.path,
+                f"its lowest {self.shift} bits are not zero, as the header says",
+                frame=index,
+                cure='correct "EffectiveBit Depth" and "EffectiveBit Side" in the header',
+            )
+        return values >> self.shift
+
+
+def sniff(path: Path, start: bytes) -> bool:
+    """Whether a file is one of the two of a Photron recording; raw pictures are known by name only."""
+    return path.suffix.lower() in (".mraw", ".cih", ".cihx")
+
+
+def read(path: Path) -> MrawPictures:
+    """Open a recording by its `.mraw` or its header.
+
+    The times are (Start Frame + i)/Record Rate, on the trigger's clock; none if the header gives no rate or a
+    step between saved frames that it does not define for both of its forms.
+
+    Raises
+    ------
+    PictureError
+        If one of the two files is missing, or the header contradicts itself or promises colours.
+    """
+    pixels, header = _pair(path)
+    colours, kind = header.word("Color Type", "mono"), header.word("File Format", "mraw")
+    if colours != "mono" or kind != "mraw":
+        raise PictureError(
+            header.path,
+            f"describes {colours} pictures in {kind} files; raw grey ones can be read",
+            cure="open the TIFF or PNG files themselves, or export grey values",
+        )
+    rows, columns = checked_shape(header.path, header.whole("Image Height"), header.whole("Image Width"))
+    stored = header.whole("Color Bit")
+    if stored not in (8, 10, 12, 16) or rows * columns * stored % 8:
+        raise PictureError(
+            header.path,
+            f'"Color Bit" is {stored} for {rows} x {columns} pixels: 8, 10, 12 or 16 in whole bytes',
+        )
+    real = checked_bits(header.path, min(header.whole("EffectiveBit Depth", stored), stored), stored)
+    high = header.word("EffectiveBit Side", "lower") == "higher"
+    n_frames = checked_count(header.path, header.whole("Total Frame"))
+    return MrawPictures(
+        path=pixels,
+        n_frames=n_frames,
+        shape=(rows, columns),
+        bits=real,
+        times=_times(header, n_frames),
+        stored=stored,
+        shift=stored - real if high else 0,
+    )
+
+
+def _pair(path: Path) -> tuple[Path, Header]:
+    """The raw file and its header."""
+    beside = {file.suffix.lower(): file for file in path.parent.iterdir() if file.stem == path.stem}
+    pixels = path if path.suffix.lower() == ".mraw" else beside.get(".mraw")
+    header = beside.get(".cihx", beside.get(".cih")) if pixels == path else path
+    if pixels is None or not pixels.is_file():
+        raise PictureError(path, f"there is no {path.stem}.mraw beside it", cure="copy it too")
+    if header is None or not header.is_file():
+        raise PictureError(path, f"there is no {path.stem}.cih or .cihx beside it", cure="copy it too")
+    return pixels, read_header(header)
+
+
+def _times(header: Header, n_frames: int) -> NDArray[np.float64] | None:
+    rate, step = header.number("Record Rate(fps)"), header.whole("Save Step", 1)
+    if not rate or step not in (0, 1):
+        return None
+    return (header.whole("Start Frame", 0) + np.arange(n_frames)) / rate
