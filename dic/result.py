@@ -11,6 +11,7 @@ from dic.camera import StereoRig
 from dic.noise import NoiseFloor
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.surface import CentrePoints, SurfaceHistory
+from dic.surfaces.frame import SpecimenFrame
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -69,21 +70,21 @@ class Travel:
 
 
 @dataclass(frozen=True)
-class TestFrame:
+class Placement:
     """Where the test's coordinates lie in the rig's frame, and the cylinder they were taken from."""
 
-    __test__ = False  # no test, whatever pytest makes of the name
-
-    rotation: FloatArray
-    """From the rig's frame to the test's, shape [3, 3]."""
-    origin: FloatArray
-    """Origin of the test's frame, in the rig's [m], shape [3]."""
+    frame: SpecimenFrame
+    """The test frame."""
     radius: float
-    """Radius of the best-fit cylinder [m]."""
+    """Radius of the cylinder that fits the specimen at rest best [m]."""
     radius_sigma: float
-    """Its standard deviation [m]."""
-    residual: float
-    """Root mean square distance of the points from the cylinder [m]."""
+    """Its standard deviation from the noise of the matches [m]."""
+    rms: float
+    """Root mean square distance of the points from it [m]."""
+    chi2_per_dof: float
+    """Sum of the squared distances in their sigmas over the degrees of freedom [-]."""
+    n_points: int
+    """Points it rests on."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,7 @@ class StereoResult:
     """Its displacement, if it was found."""
     centre: CentrePoints
     """The outline on the centre line."""
-    frame: TestFrame
+    placement: Placement
     """The test's coordinates."""
     noise: NoiseFloor
     """Noise floors of the specimen's displacements."""

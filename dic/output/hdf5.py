@@ -19,8 +19,9 @@ from dic.outcome import PointOutcome
 from dic.output import layout
 from dic.output.layout import STORED, Table, shape_problem
 from dic.output.whole import whole
-from dic.result import Body, Remark, StereoResult, TestFrame, Travel
+from dic.result import Body, Placement, Remark, StereoResult, Travel
 from dic.surface import CentrePoints, SurfaceHistory
+from dic.surfaces.frame import SpecimenFrame
 
 LARGEST = 4 * 2**30
 """Most bytes that one dataset may take in memory."""
@@ -85,7 +86,9 @@ def _write_entry(entry: h5py.Group, result: StereoResult) -> None:
         "left_out_count": list(left_out.values()),
     }
     _write(_data(entry, "centre_line", "Z", "t"), layout.CENTRE, centre, {})
-    _write(_group(entry, "test_frame", "NXcollection"), layout.FRAME, vars(result.frame), {"three": 3})
+    part = _group(entry, "test_frame", "NXcollection")
+    _write(part, layout.FRAME, vars(result.placement.frame), dict(layout.FIXED))
+    _write(part, layout.PLACEMENT, vars(result.placement), {})
     _write(_group(entry, "noise_floor", "NXcollection"), layout.NOISE, vars(result.noise), {"three": 3})
     cameras = _group(entry, "cameras", "NXcollection")
     for number, camera in enumerate(result.rig.cameras):
@@ -164,7 +167,10 @@ def _read_entry(entry: h5py.Group) -> StereoResult:
         flyer=_read_body(entry["flyer"], sizes["frames"]) if "flyer" in entry else None,
         travel=Travel(**_read(entry["travel"], layout.TRAVEL, {})) if "travel" in entry else None,
         centre=CentrePoints(**centre, left_out=MappingProxyType(left_out)),
-        frame=TestFrame(**_read(entry["test_frame"], layout.FRAME, {"three": 3})),
+        placement=Placement(
+            frame=SpecimenFrame(**_read(entry["test_frame"], layout.FRAME, dict(layout.FIXED))),
+            **_read(entry["test_frame"], layout.PLACEMENT, {}),
+        ),
         noise=NoiseFloor(**noise),
         strain_noise=head["strain_noise"],
         remarks=tuple(

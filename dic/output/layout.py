@@ -57,9 +57,14 @@ CENTRE: Table = {
 FRAME: Table = {
     "rotation": ("1", "three three", "f"),
     "origin": ("m", "three", "f"),
+    "covariance": ("SI", "six six", "f"),
+}
+PLACEMENT: Table = {
     "radius": ("m", "", "f"),
     "radius_sigma": ("m", "", "f"),
-    "residual": ("m", "", "f"),
+    "rms": ("m", "", "f"),
+    "chi2_per_dof": ("1", "", "f"),
+    "n_points": ("1", "", "i"),
 }
 NOISE: Table = {
     "n_frames": ("1", "", "i"),
@@ -79,7 +84,7 @@ CAMERA: Table = {
     "rotation": ("1", "three three", "f"),
     "translation": ("m", "three", "f"),
 }
-FIXED = {"two": 2, "three": 3, "five": 5}
+FIXED = {"two": 2, "three": 3, "five": 5, "six": 6}
 """Sizes of the dimensions that have one."""
 
 

@@ -51,7 +51,7 @@ def geometry(result: StereoResult) -> dict[str, float]:
         "distance" of camera 0 from the surface [m].
     """
     first, second = result.rig.cameras
-    frame = result.frame
+    frame = result.placement.frame
     middle = result.specimen.surface.X.mean(axis=0)
     at = frame.origin + frame.rotation.T @ middle
     small = 1e-5

@@ -9,7 +9,8 @@ from synthetic import LENGTH, RADIUS, displacement, outline
 
 from dic import Camera, FrameOutcome, PointOutcome, StereoRig, SurfaceHistory, centre_line
 from dic.noise import noise_floor
-from dic.result import Body, Remark, StereoResult, TestFrame, Travel
+from dic.result import Body, Placement, Remark, StereoResult, Travel
+from dic.surfaces.frame import SpecimenFrame
 
 FRAMES, STATIC, RATE = 40, 8, 30e3
 SIGMA_PX = 0.02
@@ -71,8 +72,13 @@ def synthetic_result(*, flyer: bool = True, seed: int = 1) -> StereoResult:
         flyer=_flyer(moved, time, outcome, rng) if flyer else None,
         travel=travel if flyer else None,
         centre=centre_line(specimen.surface, half_width=0.6e-3),
-        frame=TestFrame(
-            rotation=np.eye(3), origin=np.zeros(3), radius=RADIUS, radius_sigma=2e-6, residual=3e-6
+        placement=Placement(
+            frame=SpecimenFrame(np.eye(3), np.zeros(3), 1e-12 * np.eye(6)),
+            radius=RADIUS,
+            radius_sigma=2e-6,
+            rms=3e-6,
+            chi2_per_dof=1.1,
+            n_points=323,
         ),
         noise=noise_floor(specimen.surface, static),
         strain_noise=np.array([2.1e-4, 3.4e-4, 2.6e-4]),
