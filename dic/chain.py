@@ -1,7 +1,7 @@
 """From two series of pictures and their cameras to surfaces: the whole way, in the order of the work."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Any
 
@@ -61,6 +61,12 @@ class ChainSettings:
     """How points are matched between the cameras."""
     device: str = "cpu"
     """Where pictures are correlated."""
+
+    @property
+    def rigid(self) -> Tracking:
+        """How points of the flyer are followed: they translate, and enter the picture from its rim."""
+        subset = replace(self.tracking.correlation, shape=Shape.RIGID, least_pixels=0.2)
+        return replace(self.tracking, correlation=subset)
 
     def __post_init__(self) -> None:
         checks = (
@@ -129,14 +135,14 @@ def measure(
     health, grey = clock("look at the pictures", lambda: _look(pictures, static))
     noise = (grey[0], grey[1])
 
-    def follow(region: Region, name: str) -> Followed:
+    def follow(region: Region, name: str, tracking: Tracking) -> Followed:
         return follow_body(
             pictures,
             rig,
             region,
             step=settings.step,
             margin=settings.margin,
-            tracking=settings.tracking,
+            tracking=tracking,
             stereo=settings.stereo,
             noise=noise,
             health=health,
@@ -145,16 +151,18 @@ def measure(
             progress=progress,
         )
 
-    body = clock("specimen", lambda: follow(specimen, "specimen"))
+    body = clock("specimen", lambda: follow(specimen, "specimen", settings.tracking))
     placement, rest = clock("test frame", lambda: _place(body, rig, settings, static))
     surface, left_out = _surface(body, placement, t, rest)
     remarks = [*_left_out(left_out)]
     centre = centre_line(surface.surface, half_width=settings.strip_half_width)
     flyer_body, travel = None, None
     if flyer is not None:
-        followed = clock("flyer", lambda: follow(flyer, "flyer"))
+        followed = clock("flyer", lambda: follow(flyer, "flyer", settings.rigid))
         flyer_body, _ = _surface(followed, placement, t, [followed.material])
-        travel = flyer_travel(followed, rig, placement.frame, t, static)
+        travel = flyer_travel(
+            followed, rig, placement.frame, t, static, subset=settings.rigid.correlation.subset
+        )
     return StereoResult(
         t=t,
         frames=health,
