@@ -45,7 +45,8 @@ class FrameHealth:
     """Share of pixels at `ceiling`, shape [n_frames]."""
     flash: FloatArray
     """Share of pixels brighter than the brightest spots of the frames around, flicker taken off, or
-    saturated beyond what is usual there; shape [n_frames]."""
+    saturated beyond what is usual there; NaN where more than `flash_share` is saturated as a rule, so that a
+    flash cannot be told from it. Shape [n_frames]."""
     flashed: NDArray[np.bool_]
     """Frames with a specular flash; their points elsewhere stand. Shape [n_frames]."""
     ceiling: int
@@ -126,7 +127,8 @@ def frame_health(
     limits = _FLASH_ABOVE * _around(bright) * np.clip(gain, 0.5, 2.0) / 2.0**shift
     above = np.array([_share_from(counts, limit) for counts, limit in zip(histograms, limits, strict=True)])
     # a flash on a bright scene does not exceed its bright spots by much, but saturates
-    flash = np.fmax(above, saturated - _around(saturated))
+    usual = _around(saturated)
+    flash = np.where(usual <= flash_share, np.fmax(above, saturated - usual), np.nan)
 
     outcome = np.full(n, int(FrameOutcome.VALID))
     typical = float(np.nanmedian(contrast)) if readable.any() else 0.0

@@ -45,7 +45,7 @@ def grey_noise(
 ) -> GreyNoise:
     """Measure the noise in static frames.
 
-    Each frame k is compared with the mean M of all: ``f_k = b M + c + u·∇M + noise``, by least squares over
+    Each frame k is compared with the mean M of all: ``f_k = b (M - u·∇M) + c + noise``, by least squares over
     the mask. The gain b and offset c take the flicker away, u a rigid motion of a small part of a pixel. The
     variance is that of the differences of neighbouring frames' remainders, halved: a slow change of the
     picture does not count as noise. Its median over the pairs is ``sigma²``; the line is fitted to its mean
@@ -94,7 +94,7 @@ def grey_noise(
         slope=slope,
         slope_sigma=error,
         gain=np.asarray(values.mean(axis=1) / values.mean()),
-        motion=np.asarray(-fitted[2:].T),  # a picture that moves by u looks like M - u·∇M
+        motion=np.asarray(-(fitted[2:] / fitted[0]).T),  # moved by u, b M looks like b (M - u·∇M)
     )
 
 

@@ -63,6 +63,7 @@ def speckle_quality(
     subset: int,
     noise: float | GreyNoise,
     *,
+    averaged: int = 1,
     wanted: float | None = None,
 ) -> SpeckleQuality:
     """Report on a speckle pattern.
@@ -87,6 +88,8 @@ def speckle_quality(
         Side of the square subset [px]: odd, 5 to 101.
     noise
         Standard deviation of a pixel of one frame [grey], or how it depends on the grey value.
+    averaged
+        How many frames the picture is the mean of.
     wanted
         Floor to be reached [px]; asks for `SpeckleQuality.needed`.
 
@@ -104,6 +107,8 @@ def speckle_quality(
         )
     if subset % 2 == 0 or not 5 <= subset <= LARGEST_SUBSET:
         raise ValueError(f"subset must be odd, from 5 to {LARGEST_SUBSET} px, got {subset}")
+    if averaged < 1:
+        raise ValueError(f"averaged must be at least 1 frame, got {averaged}")
     if wanted is not None and not wanted > 0.0:
         raise ValueError(f"wanted must be a positive floor in px, got {wanted}")
     variance = noise.variance(f) if isinstance(noise, GreyNoise) else np.full(f.shape, float(noise) ** 2)
@@ -113,13 +118,14 @@ def speckle_quality(
         raise ValueError(f"the picture has one grey value in the mask, {f[used][0]}: there are no speckles")
 
     sigma = float(np.sqrt(variance[used].mean()))
-    products = _products(f, used, variance)
+    left = sigma / float(np.sqrt(averaged))  # the noise of the picture itself
+    products = _products(f, used, variance, averaged)
     floor = _floor(products, subset)
-    coverage, by_edges = coverage_and_diameter(f, used, subset, sigma)
+    coverage, by_edges = coverage_and_diameter(f, used, subset, left)
     steep = products[0] + products[1]
     return SpeckleQuality(
         subset=subset,
-        size=width_of_autocorrelation(f, used, subset, sigma),
+        size=width_of_autocorrelation(f, used, subset, left),
         size_by_edges=by_edges,
         coverage=coverage,
         mean_gradient=float(np.sqrt(np.maximum(steep[used], 0.0)).mean()),
@@ -130,10 +136,10 @@ def speckle_quality(
     )
 
 
-def _products(f: FloatArray, used: NDArray[np.bool_], variance: FloatArray) -> FloatArray:
+def _products(f: FloatArray, used: NDArray[np.bool_], variance: FloatArray, averaged: int) -> FloatArray:
     """Gx², Gy², GxGy, the same three times σ², and the mask, each 0 outside it: shape [7, rows, columns]."""
     gx, gy = gradient(f)
-    excess = noise_gain() * variance
+    excess = noise_gain() * variance / averaged
     square = np.stack([gx * gx - excess, gy * gy - excess, gx * gy])
     return np.concatenate([square, square * variance, np.ones((1, *f.shape))]) * used
 
