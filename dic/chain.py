@@ -35,6 +35,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
+VERSION = 1
+"""Raised when the same pictures and settings give other numbers: results kept from before are then made anew."""
 DIRECTIONS = {"up": (0.0, -1.0), "down": (0.0, 1.0), "left": (-1.0, 0.0), "right": (1.0, 0.0)}
 """Directions in a picture (right, down)."""
 

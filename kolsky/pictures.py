@@ -103,6 +103,19 @@ def fits_sensor(pictures: Pictures, sensor: tuple[int, int] | None) -> str | Non
     )
 
 
+def readable(pictures: Pictures) -> int:
+    """Pictures up to the last one that can be read: all, unless the file was cut off."""
+    count = pictures.n_frames
+    while count > 0:
+        try:
+            pictures.frame(count - 1)
+        except PictureError:
+            count -= 1
+        else:
+            break
+    return count
+
+
 def matching(folder: Path, pattern: str) -> list[Path]:
     """The files of a pattern by name; its folders are taken literally."""
     place = folder / pattern

@@ -45,24 +45,32 @@ class PicturesSection(Section):
 
 
 class TargetSection(Section):
-    """[calibration.target]: what the calibration pictures show."""
+    """[calibration.target]: what the calibration pictures show; which keys it needs depends on its kind."""
 
-    kind: Literal["hollow_grid", "asymmetric_grid", "chessboard", "charuco", "cylinder"]
+    kind: f.Name
     columns: Annotated[int, Field(ge=2, le=1000)]
     rows: Annotated[int, Field(ge=2, le=1000)]
-    pitch: f.Length
-    dot: f.Length | None = None
+    pitch: f.Length | None = None
+    step: f.Length | None = None
+    diameter: f.Length | None = None
+    hole: f.Length | None = None
     hollow: f.Places | None = None
+    marker: f.Length | None = None
+    dictionary: f.Name | None = None
+    legacy: bool | None = None
+    dark: bool | None = None
 
 
 class CalibrationSection(Section):
     """[calibration]: a calibration file, or pictures of a target."""
 
     file: f.FileName | None = None
+    length_unit: f.LengthUnit = 1e-3
     camera_0: f.FilePattern | None = None
     camera_1: f.FilePattern | None = None
     target: TargetSection | None = None
-    distortion: Literal["none", "k1", "k1 k2", "k1 k2 k3", "k1 k2 p1 p2", "k1 k2 p1 p2 k3"] | None = None
+    distortion: Literal["none", "k1", "k1 k2", "k1 k2 k3", "k1 p1 p2", "k1 k2 p1 p2", "k1 k2 p1 p2 k3"] | None = None
+    square_pixels: bool = False
 
     @model_validator(mode="after")
     def _one_source(self) -> "CalibrationSection":

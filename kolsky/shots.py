@@ -272,6 +272,12 @@ def _base(
     }
 
 
+def folder_of(folder_or_toml: str | Path) -> Path:
+    """The folder of a shot that is named by its folder or its shot file."""
+    path = Path(folder_or_toml)
+    return path.parent if path.is_file() else path
+
+
 def _find(path: Path) -> Path:
     """The shot file of a folder, or the file itself."""
     if path.is_dir():
