@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from dic.camera import StereoRig
 from dic.correlation import Correlation
 from dic.images import Pictures
 from dic.outcome import FrameOutcome, PointOutcome
+from dic.rigid_tracking import track_rigid
 from dic.region import grid_points, polygon_mask
 from dic.stereo import Reconstruction, StereoMatch, match_stereo, reconstruct
 from dic.tracking import Track, Tracking, track
@@ -65,6 +67,7 @@ def follow_body(
     stereo: Correlation,
     noise: tuple[float, float],
     health: tuple[IntArray, IntArray],
+    rigid: bool = False,
     device: str = "cpu",
     name: str = "specimen",
     progress: Progress | None = None,
@@ -91,6 +94,8 @@ def follow_body(
         Standard deviation of the grey values of the cameras.
     health
         `FrameOutcome` of the pictures of the cameras, each of shape [n_frames].
+    rigid
+        True for a body that only translates.
     device
         Where pictures are correlated.
     name
@@ -119,12 +124,13 @@ def follow_body(
         if not known.any():
             tracks.append(_nowhere(points, match, health[camera]))
             continue
-        found = track(
+        found = _followed(
             pictures[camera],
             points[known],
             tracking,
+            rigid=rigid,
             noise=noise[camera],
-            mask=mask if camera == 0 else None,
+            mask=mask,
             start=None if camera == 0 else match.warp[known],
             start_covariance=None if camera == 0 else match.covariance[known],
             first=material,
@@ -143,6 +149,13 @@ def follow_body(
         tracks=(tracks[0], tracks[1]),
         reconstruction=reconstruct(rig, tracks[0], tracks[1]),
     )
+
+
+def _followed(pictures: Pictures, points: FloatArray, tracking: Tracking, *, rigid: bool, **given: Any) -> Track:
+    """One camera's track, of a body that deforms or only translates."""
+    if rigid:
+        return track_rigid(pictures, points, tracking.correlation, **given)
+    return track(pictures, points, tracking, **given)
 
 
 def _named(progress: Progress, stage: str) -> Callable[[int, int], None]:

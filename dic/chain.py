@@ -137,7 +137,7 @@ def measure(
     health, grey = clock("look at the pictures", lambda: _look(pictures, static))
     noise = (grey[0], grey[1])
 
-    def follow(region: Region, name: str, tracking: Tracking) -> Followed:
+    def follow(region: Region, name: str, tracking: Tracking, *, rigid: bool = False) -> Followed:
         return follow_body(
             pictures,
             rig,
@@ -148,6 +148,7 @@ def measure(
             stereo=settings.stereo,
             noise=noise,
             health=health,
+            rigid=rigid,
             device=settings.device,
             name=name,
             progress=progress,
@@ -160,7 +161,7 @@ def measure(
     centre = centre_line(surface.surface, half_width=settings.strip_half_width)
     flyer_body, travel = None, None
     if flyer is not None:
-        followed = clock("flyer", lambda: follow(flyer, "flyer", settings.rigid))
+        followed = clock("flyer", lambda: follow(flyer, "flyer", settings.rigid, rigid=True))
         flyer_body, _ = _surface(followed, placement, t, [followed.material])
         travel = flyer_travel(
             followed, rig, placement.frame, t, static, subset=settings.rigid.correlation.subset
