@@ -17,7 +17,7 @@ from dic.correlation.settings import Correlation
 from dic.correlation.stack import PictureStack
 from dic.outcome import PointOutcome
 
-FLAGS = "-march=native -mprefer-vector-width=512 -mstackrealign"
+FLAGS = "-march=native -ffp-contract=fast -mprefer-vector-width=512 -mstackrealign"
 SHARE = 512
 """Points a CPU thread takes at a time."""
 WARPS_PER_PROCESSOR = 16

@@ -100,7 +100,10 @@ _SEARCH = """
                         g1 += wv; g2 += wv * v; tg += wv * op::load(T + k);
                         const pack ax = wv * op::load(GX + k), ay = wv * op::load(GY + k);
                         at.set(x, y);
-                        for (int j = 0; j < ORDER; ++j) { s[j] += ax * at.m[j]; s[ORDER + j] += ay * at.m[j]; }
+                        for (int j = 0; j < ORDER; ++j) {
+                            s[j] += ax * at.m[j];
+                            s[ORDER + j] += ay * at.m[j];
+                        }
                     }
                     const double sum = op::sum(g1), mean = sum / N.n;
                     const double energy = op::sum(g2) - mean * sum, cross = op::sum(tg) - N.mean * sum;
@@ -136,8 +139,10 @@ _SEARCH = """
                             N.solve(column[c]);
                         }
                         jet::at(w, 0.0, 0.0, here, F1);
-                        const double noise_f = (job.f_floor.data[a] + job.f_gain.data[a] * op::positive(N.mean + level));
-                        const double noise_g = (job.g_floor.data[b] + job.g_gain.data[b] * op::positive(brightness));
+                        const double noise_f =
+                            job.f_floor.data[a] + job.f_gain.data[a] * op::positive(N.mean + level);
+                        const double noise_g =
+                            job.g_floor.data[b] + job.g_gain.data[b] * op::positive(brightness);
                         const double variance = noise_f / fabs(F0[0] * F0[3] - F0[1] * F0[2])
                             + noise_g / fabs(F1[0] * F1[3] - F1[1] * F1[2]) / (contrast * contrast);
                         const double xx = column[0][0] * variance, xy = column[0][ORDER] * variance;
