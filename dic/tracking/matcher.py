@@ -43,24 +43,17 @@ class Matcher:
         template
             Their references.
         """
-        m = len(rows)
-        result = Match(
-            np.array(guess), np.zeros((m, 2, 2)), np.zeros(m), np.zeros(m, np.int64), np.zeros(m, np.int64)
+        stack, picture = self.references.prepared(template.frame)
+        return correlate(
+            stack,
+            deformed,
+            self.points[rows],
+            guess,
+            self.settings,
+            reference_picture=picture,
+            reference_warp=template.warp,
+            mask=self.mask,
         )
-        for one in np.unique(template.frame):
-            part = np.flatnonzero(template.frame == one)
-            found = correlate(
-                self.references.stacks[int(one)],
-                deformed,
-                self.points[rows[part]],
-                guess[part],
-                self.settings,
-                reference_warp=template.warp[part],
-                mask=self.mask,
-            )
-            for name in ("warp", "covariance", "zncc", "iterations", "outcome"):
-                getattr(result, name)[part] = getattr(found, name)
-        return result
 
 
 def shares(warp: FloatArray, reference_warp: FloatArray) -> tuple[FloatArray, FloatArray]:

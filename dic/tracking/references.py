@@ -82,14 +82,25 @@ class References:
         self._warp = np.zeros((DEPTH, n, 12))
         self._before = np.zeros((DEPTH, n, 2, 2))
         self._own_root = True
-        self.stacks: dict[int, PictureStack] = {}
-        """Prepared pictures by frame."""
+        self._stacks: dict[int, PictureStack] = {}
+        self._joined: tuple[IntArray, PictureStack] | None = None
         self.pictures: dict[int, Picture] = {}
-        """The same as recorded, for the search."""
+        """Pictures by frame, as recorded."""
 
     def add(self, frame: int, picture: Picture, stack: PictureStack) -> None:
         """Keep a picture that points may take as their reference."""
-        self.stacks[frame], self.pictures[frame] = stack, picture
+        self._stacks[frame], self.pictures[frame] = stack, picture
+
+    def prepared(self, frames: IntArray) -> tuple[PictureStack, IntArray]:
+        """A stack that has the pictures of these frames, and where in it they are, shape of `frames`."""
+        wanted = np.unique(frames)
+        if self._joined is None or not np.all(np.isin(wanted, self._joined[0])):
+            if len(wanted) == 1:
+                return self._stacks[int(wanted[0])], np.zeros(len(frames), dtype=np.int64)
+            held = np.unique(np.concatenate([wanted, self._in_use()]))
+            self._joined = held, PictureStack.join([self._stacks[int(frame)] for frame in held])
+        held, stack = self._joined
+        return stack, np.searchsorted(held, frames)
 
     def root(self, frame: int, warp: FloatArray, before: FloatArray) -> None:
         """Start all chains at `frame`, with total warps [n, 12] and covariances [px², n, 2, 2] there."""
@@ -123,8 +134,12 @@ class References:
 
     def tidy(self, keep: int) -> None:
         """Let go of the pictures that no chain uses any more, other than frame `keep`."""
-        used = {keep}
-        for level in range(DEPTH):
-            used.update(np.unique(self._frame[level, self.level >= level]).tolist())
-        for frame in [frame for frame in self.stacks if frame not in used]:
-            del self.stacks[frame], self.pictures[frame]
+        used = {keep, *self._in_use().tolist()}
+        for frame in [frame for frame in self._stacks if frame not in used]:
+            del self._stacks[frame], self.pictures[frame]
+        if self._joined is not None and not set(self._joined[0].tolist()) <= used:
+            self._joined = None
+
+    def _in_use(self) -> IntArray:
+        levels = [np.unique(self._frame[level, self.level >= level]) for level in range(DEPTH)]
+        return np.unique(np.concatenate(levels))

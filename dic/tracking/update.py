@@ -18,6 +18,10 @@ BoolArray = NDArray[np.bool_]
 JOIN = 0.7
 """When a point changes its reference, others that have come this far toward it (in ln stretch) join: fewer
 pictures are kept and the neighbours keep a common reference."""
+QUORUM = 0.02
+"""References change when this share of the points found asks for it ..."""
+URGENT = 1.5
+"""... or one has gone this far beyond the limit (in ln stretch)."""
 DROP = 0.05
 """A poor correlation asks for a new reference only if it has fallen by this much since the reference was new."""
 
@@ -79,6 +83,8 @@ class Updates:
         strain = np.log(stretch(relative(here.warp[valid], here.template.warp[valid])))
         limit = np.log(self.settings.update_stretch)
         asks = (strain > limit) | (poor & self.low[valid])
+        if np.mean(asks) < QUORUM:
+            asks = strain > URGENT * limit
         if np.any(asks):
             asks |= strain > JOIN * limit
         rows = valid[asks]
