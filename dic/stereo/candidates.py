@@ -26,7 +26,7 @@ KNOTS = 65
 """Places an epipolar curve is followed through before it is divided into equal steps."""
 NARROWINGS = 3
 """How often the piece of a curve that lies in the picture is cut out anew, a few dozen times finer each."""
-SAMPLES = 16
+SAMPLES = 12
 """A subset is sampled at about this many places each way, the picture smoothed to match."""
 ROWS = 4_000
 """Subsets looked at in one go, to stay in the cache; OpenCV takes arrays of up to 32766 rows."""

@@ -13,8 +13,8 @@ from dic.correlation.settings import Correlation
 from dic.correlation.stack import Noise, PictureStack
 from dic.correlation.warp import Shape
 from dic.outcome import PointOutcome
+from dic.stereo.candidates import SAMPLES, subsets
 from dic.stereo.candidates import search as search_curves
-from dic.stereo.candidates import subsets
 from dic.stereo.epipolar import epipolar_distance, epipolar_sigma
 from dic.stereo.facet import distance_along, fit_facet
 from dic.stereo.gates import Evidence, Gate, judge, neighbours_disagree, slope
@@ -196,9 +196,10 @@ class _Matcher:
         side = self.search.subset or max(self.settings.subset, SEARCHED)
         wanted = subsets(self.pictures[0], self.points[rows], self.reference[rows], side, self.mask)
         turns = [(a, b) for a in self.search.stretching_turns for b in self.search.shearing_turns]
-        candidates = search_curves(
-            self.rig, wanted, self.pictures[1], limits=self.search.distances, turns=np.radians(turns)
-        )
+        limits = self.search.distances
+        if limits is None and found.any():  # the rest of the surface is near what is known of it
+            limits = _widened(self._distances(np.flatnonzero(found), match))
+        candidates = search_curves(self.rig, wanted, self.pictures[1], limits=limits, turns=np.radians(turns))
         alone = 1.0 - candidates.zncc < self.search.distinct * (1.0 - candidates.rival)
         good = (candidates.zncc >= self.search.least_zncc) & alone
         result, believed = self._attempt(rows[good], candidates.warp[good])
@@ -234,6 +235,11 @@ class _Matcher:
         sigma[some] = epipolar_sigma(self.rig, *pixels, np.zeros((2, 2)), match.covariance[some])
         return distance, sigma
 
+    def _distances(self, rows: IntArray, match: Match) -> FloatArray:
+        """Of matched points along camera 0's lines of sight [m]."""
+        places0, places1 = self.places[rows], warps.apply(self.points[rows], match.warp[rows])
+        return distance_along(self.rig, places0, midpoint(self.rig, places0, places1))
+
     def _judged(self, match: Match, near: IntArray) -> StereoMatch:
         """The evidence for every match, and the verdict."""
         n = len(self.points)
@@ -243,9 +249,8 @@ class _Matcher:
         facet, incidence, back, distinct, distance = (np.full(n, np.inf) for _ in range(5))
         sigma = np.zeros(n)
         if len(rows):
-            places0, places1 = self.places[rows], warps.apply(self.points[rows], match.warp[rows])
-            X = midpoint(self.rig, places0, places1)
-            distance[rows] = distance_along(self.rig, places0, X)
+            places0 = self.places[rows]
+            distance[rows] = self._distances(rows, match)
             A = slope(match.warp[rows]) @ np.linalg.inv(slope(self.reference[rows]))
             fit = fit_facet(self.rig, places0, distance[rows], A)
             facet[rows] = fit.across * (self.settings.subset / 2.0)
@@ -299,7 +304,7 @@ class _Matcher:
         shares = []
         for candidates, home in ((there, warp), (back, reference)):
             best = (1.0 - candidates.zncc) / (1.0 - candidates.rival)
-            reach = 2.0 + 2.0 * max(1, side // 16)  # steps of the curve, and half a speckle
+            reach = 2.0 + 2.0 * max(1, side // SAMPLES)  # steps of the curve, and half a speckle
             missed = ~(np.linalg.norm(candidates.warp[:, :2] - home[:, :2], axis=1) <= reach)
             shares.append(np.where(missed, np.inf, best))
         trace = np.trace(match.covariance[rows] + again.covariance, axis1=1, axis2=2)

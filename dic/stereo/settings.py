@@ -22,7 +22,7 @@ class StereoSearch:
     """Turns of a small facet within the epipolar plane that are tried, from facing both cameras alike [°]."""
     shearing_turns: tuple[float, ...] = (-25.0, 0.0, 25.0)
     """Turns of it out of the epipolar plane [°]."""
-    seeds: int = 150
+    seeds: int = 40
     """Number of points, spread over all, that are looked for along their whole epipolar curve."""
     subset: int | None = None
     """Side of the subset for this search [px]; None: the match's, or 31 px if that is smaller."""
