@@ -1,6 +1,6 @@
 """One frame's matches, each point with a reference of its own, and what they are worth."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,9 +27,7 @@ class Matcher:
     references: References
     mask: BoolArray | None
 
-    def match(
-        self, deformed: PictureStack, rows: IntArray, guess: FloatArray, template: Template
-    ) -> Match:
+    def match(self, deformed: PictureStack, rows: IntArray, guess: FloatArray, template: Template) -> Match:
         """Find points `rows` in a picture.
 
         Parameters
@@ -43,17 +41,26 @@ class Matcher:
         template
             Their references.
         """
-        stack, picture = self.references.prepared(template.frame)
-        return correlate(
-            stack,
-            deformed,
-            self.points[rows],
-            guess,
-            self.settings,
-            reference_picture=picture,
-            reference_warp=template.warp,
-            mask=self.mask,
+        m = len(rows)
+        result = Match(
+            np.array(guess), np.zeros((m, 2, 2)), np.zeros(m), np.zeros(m, np.int64), np.zeros(m, np.int64)
         )
+        stack, picture = self.references.prepared(template.frame)
+        for subset in np.unique(template.subset):
+            part = np.flatnonzero(template.subset == subset)
+            found = correlate(
+                stack,
+                deformed,
+                self.points[rows[part]],
+                guess[part],
+                replace(self.settings, subset=int(subset)),
+                reference_picture=picture[part],
+                reference_warp=template.warp[part],
+                mask=self.mask,
+            )
+            for name in ("warp", "covariance", "zncc", "iterations", "outcome"):
+                getattr(result, name)[part] = getattr(found, name)
+        return result
 
 
 def shares(warp: FloatArray, reference_warp: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -68,7 +75,9 @@ def shares(warp: FloatArray, reference_warp: FloatArray) -> tuple[FloatArray, Fl
     return template / total, searched / total
 
 
-def compose(match_covariance: FloatArray, warp: FloatArray, template: Template) -> tuple[FloatArray, FloatArray]:
+def compose(
+    match_covariance: FloatArray, warp: FloatArray, template: Template
+) -> tuple[FloatArray, FloatArray]:
     """Covariance of places found through a chain of references (`dic.tracking.references`).
 
     Parameters

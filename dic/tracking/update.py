@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from dic.outcome import PointOutcome
 from dic.tracking.frame_match import FrameMatch
 from dic.tracking.matcher import compose
-from dic.tracking.references import References, Template, relative, stretch
+from dic.tracking.references import References, Template, grown, relative, stretch
 from dic.tracking.settings import Tracking
 
 FloatArray = NDArray[np.float64]
@@ -23,7 +23,9 @@ QUORUM = 0.02
 URGENT = 1.5
 """... or one has gone this far beyond the limit (in ln stretch)."""
 DROP = 0.05
-"""A poor correlation asks for a new reference only if it has fallen by this much since the reference was new."""
+"""A poor correlation asks for a new reference only if it has fallen by this much since the last change."""
+PROBATION = 5
+"""Frames that a point must do with a reference taken in a hurry before it may take another one so."""
 
 
 @dataclass(frozen=True)
@@ -49,13 +51,19 @@ class Updates:
         """Points whose correlation was poor in the frame before, shape [n]."""
         self.fresh = np.full(n, np.nan)
         """Correlation in the first frame after the reference was taken, shape [n]."""
+        self.hurried = np.full(n, -PROBATION)
+        """Frame, counted from the first, of the last change of reference in a hurry, shape [n]."""
         self.steps = 0
 
+    def _subset(self, warp: FloatArray) -> IntArray:
+        return grown(self.settings.correlation.subset, warp, self.settings.growth)
+
     def hurry(self, here: FrameMatch, last: Last | None) -> None:
-        """Try lost points with the frame before as their reference, and let them keep it if that finds them."""
+        """Try lost points with the frame before as their reference; those found so keep it."""
         if last is None:
             return
-        rows = np.flatnonzero(~here.valid & last.valid & (here.template.frame != last.frame))
+        calm = self.steps - self.hurried >= PROBATION
+        rows = np.flatnonzero(~here.valid & last.valid & (here.template.frame != last.frame) & calm)
         if len(rows) == 0:
             return
         template = Template(
@@ -63,13 +71,15 @@ class Updates:
             last.warp[rows],
             last.carried[rows],
             np.zeros(len(rows), dtype=bool),
+            self._subset(last.warp[rows]),
         )
         guess = here.guess[rows]
         lean = here.neighbours.any(here.valid)[rows]
         guess[lean] = here.neighbours.best(here.warp, here.zncc, here.valid, rows[lean])
         found = here.attempt(rows, guess, template)
-        self.references.renew(found, last.frame, last.warp[found], last.carried[found])
-        self.fresh[found] = np.nan
+        subset = self._subset(last.warp[found])
+        self.references.renew(found, last.frame, last.warp[found], last.carried[found], subset)
+        self.fresh[found], self.hurried[found] = np.nan, self.steps
         here.propagate()
 
     def forward(self, here: FrameMatch, frame: int, carried: FloatArray) -> None:
@@ -88,12 +98,12 @@ class Updates:
         if np.any(asks):
             asks |= strain > JOIN * limit
         rows = valid[asks]
-        self.references.renew(rows, frame, here.warp[rows], carried[rows])
+        self.references.renew(rows, frame, here.warp[rows], carried[rows], self._subset(here.warp[rows]))
         self.fresh[rows], low[rows] = np.nan, False
         self.low = low
 
     def back(self, here: FrameMatch) -> None:
-        """Return points to an earlier reference that they look like again; the match with it replaces theirs."""
+        """Return points to an earlier reference that they look like again, and match them with it."""
         self.steps += 1
         if self.settings.return_every == 0 or self.steps % self.settings.return_every != 0:
             return
