@@ -20,6 +20,8 @@ APART = 0.5
 """How far a point may lie from where the body's motion puts it, beside its noise [px]."""
 SIGMAS = 6.0
 """And in standard deviations of its match [-]."""
+FEWEST = 5
+"""Points that must agree on a motion; fewer may do so by chance."""
 SEARCHED = (0.0, 1.5, -1.5, 3.0, -3.0, 5.0, -5.0)
 """Steps along the last motion, or along each axis, that are tried when the prediction finds too few [px]."""
 
@@ -154,10 +156,9 @@ def _step(
         inside = match.outcome != PointOutcome.OUT_OF_VIEW
         if best is not None and best[0].sum() >= max(1.0, 0.5 * inside.sum()):
             break
-    if best is None:
-        found.outcome[frame] = match.outcome
-        return None
-    agree, match, middle = best
+    agree, match, middle = (np.zeros(len(points), dtype=bool), match, predicted) if best is None else best
+    if agree.sum() < FEWEST:
+        agree[:] = False
     outcome = match.outcome.copy()
     outcome[(outcome == PointOutcome.VALID) & ~agree] = int(PointOutcome.LOW_CORRELATION)
     found.warp[frame], found.zncc[frame], found.outcome[frame] = match.warp, match.zncc, outcome
