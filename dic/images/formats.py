@@ -47,7 +47,7 @@ def open_pictures(
     Parameters
     ----------
     path
-        A file of any of the formats; a folder with a numbered series of PNG, JPEG or BMP files; or
+        A file of any of the formats; a folder with a numbered series of TIFF, PNG, JPEG or BMP files; or
         a list of such files in the order of the frames.
     pattern
         In a folder: the names of the series with one `*` for the number, ``"cam0_*.png"``. In an HDF5
