@@ -58,7 +58,7 @@ class NumberedPictures:
             raise PictureError(
                 self.path, f"no file has the number {self.numbers[index]}", frame=index, cure="copy it again"
             )
-        return checked_frame(file, index, _decode(file, index)[0], self.shape)
+        return checked_frame(file, index, _decode(file, index)[0], self.shape, self.bits)
 
 
 def read_folder(path: Path, pattern: str | None = None) -> NumberedPictures:

@@ -55,7 +55,7 @@ class TiffPictures:
         """
         index = checked_index(self.n_frames, index)
         if self.stack is not None:
-            return checked_frame(self.path, index, self._of_stack(index, *self.stack), self.shape)
+            return checked_frame(self.path, index, self._of_stack(index, *self.stack), self.shape, self.bits)
         if index >= len(self.offsets):
             raise PictureError(
                 self.path,
@@ -71,7 +71,7 @@ class TiffPictures:
             raise PictureError(
                 self.path, f"cannot be decoded ({error})", frame=index, cure="copy or export the file again"
             ) from error
-        return checked_frame(self.path, index, picture, self.shape)
+        return checked_frame(self.path, index, picture, self.shape, self.bits)
 
     def _of_stack(self, index: int, start: int, kind: str) -> NDArray[np.generic]:
         dtype = np.dtype(kind)

@@ -10,7 +10,8 @@ import pytest
 import tifffile
 from picture_files import twelve_bit_tiff
 
-from dic.images import PictureError, Pictures, declared, open_pictures
+from dic import FrameOutcome
+from dic.images import PictureError, Pictures, declared, frame_health, open_pictures
 
 SHAPE = (6, 7)  # an odd number of columns: a row of 12-bit values does not end with a byte
 
@@ -380,6 +381,19 @@ def test_a_grey_value_above_the_declared_bits_is_an_error_of_its_frame(tmp_path,
     assert [frame is None for frame in read_all(pictures)] == [False, False, True, False]
     with pytest.raises(PictureError, match="declare bits=11 or more"):
         pictures.frame(2)
+
+
+def test_a_header_that_states_too_few_bits_is_seen_and_can_be_corrected(tmp_path, pages):
+    pages[2, 3, 3] = 4095
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        largest = np.array([1023, 1023, 4095, 1023])
+        file["a"] = np.minimum(pages, largest[:, None, None]).astype(np.uint16)
+        file["a"].attrs["bits"] = 10
+    pictures = open_pictures(tmp_path / "a.h5")
+    assert [frame is None for frame in read_all(pictures)] == [False, False, True, False]
+    assert frame_health(pictures).outcome[2] == FrameOutcome.UNREADABLE
+    right = open_pictures(tmp_path / "a.h5", bits=12)
+    assert all(frame is not None for frame in read_all(right))
 
 
 @pytest.mark.parametrize(
