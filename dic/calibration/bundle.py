@@ -175,6 +175,38 @@ def adjust(rig: Rig, sights: Iterable[Sight], columns: FloatArray, *, tolerance:
     return Fit(rig, covariance, cost, freedom, poses)
 
 
+def clustering(fit: Fit, sights: Iterable[Sight], columns: FloatArray) -> float:
+    """How much more than independent residuals the pairs pull the parameters about: a factor on variances.
+
+    With g_p the pull of pair p on the parameters (its part of Jᵀ r, the pose eliminated) and S = Jᵀ J,
+
+        F = Σ g_pᵀ S⁻¹ g_p / (s² m) · P / (P - 1)                                                   (C.2)
+
+    for P pairs and m parameters: 1 on average if residuals are independent, more if those of a picture hang
+    together (a bent target, a lens model too simple), when their number says more than they know
+    [Moulton1986]_.
+
+    .. [Moulton1986] B. R. Moulton, Random group effects and the precision of regression estimates, J. of
+       Econometrics 32 (1986) 385-397, doi:10.1016/0304-4076(86)90021-7.
+    """
+    views: dict[int, list[Sight]] = {}
+    for sight in sights:
+        views.setdefault(sight.pair, []).append(sight)
+    if len(views) < 2 or not columns.shape[1] or fit.unit == 0.0:
+        return 1.0
+    S, pulls = np.zeros((columns.shape[1],) * 2), []
+    for pair, own in views.items():
+        U, b, parts = _normal_equations(fit.rig, own, columns)
+        V, W, c = parts[pair]
+        back = np.linalg.solve(V, np.column_stack([W.T, c]))
+        S += U - W @ back[:, :-1]
+        pulls.append(b - W @ back[:, -1])
+    scale = 1.0 / np.sqrt(np.diag(S))
+    g = np.array(pulls) * scale
+    total = float(np.sum(g * np.linalg.solve(S * np.outer(scale, scale), g.T).T))
+    return total / (fit.unit**2 * columns.shape[1]) * len(pulls) / (len(pulls) - 1)
+
+
 Normal = tuple[FloatArray, FloatArray, dict[int, tuple[FloatArray, FloatArray, FloatArray]]]
 
 

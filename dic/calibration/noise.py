@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 
-def grey(picture: NDArray[np.generic]) -> tuple[FloatArray, float]:
-    """A picture in float64 and its largest grey value.
+def grey(picture: NDArray[np.generic]) -> FloatArray:
+    """A picture in float64.
 
     Raises
     ------
@@ -24,7 +24,7 @@ def grey(picture: NDArray[np.generic]) -> tuple[FloatArray, float]:
     image = image.astype(np.float64)
     if not np.all(np.isfinite(image)):
         raise ValueError("a target's picture must have finite grey values")
-    return image, float(image.max())
+    return image
 
 
 def noise_level(picture: NDArray[np.generic]) -> float:
@@ -36,7 +36,7 @@ def noise_level(picture: NDArray[np.generic]) -> float:
     .. [Immerkær1996] J. Immerkær, Fast noise variance estimation, Computer Vision and Image
        Understanding 64 (1996) 300-302, doi:10.1006/cviu.1996.0060.
     """
-    image, _ = grey(picture)
+    image = grey(picture)
     kernel = np.array([[1.0, -2.0, 1.0], [-2.0, 4.0, -2.0], [1.0, -2.0, 1.0]])
     response = np.abs(cv2.filter2D(image, cv2.CV_64F, kernel)[1:-1, 1:-1])
     bright = image[1:-1, 1:-1] > 0.5 * (np.percentile(image, 2.0) + np.percentile(image, 98.0))

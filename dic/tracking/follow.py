@@ -82,7 +82,7 @@ def track(
     Raises
     ------
     ValueError
-        Points, mask, warps or frame numbers that do not fit the pictures, or a frame `first` without a picture.
+        Points, mask, warps or frame numbers that do not fit the pictures; no picture in frame `first`.
     """
     chosen = settings or Tracking()
     points = np.ascontiguousarray(points, dtype=np.float64)
@@ -112,7 +112,9 @@ def _check(
 ) -> None:
     n = len(points)
     if points.ndim != 2 or points.shape[1] != 2 or n == 0 or not np.all(np.isfinite(points)):
-        raise ValueError(f"points must be finite pixels of shape [n, 2], n at least 1, got shape {points.shape}")
+        raise ValueError(
+            f"points must be finite pixels of shape [n, 2], n at least 1, got shape {points.shape}"
+        )
     if not 0 <= first < n_frames:
         raise ValueError(f"first must be a frame from 0 to {n_frames - 1}, got {first}")
     wanted = (
@@ -146,13 +148,14 @@ class _Run:
         self.pictures, self.points, self.settings = pictures, points, settings
         self.noise, self.device = noise, device
         self.declared = frame_outcome
-        self.references = References(n)
+        self.references = References(n, settings.correlation.subset)
         self.matcher = Matcher(points, settings.correlation, self.references, mask)
         self.neighbours = Neighbours.of(points)
         self.predictor = Predictor(n)
         self.material: Picture
         self.updates = Updates(self.references, settings)
         self.last: Last | None = None
+        self.frame_outcome = np.full(n_frames, int(FrameOutcome.VALID))
         self.track = Track(
             points=points,
             warp=np.full((n_frames, n, 12), np.nan),
@@ -160,7 +163,7 @@ class _Run:
             zncc=np.full((n_frames, n), np.nan),
             outcome=np.full((n_frames, n), int(PointOutcome.NO_PICTURE)),
             reference=np.full((n_frames, n), MATERIAL),
-            frame_outcome=np.full(n_frames, int(FrameOutcome.VALID)),
+            frame_outcome=self.frame_outcome,
         )
 
     def begin(
@@ -219,7 +222,7 @@ class _Run:
         else:
             outcome = judge(picture, self.material)
         if picture is None or not outcome.ok:
-            self.track.frame_outcome[frame] = int(outcome)
+            self.frame_outcome[frame] = int(outcome)
             return
         stack = self._prepared(picture)
         self.references.add(frame, picture, stack)
@@ -252,4 +255,4 @@ class _Run:
         track.zncc[frame], track.outcome[frame] = here.zncc, here.outcome
         track.reference[frame] = here.template.frame
         if not np.any(here.valid):
-            track.frame_outcome[frame] = int(FrameOutcome.LOST)
+            self.frame_outcome[frame] = int(FrameOutcome.LOST)

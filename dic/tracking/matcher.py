@@ -1,6 +1,6 @@
 """One frame's matches, each point with a reference of its own, and what they are worth."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,9 +27,7 @@ class Matcher:
     references: References
     mask: BoolArray | None
 
-    def match(
-        self, deformed: PictureStack, rows: IntArray, guess: FloatArray, template: Template
-    ) -> Match:
+    def match(self, deformed: PictureStack, rows: IntArray, guess: FloatArray, template: Template) -> Match:
         """Find points `rows` in a picture.
 
         Parameters
@@ -47,14 +45,16 @@ class Matcher:
         result = Match(
             np.array(guess), np.zeros((m, 2, 2)), np.zeros(m), np.zeros(m, np.int64), np.zeros(m, np.int64)
         )
-        for one in np.unique(template.frame):
-            part = np.flatnonzero(template.frame == one)
+        stack, picture = self.references.prepared(template.frame)
+        for subset in np.unique(template.subset):
+            part = np.flatnonzero(template.subset == subset)
             found = correlate(
-                self.references.stacks[int(one)],
+                stack,
                 deformed,
                 self.points[rows[part]],
                 guess[part],
-                self.settings,
+                replace(self.settings, subset=int(subset)),
+                reference_picture=picture[part],
                 reference_warp=template.warp[part],
                 mask=self.mask,
             )
@@ -75,7 +75,9 @@ def shares(warp: FloatArray, reference_warp: FloatArray) -> tuple[FloatArray, Fl
     return template / total, searched / total
 
 
-def compose(match_covariance: FloatArray, warp: FloatArray, template: Template) -> tuple[FloatArray, FloatArray]:
+def compose(
+    match_covariance: FloatArray, warp: FloatArray, template: Template
+) -> tuple[FloatArray, FloatArray]:
     """Covariance of places found through a chain of references (`dic.tracking.references`).
 
     Parameters

@@ -27,6 +27,10 @@ BoolArray = NDArray[np.bool_]
 
 DEPTH = 8
 """References kept of a point: the root and the latest ones."""
+GROWTH_STEP = 1.2
+"""A growing subset grows by this factor at a time."""
+LARGEST = 101
+"""Largest subset of the match [px]."""
 
 
 def gradient(warp: FloatArray) -> FloatArray:
@@ -39,13 +43,18 @@ def relative(warp: FloatArray, reference_warp: FloatArray) -> FloatArray:
     return np.asarray(gradient(warp) @ np.linalg.inv(gradient(reference_warp)))
 
 
-def stretch(F: FloatArray) -> FloatArray:
-    """The larger of the largest principal stretch and the inverse of the smallest [-], shape [...]."""
+def principal(F: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Largest and smallest principal stretch of deformation gradients [-], shape [...] each."""
     total = np.sum(F * F, axis=(-2, -1))
     area = np.abs(np.linalg.det(F))
     root = np.sqrt(np.maximum(total + 2.0 * area, 0.0))
     gap = np.sqrt(np.maximum(total - 2.0 * area, 0.0))
-    largest, smallest = (root + gap) / 2.0, (root - gap) / 2.0
+    return np.asarray((root + gap) / 2.0), np.asarray((root - gap) / 2.0)
+
+
+def stretch(F: FloatArray) -> FloatArray:
+    """The larger of the largest principal stretch and the inverse of the smallest [-], shape [...]."""
+    largest, smallest = principal(F)
     return np.asarray(np.maximum(largest, 1.0 / np.maximum(smallest, 1e-12)))
 
 
@@ -61,35 +70,72 @@ class Template:
     """Covariance that the chain of references carries [px²], shape [m, 2, 2]."""
     root: BoolArray
     """Whether the reference is the root of its chain, shape [m]."""
+    subset: IntArray
+    """Side of the subset in the material picture [px], shape [m]."""
 
     def take(self, rows: IntArray) -> "Template":
         """Those of some points."""
-        return Template(self.frame[rows], self.warp[rows], self.before[rows], self.root[rows])
+        return Template(
+            self.frame[rows], self.warp[rows], self.before[rows], self.root[rows], self.subset[rows]
+        )
 
     def put(self, rows: IntArray, other: "Template") -> None:
         """Overwrite those of points `rows` in place."""
         self.frame[rows], self.warp[rows] = other.frame, other.warp
         self.before[rows], self.root[rows] = other.before, other.root
+        self.subset[rows] = other.subset
+
+
+def grown(subset: int, warp: FloatArray, limit: float) -> IntArray:
+    """Side that keeps the shortest side of a flattened subset in the picture [px], shape [n].
+
+    Parameters
+    ----------
+    subset
+        Side of the subset at rest [px].
+    warp
+        Total warps, shape [n, 12].
+    limit
+        Largest growth [-].
+    """
+    smallest = principal(gradient(warp))[1]
+    growth = np.clip(1.0 / np.maximum(smallest, 1e-6), 1.0, limit)
+    # few sizes, so that points can be matched together
+    growth = np.minimum(GROWTH_STEP ** np.ceil(np.log(growth) / np.log(GROWTH_STEP) - 1e-9), limit)
+    side = 2 * np.round((subset * growth - 1.0) / 2.0) + 1
+    return np.asarray(np.minimum(side, LARGEST), dtype=np.int64)
 
 
 class References:
     """The chains of n points and the pictures that they use."""
 
-    def __init__(self, n: int) -> None:
+    def __init__(self, n: int, subset: int) -> None:
         self.level = np.zeros(n, dtype=np.int64)
         """Place of the current reference in the chain, 0 the root, shape [n]."""
         self._frame = np.zeros((DEPTH, n), dtype=np.int64)
         self._warp = np.zeros((DEPTH, n, 12))
         self._before = np.zeros((DEPTH, n, 2, 2))
+        self._subset = np.full((DEPTH, n), subset)
         self._own_root = True
-        self.stacks: dict[int, PictureStack] = {}
-        """Prepared pictures by frame."""
+        self._stacks: dict[int, PictureStack] = {}
+        self._joined: tuple[IntArray, PictureStack] | None = None
         self.pictures: dict[int, Picture] = {}
-        """The same as recorded, for the search."""
+        """Pictures by frame, as recorded."""
 
     def add(self, frame: int, picture: Picture, stack: PictureStack) -> None:
         """Keep a picture that points may take as their reference."""
-        self.stacks[frame], self.pictures[frame] = stack, picture
+        self._stacks[frame], self.pictures[frame] = stack, picture
+
+    def prepared(self, frames: IntArray) -> tuple[PictureStack, IntArray]:
+        """A stack that has the pictures of these frames, and where in it they are, shape of `frames`."""
+        wanted = np.unique(frames)
+        if self._joined is None or not np.all(np.isin(wanted, self._joined[0])):
+            if len(wanted) == 1:
+                return self._stacks[int(wanted[0])], np.zeros(len(frames), dtype=np.int64)
+            held = np.unique(np.concatenate([wanted, self._in_use()]))
+            self._joined = held, PictureStack.join([self._stacks[int(frame)] for frame in held])
+        held, stack = self._joined
+        return stack, np.searchsorted(held, frames)
 
     def root(self, frame: int, warp: FloatArray, before: FloatArray) -> None:
         """Start all chains at `frame`, with total warps [n, 12] and covariances [px², n, 2, 2] there."""
@@ -97,25 +143,32 @@ class References:
         self._frame[0], self._warp[0], self._before[0] = frame, warp, before
 
     def start_from(self, before: FloatArray) -> None:
-        """Say that the root itself was found by a match, which the chain carries `before` of [px²], [n, 2, 2]."""
+        """Say that the root was found by a match of which the chain carries `before` [px²], [n, 2, 2]."""
         self._before[0], self._own_root = before, False
 
     def template(self, rows: IntArray, back: int = 0) -> Template:
         """References of points `rows`, or those `back` steps earlier in their chains."""
         level = self.level[rows] - back
         return Template(
-            self._frame[level, rows], self._warp[level, rows], self._before[level, rows], (level == 0) & self._own_root
+            self._frame[level, rows],
+            self._warp[level, rows],
+            self._before[level, rows],
+            (level == 0) & self._own_root,
+            self._subset[level, rows],
         )
 
-    def renew(self, rows: IntArray, frame: IntArray | int, warp: FloatArray, before: FloatArray) -> None:
+    def renew(
+        self, rows: IntArray, frame: int, warp: FloatArray, before: FloatArray, subset: IntArray
+    ) -> None:
         """Give points `rows` a new reference; the oldest but the root is forgotten in a full chain."""
         full = rows[self.level[rows] == DEPTH - 1]
-        for kept in (self._frame, self._warp, self._before):
+        for kept in (self._frame, self._warp, self._before, self._subset):
             kept[1:-1, full] = kept[2:, full]
         self.level[full] -= 1
         self.level[rows] += 1
         level = self.level[rows]
-        self._frame[level, rows], self._warp[level, rows], self._before[level, rows] = frame, warp, before
+        self._frame[level, rows], self._warp[level, rows] = frame, warp
+        self._before[level, rows], self._subset[level, rows] = before, subset
 
     def go_back(self, rows: IntArray) -> None:
         """Return points `rows` to the reference before."""
@@ -123,8 +176,12 @@ class References:
 
     def tidy(self, keep: int) -> None:
         """Let go of the pictures that no chain uses any more, other than frame `keep`."""
-        used = {keep}
-        for level in range(DEPTH):
-            used.update(np.unique(self._frame[level, self.level >= level]).tolist())
-        for frame in [frame for frame in self.stacks if frame not in used]:
-            del self.stacks[frame], self.pictures[frame]
+        used = {keep, *self._in_use().tolist()}
+        for frame in [frame for frame in self._stacks if frame not in used]:
+            del self._stacks[frame], self.pictures[frame]
+        if self._joined is not None and not set(self._joined[0].tolist()) <= used:
+            self._joined = None
+
+    def _in_use(self) -> IntArray:
+        levels = [np.unique(self._frame[level, self.level >= level]) for level in range(DEPTH)]
+        return np.unique(np.concatenate(levels))

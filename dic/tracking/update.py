@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from dic.outcome import PointOutcome
 from dic.tracking.frame_match import FrameMatch
 from dic.tracking.matcher import compose
-from dic.tracking.references import References, Template, relative, stretch
+from dic.tracking.references import References, Template, grown, relative, stretch
 from dic.tracking.settings import Tracking
 
 FloatArray = NDArray[np.float64]
@@ -18,8 +18,14 @@ BoolArray = NDArray[np.bool_]
 JOIN = 0.7
 """When a point changes its reference, others that have come this far toward it (in ln stretch) join: fewer
 pictures are kept and the neighbours keep a common reference."""
+QUORUM = 0.02
+"""References change when this share of the points found asks for it ..."""
+URGENT = 1.5
+"""... or one has gone this far beyond the limit (in ln stretch)."""
 DROP = 0.05
-"""A poor correlation asks for a new reference only if it has fallen by this much since the reference was new."""
+"""A poor correlation asks for a new reference only if it has fallen by this much since the last change."""
+PROBATION = 5
+"""Frames that a point must do with a reference taken in a hurry before it may take another one so."""
 
 
 @dataclass(frozen=True)
@@ -45,13 +51,19 @@ class Updates:
         """Points whose correlation was poor in the frame before, shape [n]."""
         self.fresh = np.full(n, np.nan)
         """Correlation in the first frame after the reference was taken, shape [n]."""
+        self.hurried = np.full(n, -PROBATION)
+        """Frame, counted from the first, of the last change of reference in a hurry, shape [n]."""
         self.steps = 0
 
+    def _subset(self, warp: FloatArray) -> IntArray:
+        return grown(self.settings.correlation.subset, warp, self.settings.growth)
+
     def hurry(self, here: FrameMatch, last: Last | None) -> None:
-        """Try lost points with the frame before as their reference, and let them keep it if that finds them."""
+        """Try lost points with the frame before as their reference; those found so keep it."""
         if last is None:
             return
-        rows = np.flatnonzero(~here.valid & last.valid & (here.template.frame != last.frame))
+        calm = self.steps - self.hurried >= PROBATION
+        rows = np.flatnonzero(~here.valid & last.valid & (here.template.frame != last.frame) & calm)
         if len(rows) == 0:
             return
         template = Template(
@@ -59,17 +71,23 @@ class Updates:
             last.warp[rows],
             last.carried[rows],
             np.zeros(len(rows), dtype=bool),
+            self._subset(last.warp[rows]),
         )
         guess = here.guess[rows]
         lean = here.neighbours.any(here.valid)[rows]
         guess[lean] = here.neighbours.best(here.warp, here.zncc, here.valid, rows[lean])
         found = here.attempt(rows, guess, template)
-        self.references.renew(found, last.frame, last.warp[found], last.carried[found])
-        self.fresh[found] = np.nan
+        subset = self._subset(last.warp[found])
+        self.references.renew(found, last.frame, last.warp[found], last.carried[found], subset)
+        self.fresh[found], self.hurried[found] = np.nan, self.steps
         here.propagate()
 
     def forward(self, here: FrameMatch, frame: int, carried: FloatArray) -> None:
         """Give the points that ask for it this frame as their reference."""
+        # a reference taken in a hurry that does not last shall not be what the point is searched with later
+        failed = np.flatnonzero(~here.valid & (self.steps - self.hurried < PROBATION))
+        self.references.go_back(failed)
+        self.hurried[failed] = -PROBATION
         valid = np.flatnonzero(here.valid)
         new = np.isnan(self.fresh[valid])
         self.fresh[valid[new]] = here.zncc[valid[new]]
@@ -79,15 +97,17 @@ class Updates:
         strain = np.log(stretch(relative(here.warp[valid], here.template.warp[valid])))
         limit = np.log(self.settings.update_stretch)
         asks = (strain > limit) | (poor & self.low[valid])
+        if np.mean(asks) < QUORUM:
+            asks = strain > URGENT * limit
         if np.any(asks):
             asks |= strain > JOIN * limit
         rows = valid[asks]
-        self.references.renew(rows, frame, here.warp[rows], carried[rows])
+        self.references.renew(rows, frame, here.warp[rows], carried[rows], self._subset(here.warp[rows]))
         self.fresh[rows], low[rows] = np.nan, False
         self.low = low
 
     def back(self, here: FrameMatch) -> None:
-        """Return points to an earlier reference that they look like again; the match with it replaces theirs."""
+        """Return points to an earlier reference that they look like again, and match them with it."""
         self.steps += 1
         if self.settings.return_every == 0 or self.steps % self.settings.return_every != 0:
             return

@@ -9,12 +9,11 @@ from dic import Camera, StereoRig
 from dic.stereo import (
     calibration_sigma,
     calibration_slopes,
-    epipolar_curve,
     epipolar_distance,
-    epipolar_sigma,
     projection_error,
     triangulate,
 )
+from dic.stereo.epipolar import epipolar_curve, epipolar_sigma
 
 LENS = (-0.18, 0.4, 1e-3, -2e-3, -0.3)
 NOISE0 = np.array([[4e-4, 1e-4], [1e-4, 2e-4]])
