@@ -1,6 +1,5 @@
 """Two cameras: which point is which, and where it is in space."""
 
-from dic.stereo.diagnosis import Fault, Finding, diagnose
 from dic.stereo.epipolar import epipolar_distance
 from dic.stereo.gates import Gate
 from dic.stereo.match import StereoMatch, match_stereo
@@ -10,8 +9,6 @@ from dic.stereo.systematic import calibration_sigma, calibration_slopes
 from dic.stereo.triangulation import Triangulation, projection_error, triangulate
 
 __all__ = [
-    "Fault",
-    "Finding",
     "Gate",
     "Reconstruction",
     "StereoGates",
@@ -20,7 +17,6 @@ __all__ = [
     "Triangulation",
     "calibration_sigma",
     "calibration_slopes",
-    "diagnose",
     "epipolar_distance",
     "match_stereo",
     "projection_error",
