@@ -117,7 +117,7 @@ def test_covariance_follows_each_point_s_own_noise() -> None:
     scale = np.array([1.0, 9.0])[:, None, None]
     each = triangulate(RIG, *seen, scale * NOISE0, scale * NOISE1).covariance
     alone = triangulate(RIG, *seen, NOISE0, NOISE1).covariance
-    np.testing.assert_allclose(each, scale * alone, rtol=1e-9)  # linear in the noise
+    np.testing.assert_allclose(each, scale * alone, rtol=1e-6)  # linear in the noise, but for EXACT over 2e-4
 
 
 def test_a_chosen_place_is_exact() -> None:
