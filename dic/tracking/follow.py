@@ -112,7 +112,9 @@ def _check(
 ) -> None:
     n = len(points)
     if points.ndim != 2 or points.shape[1] != 2 or n == 0 or not np.all(np.isfinite(points)):
-        raise ValueError(f"points must be finite pixels of shape [n, 2], n at least 1, got shape {points.shape}")
+        raise ValueError(
+            f"points must be finite pixels of shape [n, 2], n at least 1, got shape {points.shape}"
+        )
     if not 0 <= first < n_frames:
         raise ValueError(f"first must be a frame from 0 to {n_frames - 1}, got {first}")
     wanted = (

@@ -27,9 +27,7 @@ class Matcher:
     references: References
     mask: BoolArray | None
 
-    def match(
-        self, deformed: PictureStack, rows: IntArray, guess: FloatArray, template: Template
-    ) -> Match:
+    def match(self, deformed: PictureStack, rows: IntArray, guess: FloatArray, template: Template) -> Match:
         """Find points `rows` in a picture.
 
         Parameters
@@ -75,7 +73,9 @@ def shares(warp: FloatArray, reference_warp: FloatArray) -> tuple[FloatArray, Fl
     return template / total, searched / total
 
 
-def compose(match_covariance: FloatArray, warp: FloatArray, template: Template) -> tuple[FloatArray, FloatArray]:
+def compose(
+    match_covariance: FloatArray, warp: FloatArray, template: Template
+) -> tuple[FloatArray, FloatArray]:
     """Covariance of places found through a chain of references (`dic.tracking.references`).
 
     Parameters

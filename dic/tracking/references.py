@@ -104,7 +104,10 @@ class References:
         """References of points `rows`, or those `back` steps earlier in their chains."""
         level = self.level[rows] - back
         return Template(
-            self._frame[level, rows], self._warp[level, rows], self._before[level, rows], (level == 0) & self._own_root
+            self._frame[level, rows],
+            self._warp[level, rows],
+            self._before[level, rows],
+            (level == 0) & self._own_root,
         )
 
     def renew(self, rows: IntArray, frame: IntArray | int, warp: FloatArray, before: FloatArray) -> None:

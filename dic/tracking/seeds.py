@@ -36,8 +36,14 @@ def spread(points: FloatArray, rows: IntArray, n: int) -> IntArray:
 
 
 def correlate_windows(
-    reference: Picture, deformed: Picture, origin: FloatArray, guess: FloatArray, F: FloatArray, *,
-    half: int, search: int,
+    reference: Picture,
+    deformed: Picture,
+    origin: FloatArray,
+    guess: FloatArray,
+    F: FloatArray,
+    *,
+    half: int,
+    search: int,
 ) -> tuple[FloatArray, FloatArray]:
     """Where windows of one picture lie in another, by normalised cross-correlation (FFT), to a pixel.
 
@@ -79,7 +85,9 @@ def correlate_windows(
         if np.any(high - low < side):
             continue
         back = np.linalg.inv(gradient)
-        window = np.array([[x - half, y - half] for x, y in ((0, 0), (2 * half, 0), (0, 2 * half), (2 * half,) * 2)])
+        window = np.array(
+            [[x - half, y - half] for x, y in ((0, 0), (2 * half, 0), (0, 2 * half), (2 * half,) * 2)]
+        )
         corners = x0 + window @ back.T
         if np.any(corners < 0.0) or np.any(corners > np.array(f.shape[::-1]) - 1.0):
             continue
