@@ -15,10 +15,13 @@ from dic.correlation.warp import Shape
 from dic.images import PictureError, Pictures
 from dic.images.health import frame_health
 from dic.images.noise import grey_noise
+from dic import remarks
 from dic.noise import noise_floor
 from dic.outcome import FrameOutcome, PointOutcome
-from dic.result import Body, Placement, Remark, StereoResult
-from dic.surface import centre_line
+from dic.region import grid_points, polygon_mask
+from dic.result import Body, Placement, StereoResult, SurfaceStrain
+from dic.setup_check import check_setup, free_pairs
+from dic.stereo.diagnose import Finding
 from dic.surfaces import (
     fit_cylinder,
     on_cylinder,
@@ -28,6 +31,8 @@ from dic.surfaces import (
     test_frame,
     to_surface,
 )
+from dic.surfaces.outline import outline
+from dic.surfaces.strains import StrainGauge, strains
 from dic.tracking import Tracking
 from dic.travel import flyer_travel
 
@@ -51,6 +56,10 @@ class ChainSettings:
     """Where the specimen ends at the transmission platen, in the first picture of camera 0 (x, y) [px]."""
     strip_half_width: float
     """Points within this distance of the centre plane are its outline [m]."""
+    radius: float | None = None
+    """Radius of the specimen at rest, if it was measured otherwise [m]: the axis then lies by so much behind
+    the surface. From the part of the circumference that is seen, a free radius and the place of the axis are
+    known less well. None: free."""
     step: int = 4
     """Distance of neighbouring points [px]."""
     margin: float = 2.0
@@ -74,6 +83,7 @@ class ChainSettings:
         checks = (
             ("toward_flyer", self.toward_flyer in DIRECTIONS, f"one of {', '.join(DIRECTIONS)}"),
             ("strip_half_width", self.strip_half_width > 0.0, "a positive length in metres"),
+            ("radius", self.radius is None or self.radius > 0.0, "a positive length in metres, or None"),
             ("step", self.step >= 1, "at least 1 px"),
             ("margin", self.margin >= 0.0, "not negative"),
             ("strain_window", self.strain_window >= 3 and self.strain_window % 2 == 1, "odd, at least 3"),
@@ -154,11 +164,17 @@ def measure(
             progress=progress,
         )
 
-    body = clock("specimen", lambda: follow(specimen, "specimen", settings.tracking))
-    placement, rest = clock("test frame", lambda: _place(body, rig, settings, static))
+    findings = clock("cameras", lambda: _check(pictures, rig, specimen, settings, noise, health))
+    try:
+        body = clock("specimen", lambda: follow(specimen, "specimen", settings.tracking))
+        placement, rest = clock("test frame", lambda: _place(body, rig, settings, static))
+    except ChainError as error:
+        raise ChainError("; ".join([*(f"{f.what} ({f.cure})" for f in findings), str(error)])) from error
     surface, left_out = _surface(body, placement, t, rest)
-    remarks = [*_left_out(left_out)]
-    centre = centre_line(surface.surface, half_width=settings.strip_half_width)
+    subset = settings.tracking.correlation.subset
+    centre = outline(surface.surface, surface.points, half_width=settings.strip_half_width, subset=subset)
+    strain = clock("strains", lambda: _strains(surface, settings))
+    in_time = check_setup(rig, *body.reconstruction.pixels)
     flyer_body, travel = None, None
     if flyer is not None:
         followed = clock("flyer", lambda: follow(flyer, "flyer", settings.rigid, rigid=True))
@@ -166,6 +182,7 @@ def measure(
         travel = flyer_travel(
             followed, rig, placement.frame, t, static, subset=settings.rigid.correlation.subset
         )
+    found = {finding.fault: finding for finding in (*in_time, *findings)}
     return StereoResult(
         t=t,
         frames=health,
@@ -174,13 +191,53 @@ def measure(
         flyer=flyer_body,
         travel=travel,
         centre=centre,
+        strain=strain,
         placement=placement,
         noise=noise_floor(surface.surface, static),
-        strain_noise=np.full(3, np.nan),
-        remarks=tuple(remarks),
+        remarks=(
+            *remarks.of_findings(found.values()),
+            *remarks.of_radius(placement, settings.radius),
+            *remarks.of_missing_points(left_out),
+            *remarks.of_frames(health),
+            *remarks.of_material(body, specimen),
+        ),
         rig=rig,
         facts={**(facts or {}), **_facts(pictures, settings, noise)},
         seconds=clock.seconds,
+    )
+
+
+def _check(
+    pictures: tuple[Pictures, Pictures],
+    rig: StereoRig,
+    region: Region,
+    settings: ChainSettings,
+    noise: tuple[float, float],
+    health: tuple[IntArray, IntArray],
+) -> tuple[Finding, ...]:
+    """What a first pair of pictures says of the cameras, found without their parameters."""
+    usable = np.flatnonzero((health[0] == FrameOutcome.VALID) & (health[1] == FrameOutcome.VALID))
+    if usable.size == 0:
+        raise ChainError("no frame has a usable picture of both cameras")
+    frame = int(usable[np.argmin(np.abs(usable - region.frame))])
+    mask = polygon_mask(region.corners, pictures[0].shape)
+    points, _ = grid_points(mask, settings.step, margin=settings.margin)
+    pair = (pictures[0].frame(frame), pictures[1].frame(frame))
+    pixels = free_pairs(
+        pair, points, settings.tracking, noise=max(noise), mask=mask, device=settings.device
+    )
+    return check_setup(rig, *pixels)
+
+
+def _strains(surface: Body, settings: ChainSettings) -> SurfaceStrain:
+    """Green-Lagrange strains of the specimen over the declared window."""
+    gauge = StrainGauge(
+        window=settings.strain_window, step=settings.step, subset=settings.tracking.correlation.subset
+    )
+    history = strains(surface.surface, surface.points, gauge)
+    measured = history.green_lagrange
+    return SurfaceStrain(
+        value=measured.value, sigma=measured.sigma, outcome=history.outcome, gauge=history.gauge
     )
 
 
@@ -236,11 +293,11 @@ def _place(
     position, covariance = static_mean(r, rest)
     known = np.isfinite(position).all(axis=1)
     try:
-        cylinder = fit_cylinder(
-            position[known],
-            covariance[known],
-            overlap=overlap_factor(body.points[known], settings.tracking.correlation.subset),
-        )
+        overlap = overlap_factor(body.points[known], settings.tracking.correlation.subset)
+        free = fit_cylinder(position[known], covariance[known], overlap=overlap)
+        cylinder = free
+        if settings.radius is not None:
+            cylinder = fit_cylinder(position[known], covariance[known], overlap=overlap, radius=settings.radius)
         zero = on_cylinder(rig.cameras[0], settings.zero, cylinder)
         frame = test_frame(cylinder, rig, toward_flyer=DIRECTIONS[settings.toward_flyer], zero=zero)
     except ValueError as error:
@@ -248,8 +305,8 @@ def _place(
     return (
         Placement(
             frame=frame,
-            radius=cylinder.radius,
-            radius_sigma=float(cylinder.sigma[4]),
+            radius=free.radius,
+            radius_sigma=float(free.sigma[4]),
             rms=cylinder.rms,
             chi2_per_dof=cylinder.chi2_per_dof,
             n_points=int(cylinder.used.sum()),
@@ -280,23 +337,6 @@ def _surface(
         ),
         r.outcome[body.material, ~kept],
     )
-
-
-def _left_out(outcome: IntArray) -> list[Remark]:
-    """A remark on the points that were never found at rest."""
-    if outcome.size == 0:
-        return []
-    numbers, counts = np.unique(outcome, return_counts=True)
-    ends = [(PointOutcome(int(number)), int(count)) for number, count in zip(numbers, counts, strict=True)]
-    words = ", ".join(f"{count} {end.name.lower().replace('_', ' ')}" for end, count in ends)
-    most = max(ends, key=lambda pair: pair[1])[0]
-    return [
-        Remark(
-            name="points without a place at rest",
-            text=f"{outcome.size} points of the region were found by both cameras in no static frame: {words}",
-            cure=most.cure,
-        )
-    ]
 
 
 def _facts(

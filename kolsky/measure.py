@@ -129,6 +129,7 @@ def key_of(seen: Seen) -> str:
     parts: dict[str, Any] = {
         "version": VERSION,
         "inputs": seen.inputs,
+        "diameter": declared.specimen.diameter,
         "frames": [seen.frames.sha256, declared.frames.model_dump(mode="json")],
         **{
             name: None if section is None else section.model_dump(mode="json")
@@ -139,8 +140,8 @@ def key_of(seen: Seen) -> str:
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
-def chain_settings(section: DicSection, device: str = "cpu") -> ChainSettings:
-    """The chain's settings as a shot file declares them."""
+def chain_settings(section: DicSection, radius: float, device: str = "cpu") -> ChainSettings:
+    """The chain's settings as a shot file declares them, for a specimen of this radius [m]."""
     subset = Correlation(
         subset=section.subset, shape=Shape[section.shape.upper()], prefilter=section.prefilter
     )
@@ -148,6 +149,7 @@ def chain_settings(section: DicSection, device: str = "cpu") -> ChainSettings:
         toward_flyer=section.flyer_side,
         zero=section.transmission_edge,
         strip_half_width=section.strip_half_width,
+        radius=radius,
         step=section.step,
         strain_window=section.strain_window,
         tracking=Tracking(correlation=subset),
@@ -169,7 +171,7 @@ def _correlated(seen: Seen, device: str, progress: Progress) -> StereoResult:
         return measure(
             seen.pictures,
             cameras.rig,
-            chain_settings(section, device),
+            chain_settings(section, 0.5 * declared.specimen.diameter, device),
             t=seen.time,
             static=static,
             specimen=_region(section.specimen),
