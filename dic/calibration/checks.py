@@ -62,7 +62,7 @@ def triangulated(rig: Rig, views: Sequence[Sight]) -> tuple[FloatArray, FloatArr
         R, t = rig.poses[view.pair]
         shift = seen(camera, view, R, t) - seen(camera, view, R, t, patches=False)
         pixels.append((view.pixels - shift)[rows])
-    found = triangulate(StereoRig(rig.cameras), *pixels, np.eye(2), np.eye(2)).position
+    found = triangulate(StereoRig(rig.cameras), pixels[0], pixels[1], np.eye(2), np.eye(2)).position
     return found, first.points[rows0]
 
 

@@ -50,8 +50,7 @@ def fit_discs(
     column, row = np.round(centre).astype(int).T
     inside = (column >= w) & (row >= w) & (column < image.shape[1] - w) & (row < image.shape[0] - w)
     column, row = np.where(inside, column, w), np.where(inside, row, w)
-    yy, xx = np.meshgrid(offsets, offsets, indexing="ij")
-    xx, yy = xx.ravel().astype(np.float64), yy.ravel().astype(np.float64)
+    xx, yy = np.tile(offsets, len(offsets)).astype(np.float64), np.repeat(offsets, len(offsets)).astype(float)
     values = image[row[:, None] + yy.astype(int), column[:, None] + xx.astype(int)]
     top, bottom = np.percentile(values, [90.0, 10.0], axis=1)
     p = np.zeros((n, 10))  # x, y, Mxx, Mxy, Myy, s, B, Bgx, Bgy, D

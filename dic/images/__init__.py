@@ -1,6 +1,6 @@
 """Picture files of every kind, read lazily; what is wrong with frames; how good speckles are."""
 
-from dic.images.declared import declared
+from dic.images.facts import declared
 from dic.images.formats import open_pictures
 from dic.images.health import FrameHealth, frame_health, saturated_mask
 from dic.images.noise import GreyNoise, grey_noise

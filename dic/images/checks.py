@@ -16,21 +16,25 @@ MOST_FRAMES = 10_000_000
 """Most frames of a series."""
 
 
-def checked_shape(path: Path, rows: int, columns: int) -> tuple[int, int]:
+def checked_shape(path: Path, rows: object, columns: object) -> tuple[int, int]:
     """Rows and columns, if a camera can have made them.
 
     Raises
     ------
     PictureError
-        If either is not from 1 to `LARGEST_SIDE`.
+        If either is not a whole number from 1 to `LARGEST_SIDE`.
     """
-    if not (1 <= rows <= LARGEST_SIDE and 1 <= columns <= LARGEST_SIDE):
+    if (
+        not isinstance(rows, int)
+        or not isinstance(columns, int)
+        or not (1 <= rows <= LARGEST_SIDE and 1 <= columns <= LARGEST_SIDE)
+    ):
         raise PictureError(
             path,
             f"its header gives {rows} rows and {columns} columns, allowed are 1 to {LARGEST_SIDE} of each",
             cure="export the pictures again",
         )
-    return int(rows), int(columns)
+    return rows, columns
 
 
 def checked_count(path: Path, frames: int) -> int:

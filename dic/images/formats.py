@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dic.images import cine, hdf5, mraw, numbered, tiff
-from dic.images.declared import declared
+from dic.images.facts import declared
 from dic.images.series import PictureError, Pictures
 
 
@@ -53,7 +53,7 @@ def open_pictures(
         In a folder: the names of the series with one `*` for the number, ``"cam0_*.png"``. In an HDF5
         file: the name of the dataset.
     bits, crop_offset, times, n_frames
-        What the files do not say, or say wrongly: `dic.images.declared`.
+        What the files do not say, or say wrongly: `dic.images.facts.declared`.
 
     Returns
     -------

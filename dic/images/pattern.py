@@ -7,7 +7,7 @@ FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-def width_of_autocorrelation(f: FloatArray, used: Mask, subset: int, sigma: float) -> tuple[float, float]:
+def width_of_autocorrelation(f: FloatArray, used: Mask, sigma: float) -> tuple[float, float]:
     """Full width at half height of the autocorrelation along x and y [px]; NaN if it never falls by half.
 
     Parameters
@@ -16,12 +16,10 @@ def width_of_autocorrelation(f: FloatArray, used: Mask, subset: int, sigma: floa
         Grey values, shape [rows, columns].
     used
         The pixels that count, shape [rows, columns].
-    subset
-        What is slower than this is illumination, not speckle [px].
     sigma
         Standard deviation of the noise, taken off the peak [grey].
     """
-    detail = np.where(used, f - _smooth(f, used, float(subset)), 0.0)
+    detail = np.where(used, f - _illumination(f, used), 0.0)
     shape = [2 * side for side in f.shape]  # zeros around: no wrap
 
     def correlated(a: FloatArray) -> FloatArray:
@@ -32,7 +30,7 @@ def width_of_autocorrelation(f: FloatArray, used: Mask, subset: int, sigma: floa
     mean = np.where(pairs > 0.5, correlated(detail) / np.maximum(pairs, 1.0), 0.0)
     peak = mean[0, 0] - sigma**2
     return tuple(  # type: ignore[return-value]
-        _half_width(line[: min(len(line) // 2, 4 * subset)] / peak) if peak > 0.0 else float("nan")
+        _half_width(line[: len(line) // 2] / peak) if peak > 0.0 else float("nan")
         for line in (mean[0, :], mean[:, 0])
     )
 
@@ -47,7 +45,7 @@ def _half_width(line: FloatArray) -> float:
     return float(2.0 * (k - 1 + (line[k - 1] - 0.5) / (line[k - 1] - line[k])))
 
 
-def coverage_and_diameter(f: FloatArray, used: Mask, subset: int, sigma: float) -> tuple[float, float]:
+def coverage_and_diameter(f: FloatArray, used: Mask, sigma: float) -> tuple[float, float]:
     """Share of dark pixels, and diameter of discs thrown at random with the chords of the lesser phase [px].
 
     The picture over its local mean is cut at Otsu's threshold. An edge counts where the grey value goes from
@@ -55,7 +53,7 @@ def coverage_and_diameter(f: FloatArray, used: Mask, subset: int, sigma: float) 
     """
     import cv2
 
-    level = _smooth(f, used, float(subset))
+    level = _illumination(f, used)
     even = f / np.maximum(level, np.finfo(float).tiny)
     low, high = np.percentile(even[used], (0.1, 99.9))
     if high <= low:
@@ -87,10 +85,11 @@ def _changes(side: NDArray[np.int64], used: Mask) -> int:
     return int(np.sum(held[:, 1:] * held[:, :-1] == -1))
 
 
-def _smooth(f: FloatArray, used: Mask, width: float) -> FloatArray:
-    """Gaussian mean of the pixels that count, standard deviation `width`."""
+def _illumination(f: FloatArray, used: Mask) -> FloatArray:
+    """What varies over more than a sixth of the field: Gaussian mean of the pixels that count."""
     import cv2
 
+    width = float(np.clip(np.sqrt(used.sum()) / 6.0, 8.0, 40.0))
     weight = cv2.GaussianBlur(used.astype(np.float64), (0, 0), width)
     total = cv2.GaussianBlur(np.where(used, f, 0.0), (0, 0), width)
     return np.asarray(total / np.maximum(weight, 1e-9))

@@ -121,11 +121,11 @@ def speckle_quality(
     left = sigma / float(np.sqrt(averaged))  # the noise of the picture itself
     products = _products(f, used, variance, averaged)
     floor = _floor(products, subset)
-    coverage, by_edges = coverage_and_diameter(f, used, subset, left)
+    coverage, by_edges = coverage_and_diameter(f, used, left)
     steep = products[0] + products[1]
     return SpeckleQuality(
         subset=subset,
-        size=width_of_autocorrelation(f, used, subset, left),
+        size=width_of_autocorrelation(f, used, left),
         size_by_edges=by_edges,
         coverage=coverage,
         mean_gradient=float(np.sqrt(np.maximum(steep[used], 0.0)).mean()),

@@ -214,7 +214,10 @@ def _segments(file: "tifffile.TiffFile", page: "tifffile.TiffPage") -> Iterator[
 def _by_opencv(path: Path, index: int, bits: int) -> NDArray[np.generic]:
     import cv2
 
-    found, pictures = cv2.imreadmulti(str(path), index, 1, flags=cv2.IMREAD_UNCHANGED)
+    try:
+        found, pictures = cv2.imreadmulti(str(path), index, 1, flags=cv2.IMREAD_UNCHANGED)
+    except cv2.error as error:
+        raise ValueError(" ".join(error.err.split())) from None
     if not found or len(pictures) != 1:
         raise ValueError("neither tifffile nor OpenCV knows its compression")
     picture = np.asarray(pictures[0])

@@ -5,31 +5,18 @@ facet there would be seen, and correlated (ZNCC). The best place is a first gues
 places, its *rival*, says how much better it is. Nothing here starts from a neighbour or an earlier match.
 """
 
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.camera import Camera, StereoRig
-from dic.correlation import warp as warps
-from dic.stereo.facet import distance_along, gradient, normals, sight
-from dic.stereo.sight import directions
-from dic.stereo.triangulate import midpoint
+from dic.camera import StereoRig
+from dic.stereo.curve import curve_distances, points_along, shows
+from dic.stereo.facet import Sight, gradient, normals, sight
+from dic.stereo.template import ROWS, Subsets, correlation, sample, smoothed
 
 FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-Array = NDArray[np.floating[Any]]
-
-KNOTS = 65
-"""Places an epipolar curve is followed through before it is divided into equal steps."""
-NARROWINGS = 3
-"""How often the piece of a curve that lies in the picture is cut out anew, a few dozen times finer each."""
-SAMPLES = 12
-"""A subset is sampled at about this many places each way, the picture smoothed to match."""
-ROWS = 4_000
-"""Subsets looked at in one go, to stay in the cache; OpenCV takes arrays of up to 32766 rows."""
+IntArray = NDArray[np.int64]
 
 
 class Candidates(NamedTuple):
@@ -43,127 +30,6 @@ class Candidates(NamedTuple):
     """Largest correlation outside the best place's own peak, shape [n]; -1 if there is no other place."""
     distance: FloatArray
     """Of the best place along camera 0's line of sight [m], shape [n]."""
-
-
-@dataclass(frozen=True)
-class Subsets:
-    """Subsets of camera 0's picture, as templates to look for: few samples of a smoothed picture."""
-
-    points: FloatArray
-    """Places in the material picture [px], shape [n, 2]."""
-    reference: FloatArray
-    """Their warps to camera 0's picture, shape [n, 12]."""
-    xi: FloatArray
-    """Offsets of the samples within the subset [px], shape [m, 2]."""
-    template: NDArray[np.float32]
-    """Samples less their mean, over their norm; 0 outside the mask; shape [n, m]."""
-    weight: NDArray[np.float32]
-    """1 inside the mask, 0 outside, shape [n, m]."""
-    stride: int
-    """Distance between samples [px]."""
-
-    @property
-    def places(self) -> FloatArray:
-        """Where camera 0 sees the points [px], shape [n, 2]."""
-        return warps.apply(self.points, self.reference)
-
-    def take(self, rows: NDArray[np.int64]) -> "Subsets":
-        """Some of them."""
-        points, reference = self.points[rows], self.reference[rows]
-        return Subsets(points, reference, self.xi, self.template[rows], self.weight[rows], self.stride)
-
-
-def subsets(
-    picture: NDArray[np.float32],
-    points: FloatArray,
-    reference: FloatArray,
-    subset: int,
-    mask: BoolArray | None,
-) -> Subsets:
-    """Templates of `subset` [px] about `points`; samples outside the mask of the material picture count 0."""
-    stride = max(1, subset // SAMPLES)
-    steps = np.arange(-(subset // 2), subset // 2 + 1, stride, dtype=np.float64)
-    xi = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    everywhere = (len(points), len(xi), 2)
-    base = np.broadcast_to(points[:, None], everywhere)
-    at = warps.apply(base, reference[:, None], xi)
-    grey = sample(smoothed(picture, stride), at[..., 0], at[..., 1])
-    weight = np.ones(grey.shape, dtype=np.float32)
-    if mask is not None:
-        column, row = np.moveaxis(np.rint(base + xi).astype(np.int64), -1, 0)
-        inside = (column >= 0) & (row >= 0) & (column < mask.shape[1]) & (row < mask.shape[0])
-        weight[:] = inside & mask[np.where(inside, row, 0), np.where(inside, column, 0)]
-    total = np.maximum(weight.sum(axis=1, keepdims=True), 1.0)
-    grey = (grey - np.sum(grey * weight, axis=1, keepdims=True) / total) * weight
-    norm = np.linalg.norm(grey, axis=1, keepdims=True)
-    template = np.divide(grey, norm, out=np.zeros_like(grey), where=norm > 0.0)
-    return Subsets(points, reference, xi, template, weight, stride)
-
-
-def smoothed(picture: NDArray[np.float32], stride: int) -> NDArray[np.float32]:
-    """The picture less its mean (for single precision), averaged over `stride` pixels each way."""
-    centred = np.asarray(picture - picture.mean(dtype=np.float64), dtype=np.float32)
-    return centred if stride == 1 else np.asarray(cv2.blur(centred, (stride, stride)), dtype=np.float32)
-
-
-def sample(picture: NDArray[np.float32], x: Array, y: Array) -> NDArray[np.float32]:
-    """Grey values between pixels, bilinear, the edge continued, shape [n, m] as x and y."""
-    grey = np.empty(x.shape, dtype=np.float32)
-    for a in range(0, len(x), ROWS):
-        column, row = (np.ascontiguousarray(k[a : a + ROWS], dtype=np.float32) for k in (x, y))
-        grey[a : a + ROWS] = cv2.remap(
-            picture, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-        )
-    return grey
-
-
-def curve_distances(
-    rig: StereoRig,
-    pixels0: FloatArray,
-    shape1: tuple[int, int],
-    limits: tuple[float, float] | None,
-    step: float,
-) -> FloatArray:
-    """Distances along camera 0's lines of sight that walk the epipolar curves in equal steps of camera 1.
-
-    Parameters
-    ----------
-    rig
-        The cameras.
-    pixels0
-        Places in camera 0's picture [px], shape [n, 2].
-    shape1
-        Rows and columns of camera 1's picture.
-    limits
-        Nearest and farthest distance [m]; None: as far as the curves stay in camera 1's picture.
-    step
-        Along the curve [px].
-
-    Returns
-    -------
-    NDArray
-        Distances [m], shape [n, k], increasing; rows end in NaN.
-    """
-    n = len(pixels0)
-    near, far = limits if limits is not None else (_axes_meet(rig) / 20.0, _axes_meet(rig) * 20.0)
-    # equal steps of 1/s are about equal steps along the curve: the disparity goes with 1/s
-    inverse = np.broadcast_to(np.linspace(1.0 / far, 1.0 / near, KNOTS), (n, KNOTS))
-    for _ in range(NARROWINGS):  # down to the piece of the curve that camera 1's picture shows
-        seen = _shows(rig.cameras[1], _points(rig, pixels0, 1.0 / inverse), shape1)
-        first = np.maximum(np.argmax(seen, axis=1) - 1, 0)
-        last = np.minimum(KNOTS - np.argmax(seen[:, ::-1], axis=1), KNOTS - 1)
-        ends = [np.take_along_axis(inverse, k[:, None], axis=1) for k in (first, last)]
-        ends[1] = np.where(seen.any(axis=1, keepdims=True), ends[1], ends[0])
-        inverse = ends[0] + (ends[1] - ends[0]) * np.linspace(0.0, 1.0, KNOTS)
-    curve = rig.cameras[1].project(_points(rig, pixels0, 1.0 / inverse))
-    pace = np.nan_to_num(np.linalg.norm(np.diff(curve, axis=1), axis=2))
-    length = np.concatenate([np.zeros((n, 1)), np.cumsum(pace, axis=1)], axis=1)
-    most = int(np.max(length[:, -1], initial=0.0) / step) + 1
-    distances = np.full((n, most), np.nan)
-    for row in range(n):
-        s = np.arange(0.0, length[row, -1] + 1e-9, step)[::-1]
-        distances[row, : len(s)] = 1.0 / np.interp(s, length[row], inverse[row])
-    return distances
 
 
 def search(
@@ -210,11 +76,11 @@ def search(
         s = distances[rows]
         step = _gradients(rig, places[rows], s, turns, None if gradients is None else gradients[rows])
         A = step @ (np.eye(2) + wanted.reference[rows, 2:6].reshape(-1, 1, 1, 2, 2))
-        X = _points(rig, places[rows], s)
+        X = points_along(rig, places[rows], s)
         centre = rig.cameras[1].project(X)
         some = wanted.take(rows)
         zncc = _correlate(some, smooth, centre, A)
-        zncc[~_shows(rig.cameras[1], X, shape1)] = -1.0
+        zncc[~shows(rig.cameras[1], X, shape1)] = -1.0
         _keep_best(found, rows, some.points, s, centre, A, zncc)
     return found
 
@@ -227,7 +93,7 @@ def _gradients(
         return np.broadcast_to(given[:, None, None], (*s.shape, 1, 2, 2))
     seen = sight(rig, np.repeat(pixels0[:, None], s.shape[1], axis=1), s)
     n = normals(rig, seen.X, np.zeros((1, 2)) if turns is None else turns)
-    wide = type(seen)(*(np.expand_dims(part, 2) for part in seen))
+    wide = Sight(*(np.expand_dims(part, 2) for part in seen))
     return gradient(wide, s[..., None], n)
 
 
@@ -244,22 +110,23 @@ def _correlate(
         for c in (0, 1)
     )
     grey = sample(picture, x, y).reshape(n, k * h, -1)
-    both = np.stack([wanted.template, wanted.weight], axis=-1)
-    product, mean = np.moveaxis(grey @ both, -1, 0)
-    square = ((grey * grey) @ wanted.weight[:, :, None])[..., 0]
-    count = np.maximum(wanted.weight.sum(axis=1), 1.0)[:, None]
-    variance = square - mean * mean / count
-    # a place of one grey value (to rounding) matches nothing
-    flat = variance <= 1e-6 * np.maximum(square, 1e-30)
-    zncc = np.where(flat, -1.0, product / np.sqrt(np.where(flat, 1.0, variance)))
-    zncc = zncc.reshape(n, k, h).astype(np.float64)
+    template, weight = wanted.template[:, None], wanted.weight[:, None]
+    zncc = correlation(grey, template, weight)
+    # what lies beyond the picture's rim does not count, and less than half a subset is none
+    beyond = (x < 0.0) | (y < 0.0) | (x > picture.shape[1] - 1.0) | (y > picture.shape[0] - 1.0)
+    i, j = np.nonzero(beyond.any(axis=1).reshape(n, k * h))
+    if len(i):
+        seen = wanted.weight[i] * ~beyond.reshape(n, k * h, -1)[i, j]
+        part = correlation(grey[i, j], wanted.template[i], seen)
+        zncc[i, j] = np.where(2.0 * seen.sum(axis=1) < wanted.weight[i].sum(axis=1), -1.0, part)
+    zncc = zncc.reshape(n, k, h)
     zncc[nowhere] = -1.0
-    return np.asarray(zncc)
+    return zncc
 
 
 def _keep_best(
     found: Candidates,
-    rows: NDArray[np.int64],
+    rows: IntArray,
     points: FloatArray,
     s: FloatArray,
     centre: FloatArray,
@@ -289,35 +156,3 @@ def _peak(profile: FloatArray, k: int) -> tuple[int, int]:
     while right < len(profile) and profile[right] < profile[right - 1]:
         right += 1
     return left, right
-
-
-def _points(rig: StereoRig, pixels0: FloatArray, distances: FloatArray) -> FloatArray:
-    """Points on camera 0's lines of sight at distances of their own [m], shape [n, k, 3]."""
-    first = rig.cameras[0]
-    return np.asarray(first.centre + directions(first, pixels0)[:, None] * distances[..., None])
-
-
-def _shows(camera: Camera, X: FloatArray, shape: tuple[int, int]) -> BoolArray:
-    """Whether a picture shows these places, shape [...]; what a lens model folds back there is not."""
-    rows, columns = shape
-    k1, k2, _, _, k3 = camera.distortion
-    turning = np.roots([7.0 * k3, 5.0 * k2, 3.0 * k1, 1.0])  # squared radii where r (1 + k1 r² + ...) turns
-    folds = min((root.real for root in turning if abs(root.imag) < 1e-12 and root.real > 0.0), default=np.inf)
-    inside = camera.in_camera(X)
-    before = inside[..., 2] > 0.0
-    ideal = inside[..., :2] / np.where(before, inside[..., 2], 1.0)[..., None]
-    at = camera.to_pixels(camera.distort(np.where(before[..., None], ideal, 0.0)))
-    seen = np.all((at >= 0.0) & (at <= (columns - 1.0, rows - 1.0)), axis=-1)
-    return np.asarray(before & seen & (np.sum(ideal * ideal, axis=-1) < folds))
-
-
-def _axes_meet(rig: StereoRig) -> float:
-    """How far before camera 0 the optical axes come nearest to each other [m]."""
-    first, second = rig.cameras
-    centres = np.array([[camera.cx, camera.cy] for camera in rig.cameras])
-    meet = midpoint(rig, centres[0], centres[1])
-    s = float(distance_along(rig, centres[0], meet))
-    if not (np.isfinite(s) and s > 0.0):
-        baseline = float(np.linalg.norm(second.centre - first.centre))
-        s = 3.0 * baseline
-    return s

@@ -186,7 +186,7 @@ def _out_of_step(sync: Synchronisation) -> Finding | None:
     if not sync.decided or abs(sync.late) < 0.25:
         return None
     before = float(sync.scatter[sync.shifts == 0][0])
-    whole = round(sync.late)
+    whole = int(np.clip(round(sync.late), sync.shifts[0], sync.shifts[-1]))
     after = float(sync.scatter[sync.shifts == whole][0])
     who, other = ("1", "0") if sync.late > 0.0 else ("0", "1")
     frames = f"{abs(whole)} frame{'s' if abs(whole) > 1 else ''}"

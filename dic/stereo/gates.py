@@ -1,17 +1,14 @@
-"""The numbers that a stereo match is judged by, each found in a way of its own."""
+"""What a stereo match must pass."""
 
-from dataclasses import dataclass
 from enum import IntFlag
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.correlation import warp as warps
+from dic.stereo.evidence import Evidence
 from dic.stereo.settings import StereoGates
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 
 class Gate(IntFlag):
@@ -31,103 +28,38 @@ class Gate(IntFlag):
     """Another place on the epipolar line looks nearly as much alike, or more."""
     DISTANCE = 64
     """The point lies outside the declared distances."""
+    VIEW = 128
+    """A camera's picture holds too little of the subset: its outcome is OUT_OF_VIEW."""
 
 
-@dataclass(frozen=True)
-class Evidence:
-    """The number behind each gate, one row a point; inf where it could not be had."""
-
-    epipolar: FloatArray
-    """Distance of camera 1's point from the epipolar line of camera 0's, signed [px], shape [n]."""
-    epipolar_sigma: FloatArray
-    """Standard deviation of it by the noise of the match [px], shape [n]."""
-    facet: FloatArray
-    """Deformation at the subset's rim that no surface can cause [px], shape [n]."""
-    incidence: FloatArray
-    """Larger angle between the surface's normal and the two lines of sight [rad], shape [n]."""
-    back_match: FloatArray
-    """Distance from the point to where its match is found back [px], shape [n]."""
-    neighbours: FloatArray
-    """Distance from where the neighbours put it [px], shape [n]."""
-    distinct: FloatArray
-    """ZNSSD over that of the best rival, the worse of both directions [-], shape [n]."""
-    distance: FloatArray
-    """Along camera 0's line of sight [m], shape [n]."""
-
-
-def judge(
-    evidence: Evidence,
-    sigma: FloatArray,
-    gates: StereoGates,
-    distances: tuple[float, float] | None,
-) -> IntArray:
+def judge(evidence: Evidence, gates: StereoGates, distances: tuple[float, float] | None = None) -> IntArray:
     """Gates that each match fails, as a sum of `Gate` members, shape [n].
 
     Parameters
     ----------
     evidence
-        The numbers.
-    sigma
-        Standard deviation of the match, the worse of both directions [px], shape [n].
+        The numbers; one that could not be had fails its gate.
     gates
         The limits.
     distances
         Declared nearest and farthest distance along camera 0's lines of sight [m].
     """
-    wide = gates.sigmas * sigma
     near, far = distances if distances is not None else (0.0, np.inf)
-    oblique = evidence.incidence > np.radians(gates.incidence)
-    fails = (
-        (Gate.EPIPOLAR, np.abs(evidence.epipolar) > gates.epipolar + gates.sigmas * evidence.epipolar_sigma),
-        (Gate.FACET, (evidence.facet > gates.facet + wide) | oblique),
-        (Gate.BACK_MATCH, evidence.back_match > gates.back_match + wide),
-        (Gate.NEIGHBOURS, evidence.neighbours > gates.neighbours + wide),
-        (Gate.UNIQUENESS, evidence.distinct > gates.distinct),
-        (Gate.DISTANCE, ~((evidence.distance >= near) & (evidence.distance <= far))),
-    )
-    return np.asarray(sum(np.where(failed, int(gate), 0) for gate, failed in fails), dtype=np.int64)
-
-
-def neighbours_disagree(points: FloatArray, warp: FloatArray, near: IntArray, valid: BoolArray) -> FloatArray:
-    """How far each point lies from where its neighbours put it, median over them [px], shape [n].
-
-    A neighbour puts it at its own match plus the step between them, taken through the mean of both
-    gradients: exact for displacements of second order.
-
-    Parameters
-    ----------
-    points
-        Places in the material picture [px], shape [n, 2].
-    warp
-        Total warps, shape [n, 12].
-    near
-        Their neighbours, shape [n, k], -1 for none.
-    valid
-        Points that are matched, shape [n]; only those are asked.
-    """
-    step = points[:, None] - points[near]
-    gradient = warp[:, 2:6].reshape(-1, 2, 2)
-    mean = (gradient[:, None] + gradient[near]) / 2.0
-    off = warp[:, None, :2] - warp[near][..., :2] - np.einsum("nkij,nkj->nki", mean, step)
-    asked = (near >= 0) & valid[near]
-    result = np.full(len(points), np.inf)
-    some = asked.any(axis=1) & valid
-    voted = np.where(asked[..., None], off, np.nan)[some]
-    if some.any():
-        result[some] = np.linalg.norm(np.nanmedian(voted, axis=1), axis=1)
-    return result
-
-
-def pulled_back(points: FloatArray, warp: FloatArray, places: FloatArray) -> FloatArray:
-    """Offsets ξ in the material picture whose warp is `places`, by Newton's method [px], shape [n, 2]."""
-    xi = np.zeros_like(points)
-    for _ in range(4):  # quadratic convergence from half a pixel away
-        off = warps.apply(points, warp, xi) - places
-        xi = xi - np.linalg.solve(slope(warp, xi), off[..., None])[..., 0]
-    return xi
-
-
-def slope(warp: FloatArray, xi: FloatArray | float = 0.0) -> FloatArray:
-    """Gradient of the warped place by ξ [-], shape [n, 2, 2]."""
-    step = np.broadcast_to(np.asarray(xi, dtype=np.float64), (*warp.shape[:-1], 2))
-    return np.eye(2) + warps.carried(warp, step)[..., 2:6].reshape(*warp.shape[:-1], 2, 2)
+    with np.errstate(invalid="ignore"):  # inf, where there is no evidence, passes no comparison
+        noise = np.where(np.isfinite(evidence.sigma), gates.sigmas * evidence.sigma, 0.0)
+        passes = (
+            (
+                Gate.EPIPOLAR,
+                np.abs(evidence.epipolar) <= gates.epipolar + gates.sigmas * evidence.epipolar_sigma,
+            ),
+            (
+                Gate.FACET,
+                (evidence.facet <= gates.facet + noise) & (evidence.incidence <= np.radians(gates.incidence)),
+            ),
+            (Gate.BACK_MATCH, evidence.back_match <= gates.back_match + noise),
+            (Gate.NEIGHBOURS, evidence.neighbours <= gates.neighbours + noise),
+            (Gate.UNIQUENESS, evidence.distinct <= gates.distinct),
+            (Gate.DISTANCE, (evidence.distance >= near) & (evidence.distance < far)),
+            (Gate.VIEW, evidence.unseen <= gates.unseen),
+        )
+    return np.asarray(sum(np.where(passed, 0, int(gate)) for gate, passed in passes), dtype=np.int64)

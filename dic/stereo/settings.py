@@ -79,7 +79,10 @@ class StereoGates:
     """Greatest distance from where the neighbours' warps put the point, median over them [px]."""
     distinct: float = 0.6
     """Greatest share of the rival's ZNSSD, in both directions."""
-    incidence: float = 80.0
+    unseen: float = 0.15
+    """Greatest share of the subset that a picture may miss: at a picture's rim the middle of a curved subset
+    is extrapolated. What a mask leaves out does not count."""
+    incidence: float = 75.0
     """Greatest angle between a line of sight and the surface's normal, for both cameras [°]."""
 
     def __post_init__(self) -> None:
@@ -90,6 +93,7 @@ class StereoGates:
             ("back_match", self.back_match, self.back_match > 0.0, "a positive distance [px]"),
             ("neighbours", self.neighbours, self.neighbours > 0.0, "a positive distance [px]"),
             ("distinct", self.distinct, 0.0 < self.distinct <= 1.0, "above 0, at most 1"),
+            ("unseen", self.unseen, 0.0 <= self.unseen < 1.0, "from 0 to below 1"),
             ("incidence", self.incidence, 0.0 < self.incidence <= 90.0, "above 0, at most 90°"),
         )
 

@@ -94,23 +94,25 @@ def fit_cylinder(
         lie on a plane rather than a cylinder.
     """
     X, C = _checked(positions, covariance, radius, radius_sigma, reject)
-    if overlap is not None:
-        C = C * np.asarray(overlap, dtype=np.float64)[:, None, None]
+    factor = np.ones(len(X)) if overlap is None else np.asarray(overlap, dtype=np.float64)
     centre = X.mean(axis=0)
     X = X - centre
     best = min(_start(X, radius), key=lambda fit: fit[1])[0]
-    best = _fit(X, _sigmas(X, C, best), best, radius, radius_sigma, loss="soft_l1")  # outliers pull little
+    grown = np.sqrt(factor)
+    best = _fit(
+        X, _sigmas(X, C, best) * grown, best, radius, radius_sigma, loss="soft_l1"
+    )  # outliers pull little
     used = np.zeros(len(X), dtype=bool)
     for _ in range(20):
         sigma = _sigmas(X, C, best)
         off = np.abs(_distances(X, best[1], best[0])[0] - best[2]) / sigma
         kept = off <= reject * max(1.0, 1.4826 * float(np.median(off)))
-        before, best = best, _fit(X[kept], sigma[kept], best, radius, radius_sigma)
+        before, best = best, _fit(X[kept], (sigma * grown)[kept], best, radius, radius_sigma)
         settled = np.linalg.norm(best[1] - before[1]) + abs(best[2] - before[2]) < 1e-3 * sigma.min()
         if settled and (kept == used).all():
             break
         used = kept
-    return _finished(X, C, centre, best, used, radius, radius_sigma)
+    return _finished(X, C, factor, centre, best, used, radius, radius_sigma)
 
 
 Shape = tuple[FloatArray, FloatArray, float]
@@ -205,6 +207,7 @@ def _sigmas(X: FloatArray, C: FloatArray, shape: Shape) -> FloatArray:
 def _finished(
     X: FloatArray,
     C: FloatArray,
+    factor: FloatArray,
     centre: FloatArray,
     shape: Shape,
     used: BoolArray,
@@ -223,7 +226,7 @@ def _finished(
     sigma = _sigmas(X, C, shape)
     cos, sin, s = normal @ basis[0], normal @ basis[1], (X - point) @ basis[2]
     J = np.column_stack([cos, sin, s * cos, s * sin, np.ones(len(X))])  # of the distance from the surface
-    J = (J / sigma[:, None])[used]
+    J = (J / (sigma * np.sqrt(factor))[:, None])[used]
     rest = ((distance - R) / sigma)[used]
     held = radius is not None and radius_sigma == 0.0
     n = 4 if held else 5

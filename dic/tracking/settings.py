@@ -17,7 +17,7 @@ class Tracking:
 
     correlation: Correlation = field(default_factory=Correlation)
     """How one subset is matched."""
-    update_stretch: float = 1.3
+    update_stretch: float = 1.5
     """A point whose subset has been stretched or flattened by this factor since its reference takes the
     picture at hand as the new one; above 1."""
     update_zncc: float = 0.9

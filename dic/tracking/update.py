@@ -84,6 +84,10 @@ class Updates:
 
     def forward(self, here: FrameMatch, frame: int, carried: FloatArray) -> None:
         """Give the points that ask for it this frame as their reference."""
+        # a reference taken in a hurry that does not last shall not be what the point is searched with later
+        failed = np.flatnonzero(~here.valid & (self.steps - self.hurried < PROBATION))
+        self.references.go_back(failed)
+        self.hurried[failed] = -PROBATION
         valid = np.flatnonzero(here.valid)
         new = np.isnan(self.fresh[valid])
         self.fresh[valid[new]] = here.zncc[valid[new]]

@@ -6,6 +6,7 @@ import pytest
 from scipy.ndimage import fourier_shift, gaussian_filter
 
 from dic.images import grey_noise, speckle_quality
+from dic.images.__main__ import main
 from dic.images.gradient import gradient, noise_gain
 
 
@@ -219,3 +220,36 @@ def test_what_cannot_be_judged_is_refused(change, message):
         speckle_quality(
             given.pop("picture"), given.pop("mask"), given.pop("subset"), given.pop("noise"), **given
         )
+
+
+# --- the report ---------------------------------------------------------------------------------------
+
+
+def test_the_report_says_what_the_functions_say(tmp_path, capsys):
+    frames, _, _ = static(8)
+    for k, frame in enumerate(frames):
+        cv2.imwrite(str(tmp_path / f"a{k}.png"), np.rint(frame).astype(np.uint16))
+    (tmp_path / "a6.png").unlink()
+    options = ["--bits", "12", "--static", "8", "--wanted", "0.005"]
+    assert main([str(tmp_path), *options]) == 0
+    said = capsys.readouterr().out
+    whole = [np.rint(frame) for k, frame in enumerate(frames) if k != 6]
+    noise = grey_noise(whole, range(7))
+    quality = speckle_quality(np.mean(whole, axis=0), None, 21, noise, averaged=7)
+    assert "8 frames of 160 x 160 px, 12 bits, no times" in said
+    assert "7 good frames" in said
+    assert "no file has the number 6" in said
+    assert f"noise {noise.sigma:.3g}: " in said
+    assert f"floor of a subset of 21 px: {quality.median_floor * 1e3:.2f} mpx" in said
+    assert "of the points miss 5 mpx" in said
+
+
+def test_the_report_names_what_is_wrong(tmp_path, capsys):
+    assert main([str(tmp_path / "gone.tif")]) == 1
+    assert "gone.tif: cannot be read" in capsys.readouterr().err
+    cv2.imwrite(str(tmp_path / "a1.png"), np.zeros((20, 20), dtype=np.uint8))
+    assert main([str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    assert "0 good frames" in said
+    assert "frame 0: black" in said
+    assert "give --static N" in said

@@ -15,6 +15,7 @@ PACKS = """
         static inline pack all(float x) { return x; }
         static inline pack load(const float* p) { return *p; }
         static inline void store(float* p, pack x) { *p = x; }
+        static inline pack down(pack x) { return floorf(x); }
         static inline pack choose(bool c, pack a, pack b) { return c ? a : b; }
         static inline pack least(pack a, pack b) { return fminf(a, b); }
         static inline pack most(pack a, pack b) { return fmaxf(a, b); }
@@ -57,6 +58,7 @@ PACKS = """
         static inline pack all(float x) { return (pack)(x); }
         static inline pack load(const float* p) { return *(const packu*)p; }
         static inline void store(float* p, pack x) { *(packu*)p = x; }
+        static inline pack down(pack x) { return __builtin_elementwise_floor(x); }
         static inline pack choose(ipack c, pack a, pack b) { return c ? a : b; }
         static inline pack least(pack a, pack b) { return a < b ? a : b; }
         static inline pack most(pack a, pack b) { return a > b ? a : b; }
