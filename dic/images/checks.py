@@ -83,8 +83,10 @@ def checked_index(n_frames: int, index: int) -> int:
     return index
 
 
-def checked_frame(path: Path, index: int, picture: NDArray[np.generic], shape: tuple[int, int]) -> Grey:
-    """One decoded frame, if it has the series' shape and holds 8 or 16-bit grey values.
+def checked_frame(
+    path: Path, index: int, picture: NDArray[np.generic], shape: tuple[int, int], bits: int
+) -> Grey:
+    """One decoded frame, if it has the series' shape and holds 8 or 16-bit grey values of so many bits.
 
     Raises
     ------
@@ -96,13 +98,21 @@ def checked_frame(path: Path, index: int, picture: NDArray[np.generic], shape: t
         raise PictureError(
             path, f"is {size}, the series {shape[0]} x {shape[1]} (rows x columns)", frame=index
         )
+    if picture.dtype not in (np.uint8, np.uint16):
+        raise PictureError(
+            path,
+            f"holds numbers of type {picture.dtype}, grey values are 8 or 16-bit whole numbers",
+            frame=index,
+            cure="export them as they were recorded, without scaling",
+        )
+    largest = int(picture.max())
+    if largest >= 2**bits:
+        raise PictureError(
+            path,
+            f"its largest grey value is {largest}, {bits} bits hold {2**bits - 1}",
+            frame=index,
+            cure=f"declare bits={largest.bit_length()} or more",
+        )
     if picture.dtype == np.uint8:
         return np.asarray(picture, dtype=np.uint8)
-    if picture.dtype == np.uint16:
-        return np.asarray(picture, dtype=np.uint16)
-    raise PictureError(
-        path,
-        f"holds numbers of type {picture.dtype}, grey values are 8 or 16-bit whole numbers",
-        frame=index,
-        cure="export them as they were recorded, without scaling",
-    )
+    return np.asarray(picture, dtype=np.uint16)
