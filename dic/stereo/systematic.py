@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.camera import PARAMETERS, Camera, StereoRig
-from dic.stereo.triangulate import triangulate
+from dic.stereo.triangulation import triangulate
 
 FloatArray = NDArray[np.float64]
 

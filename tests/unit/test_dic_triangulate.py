@@ -9,12 +9,11 @@ from dic import Camera, StereoRig
 from dic.stereo import (
     calibration_sigma,
     calibration_slopes,
-    epipolar_curve,
     epipolar_distance,
-    epipolar_sigma,
     projection_error,
     triangulate,
 )
+from dic.stereo.epipolar import epipolar_curve, epipolar_sigma
 
 LENS = (-0.18, 0.4, 1e-3, -2e-3, -0.3)
 NOISE0 = np.array([[4e-4, 1e-4], [1e-4, 2e-4]])
@@ -121,6 +120,20 @@ def test_covariance_follows_each_point_s_own_noise() -> None:
     np.testing.assert_allclose(each, scale * alone, rtol=1e-9)  # linear in the noise
 
 
+def test_a_chosen_place_is_exact() -> None:
+    """A material point in its own picture has no noise: the position lies on its line of sight."""
+    x = points(1, seed=3)[0]
+    first, second = RIG.cameras
+    seen1 = np.random.default_rng(6).multivariate_normal(second.project(x), NOISE1, 20_000)
+    seen0 = np.broadcast_to(first.project(x), seen1.shape)
+    found = triangulate(RIG, seen0, seen1, np.zeros((2, 2)), NOISE1)
+    assert np.abs(first.project(found.position) - seen0).max() < 1e-4  # EXACT over NOISE1, times its noise
+    along = (x - first.centre) / np.linalg.norm(x - first.centre)
+    predicted = np.sqrt(along @ found.covariance[0] @ along)
+    spread = ((found.position - x) @ along).std()
+    assert spread / predicted == pytest.approx(1.0, abs=5.0 / np.sqrt(2.0 * len(seen1)))
+
+
 def test_epipolar_distance_is_that_to_the_curve_opencv_draws() -> None:
     first, second = (
         camera(turn, t, skew=0.0)
@@ -212,7 +225,7 @@ def test_parallel_lines_of_sight_meet_nowhere() -> None:
 @pytest.mark.parametrize(
     ("covariance", "words"),
     [
-        (np.array([[1.0, 2.0], [2.0, 1.0]]), "covariance1 of point .*positive definite"),
+        (np.array([[1.0, 2.0], [2.0, 1.0]]), "covariance1 of point .*negative eigenvalue"),
         (np.full((2, 2), np.nan), "covariance1 of point"),
         (np.eye(3), r"shape \(3, 3\), must be \(2, 2\)"),
     ],

@@ -76,6 +76,9 @@ def test_vic3d_project_is_read_to_its_printed_digits(challenge: Path, tmp_path: 
         assert len(numbers) == 14
         for printed, again in zip(numbers, " ".join(b).split(), strict=True):
             assert f"{float(again):.9e}" == f"{float(printed):.9e}"
+    # The frame lies between the cameras: their views are mirror images in x, to the digits of the angles.
+    first, second = (camera.rotation[2] for camera in rig.cameras)
+    np.testing.assert_allclose(first[[0, 2]], second[[0, 2]] * [-1.0, 1.0], atol=2e-6)
     # Baseline and angle as others computed them from the file, to the digits they gave.
     R, t = rig.relative
     assert np.linalg.norm(t) == pytest.approx(123.205e-3, abs=1e-6)
