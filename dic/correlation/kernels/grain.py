@@ -95,4 +95,4 @@ def between_pixels(prefilter: float) -> tuple[float, FloatArray, FloatArray]:
     even = np.stack([u ** (2 * k) for k in range(4)], axis=1)
     spread = np.linalg.lstsq(even, variance, rcond=None)[0]
     slope = np.linalg.lstsq(even * u[:, None], half, rcond=None)[0]
-    return mean**2, spread, slope
+    return mean**2, np.asarray(spread, dtype=np.float64), np.asarray(slope, dtype=np.float64)
