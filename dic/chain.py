@@ -18,8 +18,10 @@ from dic.images.noise import grey_noise
 from dic import remarks
 from dic.noise import noise_floor
 from dic.outcome import FrameOutcome, PointOutcome
+from dic.ends import past_the_ends
 from dic.region import grid_points, polygon_mask
-from dic.result import Body, Placement, StereoResult, SurfaceStrain
+from dic.result import Body, Placement, StereoResult, SurfaceStrain, Travel
+from dic.stereo import reconstruct
 from dic.setup_check import check_setup, free_pairs
 from dic.stereo.diagnose import Finding
 from dic.surfaces import (
@@ -42,6 +44,10 @@ BoolArray = NDArray[np.bool_]
 
 VERSION = 1
 """Raised when the same pictures and settings give other numbers: results kept from before are then made anew."""
+LEAST_GATE = 0.1
+"""Smallest gate for epipolar distances [px]."""
+GATE_SIGMAS = 6.0
+"""The gate in standard deviations of the epipolar distances at rest."""
 DIRECTIONS = {"up": (0.0, -1.0), "down": (0.0, 1.0), "left": (-1.0, 0.0), "right": (1.0, 0.0)}
 """Directions in a picture (right, down)."""
 
@@ -60,6 +66,9 @@ class ChainSettings:
     """Radius of the specimen at rest, if it was measured otherwise [m]: the axis then lies by so much behind
     the surface. From the part of the circumference that is seen, a free radius and the place of the axis are
     known less well. None: free."""
+    length: float | None = None
+    """Length of the specimen at rest [m]: with the flyer's travel it says where the specimen ends. None: points
+    near that end are not judged by it."""
     step: int = 4
     """Distance of neighbouring points [px]."""
     margin: float = 2.0
@@ -84,6 +93,7 @@ class ChainSettings:
             ("toward_flyer", self.toward_flyer in DIRECTIONS, f"one of {', '.join(DIRECTIONS)}"),
             ("strip_half_width", self.strip_half_width > 0.0, "a positive length in metres"),
             ("radius", self.radius is None or self.radius > 0.0, "a positive length in metres, or None"),
+            ("length", self.length is None or self.length > 0.0, "a positive length in metres, or None"),
             ("step", self.step >= 1, "at least 1 px"),
             ("margin", self.margin >= 0.0, "not negative"),
             ("strain_window", self.strain_window >= 3 and self.strain_window % 2 == 1, "odd, at least 3"),
@@ -170,18 +180,19 @@ def measure(
         placement, rest = clock("test frame", lambda: _place(body, rig, settings, static))
     except ChainError as error:
         raise ChainError("; ".join([*(f"{f.what} ({f.cure})" for f in findings), str(error)])) from error
-    surface, left_out = _surface(body, placement, t, rest)
-    subset = settings.tracking.correlation.subset
-    centre = outline(surface.surface, surface.points, half_width=settings.strip_half_width, subset=subset)
-    strain = clock("strains", lambda: _strains(surface, settings))
     in_time = check_setup(rig, *body.reconstruction.pixels)
-    flyer_body, travel = None, None
+    followed, flyer_body, travel = None, None, None
     if flyer is not None:
         followed = clock("flyer", lambda: follow(flyer, "flyer", settings.rigid, rigid=True))
         flyer_body, _ = _surface(followed, placement, t, [followed.material])
         travel = flyer_travel(
             followed, rig, placement.frame, t, static, subset=settings.rigid.correlation.subset
         )
+    body = _inside(_gated(body, rig, rest), rig, placement, settings, t, travel)
+    surface, left_out = _surface(body, placement, t, rest)
+    subset = settings.tracking.correlation.subset
+    centre = outline(surface.surface, surface.points, half_width=settings.strip_half_width, subset=subset)
+    strain = clock("strains", lambda: _strains(surface, settings))
     found = {finding.fault: finding for finding in (*in_time, *findings)}
     return StereoResult(
         t=t,
@@ -312,6 +323,47 @@ def _place(
             n_points=int(cylinder.used.sum()),
         ),
         rest,
+    )
+
+
+def _gated(body: Followed, rig: StereoRig, rest: list[int]) -> Followed:
+    """The body with the epipolar gate that its own static frames ask for."""
+    r = body.reconstruction
+    at_rest = r.epipolar[rest][r.outcome[rest] == PointOutcome.VALID]
+    gate = max(LEAST_GATE, GATE_SIGMAS * float(np.median(np.abs(at_rest))) / 0.6745)
+    return replace(body, reconstruction=reconstruct(rig, *body.tracks, gate=gate, gate_sigmas=GATE_SIGMAS))
+
+
+def _inside(
+    body: Followed,
+    rig: StereoRig,
+    placement: Placement,
+    settings: ChainSettings,
+    t: FloatArray,
+    travel: Travel | None,
+) -> Followed:
+    """The body without the points whose subset reaches past an end of the specimen."""
+    upper = np.full(t.size, np.nan)
+    if settings.length is not None and travel is not None and travel.t.size:
+        upper = settings.length - np.interp(t, travel.t, travel.displacement)
+    past = past_the_ends(
+        body,
+        rig.cameras[0],
+        placement.frame,
+        settings.tracking.correlation.subset,
+        DIRECTIONS[settings.toward_flyer],
+        (np.zeros(t.size), upper),
+    )
+    r = body.reconstruction
+    hidden = past[..., None]
+    return replace(
+        body,
+        reconstruction=replace(
+            r,
+            position=np.where(hidden, np.nan, r.position),
+            covariance=np.where(hidden[..., None], np.nan, r.covariance),
+            outcome=np.where(past, int(PointOutcome.AT_END), r.outcome),
+        ),
     )
 
 
