@@ -3,6 +3,8 @@
 from typing import Any
 
 from kolsky.report.figures import (
+    calibration_pairs,
+    calibration_residuals,
     contour,
     energy,
     flyer_motion,
@@ -19,7 +21,7 @@ from kolsky.report.figures import (
 )
 from kolsky.report.figures.base import FigureKind
 
-__all__ = ["REGISTRY", "SURFACES", "FigureKind"]
+__all__ = ["CALIBRATION", "REGISTRY", "SURFACES", "FigureKind"]
 
 REGISTRY: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND
@@ -31,3 +33,7 @@ SURFACES: dict[str, FigureKind[Any]] = {
     for module in (overlay_sigma, overlay_epipolar, lost_points, kymograph, flyer_motion)
 }
 """Every figure of the surfaces that pictures gave, likewise."""
+CALIBRATION: dict[str, FigureKind[Any]] = {
+    module.KIND.name: module.KIND for module in (calibration_residuals, calibration_pairs)
+}
+"""Every figure of a calibration, likewise."""
