@@ -5,7 +5,7 @@ import pytest
 
 from dic import Camera, StereoRig
 from dic.camera_files.angles import rotation_of
-from dic.stereo import Fault, diagnose
+from dic.stereo.diagnose import Fault, diagnose
 from dic.stereo.synchronisation import synchronisation
 from dic.stereo.systematic import perturbed
 

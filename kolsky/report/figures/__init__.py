@@ -18,10 +18,11 @@ from kolsky.report.figures import (
     overlay_sigma,
     profiles,
     shape_residual,
+    speckle_floor,
 )
 from kolsky.report.figures.base import FigureKind
 
-__all__ = ["CALIBRATION", "REGISTRY", "SURFACES", "FigureKind"]
+__all__ = ["CALIBRATION", "REGISTRY", "SPECKLES", "SURFACES", "FigureKind"]
 
 REGISTRY: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND
@@ -37,3 +38,5 @@ CALIBRATION: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND for module in (calibration_residuals, calibration_pairs)
 }
 """Every figure of a calibration, likewise."""
+SPECKLES: dict[str, FigureKind[Any]] = {speckle_floor.KIND.name: speckle_floor.KIND}
+"""Every figure of a speckle pattern, likewise."""

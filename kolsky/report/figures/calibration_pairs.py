@@ -16,8 +16,8 @@ def caption(found: Calibration) -> str:
     bad = [pair.name for pair in found.rejected if np.isfinite(pair.rms)]
     crossed = f" Crosses: pairs left out ({', '.join(bad)})." if bad else ""
     return (
-        f"(a) Rms residual of each picture; line: of all that were used.{crossed} (b) Residuals along x and y "
-        "over their standard deviation, with the normal distribution."
+        f"(a) Rms residual of each picture; line: of all that were used.{crossed} (b) Residuals along x and "
+        "y over their standard deviation, with the normal distribution."
     )
 
 

@@ -19,8 +19,8 @@ def _length(found: Calibration) -> float:
 def caption(found: Calibration) -> str:
     """What is seen."""
     return (
-        "Residuals of all points used, measured less expected, where the two cameras saw them; the rms length "
-        f"is {found.rms:.3g} px. Vectors that agree with their neighbours would show a lens model too simple or "
+        "Residuals of all points used, measured less expected, where the two cameras saw them; their rms is "
+        f"{found.rms:.3g} px. Vectors that agree with their neighbours would show a lens model too simple or "
         "a target that is not what it should be."
     )
 
