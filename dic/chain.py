@@ -15,10 +15,15 @@ from dic.correlation.warp import Shape
 from dic.images import PictureError, Pictures
 from dic.images.health import frame_health
 from dic.images.noise import grey_noise
+from dic import remarks
 from dic.noise import noise_floor
 from dic.outcome import FrameOutcome, PointOutcome
-from dic.result import Body, Placement, Remark, StereoResult
-from dic.surface import centre_line
+from dic.ends import past_the_ends
+from dic.region import grid_points, polygon_mask
+from dic.result import Body, Placement, StereoResult, SurfaceStrain, Travel
+from dic.stereo import reconstruct
+from dic.setup_check import check_setup, free_pairs
+from dic.stereo.diagnose import Finding
 from dic.surfaces import (
     fit_cylinder,
     on_cylinder,
@@ -28,6 +33,8 @@ from dic.surfaces import (
     test_frame,
     to_surface,
 )
+from dic.surfaces.outline import outline
+from dic.surfaces.strains import StrainGauge, strains
 from dic.tracking import Tracking
 from dic.travel import flyer_travel
 
@@ -37,6 +44,10 @@ BoolArray = NDArray[np.bool_]
 
 VERSION = 1
 """Raised when the same pictures and settings give other numbers: results kept from before are then made anew."""
+LEAST_GATE = 0.1
+"""Smallest gate for epipolar distances [px]."""
+GATE_SIGMAS = 6.0
+"""The gate in standard deviations of the epipolar distances at rest."""
 DIRECTIONS = {"up": (0.0, -1.0), "down": (0.0, 1.0), "left": (-1.0, 0.0), "right": (1.0, 0.0)}
 """Directions in a picture (right, down)."""
 
@@ -51,6 +62,13 @@ class ChainSettings:
     """Where the specimen ends at the transmission platen, in the first picture of camera 0 (x, y) [px]."""
     strip_half_width: float
     """Points within this distance of the centre plane are its outline [m]."""
+    radius: float | None = None
+    """Radius of the specimen at rest, if it was measured otherwise [m]: the axis then lies by so much behind
+    the surface. From the part of the circumference that is seen, a free radius and the place of the axis are
+    known less well. None: free."""
+    length: float | None = None
+    """Length of the specimen at rest [m]: with the flyer's travel it says where the specimen ends. None: points
+    near that end are not judged by it."""
     step: int = 4
     """Distance of neighbouring points [px]."""
     margin: float = 2.0
@@ -74,6 +92,8 @@ class ChainSettings:
         checks = (
             ("toward_flyer", self.toward_flyer in DIRECTIONS, f"one of {', '.join(DIRECTIONS)}"),
             ("strip_half_width", self.strip_half_width > 0.0, "a positive length in metres"),
+            ("radius", self.radius is None or self.radius > 0.0, "a positive length in metres, or None"),
+            ("length", self.length is None or self.length > 0.0, "a positive length in metres, or None"),
             ("step", self.step >= 1, "at least 1 px"),
             ("margin", self.margin >= 0.0, "not negative"),
             ("strain_window", self.strain_window >= 3 and self.strain_window % 2 == 1, "odd, at least 3"),
@@ -154,18 +174,26 @@ def measure(
             progress=progress,
         )
 
-    body = clock("specimen", lambda: follow(specimen, "specimen", settings.tracking))
-    placement, rest = clock("test frame", lambda: _place(body, rig, settings, static))
-    surface, left_out = _surface(body, placement, t, rest)
-    remarks = [*_left_out(left_out)]
-    centre = centre_line(surface.surface, half_width=settings.strip_half_width)
-    flyer_body, travel = None, None
+    findings = clock("cameras", lambda: _check(pictures, rig, specimen, settings, noise, health))
+    try:
+        body = clock("specimen", lambda: follow(specimen, "specimen", settings.tracking))
+        placement, rest = clock("test frame", lambda: _place(body, rig, settings, static))
+    except ChainError as error:
+        raise ChainError("; ".join([*(f"{f.what} ({f.cure})" for f in findings), str(error)])) from error
+    in_time = check_setup(rig, *body.reconstruction.pixels)
+    followed, flyer_body, travel = None, None, None
     if flyer is not None:
         followed = clock("flyer", lambda: follow(flyer, "flyer", settings.rigid, rigid=True))
         flyer_body, _ = _surface(followed, placement, t, [followed.material])
         travel = flyer_travel(
             followed, rig, placement.frame, t, static, subset=settings.rigid.correlation.subset
         )
+    body = _inside(_gated(body, rig, rest), rig, placement, settings, t, travel)
+    surface, left_out = _surface(body, placement, t, rest)
+    subset = settings.tracking.correlation.subset
+    centre = outline(surface.surface, surface.points, half_width=settings.strip_half_width, subset=subset)
+    strain = clock("strains", lambda: _strains(surface, settings))
+    found = {finding.fault: finding for finding in (*in_time, *findings)}
     return StereoResult(
         t=t,
         frames=health,
@@ -174,13 +202,53 @@ def measure(
         flyer=flyer_body,
         travel=travel,
         centre=centre,
+        strain=strain,
         placement=placement,
         noise=noise_floor(surface.surface, static),
-        strain_noise=np.full(3, np.nan),
-        remarks=tuple(remarks),
+        remarks=(
+            *remarks.of_findings(found.values()),
+            *remarks.of_radius(placement, settings.radius),
+            *remarks.of_missing_points(left_out),
+            *remarks.of_frames(health),
+            *remarks.of_material(body, specimen),
+        ),
         rig=rig,
         facts={**(facts or {}), **_facts(pictures, settings, noise)},
         seconds=clock.seconds,
+    )
+
+
+def _check(
+    pictures: tuple[Pictures, Pictures],
+    rig: StereoRig,
+    region: Region,
+    settings: ChainSettings,
+    noise: tuple[float, float],
+    health: tuple[IntArray, IntArray],
+) -> tuple[Finding, ...]:
+    """What a first pair of pictures says of the cameras, found without their parameters."""
+    usable = np.flatnonzero((health[0] == FrameOutcome.VALID) & (health[1] == FrameOutcome.VALID))
+    if usable.size == 0:
+        raise ChainError("no frame has a usable picture of both cameras")
+    frame = int(usable[np.argmin(np.abs(usable - region.frame))])
+    mask = polygon_mask(region.corners, pictures[0].shape)
+    points, _ = grid_points(mask, settings.step, margin=settings.margin)
+    pair = (pictures[0].frame(frame), pictures[1].frame(frame))
+    pixels = free_pairs(
+        pair, points, settings.tracking, noise=max(noise), mask=mask, device=settings.device
+    )
+    return check_setup(rig, *pixels)
+
+
+def _strains(surface: Body, settings: ChainSettings) -> SurfaceStrain:
+    """Green-Lagrange strains of the specimen over the declared window."""
+    gauge = StrainGauge(
+        window=settings.strain_window, step=settings.step, subset=settings.tracking.correlation.subset
+    )
+    history = strains(surface.surface, surface.points, gauge)
+    measured = history.green_lagrange
+    return SurfaceStrain(
+        value=measured.value, sigma=measured.sigma, outcome=history.outcome, gauge=history.gauge
     )
 
 
@@ -236,11 +304,11 @@ def _place(
     position, covariance = static_mean(r, rest)
     known = np.isfinite(position).all(axis=1)
     try:
-        cylinder = fit_cylinder(
-            position[known],
-            covariance[known],
-            overlap=overlap_factor(body.points[known], settings.tracking.correlation.subset),
-        )
+        overlap = overlap_factor(body.points[known], settings.tracking.correlation.subset)
+        free = fit_cylinder(position[known], covariance[known], overlap=overlap)
+        cylinder = free
+        if settings.radius is not None:
+            cylinder = fit_cylinder(position[known], covariance[known], overlap=overlap, radius=settings.radius)
         zero = on_cylinder(rig.cameras[0], settings.zero, cylinder)
         frame = test_frame(cylinder, rig, toward_flyer=DIRECTIONS[settings.toward_flyer], zero=zero)
     except ValueError as error:
@@ -248,13 +316,54 @@ def _place(
     return (
         Placement(
             frame=frame,
-            radius=cylinder.radius,
-            radius_sigma=float(cylinder.sigma[4]),
+            radius=free.radius,
+            radius_sigma=float(free.sigma[4]),
             rms=cylinder.rms,
             chi2_per_dof=cylinder.chi2_per_dof,
             n_points=int(cylinder.used.sum()),
         ),
         rest,
+    )
+
+
+def _gated(body: Followed, rig: StereoRig, rest: list[int]) -> Followed:
+    """The body with the epipolar gate that its own static frames ask for."""
+    r = body.reconstruction
+    at_rest = r.epipolar[rest][r.outcome[rest] == PointOutcome.VALID]
+    gate = max(LEAST_GATE, GATE_SIGMAS * float(np.median(np.abs(at_rest))) / 0.6745)
+    return replace(body, reconstruction=reconstruct(rig, *body.tracks, gate=gate, gate_sigmas=GATE_SIGMAS))
+
+
+def _inside(
+    body: Followed,
+    rig: StereoRig,
+    placement: Placement,
+    settings: ChainSettings,
+    t: FloatArray,
+    travel: Travel | None,
+) -> Followed:
+    """The body without the points whose subset reaches past an end of the specimen."""
+    upper = np.full(t.size, np.nan)
+    if settings.length is not None and travel is not None and travel.t.size:
+        upper = settings.length - np.interp(t, travel.t, travel.displacement)
+    past = past_the_ends(
+        body,
+        rig.cameras[0],
+        placement.frame,
+        settings.tracking.correlation.subset,
+        DIRECTIONS[settings.toward_flyer],
+        (np.zeros(t.size), upper),
+    )
+    r = body.reconstruction
+    hidden = past[..., None]
+    return replace(
+        body,
+        reconstruction=replace(
+            r,
+            position=np.where(hidden, np.nan, r.position),
+            covariance=np.where(hidden[..., None], np.nan, r.covariance),
+            outcome=np.where(past, int(PointOutcome.AT_END), r.outcome),
+        ),
     )
 
 
@@ -280,23 +389,6 @@ def _surface(
         ),
         r.outcome[body.material, ~kept],
     )
-
-
-def _left_out(outcome: IntArray) -> list[Remark]:
-    """A remark on the points that were never found at rest."""
-    if outcome.size == 0:
-        return []
-    numbers, counts = np.unique(outcome, return_counts=True)
-    ends = [(PointOutcome(int(number)), int(count)) for number, count in zip(numbers, counts, strict=True)]
-    words = ", ".join(f"{count} {end.name.lower().replace('_', ' ')}" for end, count in ends)
-    most = max(ends, key=lambda pair: pair[1])[0]
-    return [
-        Remark(
-            name="points without a place at rest",
-            text=f"{outcome.size} points of the region were found by both cameras in no static frame: {words}",
-            cure=most.cure,
-        )
-    ]
 
 
 def _facts(

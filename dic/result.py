@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.camera import StereoRig
-from dic.noise import NoiseFloor
+from dic.noise import SMALLEST_SERIES, NoiseFloor
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.surface import CentrePoints, SurfaceHistory
 from dic.surfaces.frame import SpecimenFrame
@@ -88,6 +88,20 @@ class Placement:
 
 
 @dataclass(frozen=True)
+class SurfaceStrain:
+    """Green-Lagrange strains in the tangent plane at rest; NaN where the outcome is not VALID."""
+
+    value: FloatArray
+    """Components around the axis, along it, and shear [-], shape [n_frames, n_points, 3]."""
+    sigma: FloatArray
+    """Their standard deviations [-], same shape."""
+    outcome: IntArray
+    """`dic.surfaces.strains.StrainOutcome`, shape [n_frames, n_points]."""
+    gauge: float
+    """Side of the virtual strain gauge in the material picture [px]."""
+
+
+@dataclass(frozen=True)
 class Remark:
     """Something that the pictures say about the test or its declarations."""
 
@@ -121,8 +135,8 @@ class StereoResult:
     """The test's coordinates."""
     noise: NoiseFloor
     """Noise floors of the specimen's displacements."""
-    strain_noise: FloatArray
-    """Noise floors of the Green-Lagrange strains xx, yy, xy through the static frames [-], shape [3]."""
+    strain: SurfaceStrain
+    """Strains of the specimen's surface."""
     remarks: tuple[Remark, ...]
     """What the pictures say against the declarations; empty if nothing."""
     rig: StereoRig
@@ -131,6 +145,16 @@ class StereoResult:
     """Settings and facts of the pictures, as JSON can hold them."""
     seconds: Mapping[str, float] = field(default_factory=dict)
     """Wall time of each stage."""
+
+    @property
+    def strain_noise(self) -> FloatArray:
+        """Standard deviation of strains through the static frames, root mean square over the points that have
+        one in all of them: around, along, shear [-], shape [3]; NaN if there are none."""
+        values = self.strain.value[self.static & (self.outcome == FrameOutcome.VALID)]
+        values = values[:, np.isfinite(values).all(axis=(0, 2))]
+        if len(values) < SMALLEST_SERIES or values.shape[1] == 0:
+            return np.full(3, np.nan)
+        return np.asarray(np.sqrt(values.var(axis=0, ddof=1).mean(axis=0)))
 
     @property
     def outcome(self) -> IntArray:

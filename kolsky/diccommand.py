@@ -73,7 +73,7 @@ def correlate(
         if formats:
             save_figures(partial / "figures", shown, formats=tuple(formats), registry=SURFACES)
         if csv:
-            write_frames(partial / "surface", result.specimen)
+            write_frames(partial / "surface", result.specimen, strain=result.strain.value)
         if vtp:
             write_vtp(partial / "vtp", result.specimen, "specimen")
             if result.flyer is not None:

@@ -29,7 +29,7 @@ def summary(result: StereoResult) -> dict[str, Any]:
         "noise_floor_time_m": noise.time.tolist(),
         "noise_floor_space_m": noise.space.tolist(),
         "noise_floor_predicted_m": noise.sigma.tolist(),
-        "strain_noise_xx_yy_xy": [None if np.isnan(value) else float(value) for value in result.strain_noise],
+        "strain_noise_around_along_shear": [None if np.isnan(value) else float(value) for value in result.strain_noise],
         "cylinder_radius_m": placement.radius,
         "cylinder_radius_sigma_m": placement.radius_sigma,
         "cylinder_rms_m": placement.rms,
@@ -65,9 +65,9 @@ def printed(result: StereoResult) -> dict[str, str]:
         "noise floor in space": f"{triple['noise_floor_space_m']} um",
         "noise predicted": f"{triple['noise_floor_predicted_m']} um",
     }
-    if all(value is not None for value in rows["strain_noise_xx_yy_xy"]):
-        table["strain noise xx, yy, xy"] = (
-            ", ".join(f"{um * value:.0f}" for value in rows["strain_noise_xx_yy_xy"]) + " um/m"
+    if all(value is not None for value in rows["strain_noise_around_along_shear"]):
+        table["strain noise"] = (
+            ", ".join(f"{um * value:.0f}" for value in rows["strain_noise_around_along_shear"]) + " um/m (around, along, shear)"
         )
     table["cylinder at rest"] = (
         f"radius {1e3 * rows['cylinder_radius_m']:.4f} mm ± {um * 2.0 * rows['cylinder_radius_sigma_m']:.1f} um "

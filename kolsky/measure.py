@@ -20,6 +20,7 @@ from kolsky.outfolder import filling
 from kolsky.pictures import Seen
 from kolsky.records import CentreLine, FlyerMotion
 from kolsky.rig import calibrated
+from kolsky.shotfile import SpecimenSection
 from kolsky.shotpictures import DicSection, RegionSection
 from kolsky.shots import Measured
 
@@ -129,6 +130,7 @@ def key_of(seen: Seen) -> str:
     parts: dict[str, Any] = {
         "version": VERSION,
         "inputs": seen.inputs,
+        "specimen": [declared.specimen.diameter, declared.specimen.length],
         "frames": [seen.frames.sha256, declared.frames.model_dump(mode="json")],
         **{
             name: None if section is None else section.model_dump(mode="json")
@@ -139,8 +141,8 @@ def key_of(seen: Seen) -> str:
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
-def chain_settings(section: DicSection, device: str = "cpu") -> ChainSettings:
-    """The chain's settings as a shot file declares them."""
+def chain_settings(section: DicSection, specimen: SpecimenSection, device: str = "cpu") -> ChainSettings:
+    """The chain's settings as a shot file declares them, of this specimen."""
     subset = Correlation(
         subset=section.subset, shape=Shape[section.shape.upper()], prefilter=section.prefilter
     )
@@ -148,6 +150,8 @@ def chain_settings(section: DicSection, device: str = "cpu") -> ChainSettings:
         toward_flyer=section.flyer_side,
         zero=section.transmission_edge,
         strip_half_width=section.strip_half_width,
+        radius=0.5 * specimen.diameter,
+        length=specimen.length,
         step=section.step,
         strain_window=section.strain_window,
         tracking=Tracking(correlation=subset),
@@ -169,7 +173,7 @@ def _correlated(seen: Seen, device: str, progress: Progress) -> StereoResult:
         return measure(
             seen.pictures,
             cameras.rig,
-            chain_settings(section, device),
+            chain_settings(section, declared.specimen, device),
             t=seen.time,
             static=static,
             specimen=_region(section.specimen),

@@ -71,7 +71,7 @@ class CinePictures:
                 raise PictureError(self.path, f"it has {size} bytes, {need} are needed", frame=index)
             self._bytes(file, index, start + notes + need - 1, 1)
         raw = np.memmap(self.path, dtype=np.uint8, mode="r", offset=start + notes, shape=(need,))
-        return checked_frame(self.path, index, self._grey(raw), self.shape)
+        return checked_frame(self.path, index, self._grey(raw), self.shape, self.bits)
 
     def _grey(self, raw: NDArray[np.uint8]) -> NDArray[np.generic]:
         rows, columns = self.shape

@@ -97,61 +97,39 @@ def frame_health(
     if used.shape != pictures.shape or not np.any(used[:, 1:] & used[:, :-1]):
         raise ValueError(f"mask must be of shape {pictures.shape} with neighbouring pixels, is {used.shape}")
 
-    n = pictures.n_frames
-    unreadable: dict[int, str] = {}
-    mean, middle, contrast, correlation, top, at_top = (np.full(n, np.nan) for _ in range(6))
-    total = np.zeros(2**pictures.bits, dtype=np.int64)
-    shift = max(pictures.bits - 10, 0)  # 1024 bins a frame are enough to see a flash, and small
-    histograms: list[IntArray | None] = []
-    for index in range(n):
-        try:
-            picture = pictures.frame(index)
-        except PictureError as error:
-            unreadable[index] = str(error)
-            histograms.append(None)
-            continue
-        values = picture[used]
-        counts = np.bincount(values, minlength=len(total))
-        total += counts
-        histograms.append(np.add.reduceat(counts, np.arange(0, len(counts), 2**shift)))
-        top[index] = values.max()
-        at_top[index] = counts[int(top[index])] / values.size
-        mean[index], middle[index] = values.mean(), np.median(values)
-        contrast[index], correlation[index] = _shared(picture, used)
-
-    ceiling = _ceiling(total)
-    readable = ~np.isnan(mean)
-    saturated = np.where(top >= ceiling, at_top, np.where(readable, 0.0, np.nan))
-    gain = middle / np.maximum(_around(middle), 1.0)
-    bright = 2.0**shift * np.array([_percentile(counts, _BRIGHT) for counts in histograms])
-    limits = _FLASH_ABOVE * _around(bright) * np.clip(gain, 0.5, 2.0) / 2.0**shift
-    above = np.array([_share_from(counts, limit) for counts, limit in zip(histograms, limits, strict=True)])
+    seen = _look(pictures, used)
+    readable = ~np.isnan(seen.mean)
+    ceiling = _ceiling(seen.total)
+    saturated = np.where(seen.top >= ceiling, seen.at_top, np.where(readable, 0.0, np.nan))
+    gain = seen.middle / np.maximum(_around(seen.middle), 1.0)
+    above = _brighter(seen.histograms, gain)
     # a flash on a bright scene does not exceed its bright spots by much, but saturates
     usual = _around(saturated)
     flash = np.where(usual <= flash_share, np.fmax(above, saturated - usual), np.nan)
 
-    outcome = np.full(n, int(FrameOutcome.VALID))
-    typical = float(np.nanmedian(contrast)) if readable.any() else 0.0
-    black = (correlation < _LEAST_CORRELATION) | (contrast < max(noise, least_contrast * typical))
-    full = saturated > most_saturated
+    outcome = np.full(pictures.n_frames, int(FrameOutcome.VALID))
+    typical = float(np.nanmedian(seen.contrast)) if readable.any() else 0.0
+    black = seen.correlation < _LEAST_CORRELATION
+    black |= seen.contrast < max(noise, least_contrast * typical)
     outcome[black & readable] = int(FrameOutcome.BLACK)
-    outcome[full & readable] = int(FrameOutcome.SATURATED)
+    outcome[saturated > most_saturated] = int(FrameOutcome.SATURATED)
     outcome[~readable] = int(FrameOutcome.UNREADABLE)
     flashed = (flash > flash_share) & (outcome == FrameOutcome.VALID)
-    notes = {}
-    for index in np.flatnonzero((outcome != FrameOutcome.VALID) | flashed).tolist():
+    notes = dict(seen.unreadable)
+    for index in np.flatnonzero(readable & ((outcome != FrameOutcome.VALID) | flashed)).tolist():
         name = "flash" if flashed[index] else FrameOutcome(int(outcome[index])).name.lower()
-        notes[index] = unreadable.get(index) or (
-            f"{pictures.path}, frame {index}: {name}: mean {mean[index]:.4g}, contrast {contrast[index]:.3g} "
-            f"(usual {typical:.3g}), neighbours correlate {correlation[index]:.2f}, "
-            f"{saturated[index]:.1%} at {ceiling}, {flash[index]:.1%} in a flash"
+        notes[index] = (
+            f"{pictures.path}, frame {index}: {name}: mean {seen.mean[index]:.4g}, "
+            f"contrast {seen.contrast[index]:.3g} (usual {typical:.3g}), neighbours correlate "
+            f"{seen.correlation[index]:.2f}, {saturated[index]:.1%} at {ceiling}, "
+            f"{flash[index]:.1%} in a flash"
         )
     return FrameHealth(
         outcome=outcome,
-        mean=mean,
+        mean=seen.mean,
         gain=gain,
-        contrast=contrast,
-        correlation=correlation,
+        contrast=seen.contrast,
+        correlation=seen.correlation,
         saturated=saturated,
         flash=flash,
         flashed=flashed,
@@ -177,6 +155,57 @@ def saturated_mask(picture: NDArray[np.generic], ceiling: int, *, grow: int = 1)
     full = (np.asarray(picture) >= ceiling).astype(np.uint8)
     kernel = np.ones((2 * grow + 1, 2 * grow + 1), dtype=np.uint8)
     return np.asarray(cv2.dilate(full, kernel), dtype=bool)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What one pass over the frames gives: one number a frame, NaN where it cannot be read."""
+
+    mean: FloatArray
+    middle: FloatArray
+    contrast: FloatArray
+    correlation: FloatArray
+    top: FloatArray
+    """Largest grey value."""
+    at_top: FloatArray
+    """Share of the pixels that have it."""
+    histograms: list[IntArray | None]
+    """Coarse ones, of at most 1024 bins: enough to see a flash."""
+    total: IntArray
+    """Fine histogram of all frames."""
+    unreadable: dict[int, str]
+
+
+def _look(pictures: Pictures, used: NDArray[np.bool_]) -> _Seen:
+    mean, middle, contrast, correlation, top, at_top = np.full((6, pictures.n_frames), np.nan)
+    total = np.zeros(2**pictures.bits, dtype=np.int64)
+    starts = np.arange(0, len(total), max(len(total) // 1024, 1))
+    histograms: list[IntArray | None] = []
+    unreadable: dict[int, str] = {}
+    for index in range(pictures.n_frames):
+        try:
+            picture = pictures.frame(index)
+        except PictureError as error:
+            unreadable[index] = str(error)
+            histograms.append(None)
+            continue
+        values = picture[used]
+        counts = np.bincount(values, minlength=len(total))
+        total += counts
+        histograms.append(np.add.reduceat(counts, starts))
+        top[index] = np.flatnonzero(counts)[-1]
+        at_top[index] = counts[int(top[index])] / values.size
+        mean[index] = counts @ np.arange(len(counts)) / values.size
+        middle[index] = np.searchsorted(np.cumsum(counts), values.size / 2.0)
+        contrast[index], correlation[index] = _shared(picture, used)
+    return _Seen(mean, middle, contrast, correlation, top, at_top, histograms, total, unreadable)
+
+
+def _brighter(histograms: list[IntArray | None], gain: FloatArray) -> FloatArray:
+    """Share of each frame's pixels that are brighter than the brightest spots of the frames around."""
+    bright = _around(np.array([_percentile(counts, _BRIGHT) for counts in histograms]))
+    limits = _FLASH_ABOVE * bright * np.clip(gain, 0.5, 2.0)
+    return np.array([_share_from(counts, limit) for counts, limit in zip(histograms, limits, strict=True)])
 
 
 def _shared(picture: NDArray[np.generic], used: NDArray[np.bool_]) -> tuple[float, float]:
@@ -207,14 +236,14 @@ def _around(values: FloatArray) -> FloatArray:
 
 
 def _share_from(counts: IntArray | None, level: float) -> float:
-    """Share of the pixels at or above a grey value."""
+    """Share of the pixels in a bin or above."""
     if counts is None or np.isnan(level):
         return float("nan")
     return float(counts[min(int(np.ceil(level)), len(counts)) :].sum() / counts.sum())
 
 
 def _percentile(counts: IntArray | None, percent: float) -> float:
-    """Grey value below which that share of the pixels lies."""
+    """Bin below which that share of the pixels lies."""
     if counts is None:
         return float("nan")
     return float(np.searchsorted(np.cumsum(counts), percent / 100.0 * counts.sum()))

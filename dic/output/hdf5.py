@@ -19,7 +19,7 @@ from dic.outcome import PointOutcome
 from dic.output import layout
 from dic.output.layout import STORED, Table, shape_problem
 from dic.output.whole import whole
-from dic.result import Body, Placement, Remark, StereoResult, Travel
+from dic.result import Body, Placement, Remark, StereoResult, SurfaceStrain, Travel
 from dic.surface import CentrePoints, SurfaceHistory
 from dic.surfaces.frame import SpecimenFrame
 
@@ -77,6 +77,8 @@ def _write_entry(entry: h5py.Group, result: StereoResult) -> None:
     for name, body in (("specimen", result.specimen), ("flyer", result.flyer)):
         if body is not None:
             _write_body(_data(entry, name, "u", "t", "points", "."), body, sizes["frames"])
+    part = _data(entry, "strain", "value", "../t", "points", ".")
+    _write(part, layout.STRAIN, vars(result.strain), {**layout.FIXED, "frames": sizes["frames"]})
     if result.travel is not None:
         _write(_data(entry, "travel", "displacement", "t"), layout.TRAVEL, vars(result.travel), {})
     left_out = result.centre.left_out
@@ -172,7 +174,9 @@ def _read_entry(entry: h5py.Group) -> StereoResult:
             **_read(entry["test_frame"], layout.PLACEMENT, {}),
         ),
         noise=NoiseFloor(**noise),
-        strain_noise=head["strain_noise"],
+        strain=SurfaceStrain(
+            **_read(entry["strain"], layout.STRAIN, {**layout.FIXED, "frames": sizes["frames"]})
+        ),
         remarks=tuple(
             Remark(*texts)
             for texts in zip(head["remark_names"], head["remark_texts"], head["remark_cures"], strict=True)

@@ -14,7 +14,6 @@ ENTRY: Table = {
     "frame_outcome_0": ("1", "frames", "i"),
     "frame_outcome_1": ("1", "frames", "i"),
     "static": ("1", "frames", "b"),
-    "strain_noise": ("1", "three", "f"),
     "facts": ("", "", "t"),
     "remark_names": ("", "remarks", "t"),
     "remark_texts": ("", "remarks", "t"),
@@ -37,6 +36,12 @@ BODY: Table = {
     "epipolar": ("px", "frames points", "f"),
     "points": ("px", "points two", "f"),
     "cell": ("1", "points two", "i"),
+}
+STRAIN: Table = {
+    "value": ("1", "frames points three", "f"),
+    "sigma": ("1", "frames points three", "f"),
+    "outcome": ("1", "frames points", "i"),
+    "gauge": ("px", "", "f"),
 }
 TRAVEL: Table = {
     "t": ("s", "rows", "f"),

@@ -101,7 +101,7 @@ def _hardware(result: StereoResult, facts: Mapping[str, Any]) -> list[Row]:
 def _analysis(result: StereoResult, facts: Mapping[str, Any]) -> list[Row]:
     settings = facts["settings"]
     subset, step, window = settings["subset"], settings["step"], settings["strain_window"]
-    gauge = (window - 1) * step + subset
+    gauge = result.strain.gauge
     per_mm = 1e-3 * geometry(result)["scale_x"]
     prefilter = settings["prefilter"]
     entries = [
@@ -117,8 +117,8 @@ def _analysis(result: StereoResult, facts: Mapping[str, Any]) -> list[Row]:
         ("interpolant", str(settings["interpolant"])),
         ("reference", str(settings["reference"])),
         ("strain window", f"{window} x {window} points"),
-        ("virtual strain gauge", f"{gauge} px, {gauge / per_mm:.3g} mm"),
-        ("strain formulation", "Green-Lagrange, from a linear fit of the displacements over the window"),
+        ("virtual strain gauge", f"{gauge:g} px, {gauge / per_mm:.3g} mm"),
+        ("strain formulation", "Green-Lagrange, from linear fits of the places at rest and now over the window"),
         ("post-processing filter", "none"),
         ("calibration", str(facts.get("calibration", NOT_STATED))),
         ("epipolar distance, rms", f"{result.specimen.epipolar_rms:.3g} px"),
@@ -138,7 +138,7 @@ def _noise(result: StereoResult) -> list[Row]:
         )
         for k, axis in enumerate(axes)
     ]
-    for name, value in zip(("xx", "yy", "xy"), result.strain_noise, strict=True):
+    for name, value in zip(("around the axis", "along the axis", "shear"), result.strain_noise, strict=True):
         text = NOT_STATED if not np.isfinite(value) else f"{1e6 * value:.3g} um/m in time"
         rows.append(Row("noise floor", f"strain {name}", text))
     rows.append(

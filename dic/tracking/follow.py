@@ -1,6 +1,7 @@
 """Follow points through the frames of one camera."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from dic.tracking.frames import Picture, Series, count, judge, read
 from dic.tracking.matcher import Matcher, shares
 from dic.tracking.neighbours import Neighbours
 from dic.tracking.predict import Predictor
-from dic.tracking.references import References
+from dic.tracking.references import References, Template
 from dic.tracking.settings import Tracking
 from dic.tracking.track import Track
 from dic.tracking.update import Last, Updates, composed
@@ -148,8 +149,14 @@ class _Run:
         self.pictures, self.points, self.settings = pictures, points, settings
         self.noise, self.device = noise, device
         self.declared = frame_outcome
-        self.references = References(n, settings.correlation.subset)
-        self.matcher = Matcher(points, settings.correlation, self.references, mask)
+        self.references = References(n)
+        self.matcher = Matcher(
+            points,
+            settings.correlation,
+            self.references,
+            mask,
+            noise if isinstance(noise, Noise) else Noise(noise),
+        )
         self.neighbours = Neighbours.of(points)
         self.predictor = Predictor(n)
         self.material: Picture
@@ -180,7 +187,7 @@ class _Run:
         if material is not None:
             self.material = np.asarray(material)
             self.references.add(MATERIAL, self.material, self._prepared(self.material))
-            self.references.root(MATERIAL, identity(n), none)
+            self.references.start(self._root(MATERIAL, identity(n), none, own=True))
             self.predictor.add(first, np.arange(n), warp)
             self.predictor.known[:] = 1
             return
@@ -191,10 +198,10 @@ class _Run:
         self.material = picture
         stack = self._prepared(picture)
         self.references.add(first, picture, stack)
-        self.references.root(first, warp, none)
+        before = none
         if start_covariance is not None:
-            template, _ = shares(warp, identity(n))
-            self.references.start_from(template[:, None, None] * np.asarray(start_covariance))
+            before = shares(warp, identity(n))[0][:, None, None] * np.asarray(start_covariance)
+        self.references.start(self._root(first, warp, before, own=start_covariance is None))
         rows = np.arange(n)
         match = self.matcher.match(stack, rows, warp, self.references.template(rows))
         self.predictor.add(first, rows, warp)
@@ -244,6 +251,13 @@ class _Run:
         self.predictor.add(frame, found, here.warp[found])
         self.last = Last(frame, here.warp, carried, here.valid)
         self.references.tidy(keep=frame)
+
+    def _root(self, frame: int, warp: FloatArray, before: FloatArray, *, own: bool) -> Template:
+        """The first reference of all points; `own` if the noise of its template is part of their sigma."""
+        n = len(self.points)
+        subset = np.full(n, self.settings.correlation.subset)
+        root = self.matcher.template(np.arange(n), frame, warp, before, subset)
+        return replace(root, root=np.full(n, own))
 
     def _prepared(self, picture: Picture) -> PictureStack:
         prefilter = self.settings.correlation.prefilter

@@ -8,12 +8,11 @@ noise of picture B enters the match A → B and the match B → C with opposite 
     Σ ∇T_A (T_A − T_B) = 0  and  Σ ∇T_B (T_B − T_C) = 0   give   Σ ∇T (T_A − T_C) ≈ 0
 
 so that to first order the chain has the error of the one match A → C. What is carried along a chain is
-therefore the part of the covariance that comes from the root's template, mapped by the deformation since, and
-of each match only the part that comes from the picture searched in, plus a share `RESIDUE` of it for every
-change of reference, where the gradients of the two templates differ.
+therefore the part of the covariance that comes from the root's template, mapped by the deformation since;
+added is, of the last match, the part that comes from the picture searched in.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,10 +26,6 @@ BoolArray = NDArray[np.bool_]
 
 DEPTH = 8
 """References kept of a point: the root and the latest ones."""
-GROWTH_STEP = 1.2
-"""A growing subset grows by this factor at a time."""
-LARGEST = 101
-"""Largest subset of the match [px]."""
 
 
 def gradient(warp: FloatArray) -> FloatArray:
@@ -72,51 +67,33 @@ class Template:
     """Whether the reference is the root of its chain, shape [m]."""
     subset: IntArray
     """Side of the subset in the material picture [px], shape [m]."""
+    variance: FloatArray
+    """Of the grey values around the points in their references [grey²], shape [m]."""
 
     def take(self, rows: IntArray) -> "Template":
         """Those of some points."""
-        return Template(
-            self.frame[rows], self.warp[rows], self.before[rows], self.root[rows], self.subset[rows]
-        )
+        return Template(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     def put(self, rows: IntArray, other: "Template") -> None:
         """Overwrite those of points `rows` in place."""
-        self.frame[rows], self.warp[rows] = other.frame, other.warp
-        self.before[rows], self.root[rows] = other.before, other.root
-        self.subset[rows] = other.subset
-
-
-def grown(subset: int, warp: FloatArray, limit: float) -> IntArray:
-    """Side that keeps the shortest side of a flattened subset in the picture [px], shape [n].
-
-    Parameters
-    ----------
-    subset
-        Side of the subset at rest [px].
-    warp
-        Total warps, shape [n, 12].
-    limit
-        Largest growth [-].
-    """
-    smallest = principal(gradient(warp))[1]
-    growth = np.clip(1.0 / np.maximum(smallest, 1e-6), 1.0, limit)
-    # few sizes, so that points can be matched together
-    growth = np.minimum(GROWTH_STEP ** np.ceil(np.log(growth) / np.log(GROWTH_STEP) - 1e-9), limit)
-    side = 2 * np.round((subset * growth - 1.0) / 2.0) + 1
-    return np.asarray(np.minimum(side, LARGEST), dtype=np.int64)
+        for field in fields(self):
+            getattr(self, field.name)[rows] = getattr(other, field.name)
 
 
 class References:
     """The chains of n points and the pictures that they use."""
 
-    def __init__(self, n: int, subset: int) -> None:
+    def __init__(self, n: int) -> None:
         self.level = np.zeros(n, dtype=np.int64)
         """Place of the current reference in the chain, 0 the root, shape [n]."""
-        self._frame = np.zeros((DEPTH, n), dtype=np.int64)
-        self._warp = np.zeros((DEPTH, n, 12))
-        self._before = np.zeros((DEPTH, n, 2, 2))
-        self._subset = np.full((DEPTH, n), subset)
-        self._own_root = True
+        self._chain = Template(
+            np.zeros((DEPTH, n), dtype=np.int64),
+            np.zeros((DEPTH, n, 12)),
+            np.zeros((DEPTH, n, 2, 2)),
+            np.zeros((DEPTH, n), dtype=bool),
+            np.zeros((DEPTH, n), dtype=np.int64),
+            np.zeros((DEPTH, n)),
+        )
         self._stacks: dict[int, PictureStack] = {}
         self._joined: tuple[IntArray, PictureStack] | None = None
         self.pictures: dict[int, Picture] = {}
@@ -137,38 +114,26 @@ class References:
         held, stack = self._joined
         return stack, np.searchsorted(held, frames)
 
-    def root(self, frame: int, warp: FloatArray, before: FloatArray) -> None:
-        """Start all chains at `frame`, with total warps [n, 12] and covariances [px², n, 2, 2] there."""
+    def start(self, template: Template) -> None:
+        """Give all points the root of their chains."""
         self.level[:] = 0
-        self._frame[0], self._warp[0], self._before[0] = frame, warp, before
-
-    def start_from(self, before: FloatArray) -> None:
-        """Say that the root was found by a match of which the chain carries `before` [px²], [n, 2, 2]."""
-        self._before[0], self._own_root = before, False
+        for field in fields(template):
+            getattr(self._chain, field.name)[0] = getattr(template, field.name)
 
     def template(self, rows: IntArray, back: int = 0) -> Template:
         """References of points `rows`, or those `back` steps earlier in their chains."""
         level = self.level[rows] - back
-        return Template(
-            self._frame[level, rows],
-            self._warp[level, rows],
-            self._before[level, rows],
-            (level == 0) & self._own_root,
-            self._subset[level, rows],
-        )
+        return Template(*(getattr(self._chain, field.name)[level, rows] for field in fields(Template)))
 
-    def renew(
-        self, rows: IntArray, frame: int, warp: FloatArray, before: FloatArray, subset: IntArray
-    ) -> None:
-        """Give points `rows` a new reference; the oldest but the root is forgotten in a full chain."""
+    def renew(self, rows: IntArray, template: Template) -> None:
+        """Give points `rows` new references; the oldest but the root is forgotten in a full chain."""
         full = rows[self.level[rows] == DEPTH - 1]
-        for kept in (self._frame, self._warp, self._before, self._subset):
-            kept[1:-1, full] = kept[2:, full]
         self.level[full] -= 1
         self.level[rows] += 1
-        level = self.level[rows]
-        self._frame[level, rows], self._warp[level, rows] = frame, warp
-        self._before[level, rows], self._subset[level, rows] = before, subset
+        for field in fields(template):
+            kept = getattr(self._chain, field.name)
+            kept[1:-1, full] = kept[2:, full]
+            kept[self.level[rows], rows] = getattr(template, field.name)
 
     def go_back(self, rows: IntArray) -> None:
         """Return points `rows` to the reference before."""
@@ -183,5 +148,5 @@ class References:
             self._joined = None
 
     def _in_use(self) -> IntArray:
-        levels = [np.unique(self._frame[level, self.level >= level]) for level in range(DEPTH)]
+        levels = [np.unique(self._chain.frame[level, self.level >= level]) for level in range(DEPTH)]
         return np.unique(np.concatenate(levels))

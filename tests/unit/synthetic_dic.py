@@ -9,7 +9,7 @@ from synthetic import LENGTH, RADIUS, displacement, outline
 
 from dic import Camera, FrameOutcome, PointOutcome, StereoRig, SurfaceHistory, centre_line
 from dic.noise import noise_floor
-from dic.result import Body, Placement, Remark, StereoResult, Travel
+from dic.result import Body, Placement, Remark, StereoResult, SurfaceStrain, Travel
 from dic.surfaces.frame import SpecimenFrame
 
 FRAMES, STATIC, RATE = 40, 8, 30e3
@@ -81,11 +81,21 @@ def synthetic_result(*, flyer: bool = True, seed: int = 1) -> StereoResult:
             n_points=323,
         ),
         noise=noise_floor(specimen.surface, static),
-        strain_noise=np.array([2.1e-4, 3.4e-4, 2.6e-4]),
+        strain=_strain(specimen.surface, rng),
         remarks=(Remark("wrong crop offset", "camera 1 lies 3 px off", "declare [195, 192]"),),
         rig=rig(),
         facts={"settings": {"subset": 21, "step": 4}, "made": "up"},
         seconds={"track": 1.25, "match": 0.5},
+    )
+
+
+def _strain(surface: SurfaceHistory, rng) -> SurfaceStrain:
+    """Noise of 2e-4 about nothing."""
+    shape = (*surface.outcome.shape, 3)
+    lost = ~surface.valid
+    value = np.where(lost[..., None], np.nan, rng.normal(0.0, 2e-4, shape))
+    return SurfaceStrain(
+        value=value, sigma=np.where(lost[..., None], np.nan, np.full(shape, 2e-4)), outcome=lost.astype(np.int64), gauge=37.0
     )
 
 

@@ -10,7 +10,8 @@ import pytest
 import tifffile
 from picture_files import twelve_bit_tiff
 
-from dic.images import PictureError, Pictures, declared, open_pictures
+from dic import FrameOutcome
+from dic.images import PictureError, Pictures, declared, frame_health, open_pictures
 
 SHAPE = (6, 7)  # an odd number of columns: a row of 12-bit values does not end with a byte
 
@@ -99,6 +100,22 @@ def test_a_tiff_cut_off_keeps_the_frames_before_the_cut(tmp_path, pages, shaped)
     assert found[2:] == [None, None]
     more = open_pictures(tmp_path / "cut.tif", n_frames=9, times=np.arange(9) / 1e5)
     assert sum(frame is None for frame in read_all(more)) == 7
+
+
+@pytest.mark.parametrize("cut", [0, 3])
+def test_an_imagej_stack_with_one_header_for_all_pages(tmp_path, pages, cut):
+    # as ImageJ writes more than 4 GB: one header, big-endian, then page after page
+    tifffile.imwrite(
+        tmp_path / "a.tif", pages[0], byteorder=">", description="ImageJ=1.53\nimages=4\n", metadata=None
+    )
+    with tifffile.TiffFile(tmp_path / "a.tif") as file:
+        start = file.pages[0].dataoffsets[0]
+    data = (tmp_path / "a.tif").read_bytes()[:start] + pages.astype(">u2").tobytes()
+    pictures = open_pictures(written(tmp_path, data[: len(data) - cut]))
+    assert pictures.n_frames == 4
+    found = read_all(pictures)
+    np.testing.assert_array_equal(found[:3], pages[:3])
+    assert (found[3] is None) == bool(cut)
 
 
 def tiff_with(**tags):
@@ -209,6 +226,17 @@ def test_two_series_in_a_folder_need_a_pattern(tmp_path):
         open_pictures(tmp_path, pattern="p*_*.bmp")
 
 
+def test_a_series_of_tiffs(tmp_path, pages):
+    for k, page in enumerate(pages):
+        (tmp_path / f"cam_{k:04d}_0.tif").write_bytes(twelve_bit_tiff([page]))
+    pictures = open_pictures(tmp_path, pattern="cam_*_0.tif")
+    assert pictures.bits == 12
+    np.testing.assert_array_equal(read_all(pictures), pages)
+    (tmp_path / "cam_0002_0.tif").write_bytes(twelve_bit_tiff(pages))
+    with pytest.raises(PictureError, match="has 4 pages; open the file itself"):
+        open_pictures(tmp_path, pattern="cam_*_0.tif").frame(2)
+
+
 def test_time_stamps_for_numbers_are_refused(tmp_path):
     series(tmp_path, [1700000000, 1700000001, 1700009999])
     with pytest.raises(PictureError, match="no frame numbers"):
@@ -249,16 +277,20 @@ def test_a_damaged_png_is_named(tmp_path):
         open_pictures(tmp_path).frame(1)
 
 
-def test_a_png_that_promises_a_giant_is_refused(tmp_path):
-    def block(kind, body):
-        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
-
-    head = struct.pack(">IIBBBBB", 60_000, 60_000, 8, 0, 0, 0, 0)
-    data = (
-        b"\x89PNG\r\n\x1a\n" + block(b"IHDR", head) + block(b"IDAT", zlib.compress(b"")) + block(b"IEND", b"")
-    )
-    with pytest.raises(PictureError, match="none of 1 pictures can be decoded"):
-        open_pictures(written(tmp_path, data, "a1.png"))
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".bmp"])
+def test_a_header_that_promises_a_giant_is_refused_before_it_is_decoded(tmp_path, suffix):
+    series(tmp_path, [1], "a{}" + suffix, shape=(64, 64), dtype=np.uint8)
+    raw = bytearray((tmp_path / f"a1{suffix}").read_bytes())
+    if suffix == ".png":
+        struct.pack_into(">II", raw, 16, 60_000, 15_000)
+        struct.pack_into(">I", raw, 29, zlib.crc32(raw[12:29]))
+    elif suffix == ".jpg":
+        struct.pack_into(">HH", raw, raw.index(b"\xff\xc0") + 5, 15_000, 60_000)
+    else:
+        struct.pack_into("<ii", raw, 18, 60_000, 15_000)
+        raw[30] = 1  # run lengths: how many bytes they need cannot be seen
+    with pytest.raises(PictureError, match="15000 rows and 60000 columns"):
+        open_pictures(written(tmp_path, bytes(raw), f"a1{suffix}"))
 
 
 def test_exif_turns_a_jpeg(tmp_path):
@@ -353,6 +385,19 @@ def test_a_grey_value_above_the_declared_bits_is_an_error_of_its_frame(tmp_path,
     assert [frame is None for frame in read_all(pictures)] == [False, False, True, False]
     with pytest.raises(PictureError, match="declare bits=11 or more"):
         pictures.frame(2)
+
+
+def test_a_header_that_states_too_few_bits_is_seen_and_can_be_corrected(tmp_path, pages):
+    pages[2, 3, 3] = 4095
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        largest = np.array([1023, 1023, 4095, 1023])
+        file["a"] = np.minimum(pages, largest[:, None, None]).astype(np.uint16)
+        file["a"].attrs["bits"] = 10
+    pictures = open_pictures(tmp_path / "a.h5")
+    assert [frame is None for frame in read_all(pictures)] == [False, False, True, False]
+    assert frame_health(pictures).outcome[2] == FrameOutcome.UNREADABLE
+    right = open_pictures(tmp_path / "a.h5", bits=12)
+    assert all(frame is not None for frame in read_all(right))
 
 
 @pytest.mark.parametrize(

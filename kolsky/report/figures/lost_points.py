@@ -13,6 +13,7 @@ COLOURS = {
     PointOutcome.LOW_CORRELATION: "#D55E00",
     PointOutcome.STEREO_MISMATCH: "#CC79A7",
     PointOutcome.NO_FIRST_GUESS: "#000000",
+    PointOutcome.AT_END: "#0072B2",
 }
 
 
