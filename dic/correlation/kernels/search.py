@@ -173,11 +173,12 @@ _SEARCH = """
                         const double kept = 1.0 - share;
                         const double expected =
                             noise_f * between_f + noise_g * job.between / (contrast * contrast);
-                        // Where the residual is larger than the noise explains, so is the variance.
+                        // Where the residual is larger than noise and chance explain, so is the variance.
+                        const double chance = 1.0 + 2.0 * sqrt(2.0 / N.n);
                         const double excess = (2.0 - 2.0 * zncc) * N.energy / N.n;
-                        const double variance = (noise_f * grain::gain(F0, smooth, spectrum)
+                        const double variance = (noise_f * grain::gain(F0, smooth, spectrum) * kept
                             + noise_g * grain::gain(F1, smooth, spectrum) / (contrast * contrast))
-                            / (kept * kept) * (excess > expected ? excess / expected : 1.0);
+                            / (kept * kept) * (excess > expected * chance ? excess / (expected * chance) : 1.0);
                         const double xx = column[0][0] * variance, xy = column[0][ORDER] * variance;
                         const double yy = column[1][ORDER] * variance;
                         covariance[0] = F1[0] * (F1[0] * xx + F1[1] * xy) + F1[1] * (F1[0] * xy + F1[1] * yy);
