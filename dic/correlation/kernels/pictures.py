@@ -25,3 +25,16 @@ def coefficients(grey: NDArray[np.float32], prefilter: float) -> NDArray[np.floa
 def upload(planes: list[NDArray[np.float32]], device: str) -> Any:
     """The planes on a device, shape [n, rows + 2 PAD, columns + 2 PAD and more]."""
     return wp.array(np.stack(planes), dtype=wp.float32, device=select_device(device))
+
+
+def join(parts: list[Any]) -> Any:
+    """Coefficients of several stacks of one shape and device as those of one, copied."""
+    _, rows, columns = parts[0].shape
+    total = wp.empty(
+        (sum(part.shape[0] for part in parts), rows, columns), dtype=wp.float32, device=parts[0].device
+    )
+    first = 0
+    for part in parts:
+        wp.copy(total, part, dest_offset=first, count=part.size)
+        first += part.size
+    return total
