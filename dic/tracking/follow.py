@@ -189,7 +189,6 @@ class _Run:
             self.references.add(MATERIAL, self.material, self._prepared(self.material))
             self.references.start(self._root(MATERIAL, identity(n), none, own=True))
             self.predictor.add(first, np.arange(n), warp)
-            self.predictor.known[:] = 1
             return
         picture = read(self.pictures, first)
         outcome = FrameOutcome.UNREADABLE if picture is None else judge(picture, picture)

@@ -118,7 +118,7 @@ class Updates:
         strain = np.log(stretch(relative(here.warp[valid], here.template.warp[valid])))
         limit = np.log(self.settings.update_stretch)
         asks = (strain > limit) | (poor & self.low[valid])
-        if np.mean(asks) < QUORUM:
+        if np.sum(asks) < QUORUM * len(asks):
             asks = strain > URGENT * limit
         if np.any(asks):
             asks |= strain > JOIN * limit
