@@ -123,6 +123,9 @@ class Updates:
         if np.any(asks):
             asks |= strain > JOIN * limit
         rows = valid[asks]
+        if len(rows) == 0:
+            self.low = low
+            return
         self.references.renew(rows, self._template(here.matcher, rows, frame, here.warp, carried))
         self.fresh[rows], low[rows] = np.nan, False
         self.low = low
