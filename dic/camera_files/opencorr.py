@@ -1,0 +1,92 @@
+"""OpenCorr camera parameters, as its programs and examples write them.
+
+``view1_cam_intrinsics.fx = 6673.3f;`` and so on for fx fy fs cx cy k1 to k6 p1 p2 of views 1 and 2, and
+``view1_cam_extrinsics.tx`` to ``rz``: ``X_view = R X + t``, R of the rotation vector (rx, ry, rz) [rad] by
+Rodrigues. Lengths have the unit of the calibration target, which the file does not name.
+"""
+
+import re
+
+import cv2
+import numpy as np
+
+from dic.camera import StereoRig
+from dic.camera_files.source import CameraFileError, Source, printed
+
+INTRINSIC = ("fx", "fy", "fs", "cx", "cy", "k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
+POSE = ("tx", "ty", "tz", "rx", "ry", "rz")
+ENTRY = re.compile(
+    r"^[ \t]*view(\d{1,3})_cam_(in|ex)trinsics\.(\w{2})[ \t]*=[ \t]*([^;\n]{1,60});", re.MULTILINE
+)
+
+
+class OpenCorr:
+    """The format; see `dic.camera_files.formats.CameraFormat`."""
+
+    name = "opencorr"
+    about = "OpenCorr camera parameters"
+    suffix = ".txt"
+
+    def sniff(self, text: str) -> bool:
+        """Whether it is one."""
+        return "_cam_intrinsics." in text
+
+    def read(self, source: Source, length_unit: float) -> StereoRig:
+        """The rig."""
+        given: dict[tuple[int, str], tuple[float, int]] = {}
+        for match in ENTRY.finditer(source.text):
+            view, name, line = int(match[1]), match[3], source.line_of(match.start(3))
+            word = re.sub(r"(?<=[\d.])f$", "", match[4].strip())
+            given[view, name] = (source.number(word, f"view {view}: {name}", line), line)
+        views = sorted({view for view, _ in given})
+        if views != [1, 2]:
+            raise CameraFileError(
+                source.path,
+                f"has the views {views}, must have 1 and 2",
+                cure="write the parameters of one pair",
+            )
+        cameras = []
+        for view in (1, 2):
+            for name in (*INTRINSIC[:5], *POSE):
+                if (view, name) not in given:
+                    raise CameraFileError(
+                        source.path, f"view {view} has no {name}", cure="the file may be cut short"
+                    )
+            values = {name: given.get((view, name), (0.0, None))[0] for name in (*INTRINSIC, *POSE)}
+            for name in ("k4", "k5", "k6"):
+                if values[name] != 0.0:
+                    raise CameraFileError(
+                        source.path,
+                        f"view {view}: {name} = {values[name]}, but only k1 k2 k3 p1 p2 are known here",
+                        line=given[view, name][1],
+                        cure="calibrate with Brown's five coefficients",
+                    )
+            turn = np.array([values["rx"], values["ry"], values["rz"]])
+            cameras.append(
+                source.camera(
+                    index=view - 1,
+                    line=given[view, "fx"][1],
+                    matrix=(values["fx"], values["fy"], values["cx"], values["cy"], values["fs"]),
+                    distortion=(values["k1"], values["k2"], values["p1"], values["p2"], values["k3"]),
+                    rotation=np.asarray(cv2.Rodrigues(turn)[0], dtype=np.float64),
+                    translation=length_unit * np.array([values["tx"], values["ty"], values["tz"]]),
+                )
+            )
+        return StereoRig((cameras[0], cameras[1]))
+
+    def write(self, rig: StereoRig, length_unit: float) -> str:
+        """The file's text."""
+        lines = []
+        for view, camera in enumerate(rig.cameras, start=1):
+            k1, k2, p1, p2, k3 = camera.distortion
+            values = (
+                camera.fx, camera.fy, camera.skew, camera.cx, camera.cy, k1, k2, k3, 0.0, 0.0, 0.0, p1, p2
+            )  # fmt: skip
+            turn = cv2.Rodrigues(camera.rotation)[0].ravel()
+            pose = [printed(v) for v in camera.translation / length_unit] + [f"{v:.17g}" for v in turn]
+            lines += [
+                f"view{view}_cam_intrinsics.{name} = {printed(value)};"
+                for name, value in zip(INTRINSIC, values, strict=True)
+            ]
+            lines += [f"view{view}_cam_extrinsics.{n} = {v};" for n, v in zip(POSE, pose, strict=True)]
+        return "\n".join([*lines, ""])

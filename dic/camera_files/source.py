@@ -1,0 +1,145 @@
+"""What every camera file format shares: safe text in, numbers out, one error with file, line and cure."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.camera import Camera
+
+FloatArray = NDArray[np.float64]
+
+LARGEST = 16 * 2**20
+"""Bytes that a camera file may have; a project of ten thousand pictures has one."""
+LONGEST = 100_000
+"""Pixels that a picture's side may have."""
+
+
+class CameraFileError(ValueError):
+    """A camera file that cannot be read, or a rig that a format cannot hold.
+
+    Its text names file, line (if there is one), what is wrong and the cure.
+    """
+
+    def __init__(self, path: Path | str, what: str, *, line: int | None = None, cure: str = "") -> None:
+        where = f"{path}" if line is None else f"{path}, line {line}"
+        super().__init__(f"{where}: {what}" + (f"; {cure}" if cure else ""))
+        self.path, self.line, self.what, self.cure = Path(path), line, what, cure
+
+
+@dataclass(frozen=True)
+class Source:
+    """The text of a camera file."""
+
+    path: Path
+    """Where it lies."""
+    text: str
+    """All of it."""
+
+    @classmethod
+    def open(cls, path: Path | str) -> "Source":
+        """Read a file.
+
+        Raises
+        ------
+        CameraFileError
+            If it is missing, larger than `LARGEST`, or no text.
+        """
+        path = Path(path)
+        try:
+            with path.open("rb") as file:
+                data = file.read(LARGEST + 1)
+        except OSError as error:
+            raise CameraFileError(path, f"cannot be read ({error.strerror})", cure="check the path") from None
+        if len(data) > LARGEST:
+            raise CameraFileError(
+                path, f"is larger than {LARGEST // 2**20} MiB", cure="name the calibration, not a picture"
+            )
+        if b"\0" in data:
+            raise CameraFileError(path, "is no text", cure="name the calibration, not a picture or archive")
+        try:
+            return cls(path, data.decode("utf-8-sig"))
+        except UnicodeDecodeError:
+            return cls(path, data.decode("latin-1"))
+
+    def line_of(self, position: int) -> int:
+        """Line number of a character, from 1."""
+        return self.text.count("\n", 0, position) + 1
+
+    def number(self, word: str, what: str, line: int | None) -> float:
+        """A finite number.
+
+        Raises
+        ------
+        CameraFileError
+            If `word` is none.
+        """
+        try:
+            value = float(word.replace("_", "x"))  # Python would take 1_000 for a number
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise CameraFileError(
+                self.path, f"{what} is {word.strip()[:40]!r}", line=line, cure="it must be a finite number"
+            )
+        return value
+
+    def camera(
+        self,
+        *,
+        index: int,
+        line: int | None,
+        matrix: tuple[float, float, float, float, float],
+        distortion: tuple[float, float, float, float, float],
+        rotation: FloatArray,
+        translation: FloatArray,
+        sensor: tuple[float, float] | None = None,
+    ) -> Camera:
+        """A camera from numbers of the file.
+
+        Parameters
+        ----------
+        index, line
+            Which camera of the file, and where it begins.
+        matrix
+            fx, fy, cx, cy, skew [px].
+        distortion
+            k1, k2, p1, p2, k3 [-].
+        rotation, translation
+            Its pose, translation in m. A rotation that is one to the digits of a file (1e-4) is replaced by
+            the nearest exact one.
+        sensor
+            Columns and rows [px].
+
+        Raises
+        ------
+        CameraFileError
+            If they make none.
+        """
+        rotation = np.asarray(rotation, dtype=np.float64)
+        if np.all(np.isfinite(rotation)) and np.abs(rotation @ rotation.T - np.eye(3)).max() < 1e-4:
+            u, _, vt = np.linalg.svd(rotation)
+            rotation = u @ vt
+        size = None
+        if sensor is not None:
+            size = (int(sensor[0]), int(sensor[1]))
+            if size != sensor or not all(1 <= side <= LONGEST for side in size):
+                raise CameraFileError(
+                    self.path,
+                    f"camera {index}: pictures of {sensor[0]:g} x {sensor[1]:g} px",
+                    line=line,
+                    cure=f"columns and rows must be whole numbers from 1 to {LONGEST}",
+                )
+        fx, fy, cx, cy, skew = matrix
+        try:
+            return Camera(fx, fy, cx, cy, skew, distortion, rotation, translation, size)
+        except ValueError as error:
+            cure = "check the order of the numbers, or export the calibration again"
+            raise CameraFileError(self.path, f"camera {index}: {error}", line=line, cure=cure) from None
+
+
+def printed(value: float) -> str:
+    """A number with 15 digits: those of a double that survive being read and printed again."""
+    return f"{value:.15g}"

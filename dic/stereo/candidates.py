@@ -1,0 +1,171 @@
+"""Candidates for a match: the epipolar curve walked from end to end.
+
+For each point the subset is laid on camera 1's picture at every step of its epipolar curve, deformed as a
+facet there would be seen, and correlated (ZNCC). The best place is a first guess; the best of all other
+places, its *rival*, says how much better it is. Nothing here starts from a neighbour or an earlier match.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.camera import StereoRig
+from dic.stereo.curve import curve_distances, points_along, shows
+from dic.stereo.facet import Sight, gradient, normals, sight
+from dic.stereo.template import ROWS, Subsets, correlation, sample, smoothed
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+class Candidates(NamedTuple):
+    """The best place of each point on its epipolar curve, and how it compares with the others."""
+
+    warp: FloatArray
+    """Affine total warps to the best place, shape [n, 12]; NaN where the curve misses the picture."""
+    zncc: FloatArray
+    """Correlation there, shape [n]; -1 where the curve misses the picture."""
+    rival: FloatArray
+    """Largest correlation outside the best place's own peak, shape [n]; -1 if there is no other place."""
+    distance: FloatArray
+    """Of the best place along camera 0's line of sight [m], shape [n]."""
+
+
+def search(
+    rig: StereoRig,
+    wanted: Subsets,
+    picture1: NDArray[np.float32],
+    *,
+    limits: tuple[float, float] | None,
+    turns: FloatArray | None = None,
+    gradients: FloatArray | None = None,
+) -> Candidates:
+    """The best place of each subset on its epipolar curve, and its rival.
+
+    Parameters
+    ----------
+    rig
+        The cameras.
+    wanted
+        What to look for.
+    picture1
+        Camera 1's picture, shape [rows, columns].
+    limits
+        Nearest and farthest distance along camera 0's lines of sight [m]; None: the whole curve.
+    turns
+        Turns of the facet that are tried at every place (`facet.normals`) [rad], shape [h, 2].
+    gradients
+        Instead of `turns`: the gradient of camera 1's pixel by camera 0's, one for each point, shape
+        [n, 2, 2], the same all along its curve.
+
+    Returns
+    -------
+    Candidates
+        One row a point.
+    """
+    n, shape1 = len(wanted.points), (picture1.shape[0], picture1.shape[1])
+    found = Candidates(np.full((n, 12), np.nan), np.full(n, -1.0), np.full(n, -1.0), np.full(n, np.nan))
+    places = wanted.places
+    distances = curve_distances(rig, places, shape1, limits, float(wanted.stride))
+    smooth = smoothed(picture1, wanted.stride)
+    per_point = distances.shape[1] * (len(turns) if turns is not None else 1)
+    batch = max(1, ROWS // max(per_point, 1))
+    for start in range(0, n, batch):
+        rows = np.arange(start, min(start + batch, n))
+        s = distances[rows]
+        step = _gradients(rig, places[rows], s, turns, None if gradients is None else gradients[rows])
+        A = step @ (np.eye(2) + wanted.reference[rows, 2:6].reshape(-1, 1, 1, 2, 2))
+        X = points_along(rig, places[rows], s)
+        centre = rig.cameras[1].project(X)
+        some = wanted.take(rows)
+        zncc = _correlate(some, smooth, centre, A)
+        zncc[~shows(rig.cameras[1], X, shape1)] = -1.0
+        _keep_best(found, rows, some.points, s, centre, A, zncc)
+    return found
+
+
+def _gradients(
+    rig: StereoRig, pixels0: FloatArray, s: FloatArray, turns: FloatArray | None, given: FloatArray | None
+) -> FloatArray:
+    """Gradient of camera 1's pixel by camera 0's at every place for every turn, shape [n, k, h, 2, 2]."""
+    if given is not None:
+        return np.broadcast_to(given[:, None, None], (*s.shape, 1, 2, 2))
+    seen = sight(rig, np.repeat(pixels0[:, None], s.shape[1], axis=1), s)
+    n = normals(rig, seen.X, np.zeros((1, 2)) if turns is None else turns)
+    wide = Sight(*(np.expand_dims(part, 2) for part in seen))
+    return gradient(wide, s[..., None], n)
+
+
+def _correlate(
+    wanted: Subsets, picture: NDArray[np.float32], centre: FloatArray, A: FloatArray
+) -> FloatArray:
+    """ZNCC of every subset at all its places with all gradients, shape [n, k, h]; -1 where there is none."""
+    n, k, h = A.shape[:3]
+    nowhere = ~np.all(np.isfinite(centre), axis=-1)
+    middle = np.where(nowhere[..., None], 0.0, centre).astype(np.float32)[:, :, None]
+    slope = np.nan_to_num(A).astype(np.float32)
+    x, y = (
+        (slope[..., c, :] @ wanted.xi.T.astype(np.float32) + middle[..., c, None]).reshape(n * k * h, -1)
+        for c in (0, 1)
+    )
+    grey = sample(picture, x, y).reshape(n, k * h, -1)
+    template, weight = wanted.template[:, None], wanted.weight[:, None]
+    zncc = correlation(grey, template, weight)
+    # what lies beyond the picture's rim does not count, and less than half a subset is none
+    beyond = (x < 0.0) | (y < 0.0) | (x > picture.shape[1] - 1.0) | (y > picture.shape[0] - 1.0)
+    i, j = np.nonzero(beyond.any(axis=1).reshape(n, k * h))
+    if len(i):
+        seen = wanted.weight[i] * ~beyond.reshape(n, k * h, -1)[i, j]
+        part = correlation(grey[i, j], wanted.template[i], seen)
+        zncc[i, j] = np.where(2.0 * seen.sum(axis=1) < wanted.weight[i].sum(axis=1), -1.0, part)
+    zncc = zncc.reshape(n, k, h)
+    zncc[nowhere] = -1.0
+    return zncc
+
+
+def _keep_best(
+    found: Candidates,
+    rows: IntArray,
+    points: FloatArray,
+    s: FloatArray,
+    centre: FloatArray,
+    A: FloatArray,
+    zncc: FloatArray,
+) -> None:
+    """Write the best place of each point and its rival into `found`."""
+    along = zncc.max(axis=2)
+    for i, row in enumerate(rows):
+        k = int(np.argmax(along[i]))
+        if along[i, k] <= -1.0:
+            continue
+        h = int(np.argmax(zncc[i, k]))
+        found.distance[row] = s[i, k]
+        found.warp[row] = 0.0
+        found.warp[row, :2] = centre[i, k] - points[i]
+        found.warp[row, 2:6] = (A[i, k, h] - np.eye(2)).reshape(-1)
+        left, right = _peak(along[i], k)
+        crests = _crests(along[i])
+        found.zncc[row] = crests[k]
+        found.rival[row] = max(crests[:left].max(initial=-1.0), crests[right:].max(initial=-1.0))
+
+
+def _crests(profile: FloatArray) -> FloatArray:
+    """The profile, its local maxima raised to the crest of the parabola through them and their neighbours."""
+    crests = profile.copy()
+    before, here, after = profile[:-2], profile[1:-1], profile[2:]
+    bend = 2.0 * here - before - after
+    top = (here >= before) & (here >= after) & (bend > 0.0) & (np.minimum(before, after) > -1.0)
+    rise = np.divide((after - before) ** 2, 8.0 * bend, out=np.zeros_like(here), where=top)
+    crests[1:-1] = np.minimum(here + rise, 1.0)
+    return crests
+
+
+def _peak(profile: FloatArray, k: int) -> tuple[int, int]:
+    """The slice of the profile that goes down from its peak at k on both sides."""
+    left, right = k, k + 1
+    while left > 0 and profile[left - 1] < profile[left]:
+        left -= 1
+    while right < len(profile) and profile[right] < profile[right - 1]:
+        right += 1
+    return left, right

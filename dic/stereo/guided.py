@@ -1,0 +1,98 @@
+"""From seeds on whole epipolar curves to a match of every point that can be reached."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.correlation.match import Match
+from dic.correlation.warp import Shape
+from dic.outcome import PointOutcome
+from dic.stereo.candidates import search as search_curves
+from dic.stereo.pair import Pair
+from dic.stereo.propagate import neighbourhood, propagate
+from dic.stereo.template import subsets
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+SEARCHED = 31
+"""Smallest side of the subset that a whole epipolar curve is searched with by default [px]."""
+
+
+def guided_match(pair: Pair) -> Match:
+    """Seeds, neighbours of matched points, and the last word of the shape function that was asked for.
+
+    A point that nothing led to is NO_FIRST_GUESS; one that converged off its epipolar line or far from its
+    guess is a STEREO_MISMATCH.
+    """
+    n = len(pair.points)
+    near = neighbourhood(pair.points, pair.search.neighbours)
+    whole = np.zeros((2, n), dtype=np.int64)
+    match = Match(np.zeros((n, 12)), np.zeros((n, 2, 2)), np.zeros(n), whole[0], whole[1])
+    found, guessed = np.zeros((2, n), dtype=np.bool_)
+
+    def attempt(rows: IntArray, guess: FloatArray) -> tuple[Match, BoolArray]:
+        return _attempt(pair, rows, guess)
+
+    while True:  # a region that no neighbour leads to gets seeds of its own
+        before = found.sum()
+        _seed(pair, match, found)
+        if found.sum() == before:
+            break
+        guessed |= propagate(match, pair.points, near, pair.search.attempts, attempt, found)
+    match.outcome[~guessed] = PointOutcome.NO_FIRST_GUESS
+    wrong = guessed & ~found & (match.outcome == PointOutcome.VALID)
+    match.outcome[wrong] = PointOutcome.STEREO_MISMATCH
+    rows = np.flatnonzero(found)
+    if pair.settings.shape > Shape.AFFINE and len(rows):
+        _write(match, rows, pair.correlate(rows, match.warp[rows]))
+    return match
+
+
+def _seed(pair: Pair, match: Match, found: BoolArray) -> None:
+    """Search whole curves for points spread over those not found yet."""
+    rows = _spread_out(pair.points, ~found, pair.search.seeds)
+    side = pair.search.subset or max(pair.settings.subset, SEARCHED)
+    wanted = subsets(pair.pictures[0], pair.points[rows], pair.reference[rows], side, pair.mask)
+    limits = pair.search.distances
+    if limits is None and found.any():  # the rest of the surface is near what is known of it
+        known = np.flatnonzero(found)
+        limits = pair.around(known, match.warp[known])
+    turns = np.radians([(a, b) for a in pair.search.stretching_turns for b in pair.search.shearing_turns])
+    candidates = search_curves(pair.rig, wanted, pair.pictures[1], limits=limits, turns=turns)
+    alone = 1.0 - candidates.zncc < pair.search.distinct * (1.0 - candidates.rival)
+    good = (candidates.zncc >= pair.search.least_zncc) & alone
+    result, believed = _attempt(pair, rows[good], candidates.warp[good])
+    rows = rows[good][believed]
+    _write(match, rows, result, believed)
+    found[rows] = True
+
+
+def _attempt(pair: Pair, rows: IntArray, guess: FloatArray) -> tuple[Match, BoolArray]:
+    """An affine match, and which of them may hand on their warps."""
+    result = pair.correlate(rows, guess, shape=Shape.AFFINE)
+    converged = result.outcome == PointOutcome.VALID
+    moved = np.linalg.norm(result.warp[:, :2] - guess[:, :2], axis=1)
+    epipolar, sigma = pair.epipolar(rows, result)
+    meets = np.abs(epipolar) <= pair.gates.epipolar + pair.gates.sigmas * sigma
+    return result, converged & meets & (moved <= pair.settings.subset / 2.0)
+
+
+def _spread_out(points: FloatArray, wanted: BoolArray, number: int) -> IntArray:
+    """Rows of about `number` wanted points, one a cell of a grid over them."""
+    rows = np.flatnonzero(wanted)
+    if len(rows) <= number:
+        return rows
+    low = points[rows].min(axis=0)
+    extent = np.maximum(points[rows].max(axis=0) - low, 1.0)
+    cell = np.sqrt(extent[0] * extent[1] / number)
+    index = np.floor((points[rows] - low) / cell)
+    off = np.linalg.norm((points[rows] - low) / cell - index - 0.5, axis=1)
+    order = np.lexsort((off, index[:, 0], index[:, 1]))  # in each cell the point nearest to its middle
+    first = np.r_[True, np.any(np.diff(index[order], axis=0) != 0.0, axis=1)]
+    return rows[order[first]]
+
+
+def _write(match: Match, rows: IntArray, result: Match, which: BoolArray | slice = slice(None)) -> None:
+    for name in ("warp", "covariance", "zncc", "iterations", "outcome"):
+        getattr(match, name)[rows] = getattr(result, name)[which]
