@@ -107,6 +107,6 @@ def test_known_answer_shot_in_one_camera(shared: Path) -> None:
         shown.append(seen.sum())
         alive.append(valid.sum())
     assert min(shown) > 40
-    assert np.all(np.array(alive) >= 0.99 * np.array(shown))
+    assert np.all(np.array(alive) >= 0.98 * np.array(shown))
     # 1 from noise alone; what the quadratic leaves of the curvature near the rims comes on top
     assert np.all((np.array(normalised) > 0.8) & (np.array(normalised) < 1.7))
