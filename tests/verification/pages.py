@@ -57,6 +57,7 @@ TOPICS = [
     "adjoint",
     "failure",
     "dic_correlation",
+    "dic_tracking",
 ]
 """Modules of the manual, in its order."""
 
