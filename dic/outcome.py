@@ -17,6 +17,7 @@ class PointOutcome(IntEnum):
     STEREO_MISMATCH = 5
     NO_FIRST_GUESS = 6
     NO_PICTURE = 7
+    AT_END = 8
 
     @property
     def ok(self) -> bool:
@@ -63,6 +64,10 @@ _CAUSES = {
     PointOutcome.NO_PICTURE: (
         "the frame has no usable picture",
         "see the outcome of the frame; the other frames stand",
+    ),
+    PointOutcome.AT_END: (
+        "part of the subset reaches past the end of the specimen, where its side has rolled onto a platen",
+        "nothing to do; a smaller subset comes nearer to the ends",
     ),
 }
 

@@ -117,17 +117,52 @@ def check(shot: ShotPath, as_json: AsJson = False) -> None:
     """Read a shot, refuse what cannot be right, and show what was understood."""
     import json
 
-    from kolsky.shots import load_shot
+    from kolsky.shots import check_shot
     from kolsky.shotsummary import as_json as summary_json
 
     with refusing_bad_input():
-        loaded = load_shot(shot)
+        loaded = check_shot(shot)
     if as_json:
         typer.echo(json.dumps(summary_json(loaded), indent=2, allow_nan=False))
     else:
         from kolsky.shotsummary import print_table
 
         print_table(loaded)
+
+
+@app.command()
+def dic(
+    shot: ShotPath,
+    out: Out = None,
+    device: Annotated[
+        str, typer.Option(help='Where pictures are correlated: "cpu" or a CUDA device such as "cuda:0".')
+    ] = "cpu",
+    again: Annotated[bool, typer.Option("--again", help="Correlate even if the result is there.")] = False,
+    csv: Annotated[bool, typer.Option("--csv", help="Also write the points of every frame as CSV.")] = False,
+    vtp: Annotated[bool, typer.Option("--vtp", help="Also write the surfaces for ParaView.")] = False,
+    figures: Annotated[
+        str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png.")
+    ] = "",
+    as_json: AsJson = False,
+) -> None:
+    """Correlate a shot's pictures: surfaces, outline and the flyer's travel, each with its sigma.
+
+    Writes dic.h5, dic.html, centreline.csv, flyer.csv and the reporting table into SHOT/results. `kolsky
+    identify` does the same by itself for a shot without exports.
+    """
+    with refusing_bad_input():
+        from kolsky.diccommand import correlate
+
+        correlate(
+            shot,
+            out=out,
+            device=device,
+            again=again,
+            csv=csv,
+            vtp=vtp,
+            formats=tuple(part.strip() for part in figures.split(",") if part.strip()),
+            as_json=as_json,
+        )
 
 
 @app.command()

@@ -16,7 +16,8 @@ from kolsky import options, printed
 from kolsky.errors import InputError
 from kolsky.outfolder import filling, usable_folder
 from kolsky.progress import bars, counted
-from kolsky.shots import Shot, load_shot
+from kolsky.pictures import Seen
+from kolsky.shots import Measured, Shot, folder_of, load_shot
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ def identify(
         write_report(partial / "report.html", found)
         if formats:
             save_figures(partial / "figures", found, formats=tuple(formats))
-    _tell(
+    tell(
         [printed.answer(e) for e in found.estimates.values()],
         printed.details(found),
         to_json(found) if as_json else None,
@@ -170,7 +171,7 @@ def simulate(
         "folder": str(folder),
     }
     said = jsonable({**summary, "warnings": warnings}, "simulation") if as_json else None
-    _tell([], summary, said, rest={"wall time": _since(started)}, warnings=warnings)
+    tell([], summary, said, rest={"wall time": _since(started)}, warnings=warnings)
     return ending.outcome.ok
 
 
@@ -225,7 +226,7 @@ def sweep(
         *cautions.sliding(loaded.interface, [*bounds, *held]),
     ]
     said = jsonable({**summary, **failed, "warnings": warnings}, "sweep") if as_json else None
-    _tell([], summary, said, rest={"wall time": _since(started)}, warnings=warnings)
+    tell([], summary, said, rest={"wall time": _since(started)}, warnings=warnings)
 
 
 def _failure(ending: Any) -> dict[str, Any]:
@@ -257,8 +258,16 @@ def _design(
 
 def _load(shot: Path, out: Path | None, *inside: str) -> tuple[Shot, Path]:
     """The shot, and the folder its results go to: refused now if unusable, not after the work."""
-    loaded = load_shot(shot)
-    return loaded, usable_folder((out or loaded.folder / "results").joinpath(*inside))
+    place = out or folder_of(shot) / "results"
+
+    def measure(seen: Seen) -> Measured:
+        from kolsky.measure import measured
+
+        with bars() as progress:
+            return measured(seen, usable_folder(place), progress=progress)
+
+    loaded = load_shot(shot, measure=measure)
+    return loaded, usable_folder(place.joinpath(*inside))
 
 
 @contextmanager
@@ -270,7 +279,7 @@ def _usable(shot: Shot) -> Iterator[None]:
         raise InputError(shot.folder, str(error)) from error
 
 
-def _tell(
+def tell(
     answers: list[str],
     rows: Mapping[str, Any],
     said: Any,

@@ -1,5 +1,7 @@
 """What the camera frames and the files that count by them must agree on; anything else is refused."""
 
+from pathlib import Path
+
 import numpy as np
 
 from kolsky.errors import InputError
@@ -8,6 +10,7 @@ from kolsky.readers.flyer_csv import FlyerTable
 from kolsky.readers.frame_times import FrameTimes
 from kolsky.records import FlyerMotion
 from kolsky.shottoml import ShotToml
+from kolsky.units import in_us
 
 MOTION_SIGMAS = 6.0
 """A displacement this many sigmas from rest is motion: noise does that once in 5e8 frames."""
@@ -84,11 +87,10 @@ def flyer_covers(table: FlyerTable, frames: FrameTimes, toml: ShotToml) -> None:
     )
 
 
-def flyer_moves(table: FlyerTable, flyer: FlyerMotion, toml: ShotToml) -> None:
+def flyer_moves(table: FlyerTable, flyer: FlyerMotion, sigma: float, toml: ShotToml) -> None:
     """At rest in the static frames, then toward the specimen, by less than its length."""
     n_static = toml.declared.frames.static
     length = toml.declared.specimen.length
-    sigma = toml.declared.flyer.sigma
     travel = flyer.displacement - flyer.displacement[:n_static].mean()
     row = int(np.argmax(np.abs(travel)))
     if abs(travel[row]) >= length:
@@ -121,4 +123,52 @@ def flyer_moves(table: FlyerTable, flyer: FlyerMotion, toml: ShotToml) -> None:
             f"contradicts {table.path.name}: with this sign the flyer moves away from the specimen, by"
             f" {-travel[row] * 1e3:.4g} mm",
             cure="declare the other sign",
+        )
+
+
+def body_moves(flyer: FlyerMotion, rest: float, source: Path, toml: ShotToml) -> None:
+    """At rest in the static frames, then toward the specimen: a flyer that was followed in pictures.
+
+    Parameters
+    ----------
+    flyer
+        Its motion; frames that were lost have no row.
+    rest
+        Time of the last static frame on the shot's clock [s].
+    source
+        The file that a complaint names.
+    toml
+        The shot file.
+    """
+    static = flyer.time <= rest
+    if not static.any():
+        raise InputError(
+            source,
+            "the flyer was found in no static frame, so its place at rest is unknown",
+            cure="declare a region in [dic] flyer that the flyer covers in the static frames too",
+        )
+    travel = flyer.displacement - flyer.displacement[static].mean()
+    score = np.where(static, np.abs(travel) / flyer.sigma, 0.0)
+    if score.max() > MOTION_SIGMAS:
+        row = int(np.argmax(score))
+        raise toml.error(
+            "frames.static",
+            f"contradicts the pictures: at {in_us(flyer.time[row])} the flyer is {travel[row] * 1e6:.3g} um from its"
+            f" mean place at rest, {score[row]:.2g} times its standard deviation",
+            cure="lower frames.static",
+        )
+    furthest = float(travel[np.argmax(np.abs(travel))])
+    if furthest <= MOTION_SIGMAS * float(np.median(flyer.sigma)):
+        moves = "never moves" if furthest > 0.0 else f"moves away from the specimen, by {-furthest * 1e3:.4g} mm"
+        raise toml.error(
+            "dic.flyer_side",
+            f"does not fit the pictures: with it the flyer {moves}",
+            cure="declare where the flyer lies in the pictures of camera 0, and its region",
+        )
+    if furthest >= toml.declared.specimen.length:
+        raise InputError(
+            source,
+            f"the flyer's displacement of {furthest * 1e3:.6g} mm exceeds the specimen's length"
+            f" ({toml.declared.specimen.length * 1e3:.6g} mm)",
+            cure="check the calibration: its unit, and the crop offsets",
         )

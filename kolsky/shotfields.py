@@ -111,6 +111,69 @@ def _file(name: object) -> str:
     return name
 
 
+def _pattern(name: object) -> str:
+    text = _file(name)
+    if not any(character in PurePosixPath(text).name for character in "*?["):
+        raise problem("matches one file at most", cure='write a pattern, e.g. "calibration/cam0_*.png"')
+    return text
+
+
+def _pixels(values: object, count: int, example: str) -> tuple[float, ...]:
+    """So many finite numbers of size below 1e6."""
+    if not isinstance(values, list | tuple) or len(values) != count:
+        raise problem(f"is not a list of {count} numbers", cure=f"write pixels, e.g. {example}")
+    numbers = tuple(_number(value) for value in values)
+    if not all(abs(number) < 1e6 for number in numbers):
+        raise problem("is not allowed", allowed="finite and below a million pixels")
+    return numbers
+
+
+def _pixel(values: object) -> tuple[float, float]:
+    x, y = _pixels(values, 2, "[192, 192]")
+    return x, y
+
+
+def _pixel_range(values: object) -> tuple[float, float]:
+    first, last = _pixels(values, 2, "[0, 127]")
+    if last <= first:
+        raise problem("ends before it begins", allowed="[first, last] with last > first")
+    return first, last
+
+
+def _polygon(values: object) -> tuple[tuple[float, float], ...]:
+    if not isinstance(values, list | tuple) or not 3 <= len(values) <= 1000:
+        raise problem("is not a polygon", allowed="3 to 1000 corners [x, y]")
+    return tuple(_pixel(corner) for corner in values)
+
+
+def _places(values: object) -> tuple[tuple[int, int], ...]:
+    """Pairs of whole numbers."""
+    if not isinstance(values, list | tuple) or not values or len(values) > 1000:
+        raise problem("is not a list of [column, row]", cure="write e.g. [[2, 2], [11, 2], [2, 7]]")
+    pairs = [_pixel(pair) for pair in values]
+    if any(not number.is_integer() or number < 0.0 for pair in pairs for number in pair):
+        raise problem("is not allowed", allowed="whole numbers from 0: column and row of each hollow dot")
+    return tuple((int(column), int(row)) for column, row in pairs)
+
+
+def _odd(low: int, high: int, unit: str) -> Callable[[object], int]:
+    def validate(value: object) -> int:
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise problem("is not a whole number", cure="write a whole number without quotes")
+        if value % 2 == 0 or not low <= value <= high:
+            raise problem("is not allowed", allowed=f"odd, from {low} to {high} {unit}")
+        return value
+
+    return validate
+
+
+def _prefilter(value: object) -> float:
+    number = _number(value)
+    if not 0.0 <= number <= 5.0:
+        raise problem("is not allowed", allowed="in [0, 5] px", cure="0 smooths nothing")
+    return number
+
+
 def _text(name: object) -> str:
     if not isinstance(name, str) or not name.strip():
         raise problem("is not a name", cure="write a text in quotes")
@@ -143,5 +206,13 @@ StressUnit = Annotated[float, BeforeValidator(_factor("Pa"))]
 RatioUnit = Annotated[float, BeforeValidator(_factor("1"))]
 Interval = Annotated[tuple[float, float], BeforeValidator(_interval)]
 FileName = Annotated[str, BeforeValidator(_file)]
+FilePattern = Annotated[str, BeforeValidator(_pattern)]
+Pixel = Annotated[tuple[float, float], BeforeValidator(_pixel)]
+PixelRange = Annotated[tuple[float, float], BeforeValidator(_pixel_range)]
+Polygon = Annotated[tuple[tuple[float, float], ...], BeforeValidator(_polygon)]
+Places = Annotated[tuple[tuple[int, int], ...], BeforeValidator(_places)]
+Subset = Annotated[int, BeforeValidator(_odd(5, 101, "px"))]
+StrainWindow = Annotated[int, BeforeValidator(_odd(3, 51, "points"))]
+Prefilter = Annotated[float, BeforeValidator(_prefilter)]
 Name = Annotated[str, BeforeValidator(_text)]
 Law = Literal["bonded", "bonded_release", "rough", "coulomb", "frictionless"]

@@ -2,16 +2,12 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from kolsky import shotfields as f
 from kolsky.readers.table import Column
-
-
-class Section(BaseModel):
-    """A table of the file: unknown keys are refused, nothing is converted silently."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+from kolsky.shotpictures import CalibrationSection, DicSection, PicturesSection, ReportingSection
+from kolsky.shotsection import Section
 
 
 class ColumnSection(Section):
@@ -243,7 +239,7 @@ class WindowSection(Section):
 
 
 class ShotFile(Section):
-    """A whole shot.toml, in SI."""
+    """A whole shot.toml, in SI: what the cameras saw is exported, in pictures, or both."""
 
     format: Literal[1]
     name: f.Name | None = None
@@ -252,19 +248,68 @@ class ShotFile(Section):
     transmission: TransmissionSection
     force: ForceSection
     frames: FramesSection
-    flyer: FlyerSection
-    centre_line: CentreLineSection
+    flyer: FlyerSection | None = None
+    centre_line: CentreLineSection | None = None
+    pictures: PicturesSection | None = None
+    calibration: CalibrationSection | None = None
+    dic: DicSection | None = None
+    reporting: ReportingSection | None = None
     curve: CurveSection
     model: ModelSection
     window: WindowSection = WindowSection()
 
+    @model_validator(mode="after")
+    def _pictures_where_they_act(self) -> "ShotFile":
+        for name in ("calibration", "dic", "reporting"):
+            if self.pictures is None and getattr(self, name) is not None:
+                raise f.problem(
+                    "is given, but there are no [pictures], so it would have no effect",
+                    key=name,
+                    cure="remove the table, or add [pictures]",
+                )
+        return self
+
     def data_files(self) -> dict[str, str]:
-        """The data files this shot names: dotted key -> file name."""
+        """The data files this shot names one by one: dotted key -> file name."""
         sections: dict[str, Any] = {
             "force": self.force,
             "frames": self.frames,
             "flyer": self.flyer,
             "centre_line": self.centre_line,
+            "pictures.camera_0": None if self.pictures is None else self.pictures.camera_0,
+            "pictures.camera_1": None if self.pictures is None else self.pictures.camera_1,
+            "calibration": self.calibration,
             "curve": self.curve,
         }
-        return {f"{name}.file": section.file for name, section in sections.items()}
+        return {
+            f"{name}.file": section.file
+            for name, section in sections.items()
+            if section is not None and section.file is not None
+        }
+
+
+class ExportShotFile(ShotFile):
+    """A shot with exports of a DIC program."""
+
+    flyer: FlyerSection
+    centre_line: CentreLineSection
+
+
+class PictureShotFile(ShotFile):
+    """A shot with pictures, to be correlated here."""
+
+    pictures: PicturesSection
+    calibration: CalibrationSection
+    dic: DicSection
+
+
+class FullShotFile(ExportShotFile, PictureShotFile):
+    """A shot with both; the exports are identified from."""
+
+
+def schema(content: dict[str, Any]) -> type[ShotFile]:
+    """The schema that a file must satisfy: by whether it has pictures, exports, or both."""
+    exports = any(name in content for name in ("flyer", "centre_line"))
+    if "pictures" not in content:
+        return ExportShotFile
+    return FullShotFile if exports else PictureShotFile

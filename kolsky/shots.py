@@ -1,7 +1,9 @@
 """A shot: one test, its apparatus and its measurements, loaded from a folder and checked."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +13,9 @@ from kolsky.errors import InputError, refuse
 from kolsky.readers import centre_line_csv, flyer_csv, frame_times, scope_csv, uniaxial_csv
 from kolsky.readers.frame_times import FrameTimes
 from kolsky.readers.table import Column
+from kolsky.pictures import Seen, open_pictures
 from kolsky.records import CentreLine, FloatArray, FlyerMotion, MaterialCurve, Recording
+from kolsky.shotfile import CentreLineSection, FlyerSection
 from kolsky.shottoml import ShotToml, read_shot_toml
 from kolsky.shotwindow import window
 
@@ -61,9 +65,9 @@ class ForceChannel:
         return self.transducer.compression_sign * volts / self.transducer.sensitivity
 
 
-@dataclass(frozen=True)
-class Shot:
-    """One test, ready to be identified (SI, one clock)."""
+@dataclass(frozen=True, kw_only=True)
+class ShotBase:
+    """What a shot is apart from what its cameras saw (SI, one clock)."""
 
     name: str
     """Name of the shot; by default its folder's."""
@@ -81,25 +85,54 @@ class Shot:
     """Material constants beside the curve."""
     force: ForceChannel
     """The transmitted force."""
-    flyer: FlyerMotion
-    """The flyer's displacement at the frames, zero as in its file."""
-    centre_line: CentreLine
-    """The specimen's outline at the frames."""
     curve: MaterialCurve
     """The quasi-static curve, from rest outward."""
-    window: tuple[float, float]
-    """First and last time that is simulated and compared, on the shot's clock [s]."""
     inputs: dict[str, str]
     """SHA-256 of every file that was read: name in the folder -> hex digest."""
 
 
-def load_shot(folder_or_toml: str | Path) -> Shot:
+@dataclass(frozen=True, kw_only=True)
+class Shot(ShotBase):
+    """One test, ready to be identified."""
+
+    flyer: FlyerMotion
+    """The flyer's displacement at the frames, zero as in its file."""
+    centre_line: CentreLine
+    """The specimen's outline at the frames."""
+    window: tuple[float, float]
+    """First and last time that is simulated and compared, on the shot's clock [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PicturedShot(ShotBase):
+    """One test whose pictures are still to be correlated."""
+
+    seen: Seen
+    """Its pictures and frames."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What the cameras saw, as numbers."""
+
+    flyer: FlyerMotion
+    """The flyer's displacement at the frames."""
+    centre_line: CentreLine
+    """The specimen's outline at the frames."""
+    source: Path
+    """The file that a complaint about them names."""
+
+
+def load_shot(folder_or_toml: str | Path, *, measure: Callable[[Seen], Measured] | None = None) -> Shot:
     """Load and check a shot.
 
     Parameters
     ----------
     folder_or_toml
         The shot's folder with its shot.toml, or the path of such a file.
+    measure
+        How pictures become numbers, for a shot without exports; by default `kolsky.measure.measured`,
+        which keeps them in the shot's results folder.
 
     Returns
     -------
@@ -112,6 +145,83 @@ def load_shot(folder_or_toml: str | Path) -> Shot:
         If a file is missing or damaged, a declaration is unknown, incomplete or impossible, or
         declarations and recordings contradict each other.
     """
+    toml, frames = _opened(folder_or_toml)
+    declared, folder = toml.declared, toml.path.parent
+    frame_time = frames.time + declared.frames.clock_offset
+    rest = float(frame_time[declared.frames.static - 1])
+    if declared.flyer is None or declared.centre_line is None:
+        return _with_pictures(toml, frames, rest, measure)
+    flyer, flyer_hash = _flyer(folder, frames, declared.flyer, toml)
+    force = _force(folder, rest, toml)
+    span = window(toml, frame_time, float(flyer.time[-1]), force.recording, force.time)
+    forcechecks.force_sign(force.raw_force(), force.time, span, flyer, toml)
+    centre_line, outline_hash = _centre_line(folder, frames, declared.centre_line, toml)
+    shapechecks.outline(centre_line, folder / declared.centre_line.file, rest, span, toml)
+    curve, curve_hash = _curve(folder, toml)
+    exports = {declared.flyer.file: flyer_hash, declared.centre_line.file: outline_hash}
+    base = _base(toml, frames, force, curve, curve_hash, exports)
+    return Shot(**base, flyer=flyer, centre_line=centre_line, window=span)
+
+
+def load_pictures(folder_or_toml: str | Path) -> PicturedShot:
+    """Load and check what a shot with pictures has before they are correlated.
+
+    Raises
+    ------
+    InputError
+        As `load_shot`, or if the shot has no pictures.
+    """
+    toml, frames = _opened(folder_or_toml)
+    if toml.declared.pictures is None:
+        raise toml.error(
+            "pictures", "is missing: this shot has no pictures", cure="add [pictures], [calibration], [dic]"
+        )
+    return _pictured(toml, frames, open_pictures(toml, frames))
+
+
+def check_shot(folder_or_toml: str | Path) -> ShotBase:
+    """Load a shot as far as it goes without correlating pictures.
+
+    Raises
+    ------
+    InputError
+        As `load_shot`.
+    """
+    toml, _ = _opened(folder_or_toml)
+    if toml.declared.flyer is None:
+        return load_pictures(folder_or_toml)
+    if toml.declared.pictures is not None:
+        load_pictures(folder_or_toml)
+    return load_shot(folder_or_toml)
+
+
+def _with_pictures(
+    toml: ShotToml, frames: FrameTimes, rest: float, measure: Callable[[Seen], Measured] | None
+) -> Shot:
+    """A shot whose flyer and outline come from its pictures."""
+    shot = _pictured(toml, frames, open_pictures(toml, frames))
+    if measure is None:
+        from kolsky.measure import measured as measure
+    found = measure(shot.seen)
+    frame_time = frames.time + toml.declared.frames.clock_offset
+    framechecks.body_moves(found.flyer, rest, found.source, toml)
+    span = window(toml, frame_time, float(found.flyer.time[-1]), shot.force.recording, shot.force.time)
+    forcechecks.force_sign(shot.force.raw_force(), shot.force.time, span, found.flyer, toml)
+    shapechecks.outline(found.centre_line, found.source, rest, span, toml)
+    base = {field.name: getattr(shot, field.name) for field in fields(ShotBase)}
+    return Shot(**base, flyer=found.flyer, centre_line=found.centre_line, window=span)
+
+
+def _pictured(toml: ShotToml, frames: FrameTimes, seen: Seen) -> PicturedShot:
+    folder, declared = toml.path.parent, toml.declared
+    rest = float(frames.time[declared.frames.static - 1] + declared.frames.clock_offset)
+    force = _force(folder, rest, toml)
+    curve, curve_hash = _curve(folder, toml)
+    return PicturedShot(**_base(toml, frames, force, curve, curve_hash, seen.inputs), seen=seen)
+
+
+def _opened(folder_or_toml: str | Path) -> tuple[ShotToml, FrameTimes]:
+    """The shot file and the frame times."""
     toml = read_shot_toml(_find(Path(folder_or_toml)))
     declared, folder = toml.declared, toml.path.parent
     _all_there(toml, folder)
@@ -121,42 +231,51 @@ def load_shot(folder_or_toml: str | Path) -> Shot:
         time=declared.frames.time.as_column(),
     )
     framechecks.some_motion_frames(frames, toml)
-    frame_time = frames.time + declared.frames.clock_offset
-    rest = float(frame_time[declared.frames.static - 1])
-    flyer, flyer_hash = _flyer(folder, frames, toml)
-    force = _force(folder, rest, toml)
-    span = window(toml, frame_time, float(flyer.time[-1]), force.recording, force.time)
-    forcechecks.force_sign(force.raw_force(), force.time, span, flyer, toml)
-    centre_line, outline_hash = _centre_line(folder, frames, rest, span, toml)
-    curve, curve_hash = _curve(folder, toml)
+    return toml, frames
+
+
+def _base(
+    toml: ShotToml,
+    frames: FrameTimes,
+    force: ForceChannel,
+    curve: MaterialCurve,
+    curve_hash: str,
+    optical: dict[str, str],
+) -> dict[str, Any]:
+    """The fields of `ShotBase`; `optical` are the hashes of what tells what the cameras saw."""
+    declared, folder = toml.declared, toml.path.parent
     specimen, interface, bar = declared.specimen, declared.interface, declared.transmission.bar
-    return Shot(
-        name=declared.name or folder.resolve().name,
-        folder=folder,
-        specimen=Specimen(diameter=specimen.diameter, length=specimen.length, density=specimen.density),
-        interface=Interface(
+    return {
+        "name": declared.name or folder.resolve().name,
+        "folder": folder,
+        "specimen": Specimen(
+            diameter=specimen.diameter, length=specimen.length, density=specimen.density
+        ),
+        "interface": Interface(
             faces=interface.faces,
             side=interface.side,
             friction=interface.friction or 0.0,
             release_stress=interface.release_stress or 0.0,
         ),
-        support=declared.transmission.support,
-        transmission_bar=None if bar is None else Bar(**bar.model_dump()),
-        model=ModelSettings(**declared.model.model_dump()),
-        force=force,
-        flyer=flyer,
-        centre_line=centre_line,
-        curve=curve,
-        window=span,
-        inputs={
+        "support": declared.transmission.support,
+        "transmission_bar": None if bar is None else Bar(**bar.model_dump()),
+        "model": ModelSettings(**declared.model.model_dump()),
+        "force": force,
+        "curve": curve,
+        "inputs": {
             toml.path.name: toml.sha256,
             declared.force.file: force.recording.sha256,
             declared.frames.file: frames.sha256,
-            declared.flyer.file: flyer_hash,
-            declared.centre_line.file: outline_hash,
+            **optical,
             declared.curve.file: curve_hash,
         },
-    )
+    }
+
+
+def folder_of(folder_or_toml: str | Path) -> Path:
+    """The folder of a shot that is named by its folder or its shot file."""
+    path = Path(folder_or_toml)
+    return path.parent if path.is_file() else path
 
 
 def _find(path: Path) -> Path:
@@ -181,8 +300,9 @@ def _all_there(toml: ShotToml, folder: Path) -> None:
     )
 
 
-def _flyer(folder: Path, frames: FrameTimes, toml: ShotToml) -> tuple[FlyerMotion, str]:
-    section = toml.declared.flyer
+def _flyer(
+    folder: Path, frames: FrameTimes, section: FlyerSection, toml: ShotToml
+) -> tuple[FlyerMotion, str]:
     table = flyer_csv.read(
         folder / section.file,
         frame=Column(section.frame),
@@ -198,7 +318,7 @@ def _flyer(folder: Path, frames: FrameTimes, toml: ShotToml) -> tuple[FlyerMotio
         displacement=sign * table.displacement,
         sigma=np.full(table.displacement.size, section.sigma),
     )
-    framechecks.flyer_moves(table, flyer, toml)
+    framechecks.flyer_moves(table, flyer, section.sigma, toml)
     return flyer, table.sha256
 
 
@@ -223,9 +343,8 @@ def _force(folder: Path, rest: float, toml: ShotToml) -> ForceChannel:
 
 
 def _centre_line(
-    folder: Path, frames: FrameTimes, rest: float, span: tuple[float, float], toml: ShotToml
+    folder: Path, frames: FrameTimes, section: CentreLineSection, toml: ShotToml
 ) -> tuple[CentreLine, str]:
-    section = toml.declared.centre_line
     table = centre_line_csv.read(
         folder / section.file,
         frame=Column(section.frame),
@@ -243,7 +362,6 @@ def _centre_line(
         Z=table.Z + section.Z_offset,
         sigma=np.full(table.Z.size, section.sigma) if table.sigma is None else table.sigma,
     )
-    shapechecks.outline(line, table.path, rest, span, toml)
     return line, table.sha256
 
 

@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.shots import Shot
+from kolsky.pictures import CAMERAS, readable
+from kolsky.shots import PicturedShot, Shot, ShotBase
 
 _WRITTEN = {"m": ("mm", 1e3), "s": ("us", 1e6), "Pa": ("kPa", 1e-3)}
 
@@ -31,9 +32,8 @@ class Entry:
         return f"{self.value * factor:.6g} {unit}".strip()
 
 
-def summarise(shot: Shot) -> list[Entry]:
+def summarise(shot: ShotBase) -> list[Entry]:
     """Everything that was understood of a shot, in the order of the shot file."""
-    start, end = shot.window
     laws = (shot.interface.faces, shot.interface.side)
     return [
         Entry("specimen", "diameter", shot.specimen.diameter, "m"),
@@ -50,22 +50,19 @@ def summarise(shot: Shot) -> list[Entry]:
         Entry("transmission", "support", shot.support),
         *_bar(shot),
         *_force(shot),
-        *_flyer(shot),
-        *_centre_line(shot),
+        *(_flyer(shot) if isinstance(shot, Shot) else []),
+        *(_centre_line(shot) if isinstance(shot, Shot) else []),
+        *(_pictures(shot) if isinstance(shot, PicturedShot) else []),
         *_curve(shot),
         Entry("model", "poisson", shot.model.poisson),
         Entry("model", "damping", shot.model.damping, "s"),
         Entry("model", "damping_kind", shot.model.damping_kind),
         Entry("model", "mass_damping", shot.model.mass_damping, "1/s"),
-        Entry("window", "start", start, "s"),
-        Entry("window", "end", end, "s"),
-        Entry("window", "frames inside", int(_inside(shot, shot.flyer.time).sum())),
-        Entry("window", "frames before it", int((shot.flyer.time < start).sum())),
-        Entry("window", "frames after it", int((shot.flyer.time > end).sum())),
+        *(_window(shot) if isinstance(shot, Shot) else []),
     ]
 
 
-def as_json(shot: Shot) -> dict[str, Any]:
+def as_json(shot: ShotBase) -> dict[str, Any]:
     """The summary as one JSON object: section -> name -> {value, unit}, SI."""
     result: dict[str, Any] = {"shot": shot.name, "folder": str(shot.folder)}
     for entry in summarise(shot):
@@ -79,7 +76,47 @@ def _inside(shot: Shot, time: np.ndarray) -> np.ndarray:
     return (time >= shot.window[0]) & (time <= shot.window[1])
 
 
-def _bar(shot: Shot) -> list[Entry]:
+def _window(shot: Shot) -> list[Entry]:
+    start, end = shot.window
+    return [
+        Entry("window", "start", start, "s"),
+        Entry("window", "end", end, "s"),
+        Entry("window", "frames inside", int(_inside(shot, shot.flyer.time).sum())),
+        Entry("window", "frames before it", int((shot.flyer.time < start).sum())),
+        Entry("window", "frames after it", int((shot.flyer.time > end).sum())),
+    ]
+
+
+def _pictures(shot: PicturedShot) -> list[Entry]:
+    declared = shot.seen.toml.declared
+    assert declared.pictures is not None  # else there is no such shot
+    assert declared.calibration is not None
+    assert declared.dic is not None
+    rows = [Entry("frames", "frames", shot.seen.time.size), Entry("frames", "static", declared.frames.static)]
+    for name, section, pictures in zip(CAMERAS, declared.pictures.cameras, shot.seen.pictures, strict=True):
+        height, width = pictures.shape
+        x, y = pictures.crop_offset
+        rows += [
+            Entry("pictures", f"{name}, files", section.source[1]),
+            Entry("pictures", f"{name}, size", f"{width} x {height} px at ({x:g}, {y:g}) of the sensor"),
+            Entry("pictures", f"{name}, bits", pictures.bits),
+        ]
+        missing = shot.seen.time.size - readable(pictures)
+        if missing:
+            rows.append(Entry("pictures", f"{name}, pictures cut off", missing))
+    calibration, dic = declared.calibration, declared.dic
+    source = calibration.file or f"pictures of a target: {calibration.camera_0}, {calibration.camera_1}"
+    return [
+        *rows,
+        Entry("calibration", "from", source),
+        Entry("dic", "subset", f"{dic.subset} px, {dic.shape}"),
+        Entry("dic", "step", f"{dic.step} px"),
+        Entry("dic", "flyer_side", dic.flyer_side),
+        Entry("dic", "strip_half_width", dic.strip_half_width, "m"),
+    ]
+
+
+def _bar(shot: ShotBase) -> list[Entry]:
     bar = shot.transmission_bar
     if bar is None:
         return []
@@ -89,7 +126,7 @@ def _bar(shot: Shot) -> list[Entry]:
     ]
 
 
-def _force(shot: Shot) -> list[Entry]:
+def _force(shot: ShotBase) -> list[Entry]:
     channel = shot.force
     time, volts, zero = channel.time, channel.recording.value, channel.baseline_volts()
     noise = float(zero.std(ddof=1))
@@ -149,7 +186,7 @@ def _centre_line(shot: Shot) -> list[Entry]:
     ]
 
 
-def _curve(shot: Shot) -> list[Entry]:
+def _curve(shot: ShotBase) -> list[Entry]:
     curve = shot.curve
     loaded = curve.stress != 0.0
     relative = curve.sigma[loaded] / np.abs(curve.stress[loaded])
@@ -163,7 +200,7 @@ def _curve(shot: Shot) -> list[Entry]:
     ]
 
 
-def print_table(shot: Shot) -> None:
+def print_table(shot: ShotBase) -> None:
     """Print the summary as a table on stdout, with the first 16 digits of each file's hash."""
     from rich.console import Console
     from rich.table import Table

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ValidationError
 
 from kolsky.errors import InputError, InputErrors
 from kolsky.readers.table import decode, read_bytes
-from kolsky.shotfile import ShotFile
+from kolsky.shotfile import ShotFile, schema
 
 TOML_LIMIT = 1_000_000
 """Largest shot.toml that is read [bytes]."""
@@ -71,7 +71,7 @@ def read_shot_toml(path: Path) -> ShotToml:
         raise _syntax_error(path, str(error)) from None
     lines = key_lines(text)
     try:
-        declared = ShotFile.model_validate(content)
+        declared = schema(content).model_validate(content)
     except ValidationError as error:
         problems = [_translate(path, lines, details) for details in _without_doubles(error.errors())]
         raise problems[0] if len(problems) == 1 else InputErrors(problems) from None

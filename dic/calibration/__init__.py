@@ -4,7 +4,7 @@ from dic.calibration.bundle import Undetermined
 from dic.calibration.detect import detect
 from dic.calibration.result import Calibration, Checks, Pair, PairOutcome, View
 from dic.calibration.solve import MODELS, calibrate
-from dic.calibration.targets import TARGETS, Detection, FiducialDots, Target, TargetNotFound
+from dic.calibration.targets import TARGETS, Detection, Target, TargetNotFound
 
 __all__ = [
     "MODELS",
@@ -12,7 +12,6 @@ __all__ = [
     "Calibration",
     "Checks",
     "Detection",
-    "FiducialDots",
     "Pair",
     "PairOutcome",
     "Target",

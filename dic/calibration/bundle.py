@@ -21,6 +21,8 @@ FloatArray = NDArray[np.float64]
 Pose = tuple[FloatArray, FloatArray]
 
 MOST_STEPS = 100
+SMALL = 3
+"""Steps in a row without a gain: one may be short because of its damping, in a valley that is long and bent."""
 FAR = 1e6
 """Residuals, over their sigma, of a trial that puts a point behind a camera."""
 
@@ -152,6 +154,7 @@ def adjust(rig: Rig, sights: Iterable[Sight], columns: FloatArray, *, tolerance:
         )
     damping, cost = 1e-4, _cost(rig, sights)
     normal = _normal_equations(rig, sights, columns)
+    small = 0
     for _ in range(MOST_STEPS):
         step = _step(normal, damping)
         trial_cost = np.inf
@@ -165,7 +168,8 @@ def adjust(rig: Rig, sights: Iterable[Sight], columns: FloatArray, *, tolerance:
             gain = (cost - trial_cost) / max(cost, 1e-300)
             rig, cost, damping = trial, trial_cost, max(damping / 10.0, 1e-15)
             normal = _normal_equations(rig, sights, columns)
-            if gain < tolerance:
+            small = small + 1 if gain < tolerance else 0
+            if small == SMALL:
                 break
         elif damping > 1e12:
             break
@@ -173,6 +177,38 @@ def adjust(rig: Rig, sights: Iterable[Sight], columns: FloatArray, *, tolerance:
             damping *= 10.0
     covariance, poses = _covariances(normal, columns)
     return Fit(rig, covariance, cost, freedom, poses)
+
+
+def clustering(fit: Fit, sights: Iterable[Sight], columns: FloatArray) -> float:
+    """How much more than independent residuals the pairs pull the parameters about: a factor on variances.
+
+    With g_p the pull of pair p on the parameters (its part of Jᵀ r, the pose eliminated) and S = Jᵀ J,
+
+        F = Σ g_pᵀ S⁻¹ g_p / (s² m) · P / (P - 1)                                                   (C.4)
+
+    for P pairs and m parameters: 1 on average if residuals are independent, more if those of a picture hang
+    together (a bent target, a lens model too simple), when their number says more than they know
+    [Moulton1986]_.
+
+    .. [Moulton1986] B. R. Moulton, Random group effects and the precision of regression estimates, J. of
+       Econometrics 32 (1986) 385-397, doi:10.1016/0304-4076(86)90021-7.
+    """
+    views: dict[int, list[Sight]] = {}
+    for sight in sights:
+        views.setdefault(sight.pair, []).append(sight)
+    if len(views) < 2 or not columns.shape[1] or fit.unit == 0.0:
+        return 1.0
+    S, pulls = np.zeros((columns.shape[1],) * 2), []
+    for pair, own in views.items():
+        U, b, parts = _normal_equations(fit.rig, own, columns)
+        V, W, c = parts[pair]
+        back = np.linalg.solve(V, np.column_stack([W.T, c]))
+        S += U - W @ back[:, :-1]
+        pulls.append(b - W @ back[:, -1])
+    scale = 1.0 / np.sqrt(np.diag(S))
+    g = np.array(pulls) * scale
+    total = float(np.sum(g * np.linalg.solve(S * np.outer(scale, scale), g.T).T))
+    return total / (fit.unit**2 * columns.shape[1]) * len(pulls) / (len(pulls) - 1)
 
 
 Normal = tuple[FloatArray, FloatArray, dict[int, tuple[FloatArray, FloatArray, FloatArray]]]

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from dic.calibration.bundle import Fit, Rig, adjust, residuals
 from dic.calibration.projection import SHARED, Sight, seen
 from dic.camera import StereoRig
+from dic.stereo import triangulate
 
 FloatArray = NDArray[np.float64]
 
@@ -49,25 +50,20 @@ def held_out(fit: Fit, sights: Sequence[Sight], columns: FloatArray, folds: int)
 
 
 def triangulated(rig: Rig, views: Sequence[Sight]) -> tuple[FloatArray, FloatArray]:
-    """Points of a target seen by both cameras: in space from the two rays alone [m], and on the target.
+    """Points of a target seen by both cameras: in space from what they saw alone [m], and on the target.
 
-    The offset of a dot's centroid from its centre's image is taken off first. A ray is x × (R X + t) = 0
-    on the plane z = 1; the four equations are weighted with the cameras' focal lengths.
+    The offset of a dot's centroid from its centre's image is taken off first.
     """
     first, second = views
     _, rows0, rows1 = np.intersect1d(first.ids, second.ids, return_indices=True)
-    equations, right = [], []
+    pixels = []
     for view, rows in ((first, rows0), (second, rows1)):
         camera = rig.cameras[view.camera]
         R, t = rig.poses[view.pair]
         shift = seen(camera, view, R, t) - seen(camera, view, R, t, patches=False)
-        ideal = camera.undistort((view.pixels - shift)[rows])
-        for axis, focal in ((0, camera.fx), (1, camera.fy)):
-            equations.append(focal * (ideal[:, axis : axis + 1] * camera.rotation[2] - camera.rotation[axis]))
-            right.append(focal * (camera.translation[axis] - ideal[:, axis] * camera.translation[2]))
-    A, b = np.stack(equations, axis=1), np.stack(right, axis=1)
-    normal, side = np.swapaxes(A, 1, 2) @ A, np.swapaxes(A, 1, 2) @ b[..., None]
-    return np.linalg.solve(normal, side)[..., 0], first.points[rows0]
+        pixels.append((view.pixels - shift)[rows])
+    found = triangulate(StereoRig(rig.cameras), pixels[0], pixels[1], np.eye(2), np.eye(2)).position
+    return found, first.points[rows0]
 
 
 def distances(rig: Rig, sights: Sequence[Sight]) -> tuple[float, float, float]:

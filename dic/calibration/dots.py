@@ -1,4 +1,4 @@
-"""Dots of a target in a picture: found by their outlines, located by their grey-weighted centroid."""
+"""Dots of a target in a picture: found by their outlines, located by centroid and edges."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,12 +8,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.calibration.corners import eight_bits
+from dic.calibration.edges import LARGEST, fit_discs
 from dic.calibration.noise import grey, noise_level
 
 FloatArray = NDArray[np.float64]
 
 LEAST_AREA = 12.0
 """Area of the smallest dot that is looked for [px²]: below, an outline has too few pixels for an ellipse."""
+ALIKE = 1.8
+"""Dots of one target differ in radius by less than this, with all tilt and perspective."""
 MOST_DOTS = 20_000
 """A picture with more dark patches than this shows no target, and is not searched to its end."""
 WINDOW, RING = 1.35, 1.85
@@ -27,9 +31,9 @@ class Dots:
     """Dots of a picture, one row a dot."""
 
     centre: FloatArray
-    """Grey-weighted centroid [px], shape [n, 2]."""
+    """Centroid of the image of the dot [px], shape [n, 2]."""
     sigma: FloatArray
-    """Standard deviation of a centroid coordinate from the picture's noise [px], shape [n]."""
+    """Standard deviation of a coordinate from the picture's noise [px], shape [n]."""
     mass: FloatArray
     """Sum of the darkness, each pixel between 0 (surroundings) and about 1 [px²], shape [n]."""
     radius: FloatArray
@@ -42,11 +46,13 @@ def find_dots(picture: NDArray[np.generic], *, dark: bool = True, round_dots: bo
     """All dots of a picture that lie wholly inside it.
 
     Outlines come from thresholds relative to the mean brightness nearby, at window sizes in steps of two;
-    the size with the most dots of similar darkness is kept. The centre of a dot is then the centroid of
+    the size with the most dots alike is kept. The centre of a dot is then the centroid of
 
         w = 1 - I / B
 
     with B a plane through the brightness around the dot, so that neither uneven light nor blur shifts it.
+    Round dots without a hole are then fitted by their edges (`dic.calibration.edges`), and the more precise
+    of the two is kept.
 
     Parameters
     ----------
@@ -57,21 +63,30 @@ def find_dots(picture: NDArray[np.generic], *, dark: bool = True, round_dots: bo
     round_dots
         Whether outlines must be ellipses; False lets squares and other compact shapes pass.
     """
-    image, full = grey(picture)
+    image = grey(picture)
     if not dark:
         image = image.max() + image.min() - image
-    eight = np.clip(255.0 * (image - image.min()) / max(np.ptp(image), 1e-12), 0, 255).astype(np.uint8)
+    eight = eight_bits(picture) if dark else 255 - eight_bits(picture)
     noise = noise_level(picture)
-    best = _nothing()
-    size = 15
+    best: list[tuple[FloatArray, bool]] = []
+    size, most = 15, 0.0
     while size <= max(16, min(eight.shape) // 2):
-        outlines = _outlines(eight, size, round_dots)
-        if len(outlines) > len(best.radius):
-            found = _located(image, outlines, noise, full)
-            if len(found.radius) > len(best.radius):
-                best = found
+        outlines, score = _alike(_outlines(eight, size, round_dots))
+        if score > most:
+            best, most = outlines, score
         size = 2 * size + 1
-    return best
+    return _located(image, best, noise, round_dots)
+
+
+def _alike(outlines: list[tuple[FloatArray, bool]]) -> tuple[list[tuple[FloatArray, bool]], float]:
+    """The outlines of one size, with the sum of their radii: many dots outweigh specks and a few patches."""
+    radius = np.array([0.5 * np.sqrt(ellipse[2] * ellipse[3]) for ellipse, _ in outlines])
+    best, most = np.zeros(len(radius), dtype=bool), 0.0
+    for smallest in np.unique(radius):
+        rows = (radius >= smallest) & (radius <= ALIKE * smallest)
+        if radius[rows].sum() > most:
+            best, most = rows, float(radius[rows].sum())
+    return [outline for outline, kept in zip(outlines, best, strict=True) if kept], most
 
 
 def _nothing() -> Dots:
@@ -130,7 +145,9 @@ def _has_hole(
     return False
 
 
-def _located(image: FloatArray, outlines: list[tuple[FloatArray, bool]], noise: float, full: float) -> Dots:
+def _located(
+    image: FloatArray, outlines: list[tuple[FloatArray, bool]], noise: float, round_dots: bool
+) -> Dots:
     """Centroids of the outlined dots; those whose darkness is unlike the others' are left out."""
     rows = [(_centroid(image, ellipse, noise), ellipse, hole) for ellipse, hole in outlines]
     good = [(c, e, hole) for c, e, hole in rows if c is not None]
@@ -141,7 +158,29 @@ def _located(image: FloatArray, outlines: list[tuple[FloatArray, bool]], noise: 
     hollow = np.array([hole for _, _, hole in good])
     depth = values[:, 4]
     kept = depth > 0.4 * np.percentile(depth, 80.0)  # printed dots are about equally dark
-    return Dots(values[kept, :2], values[kept, 2], values[kept, 3], radius[kept], hollow[kept])
+    centre, sigma = values[kept, :2], values[kept, 2]
+    if round_dots:
+        ellipses = np.array([e for _, e, _ in good])[kept]
+        small = np.flatnonzero(~hollow[kept] & (radius[kept] <= LARGEST))
+        centre[small], sigma[small] = _fitted(image, centre[small], sigma[small], ellipses[small], noise)
+    return Dots(centre, sigma, values[kept, 3], radius[kept], hollow[kept])
+
+
+def _fitted(
+    image: FloatArray, centre: FloatArray, sigma: FloatArray, ellipses: FloatArray, noise: float
+) -> tuple[FloatArray, FloatArray]:
+    """Centres from the edges where that is the more precise, with their sigma."""
+    if not len(centre):
+        return centre, sigma
+    c, s = np.cos(np.deg2rad(ellipses[:, 4])), np.sin(np.deg2rad(ellipses[:, 4]))
+    along, across = 4.0 / ellipses[:, 2] ** 2, 4.0 / ellipses[:, 3] ** 2
+    shape = np.stack(
+        [along * c * c + across * s * s, (along - across) * c * s, along * s * s + across * c * c], axis=1
+    )
+    reach = 0.5 * float(ellipses[:, 2:4].max()) * WINDOW + MARGIN
+    found, noise_of_it = fit_discs(image, centre, shape, reach, noise)
+    better = noise_of_it < sigma  # not where the fit failed: NaN
+    return np.where(better[:, None], found, centre), np.where(better, noise_of_it, sigma)
 
 
 def _centroid(image: FloatArray, ellipse: FloatArray, noise: float) -> tuple[float, ...] | None:
@@ -179,6 +218,8 @@ def _centroid(image: FloatArray, ellipse: FloatArray, noise: float) -> tuple[flo
 
 def _plane(x: FloatArray, y: FloatArray, values: FloatArray) -> FloatArray | None:
     """Brightness a + b x + c y around a dot without the pixels that belong to something else."""
+    thin = max(1, values.size // 1000)
+    x, y, values = x[::thin], y[::thin], values[::thin]
     kept = np.ones(values.size, dtype=bool)
     A = np.stack([np.ones(x.size), x, y], axis=1)
     for _ in range(3):

@@ -137,6 +137,9 @@ class Calibration:
     unit: float
     """Root of the variance of unit weight: residuals over the sigma that the pictures' noise explains. The
     covariance is scaled with its square."""
+    clustering: float
+    """`dic.calibration.bundle.clustering`: 1 if residuals are independent. The covariance is scaled with it
+    where it exceeds 1."""
     freedom: int
     """Coordinates measured less numbers adjusted."""
     checks: Checks

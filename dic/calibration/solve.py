@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.calibration import checks
-from dic.calibration.bundle import Fit, free_columns
+from dic.calibration.bundle import Fit, clustering, free_columns
 from dic.calibration.projection import Sight
 from dic.calibration.rejection import Verdicts, solve_without_bad
 from dic.calibration.result import Calibration, Checks, Pair, PairOutcome, View
@@ -98,9 +98,9 @@ def calibrate(
     columns = free_columns(free, square_pixels=square_pixels, relative=True)
     fit, verdicts = solve_without_bad(rig, list(chosen.values()), (rough, columns), reject=reject)
 
-    covariance = fit.covariance * fit.unit**2
-    found = StereoRig(fit.rig.cameras, covariance)
     kept = verdicts.kept
+    together = clustering(fit, kept, columns)
+    found = StereoRig(fit.rig.cameras, fit.covariance * fit.unit**2 * max(1.0, together))
     off = np.concatenate([finished_view(fit.rig, s, np.ones(len(s.ids), dtype=bool)).residual for s in kept])
     ratio, ratio_sigma, shape = checks.distances(fit.rig, kept)
     return Calibration(
@@ -110,6 +110,7 @@ def calibrate(
             _pair(k, name, (views0[k], views1[k]), chosen, fit, verdicts) for k, name in enumerate(names)
         ),
         unit=fit.unit,
+        clustering=together,
         freedom=fit.freedom,
         checks=Checks(
             fit_rms=float(np.sqrt(np.mean(np.sum(off**2, axis=1)))),

@@ -120,3 +120,27 @@ class PictureStack:
             device=device,
             coefficients=device_pictures.upload(planes, device),
         )
+
+    @classmethod
+    def join(cls, stacks: Sequence["PictureStack"]) -> "PictureStack":
+        """One stack of the pictures of several, one after the other; the coefficients are copied.
+
+        Raises
+        ------
+        ValueError
+            No stack, or stacks of several shapes, prefilters or devices.
+        """
+        kinds = {(stack.shape, stack.prefilter, stack.device) for stack in stacks}
+        if len(kinds) != 1:
+            raise ValueError(f"stacks to join must agree in shape, prefilter and device, got {sorted(kinds)}")
+        if len(stacks) == 1:
+            return stacks[0]
+        shape, prefilter, device = kinds.pop()
+        return cls(
+            n_pictures=sum(stack.n_pictures for stack in stacks),
+            shape=shape,
+            noise=tuple(noise for stack in stacks for noise in stack.noise),
+            prefilter=prefilter,
+            device=device,
+            coefficients=device_pictures.join([stack.coefficients for stack in stacks]),
+        )

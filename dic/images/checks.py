@@ -12,25 +12,33 @@ Grey = NDArray[np.uint16] | NDArray[np.uint8]
 
 LARGEST_SIDE = 32_768
 """Most rows or columns of a picture that are read [px]."""
+MOST_PIXELS = 2**27
+"""Most pixels of a picture."""
 MOST_FRAMES = 10_000_000
 """Most frames of a series."""
 
 
-def checked_shape(path: Path, rows: int, columns: int) -> tuple[int, int]:
+def checked_shape(path: Path, rows: object, columns: object) -> tuple[int, int]:
     """Rows and columns, if a camera can have made them.
 
     Raises
     ------
     PictureError
-        If either is not from 1 to `LARGEST_SIDE`.
+        If either is not a whole number from 1 to `LARGEST_SIDE`, or they are more than `MOST_PIXELS`.
     """
-    if not (1 <= rows <= LARGEST_SIDE and 1 <= columns <= LARGEST_SIDE):
+    if (
+        not isinstance(rows, int)
+        or not isinstance(columns, int)
+        or not (1 <= rows <= LARGEST_SIDE and 1 <= columns <= LARGEST_SIDE)
+        or rows * columns > MOST_PIXELS
+    ):
         raise PictureError(
             path,
-            f"its header gives {rows} rows and {columns} columns, allowed are 1 to {LARGEST_SIDE} of each",
+            f"its header gives {rows} rows and {columns} columns, allowed are 1 to {LARGEST_SIDE} of each "
+            f"and {MOST_PIXELS} pixels",
             cure="export the pictures again",
         )
-    return int(rows), int(columns)
+    return rows, columns
 
 
 def checked_count(path: Path, frames: int) -> int:
@@ -79,8 +87,10 @@ def checked_index(n_frames: int, index: int) -> int:
     return index
 
 
-def checked_frame(path: Path, index: int, picture: NDArray[np.generic], shape: tuple[int, int]) -> Grey:
-    """One decoded frame, if it has the series' shape and holds 8 or 16-bit grey values.
+def checked_frame(
+    path: Path, index: int, picture: NDArray[np.generic], shape: tuple[int, int], bits: int
+) -> Grey:
+    """One decoded frame, if it has the series' shape and holds 8 or 16-bit grey values of so many bits.
 
     Raises
     ------
@@ -92,13 +102,21 @@ def checked_frame(path: Path, index: int, picture: NDArray[np.generic], shape: t
         raise PictureError(
             path, f"is {size}, the series {shape[0]} x {shape[1]} (rows x columns)", frame=index
         )
+    if picture.dtype not in (np.uint8, np.uint16):
+        raise PictureError(
+            path,
+            f"holds numbers of type {picture.dtype}, grey values are 8 or 16-bit whole numbers",
+            frame=index,
+            cure="export them as they were recorded, without scaling",
+        )
+    largest = int(picture.max())
+    if largest >= 2**bits:
+        raise PictureError(
+            path,
+            f"its largest grey value is {largest}, {bits} bits hold {2**bits - 1}",
+            frame=index,
+            cure=f"declare bits={largest.bit_length()} or more",
+        )
     if picture.dtype == np.uint8:
         return np.asarray(picture, dtype=np.uint8)
-    if picture.dtype == np.uint16:
-        return np.asarray(picture, dtype=np.uint16)
-    raise PictureError(
-        path,
-        f"holds numbers of type {picture.dtype}, grey values are 8 or 16-bit whole numbers",
-        frame=index,
-        cure="export them as they were recorded, without scaling",
-    )
+    return np.asarray(picture, dtype=np.uint16)

@@ -71,7 +71,7 @@ class CinePictures:
                 raise PictureError(self.path, f"it has {size} bytes, {need} are needed", frame=index)
             self._bytes(file, index, start + notes + need - 1, 1)
         raw = np.memmap(self.path, dtype=np.uint8, mode="r", offset=start + notes, shape=(need,))
-        return checked_frame(self.path, index, self._grey(raw), self.shape)
+        return checked_frame(self.path, index, self._grey(raw), self.shape, self.bits)
 
     def _grey(self, raw: NDArray[np.uint8]) -> NDArray[np.generic]:
         rows, columns = self.shape
@@ -146,7 +146,7 @@ def read(path: Path) -> CinePictures:
         n_frames=count,
         shape=checked_shape(path, abs(height), columns),
         bits=checked_bits(path, bits, 16),
-        times=_times(stamps, second << 32 | fraction, first, count, _field(setup, _RATE)),
+        times=_times(stamps, (fraction, second), first, count, _field(setup, _RATE)),
         table=table,
         entry=8 if version else 4,
         stored=stored,
@@ -186,15 +186,16 @@ def _stamps(blocks: bytes) -> NDArray[np.uint32] | None:
 
 
 def _times(
-    stamps: NDArray[np.uint32] | None, trigger: int, first: int, count: int, rate: int
+    stamps: NDArray[np.uint32] | None, trigger: tuple[int, int], first: int, count: int, rate: int
 ) -> NDArray[np.float64] | None:
     """Seconds from the trigger on; the two lowest bits of a stamp's fraction are flags."""
     if stamps is None:
         return (first + np.arange(count)) / rate if rate else None
     if len(stamps) != count:
         return None
-    ticks = (stamps[:, 1].astype(np.int64) << 32) + (stamps[:, 0] & np.uint32(0xFFFF_FFFC))
-    return np.asarray((ticks - (trigger & ~3)) / 2.0**32)
+    since = stamps.astype(np.int64) & [~3, -1]
+    since -= [trigger[0] & ~3, trigger[1]]
+    return np.asarray(since[:, 1] + since[:, 0] / 2.0**32)
 
 
 @cache

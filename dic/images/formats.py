@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dic.images import cine, hdf5, mraw, numbered, tiff
-from dic.images.declared import declared
+from dic.images.facts import declared
 from dic.images.series import PictureError, Pictures
 
 
@@ -47,13 +47,13 @@ def open_pictures(
     Parameters
     ----------
     path
-        A file of any of the formats; a folder with a numbered series of PNG, JPEG or BMP files; or
+        A file of any of the formats; a folder with a numbered series of TIFF, PNG, JPEG or BMP files; or
         a list of such files in the order of the frames.
     pattern
         In a folder: the names of the series with one `*` for the number, ``"cam0_*.png"``. In an HDF5
         file: the name of the dataset.
     bits, crop_offset, times, n_frames
-        What the files do not say, or say wrongly: `dic.images.declared`.
+        What the files do not say, or say wrongly: `dic.images.facts.declared`.
 
     Returns
     -------
@@ -65,7 +65,10 @@ def open_pictures(
     PictureError
         If there is nothing at `path`, no format fits, or the headers cannot be right.
     """
-    pictures = _opened(path, pattern)
+    try:
+        pictures = _opened(path, pattern)
+    except OSError as error:
+        raise PictureError(error.filename or str(path), f"cannot be read ({error.strerror})") from None
     if bits is None and crop_offset is None and times is None and n_frames is None:
         return pictures
     return declared(pictures, bits=bits, crop_offset=crop_offset, times=times, n_frames=n_frames)
@@ -79,11 +82,8 @@ def _opened(path: Path | str | Sequence[Path | str], pattern: str | None) -> Pic
     path = Path(path)
     if path.is_dir():
         return numbered.read_folder(path, pattern)
-    try:
-        with open(path, "rb") as file:
-            start = file.read(SNIFFED)
-    except OSError as error:
-        raise PictureError(path, f"cannot be read ({error.strerror})") from None
+    with open(path, "rb") as file:
+        start = file.read(SNIFFED)
     if pattern is not None:
         if hdf5.sniff(path, start):
             return hdf5.read(path, pattern)

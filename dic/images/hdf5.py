@@ -49,7 +49,7 @@ class Hdf5Pictures:
                 picture = np.asarray(file[self.dataset][index])
         except Exception as error:  # whatever the library makes of a damaged file is the file's fault
             raise PictureError(self.path, f"cannot be read ({error})", frame=index) from error
-        return checked_frame(self.path, index, picture, self.shape)
+        return checked_frame(self.path, index, picture, self.shape, self.bits)
 
 
 def sniff(path: Path, start: bytes) -> bool:

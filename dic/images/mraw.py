@@ -53,7 +53,7 @@ class MrawPictures:
             grey = np.array(raw.view("<u2")) if self.stored == 16 else np.array(raw)
         if self.shift:
             grey = self._lowered(index, grey)
-        return checked_frame(self.path, index, grey.reshape(rows, columns), self.shape)
+        return checked_frame(self.path, index, grey.reshape(rows, columns), self.shape, self.bits)
 
     def _lowered(self, index: int, grey: NDArray[np.generic]) -> NDArray[np.generic]:
         values = np.asarray(grey, dtype=np.uint16)

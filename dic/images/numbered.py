@@ -1,4 +1,4 @@
-"""Numbered series of PNG, JPEG and BMP pictures: one file a frame, decoded by OpenCV.
+"""Numbered series of TIFF, PNG, JPEG and BMP pictures: one file a frame.
 
 The frame number is the number in the name; the first number present is frame 0, and numbers count in the
 largest step that fits them all (0002, 0004, 0008: step 2). A number that is left out is a missing frame.
@@ -13,12 +13,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.images import tiff
 from dic.images.checks import Grey, checked_bits, checked_frame, checked_index, checked_shape
 from dic.images.series import PictureError
-from dic.images.whole import missing_end
+from dic.images.whole import missing_end, stated_size
 
-SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp")
-"""Endings of the files that a folder is searched for; a pattern may name any that OpenCV knows."""
+SUFFIXES = (".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp")
+"""Endings of the files that a folder is searched for; a pattern may name others."""
 MOST_MISSING = 20
 """Numbers a series may span for each picture that is there; more looks like time stamps."""
 LARGEST_FILE = 2**31
@@ -45,7 +46,7 @@ class NumberedPictures:
         return len(self.files)
 
     def frame(self, index: int) -> Grey:
-        """Grey values of one file, turned as its EXIF says, colours weighted to grey by OpenCV.
+        """Grey values of one file; a JPEG is turned as its EXIF says, colours are weighted to grey by OpenCV.
 
         Raises
         ------
@@ -57,7 +58,7 @@ class NumberedPictures:
             raise PictureError(
                 self.path, f"no file has the number {self.numbers[index]}", frame=index, cure="copy it again"
             )
-        return checked_frame(file, index, _decode(file, index), self.shape)
+        return checked_frame(file, index, _decode(file, index)[0], self.shape, self.bits)
 
 
 def read_folder(path: Path, pattern: str | None = None) -> NumberedPictures:
@@ -116,13 +117,12 @@ def _opened(path: Path, files: list[Path | None], numbers: tuple[int, ...]) -> N
         if file is None:
             continue
         try:
-            picture = _decode(file, index)
+            picture, bits = _decode(file, index)
         except PictureError as error:
             failures.append(error)
             continue
         shape = checked_shape(file, *picture.shape)
-        container = picture.dtype.itemsize * 8
-        return NumberedPictures(path, tuple(files), numbers, shape, checked_bits(file, container, 16))
+        return NumberedPictures(path, tuple(files), numbers, shape, checked_bits(file, bits, 16))
     raise PictureError(path, f"none of {len(failures)} pictures can be decoded, the first: {failures[0]}")
 
 
@@ -154,9 +154,8 @@ def _matching(path: Path, pattern: str) -> list[tuple[int, Path]]:
     return found
 
 
-def _decode(file: Path, index: int) -> NDArray[np.generic]:
-    import cv2
-
+def _decode(file: Path, index: int) -> tuple[NDArray[np.generic], int]:
+    """Grey values of one file, and the bits that carry them."""
     try:
         size = file.stat().st_size
         data = file.read_bytes() if size <= LARGEST_FILE else b""
@@ -164,14 +163,39 @@ def _decode(file: Path, index: int) -> NDArray[np.generic]:
         raise PictureError(file, f"cannot be read ({error.strerror})", frame=index) from None
     if not data:
         raise PictureError(file, f"has {size} bytes, allowed are 1 to {LARGEST_FILE}", frame=index)
+    if tiff.sniff(file, data):
+        return _page(file, index)
     what = missing_end(data)
     if what:
         raise PictureError(file, what, frame=index, cure="copy or export it again")
+    size_given = stated_size(data)
+    if size_given is None:
+        raise PictureError(file, "is no TIFF, PNG, JPEG or BMP, or has no whole header", frame=index)
+    checked_shape(file, *size_given)
+    return _by_opencv(file, index, data)
+
+
+def _page(file: Path, index: int) -> tuple[NDArray[np.generic], int]:
+    pages = tiff.read(file)
+    if pages.n_frames != 1:
+        raise PictureError(
+            file,
+            f"has {pages.n_frames} pages",
+            frame=index,
+            cure="open the file itself: it is a series of its own",
+        )
+    return pages.frame(0), pages.bits
+
+
+def _by_opencv(file: Path, index: int, data: bytes) -> tuple[NDArray[np.generic], int]:
+    import cv2
+
     flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH
     try:
         picture = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
     except cv2.error as error:
-        raise PictureError(file, f"cannot be decoded ({error.err})", frame=index) from error
+        why = " ".join(error.err.split())
+        raise PictureError(file, f"cannot be decoded ({why})", frame=index) from error
     if picture is None:
         raise PictureError(file, "cannot be decoded: damaged, or no picture", frame=index)
-    return np.asarray(picture)
+    return np.asarray(picture), picture.dtype.itemsize * 8

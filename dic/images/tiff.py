@@ -3,6 +3,7 @@
 Opening walks the chain of page headers and reads the first of them; a frame is decoded when it is asked for.
 A file that was cut off keeps the pages before the cut. How many were to follow it, only a description
 written by tifffile or ImageJ says; without one, one page more than are there is known to have been promised.
+ImageJ writes stacks of more than 4 GB with one header only, the grey values page after page behind it.
 """
 
 import re
@@ -39,6 +40,8 @@ class TiffPictures:
     bits: int
     offsets: tuple[int, ...]
     """Where the headers of the pages lie in the file [bytes]."""
+    stack: tuple[int, str] | None = None
+    """Where the grey values of all pages lie [bytes] and their type, if ImageJ wrote one header for all."""
     crop_offset: tuple[float, float] = (0.0, 0.0)
     times: NDArray[np.float64] | None = None
 
@@ -50,7 +53,10 @@ class TiffPictures:
         PictureError
             If the page lies beyond a cut, cannot be decoded or has another shape.
         """
-        if checked_index(self.n_frames, index) >= len(self.offsets):
+        index = checked_index(self.n_frames, index)
+        if self.stack is not None:
+            return checked_frame(self.path, index, self._of_stack(index, *self.stack), self.shape, self.bits)
+        if index >= len(self.offsets):
             raise PictureError(
                 self.path,
                 f"the file is cut off, {len(self.offsets)} of {self.n_frames} frames or more are there",
@@ -65,7 +71,21 @@ class TiffPictures:
             raise PictureError(
                 self.path, f"cannot be decoded ({error})", frame=index, cure="copy or export the file again"
             ) from error
-        return checked_frame(self.path, index, picture, self.shape)
+        return checked_frame(self.path, index, picture, self.shape, self.bits)
+
+    def _of_stack(self, index: int, start: int, kind: str) -> NDArray[np.generic]:
+        dtype = np.dtype(kind)
+        need = self.shape[0] * self.shape[1] * dtype.itemsize
+        size = self.path.stat().st_size
+        if start + (index + 1) * need > size:
+            raise PictureError(
+                self.path,
+                f"the file has {size} bytes, {max(size - start, 0) // need} of {self.n_frames} frames",
+                frame=index,
+                cure="copy or export it again",
+            )
+        page = np.memmap(self.path, dtype=dtype, mode="r", offset=start + index * need, shape=self.shape)
+        return np.array(page, dtype=dtype.newbyteorder("="))
 
 
 def sniff(path: Path, start: bytes) -> bool:
@@ -95,18 +115,20 @@ def read(path: Path) -> TiffPictures:
             page = tifffile.TiffPage(file, 0)
             stored, rows, columns = page.bitspersample, page.imagelength, page.imagewidth
             largest, description = page.tags.valueof(281), page.description
+            stack = _stack(file, page) if len(offsets) == 1 and not cut else None
     except Exception as error:  # see TiffPictures.frame
         raise PictureError(path, f"its first page cannot be read ({error})") from error
     if not isinstance(stored, int) or not 1 <= stored <= 16:
         raise PictureError(path, f"its grey values have {stored} bits, 8 to 16 can be read")
     stated = _stated_bits(largest, description, stored)
-    promised = max(len(offsets) + cut, _promised(description) if cut else 0)
+    promised = max(len(offsets) + cut, _promised(description) if cut or stack else 0)
     return TiffPictures(
         path=path,
         n_frames=promised,
         shape=checked_shape(path, rows, columns),
         bits=checked_bits(path, stated, 16),
         offsets=offsets,
+        stack=stack,
     )
 
 
@@ -140,6 +162,15 @@ def _chain(path: Path) -> tuple[tuple[int, ...], bool]:
             if len(raw) == struct.calcsize(link):
                 offsets[offset] = None
     return tuple(offsets), True
+
+
+def _stack(file: "tifffile.TiffFile", page: "tifffile.TiffPage") -> tuple[int, str] | None:
+    """Where the grey values lie if one header stands for several pages of an ImageJ stack, and their type."""
+    if _promised(page.description) < 2 or "ImageJ=" not in page.description:
+        return None
+    if page.compression != 1 or page.photometric != _MIN_IS_BLACK or page.bitspersample not in (8, 16):
+        return None
+    return page.dataoffsets[0], f"{file.byteorder}u{page.bitspersample // 8}"
 
 
 def _promised(description: str) -> int:
@@ -214,7 +245,10 @@ def _segments(file: "tifffile.TiffFile", page: "tifffile.TiffPage") -> Iterator[
 def _by_opencv(path: Path, index: int, bits: int) -> NDArray[np.generic]:
     import cv2
 
-    found, pictures = cv2.imreadmulti(str(path), index, 1, flags=cv2.IMREAD_UNCHANGED)
+    try:
+        found, pictures = cv2.imreadmulti(str(path), index, 1, flags=cv2.IMREAD_UNCHANGED)
+    except cv2.error as error:
+        raise ValueError(" ".join(error.err.split())) from None
     if not found or len(pictures) != 1:
         raise ValueError("neither tifffile nor OpenCV knows its compression")
     picture = np.asarray(pictures[0])

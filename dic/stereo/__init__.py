@@ -1,13 +1,12 @@
 """Two cameras: which point is which, and where it is in space."""
 
-from dic.stereo.epipolar import epipolar_curve, epipolar_distance, epipolar_sigma
+from dic.stereo.epipolar import epipolar_distance
 from dic.stereo.gates import Gate
 from dic.stereo.match import StereoMatch, match_stereo
-from dic.stereo.reconstruct import reconstruct
-from dic.stereo.reconstruction import Reconstruction
+from dic.stereo.reconstruction import Reconstruction, reconstruct
 from dic.stereo.settings import StereoGates, StereoSearch
 from dic.stereo.systematic import calibration_sigma, calibration_slopes
-from dic.stereo.triangulate import Triangulation, projection_error, triangulate
+from dic.stereo.triangulation import Triangulation, projection_error, triangulate
 
 __all__ = [
     "Gate",
@@ -18,9 +17,7 @@ __all__ = [
     "Triangulation",
     "calibration_sigma",
     "calibration_slopes",
-    "epipolar_curve",
     "epipolar_distance",
-    "epipolar_sigma",
     "match_stereo",
     "projection_error",
     "reconstruct",

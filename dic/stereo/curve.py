@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from dic.camera import Camera, StereoRig
 from dic.stereo.facet import distance_along
 from dic.stereo.sight import directions
-from dic.stereo.triangulate import midpoint
+from dic.stereo.triangulation import midpoint
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

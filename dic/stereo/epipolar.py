@@ -39,7 +39,7 @@ def epipolar_distance(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) 
     ValueError
         If the cameras have one centre, or a lens distortion cannot be undone.
     """
-    return _distance(rig, pixels0, pixels1)[0]
+    return epipolar_slopes(rig, pixels0, pixels1)[0]
 
 
 def epipolar_sigma(
@@ -58,7 +58,7 @@ def epipolar_sigma(
     covariance0, covariance1
         Of the pixels, independent between the cameras [px²], shapes [..., 2, 2] or [2, 2].
     """
-    _, slope0, slope1 = _distance(rig, pixels0, pixels1)
+    _, slope0, slope1 = epipolar_slopes(rig, pixels0, pixels1)
     variance = np.einsum("...i,...ij,...j->...", slope0, covariance0, slope0)
     return np.asarray(np.sqrt(variance + np.einsum("...i,...ij,...j->...", slope1, covariance1, slope1)))
 
@@ -85,10 +85,14 @@ def epipolar_curve(rig: StereoRig, pixels0: FloatArray, depths: FloatArray) -> F
     return second.project(first.centre + rays[..., None, :] * np.asarray(depths)[:, None])
 
 
-def _distance(
+def epipolar_slopes(
     rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Distance [...] and its derivatives by the pixels of camera 0 and of camera 1, each [..., 2]."""
+    """`epipolar_distance` [px], shape [...], and its derivatives by the two pixels [-], shapes [..., 2].
+
+    The derivatives leave out how the direction of the line changes, a part of the order of the distance over
+    the focal length.
+    """
     first, second = rig.cameras
     R, t = rig.relative
     if not np.any(t):

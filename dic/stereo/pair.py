@@ -15,7 +15,7 @@ from dic.outcome import PointOutcome
 from dic.stereo.epipolar import epipolar_distance, epipolar_sigma
 from dic.stereo.facet import distance_along, sight
 from dic.stereo.settings import StereoGates, StereoSearch
-from dic.stereo.triangulate import midpoint
+from dic.stereo.triangulation import midpoint
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -1,9 +1,16 @@
-"""Points in space from points in two pictures."""
+"""Two tracks of the same points, one a camera, to positions in space."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from dic.camera import StereoRig
+from dic.correlation.warp import apply
+from dic.outcome import PointOutcome
+from dic.stereo.epipolar import epipolar_sigma
+from dic.stereo.triangulation import triangulate
+from dic.tracking.track import Track
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -28,3 +35,80 @@ class Reconstruction:
     """Where the two cameras see the points [px], each of shape [n_frames, n_points, 2]."""
     outcome: IntArray
     """`dic.PointOutcome`, shape [n_frames, n_points]."""
+
+
+def reconstruct(
+    rig: StereoRig, track0: Track, track1: Track, *, gate: float = 0.5, gate_sigmas: float = 5.0
+) -> Reconstruction:
+    """Positions in space of points that both cameras followed.
+
+    A point that a camera lost ends with that camera's outcome, camera 0's first. One whose epipolar distance
+    exceeds both `gate` and `gate_sigmas` of its own predicted standard deviation, or that would lie behind a
+    camera, ends as STEREO_MISMATCH.
+
+    Parameters
+    ----------
+    rig
+        The cameras, for pictures with the crop of the tracks.
+    track0, track1
+        The same material points in the same frames, a row each, in camera 0 and in camera 1.
+    gate
+        Epipolar distance that a calibration is allowed [px]; infinite for none.
+    gate_sigmas
+        Epipolar distance that noise is allowed, in its standard deviations [-].
+
+    Returns
+    -------
+    Reconstruction
+        Its positions and covariances are NaN where the outcome is not VALID. Its epipolar distances remain
+        wherever both cameras found a point, its pixels wherever that camera did: what `diagnose` reads.
+
+    Raises
+    ------
+    ValueError
+        Tracks of different shape, a gate that is not positive, a VALID point without a pixel or covariance,
+        a lens distortion that cannot be undone.
+    """
+    if not (gate > 0.0 and gate_sigmas > 0.0):
+        raise ValueError(f"gate and gate_sigmas must be positive, got {gate} px and {gate_sigmas}")
+    if track0.outcome.shape != track1.outcome.shape:
+        raise ValueError(
+            f"the tracks have {track0.outcome.shape} and {track1.outcome.shape} frames and points, must "
+            "have the same: follow one set of points through one set of frames in both cameras"
+        )
+    found = [track.outcome == PointOutcome.VALID for track in (track0, track1)]
+    pixels = (_pixels(track0, found[0], 0), _pixels(track1, found[1], 1))
+    both = found[0] & found[1]
+    seen = (pixels[0][both], pixels[1][both])
+    noise = (track0.covariance[both], track1.covariance[both])
+    met = triangulate(rig, *seen, *noise)
+    allowed = np.maximum(gate, gate_sigmas * epipolar_sigma(rig, *seen, *noise))
+    fine = np.all(np.isfinite(met.position), axis=-1) & (np.abs(met.epipolar) <= allowed)
+
+    shape = both.shape
+    outcome = np.where(found[0], track1.outcome, track0.outcome).astype(np.int64)
+    outcome[both] = np.where(fine, int(PointOutcome.VALID), int(PointOutcome.STEREO_MISMATCH))
+    result = Reconstruction(
+        position=np.full((*shape, 3), np.nan),
+        covariance=np.full((*shape, 3, 3), np.nan),
+        epipolar=np.full(shape, np.nan),
+        pixels=pixels,
+        outcome=outcome,
+    )
+    valid = outcome == PointOutcome.VALID
+    result.position[valid], result.covariance[valid] = met.position[fine], met.covariance[fine]
+    result.epipolar[both] = met.epipolar
+    return result
+
+
+def _pixels(track: Track, found: NDArray[np.bool_], camera: int) -> FloatArray:
+    """Where a camera sees its points [px], NaN where it lost them, shape [n_frames, n_points, 2]."""
+    where = apply(np.broadcast_to(track.points, (*found.shape, 2)), track.warp)
+    bad = found & ~np.all(np.isfinite(where), axis=-1)
+    if np.any(bad):
+        frame, point = np.argwhere(bad)[0]
+        raise ValueError(
+            f"camera {camera}, frame {frame}, point {point} is VALID but lies at {where[frame, point]} px: "
+            "give it another outcome"
+        )
+    return np.asarray(np.where(found[..., None], where, np.nan))

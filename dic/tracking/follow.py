@@ -1,6 +1,7 @@
 """Follow points through the frames of one camera."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from dic.tracking.frames import Picture, Series, count, judge, read
 from dic.tracking.matcher import Matcher, shares
 from dic.tracking.neighbours import Neighbours
 from dic.tracking.predict import Predictor
-from dic.tracking.references import References
+from dic.tracking.references import References, Template
 from dic.tracking.settings import Tracking
 from dic.tracking.track import Track
 from dic.tracking.update import Last, Updates, composed
@@ -82,7 +83,7 @@ def track(
     Raises
     ------
     ValueError
-        Points, mask, warps or frame numbers that do not fit the pictures, or a frame `first` without a picture.
+        Points, mask, warps or frame numbers that do not fit the pictures; no picture in frame `first`.
     """
     chosen = settings or Tracking()
     points = np.ascontiguousarray(points, dtype=np.float64)
@@ -149,12 +150,19 @@ class _Run:
         self.noise, self.device = noise, device
         self.declared = frame_outcome
         self.references = References(n)
-        self.matcher = Matcher(points, settings.correlation, self.references, mask)
+        self.matcher = Matcher(
+            points,
+            settings.correlation,
+            self.references,
+            mask,
+            noise if isinstance(noise, Noise) else Noise(noise),
+        )
         self.neighbours = Neighbours.of(points)
         self.predictor = Predictor(n)
         self.material: Picture
         self.updates = Updates(self.references, settings)
         self.last: Last | None = None
+        self.frame_outcome = np.full(n_frames, int(FrameOutcome.VALID))
         self.track = Track(
             points=points,
             warp=np.full((n_frames, n, 12), np.nan),
@@ -162,7 +170,7 @@ class _Run:
             zncc=np.full((n_frames, n), np.nan),
             outcome=np.full((n_frames, n), int(PointOutcome.NO_PICTURE)),
             reference=np.full((n_frames, n), MATERIAL),
-            frame_outcome=np.full(n_frames, int(FrameOutcome.VALID)),
+            frame_outcome=self.frame_outcome,
         )
 
     def begin(
@@ -179,7 +187,7 @@ class _Run:
         if material is not None:
             self.material = np.asarray(material)
             self.references.add(MATERIAL, self.material, self._prepared(self.material))
-            self.references.root(MATERIAL, identity(n), none)
+            self.references.start(self._root(MATERIAL, identity(n), none, own=True))
             self.predictor.add(first, np.arange(n), warp)
             self.predictor.known[:] = 1
             return
@@ -190,10 +198,10 @@ class _Run:
         self.material = picture
         stack = self._prepared(picture)
         self.references.add(first, picture, stack)
-        self.references.root(first, warp, none)
+        before = none
         if start_covariance is not None:
-            template, _ = shares(warp, identity(n))
-            self.references.start_from(template[:, None, None] * np.asarray(start_covariance))
+            before = shares(warp, identity(n))[0][:, None, None] * np.asarray(start_covariance)
+        self.references.start(self._root(first, warp, before, own=start_covariance is None))
         rows = np.arange(n)
         match = self.matcher.match(stack, rows, warp, self.references.template(rows))
         self.predictor.add(first, rows, warp)
@@ -221,7 +229,7 @@ class _Run:
         else:
             outcome = judge(picture, self.material)
         if picture is None or not outcome.ok:
-            self.track.frame_outcome[frame] = int(outcome)
+            self.frame_outcome[frame] = int(outcome)
             return
         stack = self._prepared(picture)
         self.references.add(frame, picture, stack)
@@ -244,6 +252,13 @@ class _Run:
         self.last = Last(frame, here.warp, carried, here.valid)
         self.references.tidy(keep=frame)
 
+    def _root(self, frame: int, warp: FloatArray, before: FloatArray, *, own: bool) -> Template:
+        """The first reference of all points; `own` if the noise of its template is part of their sigma."""
+        n = len(self.points)
+        subset = np.full(n, self.settings.correlation.subset)
+        root = self.matcher.template(np.arange(n), frame, warp, before, subset)
+        return replace(root, root=np.full(n, own))
+
     def _prepared(self, picture: Picture) -> PictureStack:
         prefilter = self.settings.correlation.prefilter
         return PictureStack.prepare(picture, noise=self.noise, prefilter=prefilter, device=self.device)
@@ -254,4 +269,4 @@ class _Run:
         track.zncc[frame], track.outcome[frame] = here.zncc, here.outcome
         track.reference[frame] = here.template.frame
         if not np.any(here.valid):
-            track.frame_outcome[frame] = int(FrameOutcome.LOST)
+            self.frame_outcome[frame] = int(FrameOutcome.LOST)

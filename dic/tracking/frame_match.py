@@ -58,7 +58,7 @@ class FrameMatch:
         guess: FloatArray,
         known: BoolArray,
     ) -> "FrameMatch":
-        """Match the points for which there is a guess (`known`, shape [n]), then whatever leads to the others."""
+        """Match the points with a guess (`known`, shape [n]), then all that these lead to."""
         n = len(guess)
         here = cls(
             picture, stack, matcher, neighbours, settings, guess, np.array(guess),

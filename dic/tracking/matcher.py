@@ -1,20 +1,19 @@
 """One frame's matches, each point with a reference of its own, and what they are worth."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.correlation import Match, PictureStack, correlate
+from dic.correlation import Match, Noise, PictureStack, correlate
 from dic.correlation.settings import Correlation
+from dic.correlation.warp import apply
 from dic.tracking.references import References, Template, gradient, relative
+from dic.tracking.residual import enlarged, excess, local_variance
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
-
-RESIDUE = 0.0
-"""Share of a match's own covariance that a change of reference leaves in the chain."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +25,27 @@ class Matcher:
     settings: Correlation
     references: References
     mask: BoolArray | None
+    noise: Noise
+
+    def template(
+        self, rows: IntArray, frame: int, warp: FloatArray, before: FloatArray, subset: IntArray
+    ) -> Template:
+        """A frame as the reference of points `rows`: warps, covariances and subsets there."""
+        picture = self.references.pictures[frame]
+        places = apply(self.points[rows], warp)
+        return Template(
+            np.full(len(rows), frame),
+            warp,
+            before,
+            np.zeros(len(rows), dtype=bool),
+            subset,
+            local_variance(picture, places, self.settings.subset),
+        )
+
+    def excess(self, zncc: FloatArray, template: Template) -> FloatArray:
+        """Residuals beyond the noise (`dic.tracking.residual`), shape [m]."""
+        grey = float(np.mean(self.references.pictures[int(template.frame[0])])) if len(zncc) else 0.0
+        return excess(zncc, template.variance, self.noise, grey)
 
     def match(self, deformed: PictureStack, rows: IntArray, guess: FloatArray, template: Template) -> Match:
         """Find points `rows` in a picture.
@@ -45,14 +65,16 @@ class Matcher:
         result = Match(
             np.array(guess), np.zeros((m, 2, 2)), np.zeros(m), np.zeros(m, np.int64), np.zeros(m, np.int64)
         )
-        for one in np.unique(template.frame):
-            part = np.flatnonzero(template.frame == one)
+        stack, picture = self.references.prepared(template.frame)
+        for subset in np.unique(template.subset):
+            part = np.flatnonzero(template.subset == subset)
             found = correlate(
-                self.references.stacks[int(one)],
+                stack,
                 deformed,
                 self.points[rows[part]],
                 guess[part],
-                self.settings,
+                replace(self.settings, subset=int(subset)),
+                reference_picture=picture[part],
                 reference_warp=template.warp[part],
                 mask=self.mask,
             )
@@ -74,7 +96,7 @@ def shares(warp: FloatArray, reference_warp: FloatArray) -> tuple[FloatArray, Fl
 
 
 def compose(
-    match_covariance: FloatArray, warp: FloatArray, template: Template
+    match_covariance: FloatArray, warp: FloatArray, template: Template, beyond: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Covariance of places found through a chain of references (`dic.tracking.references`).
 
@@ -86,6 +108,8 @@ def compose(
         Total warps found, shape [n, 12].
     template
         References they were matched with.
+    beyond
+        Excess of the residuals, shape [n].
 
     Returns
     -------
@@ -95,7 +119,7 @@ def compose(
     """
     reference, searched = shares(warp, template.warp)
     F = relative(warp, template.warp)
-    own = match_covariance * searched[:, None, None]
-    left = np.where(template.root, reference, RESIDUE * searched)
+    own = enlarged(match_covariance * searched[:, None, None], gradient(warp), beyond)
+    left = np.where(template.root, reference, 0.0)
     carried = F @ template.before @ np.swapaxes(F, -1, -2) + match_covariance * left[:, None, None]
     return carried + own, carried

@@ -51,7 +51,7 @@ class Neighbours:
         return carried(warp[self.index[rows]], self.step[rows])
 
     def best(self, warp: FloatArray, zncc: FloatArray, usable: BoolArray, rows: IntArray) -> FloatArray:
-        """The warp that the neighbour with the best correlation suggests (reliability-guided), [len(rows), 12].
+        """The warps that the neighbours with the best correlation suggest, shape [len(rows), 12].
 
         Parameters
         ----------

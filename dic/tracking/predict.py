@@ -10,7 +10,7 @@ BoolArray = NDArray[np.bool_]
 ORDERS = (0, 1, 2)
 """At rest, constant velocity, constant acceleration."""
 PARTS = (slice(0, 2), slice(2, 6), slice(6, 12))
-"""Displacement, its first and its second derivatives: the noisier, the lower the order that foretells best."""
+"""Displacement, its first and its second derivatives: the noisier, the lower the order that serves."""
 
 
 class Predictor:

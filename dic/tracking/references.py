@@ -8,12 +8,11 @@ noise of picture B enters the match A → B and the match B → C with opposite 
     Σ ∇T_A (T_A − T_B) = 0  and  Σ ∇T_B (T_B − T_C) = 0   give   Σ ∇T (T_A − T_C) ≈ 0
 
 so that to first order the chain has the error of the one match A → C. What is carried along a chain is
-therefore the part of the covariance that comes from the root's template, mapped by the deformation since, and
-of each match only the part that comes from the picture searched in, plus a share `RESIDUE` of it for every
-change of reference, where the gradients of the two templates differ.
+therefore the part of the covariance that comes from the root's template, mapped by the deformation since;
+added is, of the last match, the part that comes from the picture searched in.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,13 +38,18 @@ def relative(warp: FloatArray, reference_warp: FloatArray) -> FloatArray:
     return np.asarray(gradient(warp) @ np.linalg.inv(gradient(reference_warp)))
 
 
-def stretch(F: FloatArray) -> FloatArray:
-    """The larger of the largest principal stretch and the inverse of the smallest [-], shape [...]."""
+def principal(F: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Largest and smallest principal stretch of deformation gradients [-], shape [...] each."""
     total = np.sum(F * F, axis=(-2, -1))
     area = np.abs(np.linalg.det(F))
     root = np.sqrt(np.maximum(total + 2.0 * area, 0.0))
     gap = np.sqrt(np.maximum(total - 2.0 * area, 0.0))
-    largest, smallest = (root + gap) / 2.0, (root - gap) / 2.0
+    return np.asarray((root + gap) / 2.0), np.asarray((root - gap) / 2.0)
+
+
+def stretch(F: FloatArray) -> FloatArray:
+    """The larger of the largest principal stretch and the inverse of the smallest [-], shape [...]."""
+    largest, smallest = principal(F)
     return np.asarray(np.maximum(largest, 1.0 / np.maximum(smallest, 1e-12)))
 
 
@@ -61,15 +65,19 @@ class Template:
     """Covariance that the chain of references carries [px²], shape [m, 2, 2]."""
     root: BoolArray
     """Whether the reference is the root of its chain, shape [m]."""
+    subset: IntArray
+    """Side of the subset in the material picture [px], shape [m]."""
+    variance: FloatArray
+    """Of the grey values around the points in their references [grey²], shape [m]."""
 
     def take(self, rows: IntArray) -> "Template":
         """Those of some points."""
-        return Template(self.frame[rows], self.warp[rows], self.before[rows], self.root[rows])
+        return Template(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     def put(self, rows: IntArray, other: "Template") -> None:
         """Overwrite those of points `rows` in place."""
-        self.frame[rows], self.warp[rows] = other.frame, other.warp
-        self.before[rows], self.root[rows] = other.before, other.root
+        for field in fields(self):
+            getattr(self, field.name)[rows] = getattr(other, field.name)
 
 
 class References:
@@ -78,47 +86,54 @@ class References:
     def __init__(self, n: int) -> None:
         self.level = np.zeros(n, dtype=np.int64)
         """Place of the current reference in the chain, 0 the root, shape [n]."""
-        self._frame = np.zeros((DEPTH, n), dtype=np.int64)
-        self._warp = np.zeros((DEPTH, n, 12))
-        self._before = np.zeros((DEPTH, n, 2, 2))
-        self._own_root = True
-        self.stacks: dict[int, PictureStack] = {}
-        """Prepared pictures by frame."""
+        self._chain = Template(
+            np.zeros((DEPTH, n), dtype=np.int64),
+            np.zeros((DEPTH, n, 12)),
+            np.zeros((DEPTH, n, 2, 2)),
+            np.zeros((DEPTH, n), dtype=bool),
+            np.zeros((DEPTH, n), dtype=np.int64),
+            np.zeros((DEPTH, n)),
+        )
+        self._stacks: dict[int, PictureStack] = {}
+        self._joined: tuple[IntArray, PictureStack] | None = None
         self.pictures: dict[int, Picture] = {}
-        """The same as recorded, for the search."""
+        """Pictures by frame, as recorded."""
 
     def add(self, frame: int, picture: Picture, stack: PictureStack) -> None:
         """Keep a picture that points may take as their reference."""
-        self.stacks[frame], self.pictures[frame] = stack, picture
+        self._stacks[frame], self.pictures[frame] = stack, picture
 
-    def root(self, frame: int, warp: FloatArray, before: FloatArray) -> None:
-        """Start all chains at `frame`, with total warps [n, 12] and covariances [px², n, 2, 2] there."""
+    def prepared(self, frames: IntArray) -> tuple[PictureStack, IntArray]:
+        """A stack that has the pictures of these frames, and where in it they are, shape of `frames`."""
+        wanted = np.unique(frames)
+        if self._joined is None or not np.all(np.isin(wanted, self._joined[0])):
+            if len(wanted) == 1:
+                return self._stacks[int(wanted[0])], np.zeros(len(frames), dtype=np.int64)
+            held = np.unique(np.concatenate([wanted, self._in_use()]))
+            self._joined = held, PictureStack.join([self._stacks[int(frame)] for frame in held])
+        held, stack = self._joined
+        return stack, np.searchsorted(held, frames)
+
+    def start(self, template: Template) -> None:
+        """Give all points the root of their chains."""
         self.level[:] = 0
-        self._frame[0], self._warp[0], self._before[0] = frame, warp, before
-
-    def start_from(self, before: FloatArray) -> None:
-        """Say that the root itself was found by a match, which the chain carries `before` of [px²], [n, 2, 2]."""
-        self._before[0], self._own_root = before, False
+        for field in fields(template):
+            getattr(self._chain, field.name)[0] = getattr(template, field.name)
 
     def template(self, rows: IntArray, back: int = 0) -> Template:
         """References of points `rows`, or those `back` steps earlier in their chains."""
         level = self.level[rows] - back
-        return Template(
-            self._frame[level, rows],
-            self._warp[level, rows],
-            self._before[level, rows],
-            (level == 0) & self._own_root,
-        )
+        return Template(*(getattr(self._chain, field.name)[level, rows] for field in fields(Template)))
 
-    def renew(self, rows: IntArray, frame: IntArray | int, warp: FloatArray, before: FloatArray) -> None:
-        """Give points `rows` a new reference; the oldest but the root is forgotten in a full chain."""
+    def renew(self, rows: IntArray, template: Template) -> None:
+        """Give points `rows` new references; the oldest but the root is forgotten in a full chain."""
         full = rows[self.level[rows] == DEPTH - 1]
-        for kept in (self._frame, self._warp, self._before):
-            kept[1:-1, full] = kept[2:, full]
         self.level[full] -= 1
         self.level[rows] += 1
-        level = self.level[rows]
-        self._frame[level, rows], self._warp[level, rows], self._before[level, rows] = frame, warp, before
+        for field in fields(template):
+            kept = getattr(self._chain, field.name)
+            kept[1:-1, full] = kept[2:, full]
+            kept[self.level[rows], rows] = getattr(template, field.name)
 
     def go_back(self, rows: IntArray) -> None:
         """Return points `rows` to the reference before."""
@@ -126,8 +141,12 @@ class References:
 
     def tidy(self, keep: int) -> None:
         """Let go of the pictures that no chain uses any more, other than frame `keep`."""
-        used = {keep}
-        for level in range(DEPTH):
-            used.update(np.unique(self._frame[level, self.level >= level]).tolist())
-        for frame in [frame for frame in self.stacks if frame not in used]:
-            del self.stacks[frame], self.pictures[frame]
+        used = {keep, *self._in_use().tolist()}
+        for frame in [frame for frame in self._stacks if frame not in used]:
+            del self._stacks[frame], self.pictures[frame]
+        if self._joined is not None and not set(self._joined[0].tolist()) <= used:
+            self._joined = None
+
+    def _in_use(self) -> IntArray:
+        levels = [np.unique(self._chain.frame[level, self.level >= level]) for level in range(DEPTH)]
+        return np.unique(np.concatenate(levels))

@@ -112,7 +112,7 @@ def _eight_bits(picture: Picture) -> NDArray[np.uint8]:
 
 def match_features(reference: Picture, deformed: Picture) -> tuple[FloatArray, FloatArray]:
     """Places that look alike in two pictures (SIFT with Lowe's ratio test) [px], each of shape [m, 2]."""
-    sift = cv2.SIFT_create(nfeatures=FEATURES)
+    sift = cv2.SIFT.create(nfeatures=FEATURES)
     keys, descriptors = [], []
     for picture in (reference, deformed):
         found, described = sift.detectAndCompute(_eight_bits(picture), None)

@@ -17,11 +17,14 @@ class Tracking:
 
     correlation: Correlation = field(default_factory=Correlation)
     """How one subset is matched."""
-    update_stretch: float = 1.3
+    update_stretch: float = 1.5
     """A point whose subset has been stretched or flattened by this factor since its reference takes the
     picture at hand as the new one; above 1."""
     update_zncc: float = 0.9
     """A point whose correlation stays below this in two successive frames takes a new reference too."""
+    growth: float = 1.0
+    """A subset that is flattened in the picture may grow in the material by up to this factor, at changes of
+    reference, so that its shortest side in the picture stays what it was; 1: it keeps its material."""
     return_every: int = 5
     """Frames between attempts to go back to an earlier reference that fits again; 0: never."""
     search: int = 24
@@ -36,6 +39,7 @@ class Tracking:
         checks = (
             ("update_stretch", 1.0 < self.update_stretch <= 10.0, "above 1, at most 10"),
             ("update_zncc", 0.0 <= self.update_zncc < 1.0, "from 0 to below 1"),
+            ("growth", 1.0 <= self.growth <= 10.0, "from 1 to 10"),
             ("return_every", self.return_every >= 0, "0 or more frames"),
             ("search", 0 <= self.search <= 512, "from 0 to 512 px"),
             ("neighbour_gate", self.neighbour_gate > 0.0, "above 0 px"),

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from dic.outcome import PointOutcome
 from dic.tracking.frame_match import FrameMatch
-from dic.tracking.matcher import compose
-from dic.tracking.references import References, Template, relative, stretch
+from dic.tracking.matcher import Matcher, compose
+from dic.tracking.references import References, Template, gradient, principal, relative, stretch
 from dic.tracking.settings import Tracking
 
 FloatArray = NDArray[np.float64]
@@ -18,8 +18,18 @@ BoolArray = NDArray[np.bool_]
 JOIN = 0.7
 """When a point changes its reference, others that have come this far toward it (in ln stretch) join: fewer
 pictures are kept and the neighbours keep a common reference."""
+QUORUM = 0.02
+"""References change when this share of the points found asks for it ..."""
+URGENT = 1.5
+"""... or one has gone this far beyond the limit (in ln stretch)."""
 DROP = 0.05
-"""A poor correlation asks for a new reference only if it has fallen by this much since the reference was new."""
+"""A poor correlation asks for a new reference only if it has fallen by this much since the last change."""
+GROWTH_STEP = 1.2
+"""A growing subset grows by this factor at a time."""
+LARGEST = 101
+"""Largest subset of the match [px]."""
+PROBATION = 5
+"""Frames that a point must do with a reference taken in a hurry before it may take another one so."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +45,26 @@ class Last:
     """Points found in it, shape [n]."""
 
 
+def grown(subset: int, warp: FloatArray, limit: float) -> IntArray:
+    """Side that keeps the shortest side of a flattened subset in the picture [px], shape [n].
+
+    Parameters
+    ----------
+    subset
+        Side of the subset at rest [px].
+    warp
+        Total warps, shape [n, 12].
+    limit
+        Largest growth [-].
+    """
+    smallest = principal(gradient(warp))[1]
+    growth = np.clip(1.0 / np.maximum(smallest, 1e-6), 1.0, limit)
+    # few sizes, so that points can be matched together
+    growth = np.minimum(GROWTH_STEP ** np.ceil(np.log(growth) / np.log(GROWTH_STEP) - 1e-9), limit)
+    side = 2 * np.round((subset * growth - 1.0) / 2.0) + 1
+    return np.asarray(np.minimum(side, LARGEST), dtype=np.int64)
+
+
 class Updates:
     """Decides about the references of n points."""
 
@@ -45,31 +75,40 @@ class Updates:
         """Points whose correlation was poor in the frame before, shape [n]."""
         self.fresh = np.full(n, np.nan)
         """Correlation in the first frame after the reference was taken, shape [n]."""
+        self.hurried = np.full(n, -PROBATION)
+        """Frame, counted from the first, of the last change of reference in a hurry, shape [n]."""
         self.steps = 0
 
+    def _template(
+        self, matcher: Matcher, rows: IntArray, frame: int, warp: FloatArray, carried: FloatArray
+    ) -> Template:
+        """A frame as the reference of points `rows`; warps and covariances of all points."""
+        subset = grown(self.settings.correlation.subset, warp[rows], self.settings.growth)
+        return matcher.template(rows, frame, warp[rows], carried[rows], subset)
+
     def hurry(self, here: FrameMatch, last: Last | None) -> None:
-        """Try lost points with the frame before as their reference, and let them keep it if that finds them."""
+        """Try lost points with the frame before as their reference; those found so keep it."""
         if last is None:
             return
-        rows = np.flatnonzero(~here.valid & last.valid & (here.template.frame != last.frame))
+        calm = self.steps - self.hurried >= PROBATION
+        rows = np.flatnonzero(~here.valid & last.valid & (here.template.frame != last.frame) & calm)
         if len(rows) == 0:
             return
-        template = Template(
-            np.full(len(rows), last.frame),
-            last.warp[rows],
-            last.carried[rows],
-            np.zeros(len(rows), dtype=bool),
-        )
+        template = self._template(here.matcher, rows, last.frame, last.warp, last.carried)
         guess = here.guess[rows]
         lean = here.neighbours.any(here.valid)[rows]
         guess[lean] = here.neighbours.best(here.warp, here.zncc, here.valid, rows[lean])
         found = here.attempt(rows, guess, template)
-        self.references.renew(found, last.frame, last.warp[found], last.carried[found])
-        self.fresh[found] = np.nan
+        self.references.renew(found, here.template.take(found))
+        self.fresh[found], self.hurried[found] = np.nan, self.steps
         here.propagate()
 
     def forward(self, here: FrameMatch, frame: int, carried: FloatArray) -> None:
         """Give the points that ask for it this frame as their reference."""
+        # a reference taken in a hurry that does not last shall not be what the point is searched with later
+        failed = np.flatnonzero(~here.valid & (self.steps - self.hurried < PROBATION))
+        self.references.go_back(failed[self.references.level[failed] > 0])
+        self.hurried[failed] = -PROBATION
         valid = np.flatnonzero(here.valid)
         new = np.isnan(self.fresh[valid])
         self.fresh[valid[new]] = here.zncc[valid[new]]
@@ -79,15 +118,17 @@ class Updates:
         strain = np.log(stretch(relative(here.warp[valid], here.template.warp[valid])))
         limit = np.log(self.settings.update_stretch)
         asks = (strain > limit) | (poor & self.low[valid])
+        if np.mean(asks) < QUORUM:
+            asks = strain > URGENT * limit
         if np.any(asks):
             asks |= strain > JOIN * limit
         rows = valid[asks]
-        self.references.renew(rows, frame, here.warp[rows], carried[rows])
+        self.references.renew(rows, self._template(here.matcher, rows, frame, here.warp, carried))
         self.fresh[rows], low[rows] = np.nan, False
         self.low = low
 
     def back(self, here: FrameMatch) -> None:
-        """Return points to an earlier reference that they look like again; the match with it replaces theirs."""
+        """Return points to an earlier reference that they look like again, and match them with it."""
         self.steps += 1
         if self.settings.return_every == 0 or self.steps % self.settings.return_every != 0:
             return
@@ -118,5 +159,7 @@ def composed(here: FrameMatch) -> tuple[FloatArray, FloatArray]:
     """`compose` for the points found, NaN for the others, each of shape [n, 2, 2]."""
     total, carried = np.full_like(here.covariance, np.nan), np.full_like(here.covariance, np.nan)
     rows = np.flatnonzero(here.valid)
-    total[rows], carried[rows] = compose(here.covariance[rows], here.warp[rows], here.template.take(rows))
+    template, warp = here.template.take(rows), here.warp[rows]
+    beyond = here.matcher.excess(here.zncc[rows], template)
+    total[rows], carried[rows] = compose(here.covariance[rows], warp, template, beyond)
     return total, carried

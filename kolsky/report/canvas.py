@@ -2,7 +2,7 @@
 
 import io
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,27 +21,32 @@ _MM_PER_INCH = 25.4
 _SVG, _LINK = "{http://www.w3.org/2000/svg}", "{http://www.w3.org/1999/xlink}"
 
 
-def build(kind: FigureKind, identification: Identification) -> Figure:
+def build(kind: FigureKind[Any], shown: Any) -> Figure:
     """Draw one figure in its journal size.
 
     Parameters
     ----------
     kind : FigureKind
-        An entry of `figures.REGISTRY`.
-    identification : Identification
-        The result to draw; `kind.applies` must be true for it.
+        An entry of one of the registries in `figures`.
+    shown : Identification or View
+        What that registry's figures show; `kind.applies` must be true for it.
     """
-    size = (kind.width / _MM_PER_INCH, kind.height(identification) / _MM_PER_INCH)
+    size = (kind.width / _MM_PER_INCH, kind.height(shown) / _MM_PER_INCH)
     with matplotlib.rc_context(fname=STYLE):
         figure = Figure(figsize=size, layout="constrained")
         FigureCanvasAgg(figure)
-        mosaic: list[Any] = kind.panels(identification)
-        kind.draw(in_shown_units(identification), figure.subplot_mosaic(mosaic, **kind.mosaic))
+        mosaic: list[Any] = kind.panels(shown)
+        drawn = in_shown_units(shown) if isinstance(shown, Identification) else shown
+        kind.draw(drawn, figure.subplot_mosaic(mosaic, **kind.mosaic))
     return figure
 
 
 def save_figures(
-    folder: Path, identification: Identification, *, formats: Iterable[str] = FORMATS
+    folder: Path,
+    shown: Any,
+    *,
+    formats: Iterable[str] = FORMATS,
+    registry: Mapping[str, FigureKind[Any]] = REGISTRY,
 ) -> list[Path]:
     """Save every figure that applies as `<name>.<format>`, each atomically.
 
@@ -49,8 +54,12 @@ def save_figures(
     ----------
     folder : Path
         Where to; made if absent.
+    shown : Identification or View
+        What the figures of the registry show.
     formats : iterable of str
         Any of "pdf", "svg" and "png" (600 dots per inch).
+    registry : mapping
+        The figures.
 
     Raises
     ------
@@ -64,10 +73,10 @@ def save_figures(
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     written = []
-    for kind in REGISTRY.values():
-        if not kind.applies(identification):
+    for kind in registry.values():
+        if not kind.applies(shown):
             continue
-        figure = build(kind, identification)
+        figure = build(kind, shown)
         for name in formats:
             path = folder / f"{kind.name}.{name}"
             with replacing(path) as partial:
@@ -76,14 +85,14 @@ def save_figures(
     return written
 
 
-def inline_svg(kind: FigureKind, identification: Identification) -> str:
+def inline_svg(kind: FigureKind[Any], shown: Any) -> str:
     """One figure as SVG to stand inside an HTML page.
 
     Ids carry the figure's name, so that several figures of a page cannot clash. Namespaces, metadata and
     the document head are left out: HTML needs none, and nothing in the page then names another address.
     """
     buffer = io.BytesIO()
-    _save(build(kind, identification), buffer, "svg")
+    _save(build(kind, shown), buffer, "svg")
     root = ElementTree.fromstring(buffer.getvalue().decode())
     for metadata in root.findall(f"{_SVG}metadata"):
         root.remove(metadata)

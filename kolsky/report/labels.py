@@ -9,6 +9,11 @@ STAGES = {
     "noise": "replicates of the input noise",
     "simulation": "simulation",
     "sweep": "sweep",
+    "calibration": "calibration pictures",
+    "specimen, camera 0": "specimen in camera 0",
+    "specimen, camera 1": "specimen in camera 1",
+    "flyer, camera 0": "flyer in camera 0",
+    "flyer, camera 1": "flyer in camera 1",
 }
 """Stages of the work."""
 

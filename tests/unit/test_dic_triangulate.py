@@ -9,12 +9,11 @@ from dic import Camera, StereoRig
 from dic.stereo import (
     calibration_sigma,
     calibration_slopes,
-    epipolar_curve,
     epipolar_distance,
-    epipolar_sigma,
     projection_error,
     triangulate,
 )
+from dic.stereo.epipolar import epipolar_curve, epipolar_sigma
 
 LENS = (-0.18, 0.4, 1e-3, -2e-3, -0.3)
 NOISE0 = np.array([[4e-4, 1e-4], [1e-4, 2e-4]])
@@ -68,6 +67,19 @@ def test_projection_and_its_undoing_are_opencv_s(k: int) -> None:
     np.testing.assert_allclose(cam.undistort(expected), ideal, atol=1e-11)  # undistort's own tolerance 1e-12
 
 
+@pytest.mark.parametrize("pixel", [2200.0, 5000.0, 1e5, 1e200])
+def test_a_lens_that_folds_back_is_told(pixel: float) -> None:
+    # r (1 - 0.8 r²) is largest, 0.43, at r = 0.65: nothing is seen beyond 430 px from the middle.
+    cam = Camera(1000.0, 1000.0, 0.0, 0.0, distortion=(-0.8, 0.0, 0.0, 0.0, 0.0))
+    np.testing.assert_allclose(cam.distort(cam.undistort(np.array([400.0, 0.0]))), [0.4, 0.0], atol=1e-12)
+    pixels = np.array([[100.0, 50.0], [np.nan, 10.0], [pixel, 0.0]])
+    with pytest.raises(ValueError, match=r"cannot be undone at pixel \["):
+        cam.undistort(pixels)
+    ideal = cam.undistort(pixels[:2])
+    assert np.isfinite(ideal[0]).all()
+    assert np.isnan(ideal[1]).all()
+
+
 def test_points_come_back_exactly() -> None:
     X = points(500)
     found = triangulate(RIG, RIG.cameras[0].project(X), RIG.cameras[1].project(X), NOISE0, NOISE1)
@@ -118,7 +130,21 @@ def test_covariance_follows_each_point_s_own_noise() -> None:
     scale = np.array([1.0, 9.0])[:, None, None]
     each = triangulate(RIG, *seen, scale * NOISE0, scale * NOISE1).covariance
     alone = triangulate(RIG, *seen, NOISE0, NOISE1).covariance
-    np.testing.assert_allclose(each, scale * alone, rtol=1e-9)  # linear in the noise
+    np.testing.assert_allclose(each, scale * alone, rtol=1e-6)  # linear in the noise, but for EXACT over 2e-4
+
+
+def test_a_chosen_place_is_exact() -> None:
+    """A material point in its own picture has no noise: the position lies on its line of sight."""
+    x = points(1, seed=3)[0]
+    first, second = RIG.cameras
+    seen1 = np.random.default_rng(6).multivariate_normal(second.project(x), NOISE1, 20_000)
+    seen0 = np.broadcast_to(first.project(x), seen1.shape)
+    found = triangulate(RIG, seen0, seen1, np.zeros((2, 2)), NOISE1)
+    assert np.abs(first.project(found.position) - seen0).max() < 1e-4  # EXACT over NOISE1, times its noise
+    along = (x - first.centre) / np.linalg.norm(x - first.centre)
+    predicted = np.sqrt(along @ found.covariance[0] @ along)
+    spread = ((found.position - x) @ along).std()
+    assert spread / predicted == pytest.approx(1.0, abs=5.0 / np.sqrt(2.0 * len(seen1)))
 
 
 def test_epipolar_distance_is_that_to_the_curve_opencv_draws() -> None:
@@ -212,7 +238,7 @@ def test_parallel_lines_of_sight_meet_nowhere() -> None:
 @pytest.mark.parametrize(
     ("covariance", "words"),
     [
-        (np.array([[1.0, 2.0], [2.0, 1.0]]), "covariance1 of point .*positive definite"),
+        (np.array([[1.0, 2.0], [2.0, 1.0]]), "covariance1 of point .*negative eigenvalue"),
         (np.full((2, 2), np.nan), "covariance1 of point"),
         (np.eye(3), r"shape \(3, 3\), must be \(2, 2\)"),
     ],

@@ -10,6 +10,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from dic.correlation.kernels.device import select_device
+from dic.correlation.kernels.grain import between_pixels, gradient_noise
 from dic.correlation.kernels.search import search_source
 from dic.correlation.kernels.spline import PAD
 from dic.correlation.match import Match
@@ -17,7 +18,7 @@ from dic.correlation.settings import Correlation
 from dic.correlation.stack import PictureStack
 from dic.outcome import PointOutcome
 
-FLAGS = "-march=native -mprefer-vector-width=512 -mstackrealign"
+FLAGS = "-march=native -ffp-contract=fast -mprefer-vector-width=512 -mstackrealign"
 SHARE = 512
 """Points a CPU thread takes at a time."""
 WARPS_PER_PROCESSOR = 16
@@ -78,6 +79,11 @@ class Job:
     tolerance: wp.float64
     least_zncc: wp.float64
     least_pixels: wp.float64
+    prefilter: wp.float64
+    grit: wp.float64
+    between: wp.float64
+    spread: wp.vec4f
+    slope: wp.vec4f
     offsets: wp.array(dtype=wp.float32)
     scratch: wp.array(dtype=wp.float32)
     warp: wp.array(dtype=wp.float64)
@@ -177,6 +183,9 @@ def search(
     job.subset, job.max_iterations = settings.subset, settings.max_iterations
     job.tolerance, job.least_zncc = settings.tolerance, settings.least_zncc
     job.least_pixels = settings.least_pixels
+    job.prefilter, job.grit = settings.prefilter, gradient_noise(settings.prefilter)
+    job.between, spread, slope = between_pixels(settings.prefilter)
+    job.spread, job.slope = wp.vec4f(*spread), wp.vec4f(*slope)
     table, job.room = offsets(settings.subset)
     job.offsets = to_device(table, wp.float32)
     job.warp = wp.empty(12 * n, dtype=wp.float64, device=device)

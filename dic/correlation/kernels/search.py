@@ -1,5 +1,6 @@
 """The C++ of the search: inverse-compositional Gauss-Newton from a guess to an outcome."""
 
+from dic.correlation.kernels.grain import GRAIN
 from dic.correlation.kernels.jets import JETS
 from dic.correlation.kernels.packs import PACKS
 from dic.correlation.kernels.spline import SPLINE
@@ -39,7 +40,9 @@ _SEARCH = """
             outcome = OUT_OF_VIEW;
         } else {
             // The template and its gradient by the offset in the subset.
-            pack counted = op::all(0.0f), total = counted;
+            pack counted = op::all(0.0f), total = counted, grit = counted, tilt[K];
+            for (int j = 0; j < K; ++j) tilt[j] = op::all(0.0f);
+            monomials at;
             for (int k = start; k < room; k += STEP) {
                 const pack x = op::load(X + k), y = op::load(Y + k);
                 pack u = op::load(U + k), px, py, gx, gy;
@@ -51,6 +54,14 @@ _SEARCH = """
                 op::store(W + k, u); op::store(T + k, t);
                 op::store(GX + k, gx); op::store(GY + k, gy);
                 counted += u; total += u * t;
+                pack dx, dy;
+                grit += u * grain::drift(&job.spread[0], &job.slope[0], px, py, &dx, &dy);
+                from.turn(x, y, &dx, &dy);
+                at.set(x, y);
+                for (int j = 0; j < ORDER; ++j) {
+                    tilt[j] += u * dx * at.m[j];
+                    tilt[ORDER + j] += u * dy * at.m[j];
+                }
             }
             const double n = op::sum(counted);
             if (n < job.least_pixels * square) {
@@ -60,9 +71,21 @@ _SEARCH = """
                 for (int k = start; k < room; k += STEP) op::store(T + k, op::load(T + k) - level);
                 N.sum(W, T, GX, GY, X, Y, room, start);
                 bool whole = true;  // N holds the whole template
+                double drift[K];
+                for (int j = 0; j < K; ++j) drift[j] = op::sum(tilt[j]);
+                const double between_f = op::sum(grit) / n;
                 double offset = level, contrast = 1.0, brightness = level;
+                double noise_f = 0.0, noise_g = 0.0, share = 0.0;
                 while (true) {
-                    if (!N.definite) { outcome = LOW_CONTRAST; break; }
+                    // Gradients must hold more of the pattern than of the reference's noise.
+                    noise_f = job.f_floor.data[a] + job.f_gain.data[a] * op::positive(N.mean + level);
+                    const double added = job.grit * noise_f * N.n;
+                    const double xx = N.gradient[0] - 2.0 * added * (F0[0] * F0[0] + F0[2] * F0[2]);
+                    const double xy = N.gradient[1] - 2.0 * added * (F0[0] * F0[1] + F0[2] * F0[3]);
+                    const double yy = N.gradient[2] - 2.0 * added * (F0[1] * F0[1] + F0[3] * F0[3]);
+                    if (!N.definite || !(xx > 0.0 && xx * yy > xy * xy)) { outcome = LOW_CONTRAST; break; }
+                    share = added * (F0[0] * F0[0] + F0[1] * F0[1] + F0[2] * F0[2] + F0[3] * F0[3])
+                        / (N.gradient[0] + N.gradient[2]);
                     to.set(g, cx, cy, w, h);
                     jet::at(w, 0.0, 0.0, here, F1);
                     if (!to.sane) { outcome = OUT_OF_VIEW; break; }
@@ -88,7 +111,6 @@ _SEARCH = """
                     }
                     pack g1 = op::all(0.0f), g2 = g1, tg = g1, s[K];
                     for (int j = 0; j < K; ++j) s[j] = op::all(0.0f);
-                    monomials at;
                     const float zero = (float)offset;
                     for (int k = start; k < room; k += STEP) {
                         const pack x = op::load(X + k), y = op::load(Y + k);
@@ -100,19 +122,28 @@ _SEARCH = """
                         g1 += wv; g2 += wv * v; tg += wv * op::load(T + k);
                         const pack ax = wv * op::load(GX + k), ay = wv * op::load(GY + k);
                         at.set(x, y);
-                        for (int j = 0; j < ORDER; ++j) { s[j] += ax * at.m[j]; s[ORDER + j] += ay * at.m[j]; }
+                        for (int j = 0; j < ORDER; ++j) {
+                            s[j] += ax * at.m[j];
+                            s[ORDER + j] += ay * at.m[j];
+                        }
                     }
                     const double sum = op::sum(g1), mean = sum / N.n;
                     const double energy = op::sum(g2) - mean * sum, cross = op::sum(tg) - N.mean * sum;
-                    if (!(energy > 0.0)) { outcome = LOW_CONTRAST; break; }
+                    brightness = mean + zero;
+                    noise_g = job.g_floor.data[b] + job.g_gain.data[b] * op::positive(brightness);
+                    // Little more than noise, or than what fp32 leaves of a grey value.
+                    if (!(energy > N.n * (1.5 * job.between * noise_g + 1e-10 * brightness * brightness))) {
+                        outcome = LOW_CONTRAST;
+                        break;
+                    }
                     zncc = cross / sqrt(energy * N.energy);
                     contrast = sqrt(energy / N.energy);
-                    brightness = mean + zero;
                     offset = brightness;
                     if (iterations == job.max_iterations) { outcome = NOT_CONVERGED; break; }
                     double d[K];
                     for (int j = 0; j < K; ++j)
-                        d[j] = (op::sum(s[j]) - mean * N.S[j] - cross / N.energy * N.q[j]) / contrast;
+                        d[j] = (op::sum(s[j]) - mean * N.S[j] - cross / N.energy * N.q[j]) / contrast
+                            + noise_f * drift[j];
                     N.solve(d);
                     for (int k = 0; k < 12; ++k) step[k] = 0.0;
                     step[0] = d[0]; step[1] = d[ORDER];
@@ -136,10 +167,17 @@ _SEARCH = """
                             N.solve(column[c]);
                         }
                         jet::at(w, 0.0, 0.0, here, F1);
-                        const double noise_f = (job.f_floor.data[a] + job.f_gain.data[a] * op::positive(N.mean + level));
-                        const double noise_g = (job.g_floor.data[b] + job.g_gain.data[b] * op::positive(brightness));
-                        const double variance = noise_f / fabs(F0[0] * F0[3] - F0[1] * F0[2])
-                            + noise_g / fabs(F1[0] * F1[3] - F1[1] * F1[2]) / (contrast * contrast);
+                        const double spectrum[3] = {N.gradient[0] / N.energy, N.gradient[1] / N.energy,
+                                                    N.gradient[2] / N.energy};
+                        const double smooth = job.prefilter * job.prefilter;
+                        const double kept = 1.0 - share;
+                        const double expected =
+                            noise_f * between_f + noise_g * job.between / (contrast * contrast);
+                        // Where the residual is larger than the noise explains, so is the variance.
+                        const double excess = (2.0 - 2.0 * zncc) * N.energy / N.n;
+                        const double variance = (noise_f * grain::gain(F0, smooth, spectrum)
+                            + noise_g * grain::gain(F1, smooth, spectrum) / (contrast * contrast))
+                            / (kept * kept) * (excess > expected ? excess / expected : 1.0);
                         const double xx = column[0][0] * variance, xy = column[0][ORDER] * variance;
                         const double yy = column[1][ORDER] * variance;
                         covariance[0] = F1[0] * (F1[0] * xx + F1[1] * xy) + F1[1] * (F1[0] * xy + F1[1] * yy);
@@ -166,4 +204,4 @@ def search_source(parameters: int) -> str:
     text = f"    constexpr int ORDER = {parameters // 2};  // monomials of a displacement component\n"
     for outcome in PointOutcome:
         text += f"    constexpr int {outcome.name} = {outcome.value};\n"
-    return text + PACKS + JETS + SPLINE + SUBSET + _SEARCH
+    return text + PACKS + JETS + SPLINE + GRAIN + SUBSET + _SEARCH

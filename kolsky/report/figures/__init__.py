@@ -1,21 +1,36 @@
 """Figures, one file each; a new one is its file and one line of `REGISTRY`."""
 
+from typing import Any
+
 from kolsky.report.figures import (
     contour,
     energy,
+    flyer_motion,
     force,
     force_residual,
+    kymograph,
+    lost_points,
     meshes,
     misfit,
+    overlay_epipolar,
+    overlay_sigma,
     profiles,
     shape_residual,
+    speckle_floor,
 )
 from kolsky.report.figures.base import FigureKind
 
-__all__ = ["REGISTRY", "FigureKind"]
+__all__ = ["REGISTRY", "SPECKLES", "SURFACES", "FigureKind"]
 
-REGISTRY: dict[str, FigureKind] = {
+REGISTRY: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND
     for module in (force, shape_residual, profiles, force_residual, misfit, contour, energy, meshes)
 }
-"""Every figure by name, in the order of the report."""
+"""Every figure of an identification by name, in the order of its report."""
+SURFACES: dict[str, FigureKind[Any]] = {
+    module.KIND.name: module.KIND
+    for module in (overlay_sigma, overlay_epipolar, lost_points, kymograph, flyer_motion)
+}
+"""Every figure of the surfaces that pictures gave, likewise."""
+SPECKLES: dict[str, FigureKind[Any]] = {speckle_floor.KIND.name: speckle_floor.KIND}
+"""Every figure of a speckle pattern, likewise."""

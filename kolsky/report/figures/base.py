@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from kolsky.identification import Identification
 
 Panels = Mapping[str, Axes]
+Shown = TypeVar("Shown")
+"""What a figure shows: an identification, or the surfaces of a shot."""
 
 MEASURED = "#000000"
 MODEL = "#D55E00"
@@ -33,24 +35,24 @@ COLUMN, PAGE = 85.0, 170.0
 
 
 @dataclass(frozen=True)
-class FigureKind:
-    """One figure of the report. A new one is one file and one line of the registry."""
+class FigureKind(Generic[Shown]):
+    """One figure of a report. A new one is one file and one line of the registry."""
 
     name: str
     """Name of the saved file, letters, digits and hyphens."""
     width: float
     """Width [mm]."""
-    height: Callable[[Identification], float]
+    height: Callable[[Shown], float]
     """Height [mm]."""
-    caption: Callable[[Identification], str]
+    caption: Callable[[Shown], str]
     """What is seen, in plain text."""
-    panels: Callable[[Identification], list[list[str]]]
+    panels: Callable[[Shown], list[list[str]]]
     """Mosaic of panel names, as `Figure.subplot_mosaic` takes it; "." leaves a place empty."""
-    draw: Callable[[Identification, Panels], None]
+    draw: Callable[[Shown, Panels], None]
     """Draws a result into the panels; computes nothing but differences and ratios of what it is given."""
     mosaic: dict[str, Any] = field(default_factory=dict)
     """Further options of `Figure.subplot_mosaic`."""
-    applies: Callable[[Identification], bool] = lambda result: True
+    applies: Callable[[Shown], bool] = lambda result: True
     """Whether there is something to draw."""
 
 

@@ -20,6 +20,8 @@ from dic.stereo.sight import directions, projection_slope
 
 FloatArray = NDArray[np.float64]
 
+EXACT = 1e-10
+"""Variance that is added to all, so that a place which was chosen has a weight too [px²]: (1e-5 px)²."""
 STEPS = 10
 """Gauss-Newton steps at most; two are enough unless the cameras disagree by many pixels."""
 
@@ -76,8 +78,8 @@ def triangulate(
     pixels0, pixels1
         One point seen by both, a row each (x, y) [px], shapes [..., 2].
     covariance0, covariance1
-        Of the pixels, independent between the cameras [px²], shapes [..., 2, 2] or [2, 2]; positive definite
-        wherever the pixels are finite.
+        Of the pixels, independent between the cameras [px²], shapes [..., 2, 2] or [2, 2], wherever the
+        pixels are finite; zero for a place that was chosen, as a material point's in its own picture.
 
     Returns
     -------
@@ -137,16 +139,17 @@ def _weight(covariance: FloatArray, seen: NDArray[np.bool_], camera: int) -> Flo
         )
     used = np.broadcast_to(covariance, (*seen.shape, 2, 2))[seen]
     a, b, c, d = used[:, 0, 0], used[:, 0, 1], used[:, 1, 0], used[:, 1, 1]
-    determinant = a * d - b * c
-    fine = np.isfinite(determinant) & (determinant > 0.0) & (a > 0.0) & (np.abs(b - c) <= 1e-6 * (a + d))
+    tiny = 1e-6 * (a + d)
+    fine = (a >= 0.0) & (d >= 0.0) & (np.abs(b - c) <= tiny) & (a * d - b * c >= -(tiny**2))
     if not np.all(fine):
         point, found = np.argwhere(seen)[np.argmin(fine)].tolist(), used[np.argmin(fine)].tolist()
         raise ValueError(
-            f"covariance{camera} of point {point} is {found} px², must be "
-            "symmetric and positive definite: give the point an outcome instead"
+            f"covariance{camera} of point {point} is {found} px², must be symmetric and have no negative "
+            "eigenvalue: give the point an outcome instead"
         )
+    a, d = a + EXACT, d + EXACT
     inverse = np.stack([np.stack([d, -b], axis=-1), np.stack([-c, a], axis=-1)], axis=-2)
-    return np.asarray(inverse / determinant[:, None, None])
+    return np.asarray(inverse / (a * d - b * c)[:, None, None])
 
 
 def _nearest(

@@ -1,13 +1,13 @@
 """What the caller knows of a series and its file does not say, or says wrongly."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.images.checks import MOST_FRAMES, Grey, checked_index
+from dic.images.checks import MOST_FRAMES, Grey, checked_frame, checked_index
 from dic.images.series import PictureError, Pictures
 
 
@@ -47,16 +47,7 @@ class DeclaredPictures:
                 frame=index,
                 cure="export the pictures again",
             )
-        picture = self.pictures.frame(index)
-        largest = int(picture.max())
-        if largest >= 2**self.bits:
-            raise PictureError(
-                self.path,
-                f"its largest grey value is {largest}, {self.bits} bits hold {2**self.bits - 1}",
-                frame=index,
-                cure=f"declare bits={largest.bit_length()} or more",
-            )
-        return picture
+        return checked_frame(self.path, index, self.pictures.frame(index), self.shape, self.bits)
 
 
 def declared(
@@ -107,4 +98,6 @@ def declared(
                 f"{pictures.path}: times must be {count} finite and rising seconds, one a frame, "
                 f"got {clock.size} from {clock.min(initial=np.inf)} to {clock.max(initial=-np.inf)}"
             )
+    if is_dataclass(pictures) and not isinstance(pictures, type):
+        pictures = replace(pictures, bits=used)  # the reader holds its frames to this and not to its header
     return DeclaredPictures(pictures, count, used, offset, clock)

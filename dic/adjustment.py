@@ -1,0 +1,215 @@
+"""Least squares over all sights of a rigid body's points: poses and points together.
+
+``x_ik = R_k X_i + p_k`` is the place of point i in frame k. The places X_i on the body are eliminated by
+Schur's complement; what remains has six unknowns a frame, and six combinations of them are open until a
+frame of the body is chosen.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+from scipy.spatial.transform import Rotation
+
+from dic.rigid import FEWEST_POINTS, kabsch, lever
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+MOST_ROUNDS = 10
+MOST_STEPS = 50
+FLATTEST = 1e-10
+"""Least eigenvalue of a frame's normal matrix, its diagonal 1, that counts as a known pose."""
+
+
+@dataclass(frozen=True)
+class Sights:
+    """Where the points were seen, frame by frame."""
+
+    x: FloatArray
+    """Places [m], shape [n_frames, n_points, 3]; zero where not valid."""
+    W: FloatArray
+    """Inverse covariances [1/m²], shape [n_frames, n_points, 3, 3]; zero where not valid."""
+    valid: BoolArray
+    """Which sights are used, shape [n_frames, n_points]."""
+    factor: FloatArray
+    """Variance factors for overlap [-], shape [n_frames, n_points]."""
+
+    @property
+    def weights(self) -> FloatArray:
+        """Inverse covariances for the sums over points, zero where not used [1/m²]."""
+        return self.W * (self.valid / self.factor)[..., None, None]
+
+    def part(self, frames: IntArray, points: IntArray) -> "Sights":
+        """Some frames and points."""
+        at = np.ix_(frames, points)
+        return Sights(self.x[at], self.W[at], self.valid[at], self.factor[at])
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Poses of the frames that hang together by common points."""
+
+    frames: IntArray
+    """Their numbers, shape [n]."""
+    R: FloatArray
+    """Rotations, shape [n, 3, 3]."""
+    p: FloatArray
+    """Places of the body's origin [m], shape [n, 3]."""
+    covariance: FloatArray
+    """Of small rotations after R [rad] and shifts of p [m], up to motions common to all frames, in the
+    declared sigmas; shape [n, 6, n, 6]."""
+    count: IntArray
+    """Sights used in each of the frames, shape [n]."""
+    chi2_per_dof: float
+    """Sum of squared residuals in the declared sigmas over the degrees of freedom [-]."""
+
+
+def adjust(sights: Sights, turn: float | None, reject: float) -> Poses:
+    """Poses of all frames that are connected with the one that sees most points.
+
+    Parameters
+    ----------
+    sights
+        What was seen.
+    turn
+        Standard deviation of the change of attitude between neighbouring frames [rad], or None.
+    reject
+        Sights farther off than this many (robust) sigmas are left out.
+
+    Raises
+    ------
+    ValueError
+        If no frame sees enough points, or the iteration does not settle.
+    """
+    for _ in range(MOST_ROUNDS):
+        frames, points, R, p, X = _chain(sights)
+        now = sights.part(frames, points)
+        # Lengths in the body's size and in typical sigmas keep the normal matrix well conditioned.
+        size = float(np.sqrt(np.mean(X**2)))
+        sigma = float(np.sqrt(3.0 / np.median(np.trace(now.W[now.valid], axis1=1, axis2=2))))
+        for _ in range(MOST_STEPS):
+            R, p, X, step, covariance = _step(now, R, p, X, turn, frames, size, sigma)
+            if step < 1e-4:
+                break
+        else:
+            raise ValueError(f"the body's poses did not settle in {MOST_STEPS} steps; check its points")
+        off = now.x - np.einsum("kab,ib->kia", R, X) - p[:, None]
+        far = np.sqrt(np.einsum("kia,kiab,kib->ki", off, now.W, off, optimize=True) / 3.0)
+        limit = reject * max(1.0, 1.4826 * float(np.median(far[now.valid])))
+        if not np.any(now.valid & (far > limit)):
+            break
+        valid = sights.valid.copy()
+        valid[np.ix_(frames, points)] &= far <= limit
+        sights = replace(sights, valid=valid & (valid.sum(axis=0) >= 2))
+    dof = 3 * int(now.valid.sum()) - 3 * len(points) - 6 * len(frames) + 6
+    chi2 = 3.0 * float(np.sum(far[now.valid] ** 2)) / dof if dof > 0 else 1.0
+    return Poses(frames, R, p, covariance, now.valid.sum(axis=1), chi2)
+
+
+def _chain(sights: Sights) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
+    """Frames and points that hang together, rough poses, places on the body about their centroid."""
+    n_frames, n_points = sights.valid.shape
+    weight = np.trace(sights.weights, axis1=2, axis2=3)
+    R, p = np.tile(np.eye(3), (n_frames, 1, 1)), np.zeros((n_frames, 3))
+    X = np.zeros((n_points, 3))
+    solved, known = np.zeros(n_frames, dtype=bool), np.zeros(n_points, dtype=bool)
+    barred = np.zeros(n_frames, dtype=bool)
+    while True:
+        common = sights.valid & known if solved.any() else sights.valid
+        count = np.where(solved | barred, 0, common.sum(axis=1))
+        k = int(np.argmax(count))
+        if count[k] < FEWEST_POINTS:
+            break
+        who = common[k]
+        if not _determined(sights.x[k, who], sights.weights[k, who]):
+            barred[k] = True
+            continue
+        if solved.any():
+            R[k], p[k] = kabsch(X[who], sights.x[k, who], weight[k, who])
+        new = sights.valid[k] & ~known
+        X[new] = (sights.x[k, new] - p[k]) @ R[k]
+        solved[k], known = True, known | new
+        if new.any():
+            barred[:] = False  # more points may determine what was open
+    if not solved.any():
+        raise ValueError(
+            f"no frame sees {FEWEST_POINTS} points of the body, not on one line, that another frame sees "
+            "too; choose more points, or look at their outcomes"
+        )
+    centre = X[known].mean(axis=0)
+    p = p + np.einsum("kab,b->ka", R, centre)
+    frames, points = np.flatnonzero(solved), np.flatnonzero(known)
+    return frames, points, R[frames], p[frames], X[points] - centre
+
+
+def _determined(x: FloatArray, W: FloatArray) -> bool:
+    """Whether points fix a pose."""
+    J = lever(x - x.mean(axis=0))
+    A = np.einsum("nia,nij,njb->ab", J, W, J, optimize=True)
+    unit = np.sqrt(np.diag(A))
+    return bool((unit > 0.0).all() and np.linalg.eigvalsh(A / np.outer(unit, unit))[0] > FLATTEST)
+
+
+def _step(
+    sights: Sights,
+    R: FloatArray,
+    p: FloatArray,
+    X: FloatArray,
+    turn: float | None,
+    frames: IntArray,
+    size: float,
+    sigma: float,
+) -> tuple[FloatArray, FloatArray, FloatArray, float, FloatArray]:
+    """One Gauss-Newton step: poses, points, largest change in sigmas, covariance of the poses."""
+    n, m = len(R), len(X)
+    unit = sigma * np.repeat([1.0 / size, 1.0], 3)  # rad and m
+    W = sights.weights * sigma**2
+    turned = np.einsum("kab,ib->kia", R, X)
+    J = lever(turned) * (unit / sigma)
+    e = (sights.x - turned - p[:, None]) / sigma
+    WJ, WR = W @ J, W @ R[:, None]
+    A = np.einsum("kija,kijb->kab", J, WJ, optimize=True)
+    B = np.einsum("kija,kijb->kaib", J, WR, optimize=True).reshape(6 * n, 3 * m)
+    D = np.linalg.inv(np.einsum("kja,kijb->iab", R, WR, optimize=True))
+    pose = np.einsum("kija,kij->ka", WJ, e, optimize=True).ravel()
+    point = np.einsum("kija,kij->ia", WR, e, optimize=True)
+    BD = np.einsum("rib,ibc->ric", B.reshape(6 * n, m, 3), D, optimize=True).reshape(6 * n, 3 * m)
+    S = -BD @ B.T
+    S.reshape(n, 6, n, 6)[np.arange(n), :, np.arange(n)] += A
+    right = pose - BD @ point.ravel()
+    if turn is not None:
+        _add_turns(S.reshape(n, 6, n, 6), right.reshape(n, 6), R, frames, turn / unit[0], unit[0])
+    # The body's own frame is open: its six motions get a value of their own.
+    common = np.zeros((n, 6, 6))
+    common[:, :3, :3] = common[:, 3:, 3:] = R
+    N = common.reshape(6 * n, 6)
+    factor = cho_factor(S + float(np.trace(S)) / (6 * n) ** 2 * (N @ N.T), check_finite=False)
+    change = cho_solve(factor, right).reshape(n, 6)
+    moved = np.einsum("iab,ib->ia", D, point - (change.ravel() @ B).reshape(m, 3)) * sigma
+    covariance = cho_solve(factor, np.eye(6 * n)).reshape(n, 6, n, 6)
+    covariance = covariance * unit[:, None, None] * unit
+    return (
+        Rotation.from_rotvec(change[:, :3] * unit[0]).as_matrix() @ R,
+        p + change[:, 3:] * sigma,
+        X + moved,
+        float(np.abs(change).max()),
+        covariance,
+    )
+
+
+def _add_turns(
+    S: FloatArray, right: FloatArray, R: FloatArray, frames: IntArray, turn: float, unit: float
+) -> None:
+    """Add the prior of small turns between neighbouring frames, `turn` in `unit`s of angle."""
+    for a, b in zip(range(len(R) - 1), range(1, len(R)), strict=True):
+        w = np.eye(3) / (turn**2 * (frames[b] - frames[a]))
+        r = Rotation.from_matrix(R[b] @ R[a].T).as_rotvec() / unit
+        S[a, :3, a, :3] += w
+        S[b, :3, b, :3] += w
+        S[a, :3, b, :3] -= w
+        S[b, :3, a, :3] -= w
+        right[a, :3] += w @ r
+        right[b, :3] -= w @ r

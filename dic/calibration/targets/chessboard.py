@@ -1,0 +1,89 @@
+"""Chessboard."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.calibration.corners import corner_sigma, eight_bits, refined
+from dic.calibration.targets.base import Detection, Geometry, TargetNotFound, counts, positive
+
+LARGE = 1000
+"""A picture with a side longer than this [px] is searched at reduced size."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chessboard:
+    """Inner corners of a chessboard; corner (column, row) has number ``row * columns + column``.
+
+    Half a turn makes another numbering of the same board (four quarter turns if it has as many rows as
+    columns). Camera 0's picture decides; camera 1's numbering is the one that fits it, so the cameras may
+    be rolled against each other.
+
+    Raises
+    ------
+    ValueError
+        Fewer than three corners in a row or column, or a pitch that is not positive.
+    """
+
+    columns: int
+    """Inner corners in a row: one less than squares."""
+    rows: int
+    """Inner corners in a column."""
+    pitch: float
+    """Side of a square [m]."""
+
+    def __post_init__(self) -> None:
+        counts(3, columns=self.columns, rows=self.rows)
+        positive(pitch=self.pitch)
+
+    def geometry(self) -> Geometry:
+        """Its corners; what is located is the corner itself, so no patch has a spread."""
+        row, column = np.mgrid[: self.rows, : self.columns]
+        n = self.rows * self.columns
+        points = np.stack([column.ravel(), row.ravel(), np.zeros(n)], axis=1) * self.pitch
+        grid = np.arange(n).reshape(self.rows, self.columns)
+        turns = range(4) if self.rows == self.columns else (0, 2)
+        equivalents = np.stack([np.rot90(grid, k).ravel() for k in turns])
+        return Geometry(points, np.tile([0.0, 0.0, 1.0], (n, 1)), np.zeros(n), np.zeros((n, 3)), equivalents)
+
+    def detect(self, picture: NDArray[np.generic]) -> Detection:
+        """Its corners in a picture; the board must be wholly in view.
+
+        `cv2.findChessboardCornersSB` finds them [Duda2018]_, `cv2.cornerSubPix` locates them in the full
+        picture.
+
+        .. [Duda2018] A. Duda, U. Frese, Accurate detection and localization of checkerboard corners for
+           calibration, British Machine Vision Conference, 2018.
+
+        Raises
+        ------
+        TargetNotFound
+            If the board is not found whole.
+        """
+        image = eight_bits(picture)
+        scale = max(1.0, max(image.shape) / LARGE)
+        small = (
+            image if scale == 1.0 else cv2.resize(image, None, fx=1 / scale, fy=1 / scale, interpolation=3)
+        )
+        size, corners = (self.columns, self.rows), None
+        for flags in (cv2.CALIB_CB_ACCURACY, cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_EXHAUSTIVE):
+            found, corners = cv2.findChessboardCornersSB(
+                small, size, flags=flags | cv2.CALIB_CB_NORMALIZE_IMAGE
+            )
+            if found:
+                break
+        if not found or corners is None or len(corners) != self.columns * self.rows:
+            raise TargetNotFound(
+                f"no chessboard of {self.columns} x {self.rows} inner corners; is it wholly in view, and do "
+                "columns and rows count corners, not squares?"
+            )
+        pixels = np.asarray(corners, dtype=np.float64).reshape(-1, 2)
+        step = np.median(
+            np.hypot(*np.diff(pixels.reshape(self.rows, self.columns, 2), axis=1).reshape(-1, 2).T)
+        )
+        reach = int(np.clip(0.3 * step * scale, 3, 15))
+        pixels = refined(picture, scale * (pixels + 0.5) - 0.5, reach)
+        sigma = corner_sigma(picture, pixels, reach)
+        return Detection(np.arange(len(pixels)), pixels, sigma)

@@ -1,0 +1,75 @@
+"""What a picture series holds and how good it is: ``python -m dic.images PATH``."""
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from dic.images import PictureError, frame_health, grey_noise, open_pictures, speckle_quality
+from dic.outcome import FrameOutcome
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Print the report; 1 if the pictures cannot be opened or judged."""
+    parser = argparse.ArgumentParser(prog="python -m dic.images", description=__doc__)
+    parser.add_argument("path", type=Path, help="a picture file, or a folder with a numbered series")
+    parser.add_argument("--pattern", help='names in a folder, "cam0_*.png", or a dataset of an HDF5 file')
+    parser.add_argument("--bits", type=int, help="bits that carry the grey value, if the file does not say")
+    parser.add_argument("--static", type=int, default=0, help="so many frames at the start show no motion")
+    parser.add_argument("--subset", type=int, default=21, help="side of the subset [px]")
+    parser.add_argument("--wanted", type=float, help="noise floor to be reached [px]")
+    given = parser.parse_args(arguments)
+    try:
+        report(given)
+    except (PictureError, ValueError) as error:
+        print(error, file=sys.stderr)
+        return 1
+    return 0
+
+
+def report(given: argparse.Namespace) -> None:
+    """Print what the header says, what the frames look like, and what the speckles promise."""
+    pictures = open_pictures(given.path, pattern=given.pattern, bits=given.bits)
+    rows, columns = pictures.shape
+    clock = "no times" if pictures.times is None else f"{pictures.times[0]:.9g} to {pictures.times[-1]:.9g} s"
+    print(
+        f"{pictures.path}: {pictures.n_frames} frames of {columns} x {rows} px, {pictures.bits} bits, {clock}"
+    )
+
+    health = frame_health(pictures)
+    good = np.flatnonzero(health.outcome == FrameOutcome.VALID)
+    print(
+        f"{good.size} good frames, {int(health.flashed.sum())} of them with a flash, ceiling {health.ceiling}"
+    )
+    for note in health.notes.values():
+        print(f"  {note}")
+    static = [int(index) for index in good if index < given.static]
+    if len(static) < 2:
+        print("noise and speckles: give --static N, at least 2 good frames without motion")
+        return
+    noise = grey_noise(pictures, static)
+    moved = np.abs(noise.motion).max()
+    print(
+        f"noise {noise.sigma:.3g}: variance {noise.intercept:.4g} + {noise.slope:.3g} grey; "
+        f"flicker {noise.gain.std():.2%}, rigid motion up to {moved * 1e3:.2g} mpx over {len(static)} frames"
+    )
+    mean = np.mean([pictures.frame(index) for index in static], axis=0)
+    quality = speckle_quality(mean, None, given.subset, noise, averaged=len(static), wanted=given.wanted)
+    print(
+        f"speckles {quality.size[0]:.2f} x {quality.size[1]:.2f} px by correlation, "
+        f"{quality.size_by_edges:.2f} px by edges; {quality.coverage:.0%} dark; "
+        f"mean gradient {quality.mean_gradient:.4g} per px"
+    )
+    print(f"floor of a subset of {quality.subset} px: {quality.median_floor * 1e3:.2f} mpx (median)")
+    if quality.needed is not None:
+        asked = ~np.any(np.isnan(quality.floor), axis=2)
+        print(
+            f"{quality.too_small[asked].mean():.1%} of the points miss {given.wanted * 1e3:.4g} mpx; "
+            f"subsets of up to {int(np.max(quality.needed))} px reach it at "
+            f"{np.mean(quality.needed[asked] > 0):.1%}"
+        )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,258 @@
+"""What is wrong with whole frames: unreadable, black, saturated, and where light flashed.
+
+The limits are shares of pixels or ratios, so that none depends on the grey range, and brightness is compared
+with that of the frames around, so that a flickering lamp is not mistaken for a fault.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.images.series import PictureError, Pictures
+from dic.outcome import FrameOutcome
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+AROUND = 11
+"""Frames that a frame's brightness is compared with, itself in the middle."""
+_LEAST_CORRELATION = 0.2
+_FLASH_ABOVE = 1.2
+"""A flash is brighter than the brightest spots of the frames around by this factor."""
+_BRIGHT = 99.5
+"""Percentile of a frame's grey values that stands for its brightest spots."""
+
+
+@dataclass(frozen=True)
+class FrameHealth:
+    """What was seen in each frame of a series; numbers of an unreadable frame are NaN."""
+
+    outcome: IntArray
+    """`dic.FrameOutcome`: VALID, UNREADABLE, BLACK or SATURATED, shape [n_frames]."""
+    mean: FloatArray
+    """Mean grey value, shape [n_frames]."""
+    gain: FloatArray
+    """Median grey value over its median in the frames around: flicker [-], shape [n_frames]."""
+    contrast: FloatArray
+    """Standard deviation of what neighbouring pixels have in common: the picture without its noise [grey],
+    shape [n_frames]."""
+    correlation: FloatArray
+    """Of neighbouring pixels; 0 where there is only noise [-], shape [n_frames]."""
+    saturated: FloatArray
+    """Share of pixels at `ceiling`, shape [n_frames]."""
+    flash: FloatArray
+    """Share of pixels brighter than the brightest spots of the frames around, flicker taken off, or
+    saturated beyond what is usual there; NaN where more than `flash_share` is saturated as a rule, so that a
+    flash cannot be told from it. Shape [n_frames]."""
+    flashed: NDArray[np.bool_]
+    """Frames with a specular flash; their points elsewhere stand. Shape [n_frames]."""
+    ceiling: int
+    """Grey value at which pixels saturate: 2**bits - 1, or lower if they are seen to pile up below it."""
+    notes: Mapping[int, str]
+    """Frame number to what was found, in one line, of frames that are not VALID or that flashed."""
+
+
+def frame_health(
+    pictures: Pictures,
+    *,
+    mask: NDArray[np.bool_] | None = None,
+    noise: float = 0.0,
+    most_saturated: float = 0.5,
+    least_contrast: float = 0.05,
+    flash_share: float = 0.01,
+) -> FrameHealth:
+    """Look at every frame of a series once.
+
+    A frame is SATURATED when more than `most_saturated` of its pixels are at the ceiling. It is BLACK when it
+    shows no more than its noise: neighbouring pixels correlate by less than 0.2, or the contrast is below
+    `noise`, or below `least_contrast` of the series' median contrast.
+
+    Parameters
+    ----------
+    pictures
+        The series.
+    mask
+        The pixels that count, shape [rows, columns]; all if None.
+    noise
+        Standard deviation of a pixel's noise, if it is known [grey].
+    most_saturated, least_contrast, flash_share
+        Limits, each from 0 to 1; a frame flashed if its `flash` exceeds the last.
+
+    Raises
+    ------
+    ValueError
+        A limit out of range, or a mask of another shape or without two neighbouring pixels.
+    """
+    for name, limit in (("most_saturated", most_saturated), ("least_contrast", least_contrast)):
+        if not 0.0 < limit <= 1.0:
+            raise ValueError(f"{name} must be above 0 and at most 1, got {limit}")
+    if not 0.0 < flash_share <= 1.0 or not noise >= 0.0:
+        raise ValueError(
+            f"flash_share must be above 0 and at most 1, got {flash_share}; noise >= 0, got {noise}"
+        )
+    used = np.ones(pictures.shape, dtype=bool) if mask is None else np.asarray(mask, dtype=bool)
+    if used.shape != pictures.shape or not np.any(used[:, 1:] & used[:, :-1]):
+        raise ValueError(f"mask must be of shape {pictures.shape} with neighbouring pixels, is {used.shape}")
+
+    seen = _look(pictures, used)
+    readable = ~np.isnan(seen.mean)
+    ceiling = _ceiling(seen.total)
+    saturated = np.where(seen.top >= ceiling, seen.at_top, np.where(readable, 0.0, np.nan))
+    gain = seen.middle / np.maximum(_around(seen.middle), 1.0)
+    above = _brighter(seen.histograms, gain)
+    # a flash on a bright scene does not exceed its bright spots by much, but saturates
+    usual = _around(saturated)
+    flash = np.where(usual <= flash_share, np.fmax(above, saturated - usual), np.nan)
+
+    outcome = np.full(pictures.n_frames, int(FrameOutcome.VALID))
+    typical = float(np.nanmedian(seen.contrast)) if readable.any() else 0.0
+    black = seen.correlation < _LEAST_CORRELATION
+    black |= seen.contrast < max(noise, least_contrast * typical)
+    outcome[black & readable] = int(FrameOutcome.BLACK)
+    outcome[saturated > most_saturated] = int(FrameOutcome.SATURATED)
+    outcome[~readable] = int(FrameOutcome.UNREADABLE)
+    flashed = (flash > flash_share) & (outcome == FrameOutcome.VALID)
+    notes = dict(seen.unreadable)
+    for index in np.flatnonzero(readable & ((outcome != FrameOutcome.VALID) | flashed)).tolist():
+        name = "flash" if flashed[index] else FrameOutcome(int(outcome[index])).name.lower()
+        notes[index] = (
+            f"{pictures.path}, frame {index}: {name}: mean {seen.mean[index]:.4g}, "
+            f"contrast {seen.contrast[index]:.3g} (usual {typical:.3g}), neighbours correlate "
+            f"{seen.correlation[index]:.2f}, {saturated[index]:.1%} at {ceiling}, "
+            f"{flash[index]:.1%} in a flash"
+        )
+    return FrameHealth(
+        outcome=outcome,
+        mean=seen.mean,
+        gain=gain,
+        contrast=seen.contrast,
+        correlation=seen.correlation,
+        saturated=saturated,
+        flash=flash,
+        flashed=flashed,
+        ceiling=ceiling,
+        notes=MappingProxyType(notes),
+    )
+
+
+def saturated_mask(picture: NDArray[np.generic], ceiling: int, *, grow: int = 1) -> NDArray[np.bool_]:
+    """Pixels at or above the ceiling, and those within `grow` pixels of one, shape [rows, columns].
+
+    Parameters
+    ----------
+    picture
+        Grey values, shape [rows, columns].
+    ceiling
+        `FrameHealth.ceiling`, or 2**bits - 1.
+    grow
+        How far a saturated pixel spoils its neighbours through interpolation [px].
+    """
+    import cv2
+
+    full = (np.asarray(picture) >= ceiling).astype(np.uint8)
+    kernel = np.ones((2 * grow + 1, 2 * grow + 1), dtype=np.uint8)
+    return np.asarray(cv2.dilate(full, kernel), dtype=bool)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What one pass over the frames gives: one number a frame, NaN where it cannot be read."""
+
+    mean: FloatArray
+    middle: FloatArray
+    contrast: FloatArray
+    correlation: FloatArray
+    top: FloatArray
+    """Largest grey value."""
+    at_top: FloatArray
+    """Share of the pixels that have it."""
+    histograms: list[IntArray | None]
+    """Coarse ones, of at most 1024 bins: enough to see a flash."""
+    total: IntArray
+    """Fine histogram of all frames."""
+    unreadable: dict[int, str]
+
+
+def _look(pictures: Pictures, used: NDArray[np.bool_]) -> _Seen:
+    mean, middle, contrast, correlation, top, at_top = np.full((6, pictures.n_frames), np.nan)
+    total = np.zeros(2**pictures.bits, dtype=np.int64)
+    starts = np.arange(0, len(total), max(len(total) // 1024, 1))
+    histograms: list[IntArray | None] = []
+    unreadable: dict[int, str] = {}
+    for index in range(pictures.n_frames):
+        try:
+            picture = pictures.frame(index)
+        except PictureError as error:
+            unreadable[index] = str(error)
+            histograms.append(None)
+            continue
+        values = picture[used]
+        counts = np.bincount(values, minlength=len(total))
+        total += counts
+        histograms.append(np.add.reduceat(counts, starts))
+        top[index] = np.flatnonzero(counts)[-1]
+        at_top[index] = counts[int(top[index])] / values.size
+        mean[index] = counts @ np.arange(len(counts)) / values.size
+        middle[index] = np.searchsorted(np.cumsum(counts), values.size / 2.0)
+        contrast[index], correlation[index] = _shared(picture, used)
+    return _Seen(mean, middle, contrast, correlation, top, at_top, histograms, total, unreadable)
+
+
+def _brighter(histograms: list[IntArray | None], gain: FloatArray) -> FloatArray:
+    """Share of each frame's pixels that are brighter than the brightest spots of the frames around."""
+    bright = _around(np.array([_percentile(counts, _BRIGHT) for counts in histograms]))
+    limits = _FLASH_ABOVE * bright * np.clip(gain, 0.5, 2.0)
+    return np.array([_share_from(counts, limit) for counts, limit in zip(histograms, limits, strict=True)])
+
+
+def _shared(picture: NDArray[np.generic], used: NDArray[np.bool_]) -> tuple[float, float]:
+    """Standard deviation that neighbours share, and their correlation; noise of the pixels has no part."""
+    grey = np.where(used, picture.astype(np.float64) - picture[used].mean(), 0.0)
+    variance = float(np.sum(grey * grey) / used.sum())
+    if variance == 0.0:
+        return 0.0, 0.0
+    total, pairs = 0.0, 0
+    for a, b, both in (
+        (grey[:, 1:], grey[:, :-1], used[:, 1:] & used[:, :-1]),
+        (grey[1:], grey[:-1], used[1:] & used[:-1]),
+    ):
+        total, pairs = total + float(np.sum(a * b)), pairs + int(both.sum())
+    common = total / pairs
+    return float(np.sqrt(max(common, 0.0))), common / variance
+
+
+def _around(values: FloatArray) -> FloatArray:
+    """Median over the `AROUND` frames around each, those without a value left out."""
+    half = AROUND // 2
+    with_ends = np.pad(values, half, constant_values=np.nan)
+    windows = np.lib.stride_tricks.sliding_window_view(with_ends, AROUND)
+    found = np.full(len(values), np.nan)
+    some = ~np.all(np.isnan(windows), axis=1)
+    found[some] = np.nanmedian(windows[some], axis=1)
+    return found
+
+
+def _share_from(counts: IntArray | None, level: float) -> float:
+    """Share of the pixels in a bin or above."""
+    if counts is None or np.isnan(level):
+        return float("nan")
+    return float(counts[min(int(np.ceil(level)), len(counts)) :].sum() / counts.sum())
+
+
+def _percentile(counts: IntArray | None, percent: float) -> float:
+    """Bin below which that share of the pixels lies."""
+    if counts is None:
+        return float("nan")
+    return float(np.searchsorted(np.cumsum(counts), percent / 100.0 * counts.sum()))
+
+
+def _ceiling(counts: IntArray) -> int:
+    """Where grey values end: a pile at the largest one that is far higher than what leads up to it."""
+    full = len(counts) - 1
+    top = int(np.max(np.flatnonzero(counts), initial=0))
+    band = counts[int(0.98 * top) : top]
+    piled = top > 0 and band.size > 0 and counts[top] > 20 and counts[top] > 20.0 * max(band.mean(), 0.05)
+    return top if piled and top < full else full

@@ -1,0 +1,113 @@
+"""Noise of the grey values, from frames in which nothing moves."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.images.gradient import gradient
+from dic.images.series import Pictures
+
+FloatArray = NDArray[np.float64]
+
+_BINS = 20
+
+
+@dataclass(frozen=True)
+class GreyNoise:
+    """Standard deviation of the grey values, and how it depends on them."""
+
+    sigma: float
+    """Of one pixel of one frame, over the whole mask [grey]."""
+    intercept: float
+    """Variance at grey value 0 by the straight line `intercept + slope * grey` [grey²]."""
+    slope: float
+    """Growth of the variance with the grey value [grey]; photon noise makes it positive."""
+    slope_sigma: float
+    """Standard deviation of the slope [grey]."""
+    gain: FloatArray
+    """Brightness of each frame relative to their mean, the flicker that was removed [-], shape [n_frames]."""
+    motion: FloatArray
+    """Rigid motion (x, y) of each frame against their mean, removed too [px], shape [n_frames, 2]."""
+
+    def variance(self, grey: NDArray[np.generic]) -> FloatArray:
+        """Variance at given grey values [grey²], by the straight line, not below a tenth of `sigma²`."""
+        line = self.intercept + self.slope * np.asarray(grey, dtype=np.float64)
+        return np.asarray(np.maximum(line, 0.1 * self.sigma**2))
+
+
+def grey_noise(
+    pictures: Pictures | Sequence[NDArray[np.generic]],
+    frames: Sequence[int],
+    *,
+    mask: NDArray[np.bool_] | None = None,
+) -> GreyNoise:
+    """Measure the noise in static frames.
+
+    Each frame k is compared with the mean M of all: ``f_k = b (M - u·∇M) + c + noise``, by least squares over
+    the mask. The gain b and offset c take the flicker away, u a rigid motion of a small part of a pixel. The
+    variance is that of the differences of neighbouring frames' remainders, halved: a slow change of the
+    picture does not count as noise. Its median over the pairs is ``sigma²``; the line is fitted to its mean
+    over pixels of like brightness, weighted by how well each is known.
+
+    Parameters
+    ----------
+    pictures
+        A series, or pictures of shape [rows, columns].
+    frames
+        Numbers of the static frames, at least two.
+    mask
+        The pixels that count, shape [rows, columns]; all if None. Leave saturated pixels out.
+
+    Raises
+    ------
+    ValueError
+        Fewer than two frames, a mask of other shape or of fewer than 100 pixels, or no noise at all.
+    PictureError
+        A frame that cannot be read.
+    """
+    if len(frames) < 2:
+        raise ValueError(f"noise needs at least 2 static frames, got {len(frames)}")
+    read = pictures.frame if isinstance(pictures, Pictures) else pictures.__getitem__
+    stack = np.stack([np.asarray(read(index), dtype=np.float64) for index in frames])
+    used = np.ones(stack.shape[1:], dtype=bool) if mask is None else np.asarray(mask, dtype=bool)
+    if used.shape != stack.shape[1:] or used.sum() < 100:
+        raise ValueError(
+            f"mask must be of shape {stack.shape[1:]} with at least 100 pixels, "
+            f"is of shape {used.shape} with {used.sum()}"
+        )
+    mean = stack.mean(axis=0)
+    columns = np.stack([part[used] for part in (mean, np.ones_like(mean), *gradient(mean))], axis=1)
+    values = stack[:, used]
+    fitted, *_ = np.linalg.lstsq(columns, values.T, rcond=None)
+    rest = values - (columns @ fitted).T
+    # half the squared difference of neighbours: the variance of one frame's noise
+    squares = np.diff(rest, axis=0) ** 2 / 2.0
+    sigma2 = float(np.median(squares.mean(axis=1)))
+    if sigma2 <= 0.0:
+        raise ValueError("the frames are equal to the last bit: give other frames, or the noise as a number")
+    intercept, slope, error = _line(mean[used], squares.mean(axis=0))
+    return GreyNoise(
+        sigma=float(np.sqrt(sigma2)),
+        intercept=intercept,
+        slope=slope,
+        slope_sigma=error,
+        gain=np.asarray(values.mean(axis=1) / values.mean()),
+        motion=np.asarray(-(fitted[2:] / fitted[0]).T),  # moved by u, b M looks like b (M - u·∇M)
+    )
+
+
+def _line(grey: FloatArray, variance: FloatArray) -> tuple[float, float, float]:
+    """Intercept, slope and the slope's standard deviation of variance over grey value."""
+    order = np.argsort(grey, kind="stable")
+    bins = [part for part in np.array_split(order, _BINS) if part.size > 1]
+    x = np.array([grey[part].mean() for part in bins])
+    y = np.array([variance[part].mean() for part in bins])
+    weight = 1.0 / np.array([max(variance[part].std() ** 2 / part.size, 1e-12) for part in bins])
+    centre = np.sum(weight * x) / np.sum(weight)
+    spread = float(np.sum(weight * (x - centre) ** 2))
+    if spread <= 0.0 or np.ptp(x) <= 1e-9 * max(1.0, abs(centre)):
+        return float(np.average(y, weights=weight)), 0.0, float("inf")
+    slope = float(np.sum(weight * (x - centre) * y) / spread)
+    return float(np.average(y, weights=weight) - slope * centre), slope, float(spread**-0.5)

@@ -1,0 +1,95 @@
+"""Speckle size and coverage of a pattern, from its autocorrelation and from its edges."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+def width_of_autocorrelation(f: FloatArray, used: Mask, sigma: float) -> tuple[float, float]:
+    """Full width at half height of the autocorrelation along x and y [px]; NaN if it never falls by half.
+
+    Parameters
+    ----------
+    f
+        Grey values, shape [rows, columns].
+    used
+        The pixels that count, shape [rows, columns].
+    sigma
+        Standard deviation of the noise, taken off the peak [grey].
+    """
+    detail = np.where(used, f - _illumination(f, used), 0.0)
+    shape = [2 * side for side in f.shape]  # zeros around: no wrap
+
+    def correlated(a: FloatArray) -> FloatArray:
+        spectrum = np.fft.rfft2(a, s=shape)
+        return np.asarray(np.fft.irfft2(spectrum * np.conj(spectrum), s=shape))
+
+    pairs = correlated(used.astype(np.float64))
+    mean = np.where(pairs > 0.5, correlated(detail) / np.maximum(pairs, 1.0), 0.0)
+    peak = mean[0, 0] - sigma**2
+    return tuple(  # type: ignore[return-value]
+        _half_width(line[: len(line) // 2] / peak) if peak > 0.0 else float("nan")
+        for line in (mean[0, :], mean[:, 0])
+    )
+
+
+def _half_width(line: FloatArray) -> float:
+    """Twice the lag at which a correlation falls to one half; the peak is set to 1."""
+    line = np.concatenate([[1.0], line[1:]])
+    below = np.flatnonzero(line < 0.5)
+    if not below.size:
+        return float("nan")
+    k = int(below[0])
+    return float(2.0 * (k - 1 + (line[k - 1] - 0.5) / (line[k - 1] - line[k])))
+
+
+def coverage_and_diameter(f: FloatArray, used: Mask, sigma: float) -> tuple[float, float]:
+    """Share of dark pixels, and diameter of discs thrown at random with the chords of the lesser phase [px].
+
+    The picture over its local mean is cut at Otsu's threshold. An edge counts where the grey value goes from
+    two standard deviations of the noise on one side to as far on the other.
+    """
+    import cv2
+
+    level = _illumination(f, used)
+    even = f / np.maximum(level, np.finfo(float).tiny)
+    low, high = np.percentile(even[used], (0.1, 99.9))
+    if high <= low:
+        return float("nan"), float("nan")
+    scaled = np.clip(np.rint((even[used] - low) / (high - low) * 255.0), 0, 255).astype(np.uint8)
+    cut, _ = cv2.threshold(scaled.reshape(-1, 1), 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
+    threshold = (low + (cut + 0.5) / 255.0 * (high - low)) * level
+    dark = float(np.mean((f < threshold)[used]))
+
+    side = np.where(f < threshold - 2.0 * sigma, -1, np.where(f > threshold + 2.0 * sigma, 1, 0))
+    edges, length = 0, 0
+    for signs, inside in ((side, used), (side.T, used.T)):
+        edges += _changes(signs, inside)
+        length += int((inside[:, 1:] & inside[:, :-1]).sum())
+    p = min(dark, 1.0 - dark)
+    if not edges or p == 0.0:
+        return dark, float("nan")
+    chord = p * length / (edges / 2.0)
+    return dark, float(4.0 / np.pi * chord * (1.0 - p) * -np.log1p(-p) / p)
+
+
+def _changes(side: NDArray[np.int64], used: Mask) -> int:
+    """How often the rows change between -1 and 1, zeros passed over, within the mask."""
+    known = (side != 0) | ~used
+    column = np.where(known, np.arange(side.shape[1]), -1)
+    last = np.maximum.accumulate(column, axis=1)
+    rows = np.arange(side.shape[0])[:, None]
+    held = np.where(last >= 0, np.where(used, side, 0)[rows, np.maximum(last, 0)], 0)
+    return int(np.sum(held[:, 1:] * held[:, :-1] == -1))
+
+
+def _illumination(f: FloatArray, used: Mask) -> FloatArray:
+    """What varies over more than a sixth of the field: Gaussian mean of the pixels that count."""
+    import cv2
+
+    width = float(np.clip(np.sqrt(used.sum()) / 6.0, 8.0, 40.0))
+    weight = cv2.GaussianBlur(used.astype(np.float64), (0, 0), width)
+    total = cv2.GaussianBlur(np.where(used, f, 0.0), (0, 0), width)
+    return np.asarray(total / np.maximum(weight, 1e-9))

@@ -1,0 +1,177 @@
+"""The table that a publication must give about its DIC, filled in from a result.
+
+Its entries are those of the reporting requirements in the iDICs Good Practices Guide (International Digital
+Image Correlation Society, Jones and Iadicola (eds.), 2nd edition): hardware, analysis and noise floors.
+"""
+
+import csv
+import html
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.result import StereoResult
+
+FloatArray = NDArray[np.float64]
+
+NOT_STATED = "not stated"
+STATED = ("camera", "lens", "aperture", "exposure", "lighting", "pattern")
+"""What no file says and a person may state in words."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table."""
+
+    part: str
+    """"hardware", "analysis" or "noise floor"."""
+    name: str
+    """What is reported."""
+    value: str
+    """Number with unit, words, or `NOT_STATED`."""
+
+
+def reporting_table(result: StereoResult) -> tuple[Row, ...]:
+    """The reporting table of a result, in the order of the guide."""
+    facts = result.facts
+    return (*_hardware(result, facts), *_analysis(result, facts), *_noise(result))
+
+
+def geometry(result: StereoResult) -> dict[str, float]:
+    """How the cameras look at the specimen.
+
+    Returns
+    -------
+    dict
+        "scale_x", "scale_y": pixels of camera 0 per metre across and along the specimen; "stereo_angle" [rad];
+        "distance" of camera 0 from the surface [m].
+    """
+    first, second = result.rig.cameras
+    frame = result.placement.frame
+    middle = result.specimen.surface.X.mean(axis=0)
+    at = frame.origin + frame.rotation.T @ middle
+    small = 1e-5
+    seen = first.project(np.stack([at, *(at + small * frame.rotation[axis] for axis in (0, 1))]))
+    scale = np.linalg.norm(seen[1:] - seen[0], axis=1) / small
+    views = [(at - camera.centre) / np.linalg.norm(at - camera.centre) for camera in (first, second)]
+    return {
+        "scale_x": float(scale[0]),
+        "scale_y": float(scale[1]),
+        "stereo_angle": float(np.arccos(np.clip(views[0] @ views[1], -1.0, 1.0))),
+        "distance": float(np.linalg.norm(at - first.centre)),
+    }
+
+
+def _hardware(result: StereoResult, facts: Mapping[str, Any]) -> list[Row]:
+    stated = {name: facts.get("reporting", {}).get(name) or NOT_STATED for name in STATED}
+    pictures, seen = facts["pictures"], geometry(result)
+    rows, columns = pictures["shape"]
+    per_mm = (1e-3 * seen["scale_x"], 1e-3 * seen["scale_y"])
+    sensors = [camera.sensor for camera in result.rig.cameras]
+    sensor = "; ".join(f"{s[0]} x {s[1]} px" for s in sensors if s is not None)
+    crops = "; ".join(f"({x:g}, {y:g})" for x, y in pictures["crop_offset"])
+    speckle = facts.get("speckle", {})
+    size = speckle.get("size_px")
+    entries = [
+        ("camera", stated["camera"]),
+        ("sensor", sensor or NOT_STATED),
+        ("image resolution", f"{columns} x {rows} px at {crops} px of the sensors, {pictures['bits']} bits"),
+        ("lens", stated["lens"]),
+        ("aperture", stated["aperture"]),
+        ("exposure", stated["exposure"]),
+        ("lighting", stated["lighting"]),
+        ("field of view", f"{columns / per_mm[0]:.3g} x {rows / per_mm[1]:.3g} mm"),
+        ("image scale", f"{per_mm[0]:.4g} px/mm across, {per_mm[1]:.4g} px/mm along the axis"),
+        ("stereo angle", f"{np.degrees(seen['stereo_angle']):.4g} degrees"),
+        ("stand-off distance", f"{1e3 * seen['distance']:.4g} mm"),
+        ("image acquisition rate", f"{1.0 / np.median(np.diff(result.t)):.6g} frames/s, {len(result.t)} frames"),
+        ("patterning technique", stated["pattern"]),
+        (
+            "pattern feature size",
+            NOT_STATED if size is None else f"{size:.3g} px, {size / per_mm[0]:.3g} mm",
+        ),
+    ]
+    return [Row("hardware", name, value) for name, value in entries]
+
+
+def _analysis(result: StereoResult, facts: Mapping[str, Any]) -> list[Row]:
+    settings = facts["settings"]
+    subset, step, window = settings["subset"], settings["step"], settings["strain_window"]
+    gauge = result.strain.gauge
+    per_mm = 1e-3 * geometry(result)["scale_x"]
+    prefilter = settings["prefilter"]
+    entries = [
+        ("software", str(facts.get("software", NOT_STATED))),
+        (
+            "image filtering",
+            f"Gaussian, standard deviation {prefilter:g} px" if prefilter > 0.0 else "none",
+        ),
+        ("subset size", f"{subset} px, {subset / per_mm:.3g} mm"),
+        ("step size", f"{step} px, {step / per_mm:.3g} mm"),
+        ("subset shape function", f"{settings['shape']} in time, {settings['stereo_shape']} between the cameras"),
+        ("matching criterion", str(settings["criterion"])),
+        ("interpolant", str(settings["interpolant"])),
+        ("reference", str(settings["reference"])),
+        ("strain window", f"{window} x {window} points"),
+        ("virtual strain gauge", f"{gauge:g} px, {gauge / per_mm:.3g} mm"),
+        ("strain formulation", "Green-Lagrange, from linear fits of the places at rest and now over the window"),
+        ("post-processing filter", "none"),
+        ("calibration", str(facts.get("calibration", NOT_STATED))),
+        ("epipolar distance, rms", f"{result.specimen.epipolar_rms:.3g} px"),
+    ]
+    return [Row("analysis", name, value) for name, value in entries]
+
+
+def _noise(result: StereoResult) -> list[Row]:
+    noise = result.noise
+    axes = ("x, across", "y, along the axis", "Z, out of plane")
+    rows = [
+        Row(
+            "noise floor",
+            f"displacement {axis}",
+            f"{1e6 * noise.time[k]:.3g} um in time, {1e6 * noise.space[k]:.3g} um in space "
+            f"(predicted {1e6 * noise.sigma[k]:.3g} um)",
+        )
+        for k, axis in enumerate(axes)
+    ]
+    for name, value in zip(("around the axis", "along the axis", "shear"), result.strain_noise, strict=True):
+        text = NOT_STATED if not np.isfinite(value) else f"{1e6 * value:.3g} um/m in time"
+        rows.append(Row("noise floor", f"strain {name}", text))
+    rows.append(
+        Row("noise floor", "taken from", f"{noise.n_frames} static frames, {noise.n_points} points valid in all")
+    )
+    return rows
+
+
+def as_csv(rows: tuple[Row, ...]) -> str:
+    """The table as CSV."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["part", "quantity", "value"])
+    writer.writerows([row.part, row.name, row.value] for row in rows)
+    return text.getvalue()
+
+
+def as_markdown(rows: tuple[Row, ...]) -> str:
+    """The table as Markdown."""
+    lines = ["| part | quantity | value |", "| --- | --- | --- |"]
+    lines += [f"| {' | '.join(_escaped(text) for text in (row.part, row.name, row.value))} |" for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def as_html(rows: tuple[Row, ...]) -> str:
+    """The table as an HTML element, every text escaped."""
+    body = "".join(
+        f"<tr><td>{html.escape(row.part)}</td><th scope='row'>{html.escape(row.name)}</th>"
+        f"<td>{html.escape(row.value)}</td></tr>\n"
+        for row in rows
+    )
+    return f"<table class='pairs'>\n<tbody>\n{body}</tbody>\n</table>\n"
+
+
+def _escaped(text: str) -> str:
+    return text.replace("\\", "\\\\").replace("|", "\\|").replace("\n", " ")

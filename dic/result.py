@@ -1,0 +1,165 @@
+"""Everything that a chain of stereo pictures gave: bodies, motion, outline, noise, findings."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.camera import StereoRig
+from dic.noise import SMALLEST_SERIES, NoiseFloor
+from dic.outcome import FrameOutcome, PointOutcome
+from dic.surface import CentrePoints, SurfaceHistory
+from dic.surfaces.frame import SpecimenFrame
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Body:
+    """Points of one body: where they went, where the cameras saw them and how well."""
+
+    surface: SurfaceHistory
+    """Motion in the test frame."""
+    pixels: tuple[FloatArray, FloatArray]
+    """Where the two cameras saw the points [px], each of shape [n_frames, n_points, 2]; NaN where lost."""
+    match_sigma: tuple[FloatArray, FloatArray]
+    """Standard deviation of these places, root mean square of x and y [px], each [n_frames, n_points]."""
+    zncc: tuple[FloatArray, FloatArray]
+    """Zero-normalised cross-correlation with the reference used, each of shape [n_frames, n_points]."""
+    epipolar: FloatArray
+    """Distance of camera 1's point from the epipolar line of camera 0's, signed [px], [n_frames, n_points]."""
+    points: FloatArray
+    """Places (x, y) in the material picture of camera 0 [px], shape [n_points, 2]."""
+    cell: IntArray
+    """Column and row of each point in the grid, shape [n_points, 2]."""
+
+    @property
+    def alive(self) -> IntArray:
+        """Valid points of each frame, shape [n_frames]."""
+        return np.asarray(self.surface.valid.sum(axis=1), dtype=np.int64)
+
+    @property
+    def epipolar_rms(self) -> float:
+        """Root mean square of the epipolar distances of valid points [px]; NaN if there are none."""
+        valid = self.epipolar[self.surface.valid]
+        return float(np.sqrt(np.mean(valid**2))) if valid.size else float("nan")
+
+    def outcomes(self) -> dict[PointOutcome, int]:
+        """How many points ended how, over all frames; entries without points are left out."""
+        numbers, counts = np.unique(self.surface.outcome, return_counts=True)
+        return {PointOutcome(int(n)): int(c) for n, c in zip(numbers, counts, strict=True)}
+
+
+@dataclass(frozen=True)
+class Travel:
+    """Displacement of the flyer toward the specimen; a frame in which it was not found has no row."""
+
+    t: FloatArray
+    """Times [s], shape [n]."""
+    frame: IntArray
+    """Frames, shape [n]."""
+    displacement: FloatArray
+    """Toward the specimen, from its mean place at rest [m], shape [n]."""
+    sigma: FloatArray
+    """Standard deviation [m], shape [n]."""
+    n_points: IntArray
+    """Points it is from, shape [n]."""
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where the test's coordinates lie in the rig's frame, and the cylinder they were taken from."""
+
+    frame: SpecimenFrame
+    """The test frame."""
+    radius: float
+    """Radius of the cylinder that fits the specimen at rest best [m]."""
+    radius_sigma: float
+    """Its standard deviation from the noise of the matches [m]."""
+    rms: float
+    """Root mean square distance of the points from it [m]."""
+    chi2_per_dof: float
+    """Sum of the squared distances in their sigmas over the degrees of freedom [-]."""
+    n_points: int
+    """Points it rests on."""
+
+
+@dataclass(frozen=True)
+class SurfaceStrain:
+    """Green-Lagrange strains in the tangent plane at rest; NaN where the outcome is not VALID."""
+
+    value: FloatArray
+    """Components around the axis, along it, and shear [-], shape [n_frames, n_points, 3]."""
+    sigma: FloatArray
+    """Their standard deviations [-], same shape."""
+    outcome: IntArray
+    """`dic.surfaces.strains.StrainOutcome`, shape [n_frames, n_points]."""
+    gauge: float
+    """Side of the virtual strain gauge in the material picture [px]."""
+
+
+@dataclass(frozen=True)
+class Remark:
+    """Something that the pictures say about the test or its declarations."""
+
+    name: str
+    """What kind, e.g. "swapped cameras"."""
+    text: str
+    """One sentence with its numbers."""
+    cure: str
+    """What to do about it."""
+
+
+@dataclass(frozen=True)
+class StereoResult:
+    """What two series of pictures gave."""
+
+    t: FloatArray
+    """Frame times [s], shape [n_frames]."""
+    frames: tuple[IntArray, IntArray]
+    """`FrameOutcome` of each camera's pictures, each of shape [n_frames]."""
+    static: NDArray[np.bool_]
+    """Frames in which the specimen rests, shape [n_frames]."""
+    specimen: Body
+    """Points of the specimen."""
+    flyer: Body | None
+    """Points of the flyer, if a region was given."""
+    travel: Travel | None
+    """Its displacement, if it was found."""
+    centre: CentrePoints
+    """The outline on the centre line."""
+    placement: Placement
+    """The test's coordinates."""
+    noise: NoiseFloor
+    """Noise floors of the specimen's displacements."""
+    strain: SurfaceStrain
+    """Strains of the specimen's surface."""
+    remarks: tuple[Remark, ...]
+    """What the pictures say against the declarations; empty if nothing."""
+    rig: StereoRig
+    """The cameras, for the pictures as cropped."""
+    facts: Mapping[str, Any]
+    """Settings and facts of the pictures, as JSON can hold them."""
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    """Wall time of each stage."""
+
+    @property
+    def strain_noise(self) -> FloatArray:
+        """Standard deviation of strains through the static frames, root mean square over the points that have
+        one in all of them: around, along, shear [-], shape [3]; NaN if there are none."""
+        values = self.strain.value[self.static & (self.outcome == FrameOutcome.VALID)]
+        values = values[:, np.isfinite(values).all(axis=(0, 2))]
+        if len(values) < SMALLEST_SERIES or values.shape[1] == 0:
+            return np.full(3, np.nan)
+        return np.asarray(np.sqrt(values.var(axis=0, ddof=1).mean(axis=0)))
+
+    @property
+    def outcome(self) -> IntArray:
+        """`FrameOutcome` of each pair: camera 0's, then camera 1's, LOST if no point was found, [n_frames]."""
+        first, second = self.frames
+        pair = np.where(first != FrameOutcome.VALID, first, second)
+        lost = (pair == FrameOutcome.VALID) & (self.specimen.alive == 0)
+        return np.asarray(np.where(lost, int(FrameOutcome.LOST), pair), dtype=np.int64)

@@ -1,0 +1,166 @@
+"""Points of a rigid body followed by one camera: one motion predicts them all, and outvotes false matches."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.correlation import Correlation, PictureStack, Shape, correlate
+from dic.correlation.warp import identity
+from dic.images import PictureError, Pictures
+from dic.outcome import FrameOutcome, PointOutcome
+from dic.tracking import Track
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+APART = 0.5
+"""How far a point may lie from where the body's motion puts it, beside its noise [px]."""
+SIGMAS = 6.0
+"""And in standard deviations of its match [-]."""
+FEWEST = 5
+"""Points that must agree on a motion; fewer may do so by chance."""
+SEARCHED = (0.0, 1.5, -1.5, 3.0, -3.0, 5.0, -5.0)
+"""Steps along the last motion, or along each axis, that are tried when the prediction finds too few [px]."""
+
+
+def track_rigid(
+    pictures: Pictures,
+    points: FloatArray,
+    settings: Correlation,
+    *,
+    noise: float,
+    mask: BoolArray | None = None,
+    start: FloatArray | None = None,
+    start_covariance: FloatArray | None = None,
+    first: int = 0,
+    frame_outcome: IntArray,
+    device: str = "cpu",
+    progress: Callable[[int, int], None] | None = None,
+) -> Track:
+    """Follow a body that translates, from one picture forward to the end and back to the beginning.
+
+    The reference is always the picture of frame `first`, so nothing drifts. A subset that hangs over the rim of
+    a picture is matched by the part inside, `Correlation.least_pixels` of it at least.
+
+    Parameters
+    ----------
+    pictures
+        The series.
+    points
+        Places in the material picture (x, y) [px], shape [n_points, 2].
+    settings
+        How a subset is matched; its shape function is taken as RIGID.
+    noise
+        Standard deviation of the grey values.
+    mask
+        Pixels of the body in the material picture, shape [rows, columns].
+    start
+        Total warps of the points in frame `first`, shape [n_points, 12]; None: it is the material picture.
+    start_covariance
+        Of the places that `start` gives [px²], shape [n_points, 2, 2].
+    first
+        Frame in which the points are known.
+    frame_outcome
+        `FrameOutcome` of the pictures, shape [n_frames].
+    device
+        Where matches are computed.
+    progress
+        Called with the frames done and their number.
+
+    Raises
+    ------
+    PictureError
+        If the picture of frame `first` cannot be read.
+    """
+    n_frames, n = len(frame_outcome), len(points)
+    root = identity(n) if start is None else np.asarray(start, dtype=np.float64)
+    common = np.zeros((n, 2, 2)) if start_covariance is None else np.asarray(start_covariance)
+    settings = replace(settings, shape=Shape.RIGID)
+    stack = _prepared(pictures, first, settings, noise, device)
+    found = Track(
+        points=points,
+        warp=np.full((n_frames, n, 12), np.nan),
+        covariance=np.full((n_frames, n, 2, 2), np.nan),
+        zncc=np.full((n_frames, n), np.nan),
+        outcome=np.full((n_frames, n), int(PointOutcome.NO_PICTURE)),
+        reference=np.full((n_frames, n), first),
+        frame_outcome=np.array(frame_outcome),
+    )
+    found.warp[first], found.covariance[first], found.zncc[first] = root, common, 1.0
+    found.outcome[first] = int(PointOutcome.VALID)
+    done = 1
+    for order in (range(first + 1, n_frames), range(first - 1, -1, -1)):
+        history = [(first, np.zeros(2))]
+        for frame in order:
+            done += 1
+            if progress is not None:
+                progress(done, n_frames)
+            if frame_outcome[frame] != FrameOutcome.VALID:
+                continue
+            try:
+                here = _prepared(pictures, frame, settings, noise, device)
+            except PictureError:
+                continue
+            move = _step(found, frame, stack, here, points, root, common, settings, mask, _predicted(history, frame))
+            if move is not None:
+                history = [*history[-1:], (frame, move)]
+    return found
+
+
+def _prepared(
+    pictures: Pictures, frame: int, settings: Correlation, noise: float, device: str
+) -> PictureStack:
+    picture = pictures.frame(frame)
+    return PictureStack.prepare(picture[None], noise=noise, prefilter=settings.prefilter, device=device)
+
+
+def _predicted(history: list[tuple[int, FloatArray]], frame: int) -> FloatArray:
+    """The body's motion since the reference at constant velocity [px], shape [2]."""
+    last, move = history[-1]
+    if len(history) < 2:
+        return move
+    before, earlier = history[-2]
+    return np.asarray(move + (move - earlier) * (frame - last) / (last - before))
+
+
+def _step(
+    found: Track,
+    frame: int,
+    stack: PictureStack,
+    here: PictureStack,
+    points: FloatArray,
+    root: FloatArray,
+    common: FloatArray,
+    settings: Correlation,
+    mask: BoolArray | None,
+    predicted: FloatArray,
+) -> FloatArray | None:
+    """Find the points in one frame; the body's motion since the reference, None if they agree on none."""
+    best = None
+    for off in SEARCHED:
+        for axis in (1, 0) if off else (0,):
+            guess = root.copy()
+            guess[:, :2] += predicted + off * np.eye(2)[axis]
+            match = correlate(stack, here, points, guess, settings, reference_warp=root, mask=mask)
+            fine = match.outcome == PointOutcome.VALID
+            move = match.warp[:, :2] - root[:, :2]
+            if fine.any():
+                middle = np.median(move[fine], axis=0)
+                sigma = np.sqrt(0.5 * np.trace(match.covariance, axis1=1, axis2=2))
+                agree = fine & (np.linalg.norm(move - middle, axis=1) <= APART + SIGMAS * sigma)
+                if best is None or agree.sum() > best[0].sum():
+                    best = (agree, match, np.median(move[agree], axis=0) if agree.any() else middle)
+        inside = match.outcome != PointOutcome.OUT_OF_VIEW
+        if best is not None and best[0].sum() >= max(1.0, 0.5 * inside.sum()):
+            break
+    agree, match, middle = (np.zeros(len(points), dtype=bool), match, predicted) if best is None else best
+    if agree.sum() < FEWEST:
+        agree[:] = False
+    outcome = match.outcome.copy()
+    outcome[(outcome == PointOutcome.VALID) & ~agree] = int(PointOutcome.LOW_CORRELATION)
+    found.warp[frame], found.zncc[frame], found.outcome[frame] = match.warp, match.zncc, outcome
+    found.covariance[frame] = match.covariance + common
+    return np.asarray(middle) if agree.any() else None

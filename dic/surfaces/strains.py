@@ -1,0 +1,215 @@
+"""Strains on a surface from a local least-squares fit over a virtual strain gauge.
+
+Places of a point's neighbours, at rest and now, are fitted by polynomials of their places in the material
+picture, over the same window: with the slopes A0 at rest and A now, the surface's deformation gradient is
+``F = A M⁻¹``, ``M = Bᵀ A0``, B the tangent vectors at rest. What the fit makes of the curvature is the
+same at rest and now and cancels; a homogeneous deformation comes out exactly, one-sided windows included.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dic.surface import SurfaceHistory
+from dic.surfaces.overlap import overlap_correlation
+from dic.surfaces.tensors import Strain, StrainHistory
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+FEWEST = {1: 4, 2: 8}
+"""Fewest points of a window by the order of its polynomial."""
+THINNEST = 0.3
+"""Least spread of a window's points in any direction [steps, root mean square]."""
+
+
+class StrainOutcome(IntEnum):
+    """The end of the strain at one point in one frame."""
+
+    VALID = 0
+    POINT_LOST = 1
+    TOO_FEW_NEIGHBOURS = 2
+
+    @property
+    def ok(self) -> bool:
+        """True when the strain may be used."""
+        return self is StrainOutcome.VALID
+
+    @property
+    def cause(self) -> str:
+        """What happened, in one sentence."""
+        return _CAUSES[self][0]
+
+    @property
+    def cure(self) -> str:
+        """What a user can do about it."""
+        return _CAUSES[self][1]
+
+
+_CAUSES = {
+    StrainOutcome.VALID: ("a strain was fitted", "nothing to do"),
+    StrainOutcome.POINT_LOST: ("the point itself was not found", "see the point's own outcome"),
+    StrainOutcome.TOO_FEW_NEIGHBOURS: (
+        "too few valid neighbours of the same region, or all of them nearly on a line",
+        "enlarge the window, or choose a smaller step",
+    ),
+}
+
+
+@dataclass(frozen=True)
+class StrainGauge:
+    """A virtual strain gauge: the square of the material picture that one strain is fitted over."""
+
+    window: int
+    """Points along one side, odd."""
+    step: float
+    """Distance of neighbouring points [px]."""
+    subset: float
+    """Side of the subsets [px]."""
+    order: int = 1
+    """Of the polynomial: 1 or 2."""
+
+    def __post_init__(self) -> None:
+        if self.window < 3 or self.window % 2 == 0:
+            raise ValueError(f"window must be odd and at least 3 points, got {self.window}")
+        if not (self.step > 0.0 and self.subset > 0.0):
+            raise ValueError(f"step and subset must be positive [px], got {self.step} and {self.subset}")
+        if self.order not in FEWEST:
+            raise ValueError(f"order must be 1 or 2, got {self.order}")
+
+    @property
+    def size(self) -> float:
+        """Its side [px]: (window - 1) step + subset."""
+        return (self.window - 1) * self.step + self.subset
+
+
+def strains(
+    surface: SurfaceHistory,
+    points: ArrayLike,
+    gauge: StrainGauge,
+    *,
+    regions: ArrayLike | None = None,
+    reference_sigma: ArrayLike | None = None,
+) -> StrainHistory:
+    """Strains at all points in all frames.
+
+    Parameters
+    ----------
+    surface
+        The surface in the test frame; strains refer to its reference positions.
+    points
+        Places of its points in the material picture [px], shape [n_points, 2].
+    gauge
+        The virtual strain gauge. Near an edge or beside lost points the window is one-sided, never moved.
+    regions
+        Label of the body each point lies on, shape [n_points]; a window does not reach across. None: one
+        body.
+    reference_sigma
+        Standard uncertainties of the reference positions, independent of the frames' [m], shape
+        [n_points, 3]; None takes them as exact: they say which points are meant.
+
+    Returns
+    -------
+    StrainHistory
+        With an outcome per point and frame.
+
+    Raises
+    ------
+    ValueError
+        Shapes that do not fit.
+    """
+    grid = np.asarray(points, dtype=np.float64)
+    label = np.zeros(surface.n_points) if regions is None else np.asarray(regions)
+    rest = np.zeros((surface.n_points, 3)) if reference_sigma is None else np.asarray(reference_sigma)
+    n = surface.n_points
+    for name, array, shape in (
+        ("points", grid, (n, 2)),
+        ("regions", label, (n,)),
+        ("reference_sigma", rest, (n, 3)),
+    ):
+        if array.shape != shape:
+            raise ValueError(f"{name} has shape {array.shape}, must be {shape}")
+    frames = surface.n_frames
+    F, basis = np.full((frames, n, 3, 2), np.nan), np.full((frames, n, 3, 2), np.nan)
+    V = np.full((frames, n, 3, 3), np.nan)
+    share, centre = np.zeros((frames, n)), np.full((frames, n, 2), np.nan)
+    outcome = np.where(surface.valid, StrainOutcome.TOO_FEW_NEIGHBOURS, StrainOutcome.POINT_LOST)
+    reach = (0.5 * (gauge.window - 1) + 1e-6) * gauge.step
+    for i in range(n):
+        near = np.flatnonzero((np.abs(grid - grid[i]) <= reach).all(axis=1) & (label == label[i]))
+        q = (grid[near] - grid[i]) / gauge.step
+        alive = surface.valid[:, near] & surface.valid[:, i, None]
+        k, weights = _slopes(q, alive, gauge.order)
+        if not k.size:
+            continue
+        alive = alive[k]
+        A0 = weights @ surface.X[near]
+        A = weights @ np.where(alive[..., None], surface.position[np.ix_(k, near)], 0.0)
+        B = _tangents(np.swapaxes(A0, 1, 2))
+        inverse = np.linalg.inv(A0 @ B)  # (BᵀA0)⁻¹, transposed
+        F[k, i] = np.swapaxes(inverse @ A, 1, 2)
+        basis[k, i] = B
+        noise = np.where(alive[..., None], surface.sigma[np.ix_(k, near)], 0.0)
+        rho = overlap_correlation(grid[near], grid[near], gauge.subset)
+        V[k, i] = _covariance(F[k, i], B, inverse @ weights, rho, noise, rest[near])
+        outcome[k, i] = StrainOutcome.VALID
+        share[k, i] = alive.sum(axis=1) / gauge.window**2
+        centre[k, i] = alive @ q / alive.sum(axis=1)[:, None]
+    return StrainHistory(
+        surface.t, F, basis, V, np.asarray(outcome, dtype=np.int64), share, centre, gauge.size
+    )
+
+
+def _slopes(q: FloatArray, alive: BoolArray, order: int) -> tuple[IntArray, FloatArray]:
+    """Frames whose points [n_frames, m] are enough, and the weights [n_enough, 2, m] that give the
+    slopes at the window's own point."""
+    terms = [np.ones(len(q)), q[:, 0], q[:, 1]]
+    if order == 2:
+        terms += [q[:, 0] ** 2, q[:, 0] * q[:, 1], q[:, 1] ** 2]
+    T = np.column_stack(terms)
+    here = alive.astype(np.float64)
+    count = here.sum(axis=1)
+    normal = np.einsum("fm,ma,mb->fab", here, T, T, optimize=True)
+    mean = normal[:, 0, 1:3] / np.maximum(count, 1.0)[:, None]
+    scatter = normal[:, 1:3, 1:3] / np.maximum(count, 1.0)[:, None, None] - mean[:, :, None] * mean[:, None]
+    enough = (count >= FEWEST[order]) & (np.linalg.eigvalsh(scatter)[:, 0] >= THINNEST**2)
+    enough &= np.linalg.eigvalsh(normal)[:, 0] > 1e-6
+    k = np.flatnonzero(enough)
+    return k, np.linalg.solve(normal[k], here[k, None, :] * T.T)[:, 1:3]
+
+
+def _tangents(A0: FloatArray) -> FloatArray:
+    """Unit tangent vectors around (with x) and along y, from two slopes; both [n_frames, 3, 2]."""
+    normal = np.cross(A0[..., 0], A0[..., 1])
+    normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+    along = np.array([0.0, 1.0, 0.0]) - normal[:, 1:2] * normal
+    along = along / np.linalg.norm(along, axis=1, keepdims=True)
+    around = np.cross(along, normal)
+    return np.stack([around * np.where(around[:, :1] < 0.0, -1.0, 1.0), along], axis=-1)
+
+
+def _covariance(
+    F: FloatArray, B: FloatArray, g: FloatArray, rho: FloatArray, noise: FloatArray, rest: FloatArray
+) -> FloatArray:
+    """Covariance of (C11, C22, C12), C = FᵀF, by first order; shape [n_frames, 3, 3].
+
+    A place changed by δ along k changes C_ab by (F_ka g_b + F_kb g_a) δ.
+    """
+    C = np.swapaxes(F, 1, 2) @ F
+    total = np.zeros((len(F), 3, 3))
+    for lever, sigma in ((F, noise), (B @ C, np.broadcast_to(rest, noise.shape))):
+        if not sigma.any():
+            continue
+        around, along = lever[:, :, 0, None], lever[:, :, 1, None]
+        g1, g2 = g[:, None, 0], g[:, None, 1]
+        d = np.stack([2.0 * around * g1, 2.0 * along * g2, around * g2 + along * g1], axis=1)
+        d = d * np.swapaxes(sigma, 1, 2)[:, None]  # [n_frames, component of C, k, point]
+        other = d @ rho
+        total += d.reshape(len(F), 3, -1) @ np.swapaxes(other.reshape(len(F), 3, -1), 1, 2)
+    return total
+
+
+__all__ = ["Strain", "StrainGauge", "StrainHistory", "StrainOutcome", "strains"]

@@ -1,0 +1,167 @@
+"""How far the flyer went: one translation a frame, from whatever either camera saw of it."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.bodies import Followed
+from dic.camera import StereoRig
+from dic.correlation.warp import apply
+from dic.outcome import PointOutcome
+from dic.result import Travel
+from dic.surfaces import SpecimenFrame, overlap_factor
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+SIDEWAYS = 50e-6
+"""How far the flyer may have moved across the axis since the nearest frame that both cameras saw [m]."""
+ROUNDS = 4
+"""Rounds in which places on the body and translations are found from each other."""
+GATE = 5.0
+"""A pixel this many robust standard deviations off the body's motion is left out [-]."""
+
+
+def flyer_travel(
+    body: Followed,
+    rig: StereoRig,
+    frame: SpecimenFrame,
+    t: FloatArray,
+    static: BoolArray,
+    *,
+    subset: int,
+) -> Travel | None:
+    """Displacement of a rigid body along the axis, toward the specimen.
+
+    The places of the points on the body come from the frames in which both cameras see them. In every frame
+    the translation is then the one that fits all pixels of both cameras best, in their covariances; where one
+    camera alone sees the body, its place across the axis is held to that of the nearest frame that both saw.
+
+    Parameters
+    ----------
+    body
+        The flyer, followed.
+    rig
+        The cameras.
+    frame
+        The test frame.
+    t
+        Frame times [s], shape [n_frames].
+    static
+        Frames in which the flyer rests, shape [n_frames].
+    subset
+        Side of the subsets [px]: those that overlap share their noise.
+
+    Returns
+    -------
+    Travel or None
+        None if no point was ever seen by both cameras.
+    """
+    r = body.reconstruction
+    seen_twice = r.outcome == PointOutcome.VALID
+    if not seen_twice.any():
+        return None
+    places, moves = _places(frame.positions(np.where(seen_twice[..., None], r.position, np.nan)))
+    known = np.isfinite(places).all(axis=1)
+    rows, found, sigma, counts = [], [], [], []
+    twice = np.flatnonzero(np.isfinite(moves).all(axis=1))
+    for k in range(len(t)):
+        near = moves[twice[np.argmin(np.abs(twice - k))]]
+        both = bool(np.isfinite(moves[k]).all())
+        fit = _translation(body, rig, frame, k, places, known, near, both, subset)
+        if fit is not None:
+            rows.append(k)
+            found.append(fit[0])
+            sigma.append(fit[1])
+            counts.append(fit[2])
+    index = np.array(rows, dtype=np.int64)
+    y = np.array(found)
+    at_rest = static[index]
+    rest = float(np.mean(y[at_rest])) if at_rest.any() else 0.0
+    return Travel(
+        t=t[index],
+        frame=index,
+        displacement=rest - y,
+        sigma=np.array(sigma),
+        n_points=np.array(counts, dtype=np.int64),
+    )
+
+
+def _places(position: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Places of points on the body [n_points, 3] and translations of the frames [n_frames, 3]; NaN if unknown."""
+    moves = np.full((len(position), 3), np.nan)
+    start = int(np.argmax(np.isfinite(position[..., 0]).sum(axis=1)))
+    places = position[start].copy()
+    for _ in range(ROUNDS):
+        moves = _mean(position - places, axis=1)
+        places = _mean(position - moves[:, None], axis=0)
+    return places, moves
+
+
+def _mean(values: FloatArray, axis: int) -> FloatArray:
+    """Mean of what is finite, NaN where nothing is."""
+    good = np.isfinite(values)
+    count = good.sum(axis=axis)
+    total = np.where(good, values, 0.0).sum(axis=axis)
+    return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
+
+
+def _translation(
+    body: Followed,
+    rig: StereoRig,
+    frame: SpecimenFrame,
+    k: int,
+    places: FloatArray,
+    known: BoolArray,
+    near: FloatArray,
+    both: bool,
+    subset: int,
+) -> tuple[float, float, int] | None:
+    """Translation along y in frame `k` [m], its standard deviation and the number of points; None if not seen."""
+    move = near.copy()
+    tracks = [track.outcome[k] == PointOutcome.VALID for track in body.tracks]
+    used = [known & valid for valid in tracks]
+    if not any(points.any() for points in used):
+        return None
+    keep = [points.copy() for points in used]
+    across = 1.0 / (10.0 * SIDEWAYS if both else SIDEWAYS) ** 2
+    for _ in range(3):
+        H = np.diag([across, 0.0, across])
+        g = H @ (near - move)
+        for camera, track, points in zip(rig.cameras, body.tracks, keep, strict=True):
+            if not points.any():
+                continue
+            off, J = _sight(camera, frame, track, k, places[points] + move, points)
+            factor = overlap_factor(body.points[points], subset)
+            weight = np.linalg.inv(track.covariance[k, points] * factor[:, None, None])
+            H += np.einsum("nji,njk,nkl->il", J, weight, J)
+            g += np.einsum("nji,njk,nk->i", J, weight, off)
+        move = move + np.linalg.solve(H, g)
+        keep = [
+            points & _near_enough(camera, frame, track, k, places + move, points)
+            for camera, track, points in zip(rig.cameras, body.tracks, used, strict=True)
+        ]
+        if not any(points.any() for points in keep):
+            return None
+    return float(move[1]), float(np.sqrt(np.linalg.inv(H)[1, 1])), int((keep[0] | keep[1]).sum())
+
+
+def _sight(camera, frame, track, k, x, points):  # type: ignore[no-untyped-def]
+    """What a camera saw less what it should have seen [px], and its derivative by the translation."""
+    h = 1e-6
+    at = camera.project(frame.in_rig(x))
+    J = np.stack(
+        [(camera.project(frame.in_rig(x + h * np.eye(3)[i])) - at) / h for i in range(3)], axis=-1
+    )
+    return apply(track.points[points], track.warp[k, points]) - at, J
+
+
+def _near_enough(camera, frame, track, k, x, points):  # type: ignore[no-untyped-def]
+    """Points whose pixel agrees with the body's motion, shape [n_points]."""
+    fine = np.zeros(len(points), dtype=bool)
+    if points.any():
+        off, _ = _sight(camera, frame, track, k, x[points], points)
+        size = np.linalg.norm(off - np.median(off, axis=0), axis=1)
+        noise = np.sqrt(0.5 * np.trace(track.covariance[k, points], axis1=1, axis2=2))
+        spread = max(1.0, float(np.median(size / noise)) / 1.18)
+        fine[points] = size <= GATE * spread * noise
+    return fine

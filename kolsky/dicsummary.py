@@ -1,0 +1,112 @@
+"""A stereo result in words and numbers, for the terminal, JSON and the page."""
+
+from typing import Any
+
+import numpy as np
+
+from dic.outcome import FrameOutcome, PointOutcome
+from dic.result import Body, StereoResult
+
+SHOWN_FRAMES = 12
+"""Frames that are listed one by one; of more, the first and how many."""
+
+
+def summary(result: StereoResult) -> dict[str, Any]:
+    """What a user wants to know of a result: name and value, SI and JSON types."""
+    body, noise, placement = result.specimen, result.noise, result.placement
+    rows: dict[str, Any] = {
+        "frames": len(result.t),
+        "static_frames": int(result.static.sum()),
+        "frames_not_usable": bad_frames(result),
+        "points": body.surface.n_points,
+        "points_alive_at_the_end": int(body.alive[result.outcome == FrameOutcome.VALID][-1])
+        if body.alive.any()
+        else 0,
+        "points_lost": lost(body),
+        "sigma_match_px": _median(np.fmax(*body.match_sigma)[body.surface.valid]),
+        "sigma_x_y_Z_m": [_median(body.surface.sigma[..., k][body.surface.valid]) for k in range(3)],
+        "epipolar_rms_px": body.epipolar_rms,
+        "noise_floor_time_m": noise.time.tolist(),
+        "noise_floor_space_m": noise.space.tolist(),
+        "noise_floor_predicted_m": noise.sigma.tolist(),
+        "strain_noise_around_along_shear": [None if np.isnan(value) else float(value) for value in result.strain_noise],
+        "cylinder_radius_m": placement.radius,
+        "cylinder_radius_sigma_m": placement.radius_sigma,
+        "cylinder_rms_m": placement.rms,
+        "centre_line_points": int(result.centre.Z.size),
+        "centre_line_sigma_m": _median(result.centre.sigma),
+    }
+    if result.travel is not None and result.travel.t.size:
+        rows |= {
+            "flyer_frames": int(result.travel.t.size),
+            "flyer_travel_m": float(np.ptp(result.travel.displacement)),
+            "flyer_sigma_m": _median(result.travel.sigma),
+        }
+    return rows
+
+
+def printed(result: StereoResult) -> dict[str, str]:
+    """The same as a table for a terminal, in px, um and mm."""
+    rows, um = summary(result), 1e6
+    triple = {
+        name: ", ".join(f"{um * value:.2f}" for value in rows[name])
+        for name in ("sigma_x_y_Z_m", "noise_floor_time_m", "noise_floor_space_m", "noise_floor_predicted_m")
+    }
+    bad = rows["frames_not_usable"]
+    table = {
+        "frames": f"{rows['frames']}, {rows['static_frames']} static, {len(bad)} not usable",
+        "points": f"{rows['points']}, {rows['points_alive_at_the_end']} alive at the end",
+        "points lost, by outcome": ", ".join(f"{count} {name}" for name, count in rows["points_lost"].items())
+        or "none",
+        "sigma of a match": f"{rows['sigma_match_px']:.4f} px",
+        "sigma of x, y, Z": f"{triple['sigma_x_y_Z_m']} um",
+        "epipolar rms": f"{rows['epipolar_rms_px']:.4f} px",
+        "noise floor in time": f"{triple['noise_floor_time_m']} um (x, y, Z)",
+        "noise floor in space": f"{triple['noise_floor_space_m']} um",
+        "noise predicted": f"{triple['noise_floor_predicted_m']} um",
+    }
+    if all(value is not None for value in rows["strain_noise_around_along_shear"]):
+        table["strain noise"] = (
+            ", ".join(f"{um * value:.0f}" for value in rows["strain_noise_around_along_shear"]) + " um/m (around, along, shear)"
+        )
+    table["cylinder at rest"] = (
+        f"radius {1e3 * rows['cylinder_radius_m']:.4f} mm ± {um * 2.0 * rows['cylinder_radius_sigma_m']:.1f} um "
+        f"(k = 2), points {um * rows['cylinder_rms_m']:.1f} um rms off it"
+    )
+    table["centre line"] = f"{rows['centre_line_points']} points, sigma {um * rows['centre_line_sigma_m']:.2f} um"
+    if "flyer_travel_m" in rows:
+        table["flyer"] = (
+            f"{1e3 * rows['flyer_travel_m']:.4f} mm in {rows['flyer_frames']} frames, sigma "
+            f"{um * rows['flyer_sigma_m']:.2f} um"
+        )
+    for frame, name in list(bad.items())[:SHOWN_FRAMES]:
+        outcome = FrameOutcome[name.upper().replace(" ", "_")]
+        table[f"frame {frame}"] = f"{name}: {outcome.cause}"
+    if len(bad) > SHOWN_FRAMES:
+        table["further frames"] = f"{len(bad) - SHOWN_FRAMES}"
+    return table
+
+
+def bad_frames(result: StereoResult) -> dict[str, str]:
+    """Frames that gave no points, with what they ended as; numbers count the pictures from 0."""
+    outcome = result.outcome
+    return {str(k): words(FrameOutcome(int(outcome[k]))) for k in np.flatnonzero(outcome != FrameOutcome.VALID)}
+
+
+def lost(body: Body) -> dict[str, int]:
+    """How many points ended other than VALID, over all frames, by outcome."""
+    return {words(outcome): count for outcome, count in body.outcomes().items() if not outcome.ok}
+
+
+def words(outcome: PointOutcome | FrameOutcome) -> str:
+    """An outcome as a reader wants it, e.g. "low correlation"."""
+    return outcome.name.lower().replace("_", " ")
+
+
+def warnings(result: StereoResult) -> list[str]:
+    """The remarks of a result, each with its cure."""
+    return [f"{remark.name}: {remark.text}; {remark.cure}" for remark in result.remarks]
+
+
+def _median(values: np.ndarray) -> float | None:
+    return float(np.median(values)) if values.size else None

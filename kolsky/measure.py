@@ -1,0 +1,191 @@
+"""What the cameras of a shot saw, as numbers: correlated once, kept in the results folder, read back after."""
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dic.chain import VERSION, ChainError, ChainSettings, measure
+from dic.bodies import Region
+from dic.correlation import Correlation, Shape
+from dic.output import ResultFileError, read_result, stored_key, write_result
+from dic.result import StereoResult
+from dic.tracking import Tracking
+from kolsky.errors import InputError
+from kolsky.outfolder import filling
+from kolsky.pictures import Seen
+from kolsky.records import CentreLine, FlyerMotion
+from kolsky.rig import calibrated
+from kolsky.shotfile import SpecimenSection
+from kolsky.shotpictures import DicSection, RegionSection
+from kolsky.shots import Measured
+
+RESULT_FILE = "dic.h5"
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """The stereo result of a shot, and the file it is in."""
+
+    result: StereoResult
+    """What the pictures gave."""
+    path: Path
+    """Its file."""
+    fresh: bool
+    """True if it was computed now, False if it was read back."""
+
+
+def surfaces(
+    seen: Seen,
+    folder: Path,
+    *,
+    device: str = "cpu",
+    again: bool = False,
+    progress: Progress = lambda stage, done, total: None,
+) -> Surfaces:
+    """Correlate the pictures of a shot, or read back what they gave.
+
+    Parameters
+    ----------
+    seen
+        The pictures.
+    folder
+        Where `RESULT_FILE` is or will be. It is used again if inputs, declarations and the version of the
+        chain are those it was made with.
+    device
+        Where pictures are correlated, "cpu" or a CUDA device.
+    again
+        Correlate even if there is such a file.
+    progress
+        Told of the frames done, stage by stage.
+
+    Raises
+    ------
+    InputError
+        If the cameras cannot be calibrated or nothing can be measured.
+    """
+    path, key = folder / RESULT_FILE, key_of(seen)
+    if not again and stored_key(path) == key:
+        try:
+            return Surfaces(result=read_result(path), path=path, fresh=False)
+        except ResultFileError:
+            pass  # damaged since it was written: made anew
+    result = _correlated(seen, device, progress)
+    with filling(folder) as partial:
+        write_result(partial / RESULT_FILE, result, key=key)
+    return Surfaces(result=result, path=path, fresh=True)
+
+
+def measured(
+    seen: Seen,
+    folder: Path | None = None,
+    *,
+    device: str = "cpu",
+    progress: Progress = lambda stage, done, total: None,
+) -> Measured:
+    """Flyer and outline of a shot from its pictures.
+
+    Parameters
+    ----------
+    seen
+        The pictures.
+    folder
+        Where the result is kept; by default the folder "results" of the shot.
+    device
+        Where pictures are correlated.
+    progress
+        Told of the frames done, stage by stage.
+
+    Raises
+    ------
+    InputError
+        As `surfaces`, or if the flyer was not found.
+    """
+    found = surfaces(seen, folder or seen.toml.path.parent / "results", device=device, progress=progress)
+    result, number = found.result, seen.frames.frame
+    if result.travel is None or result.travel.t.size == 0:
+        raise seen.toml.error(
+            "dic.flyer",
+            "was found in no frame",
+            cure="declare a region of camera 0's picture that the flyer fills, and the frame it is for",
+        )
+    line = result.centre
+    return Measured(
+        flyer=FlyerMotion(
+            time=result.travel.t, displacement=result.travel.displacement, sigma=result.travel.sigma
+        ),
+        centre_line=CentreLine(time=line.t, frame=number[line.frame], y=line.y, Z=line.Z, sigma=line.sigma),
+        source=found.path,
+    )
+
+
+def key_of(seen: Seen) -> str:
+    """What a stereo result depends on: SHA-256 of inputs, declarations and the version of the chain."""
+    declared = seen.toml.declared
+    parts: dict[str, Any] = {
+        "version": VERSION,
+        "inputs": seen.inputs,
+        "specimen": [declared.specimen.diameter, declared.specimen.length],
+        "frames": [seen.frames.sha256, declared.frames.model_dump(mode="json")],
+        **{
+            name: None if section is None else section.model_dump(mode="json")
+            for name in ("pictures", "calibration", "dic", "reporting")
+            for section in [getattr(declared, name)]
+        },
+    }
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+def chain_settings(section: DicSection, specimen: SpecimenSection, device: str = "cpu") -> ChainSettings:
+    """The chain's settings as a shot file declares them, of this specimen."""
+    subset = Correlation(
+        subset=section.subset, shape=Shape[section.shape.upper()], prefilter=section.prefilter
+    )
+    return ChainSettings(
+        toward_flyer=section.flyer_side,
+        zero=section.transmission_edge,
+        strip_half_width=section.strip_half_width,
+        radius=0.5 * specimen.diameter,
+        length=specimen.length,
+        step=section.step,
+        strain_window=section.strain_window,
+        tracking=Tracking(correlation=subset),
+        stereo=Correlation(
+            subset=section.subset, shape=Shape.QUADRATIC, prefilter=section.prefilter
+        ),
+        device=device,
+    )
+
+
+def _correlated(seen: Seen, device: str, progress: Progress) -> StereoResult:
+    toml, declared = seen.toml, seen.toml.declared
+    section = declared.dic
+    assert section is not None  # shots with pictures have it
+    cameras = calibrated(seen, progress)
+    static = np.arange(seen.time.size) < declared.frames.static
+    reporting = {} if declared.reporting is None else declared.reporting.model_dump(exclude_none=True)
+    try:
+        return measure(
+            seen.pictures,
+            cameras.rig,
+            chain_settings(section, declared.specimen, device),
+            t=seen.time,
+            static=static,
+            specimen=_region(section.specimen),
+            flyer=_region(section.flyer),
+            facts={"reporting": reporting, "calibration": cameras.words},
+            progress=progress,
+        )
+    except ChainError as error:
+        raise InputError(toml.path, f"its pictures give no surface: {error}") from error
+    except ValueError as error:
+        raise toml.error("dic", f"does not fit the pictures: {error}") from error
+
+
+def _region(section: RegionSection) -> Region:
+    return Region(corners=section.corners, frame=section.frame)

@@ -1,0 +1,108 @@
+"""One self-contained page about the surfaces of a shot: figures, noise floors, outcomes, the reporting table."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from dic.outcome import FrameOutcome
+from dic.output import reporting
+from kolsky import dicsummary
+from kolsky.atomic import replacing
+from kolsky.report.canvas import inline_svg
+from kolsky.report.figures import SURFACES
+from kolsky.report.view import View
+
+_HERE = Path(__file__).parent
+
+
+def write_page(path: Path, shown: View, inputs: Mapping[str, str]) -> None:
+    """Write the page as a single HTML file without scripts or outside resources.
+
+    Parameters
+    ----------
+    path : Path
+        The file, replaced atomically if it exists; its folder must exist.
+    shown : View
+        The result with some pictures.
+    inputs : mapping
+        SHA-256 of every file that was read, by name.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written; an older one is then unchanged.
+    """
+    html = render(shown, inputs)
+    with replacing(Path(path)) as partial:
+        partial.write_bytes(html.encode("utf-8", errors="backslashreplace"))
+
+
+def render(shown: View, inputs: Mapping[str, str]) -> str:
+    """The page as HTML text; see `write_page`."""
+    environment = Environment(
+        loader=FileSystemLoader(_HERE),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    result = shown.result
+    drawn = [kind for kind in SURFACES.values() if kind.applies(shown)]
+    figures = [
+        {
+            "id": kind.name,
+            "number": number,
+            "svg": Markup(inline_svg(kind, shown)),  # serialised as XML: every text is escaped
+            "caption": kind.caption(shown),
+            "width": kind.width,
+        }
+        for number, kind in enumerate(drawn, start=1)
+    ]
+    table = reporting.reporting_table(result)
+    return environment.get_template("dicpage.html").render(
+        css=Markup((_HERE / "page.css").read_text(encoding="utf-8")),
+        shot=shown.shot,
+        figures=figures,
+        rows=list(dicsummary.printed(result).items()),
+        remarks=result.remarks,
+        outcomes=_outcomes(shown),
+        frames=_frames(shown),
+        parts=[(part, [row for row in table if row.part == part]) for part in dict.fromkeys(r.part for r in table)],
+        inputs=list(inputs.items()),
+        seconds=[(name, f"{value:.3g} s") for name, value in result.seconds.items()],
+    )
+
+
+def _outcomes(shown: View) -> list[dict[str, Any]]:
+    """How points ended, with cause and cure."""
+    bodies = [("specimen", shown.result.specimen), ("flyer", shown.result.flyer)]
+    rows = []
+    for name, body in bodies:
+        if body is None:
+            continue
+        total = max(body.surface.outcome.size, 1)
+        for outcome, count in sorted(body.outcomes().items()):
+            rows.append(
+                {
+                    "body": name,
+                    "outcome": dicsummary.words(outcome),
+                    "count": count,
+                    "share": f"{100.0 * count / total:.3g} %",
+                    "cause": outcome.cause,
+                    "cure": outcome.cure,
+                    "ok": outcome.ok,
+                }
+            )
+    return rows
+
+
+def _frames(shown: View) -> list[tuple[str, str, str, str]]:
+    """Frames that gave no points: number, what, cause, cure."""
+    rows = []
+    for frame, name in dicsummary.bad_frames(shown.result).items():
+        outcome = FrameOutcome[name.upper().replace(" ", "_")]
+        rows.append((frame, name, outcome.cause, outcome.cure))
+    return rows

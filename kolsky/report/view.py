@@ -1,0 +1,64 @@
+"""What the figures of a stereo result show beside its numbers: some pictures, and one column of all."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.images import PictureError, Pictures
+from dic.result import StereoResult
+
+FloatArray = NDArray[np.float64]
+
+SHOWN = 4
+"""Pictures that are shown."""
+
+
+@dataclass(frozen=True)
+class View:
+    """A stereo result with pictures of camera 0."""
+
+    shot: str
+    """Name of the shot."""
+    result: StereoResult
+    """The result."""
+    pictures: Mapping[int, NDArray[np.generic]]
+    """Some pictures of camera 0 by frame, each of shape [rows, columns]."""
+    kymograph: FloatArray
+    """The centre line's column of every picture of camera 0, NaN where it cannot be read, [rows, n_frames]."""
+
+
+def view(shot: str, result: StereoResult, pictures: Pictures) -> View:
+    """Read what the figures show of camera 0's pictures.
+
+    The centre line is followed across the picture at the row where the specimen's points lie in the mean.
+    """
+    chosen = set(shown_frames(result))
+    column = _column(result, pictures.shape[1])
+    kymograph = np.full((pictures.shape[0], pictures.n_frames), np.nan)
+    kept = {}
+    for frame in range(pictures.n_frames):
+        try:
+            picture = pictures.frame(frame)
+        except PictureError:
+            continue
+        kymograph[:, frame] = picture[:, column]
+        if frame in chosen:
+            kept[frame] = np.array(picture)
+    return View(shot=shot, result=result, pictures=kept, kymograph=kymograph)
+
+
+def shown_frames(result: StereoResult) -> list[int]:
+    """Frames at equal distances, of those with points: the first, the last and two between them."""
+    usable = np.flatnonzero(result.specimen.alive > 0)
+    if usable.size == 0:
+        return []
+    return sorted({int(usable[k]) for k in np.round(np.linspace(0, usable.size - 1, SHOWN)).astype(int)})
+
+
+def _column(result: StereoResult, columns: int) -> int:
+    """The column of camera 0 in which the centre line lies, from the points nearest to x = 0."""
+    body = result.specimen
+    nearest = np.argsort(np.abs(body.surface.X[:, 0]))[: max(3, body.surface.n_points // 20)]
+    return int(np.clip(np.round(np.median(body.points[nearest, 0])), 0, columns - 1))

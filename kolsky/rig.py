@@ -1,0 +1,151 @@
+"""The cameras of a shot: from a calibration file, or from its pictures of a target."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any
+
+from dic.camera import StereoRig
+from dic.images import PictureError, Pictures
+from kolsky.errors import InputError
+from kolsky.pictures import CAMERAS, Seen, fits_sensor
+from kolsky.shotpictures import CalibrationSection, TargetSection
+from kolsky.shottoml import ShotToml
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """The cameras, and what speaks for them."""
+
+    rig: StereoRig
+    """For pictures with the crop of the shot's series."""
+    words: str
+    """One sentence on where it is from and how well it fits."""
+
+
+def calibrated(seen: Seen, progress: Progress) -> Calibrated:
+    """The rig for a shot's pictures.
+
+    Raises
+    ------
+    InputError
+        If the file holds no two cameras, the target is not found or cannot determine the cameras, or a crop
+        lies outside the sensor that the calibration is for.
+    """
+    toml, section = seen.toml, seen.toml.declared.calibration
+    assert section is not None  # shots with pictures have it
+    if section.file is not None:
+        rig, words = _from_file(toml, section)
+    else:
+        rig, words = _from_pictures(toml, section, progress)
+    for camera, pictures, name in zip(rig.cameras, seen.pictures, CAMERAS, strict=True):
+        problem = fits_sensor(pictures, camera.sensor)
+        if problem:
+            raise toml.error(
+                f"pictures.{name}",
+                f"crop_offset {problem}",
+                cure="declare where the crop lies on the sensor, or calibrate with full pictures",
+            )
+    offsets = [pictures.crop_offset for pictures in seen.pictures]
+    return Calibrated(rig=rig.cropped(offsets[0], offsets[1]), words=words)
+
+
+def target_of(section: TargetSection, toml: ShotToml) -> Any:
+    """The target that a shot file describes.
+
+    Raises
+    ------
+    InputError
+        If its kind is unknown, a dimension is missing, has no effect or is impossible.
+    """
+    from dic.calibration import TARGETS
+
+    key = "calibration.target"
+    if section.kind not in TARGETS:
+        known = ", ".join(f'"{name}"' for name in TARGETS)
+        raise toml.error(f"{key}.kind", "is not a known target", allowed=f"one of {known}")
+    kind = TARGETS[section.kind]
+    wanted = {field.name: field for field in fields(kind)}
+    given = {name: value for name, value in section.model_dump(exclude={"kind"}).items() if value is not None}
+    for name in given:
+        if name not in wanted:
+            raise toml.error(
+                f"{key}.{name}",
+                f"is given, but a target of kind {section.kind} has no such dimension",
+                cure=f"remove it; the keys are {', '.join(wanted)}",
+            )
+    try:
+        return kind(**given)
+    except TypeError:
+        missing = [name for name in wanted if name not in given]
+        raise toml.error(f"{key}.kind", f"needs more: some of {', '.join(missing)}") from None
+    except ValueError as error:
+        raise toml.error(key, f"is impossible: {error}") from None
+
+
+def _from_file(toml: ShotToml, section: CalibrationSection) -> tuple[StereoRig, str]:
+    from dic.camera_files import CameraFileError, read_rig
+
+    assert section.file is not None
+    try:
+        rig = read_rig(toml.path.parent / section.file, length_unit=section.length_unit)
+    except CameraFileError as error:
+        raise InputError(toml.path.parent / section.file, f"is no calibration that can be read: {error}") from None
+    return rig, f"from the file {section.file}"
+
+
+def _from_pictures(
+    toml: ShotToml, section: CalibrationSection, progress: Progress
+) -> tuple[StereoRig, str]:
+    from dic.calibration import TargetNotFound, Undetermined, calibrate, detect
+
+    assert section.target is not None  # the schema saw to it
+    assert section.distortion is not None
+    target = target_of(section.target, toml)
+    series = [_series(toml, name, getattr(section, name)) for name in CAMERAS]
+    counts = [pictures.n_frames for pictures in series]
+    numbers = [getattr(pictures, "numbers", tuple(range(n))) for pictures, n in zip(series, counts, strict=True)]
+    if numbers[0] != numbers[1]:
+        spans = [f"{n} pictures numbered {of[0]} to {of[-1]}" for n, of in zip(counts, numbers, strict=True)]
+        raise toml.error(
+            "calibration",
+            f"has {spans[0]} of camera 0 and {spans[1]} of camera 1, so it is not known which are pairs",
+            cure="export the pairs with one number each",
+        )
+    views: list[list[Any]] = [[], []]
+    for pair in range(counts[0]):
+        for camera, pictures in enumerate(series):
+            progress("calibration", 2 * pair + camera, 2 * counts[0])
+            try:
+                views[camera].append(detect(pictures.frame(pair), target))
+            except TargetNotFound as error:
+                views[camera].append(error)
+            except PictureError:
+                views[camera].append(None)
+    progress("calibration", 2 * counts[0], 2 * counts[0])
+    sensors = [(pictures.shape[1], pictures.shape[0]) for pictures in series]
+    try:
+        found = calibrate(
+            views[0],
+            views[1],
+            target,
+            sensors=(sensors[0], sensors[1]),
+            distortion=section.distortion,
+            square_pixels=section.square_pixels,
+        )
+    except (Undetermined, ValueError) as error:
+        raise toml.error("calibration", f"does not determine the cameras: {error}") from None
+    used = sum(pair.outcome.used for pair in found.pairs)
+    rejected = "".join(f"; pair {pair.name} left out: {pair.reason}" for pair in found.rejected)
+    return found.rig, f"{used} of {counts[0]} pairs of pictures, residual {found.rms:.3g} px rms{rejected}"
+
+
+def _series(toml: ShotToml, name: str, pattern: str) -> Pictures:
+    from dic.images import open_pictures
+
+    place = toml.path.parent / pattern
+    try:
+        return open_pictures(place.parent, pattern=place.name)
+    except (PictureError, OSError) as error:
+        raise toml.error(f"calibration.{name}", f"cannot be used: {error}") from None

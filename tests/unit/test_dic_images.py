@@ -1,0 +1,424 @@
+"""TIFF, numbered series, HDF5 and declared facts: what was written is read, what is damaged is named."""
+
+import struct
+import zlib
+
+import cv2
+import h5py
+import numpy as np
+import pytest
+import tifffile
+from picture_files import twelve_bit_tiff
+
+from dic import FrameOutcome
+from dic.images import PictureError, Pictures, declared, frame_health, open_pictures
+
+SHAPE = (6, 7)  # an odd number of columns: a row of 12-bit values does not end with a byte
+
+
+@pytest.fixture
+def pages():
+    return np.random.default_rng(5).integers(0, 4096, (4, *SHAPE)).astype(np.uint16)
+
+
+def read_all(pictures):
+    """All frames; None where one raises a PictureError."""
+    assert isinstance(pictures, Pictures)
+    found, errors = [], {}
+    for index in range(pictures.n_frames):
+        try:
+            found.append(pictures.frame(index))
+        except PictureError as error:
+            found.append(None)
+            errors[index] = error
+    assert all(error.frame == index and "\n" not in str(error) for index, error in errors.items())
+    return found
+
+
+def written(folder, data, name="file.tif"):
+    path = folder / name
+    path.write_bytes(data)
+    return path
+
+
+# --- TIFF ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("options", [{}, {"bigtiff": True}, {"byteorder": ">"}, {"compression": "zlib"}])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_tiff_written_by_tifffile(tmp_path, pages, options, dtype):
+    tifffile.imwrite(tmp_path / "a.tif", pages.astype(dtype), photometric="minisblack", **options)
+    pictures = open_pictures(tmp_path / "a.tif")
+    assert (pictures.n_frames, pictures.shape, pictures.bits) == (4, SHAPE, 8 * np.dtype(dtype).itemsize)
+    assert pictures.crop_offset == (0.0, 0.0)
+    assert pictures.times is None
+    np.testing.assert_array_equal(read_all(pictures), pages.astype(dtype))
+
+
+def test_tiff_written_by_opencv_with_its_lzw_compression(tmp_path, pages):
+    assert cv2.imwritemulti(str(tmp_path / "a.tif"), list(pages))
+    with tifffile.TiffFile(tmp_path / "a.tif") as file:
+        assert file.pages[0].compression == 5  # LZW, which tifffile does not decode by itself
+    np.testing.assert_array_equal(read_all(open_pictures(tmp_path / "a.tif")), pages)
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_tiff_of_12_bits_without_gaps(tmp_path, pages, order):
+    pictures = open_pictures(written(tmp_path, twelve_bit_tiff(pages, order=order)))
+    assert pictures.bits == 12
+    np.testing.assert_array_equal(read_all(pictures), pages)
+
+
+def test_white_is_zero_is_turned_round(tmp_path, pages):
+    pictures = open_pictures(written(tmp_path, twelve_bit_tiff(pages, white=True)))
+    np.testing.assert_array_equal(read_all(pictures), 4095 - pages)
+
+
+def test_bits_are_what_the_header_says_and_never_guessed(tmp_path, pages):
+    tag = [(281, "H", 1, 4095, True)]
+    tifffile.imwrite(tmp_path / "said.tif", pages, photometric="minisblack", extratags=tag)
+    assert open_pictures(tmp_path / "said.tif").bits == 12
+    tifffile.imwrite(tmp_path / "silent.tif", pages, photometric="minisblack")
+    assert open_pictures(tmp_path / "silent.tif").bits == 16  # though no value is above 4095
+    assert open_pictures(tmp_path / "silent.tif", bits=12).bits == 12
+
+
+@pytest.mark.parametrize("shaped", [True, False])
+def test_a_tiff_cut_off_keeps_the_frames_before_the_cut(tmp_path, pages, shaped):
+    with tifffile.TiffWriter(tmp_path / "a.tif") as writer:
+        for page in pages:
+            note = '{"shape": [4, 6, 7]}' if shaped else None
+            writer.write(page, photometric="minisblack", contiguous=False, metadata=None, description=note)
+    whole = (tmp_path / "a.tif").read_bytes()
+    with tifffile.TiffFile(tmp_path / "a.tif") as file:
+        cut = file.pages[2].dataoffsets[0] + 5
+    pictures = open_pictures(written(tmp_path, whole[:cut], "cut.tif"))
+    # the header of page 3 is promised by page 2; that there are 4 in all only the description says
+    assert pictures.n_frames == 4
+    found = read_all(pictures)
+    np.testing.assert_array_equal(found[:2], pages[:2])
+    assert found[2:] == [None, None]
+    more = open_pictures(tmp_path / "cut.tif", n_frames=9, times=np.arange(9) / 1e5)
+    assert sum(frame is None for frame in read_all(more)) == 7
+
+
+@pytest.mark.parametrize("cut", [0, 3])
+def test_an_imagej_stack_with_one_header_for_all_pages(tmp_path, pages, cut):
+    # as ImageJ writes more than 4 GB: one header, big-endian, then page after page
+    tifffile.imwrite(
+        tmp_path / "a.tif", pages[0], byteorder=">", description="ImageJ=1.53\nimages=4\n", metadata=None
+    )
+    with tifffile.TiffFile(tmp_path / "a.tif") as file:
+        start = file.pages[0].dataoffsets[0]
+    data = (tmp_path / "a.tif").read_bytes()[:start] + pages.astype(">u2").tobytes()
+    pictures = open_pictures(written(tmp_path, data[: len(data) - cut]))
+    assert pictures.n_frames == 4
+    found = read_all(pictures)
+    np.testing.assert_array_equal(found[:3], pages[:3])
+    assert (found[3] is None) == bool(cut)
+
+
+def tiff_with(**tags):
+    """A small 12-bit TIFF in which some tags lie."""
+    names = {"columns": 256, "rows": 257, "strip": 273, "count": 279, "samples": 277}
+    raw = bytearray(twelve_bit_tiff([np.zeros(SHAPE, dtype=np.uint16)]))
+    (header,) = struct.unpack_from("<I", raw, 4)
+    (entries,) = struct.unpack_from("<H", raw, header)
+    for k in range(entries):
+        at = header + 2 + 12 * k
+        (tag,) = struct.unpack_from("<H", raw, at)
+        for name, value in tags.items():
+            if names[name] == tag:
+                struct.pack_into("<I", raw, at + 8, value)
+    return bytes(raw)
+
+
+@pytest.mark.parametrize(
+    "tags",
+    [{"columns": 0}, {"rows": 0}, {"rows": 4_000_000_000, "columns": 4_000_000_000}],
+)
+def test_a_tiff_whose_size_lies_is_refused(tmp_path, tags):
+    with pytest.raises(PictureError, match="rows and"):
+        open_pictures(written(tmp_path, tiff_with(**tags)))
+
+
+@pytest.mark.parametrize(
+    "tags",
+    [{"strip": 4_000_000_000}, {"count": 4_000_000_000}, {"count": 0}, {"count": 5}, {"samples": 3}],
+)
+def test_a_page_whose_data_lie_is_an_error_of_its_own(tmp_path, tags):
+    pictures = open_pictures(written(tmp_path, tiff_with(**tags)))
+    with pytest.raises(PictureError, match="frame 0"):
+        pictures.frame(0)
+
+
+def test_pages_in_a_circle_are_refused(tmp_path, pages):
+    raw = bytearray(twelve_bit_tiff(pages[:2]))
+    first = raw[4:8]
+    raw[-4:] = first
+    with pytest.raises(PictureError, match="page 2 starts at"):
+        open_pictures(written(tmp_path, bytes(raw)))
+
+
+def test_a_tiff_of_floats_or_colours_is_refused(tmp_path):
+    tifffile.imwrite(tmp_path / "a.tif", np.zeros(SHAPE, dtype=np.float32))
+    with pytest.raises(PictureError, match="32 bits"):
+        open_pictures(tmp_path / "a.tif")
+    tifffile.imwrite(tmp_path / "b.tif", np.zeros((*SHAPE, 3), dtype=np.uint8), photometric="rgb")
+    with pytest.raises(PictureError, match="colour"):
+        open_pictures(tmp_path / "b.tif").frame(0)
+
+
+def test_a_page_of_another_shape_spoils_no_other(tmp_path, pages):
+    with tifffile.TiffWriter(tmp_path / "a.tif") as writer:
+        for page in (pages[0], pages[1][:, :5], pages[2]):
+            writer.write(page, photometric="minisblack", metadata=None)
+    found = read_all(open_pictures(tmp_path / "a.tif"))
+    assert found[1] is None
+    np.testing.assert_array_equal([found[0], found[2]], pages[[0, 2]])
+
+
+# --- numbered series ----------------------------------------------------------------------------------
+
+
+def series(folder, numbers, pattern="cam_{}.png", shape=SHAPE, dtype=np.uint16):
+    rng = np.random.default_rng(7)
+    pictures = {n: rng.integers(0, 200, shape).astype(dtype) for n in numbers}
+    for number, picture in pictures.items():
+        cv2.imwrite(str(folder / pattern.format(number)), picture)
+    return pictures
+
+
+def test_a_series_is_in_the_order_of_its_numbers(tmp_path):
+    wrote = series(tmp_path, [8, 9, 10, 11])
+    pictures = open_pictures(tmp_path)
+    assert pictures.bits == 16
+    np.testing.assert_array_equal(read_all(pictures), list(wrote.values()))
+
+
+def test_missing_numbers_are_missing_frames(tmp_path):
+    wrote = series(tmp_path, [1, 2, 5])
+    pictures = open_pictures(tmp_path)
+    found = read_all(pictures)
+    assert [frame is None for frame in found] == [False, False, True, True, False]
+    np.testing.assert_array_equal(found[4], wrote[5])
+    with pytest.raises(PictureError, match="number 3"):
+        pictures.frame(2)
+
+
+def test_numbers_may_count_in_steps(tmp_path):
+    series(tmp_path, [100, 110, 130])
+    pictures = open_pictures(tmp_path)
+    assert pictures.numbers == (100, 110, 120, 130)
+    assert [frame is None for frame in read_all(pictures)] == [False, False, True, False]
+
+
+def test_two_series_in_a_folder_need_a_pattern(tmp_path):
+    left, _ = series(tmp_path, [1, 2], "p{}_0.bmp", dtype=np.uint8), series(tmp_path, [1, 2], "p{}_1.bmp")
+    series(tmp_path, [1], "other{}.bmp")
+    with pytest.raises(PictureError, match=r"2 series.*p1_\*\.bmp|series: "):
+        open_pictures(tmp_path)
+    pictures = open_pictures(tmp_path, pattern="p*_0.bmp")
+    np.testing.assert_array_equal(read_all(pictures), list(left.values()))
+    with pytest.raises(PictureError, match="no file fits"):
+        open_pictures(tmp_path, pattern="q*.bmp")
+    with pytest.raises(PictureError, match="one \\*"):
+        open_pictures(tmp_path, pattern="p*_*.bmp")
+
+
+def test_a_series_of_tiffs(tmp_path, pages):
+    for k, page in enumerate(pages):
+        (tmp_path / f"cam_{k:04d}_0.tif").write_bytes(twelve_bit_tiff([page]))
+    pictures = open_pictures(tmp_path, pattern="cam_*_0.tif")
+    assert pictures.bits == 12
+    np.testing.assert_array_equal(read_all(pictures), pages)
+    (tmp_path / "cam_0002_0.tif").write_bytes(twelve_bit_tiff(pages))
+    with pytest.raises(PictureError, match="has 4 pages; open the file itself"):
+        open_pictures(tmp_path, pattern="cam_*_0.tif").frame(2)
+
+
+def test_time_stamps_for_numbers_are_refused(tmp_path):
+    series(tmp_path, [1700000000, 1700000001, 1700009999])
+    with pytest.raises(PictureError, match="no frame numbers"):
+        open_pictures(tmp_path)
+
+
+def test_one_number_twice_is_refused(tmp_path):
+    series(tmp_path, ["1", "01"])
+    with pytest.raises(PictureError, match="one number, 1"):
+        open_pictures(tmp_path)
+
+
+def test_a_list_of_files_is_taken_as_it_is(tmp_path):
+    wrote = series(tmp_path, ["b", "a"], "{}.png")
+    pictures = open_pictures([tmp_path / "b.png", tmp_path / "gone.png", tmp_path / "a.png"])
+    found = read_all(pictures)
+    assert found[1] is None
+    np.testing.assert_array_equal([found[0], found[2]], list(wrote.values()))
+    assert read_all(open_pictures(tmp_path / "a.png"))[0].shape == SHAPE
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".bmp"])
+def test_a_file_cut_off_is_not_filled_up_with_grey(tmp_path, suffix):
+    series(tmp_path, [1, 2], "a{}" + suffix, shape=(64, 64), dtype=np.uint8)
+    path = tmp_path / f"a2{suffix}"
+    path.write_bytes(path.read_bytes()[:-40])
+    with pytest.raises(PictureError, match="cut off"):
+        open_pictures(tmp_path).frame(1)
+    assert open_pictures(tmp_path).frame(0).shape == (64, 64)
+
+
+def test_a_damaged_png_is_named(tmp_path):
+    series(tmp_path, [1, 2], shape=(64, 64))
+    raw = bytearray((tmp_path / "cam_2.png").read_bytes())
+    raw[len(raw) // 2] ^= 0xFF
+    written(tmp_path, bytes(raw), "cam_2.png")
+    with pytest.raises(PictureError, match="check sum"):
+        open_pictures(tmp_path).frame(1)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".bmp"])
+def test_a_header_that_promises_a_giant_is_refused_before_it_is_decoded(tmp_path, suffix):
+    series(tmp_path, [1], "a{}" + suffix, shape=(64, 64), dtype=np.uint8)
+    raw = bytearray((tmp_path / f"a1{suffix}").read_bytes())
+    if suffix == ".png":
+        struct.pack_into(">II", raw, 16, 60_000, 15_000)
+        struct.pack_into(">I", raw, 29, zlib.crc32(raw[12:29]))
+    elif suffix == ".jpg":
+        struct.pack_into(">HH", raw, raw.index(b"\xff\xc0") + 5, 15_000, 60_000)
+    else:
+        struct.pack_into("<ii", raw, 18, 60_000, 15_000)
+        raw[30] = 1  # run lengths: how many bytes they need cannot be seen
+    with pytest.raises(PictureError, match="15000 rows and 60000 columns"):
+        open_pictures(written(tmp_path, bytes(raw), f"a1{suffix}"))
+
+
+def test_exif_turns_a_jpeg(tmp_path):
+    picture = np.tile(np.arange(0, 240, 10, dtype=np.uint8), (16, 1))
+    _, jpeg = cv2.imencode(".jpg", picture)
+    tiff = b"II*\0\x08\0\0\0" + struct.pack("<HHHIHHI", 1, 0x0112, 3, 1, 6, 0, 0)  # orientation 6
+    exif = b"Exif\0\0" + tiff
+    data = jpeg.tobytes()
+    data = data[:2] + b"\xff\xe1" + struct.pack(">H", len(exif) + 2) + exif + data[2:]
+    turned = open_pictures(written(tmp_path, data, "a1.jpg")).frame(0)
+    assert turned.shape == (24, 16)
+    np.testing.assert_allclose(turned, np.rot90(picture, -1), atol=4)  # JPEG of quality 95
+
+
+# --- HDF5 ---------------------------------------------------------------------------------------------
+
+
+def test_hdf5_with_its_attributes(tmp_path, pages):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        data = file.create_dataset("cam0/pictures", data=pages, chunks=(1, *SHAPE), compression="gzip")
+        data.attrs["bits"], data.attrs["crop_offset"] = 12, (192, 64)
+        file["cam0/times"] = np.arange(4) / 1e5
+        file["other"] = np.zeros((2, 3, 4))
+    pictures = open_pictures(tmp_path / "a.h5")
+    assert (pictures.bits, pictures.crop_offset) == (12, (192.0, 64.0))
+    np.testing.assert_array_equal(pictures.times, np.arange(4) / 1e5)
+    np.testing.assert_array_equal(read_all(pictures), pages)
+
+
+def test_hdf5_with_two_series_needs_a_name(tmp_path, pages):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["a"], file["b"] = pages, pages[::-1]
+    with pytest.raises(PictureError, match=r"2 datasets.*a, b"):
+        open_pictures(tmp_path / "a.h5")
+    np.testing.assert_array_equal(read_all(open_pictures(tmp_path / "a.h5", pattern="/b")), pages[::-1])
+    with pytest.raises(PictureError, match="2 datasets"):
+        open_pictures(tmp_path / "a.h5", pattern="c")
+
+
+def test_hdf5_that_points_to_other_files_is_not_followed(tmp_path, pages):
+    (tmp_path / "secret.raw").write_bytes(pages.tobytes())
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        outside = [("secret.raw", 0, pages.nbytes)]
+        file.create_dataset("external", pages.shape, pages.dtype, external=outside)
+        file["link"] = h5py.ExternalLink("other.h5", "/pictures")
+    with pytest.raises(PictureError, match="0 datasets"):
+        open_pictures(tmp_path / "a.h5")
+
+
+def test_hdf5_cut_off_is_named(tmp_path, pages):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["a"] = pages
+    whole = (tmp_path / "a.h5").read_bytes()
+    with pytest.raises(PictureError, match="cannot be read"):
+        open_pictures(written(tmp_path, whole[: len(whole) // 2], "b.h5"))
+
+
+# --- the registry and what is declared ----------------------------------------------------------------
+
+
+def test_what_is_no_picture_is_named(tmp_path):
+    with pytest.raises(PictureError, match="is none of TIFF, HDF5"):
+        open_pictures(written(tmp_path, b"hello", "a.xyz"))
+    with pytest.raises(PictureError, match="No such file"):
+        open_pictures(tmp_path / "gone.tif")
+    with pytest.raises(PictureError, match="no numbered pictures"):
+        open_pictures(tmp_path)
+    with pytest.raises(PictureError, match="cut off before its first page"):
+        open_pictures(written(tmp_path, b"II*\0\xff\xff\0\0", "a.tif"))
+
+
+def test_a_file_is_known_by_what_it_holds(tmp_path, pages):
+    tifffile.imwrite(tmp_path / "a.tif", pages, photometric="minisblack")
+    (tmp_path / "a.tif").rename(tmp_path / "a.png")
+    np.testing.assert_array_equal(read_all(open_pictures(tmp_path / "a.png")), pages)
+
+
+def test_declared_facts_replace_those_of_the_file(tmp_path, pages):
+    tifffile.imwrite(tmp_path / "a.tif", pages, photometric="minisblack")
+    times = [0.0, 1e-5, 2e-5, 4e-5]
+    pictures = open_pictures(tmp_path / "a.tif", bits=12, crop_offset=(192, 190.5), times=times)
+    assert (pictures.bits, pictures.crop_offset, pictures.shape) == (12, (192.0, 190.5), SHAPE)
+    np.testing.assert_array_equal(pictures.times, times)
+    np.testing.assert_array_equal(read_all(pictures), pages)
+
+
+def test_a_grey_value_above_the_declared_bits_is_an_error_of_its_frame(tmp_path, pages):
+    high = np.minimum(pages, 1023)
+    high[2, 3, 3] = 1024
+    tifffile.imwrite(tmp_path / "a.tif", high, photometric="minisblack")
+    pictures = open_pictures(tmp_path / "a.tif", bits=10)
+    assert [frame is None for frame in read_all(pictures)] == [False, False, True, False]
+    with pytest.raises(PictureError, match="declare bits=11 or more"):
+        pictures.frame(2)
+
+
+def test_a_header_that_states_too_few_bits_is_seen_and_can_be_corrected(tmp_path, pages):
+    pages[2, 3, 3] = 4095
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        largest = np.array([1023, 1023, 4095, 1023])
+        file["a"] = np.minimum(pages, largest[:, None, None]).astype(np.uint16)
+        file["a"].attrs["bits"] = 10
+    pictures = open_pictures(tmp_path / "a.h5")
+    assert [frame is None for frame in read_all(pictures)] == [False, False, True, False]
+    assert frame_health(pictures).outcome[2] == FrameOutcome.UNREADABLE
+    right = open_pictures(tmp_path / "a.h5", bits=12)
+    assert all(frame is not None for frame in read_all(right))
+
+
+@pytest.mark.parametrize(
+    ("facts", "message"),
+    [
+        ({"bits": 0}, "bits = 0, must be from 1 to 16"),
+        ({"bits": 17}, "bits = 17"),
+        ({"crop_offset": (float("nan"), 0)}, "finite"),
+        ({"times": [0.0, 1.0]}, "4 finite and rising"),
+        ({"times": [0.0, 1.0, 1.0, 2.0]}, "rising"),
+        ({"n_frames": 3}, "n_frames = 3, must be from the 4"),
+    ],
+)
+def test_what_cannot_be_declared(tmp_path, pages, facts, message):
+    tifffile.imwrite(tmp_path / "a.tif", pages, photometric="minisblack")
+    with pytest.raises(ValueError, match=message):
+        declared(open_pictures(tmp_path / "a.tif"), **facts)
+
+
+@pytest.mark.parametrize("index", [-1, 4])
+def test_frame_numbers_start_at_zero_and_end(tmp_path, pages, index):
+    tifffile.imwrite(tmp_path / "a.tif", pages, photometric="minisblack")
+    with pytest.raises(IndexError, match="from 0 to 3"):
+        open_pictures(tmp_path / "a.tif").frame(index)

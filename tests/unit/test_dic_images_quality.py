@@ -1,0 +1,275 @@
+"""Noise and speckle quality against closed forms and against another program's matches."""
+
+import cv2
+import numpy as np
+import pytest
+from scipy.ndimage import fourier_shift, gaussian_filter
+
+from dic.images import grey_noise, speckle_quality
+from dic.images.__main__ import main
+from dic.images.gradient import gradient, noise_gain
+from kolsky.report.canvas import build
+from kolsky.report.figures.speckle_floor import KIND, Speckles
+
+
+def blurred(side=160, width=2.0, contrast=400.0, mean=1500.0, seed=1):
+    """Gaussian white noise smoothed by a Gaussian: its autocorrelation is exp(-r²/(4 width²))."""
+    f = gaussian_filter(np.random.default_rng(seed).normal(size=(side, side)), width, mode="wrap")
+    return mean + contrast * f / f.std()
+
+
+def waves(side=147, period=7, amplitude=100.0):
+    x = np.arange(side)
+    wave = np.sin(2.0 * np.pi * x / period)
+    return 1000.0 + amplitude * (wave[None, :] + wave[:, None])
+
+
+# --- gradient -----------------------------------------------------------------------------------------
+
+
+def test_gradient_of_waves():
+    k = 2.0 * np.pi / 7
+    gx, gy = gradient(waves())
+    x = np.arange(147)
+    expected = np.broadcast_to(100.0 * k * np.cos(k * x), (147, 147))
+    inside = slice(20, -20)
+    # the quintic spline's derivative of a wave of 7 px: error (k/π)^6-like, below 0.3 %
+    np.testing.assert_allclose(gx[inside, inside], expected[inside, inside], atol=3e-3 * 100.0 * k)
+    np.testing.assert_allclose(gy[inside, inside], expected.T[inside, inside], atol=3e-3 * 100.0 * k)
+
+
+def test_noise_gain_is_that_of_noise():
+    noise = np.random.default_rng(2).normal(size=(400, 400))
+    gx, gy = gradient(noise)
+    # 160 000 values, correlated over some pixels: 1 % is three standard errors
+    np.testing.assert_allclose([gx.var(), gy.var()], noise_gain(), rtol=0.01)
+
+
+# --- noise --------------------------------------------------------------------------------------------
+
+
+def static(n=12, *, intercept=100.0, slope=0.2, flicker=0.02, motion=0.0, seed=4):
+    rng = np.random.default_rng(seed)
+    clean = blurred(seed=seed)
+    gains = 1.0 + flicker * rng.normal(size=n)
+    moves = motion * rng.normal(size=(n, 2))
+    spectrum = np.fft.fft2(clean)
+    frames = []
+    for gain, (ux, uy) in zip(gains, moves, strict=True):
+        moved = np.fft.ifft2(fourier_shift(spectrum, (uy, ux))).real
+        frames.append(gain * moved + np.sqrt(intercept + slope * clean) * rng.normal(size=clean.shape))
+    return frames, gains, moves
+
+
+def test_noise_and_its_dependence_on_brightness():
+    frames, gains, _ = static()
+    noise = grey_noise(frames, range(12))
+    # median over 11 pairs of 25 600 pixels: 0.5 % each
+    assert noise.sigma == pytest.approx(np.sqrt(100.0 + 0.2 * 1500.0), rel=0.01)
+    assert noise.slope == pytest.approx(0.2, abs=4.0 * noise.slope_sigma)
+    assert noise.slope_sigma < 0.01
+    assert noise.intercept == pytest.approx(100.0, abs=4.0 * 1500.0 * noise.slope_sigma)
+    # a frame's mean of 25 600 pixels is known to 20/160/1500 = 8e-5
+    np.testing.assert_allclose(noise.gain, gains / gains.mean(), atol=5e-4)
+    np.testing.assert_allclose(noise.variance(np.array([1500.0])), noise.sigma**2, rtol=0.02)
+
+
+def test_flicker_and_a_trembling_rig_are_not_noise():
+    frames, _, moves = static(slope=0.0, flicker=0.05, motion=0.05)
+    noise = grey_noise(frames, range(12))
+    trembling = 0.05 * np.sqrt(np.mean(gradient(frames[0])[0] ** 2)) * np.sqrt(2.0)
+    assert trembling > 9.0  # nearly as much again as the noise: worth taking off
+    # what first order leaves of a motion of up to 0.1 px, ½ u² f'': under 2 % of the noise in the square
+    assert noise.sigma == pytest.approx(10.0, rel=0.02)
+    # known to σ/sqrt(Σ Gx²) = 10/(160 · 141) = 0.5 mpx; the second order adds as much
+    np.testing.assert_allclose(noise.motion, moves - moves.mean(axis=0), atol=3e-3)
+
+
+def test_noise_of_whole_numbers_contains_their_rounding():
+    rng = np.random.default_rng(6)
+    clean = blurred(contrast=25.0, mean=120.0)
+    frames = [np.rint(clean + 0.8 * rng.normal(size=clean.shape)).astype(np.uint8) for _ in range(6)]
+    assert grey_noise(frames, range(6)).sigma == pytest.approx(np.sqrt(0.64 + 1.0 / 12.0), rel=0.02)
+
+
+def test_noise_that_cannot_be_measured_is_refused():
+    with pytest.raises(ValueError, match="at least 2 static frames, got 1"):
+        grey_noise([blurred()], [0])
+    with pytest.raises(ValueError, match="equal to the last bit"):
+        grey_noise([blurred(), blurred()], [0, 1])
+    with pytest.raises(ValueError, match="at least 100 pixels"):
+        grey_noise([blurred(), blurred()], [0, 1], mask=np.zeros((160, 160), dtype=bool))
+
+
+# --- speckles -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("width", [1.0, 2.0, 3.0])
+@pytest.mark.parametrize("sigma", [0.0, 100.0])
+def test_size_by_autocorrelation(width, sigma):
+    f = blurred(256, width) + sigma * np.random.default_rng(3).normal(size=(256, 256))
+    quality = speckle_quality(f, None, 31, max(sigma, 1e-3))
+    expected = 4.0 * np.sqrt(np.log(2.0)) * width
+    # a sample of some 256²/(4π width²) speckles; a straight line between whole lags adds up to 0.1 px
+    np.testing.assert_allclose(quality.size, expected, rtol=0.04, atol=0.1)
+
+
+@pytest.mark.parametrize("diameter", [8, 14])
+@pytest.mark.parametrize("bright", [False, True])
+def test_size_by_edges_and_coverage_of_discs_thrown_at_random(diameter, bright):
+    rng = np.random.default_rng(9)
+    side, fine = 256, 4
+    count = rng.poisson(-np.log(1.0 - 0.4) * side**2 / (np.pi / 4.0 * diameter**2))
+    discs = np.zeros((side * fine, side * fine), dtype=np.uint8)
+    for x, y in rng.uniform(0, side * fine, (count, 2)):
+        cv2.circle(discs, (int(x), int(y)), diameter * fine // 2, 1, -1)
+    covered = discs.mean()
+    f = cv2.resize(discs.astype(np.float64), (side, side), interpolation=cv2.INTER_AREA)
+    f = 600.0 + 800.0 * f if bright else 1400.0 - 800.0 * f
+    f += 10.0 * rng.normal(size=f.shape)
+    quality = speckle_quality(f, None, 31, 10.0)
+    share = 1.0 - quality.coverage if bright else quality.coverage
+    assert share == pytest.approx(covered, abs=0.01)  # the threshold lies within the pixels at the edges
+    # chords shorter than a pixel are not seen: 1 px of 8, and the sample of discs scatters by 3 %
+    assert quality.size_by_edges == pytest.approx(diameter, rel=0.15)
+
+
+def test_mean_gradient_of_a_wave_with_and_without_noise():
+    x, k = np.arange(140), 2.0 * np.pi / 14
+    f = np.tile(1000.0 + 100.0 * np.sin(k * x), (140, 1))
+    expected = np.mean(100.0 * k * np.abs(np.cos(k * x)))
+    mask = np.zeros(f.shape, dtype=bool)
+    mask[:, 14:-14] = True
+    assert speckle_quality(f, mask, 21, 1e-3).mean_gradient == pytest.approx(expected, rel=2e-3)
+    noisy = f + 3.0 * np.random.default_rng(1).normal(size=f.shape)
+    # the noise's own |∇f| is 1.4 · 3 beside 29: taken off in the square but for where the gradient is nil
+    assert speckle_quality(noisy, mask, 21, 3.0).mean_gradient == pytest.approx(expected, rel=0.02)
+
+
+def test_floor_of_waves_is_the_closed_form():
+    # 21 px hold three whole waves: ΣGx² = A² k² 21²/2, and the cross term is nil
+    quality = speckle_quality(waves(), None, 21, 2.0)
+    expected = np.sqrt(2.0 * 2.0**2 / ((100.0 * 2.0 * np.pi / 7) ** 2 * 21**2 / 2.0))
+    inside = quality.floor[40:-40, 40:-40]
+    # the noise's part, 1.9 σ² of a mean square of 4000, is taken off though none is there: 0.1 %
+    np.testing.assert_allclose(inside, expected, rtol=5e-3)
+    assert quality.median_floor == pytest.approx(expected, rel=0.05)  # the picture's edge has larger ones
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.4])
+def test_floor_is_the_scatter_of_another_programs_matches(slope):
+    clean = blurred(61, 2.0, seed=21).astype(np.float64)
+    rng = np.random.default_rng(8)
+    line = np.sqrt(100.0 + slope * clean)
+    frames = [clean + line * rng.normal(size=clean.shape) for _ in range(300)]
+    noise = grey_noise(frames, range(8)) if slope else 10.0
+    quality = speckle_quality(np.mean(frames[:8], axis=0), None, 21, noise, averaged=8)
+    found = []
+    stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 30, 1e-6)
+    for a, b in zip(frames[::2], frames[1::2], strict=True):
+        start = np.array([[1.0, 0.0, 20.0], [0.0, 1.0, 20.0]], dtype=np.float32)
+        template = np.ascontiguousarray(a[20:41, 20:41]).astype(np.float32)
+        _, warp = cv2.findTransformECC(
+            template, b.astype(np.float32), start, cv2.MOTION_TRANSLATION, stop, None, 1
+        )
+        found.append(warp[:, 2])
+    # 150 pairs: a standard deviation is known to 6 %; OpenCV interpolates linearly, some per cent more
+    np.testing.assert_allclose(np.std(found, axis=0), quality.floor[30, 30], rtol=0.18)
+
+
+def test_the_subset_needed_for_a_floor():
+    f = blurred(120, 2.0)
+    wanted = 0.008
+    quality = speckle_quality(f, None, 15, 20.0, wanted=wanted)
+    assert 0.05 < quality.too_small.mean() < 1.0
+    for row, column in ((60, 60), (40, 75)):
+        side = int(quality.needed[row, column])
+        assert side > 5
+        assert np.all(speckle_quality(f, None, side, 20.0).floor[row, column] <= wanted)
+        assert np.any(speckle_quality(f, None, side - 2, 20.0).floor[row, column] > wanted)
+    assert not speckle_quality(f, None, 15, 20.0).too_small.any()  # nothing was asked for
+
+
+def test_where_there_are_no_speckles_no_subset_is_enough():
+    f = blurred(120)
+    f[:, :60] = 1500.0
+    mask = np.ones(f.shape, dtype=bool)
+    mask[90:] = False
+    quality = speckle_quality(f, mask, 21, 20.0, wanted=0.02)
+    assert np.all(np.isinf(quality.floor[20:70, 15:45]))
+    assert np.all(quality.too_small[20:70, 15:45])
+    assert np.all(np.isnan(quality.floor[105:]))
+    assert not quality.too_small[105:].any()
+    assert np.all(quality.needed[105:] == 0)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"subset": 20}, "subset must be odd"),
+        ({"subset": 103}, "subset must be odd"),
+        ({"noise": 0.0}, "noise must be a positive"),
+        ({"noise": float("nan")}, "noise must be a positive"),
+        ({"wanted": 0.0}, "wanted must be a positive"),
+        ({"averaged": 0}, "averaged must be at least 1"),
+        ({"mask": np.ones((3, 3), dtype=bool)}, "mask must be of the picture's shape"),
+        ({"picture": np.ones((50, 50))}, "no speckles"),
+    ],
+)
+def test_what_cannot_be_judged_is_refused(change, message):
+    given = {"picture": waves(), "mask": None, "subset": 21, "noise": 2.0, **change}
+    with pytest.raises(ValueError, match=message):
+        speckle_quality(
+            given.pop("picture"), given.pop("mask"), given.pop("subset"), given.pop("noise"), **given
+        )
+
+
+# --- the report ---------------------------------------------------------------------------------------
+
+
+def test_the_report_says_what_the_functions_say(tmp_path, capsys):
+    frames, _, _ = static(8)
+    for k, frame in enumerate(frames):
+        cv2.imwrite(str(tmp_path / f"a{k}.png"), np.rint(frame).astype(np.uint16))
+    (tmp_path / "a6.png").unlink()
+    options = ["--bits", "12", "--static", "8", "--wanted", "0.005"]
+    assert main([str(tmp_path), *options]) == 0
+    said = capsys.readouterr().out
+    whole = [np.rint(frame) for k, frame in enumerate(frames) if k != 6]
+    noise = grey_noise(whole, range(7))
+    quality = speckle_quality(np.mean(whole, axis=0), None, 21, noise, averaged=7)
+    assert "8 frames of 160 x 160 px, 12 bits, no times" in said
+    assert "7 good frames" in said
+    assert "no file has the number 6" in said
+    assert f"noise {noise.sigma:.3g}: " in said
+    assert f"floor of a subset of 21 px: {quality.median_floor * 1e3:.2f} mpx" in said
+    assert "of the points miss 5 mpx" in said
+
+
+def test_the_report_names_what_is_wrong(tmp_path, capsys):
+    assert main([str(tmp_path / "gone.tif")]) == 1
+    assert "gone.tif: cannot be read" in capsys.readouterr().err
+    cv2.imwrite(str(tmp_path / "a1.png"), np.zeros((20, 20), dtype=np.uint8))
+    assert main([str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    assert "0 good frames" in said
+    assert "frame 0: black" in said
+    assert "give --static N" in said
+
+
+@pytest.mark.parametrize("wanted", [None, 0.008])
+def test_the_figure_names_its_axes_and_shows_every_panel(wanted):
+    f = blurred(80)
+    mask = np.ones(f.shape, dtype=bool)
+    mask[:, 60:] = False
+    quality = speckle_quality(f, mask, 21, 20.0, wanted=wanted)
+    figure = build(KIND, Speckles(f, quality))
+    labels = {ax.get_xlabel() for ax in figure.axes}
+    assert {"$x$ (px)", "Floor (mpx)", "Predicted floor (mpx)"} <= labels
+    share = next(ax for ax in figure.axes if ax.get_xlabel() == "Floor (mpx)")
+    # the curve of x crosses one half at the median that the numbers give
+    x, parts = share.lines[0].get_data()
+    known = quality.floor[np.all(np.isfinite(quality.floor), axis=2)]
+    assert np.interp(0.5, parts, x) == pytest.approx(1e3 * np.median(known[:, 0]), rel=1e-3)
+    assert ("asked for" in [text.get_text() for text in share.get_legend().get_texts()]) == bool(wanted)
+    assert ("asked for" in KIND.caption(Speckles(f, quality))) == bool(wanted)
