@@ -21,6 +21,8 @@ FloatArray = NDArray[np.float64]
 Pose = tuple[FloatArray, FloatArray]
 
 MOST_STEPS = 100
+SMALL = 3
+"""Steps in a row without a gain: one may be short because of its damping, in a valley that is long and bent."""
 FAR = 1e6
 """Residuals, over their sigma, of a trial that puts a point behind a camera."""
 
@@ -152,6 +154,7 @@ def adjust(rig: Rig, sights: Iterable[Sight], columns: FloatArray, *, tolerance:
         )
     damping, cost = 1e-4, _cost(rig, sights)
     normal = _normal_equations(rig, sights, columns)
+    small = 0
     for _ in range(MOST_STEPS):
         step = _step(normal, damping)
         trial_cost = np.inf
@@ -165,7 +168,8 @@ def adjust(rig: Rig, sights: Iterable[Sight], columns: FloatArray, *, tolerance:
             gain = (cost - trial_cost) / max(cost, 1e-300)
             rig, cost, damping = trial, trial_cost, max(damping / 10.0, 1e-15)
             normal = _normal_equations(rig, sights, columns)
-            if gain < tolerance:
+            small = small + 1 if gain < tolerance else 0
+            if small == SMALL:
                 break
         elif damping > 1e12:
             break
@@ -180,7 +184,7 @@ def clustering(fit: Fit, sights: Iterable[Sight], columns: FloatArray) -> float:
 
     With g_p the pull of pair p on the parameters (its part of Jᵀ r, the pose eliminated) and S = Jᵀ J,
 
-        F = Σ g_pᵀ S⁻¹ g_p / (s² m) · P / (P - 1)                                                   (C.2)
+        F = Σ g_pᵀ S⁻¹ g_p / (s² m) · P / (P - 1)                                                   (C.4)
 
     for P pairs and m parameters: 1 on average if residuals are independent, more if those of a picture hang
     together (a bent target, a lens model too simple), when their number says more than they know

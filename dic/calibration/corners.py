@@ -11,9 +11,10 @@ FloatArray = NDArray[np.float64]
 
 def eight_bits(picture: NDArray[np.generic]) -> NDArray[np.uint8]:
     """The picture stretched to 0 to 255, as OpenCV's detectors take it."""
-    image = grey(picture)
-    low, high = float(image.min()), float(image.max())
-    return np.asarray(np.round(255.0 * (image - low) / max(high - low, 1e-12)), dtype=np.uint8)
+    image = np.asarray(picture)
+    checked = image if image.dtype in (np.uint8, np.uint16) and image.ndim == 2 else grey(image)
+    stretched = cv2.normalize(checked, None, 0, 255, cv2.NORM_MINMAX, cv2.CV_8U)  # type: ignore[call-overload]
+    return np.asarray(stretched, dtype=np.uint8)
 
 
 def refined(picture: NDArray[np.generic], corners: FloatArray, reach: int) -> FloatArray:
@@ -40,16 +41,12 @@ def corner_sigma(picture: NDArray[np.generic], corners: FloatArray, reach: float
     reach
         Half side of the window [px].
     """
-    image = grey(picture)
-    noise = noise_level(picture)
-    side = 2 * max(int(reach), 2) + 1
-    gx, gy = (cv2.filter2D(image, cv2.CV_64F, k) for k in (_SLOPE, _SLOPE.T))
-    sums = [cv2.boxFilter(p, cv2.CV_64F, (side, side), normalize=False) for p in (gx * gx, gx * gy, gy * gy)]
-    column = np.clip(np.round(corners[:, 0]).astype(int), 0, image.shape[1] - 1)
-    row = np.clip(np.round(corners[:, 1]).astype(int), 0, image.shape[0] - 1)
-    xx, xy, yy = (part[row, column] for part in sums)
-    determinant = np.maximum(xx * yy - xy * xy, 1e-6 * (xx + yy) ** 2 + 1e-12)
-    return np.maximum(noise * np.sqrt(0.5 * (xx + yy) / determinant), 1e-4)
-
-
-_SLOPE = np.array([[-0.5, 0.0, 0.5]])
+    image, noise, w = grey(picture), noise_level(picture), max(int(reach), 2)
+    sigma = np.empty(len(corners))
+    for k, (x, y) in enumerate(np.round(corners).astype(int)):
+        part = image[max(y - w, 0) : y + w + 1, max(x - w, 0) : x + w + 1]
+        gy, gx = np.gradient(part)
+        xx, xy, yy = float(np.sum(gx * gx)), float(np.sum(gx * gy)), float(np.sum(gy * gy))
+        determinant = max(xx * yy - xy * xy, 1e-6 * (xx + yy) ** 2 + 1e-12)
+        sigma[k] = max(noise * np.sqrt(0.5 * (xx + yy) / determinant), 1e-4)
+    return sigma

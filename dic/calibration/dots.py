@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.calibration.corners import eight_bits
 from dic.calibration.edges import LARGEST, fit_discs
 from dic.calibration.noise import grey, noise_level
 
@@ -65,7 +66,7 @@ def find_dots(picture: NDArray[np.generic], *, dark: bool = True, round_dots: bo
     image = grey(picture)
     if not dark:
         image = image.max() + image.min() - image
-    eight = np.clip(255.0 * (image - image.min()) / max(np.ptp(image), 1e-12), 0, 255).astype(np.uint8)
+    eight = eight_bits(picture) if dark else 255 - eight_bits(picture)
     noise = noise_level(picture)
     best: list[tuple[FloatArray, bool]] = []
     size, most = 15, 0.0
@@ -217,6 +218,8 @@ def _centroid(image: FloatArray, ellipse: FloatArray, noise: float) -> tuple[flo
 
 def _plane(x: FloatArray, y: FloatArray, values: FloatArray) -> FloatArray | None:
     """Brightness a + b x + c y around a dot without the pixels that belong to something else."""
+    thin = max(1, values.size // 1000)
+    x, y, values = x[::thin], y[::thin], values[::thin]
     kept = np.ones(values.size, dtype=bool)
     A = np.stack([np.ones(x.size), x, y], axis=1)
     for _ in range(3):

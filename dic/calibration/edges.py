@@ -19,7 +19,7 @@ def fit_discs(
 
     With d the offset from the centre and q = √(dᵀ M d), so that q = 1 is the outline, the model is
 
-        I = B (1 + g · d) - D Φ(-δ / s),     δ = (q - 1) q / |M d|                                  (C.3)
+        I = (B + g · d) (1 - D Φ(-δ / s)),     δ = (q - 1) q / |M d|                                (C.3)
 
     with δ the distance from the outline to first order, Φ the normal distribution and s the blur. The
     brightness, its slope, D, M, s and the centre are found by Gauss-Newton steps. The edge alone carries the
@@ -53,9 +53,9 @@ def fit_discs(
     xx, yy = np.tile(offsets, len(offsets)).astype(np.float64), np.repeat(offsets, len(offsets)).astype(float)
     values = image[row[:, None] + yy.astype(int), column[:, None] + xx.astype(int)]
     top, bottom = np.percentile(values, [90.0, 10.0], axis=1)
-    p = np.zeros((n, 10))  # x, y, Mxx, Mxy, Myy, s, B, Bgx, Bgy, D
+    p = np.zeros((n, 10))  # x, y, Mxx, Mxy, Myy, s, B, gx, gy, D
     p[:, :2] = np.where(inside[:, None], centre - np.stack([column, row], axis=1), 0.0)
-    p[:, 2:5], p[:, 5], p[:, 6], p[:, 9] = shape, 0.8, top, top - bottom
+    p[:, 2:5], p[:, 5], p[:, 6], p[:, 9] = shape, 0.8, top, 1.0 - bottom / np.maximum(top, 1e-9)
     start = p[:, :2].copy()
     with np.errstate(all="ignore"):  # a dot whose fit runs away becomes NaN and is left to the caller
         for _ in range(STEPS):
@@ -88,11 +88,12 @@ def _model(p: FloatArray, xx: FloatArray, yy: FloatArray) -> tuple[FloatArray, F
     slope = np.maximum(np.hypot(mx, my), 1e-9)
     delta = (q - 1.0) * q / slope
     S = ndtr(-delta / s)
-    edge = D * np.exp(-0.5 * (delta / s) ** 2) / (np.sqrt(2.0 * np.pi) * s)  # -D dS/dδ
-    model = B + Bx * dx + By * dy - D * S
+    light, left = B + Bx * dx + By * dy, 1.0 - D * S
+    edge = light * D * np.exp(-0.5 * (delta / s) ** 2) / (np.sqrt(2.0 * np.pi) * s)  # by δ
+    model = light * left
     J = np.empty((len(p), 10, xx.size))
     J[:, 0], J[:, 1] = -edge * mx / slope, -edge * my / slope
     J[:, 2], J[:, 3], J[:, 4] = (edge * k / slope for k in (0.5 * dx * dx, dx * dy, 0.5 * dy * dy))
     J[:, 5] = -edge * delta / s
-    J[:, 6], J[:, 7], J[:, 8], J[:, 9] = 1.0, dx, dy, -S
+    J[:, 6], J[:, 7], J[:, 8], J[:, 9] = left, dx * left, dy * left, -light * S
     return model, J

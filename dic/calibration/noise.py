@@ -7,6 +7,10 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 
+BANDS, BAND = 16, 24
+"""How many bands of how many rows the noise is taken from."""
+
+
 def grey(picture: NDArray[np.generic]) -> FloatArray:
     """A picture in float64.
 
@@ -31,14 +35,24 @@ def noise_level(picture: NDArray[np.generic]) -> float:
     """Standard deviation of the grey values' noise, at least that of rounding.
 
     From second differences along both axes, N = [1 -2 1; -2 4 -2; 1 -2 1], which no plane and no straight
-    edge along an axis passes [Immerkær1996]_; the median keeps dots and corners out of it.
+    edge along an axis passes [Immerkær1996]_; bright pixels away from dots count. Bands of rows
+    spread over the picture stand for all of it.
 
     .. [Immerkær1996] J. Immerkær, Fast noise variance estimation, Computer Vision and Image
        Understanding 64 (1996) 300-302, doi:10.1006/cviu.1996.0060.
     """
-    image = grey(picture)
+    image = np.asarray(picture)
+    starts = np.unique(np.linspace(0, max(len(image) - BAND, 0), BANDS).astype(int))
+    bands = [grey(image[k : k + BAND]) for k in starts]
     kernel = np.array([[1.0, -2.0, 1.0], [-2.0, 4.0, -2.0], [1.0, -2.0, 1.0]])
-    response = np.abs(cv2.filter2D(image, cv2.CV_64F, kernel)[1:-1, 1:-1])
-    bright = image[1:-1, 1:-1] > 0.5 * (np.percentile(image, 2.0) + np.percentile(image, 98.0))
-    part = response[bright] if bright.sum() > 100 else response.ravel()
+    responses = [np.abs(cv2.filter2D(band, cv2.CV_64F, kernel)) for band in bands]
+    limit = 0.5 * float(np.sum(np.percentile(np.concatenate(bands), [2.0, 98.0])))
+    bright = [(band > limit).astype(np.uint8) for band in bands]
+    part = np.concatenate([response[1:-1, 1:-1].ravel() for response in responses])
+    for size in (9, 5, 3):  # as far from dots and corners as leaves enough pixels
+        away = [cv2.erode(b, np.ones((size, size)), borderType=cv2.BORDER_REPLICATE) > 0 for b in bright]
+        kept = [r[1:-1, 1:-1][a[1:-1, 1:-1]] for r, a in zip(responses, away, strict=True)]
+        if sum(map(len, kept)) > 1000:
+            part = np.concatenate(kept)
+            break
     return max(1.4826 * float(np.median(part)) / 6.0, 1.0 / np.sqrt(12.0))

@@ -10,6 +10,13 @@ in closed form [Heikkilä2000]_. The centroid of any flat, symmetric patch moves
 with its second moment s per axis: r² = 4 s, with s = (r² + h²)/4 for a ring of radii r and h and a²/12 for
 a square of side a.
 
+On a surface of curvature κ in the direction b the patch also bends back from its tangent plane, and its far
+side is seen more obliquely than its near side. Both together move the centroid as if its middle were at
+
+    X + s κ (b (b · v) / (n · v) - n / 2)                                                           (C.2)
+
+with v from X to the camera.
+
 .. [Heikkilä2000] J. Heikkilä, Geometric camera calibration using circular control points, IEEE Trans.
    PAMI 22 (2000) 1066-1077, doi:10.1109/34.879788.
 """
@@ -43,6 +50,8 @@ class Sight:
     """Their normals, shape [n, 3]."""
     spread: FloatArray
     """Their second moments [m²], shape [n]."""
+    bend: FloatArray
+    """Directions of the surface's curvature times its root [m^-½], shape [n, 3]."""
     pixels: FloatArray
     """Where they were seen [px], shape [n, 2]."""
     sigma: FloatArray
@@ -72,6 +81,15 @@ def centroids(inside: FloatArray, normals: FloatArray, spread: FloatArray) -> Fl
     return np.asarray((inside[:, :2] * z[:, None] + (r2 * nz)[:, None] * normals[:, :2]) / below[:, None])
 
 
+def bent(inside: FloatArray, normals: FloatArray, spread: FloatArray, bend: FloatArray) -> FloatArray:
+    """Middles of patches in the camera's frame as their curvature moves them, Eq. (C.2) [m], shape [n, 3]."""
+    oblique = np.sum(bend * inside, axis=1) / np.sum(normals * inside, axis=1)
+    curvature = np.sum(bend * bend, axis=1)
+    return np.asarray(
+        inside + spread[:, None] * (oblique[:, None] * bend - 0.5 * curvature[:, None] * normals)
+    )
+
+
 def seen(camera: Camera, sight: Sight, R: FloatArray, t: FloatArray, *, patches: bool = True) -> FloatArray:
     """Pixels of a target's points in a camera, shape [n, 2]; NaN behind it.
 
@@ -87,15 +105,17 @@ def seen(camera: Camera, sight: Sight, R: FloatArray, t: FloatArray, *, patches:
         Centroids of the patches, as they are measured; False: the points themselves.
     """
     inside = camera.in_camera(sight.points @ R.T + t)
-    normals = sight.normals @ (camera.rotation @ R).T
     inside = np.where(inside[:, 2:] > 0.0, inside, np.nan)
+    normals = sight.normals @ (camera.rotation @ R).T
+    if patches and sight.bend.any():
+        inside = bent(inside, normals, sight.spread, sight.bend @ (camera.rotation @ R).T)
     return camera.to_pixels(camera.distort(centroids(inside, normals, sight.spread * patches)))
 
 
 def derivatives(camera: Camera, sight: Sight, R: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Derivatives of `seen` after the rig's parameters and after the target's pose.
 
-    The small change of (C.1) with the pose is left out: it is r²/z² of what stays, 1e-5 or less.
+    The small changes of (C.1) and (C.2) with the pose are left out: they are (r/z)² and s κ/z of what stays.
 
     Returns
     -------
@@ -108,7 +128,11 @@ def derivatives(camera: Camera, sight: Sight, R: FloatArray, t: FloatArray) -> t
     turned = sight.points @ R.T
     first = turned + t
     inside = camera.in_camera(first)
-    ideal = centroids(inside, sight.normals @ (camera.rotation @ R).T, sight.spread)
+    normals = sight.normals @ (camera.rotation @ R).T
+    patch = inside
+    if sight.bend.any():
+        patch = bent(inside, normals, sight.spread, sight.bend @ (camera.rotation @ R).T)
+    ideal = centroids(patch, normals, sight.spread)
     plane = camera.distort(ideal)
     x, y = ideal.T
     r2 = x * x + y * y

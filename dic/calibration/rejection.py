@@ -1,7 +1,7 @@
 """Pairs and points that do not belong: found against the cameras which the others agree on."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,8 @@ and is this many times the median: the first alone would reject the worst of ver
 alone the blurred ones of a mixed set."""
 Z_POINT = 7.0
 """A point is dropped if it is off by more than this many robust standard deviations of its view."""
+REWEIGHTED = 5
+"""Rounds of reweighting before any pair is judged."""
 LEAST_PAIRS = 4
 """With fewer pairs than this there is no majority to judge by."""
 
@@ -41,7 +43,8 @@ def solve_without_bad(
 ) -> tuple[Fit, Verdicts]:
     """The least squares of the pairs and points that agree.
 
-    The worst pair is left out as long as it is bad; after each solution every pair that is out is tried
+    The first verdict is that of a robust solution (`_robust`). Then the worst pair is left out as long as it
+    is bad; after each solution every pair that is out is tried
     again with nothing but its pose adjusted, and comes back if it fits. So one bad pair cannot take good
     ones with it, and the verdict on a pair never rests on a solution that it took part in spoiling.
 
@@ -62,12 +65,14 @@ def solve_without_bad(
         limit = 10.0 * float(np.median(list(first.values()))) + 1.0
         bad = {pair: "" for pair, value in first.items() if value > limit}
     fit = _solve(rig, pairs, bad, columns[0])
+    if reject and len(pairs) >= LEAST_PAIRS:
+        fit, bad = _robust(fit, pairs, bad, columns[1])
     for _ in range(len(pairs)):
         fit = _solve(fit.rig, pairs, bad, columns[1])
         if not reject:
             break
         errors = {pair: _error(fit, views, pair in bad) for pair, views in pairs.items()}
-        now = _judged(errors, bad, fit)
+        now = _judged(errors, bad)
         if set(now) == set(bad):
             bad = now
             break
@@ -90,19 +95,47 @@ def _solve(rig: Rig, pairs: dict[int, list[Sight]], bad: dict[int, str], columns
     return adjust(rig, good, columns)
 
 
+def _robust(
+    fit: Fit, pairs: dict[int, list[Sight]], bad: dict[int, str], columns: FloatArray
+) -> tuple[Fit, dict[int, str]]:
+    """Cameras that bad pairs pull little at, and the pairs that do not fit them.
+
+    Least squares again and again, each pair weighted with 1 / (1 + (e / m)²) for its rms residual e and the
+    median m of all (Cauchy's weights): what does not fit loses its say, and then fits less.
+    """
+    weights = dict.fromkeys(pairs, 1.0)
+    for _ in range(REWEIGHTED):
+        sights = [
+            replace(s, sigma=s.sigma / np.sqrt(weights[pair]))
+            for pair, views in pairs.items()
+            if pair not in bad
+            for s in views
+        ]
+        fit = adjust(fit.rig, sights, columns, tolerance=1e-4)
+        errors = {pair: _error(fit, views, pair in bad) for pair, views in pairs.items()}
+        median = float(np.median(list(errors.values())))
+        weights = {pair: 1.0 / (1.0 + (value / median) ** 2) for pair, value in errors.items()}
+    limit = _limit(list(errors.values()))[0]
+    return fit, {pair: "" for pair, value in errors.items() if value > limit}
+
+
+def _limit(errors: Sequence[float]) -> tuple[float, float]:
+    """Rms residual above which a pair is bad, and the median [px]."""
+    median = float(np.median(errors))
+    spread = 1.4826 * float(np.median(np.abs(np.array(errors) - median)))
+    return max(median + Z_PAIR * spread, TIMES * median), median
+
+
 def _error(fit: Fit, views: list[Sight], out: bool) -> float:
     """Rms residual of a pair [px]; its pose is adjusted first if it took no part."""
     return rms(posed(fit.rig, views).rig if out else fit.rig, views)
 
 
-def _judged(errors: dict[int, float], bad: dict[int, str], fit: Fit) -> dict[int, str]:
+def _judged(errors: dict[int, float], bad: dict[int, str]) -> dict[int, str]:
     """Bad pairs: those out that still do not fit, and the worst of those in if it does not."""
     if len(errors) < LEAST_PAIRS:
         return {}
-    inside = np.array([value for pair, value in errors.items() if pair not in bad])
-    median = float(np.median(inside))
-    spread = 1.4826 * float(np.median(np.abs(inside - median)))
-    limit = max(median + Z_PAIR * spread, TIMES * median)
+    limit, median = _limit([value for pair, value in errors.items() if pair not in bad])
 
     def reason(value: float) -> str:
         return (

@@ -15,7 +15,7 @@ FloatArray = NDArray[np.float64]
 
 FOCAL = (0.3, 60.0)
 """Focal lengths that are tried, over the longer side of the picture."""
-TRIED = 12
+TRIED = 6
 """Pictures the focal length is chosen by, and pairs whose relative pose is tried."""
 
 
@@ -74,13 +74,13 @@ def focal_start(sensor: tuple[int, int], sights: Sequence[Sight]) -> Camera:
         return float(np.median(best))
 
     low, high = np.log(FOCAL)
-    grid = np.linspace(low, high, 24)
+    grid = np.linspace(low, high, 16)
     values = [off(x) for x in grid]
     best = int(np.argmin(values))
     if not np.isfinite(values[best]):
         raise Undetermined("no pose of the target explains what is seen; check its columns, rows and pitch")
     a, b = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
-    fine = np.linspace(a, b, 13)
+    fine = np.linspace(a, b, 7)
     f = float(np.exp(fine[int(np.argmin([off(x) for x in fine]))])) * max(sensor)
     return Camera(fx=f, fy=f, cx=middle[0], cy=middle[1], sensor=sensor)
 

@@ -38,6 +38,7 @@ def all_sights(
                     g.points[ids],
                     g.normals[ids],
                     g.spread[ids],
+                    g.bend[ids],
                     view.pixels,
                     view.sigma,
                 )
@@ -64,6 +65,7 @@ def only(sight: Sight, rows: NDArray[np.bool_]) -> Sight:
         sight.points[rows],
         sight.normals[rows],
         sight.spread[rows],
+        sight.bend[rows],
         sight.pixels[rows],
         sight.sigma[rows],
     )

@@ -51,7 +51,8 @@ class AsymmetricDots:
         points = np.stack([x.ravel(), y.ravel(), np.zeros(n)], axis=1) * self.step
         normals = np.tile([0.0, 0.0, 1.0], (n, 1))
         numberings = [np.arange(n)] if self.rows % 2 else [np.arange(n), np.arange(n)[::-1]]
-        return Geometry(points, normals, np.full(n, self.diameter**2 / 16.0), np.stack(numberings))
+        spread = np.full(n, self.diameter**2 / 16.0)
+        return Geometry(points, normals, spread, np.zeros((n, 3)), np.stack(numberings))
 
     def detect(self, picture: NDArray[np.generic]) -> Detection:
         """Its dots in a picture; the grid must be wholly in view.

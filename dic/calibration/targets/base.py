@@ -48,6 +48,8 @@ class Geometry:
     spread: FloatArray
     """Second moment per axis, in the surface, of what a point's centroid is taken over [m²], shape [n]:
     r²/4 of a disc, zero of a corner."""
+    bend: FloatArray
+    """Direction of the surface's curvature times its root [m^-½], shape [n, 3]; zero if flat."""
     equivalents: IntArray
     """Numberings that look the same, each shape [n], the identity first, shape [m, n]."""
 

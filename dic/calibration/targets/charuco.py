@@ -61,7 +61,9 @@ class Charuco:
         """Its corners; every one is known by its markers, so there is one numbering."""
         points = np.asarray(self._board().getChessboardCorners(), dtype=np.float64).reshape(-1, 3)
         n = len(points)
-        return Geometry(points, np.tile([0.0, 0.0, 1.0], (n, 1)), np.zeros(n), np.arange(n)[None])
+        return Geometry(
+            points, np.tile([0.0, 0.0, 1.0], (n, 1)), np.zeros(n), np.zeros((n, 3)), np.arange(n)[None]
+        )
 
     def detect(self, picture: NDArray[np.generic]) -> Detection:
         """Its corners in a picture, found by OpenCV and located by `cv2.cornerSubPix`.
@@ -81,7 +83,8 @@ class Charuco:
             )
         rough = np.asarray(corners, dtype=np.float64).reshape(-1, 2)
         step = self._step(rough, np.ravel(numbers))
-        reach = int(np.clip(0.25 * step, 3, 15))  # short of the markers in the neighbouring squares
+        gap = 0.5 * (1.0 - self.marker / self.pitch) * step
+        reach = int(np.clip(0.8 * gap, 3, 15))  # short of the markers in the neighbouring squares
         pixels = refined(picture, rough, reach)
         ids = np.ravel(numbers).astype(np.int64)
         order = np.argsort(ids)

@@ -46,7 +46,7 @@ class Chessboard:
         grid = np.arange(n).reshape(self.rows, self.columns)
         turns = range(4) if self.rows == self.columns else (0, 2)
         equivalents = np.stack([np.rot90(grid, k).ravel() for k in turns])
-        return Geometry(points, np.tile([0.0, 0.0, 1.0], (n, 1)), np.zeros(n), equivalents)
+        return Geometry(points, np.tile([0.0, 0.0, 1.0], (n, 1)), np.zeros(n), np.zeros((n, 3)), equivalents)
 
     def detect(self, picture: NDArray[np.generic]) -> Detection:
         """Its corners in a picture; the board must be wholly in view.

@@ -73,16 +73,19 @@ class DottedCylinder:
                 raise ValueError(f"anchors must be three dots that are not on a line, got {self.anchors}")
 
     def geometry(self) -> Geometry:
-        """Its dots. A dot of second moment s bends back from its tangent plane by s / (2 radius)."""
+        """Its dots, on the surface; their curvature bends their centroids."""
         row, column = np.mgrid[: self.rows, : self.columns]
         row, column = row.ravel(), column.ravel()
         angle = column * self.arc / self.radius
         normals = np.stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))], axis=1)
         spread = self.size**2 / (12.0 if self.square else 16.0)
-        points = (self.radius - 0.5 * spread / self.radius) * normals
+        points = self.radius * normals
+        around = np.stack([-np.sin(angle), np.cos(angle), np.zeros(len(angle))], axis=1)
         points[:, 2] = row * self.pitch
         n = len(points)
-        return Geometry(points, normals, np.full(n, spread), np.arange(n)[None])
+        return Geometry(
+            points, normals, np.full(n, spread), around / np.sqrt(self.radius), np.arange(n)[None]
+        )
 
     def detect(self, picture: NDArray[np.generic]) -> Detection:
         """Its dots in a picture, those near the cylinder's limb left out.

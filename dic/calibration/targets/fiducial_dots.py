@@ -92,7 +92,7 @@ class FiducialDots:
         for place in self.hollow:  # (r⁴ - s⁴) / (4 (r² - s²)) of a ring
             spread[place[1] * self.columns + place[0]] += (self.hole or 0.45 * self.diameter) ** 2 / 16.0
         normals = np.tile([0.0, 0.0, 1.0], (n, 1))
-        return Geometry(points, normals, spread, np.arange(n)[None])
+        return Geometry(points, normals, spread, np.zeros((n, 3)), np.arange(n)[None])
 
     def detect(self, picture: NDArray[np.generic]) -> Detection:
         """Its dots in a picture; dots that touch the picture's edge are left out.
