@@ -122,14 +122,19 @@ class Camera:
         y = (pixels[..., 1] - self.cy) / self.fy
         target = np.stack([(pixels[..., 0] - self.cx - self.skew * y) / self.fx, y], axis=-1)
         ideal = target.copy()
-        for _ in range(30):
-            off = self.distort(ideal) - target
-            (a, b), (c, d) = np.moveaxis(self.distortion_slope(ideal), (-2, -1), (0, 1))
-            across = np.stack([d * off[..., 0] - b * off[..., 1], a * off[..., 1] - c * off[..., 0]], axis=-1)
-            ideal = ideal - across / (a * d - b * c)[..., None]
-            if not np.any(np.abs(off) > 1e-12):  # a NaN pixel stays NaN and stops nobody
-                return ideal
-        worst = pixels.reshape(-1, 2)[np.nanargmax(np.abs(off).max(axis=-1).reshape(-1))]
+        lost = np.any(np.isnan(target), axis=-1)  # a NaN pixel stays NaN and stops nobody
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # what runs away is told below
+            for _ in range(30):
+                off = self.distort(ideal) - target
+                (a, b), (c, d) = np.moveaxis(self.distortion_slope(ideal), (-2, -1), (0, 1))
+                u, v = off[..., 0], off[..., 1]
+                area = a * d - b * c
+                ideal = ideal - np.stack([d * u - b * v, a * v - c * u], axis=-1) / area[..., None]
+                upright = (area > 0.0) & (a + d > 0.0)  # beyond a fold the lens shows things mirrored
+                there = (np.all(np.abs(off) <= 1e-12, axis=-1) & upright) | lost
+                if np.all(there):
+                    return ideal
+        worst = pixels.reshape(-1, 2)[np.argmin(there.reshape(-1))]
         raise ValueError(
             f"the lens distortion {self.distortion} cannot be undone at pixel {worst}: it folds back there; "
             "use fewer distortion coefficients, or a calibration that covers the whole picture"

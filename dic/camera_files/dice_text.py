@@ -74,7 +74,7 @@ class DiceText:
                     distortion=(k1, k2, 0.0, 0.0, k3),
                     rotation=R,
                     translation=t,
-                    sensor=(int(numbers[-1]), int(numbers[-2])),
+                    sensor=(numbers[-1], numbers[-2]),
                 )
             )
         return StereoRig((cameras[0], cameras[1]))

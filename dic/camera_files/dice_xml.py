@@ -152,7 +152,7 @@ def _camera(source: Source, element: Element, index: int, length_unit: float, *,
     sensor = None
     if "IMAGE_HEIGHT_WIDTH" in given:
         rows, columns = _braces(source, *given["IMAGE_HEIGHT_WIDTH"], "IMAGE_HEIGHT_WIDTH", 2)
-        sensor = (int(columns), int(rows))
+        sensor = (columns, rows)
     return source.camera(
         index=index,
         line=element.line,

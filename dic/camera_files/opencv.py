@@ -124,7 +124,7 @@ def _camera(
         distortion=(lens[0], lens[1], lens[2], lens[3], lens[4] if len(lens) > 4 else 0.0),
         rotation=R,
         translation=t,
-        sensor=None if size is None else (int(size[0, 0]), int(size[0, 1])),
+        sensor=None if size is None else (size[0, 0], size[0, 1]),
     )
 
 

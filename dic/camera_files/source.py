@@ -13,6 +13,8 @@ FloatArray = NDArray[np.float64]
 
 LARGEST = 16 * 2**20
 """Bytes that a camera file may have; a project of ten thousand pictures has one."""
+LONGEST = 100_000
+"""Pixels that a picture's side may have."""
 
 
 class CameraFileError(ValueError):
@@ -93,7 +95,7 @@ class Source:
         distortion: tuple[float, float, float, float, float],
         rotation: FloatArray,
         translation: FloatArray,
-        sensor: tuple[int, int] | None = None,
+        sensor: tuple[float, float] | None = None,
     ) -> Camera:
         """A camera from numbers of the file.
 
@@ -120,9 +122,19 @@ class Source:
         if np.all(np.isfinite(rotation)) and np.abs(rotation @ rotation.T - np.eye(3)).max() < 1e-4:
             u, _, vt = np.linalg.svd(rotation)
             rotation = u @ vt
+        size = None
+        if sensor is not None:
+            size = (int(sensor[0]), int(sensor[1]))
+            if size != sensor or not all(1 <= side <= LONGEST for side in size):
+                raise CameraFileError(
+                    self.path,
+                    f"camera {index}: pictures of {sensor[0]:g} x {sensor[1]:g} px",
+                    line=line,
+                    cure=f"columns and rows must be whole numbers from 1 to {LONGEST}",
+                )
         fx, fy, cx, cy, skew = matrix
         try:
-            return Camera(fx, fy, cx, cy, skew, distortion, rotation, translation, sensor)
+            return Camera(fx, fy, cx, cy, skew, distortion, rotation, translation, size)
         except ValueError as error:
             cure = "check the order of the numbers, or export the calibration again"
             raise CameraFileError(self.path, f"camera {index}: {error}", line=line, cure=cure) from None

@@ -12,6 +12,8 @@ Grey = NDArray[np.uint16] | NDArray[np.uint8]
 
 LARGEST_SIDE = 32_768
 """Most rows or columns of a picture that are read [px]."""
+MOST_PIXELS = 2**27
+"""Most pixels of a picture."""
 MOST_FRAMES = 10_000_000
 """Most frames of a series."""
 
@@ -22,16 +24,18 @@ def checked_shape(path: Path, rows: object, columns: object) -> tuple[int, int]:
     Raises
     ------
     PictureError
-        If either is not a whole number from 1 to `LARGEST_SIDE`.
+        If either is not a whole number from 1 to `LARGEST_SIDE`, or they are more than `MOST_PIXELS`.
     """
     if (
         not isinstance(rows, int)
         or not isinstance(columns, int)
         or not (1 <= rows <= LARGEST_SIDE and 1 <= columns <= LARGEST_SIDE)
+        or rows * columns > MOST_PIXELS
     ):
         raise PictureError(
             path,
-            f"its header gives {rows} rows and {columns} columns, allowed are 1 to {LARGEST_SIDE} of each",
+            f"its header gives {rows} rows and {columns} columns, allowed are 1 to {LARGEST_SIDE} of each "
+            f"and {MOST_PIXELS} pixels",
             cure="export the pictures again",
         )
     return rows, columns

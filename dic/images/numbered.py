@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from dic.images import tiff
 from dic.images.checks import Grey, checked_bits, checked_frame, checked_index, checked_shape
 from dic.images.series import PictureError
-from dic.images.whole import missing_end
+from dic.images.whole import missing_end, stated_size
 
 SUFFIXES = (".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp")
-"""Endings of the files that a folder is searched for; a pattern may name any that OpenCV knows."""
+"""Endings of the files that a folder is searched for; a pattern may name others."""
 MOST_MISSING = 20
 """Numbers a series may span for each picture that is there; more looks like time stamps."""
 LARGEST_FILE = 2**31
@@ -168,6 +168,10 @@ def _decode(file: Path, index: int) -> tuple[NDArray[np.generic], int]:
     what = missing_end(data)
     if what:
         raise PictureError(file, what, frame=index, cure="copy or export it again")
+    size_given = stated_size(data)
+    if size_given is None:
+        raise PictureError(file, "is no TIFF, PNG, JPEG or BMP, or has no whole header", frame=index)
+    checked_shape(file, *size_given)
     return _by_opencv(file, index, data)
 
 

@@ -1,4 +1,7 @@
-"""Whether a picture file is whole: OpenCV decodes one that was cut off, and makes the rest up."""
+"""What the bytes of a PNG, JPEG or BMP file say before they are decoded: its size, and whether it is whole.
+
+OpenCV decodes a file that was cut off and makes the rest up; and it decodes whatever size a header gives.
+"""
 
 import struct
 import zlib
@@ -18,6 +21,33 @@ def missing_end(data: bytes) -> str:
     if data.startswith(b"BM"):
         return _bmp(data)
     return ""
+
+
+def stated_size(data: bytes) -> tuple[int, int] | None:
+    """Rows and columns that the header gives; None if the file is of another kind or has no whole header."""
+    if data.startswith(_PNG) and len(data) >= 24:
+        columns, rows = struct.unpack_from(">II", data, 16)
+        return rows, columns
+    if data.startswith(b"BM") and len(data) >= 26:
+        oldest = data[14:18] == b"\x0c\0\0\0"
+        columns, rows = struct.unpack_from("<HH" if oldest else "<ii", data, 18)
+        return abs(rows), columns
+    return _jpeg_size(data) if data.startswith(b"\xff\xd8") else None
+
+
+def _jpeg_size(data: bytes) -> tuple[int, int] | None:
+    """Of the first frame header: the blocks before it are stepped over."""
+    place = 2
+    while place + 9 <= len(data):
+        if data[place] != 0xFF or data[place + 1] == 0xFF:
+            place += 1  # fill bytes
+            continue
+        kind, (length,) = data[place + 1], struct.unpack_from(">H", data, place + 2)
+        if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):
+            rows, columns = struct.unpack_from(">HH", data, place + 5)
+            return rows, columns
+        place += 2 if kind == 0x01 or 0xD0 <= kind <= 0xD9 else 2 + length
+    return None
 
 
 def _png(data: bytes) -> str:

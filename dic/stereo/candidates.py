@@ -140,12 +140,25 @@ def _keep_best(
         if along[i, k] <= -1.0:
             continue
         h = int(np.argmax(zncc[i, k]))
-        found.zncc[row], found.distance[row] = along[i, k], s[i, k]
+        found.distance[row] = s[i, k]
         found.warp[row] = 0.0
         found.warp[row, :2] = centre[i, k] - points[i]
         found.warp[row, 2:6] = (A[i, k, h] - np.eye(2)).reshape(-1)
         left, right = _peak(along[i], k)
-        found.rival[row] = max(along[i, :left].max(initial=-1.0), along[i, right:].max(initial=-1.0))
+        crests = _crests(along[i])
+        found.zncc[row] = crests[k]
+        found.rival[row] = max(crests[:left].max(initial=-1.0), crests[right:].max(initial=-1.0))
+
+
+def _crests(profile: FloatArray) -> FloatArray:
+    """The profile, its local maxima raised to the crest of the parabola through them and their neighbours."""
+    crests = profile.copy()
+    before, here, after = profile[:-2], profile[1:-1], profile[2:]
+    bend = 2.0 * here - before - after
+    top = (here >= before) & (here >= after) & (bend > 0.0) & (np.minimum(before, after) > -1.0)
+    rise = np.divide((after - before) ** 2, 8.0 * bend, out=np.zeros_like(here), where=top)
+    crests[1:-1] = np.minimum(here + rise, 1.0)
+    return crests
 
 
 def _peak(profile: FloatArray, k: int) -> tuple[int, int]:

@@ -130,15 +130,18 @@ def _standing_faults(
     if before <= tolerance:
         return [], rig, none
     swapped = StereoRig((rig.cameras[1], rig.cameras[0]))
-    after = _size(swapped, p0, p1)
+    try:
+        after = _size(swapped, p0, p1)
+    except ValueError:  # where the other lens folds back, the other camera did not take this picture
+        after = np.inf
     if after <= tolerance:
         return [_swap(before, after)], swapped, none
     best = {}
-    for name, cameras in (("as given", rig), ("exchanged", swapped)):
+    for name, cameras in (("as given", rig), ("exchanged", swapped if np.isfinite(after) else rig)):
         offsets = [find_offset(cameras, p0, p1, where) for where in HYPOTHESES]
         best[name] = min(offsets, key=lambda offset: offset.after)
         if best[name].after <= tolerance:
-            swap = [_swap(before, after)] if cameras is swapped else []
+            swap = [_swap(before, after)] if name == "exchanged" else []
             return [*swap, _offset_finding(best[name])], cameras, best[name].shifts
     what = (
         f"epipolar distances of {before:.2f} px (median) stay at {after:.2f} px with the cameras exchanged, "

@@ -23,6 +23,9 @@ BoolArray = NDArray[np.bool_]
 LOOSE = 0.02
 """Tolerance of the way back [px], which a gate of a few tenths judges; at a picture's rim, where pixels come
 and go between the steps, a finer one may never be met."""
+COARSE = 0.05
+"""Differences of 1 - ZNCC that mean nothing: steps of a whole pixel and the slope of the surface, which the
+search for rivals takes from the match itself, hide as much."""
 
 
 @dataclass(frozen=True)
@@ -166,4 +169,5 @@ def _search_back(
 def _share(candidates: Candidates, home: FloatArray, reach: float) -> FloatArray:
     """ZNSSD of the best place over its rival's; inf if the best place is not where the match is."""
     at_home = np.linalg.norm(candidates.warp[:, :2] - home[:, :2], axis=1) <= reach
-    return np.where(at_home, (1.0 - candidates.zncc) / (1.0 - candidates.rival), np.inf)
+    share = np.maximum(1.0 - candidates.zncc, COARSE) / np.maximum(1.0 - candidates.rival, 1e-9)
+    return np.where(at_home, share, np.inf)

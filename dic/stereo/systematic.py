@@ -74,7 +74,8 @@ def calibration_sigma(rig: StereoRig, points: FloatArray) -> FloatArray:
     rig
         The cameras, with a covariance.
     points
-        Positions in the rig's frame, before both cameras [m], shape [..., 3].
+        Positions in the rig's frame, before both cameras [m], shape [..., 3]. The result is smooth over the
+        field and the same in all frames: the places of one frame, or some of them, tell all.
 
     Returns
     -------

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import least_squares
 
+from dic.surfaces.cylinder_steps import Shape, distances, fit_shape, slopes
 from dic.surfaces.first_axes import candidate_axes, circle, complete_basis
 
 FloatArray = NDArray[np.float64]
@@ -99,24 +99,18 @@ def fit_cylinder(
     X = X - centre
     best = min(_start(X, radius), key=lambda fit: fit[1])[0]
     grown = np.sqrt(factor)
-    best = _fit(
-        X, _sigmas(X, C, best) * grown, best, radius, radius_sigma, loss="soft_l1"
-    )  # outliers pull little
+    best = fit_shape(X, _sigmas(X, C, best) * grown, best, radius, radius_sigma, robust=True)
     used = np.zeros(len(X), dtype=bool)
     for _ in range(20):
         sigma = _sigmas(X, C, best)
-        off = np.abs(_distances(X, best[1], best[0])[0] - best[2]) / sigma
+        off = np.abs(distances(X, best[1], best[0])[0] - best[2]) / sigma
         kept = off <= reject * max(1.0, 1.4826 * float(np.median(off)))
-        before, best = best, _fit(X[kept], (sigma * grown)[kept], best, radius, radius_sigma)
+        before, best = best, fit_shape(X[kept], (sigma * grown)[kept], best, radius, radius_sigma)
         settled = np.linalg.norm(best[1] - before[1]) + abs(best[2] - before[2]) < 1e-3 * sigma.min()
         if settled and (kept == used).all():
             break
         used = kept
     return _finished(X, C, factor, centre, best, used, radius, radius_sigma)
-
-
-Shape = tuple[FloatArray, FloatArray, float]
-"""Basis with the axis in its last row, a point of the axis, the radius."""
 
 
 def _checked(
@@ -138,63 +132,22 @@ def _checked(
 
 def _start(X: FloatArray, radius: float | None) -> list[tuple[Shape, float]]:
     """A rough fit from each candidate axis, with its mean squared distance; X about its centroid."""
-    thin = X[:: max(1, len(X) // 1000)]
+    thin = X[:: max(1, len(X) // 500)]
     unit = np.full(len(thin), float(np.sqrt(np.mean(thin**2))))
     fits = []
     for axis in candidate_axes(thin):
         basis = complete_basis(axis)
         a, b, R = circle(thin @ basis[0], thin @ basis[1])
-        shape = _fit(thin, unit, (basis, a * basis[0] + b * basis[1], R), None, 0.0)
-        fits.append((shape, float(np.mean((_distances(thin, shape[1], shape[0])[0] - shape[2]) ** 2))))
+        shape = fit_shape(thin, unit, (basis, a * basis[0] + b * basis[1], R), None, 0.0, steps=15)
+        fits.append((shape, float(np.mean((distances(thin, shape[1], shape[0])[0] - shape[2]) ** 2))))
     if radius is None:
         return fits
     return [((B, p, radius), cost) for (B, p, _), cost in fits]
 
 
-def _fit(
-    X: FloatArray,
-    sigma: FloatArray,
-    start: Shape,
-    radius: float | None,
-    radius_sigma: float,
-    loss: str = "linear",
-) -> Shape:
-    basis, point, R0 = start
-    if radius is not None and radius_sigma == 0.0:
-        R0 = radius
-    w = (X - point) @ basis.T
-    reach = max(float(np.ptp(w[:, 2])), 1e-3 * R0)
-    free = radius is None or radius_sigma > 0.0
-
-    def off(p: FloatArray) -> FloatArray:  # lengths in R0, slopes such that their effect is alike
-        line = np.array([p[2] * R0 / reach, p[3] * R0 / reach, 1.0])
-        away = np.cross(w - R0 * np.array([p[0], p[1], 0.0]), line)
-        R = R0 * (1.0 + p[4]) if free else R0
-        rest = (np.linalg.norm(away, axis=1) / np.linalg.norm(line) - R) / sigma
-        known = radius is not None and radius_sigma > 0.0
-        return np.append(rest, (R - (radius or 0.0)) / radius_sigma) if known else rest
-
-    n = 5 if free else 4
-    p = least_squares(off, np.zeros(n), loss=loss, x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-12).x
-    axis = basis.T @ np.array([p[2] * R0 / reach, p[3] * R0 / reach, 1.0])
-    return (
-        complete_basis(axis / np.linalg.norm(axis), near=basis[0]),
-        point + R0 * (p[0] * basis[0] + p[1] * basis[1]),
-        float(R0 * (1.0 + p[4])) if free else R0,
-    )
-
-
-def _distances(X: FloatArray, point: FloatArray, basis: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Distances from the axis [m] and unit normals."""
-    away = X - point
-    away = away - np.outer(away @ basis[2], basis[2])
-    distance = np.linalg.norm(away, axis=1)
-    return distance, away / np.maximum(distance, np.finfo(float).tiny)[:, None]
-
-
 def _sigmas(X: FloatArray, C: FloatArray, shape: Shape) -> FloatArray:
     """Noise of the points along the normal [m]."""
-    normal = _distances(X, shape[1], shape[0])[1]
+    normal = distances(X, shape[1], shape[0])[1]
     variance = np.einsum("ni,nij,nj->n", normal, C, normal)
     if not (variance > 0.0).all():
         raise ValueError(
@@ -215,29 +168,29 @@ def _finished(
     radius_sigma: float,
 ) -> Cylinder:
     basis, point, R = shape
-    extent = float(np.ptp(X @ basis[:2].T, axis=0).max())
-    if FLATTEST * extent < R or used.sum() < FEWEST_POINTS:
-        raise ValueError(
-            f"the points lie on no cylinder: radius {R:.3g} m over an extent of {extent:.3g} m across the "
-            f"axis, {int(used.sum())} of {len(X)} points near it; check the points, or give the radius"
-        )
     point = point - (point @ basis[2]) * basis[2]
-    distance, normal = _distances(X, point, basis)
     sigma = _sigmas(X, C, shape)
-    cos, sin, s = normal @ basis[0], normal @ basis[1], (X - point) @ basis[2]
-    J = np.column_stack([cos, sin, s * cos, s * sin, np.ones(len(X))])  # of the distance from the surface
+    off, J = slopes(X, (basis, point, R))
     J = (J / (sigma * np.sqrt(factor))[:, None])[used]
-    rest = ((distance - R) / sigma)[used]
+    rest = (off / sigma)[used]
     held = radius is not None and radius_sigma == 0.0
     n = 4 if held else 5
     A = J[:, :n].T @ J[:, :n]
     known = radius is not None and not held
     if known:
         A[4, 4] += radius_sigma**-2
+    unit = np.sqrt(np.diag(A))  # lengths and angles
+    unit[unit == 0.0] = 1.0
+    A = A / np.outer(unit, unit)
+    extent = float(np.ptp(X @ basis[:2].T, axis=0).max())
+    if FLATTEST * extent < R or used.sum() < FEWEST_POINTS or np.linalg.eigvalsh(A)[0] < 1e-12:
+        raise ValueError(
+            f"the points lie on no cylinder: radius {R:.3g} m over an extent of {extent:.3g} m across the "
+            f"axis, {int(used.sum())} of {len(X)} points near it; check the points, or give the radius"
+        )
     dof = len(rest) - n + known
     chi2 = float(rest @ rest) / dof if dof else 1.0
     scale = float(np.sqrt(max(1.0, chi2)))
-    unit = np.sqrt(np.diag(A))  # the parameters have different units
     V = np.zeros((5, 5))
-    V[:n, :n] = scale**2 * np.linalg.inv(A / np.outer(unit, unit)) / np.outer(unit, unit)
-    return Cylinder(centre + point, basis, R, V, distance - R, used, chi2, scale)
+    V[:n, :n] = scale**2 * np.linalg.inv(A) / np.outer(unit, unit)
+    return Cylinder(centre + point, basis, R, V, off, used, chi2, scale)

@@ -5,7 +5,8 @@ half a period per pixel comes back as another pattern, which changes from frame 
 the pixels, but it shows in the correlation: a match whose only error is noise of variance σ² per picture ends
 at ``2 (1 - ZNCC) var f = 2 σ²``. How much a larger residual moves the point was measured on rendered pictures
 (verification page of the tracking): its covariance grows by ``1 + κ e``, e the excess of the residual over
-the noise, with κ = `ALONG` in the direction that is flattened most and `ACROSS` at right angles to it.
+the noise, with κ = `ALONG` in the direction that is flattened most and `ACROSS` at right angles to it. The
+match itself scales both by ``1 + e``, as if the residual were noise.
 """
 
 import cv2
@@ -19,7 +20,7 @@ FloatArray = NDArray[np.float64]
 
 ALONG = 6.0
 """κ in the direction of the smallest principal stretch."""
-ACROSS = 1.2
+ACROSS = 1.0
 """κ in the direction of the largest one."""
 
 
@@ -69,7 +70,7 @@ def enlarged(covariance: FloatArray, F: FloatArray, by: FloatArray) -> FloatArra
     Parameters
     ----------
     covariance
-        From the noise alone [px²], shape [n, 2, 2].
+        Of matches, scaled by 1 + e [px²], shape [n, 2, 2].
     F
         Deformation gradients from the material picture, shape [n, 2, 2].
     by
@@ -77,6 +78,7 @@ def enlarged(covariance: FloatArray, F: FloatArray, by: FloatArray) -> FloatArra
     """
     # eigenvectors of F Fᵀ: the principal directions as the picture shows them, smallest stretch first
     _, axes = np.linalg.eigh(F @ np.swapaxes(F, -1, -2))
-    factor = np.sqrt(1.0 + np.stack([ALONG * by, ACROSS * by], axis=-1))
+    grown = 1.0 + np.stack([ALONG * by, ACROSS * by], axis=-1)
+    factor = np.sqrt(grown / (1.0 + by[:, None]))
     Q = (axes * factor[:, None, :]) @ np.swapaxes(axes, -1, -2)
     return np.asarray(Q @ covariance @ Q)

@@ -108,6 +108,16 @@ def cases() -> list[tuple[str, str, str]]:
         ("opencorr word", OPENCORR.replace("17.5", "1O"), "line 13: view 1: tz is '1O'"),
         ("text count", TEXT.replace("\n970", ""), r"has 23 numbers, must have 24 \(with angles\) or 30"),
         ("text words", TEXT.replace("17.125", "17 125"), "line 23: holds 2 words"),
+        (
+            "text size",
+            TEXT.replace("550", "550.5"),
+            "line 1: camera 0: pictures of 970 x 550.5 px; columns and",
+        ),
+        (
+            "dice size",
+            dice.replace("{ 800, 1200 }", "{ 0, 1e9 }"),
+            "line 5: camera 0: pictures of 1e.09 x 0 px",
+        ),
         ("text nan", TEXT.replace("17.125", "nan"), "line 23: number 22 is 'nan'"),
         ("opencv empty", "%YAML:1.0\n---\nA: 1\n", r"has no R .* among A"),
         ("opencv broken", "%YAML:1.0\n---\n\tM1: [a,\n", "OpenCV cannot parse it"),

@@ -277,16 +277,20 @@ def test_a_damaged_png_is_named(tmp_path):
         open_pictures(tmp_path).frame(1)
 
 
-def test_a_png_that_promises_a_giant_is_refused(tmp_path):
-    def block(kind, body):
-        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
-
-    head = struct.pack(">IIBBBBB", 60_000, 60_000, 8, 0, 0, 0, 0)
-    data = (
-        b"\x89PNG\r\n\x1a\n" + block(b"IHDR", head) + block(b"IDAT", zlib.compress(b"")) + block(b"IEND", b"")
-    )
-    with pytest.raises(PictureError, match="none of 1 pictures can be decoded"):
-        open_pictures(written(tmp_path, data, "a1.png"))
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".bmp"])
+def test_a_header_that_promises_a_giant_is_refused_before_it_is_decoded(tmp_path, suffix):
+    series(tmp_path, [1], "a{}" + suffix, shape=(64, 64), dtype=np.uint8)
+    raw = bytearray((tmp_path / f"a1{suffix}").read_bytes())
+    if suffix == ".png":
+        struct.pack_into(">II", raw, 16, 60_000, 15_000)
+        struct.pack_into(">I", raw, 29, zlib.crc32(raw[12:29]))
+    elif suffix == ".jpg":
+        struct.pack_into(">HH", raw, raw.index(b"\xff\xc0") + 5, 15_000, 60_000)
+    else:
+        struct.pack_into("<ii", raw, 18, 60_000, 15_000)
+        raw[30] = 1  # run lengths: how many bytes they need cannot be seen
+    with pytest.raises(PictureError, match="15000 rows and 60000 columns"):
+        open_pictures(written(tmp_path, bytes(raw), f"a1{suffix}"))
 
 
 def test_exif_turns_a_jpeg(tmp_path):

@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
+REACH = 4.0
+"""Standard deviations at which the Gaussian prefilter ends."""
+
 GRAIN = """
     struct grain {
         static inline double passed(double v) {  // |c(v)|^2
@@ -56,7 +59,12 @@ def _spectra(prefilter: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Frequencies [1/px] from -2.5 to 2.5, spectrum of the cardinal spline, power of the filtered noise."""
     v = np.linspace(-2.5, 2.5, 10001)
     spline = np.sinc(v) ** 6 * 120.0 / (66.0 + 52.0 * np.cos(2.0 * np.pi * v) + 2.0 * np.cos(4.0 * np.pi * v))
-    return v, spline, np.exp(-((2.0 * np.pi * prefilter * (v - np.round(v))) ** 2))
+    reach = np.arange(1, REACH * prefilter + 1.0)
+    if not prefilter or len(reach) == 0:
+        return v, spline, np.ones_like(v)
+    weights = np.exp(-(reach**2) / (2.0 * prefilter**2))
+    transfer = 1.0 + 2.0 * np.cos(2.0 * np.pi * v[:, None] * reach) @ weights
+    return v, spline, (transfer / (1.0 + 2.0 * weights.sum())) ** 2
 
 
 @cache

@@ -8,12 +8,15 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from dic.correlation.kernels.device import select_device
+from dic.correlation.kernels.grain import REACH
 from dic.correlation.kernels.spline import PAD
 
 
 def coefficients(grey: NDArray[np.float32], prefilter: float) -> NDArray[np.float32]:
     """Coefficients of the quintic B-spline through a picture, with mirrored margins of `PAD`."""
-    smooth = ndimage.gaussian_filter(grey.astype(np.float64), prefilter, mode="mirror") if prefilter else grey
+    smooth = grey.astype(np.float64)
+    if prefilter:
+        smooth = ndimage.gaussian_filter(smooth, prefilter, mode="mirror", truncate=REACH)
     found = ndimage.spline_filter(smooth, order=5, output=np.float64, mode="mirror")
     right = PAD + -(grey.shape[1] + 2 * PAD) % 16  # rows begin on a cache line
     return np.pad(found, ((PAD, PAD), (PAD, right)), mode="reflect").astype(np.float32)

@@ -74,7 +74,8 @@ _SEARCH = """
                 double drift[K];
                 for (int j = 0; j < K; ++j) drift[j] = op::sum(tilt[j]);
                 const double between_f = op::sum(grit) / n;
-                double offset = level, contrast = 1.0, brightness = level, noise_f = 0.0, share = 0.0;
+                double offset = level, contrast = 1.0, brightness = level;
+                double noise_f = 0.0, noise_g = 0.0, share = 0.0;
                 while (true) {
                     // Gradients must hold more of the pattern than of the reference's noise.
                     noise_f = job.f_floor.data[a] + job.f_gain.data[a] * op::positive(N.mean + level);
@@ -128,10 +129,15 @@ _SEARCH = """
                     }
                     const double sum = op::sum(g1), mean = sum / N.n;
                     const double energy = op::sum(g2) - mean * sum, cross = op::sum(tg) - N.mean * sum;
-                    if (!(energy > 0.0)) { outcome = LOW_CONTRAST; break; }
+                    brightness = mean + zero;
+                    noise_g = job.g_floor.data[b] + job.g_gain.data[b] * op::positive(brightness);
+                    // Little more than noise, or than what fp32 leaves of a grey value.
+                    if (!(energy > N.n * (1.5 * job.between * noise_g + 1e-10 * brightness * brightness))) {
+                        outcome = LOW_CONTRAST;
+                        break;
+                    }
                     zncc = cross / sqrt(energy * N.energy);
                     contrast = sqrt(energy / N.energy);
-                    brightness = mean + zero;
                     offset = brightness;
                     if (iterations == job.max_iterations) { outcome = NOT_CONVERGED; break; }
                     double d[K];
@@ -161,8 +167,6 @@ _SEARCH = """
                             N.solve(column[c]);
                         }
                         jet::at(w, 0.0, 0.0, here, F1);
-                        const double noise_g =
-                            job.g_floor.data[b] + job.g_gain.data[b] * op::positive(brightness);
                         const double spectrum[3] = {N.gradient[0] / N.energy, N.gradient[1] / N.energy,
                                                     N.gradient[2] / N.energy};
                         const double smooth = job.prefilter * job.prefilter;

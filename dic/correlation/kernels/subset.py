@@ -6,6 +6,8 @@ SUBSET = """
         const float* origin;  // the coefficient of pixel (0, 0)
         int rows, cols, stride;
     };
+    // Next to the edge of a picture the mirrored spline is not that of the scene.
+    constexpr double EDGE = 2.0;
     // Where a warp puts the subset's pixels: fp32 offsets from a whole pixel, exact to 1e-6 px.
     struct places {
         const float* origin;
@@ -21,8 +23,8 @@ SUBSET = """
             if (!sane) return;
             double half[2];
             jet::box(w, h, half);
-            within = px - half[0] >= 0.0 && px + half[0] <= v.cols - 1.0
-                && py - half[1] >= 0.0 && py + half[1] <= v.rows - 1.0;
+            within = px - half[0] >= EDGE && px + half[0] <= v.cols - 1.0 - EDGE
+                && py - half[1] >= EDGE && py + half[1] <= v.rows - 1.0 - EDGE;
             const double ix = floor(px), iy = floor(py);
             stride = v.stride;
             origin = v.origin + (long long)iy * v.stride + (long long)ix;
@@ -34,8 +36,8 @@ SUBSET = """
             xxx = (float)(0.5 * w[6] * b); xxy = (float)(w[7] * b); xyy = (float)(0.5 * w[8] * b);
             yxx = (float)(0.5 * w[9] * b); yxy = (float)(w[10] * b); yyy = (float)(0.5 * w[11] * b);
             per_pixel = (float)(1.0 / h);
-            low_x = (float)(-ix); high_x = (float)(v.cols - 1 - ix);
-            low_y = (float)(-iy); high_y = (float)(v.rows - 1 - iy);
+            low_x = (float)(EDGE - ix); high_x = (float)(v.cols - 1 - EDGE - ix);
+            low_y = (float)(EDGE - iy); high_y = (float)(v.rows - 1 - EDGE - iy);
         }
         inline void of(pack X, pack Y, pack* x, pack* y) const {
             *x = x0 + xx * X + xy * Y;

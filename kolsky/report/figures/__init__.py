@@ -16,10 +16,11 @@ from kolsky.report.figures import (
     overlay_sigma,
     profiles,
     shape_residual,
+    speckle_floor,
 )
 from kolsky.report.figures.base import FigureKind
 
-__all__ = ["REGISTRY", "SURFACES", "FigureKind"]
+__all__ = ["REGISTRY", "SPECKLES", "SURFACES", "FigureKind"]
 
 REGISTRY: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND
@@ -31,3 +32,5 @@ SURFACES: dict[str, FigureKind[Any]] = {
     for module in (overlay_sigma, overlay_epipolar, lost_points, kymograph, flyer_motion)
 }
 """Every figure of the surfaces that pictures gave, likewise."""
+SPECKLES: dict[str, FigureKind[Any]] = {speckle_floor.KIND.name: speckle_floor.KIND}
+"""Every figure of a speckle pattern, likewise."""

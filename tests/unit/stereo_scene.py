@@ -1,0 +1,66 @@
+"""Two cameras before a rendered cylinder: what the tests of the stereo match share."""
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.camera import Camera, StereoRig
+from dic.render import RenderedCylinder, Speckles
+
+FloatArray = NDArray[np.float64]
+
+SHAPE = (128, 128)
+RADIUS = 4.75e-3
+CYLINDER = RenderedCylinder(RADIUS)
+NOISE = 0.004
+"""Of a grey value, where black is 0 and white 1."""
+LENS = (-0.17, 0.0, 1e-3, -5e-4, 0.0)
+FOCAL = 5400.0
+DISTANCE = 0.3
+
+
+def rig(angle: float = 12.5) -> StereoRig:
+    """Cameras side by side that look at the axis from `DISTANCE`, `angle` [°] apart, their lenses bent."""
+    cameras = []
+    for a in np.radians([-angle / 2.0, angle / 2.0]):
+        centre = DISTANCE * np.array([np.sin(a), 0.0, np.cos(a)])
+        z = -centre / DISTANCE
+        x = np.array([np.cos(a), 0.0, -np.sin(a)])
+        R = np.stack([x, np.cross(z, x), z])
+        middle = (SHAPE[1] - 1) / 2.0
+        cameras.append(
+            Camera(
+                fx=FOCAL,
+                fy=FOCAL,
+                cx=middle,
+                cy=middle,
+                distortion=LENS,
+                rotation=R,
+                translation=-R @ centre,
+            )
+        )
+    return StereoRig((cameras[0], cameras[1]))
+
+
+@cache
+def pictures(angle: float = 12.5, seed: int = 3) -> tuple[FloatArray, FloatArray]:
+    """What both cameras see of the cylinder, noise included."""
+    rng = np.random.default_rng(seed)
+    first, second = (
+        CYLINDER.picture(camera, SHAPE, Speckles(3.5e-4, seed=seed)) + rng.normal(0.0, NOISE, SHAPE)
+        for camera in rig(angle).cameras
+    )
+    return first, second
+
+
+def grid(step: int = 8, border: int = 16) -> FloatArray:
+    """Points of the material picture [px], shape [n, 2]."""
+    x, y = (np.arange(border, n - border + 1.0, step) for n in (SHAPE[1], SHAPE[0]))
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def truth(points: FloatArray, angle: float = 12.5) -> FloatArray:
+    """Where camera 1 sees what camera 0 sees at `points` [px], shape [n, 2]."""
+    cameras = rig(angle).cameras
+    return cameras[1].project(CYLINDER.hit(cameras[0], points))

@@ -1,0 +1,296 @@
+"""The match of subsets: against a float64 twin, and against motions known in closed form."""
+
+from functools import cache
+
+import correlation_twin as twin
+import numpy as np
+import pytest
+
+from dic import PointOutcome
+from dic.correlation import Correlation, Noise, PictureStack, Shape, correlate
+from dic.correlation import warp as warps
+from dic.speckle import render, speckle_pattern
+
+SIDE = 128
+CENTRE = (SIDE - 1) / 2
+ROTATION = np.array([[np.cos(0.2), -np.sin(0.2)], [np.sin(0.2), np.cos(0.2)]])
+
+
+def total(F, shift, points):
+    """Warps of the motion x = c + F (X - c) + shift."""
+    warp = np.zeros((len(points), 12))
+    warp[:, :2] = (points - CENTRE) @ (F - np.eye(2)).T + shift
+    warp[:, 2:6] = (F - np.eye(2)).ravel()
+    return warp
+
+
+def moved(F, shift, **options):
+    """The picture after that motion."""
+    back = np.linalg.inv(F)
+    return render(
+        pattern(), (SIDE, SIDE), material=lambda x: (x - CENTRE - shift) @ back.T + CENTRE, **options
+    )
+
+
+def grid(low, high, step):
+    a = np.arange(low, high, step, dtype=np.float64)
+    return np.stack(np.meshgrid(a, a), axis=-1).reshape(-1, 2)
+
+
+@cache
+def pattern():
+    return speckle_pattern((SIDE, SIDE), seed=3)
+
+
+@cache
+def still(noise=0.0):
+    return render(pattern(), (SIDE, SIDE), noise=noise, seed=1)
+
+
+def stack(picture, noise=1.0, **options):
+    return PictureStack.prepare(picture, noise=noise, **options)
+
+
+@pytest.mark.parametrize("parameters", list(Shape))
+@pytest.mark.parametrize("read_between", [False, True])
+def test_against_the_float64_twin(parameters, read_between):
+    F, shift = ROTATION @ np.diag([1.1, 0.7]), np.array([0.3, -0.45])
+    f, g = still(2.0), moved(F, shift, noise=2.0, seed=2)
+    points = np.array([[52.0, 57.0], [63.4, 66.7], [74.0, 50.2]])
+    guess = total(F, shift + 0.2, points)
+    references = None
+    if read_between:  # the template is read from the deformed picture, and found in the undeformed one
+        f, g, references, guess = g, f, total(F, shift, points), total(np.eye(2), 0.2, points)
+    # noise 0 declared: the twin knows no bias of a template read between pixels
+    settings = Correlation(shape=parameters, tolerance=1e-6, max_iterations=100)
+    found = correlate(stack(f, 0.0), stack(g, 0.0), points, guess, settings, reference_warp=references)
+    assert np.all(found.outcome == PointOutcome.VALID)
+    f, g = twin.Picture(f), twin.Picture(g)
+    for i, point in enumerate(points):
+        reference = None if references is None else references[i]
+        warp, zncc = twin.match(f, g, point, guess[i], subset=21, parameters=parameters, reference=reference)
+        # fp32 in the kernels: places to 1e-6 px, grey values to 1e-5; measured 4e-7 px, 1e-7, 2e-8 /px, 7e-8
+        np.testing.assert_allclose(found.warp[i, :2], warp[:2], atol=2e-6)
+        np.testing.assert_allclose(found.warp[i, 2:6], warp[2:6], atol=5e-7)
+        np.testing.assert_allclose(found.warp[i, 6:], warp[6:], atol=1e-7)
+        np.testing.assert_allclose(found.zncc[i], zncc, atol=3e-7)
+
+
+def test_affine_motion_in_closed_form():
+    F, shift = ROTATION @ np.diag([1.05, 0.8]), np.array([1.3, -0.6])
+    points = grid(50, 80, 7)
+    true = total(F, shift, points)
+    found = correlate(
+        stack(still()), stack(moved(F, shift)), points, true + 0.05 * (np.arange(12) < 2), Correlation()
+    )
+    assert np.all(found.outcome == PointOutcome.VALID)
+    # a spline of 6 px speckles that are compressed to 4 px: a hundredth of a grey level, some 0.5 mpx
+    np.testing.assert_allclose(found.warp[:, :2], true[:, :2], atol=3e-3)
+    np.testing.assert_allclose(found.warp[:, 2:6], true[:, 2:6], atol=6e-4)
+    assert np.abs(found.warp[:, :2] - true[:, :2]).mean() < 1e-3
+
+
+def test_quadratic_motion_in_closed_form():
+    bend = np.array([4e-4, -3e-4, 2e-4, -2e-4, 5e-4, 3e-4])  # uxx to vyy [1/px]
+
+    def forward(X):
+        x, y = (X - CENTRE)[..., 0], (X - CENTRE)[..., 1]
+        terms = np.stack([x * x / 2, x * y, y * y / 2], axis=-1)
+        return X + np.stack([terms @ bend[:3], terms @ bend[3:]], axis=-1) + np.array([0.4, 0.2])
+
+    def material(x):
+        X = x.copy()
+        for _ in range(60):  # a contraction: gradients are below 0.1
+            X = X - (forward(X) - x)
+        return X
+
+    g = render(pattern(), (SIDE, SIDE), material=material)
+    points = np.array([[CENTRE, CENTRE], [55.0, 70.0], [72.0, 49.0]])
+    true = np.zeros((3, 12))
+    true[:, :2] = forward(points) - points
+    x, y = (points - CENTRE).T
+    true[:, 2:6] = np.stack([bend[0] * x + bend[1] * y, bend[1] * x + bend[2] * y,
+                             bend[3] * x + bend[4] * y, bend[4] * x + bend[5] * y], axis=1)  # fmt: skip
+    true[:, 6:] = bend
+    guess = np.zeros((3, 12))
+    guess[:, :2] = np.round(true[:, :2])
+    settings = Correlation(shape=Shape.QUADRATIC, subset=31)
+    found = correlate(stack(still()), stack(g), points, guess, settings)
+    assert np.all(found.outcome == PointOutcome.VALID)
+    # interpolation again; over half a subset of 15 px a first derivative is worth 15, a second one 110 px
+    np.testing.assert_allclose(found.warp[:, :2], true[:, :2], atol=2e-3)
+    np.testing.assert_allclose(found.warp[:, 2:6], true[:, 2:6], atol=2e-4)
+    np.testing.assert_allclose(found.warp[:, 6:], true[:, 6:], atol=3e-5)
+    affine = correlate(stack(still()), stack(g), points, guess, Correlation(subset=31))
+    assert np.abs(affine.warp[:, :2] - true[:, :2]).max() > 5e-3  # an affine subset cannot follow
+
+
+def test_grey_range_brightness_and_contrast_do_not_matter():
+    f, g = still(2.0), moved(np.eye(2), np.array([0.3, 0.1]), noise=2.0, seed=4)
+    points, guess = grid(30, 100, 23), warps.identity(16)
+    plain = correlate(stack(f, 2.0), stack(g, 2.0), points, guess, Correlation())
+    other = correlate(
+        stack(16 * f, 32.0), stack(16 * (0.6 * g + 40), 16 * 0.6 * 2.0), points, guess, Correlation()
+    )
+    np.testing.assert_allclose(other.warp, plain.warp, atol=1e-5)  # fp32, as against the twin
+    np.testing.assert_allclose(other.covariance, plain.covariance, rtol=1e-4)
+
+
+def test_results_do_not_depend_on_threads_or_batch():
+    f, g = still(2.0), moved(np.eye(2), np.array([0.3, 0.1]), noise=2.0, seed=4)
+    points = grid(20, 108, 2.5)
+    assert len(points) > 1024  # more than the shares of both threads
+    guess = warps.identity(len(points))
+    one = correlate(stack(f), stack(g), points, guess, Correlation(), threads=1)
+    two = correlate(stack(f), stack(g), points, guess, Correlation(), threads=2)
+    some = correlate(stack(f), stack(g), points[700:710], guess[700:710], Correlation())
+    for name in ("warp", "covariance", "zncc", "iterations", "outcome"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
+        np.testing.assert_array_equal(getattr(one, name)[700:710], getattr(some, name))
+
+
+def test_every_point_uses_its_own_pictures():
+    shifts = np.array([0.0, 0.25, 0.5])
+    pictures = PictureStack.prepare((moved(np.eye(2), np.array([s, 0.0])) for s in shifts), noise=1.0)
+    assert pictures.n_pictures == 3
+    assert pictures.memory >= 3 * 4 * SIDE**2
+    points = np.full((9, 2), 60.0)
+    a, b = np.divmod(np.arange(9), 3)
+    reference = total(np.eye(2), np.zeros(2), points)
+    reference[:, 0] = shifts[a]
+    found = correlate(
+        pictures, pictures, points, reference, Correlation(),
+        reference_picture=a, deformed_picture=b, reference_warp=reference,
+    )  # fmt: skip
+    np.testing.assert_allclose(found.warp[:, 0], shifts[b], atol=1e-3)  # interpolation
+
+
+def test_mask_keeps_the_other_body_out():
+    still_side = still()
+    both = np.where(np.arange(SIDE) < 64, moved(np.eye(2), np.array([0.0, 0.8])), still_side)
+    points = np.stack([np.full(9, 57.0), np.linspace(30, 98, 9)], axis=1)
+    mask = np.zeros((SIDE, SIDE), dtype=bool)
+    mask[:, :64] = True
+    guess = warps.identity(9)
+    guess[:, 1] = 0.6
+    masked = correlate(stack(still_side), stack(both), points, guess, Correlation(), mask=mask)
+    assert np.all(masked.outcome == PointOutcome.VALID)
+    np.testing.assert_allclose(masked.warp[:, :2], np.tile([0.0, 0.8], (9, 1)), atol=5e-3)  # the seam is seen
+    without = correlate(stack(still_side), stack(both), points, guess, Correlation())
+    assert np.abs(without.warp[:, 1] - 0.8).max() > 0.05
+    less = correlate(
+        stack(still_side), stack(both), points + np.array([8.0, 0.0]), guess, Correlation(), mask=mask
+    )
+    assert np.all(less.outcome == PointOutcome.OUT_OF_VIEW)  # 9 of 21 columns are left
+
+
+def test_a_subset_that_leaves_the_picture():
+    points = np.array([[116.0, 60.0], [116.0, 60.0]])
+    f, g = stack(still()), stack(moved(np.eye(2), np.array([6.3, 0.0])))
+    guess = total(np.eye(2), np.array([6.0, 0.0]), points)
+    partly = correlate(f, g, points, guess, Correlation())  # 15 of its 21 columns are left
+    assert np.all(partly.outcome == PointOutcome.VALID)
+    np.testing.assert_allclose(partly.warp[:, 0], 6.3, atol=3e-3)  # interpolation at the mirrored edge
+    gone = correlate(f, g, points, guess, Correlation(least_pixels=0.8))
+    assert np.all(gone.outcome == PointOutcome.OUT_OF_VIEW)
+    far = correlate(f, g, points, guess + 1e9, Correlation())
+    assert np.all(far.outcome == PointOutcome.OUT_OF_VIEW)
+
+
+def test_little_contrast_is_told_from_noise():
+    rng = np.random.default_rng(5)
+    grain = 100.0 + rng.normal(0.0, 2.0, (64, 64))
+    point, guess = np.array([[31.0, 31.0]]), warps.identity(1)
+
+    def outcome(f, g, noise):
+        return PointOutcome(
+            correlate(stack(f, noise), stack(g, noise), point, guess, Correlation()).outcome[0]
+        )
+
+    assert outcome(grain, grain, 2.0) is PointOutcome.LOW_CONTRAST  # nothing but its own noise
+    assert outcome(grain, grain, 0.5) is PointOutcome.VALID  # the same, said to be a pattern
+    assert outcome(np.full((64, 64), 80.0), grain, 0.5) is PointOutcome.LOW_CONTRAST
+    assert outcome(grain, np.full((64, 64), 80.0), 0.5) is PointOutcome.LOW_CONTRAST
+    stripes = np.tile(100.0 + 30.0 * np.sin(np.arange(64) / 2.0), (64, 1))
+    assert outcome(stripes, stripes, 0.5) is PointOutcome.LOW_CONTRAST  # located across them only
+
+
+def test_what_is_not_there_is_not_found():
+    points = grid(25, 105, 10)
+    other = render(speckle_pattern((SIDE, SIDE), seed=99), (SIDE, SIDE))
+    lost = correlate(stack(still()), stack(other), points, warps.identity(len(points)), Correlation())
+    assert not np.any(lost.outcome == PointOutcome.VALID)
+    assert np.any(lost.outcome == PointOutcome.LOW_CORRELATION)
+    hurried = correlate(
+        stack(still()), stack(moved(np.eye(2), np.array([0.4, 0.0]))), points, warps.identity(len(points)),
+        Correlation(max_iterations=1),
+    )  # fmt: skip
+    assert np.all(hurried.outcome == PointOutcome.NOT_CONVERGED)
+    assert np.all(hurried.iterations == 1)
+
+
+def test_points_without_a_guess_do_not_touch_their_neighbours():
+    points = grid(40, 90, 20)
+    guess = warps.identity(len(points))
+    guess[4, 3] = np.nan
+    found = correlate(stack(still()), stack(still()), points, guess, Correlation())
+    assert found.outcome[4] == PointOutcome.NO_FIRST_GUESS
+    assert np.all(np.delete(found.outcome, 4) == PointOutcome.VALID)
+
+
+def test_noise_that_grows_with_the_grey_value():
+    points, guess = grid(30, 100, 10), warps.identity(49)
+    f, g = still(), moved(np.eye(2), np.array([0.3, 0.0]))
+    flat = correlate(stack(f, 3.0), stack(g, 3.0), points, guess, Correlation())
+    photons = Noise(0.0, gain=9.0 / pattern().level)  # the same at the mean grey value
+    counted = correlate(stack(f, photons), stack(g, photons), points, guess, Correlation())
+    ratio = counted.covariance[:, 0, 0] / flat.covariance[:, 0, 0]
+    brightness = np.array([f[int(y) - 10 : int(y) + 11, int(x) - 10 : int(x) + 11].mean() for x, y in points])
+    # the noise of the mean grey value; what noise adds to gradients, up to 10 % of them, goes with it too
+    np.testing.assert_allclose(ratio, brightness / pattern().level, rtol=0.07)
+    assert np.ptp(brightness) / pattern().level > 0.3
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"points": np.zeros((3, 3))}, "points must have shape"),
+        ({"points": np.full((2, 2), np.inf)}, "points must be finite"),
+        ({"guess": np.zeros((2, 6))}, "guess must have shape"),
+        ({"reference_warp": np.zeros((1, 12))}, "reference_warp must have shape"),
+        ({"reference_picture": 1}, "reference_picture must be from 0 to 0, got 1"),
+        ({"deformed_picture": np.zeros(5, dtype=int)}, "deformed_picture must be a whole number"),
+        ({"mask": np.ones((4, 4))}, "mask must be true or false"),
+        ({"settings": Correlation(prefilter=0.5)}, "prepared with prefilter 0.0 px"),
+    ],
+)
+def test_wrong_arguments(change, message):
+    arguments = {"points": np.full((2, 2), 50.0), "guess": np.zeros((2, 12)), "settings": Correlation()}
+    arguments.update(change)
+    pictures = stack(still())
+    with pytest.raises(ValueError, match=message):
+        correlate(pictures, pictures, **arguments)
+
+
+@pytest.mark.parametrize(
+    ("pictures", "options", "message"),
+    [
+        ([np.zeros((20, 20)), np.zeros((20, 21))], {}, r"picture 1 has shape \(20, 21\)"),
+        ([np.zeros((7, 20))], {}, "at least 8|8 px or more"),
+        ([], {}, "at least one picture"),
+        (np.full((20, 20), np.nan), {}, "not finite"),
+        (np.zeros((2, 20, 20)), {"noise": [1.0]}, "noise must be one value or 2"),
+        (np.zeros((20, 20)), {"noise": -1.0}, "floor of the noise"),
+        (np.zeros((20, 20)), {"prefilter": 9.0}, "prefilter must be from 0 to 5"),
+        (np.zeros((20, 20)), {"device": "abacus"}, "device must be one of"),
+    ],
+)
+def test_wrong_pictures(pictures, options, message):
+    with pytest.raises(ValueError, match=message):
+        PictureStack.prepare(pictures, **{"noise": 1.0, **options})
+
+
+def test_no_points_are_no_error():
+    found = correlate(stack(still()), stack(still()), np.zeros((0, 2)), np.zeros((0, 12)), Correlation())
+    assert found.warp.shape == (0, 12)
+    assert found.covariance.shape == (0, 2, 2)
