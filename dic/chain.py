@@ -22,6 +22,7 @@ from dic.ends import past_the_ends
 from dic.region import grid_points, polygon_mask
 from dic.result import Body, Placement, StereoResult, SurfaceStrain, Travel
 from dic.stereo import reconstruct
+from dic.surface import CentrePoints
 from dic.setup_check import check_setup, free_pairs
 from dic.stereo.diagnose import Finding
 from dic.surfaces import (
@@ -66,6 +67,8 @@ class ChainSettings:
     """Radius of the specimen at rest, if it was measured otherwise [m]: the axis then lies by so much behind
     the surface. From the part of the circumference that is seen, a free radius and the place of the axis are
     known less well. None: free."""
+    largest_sigma: float | None = None
+    """Rows of the outline that are known less well than this are left out of it [m]; None: none."""
     length: float | None = None
     """Length of the specimen at rest [m]: with the flyer's travel it says where the specimen ends. None: points
     near that end are not judged by it."""
@@ -93,6 +96,11 @@ class ChainSettings:
             ("toward_flyer", self.toward_flyer in DIRECTIONS, f"one of {', '.join(DIRECTIONS)}"),
             ("strip_half_width", self.strip_half_width > 0.0, "a positive length in metres"),
             ("radius", self.radius is None or self.radius > 0.0, "a positive length in metres, or None"),
+            (
+                "largest_sigma",
+                self.largest_sigma is None or self.largest_sigma > 0.0,
+                "a positive length in metres, or None",
+            ),
             ("length", self.length is None or self.length > 0.0, "a positive length in metres, or None"),
             ("step", self.step >= 1, "at least 1 px"),
             ("margin", self.margin >= 0.0, "not negative"),
@@ -192,6 +200,7 @@ def measure(
     surface, left_out = _surface(body, placement, t, rest)
     subset = settings.tracking.correlation.subset
     centre = outline(surface.surface, surface.points, half_width=settings.strip_half_width, subset=subset)
+    centre, uncertain = _certain(centre, settings.largest_sigma)
     strain = clock("strains", lambda: _strains(surface, settings))
     found = {finding.fault: finding for finding in (*in_time, *findings)}
     return StereoResult(
@@ -209,6 +218,7 @@ def measure(
             *remarks.of_findings(found.values()),
             *remarks.of_radius(placement, settings.radius),
             *remarks.of_missing_points(left_out),
+            *remarks.of_uncertain_rows(uncertain, settings.largest_sigma),
             *remarks.of_frames(health),
             *remarks.of_material(body, specimen),
         ),
@@ -250,6 +260,15 @@ def _strains(surface: Body, settings: ChainSettings) -> SurfaceStrain:
     return SurfaceStrain(
         value=measured.value, sigma=measured.sigma, outcome=history.outcome, gauge=history.gauge
     )
+
+
+def _certain(line: CentrePoints, largest: float | None) -> tuple[CentrePoints, int]:
+    """The outline without rows of larger sigma, and how many those were."""
+    if largest is None:
+        return line, 0
+    fine = line.sigma <= largest
+    kept = {name: getattr(line, name)[fine] for name in ("t", "frame", "y", "Z", "sigma")}
+    return replace(line, **kept), int(np.sum(~fine))
 
 
 class _Clock:

@@ -61,6 +61,20 @@ def of_missing_points(outcome: IntArray) -> list[Remark]:
     ]
 
 
+def of_uncertain_rows(count: int, largest: float | None) -> list[Remark]:
+    """Rows of the outline that were left out for their sigma."""
+    if not count or largest is None:
+        return []
+    return [
+        Remark(
+            name="uncertain rows",
+            text=f"{count} rows of the outline, over all frames, have a sigma above {1e6 * largest:.3g} um and are "
+            "left out of it",
+            cure="nothing to do; a larger sigma lets them in",
+        )
+    ]
+
+
 def of_frames(health: tuple[IntArray, IntArray]) -> list[Remark]:
     """Pictures that could not be used, camera by camera and kind by kind."""
     found = []

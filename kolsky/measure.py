@@ -152,6 +152,7 @@ def chain_settings(section: DicSection, specimen: SpecimenSection, device: str =
         strip_half_width=section.strip_half_width,
         radius=0.5 * specimen.diameter,
         length=specimen.length,
+        largest_sigma=section.largest_sigma,
         step=section.step,
         strain_window=section.strain_window,
         tracking=Tracking(correlation=subset),

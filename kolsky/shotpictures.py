@@ -130,6 +130,7 @@ class DicSection(Section):
     flyer_side: Literal["up", "down", "left", "right"]
     transmission_edge: f.Pixel
     strip_half_width: f.Length
+    largest_sigma: f.Length | None = None
     subset: f.Subset = 21
     step: Annotated[int, Field(ge=1, le=100)] = 4
     shape: Literal["rigid", "affine", "quadratic"] = "affine"
