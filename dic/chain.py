@@ -8,23 +8,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dic import remarks
 from dic.bodies import Followed, Progress, Region, follow_body
 from dic.camera import StereoRig
 from dic.correlation import Correlation
 from dic.correlation.warp import Shape
+from dic.ends import past_the_ends
 from dic.images import PictureError, Pictures
 from dic.images.health import frame_health
 from dic.images.noise import grey_noise
-from dic import remarks
 from dic.noise import noise_floor
 from dic.outcome import FrameOutcome, PointOutcome
-from dic.ends import past_the_ends
 from dic.region import grid_points, polygon_mask
 from dic.result import Body, Placement, StereoResult, SurfaceStrain, Travel
-from dic.stereo import reconstruct
-from dic.surface import CentrePoints
 from dic.setup_check import check_setup, free_pairs
+from dic.stereo import reconstruct
 from dic.stereo.diagnose import Finding
+from dic.surface import CentrePoints
 from dic.surfaces import (
     fit_cylinder,
     on_cylinder,
@@ -44,7 +44,8 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 VERSION = 1
-"""Raised when the same pictures and settings give other numbers: results kept from before are then made anew."""
+"""Raised when the same pictures and settings give other numbers: results kept from before are made
+anew."""
 LEAST_GATE = 0.1
 """Smallest gate for epipolar distances [px]."""
 GATE_SIGMAS = 6.0
@@ -70,8 +71,8 @@ class ChainSettings:
     largest_sigma: float | None = None
     """Rows of the outline that are known less well than this are left out of it [m]; None: none."""
     length: float | None = None
-    """Length of the specimen at rest [m]: with the flyer's travel it says where the specimen ends. None: points
-    near that end are not judged by it."""
+    """Length of the specimen at rest [m]: with the flyer's travel it says where the specimen ends. None:
+    points near that end are not judged by it."""
     step: int = 4
     """Distance of neighbouring points [px]."""
     margin: float = 2.0
@@ -244,9 +245,7 @@ def _check(
     mask = polygon_mask(region.corners, pictures[0].shape)
     points, _ = grid_points(mask, settings.step, margin=settings.margin)
     pair = (pictures[0].frame(frame), pictures[1].frame(frame))
-    pixels = free_pairs(
-        pair, points, settings.tracking, noise=max(noise), mask=mask, device=settings.device
-    )
+    pixels = free_pairs(pair, points, settings.tracking, noise=max(noise), mask=mask, device=settings.device)
     return check_setup(rig, *pixels)
 
 
@@ -291,13 +290,15 @@ def _look(
     outcomes, noise = [], []
     for camera, series in enumerate(pictures):
         if series.n_frames != static.size:
-            raise ChainError(f"camera {camera} has {series.n_frames} pictures, there are {static.size} frame times")
+            raise ChainError(
+                f"camera {camera} has {series.n_frames} pictures, there are {static.size} frame times"
+            )
         outcome = frame_health(series).outcome
         rest = np.flatnonzero(static & (outcome == FrameOutcome.VALID))
         if rest.size < 2:
             raise ChainError(
-                f"camera {camera} has {rest.size} usable static pictures, needs 2 or more: export those before the "
-                "test too, or look at their exposure"
+                f"camera {camera} has {rest.size} usable static pictures, needs 2 or more: export those "
+                "before the test too, or look at their exposure"
             )
         outcomes.append(outcome)
         try:
@@ -314,11 +315,11 @@ def _place(
     r = body.reconstruction
     rest = np.flatnonzero(static & np.any(r.outcome == PointOutcome.VALID, axis=1)).tolist()
     if not rest:
-        failed = body.stereo.count()
+        failed = [f"{gate.name} {count}" for gate, count in body.stereo.count().items() if count]
         raise ChainError(
-            f"no point of the specimen was found by both cameras at rest; of {len(body.points)} points the match "
-            f"between the cameras failed by {', '.join(f'{gate.name} {n}' for gate, n in failed.items() if n)}: "
-            "check the calibration, the crop offsets and which camera is which"
+            f"no point of the specimen was found by both cameras at rest; of {len(body.points)} points the "
+            f"match between the cameras failed by {', '.join(failed)}: check the calibration, the crop "
+            "offsets and which camera is which"
         )
     position, covariance = static_mean(r, rest)
     known = np.isfinite(position).all(axis=1)
@@ -327,7 +328,9 @@ def _place(
         free = fit_cylinder(position[known], covariance[known], overlap=overlap)
         cylinder = free
         if settings.radius is not None:
-            cylinder = fit_cylinder(position[known], covariance[known], overlap=overlap, radius=settings.radius)
+            cylinder = fit_cylinder(
+                position[known], covariance[known], overlap=overlap, radius=settings.radius
+            )
         zero = on_cylinder(rig.cameras[0], settings.zero, cylinder)
         frame = test_frame(cylinder, rig, toward_flyer=DIRECTIONS[settings.toward_flyer], zero=zero)
     except ValueError as error:
@@ -393,9 +396,7 @@ def _surface(
     r = body.reconstruction
     kept = referenced(r, reference)
     surface = to_surface(r, placement.frame, t, reference=reference, points=kept)
-    sigma = [
-        np.sqrt(0.5 * np.trace(track.covariance[:, kept], axis1=2, axis2=3)) for track in body.tracks
-    ]
+    sigma = [np.sqrt(0.5 * np.trace(track.covariance[:, kept], axis1=2, axis2=3)) for track in body.tracks]
     return (
         Body(
             surface=surface,
@@ -431,7 +432,8 @@ def _facts(
             "stereo_shape": settings.stereo.shape.name.lower(),
             "criterion": "ZNSSD, inverse-compositional Gauss-Newton",
             "interpolant": "quintic B-spline",
-            "reference": "a point's own earlier picture, renewed where its correlation or stretch asks for it",
+            "reference": "a point's own earlier picture, renewed where its correlation or stretch asks "
+            "for it",
             "strip_half_width_m": settings.strip_half_width,
             "toward_flyer": settings.toward_flyer,
             "zero_px": list(settings.zero),

@@ -55,7 +55,8 @@ def of_missing_points(outcome: IntArray) -> list[Remark]:
     return [
         Remark(
             name="points without a place at rest",
-            text=f"{outcome.size} points of the region were found by both cameras in no static frame: {words}",
+            text=f"{outcome.size} points of the region were found by both cameras in no static frame: "
+            f"{words}",
             cure=most.cure,
         )
     ]
@@ -68,8 +69,8 @@ def of_uncertain_rows(count: int, largest: float | None) -> list[Remark]:
     return [
         Remark(
             name="uncertain rows",
-            text=f"{count} rows of the outline, over all frames, have a sigma above {1e6 * largest:.3g} um and are "
-            "left out of it",
+            text=f"{count} rows of the outline, over all frames, have a sigma above {1e6 * largest:.3g} um "
+            "and are left out of it",
             cure="nothing to do; a larger sigma lets them in",
         )
     ]
@@ -83,7 +84,9 @@ def of_frames(health: tuple[IntArray, IntArray]) -> list[Remark]:
             frames = np.flatnonzero(outcome == kind)
             if kind.ok or not frames.size:
                 continue
-            listed = ", ".join(str(frame) for frame in frames[:10]) + (" and more" if frames.size > 10 else "")
+            listed = ", ".join(str(frame) for frame in frames[:10]) + (
+                " and more" if frames.size > 10 else ""
+            )
             found.append(
                 Remark(
                     name=f"{_words(kind.name)} pictures",
@@ -101,8 +104,8 @@ def of_material(body: Followed, region: Region) -> list[Remark]:
     return [
         Remark(
             name="another reference",
-            text=f"the region is declared in frame {region.frame}, which cannot be used; points were chosen in "
-            f"frame {body.material}",
+            text=f"the region is declared in frame {region.frame}, which cannot be used; points were "
+            f"chosen in frame {body.material}",
             cure="see that the body lies in the region there too",
         )
     ]

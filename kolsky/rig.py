@@ -91,13 +91,13 @@ def _from_file(toml: ShotToml, section: CalibrationSection) -> tuple[StereoRig, 
     try:
         rig = read_rig(toml.path.parent / section.file, length_unit=section.length_unit)
     except CameraFileError as error:
-        raise InputError(toml.path.parent / section.file, f"is no calibration that can be read: {error}") from None
+        raise InputError(
+            toml.path.parent / section.file, f"is no calibration that can be read: {error}"
+        ) from None
     return rig, f"from the file {section.file}"
 
 
-def _from_pictures(
-    toml: ShotToml, section: CalibrationSection, progress: Progress
-) -> tuple[StereoRig, str]:
+def _from_pictures(toml: ShotToml, section: CalibrationSection, progress: Progress) -> tuple[StereoRig, str]:
     from dic.calibration import TargetNotFound, Undetermined, calibrate, detect
 
     assert section.target is not None  # the schema saw to it
@@ -105,7 +105,9 @@ def _from_pictures(
     target = target_of(section.target, toml)
     series = [_series(toml, name, getattr(section, name)) for name in CAMERAS]
     counts = [pictures.n_frames for pictures in series]
-    numbers = [getattr(pictures, "numbers", tuple(range(n))) for pictures, n in zip(series, counts, strict=True)]
+    numbers = [
+        getattr(pictures, "numbers", tuple(range(n))) for pictures, n in zip(series, counts, strict=True)
+    ]
     if numbers[0] != numbers[1]:
         spans = [f"{n} pictures numbered {of[0]} to {of[-1]}" for n, of in zip(counts, numbers, strict=True)]
         raise toml.error(
