@@ -55,6 +55,12 @@ class TargetSection(Section):
     diameter: f.Length | None = None
     hole: f.Length | None = None
     hollow: f.Places | None = None
+    radius: f.Length | None = None
+    arc: f.Length | None = None
+    size: f.Length | None = None
+    square: bool | None = None
+    anchors_0: f.Anchors | None = None
+    anchors_1: f.Anchors | None = None
     marker: f.Length | None = None
     dictionary: f.Name | None = None
     legacy: bool | None = None

@@ -22,7 +22,7 @@ Pose = tuple[FloatArray, FloatArray]
 
 MOST_STEPS = 100
 SMALL = 3
-"""Steps in a row without a gain: one may be short because of its damping, in a valley that is long and bent."""
+"""Steps in a row without a gain: one alone may be short because of its damping, in a long, bent valley."""
 FAR = 1e6
 """Residuals, over their sigma, of a trial that puts a point behind a camera."""
 
