@@ -56,6 +56,7 @@ TOPICS = [
     "derivatives",
     "adjoint",
     "failure",
+    "dic_correlation",
 ]
 """Modules of the manual, in its order."""
 
