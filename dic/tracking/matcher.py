@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from dic.correlation import Match, Noise, PictureStack, correlate
 from dic.correlation.settings import Correlation
 from dic.correlation.warp import apply
-from dic.tracking.references import References, Template, gradient, relative
+from dic.tracking.references import References, Template, determinant, gradient, relative
 from dic.tracking.residual import enlarged, excess, local_variance
 
 FloatArray = NDArray[np.float64]
@@ -89,8 +89,8 @@ def shares(warp: FloatArray, reference_warp: FloatArray) -> tuple[FloatArray, Fl
     Samples that lie closer than a pixel share its noise, so that the noise of a picture weighs with the
     number of samples per pixel, 1 / det F, where the subset is flattened in it.
     """
-    template = 1.0 / np.minimum(np.abs(np.linalg.det(gradient(reference_warp))), 1.0)
-    searched = 1.0 / np.minimum(np.abs(np.linalg.det(gradient(warp))), 1.0)
+    template = 1.0 / np.minimum(np.abs(determinant(gradient(reference_warp))), 1.0)
+    searched = 1.0 / np.minimum(np.abs(determinant(gradient(warp))), 1.0)
     total = template + searched
     return template / total, searched / total
 

@@ -49,10 +49,12 @@ class Predictor:
             for k, part in enumerate(PARTS):
                 self.order[k] = int(np.argmin([np.median(o[:, part].max(axis=1)) for o in off]))
         self._foretold = {}
+        again = (self.known[rows] > 0) & (self.frame[0, rows] == frame)  # a first guess, now found
+        later = rows[~again]
         for kept in (self.frame, self.warp):
-            kept[1:, rows] = kept[:-1, rows]
+            kept[1:, later] = kept[:-1, later]
         self.frame[0, rows], self.warp[0, rows] = frame, warp
-        self.known[rows] = np.minimum(self.known[rows] + 1, 3)
+        self.known[later] = np.minimum(self.known[later] + 1, 3)
 
     def _extrapolated(self, frame: int, order: int) -> FloatArray:
         """Lagrange's polynomial through the latest `order` + 1 frames of each point, at `frame`."""

@@ -35,13 +35,22 @@ def gradient(warp: FloatArray) -> FloatArray:
 
 def relative(warp: FloatArray, reference_warp: FloatArray) -> FloatArray:
     """Deformation gradient since the reference, F F_ref⁻¹, shape [..., 2, 2]."""
-    return np.asarray(gradient(warp) @ np.linalg.inv(gradient(reference_warp)))
+    F = gradient(reference_warp)
+    adjugate = np.stack(
+        [np.stack([F[..., 1, 1], -F[..., 0, 1]], -1), np.stack([-F[..., 1, 0], F[..., 0, 0]], -1)], -2
+    )
+    return np.asarray(gradient(warp) @ adjugate / determinant(F)[..., None, None])
+
+
+def determinant(F: FloatArray) -> FloatArray:
+    """Change of area of deformation gradients [-], shape [...]."""
+    return np.asarray(F[..., 0, 0] * F[..., 1, 1] - F[..., 0, 1] * F[..., 1, 0])
 
 
 def principal(F: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Largest and smallest principal stretch of deformation gradients [-], shape [...] each."""
     total = np.sum(F * F, axis=(-2, -1))
-    area = np.abs(np.linalg.det(F))
+    area = np.abs(determinant(F))
     root = np.sqrt(np.maximum(total + 2.0 * area, 0.0))
     gap = np.sqrt(np.maximum(total - 2.0 * area, 0.0))
     return np.asarray((root + gap) / 2.0), np.asarray((root - gap) / 2.0)

@@ -10,11 +10,11 @@ from dic.images import PictureError
 from dic.outcome import FrameOutcome
 from dic.speckle import render, speckle_pattern
 from dic.tracking import Tracking
-from dic.tracking.frames import judge, read
+from dic.tracking.frames import Scene, read
 from dic.tracking.matcher import compose
 from dic.tracking.neighbours import Neighbours
 from dic.tracking.predict import Predictor
-from dic.tracking.references import References, Template, gradient, principal, stretch
+from dic.tracking.references import References, Template, principal, stretch
 from dic.tracking.residual import ACROSS, ALONG, enlarged, excess, local_variance
 from dic.tracking.seeds import affine_consensus, correlate_windows, match_features, spread
 from dic.tracking.update import grown
@@ -154,7 +154,7 @@ def test_a_picture_without_a_scene_is_named(name: str, outcome: FrameOutcome) ->
         "missing": None,
         "not finite": np.where(speckles > 100.0, np.nan, speckles),
     }
-    assert judge(pictures[name], speckles) is outcome
+    assert Scene.of(speckles).judge(pictures[name]) is outcome
 
 
 def test_a_frame_that_cannot_be_read_is_none() -> None:
