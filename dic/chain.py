@@ -22,6 +22,7 @@ from dic.outcome import FrameOutcome, PointOutcome
 from dic.region import grid_points, polygon_mask
 from dic.result import Body, Placement, StereoResult, SurfaceStrain, Travel
 from dic.setup_check import check_setup, free_pairs
+from dic.smoothness import off_surface
 from dic.stereo import reconstruct
 from dic.stereo.diagnose import Finding
 from dic.surface import CentrePoints
@@ -50,6 +51,8 @@ LEAST_GATE = 0.1
 """Smallest gate for epipolar distances [px]."""
 GATE_SIGMAS = 6.0
 """The gate in standard deviations of the epipolar distances at rest."""
+OWN_SIGMAS = 4.0
+"""And in standard deviations of the point's own."""
 DIRECTIONS = {"up": (0.0, -1.0), "down": (0.0, 1.0), "left": (-1.0, 0.0), "right": (1.0, 0.0)}
 """Directions in a picture (right, down)."""
 
@@ -89,7 +92,7 @@ class ChainSettings:
     @property
     def rigid(self) -> Tracking:
         """How points of the flyer are followed: they translate, and enter the picture from its rim."""
-        subset = replace(self.tracking.correlation, shape=Shape.RIGID, least_pixels=0.2)
+        subset = replace(self.tracking.correlation, shape=Shape.RIGID, least_pixels=0.1)
         return replace(self.tracking, correlation=subset)
 
     def __post_init__(self) -> None:
@@ -217,6 +220,7 @@ def measure(
         noise=noise_floor(surface.surface, static),
         remarks=(
             *remarks.of_findings(found.values()),
+            *remarks.of_flyer(flyer is not None, travel),
             *remarks.of_radius(placement, settings.radius),
             *remarks.of_missing_points(left_out),
             *remarks.of_uncertain_rows(uncertain, settings.largest_sigma),
@@ -353,7 +357,7 @@ def _gated(body: Followed, rig: StereoRig, rest: list[int]) -> Followed:
     r = body.reconstruction
     at_rest = r.epipolar[rest][r.outcome[rest] == PointOutcome.VALID]
     gate = max(LEAST_GATE, GATE_SIGMAS * float(np.median(np.abs(at_rest))) / 0.6745)
-    return replace(body, reconstruction=reconstruct(rig, *body.tracks, gate=gate, gate_sigmas=GATE_SIGMAS))
+    return replace(body, reconstruction=reconstruct(rig, *body.tracks, gate=gate, gate_sigmas=OWN_SIGMAS))
 
 
 def _inside(
@@ -364,7 +368,7 @@ def _inside(
     t: FloatArray,
     travel: Travel | None,
 ) -> Followed:
-    """The body without the points whose subset reaches past an end of the specimen."""
+    """The body without points whose subset reaches past an end, and without those off the surface."""
     upper = np.full(t.size, np.nan)
     if settings.length is not None and travel is not None and travel.t.size:
         upper = settings.length - np.interp(t, travel.t, travel.displacement)
@@ -376,15 +380,28 @@ def _inside(
         DIRECTIONS[settings.toward_flyer],
         (np.zeros(t.size), upper),
     )
+    body = _without(body, past, PointOutcome.AT_END)
     r = body.reconstruction
-    hidden = past[..., None]
+    variance = np.einsum("...ii->...i", placement.frame.covariances(r.covariance))
+    off = off_surface(
+        placement.frame.positions(r.position),
+        np.sqrt(variance),
+        np.asarray(r.outcome == PointOutcome.VALID),
+        body.cell,
+    )
+    return _without(body, off, PointOutcome.OFF_SURFACE)
+
+
+def _without(body: Followed, points: BoolArray, outcome: PointOutcome) -> Followed:
+    """The body with some points of some frames ended."""
+    r, gone = body.reconstruction, points[..., None]
     return replace(
         body,
         reconstruction=replace(
             r,
-            position=np.where(hidden, np.nan, r.position),
-            covariance=np.where(hidden[..., None], np.nan, r.covariance),
-            outcome=np.where(past, int(PointOutcome.AT_END), r.outcome),
+            position=np.where(gone, np.nan, r.position),
+            covariance=np.where(gone[..., None], np.nan, r.covariance),
+            outcome=np.where(points, int(outcome), r.outcome),
         ),
     )
 

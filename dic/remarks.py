@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from dic.bodies import Followed, Region
 from dic.outcome import FrameOutcome, PointOutcome
-from dic.result import Placement, Remark
+from dic.result import Placement, Remark, Travel
 from dic.stereo.diagnose import Finding
 
 IntArray = NDArray[np.int64]
@@ -41,6 +41,19 @@ def of_radius(placement: Placement, declared: float | None) -> list[Remark]:
                 f"{2e3 * placement.radius_sigma:.4f} mm (k = 2), declared are {1e3 * declared:.4f} mm"
             ),
             cure="measure the specimen again; check the calibration's unit and target, and the region",
+        )
+    ]
+
+
+def of_flyer(wanted: bool, travel: Travel | None) -> list[Remark]:
+    """A flyer whose place at rest is not known."""
+    if not wanted or travel is not None:
+        return []
+    return [
+        Remark(
+            name="no travel of the flyer",
+            text="the flyer was seen in no static frame, or by both cameras in no frame",
+            cure="declare a region of it that is in view at rest too, in a frame that shows much of it",
         )
     ]
 

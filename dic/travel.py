@@ -55,7 +55,8 @@ def flyer_travel(
     Returns
     -------
     Travel or None
-        None if no point was ever seen by both cameras.
+        None if no point was ever seen by both cameras, or none at all in a static frame: the place at rest,
+        which displacements count from, is then not known.
     """
     r = body.reconstruction
     seen_twice = r.outcome == PointOutcome.VALID
@@ -77,7 +78,9 @@ def flyer_travel(
     index = np.array(rows, dtype=np.int64)
     y = np.array(found)
     at_rest = static[index]
-    rest = float(np.mean(y[at_rest])) if at_rest.any() else 0.0
+    if not at_rest.any():
+        return None
+    rest = float(np.mean(y[at_rest]))
     return Travel(
         t=t[index],
         frame=index,

@@ -14,6 +14,7 @@ COLOURS = {
     PointOutcome.STEREO_MISMATCH: "#CC79A7",
     PointOutcome.NO_FIRST_GUESS: "#000000",
     PointOutcome.AT_END: "#0072B2",
+    PointOutcome.OFF_SURFACE: "#009E73",
 }
 
 
