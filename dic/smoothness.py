@@ -14,10 +14,12 @@ SIGMAS = 5.0
 """Distance from the surface through the neighbours that noise is allowed, in standard deviations [-]."""
 FLOOR = 12e-6
 """And what its own bending between the points is allowed [m]."""
+LONELY = 2
+"""A point with fewer neighbours is confirmed by nobody."""
 FEWEST = 4
-"""Neighbours without which nothing can be said of a point."""
+"""Neighbours from which on a plane through them judges a point."""
 BENT = 10
-"""Neighbours from which on the surface through them is quadratic; a plane below."""
+"""Neighbours from which on the surface through them is quadratic."""
 ROUNDS = 12
 
 
@@ -26,8 +28,8 @@ def off_surface(position: FloatArray, sigma: FloatArray, valid: BoolArray, cell:
 
     In every frame a polynomial of the grid's columns and rows is fitted to the places of a point's
     neighbours, the point itself left out. The worst point among its neighbours goes first, and all are
-    judged anew without it: one false match does not condemn those around it. A point with fewer than four
-    neighbours is not confirmed, and goes too.
+    judged anew without it: one false match does not condemn those around it. A point with fewer than two
+    neighbours is confirmed by nobody and goes too; with two or three it is not judged.
 
     Parameters
     ----------
@@ -85,7 +87,7 @@ def _scores(
     used = (near >= 0) & alive[near] & alive[:, None]
     count = used.sum(axis=1)
     score = np.zeros(len(position))
-    score[alive & (count < FEWEST)] = 2.0
+    score[alive & (count < LONELY)] = 2.0
     for order, chosen in (
         (6, np.flatnonzero(count >= BENT)),
         (3, np.flatnonzero((count >= FEWEST) & (count < BENT))),
