@@ -178,7 +178,9 @@ def calibrate(
     ] = None,
     export: Annotated[
         str,
-        typer.Option(metavar="FORMATS", help="Also write the cameras as vic3d, dice, matchid, opencorr, dice-text."),
+        typer.Option(
+            metavar="FORMATS", help="Also write the cameras as vic3d, dice, matchid, opencorr, dice-text."
+        ),
     ] = "",
     figures: Annotated[
         str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png.")

@@ -110,7 +110,9 @@ def _from_file(toml: TomlFile, section: CalibrationSection) -> tuple[StereoRig, 
     try:
         rig = read_rig(toml.path.parent / section.file, length_unit=section.length_unit)
     except CameraFileError as error:
-        raise InputError(toml.path.parent / section.file, f"is no calibration that can be read: {error}") from None
+        raise InputError(
+            toml.path.parent / section.file, f"is no calibration that can be read: {error}"
+        ) from None
     return rig, f"from the file {section.file}"
 
 
@@ -130,7 +132,9 @@ def calibration_of(toml: TomlFile, section: CalibrationSection, progress: Progre
     targets = target_of(section.target, toml)
     series = [_series(toml, name, getattr(section, name)) for name in CAMERAS]
     counts = [pictures.n_frames for pictures in series]
-    numbers = [getattr(pictures, "numbers", tuple(range(n))) for pictures, n in zip(series, counts, strict=True)]
+    numbers = [
+        getattr(pictures, "numbers", tuple(range(n))) for pictures, n in zip(series, counts, strict=True)
+    ]
     if numbers[0] != numbers[1]:
         spans = [f"{n} pictures numbered {of[0]} to {of[-1]}" for n, of in zip(counts, numbers, strict=True)]
         raise toml.error(

@@ -29,14 +29,17 @@ _SEARCH = """
         const view g = {job.g.data + b * job.g_plane + job.g_first, job.g_rows, job.g_cols, job.g_stride};
         const material body = {job.mask.data, job.mask_rows, job.mask_cols, cx, cy, h};
         int outcome = NOT_CONVERGED, iterations = 0;
-        double zncc = 0.0, covariance[3] = {0.0, 0.0, 0.0};
+        double zncc = 0.0, covariance[3] = {0.0, 0.0, 0.0}, given = 0.0;
+        for (int k = 0; k < 12; ++k) given += w[k] * 0.0 + reference[k] * 0.0;  // NaN if one is not finite
         double here[2], F0[4], F1[4], A[4], step[12];
         places from, to;
         normal N;
 
         from.set(f, cx, cy, reference, h);
         jet::at(reference, 0.0, 0.0, here, F0);
-        if (!from.sane || !jet::inverse(F0, A)) {
+        if (given != 0.0) {
+            outcome = NO_FIRST_GUESS;
+        } else if (!from.sane || !jet::inverse(F0, A)) {
             outcome = OUT_OF_VIEW;
         } else {
             // The template and its gradient by the offset in the subset.
@@ -171,13 +174,13 @@ _SEARCH = """
                                                     N.gradient[2] / N.energy};
                         const double smooth = job.prefilter * job.prefilter;
                         const double kept = 1.0 - share;
-                        const double expected =
-                            noise_f * between_f + noise_g * job.between / (contrast * contrast);
-                        // Where the residual is larger than the noise explains, so is the variance.
+                        const double likely = (1.0 + 2.0 * sqrt(2.0 / N.n))
+                            * (noise_f * between_f + noise_g * job.between / (contrast * contrast));
+                        // Where the residual is larger than noise and chance explain, so is the variance.
                         const double excess = (2.0 - 2.0 * zncc) * N.energy / N.n;
-                        const double variance = (noise_f * grain::gain(F0, smooth, spectrum)
+                        const double variance = (noise_f * grain::gain(F0, smooth, spectrum) * kept
                             + noise_g * grain::gain(F1, smooth, spectrum) / (contrast * contrast))
-                            / (kept * kept) * (excess > expected ? excess / expected : 1.0);
+                            / (kept * kept) * (excess > likely ? excess / likely : 1.0);
                         const double xx = column[0][0] * variance, xy = column[0][ORDER] * variance;
                         const double yy = column[1][ORDER] * variance;
                         covariance[0] = F1[0] * (F1[0] * xx + F1[1] * xy) + F1[1] * (F1[0] * xy + F1[1] * yy);
@@ -190,7 +193,7 @@ _SEARCH = """
         }
         if (start == 0) {
             for (int k = 0; k < 12; ++k) job.warp.data[12 * i + k] = w[k];
-            for (int k = 0; k < 3; ++k) job.covariance.data[3 * i + k] = covariance[k];
+            for (int k = 0; k < 4; ++k) job.covariance.data[4 * i + k] = covariance[(k + 1) / 2];
             job.zncc.data[i] = zncc;
             job.iterations.data[i] = iterations;
             job.outcome.data[i] = outcome;
