@@ -85,7 +85,7 @@ def draw(found: Calibration, panels: Panels) -> None:
     letter(ax, "b")
 
 
-KIND: FigureKind[Calibration] = FigureKind(
+KIND = FigureKind(
     name="calibration-pairs",
     width=PAGE,
     height=lambda found: 60.0,
