@@ -115,9 +115,7 @@ def follow_body(
     mask = polygon_mask(region.corners, pictures[0].shape)
     points, cell = grid_points(mask, step, margin=margin)
     first, second = (series.frame(material) for series in pictures)
-    match = match_stereo(
-        first, second, points, rig, stereo, noise=max(noise), mask=mask, device=device
-    )
+    match = match_stereo(first, second, points, rig, stereo, noise=max(noise), mask=mask, device=device)
     tracks = []
     for camera in (0, 1):
         known = np.ones(len(points), dtype=bool) if camera == 0 else match.valid
@@ -151,7 +149,9 @@ def follow_body(
     )
 
 
-def _followed(pictures: Pictures, points: FloatArray, tracking: Tracking, *, rigid: bool, **given: Any) -> Track:
+def _followed(
+    pictures: Pictures, points: FloatArray, tracking: Tracking, *, rigid: bool, **given: Any
+) -> Track:
     """One camera's track, of a body that deforms or only translates."""
     if rigid:
         return track_rigid(pictures, points, tracking.correlation, **given)

@@ -234,9 +234,7 @@ def _check(
     mask = polygon_mask(region.corners, pictures[0].shape)
     points, _ = grid_points(mask, settings.step, margin=settings.margin)
     pair = (pictures[0].frame(frame), pictures[1].frame(frame))
-    pixels = free_pairs(
-        pair, points, settings.tracking, noise=max(noise), mask=mask, device=settings.device
-    )
+    pixels = free_pairs(pair, points, settings.tracking, noise=max(noise), mask=mask, device=settings.device)
     return check_setup(rig, *pixels)
 
 
@@ -272,7 +270,9 @@ def _look(
     outcomes, noise = [], []
     for camera, series in enumerate(pictures):
         if series.n_frames != static.size:
-            raise ChainError(f"camera {camera} has {series.n_frames} pictures, there are {static.size} frame times")
+            raise ChainError(
+                f"camera {camera} has {series.n_frames} pictures, there are {static.size} frame times"
+            )
         outcome = frame_health(series).outcome
         rest = np.flatnonzero(static & (outcome == FrameOutcome.VALID))
         if rest.size < 2:
@@ -308,7 +308,9 @@ def _place(
         free = fit_cylinder(position[known], covariance[known], overlap=overlap)
         cylinder = free
         if settings.radius is not None:
-            cylinder = fit_cylinder(position[known], covariance[known], overlap=overlap, radius=settings.radius)
+            cylinder = fit_cylinder(
+                position[known], covariance[known], overlap=overlap, radius=settings.radius
+            )
         zero = on_cylinder(rig.cameras[0], settings.zero, cylinder)
         frame = test_frame(cylinder, rig, toward_flyer=DIRECTIONS[settings.toward_flyer], zero=zero)
     except ValueError as error:
@@ -374,9 +376,7 @@ def _surface(
     r = body.reconstruction
     kept = referenced(r, reference)
     surface = to_surface(r, placement.frame, t, reference=reference, points=kept)
-    sigma = [
-        np.sqrt(0.5 * np.trace(track.covariance[:, kept], axis1=2, axis2=3)) for track in body.tracks
-    ]
+    sigma = [np.sqrt(0.5 * np.trace(track.covariance[:, kept], axis1=2, axis2=3)) for track in body.tracks]
     return (
         Body(
             surface=surface,

@@ -69,7 +69,9 @@ def of_frames(health: tuple[IntArray, IntArray]) -> list[Remark]:
             frames = np.flatnonzero(outcome == kind)
             if kind.ok or not frames.size:
                 continue
-            listed = ", ".join(str(frame) for frame in frames[:10]) + (" and more" if frames.size > 10 else "")
+            listed = ", ".join(str(frame) for frame in frames[:10]) + (
+                " and more" if frames.size > 10 else ""
+            )
             found.append(
                 Remark(
                     name=f"{_words(kind.name)} pictures",

@@ -104,7 +104,9 @@ def track_rigid(
                 here = _prepared(pictures, frame, settings, noise, device)
             except PictureError:
                 continue
-            move = _step(found, frame, stack, here, points, root, common, settings, mask, _predicted(history, frame))
+            move = _step(
+                found, frame, stack, here, points, root, common, settings, mask, _predicted(history, frame)
+            )
             if move is not None:
                 history = [*history[-1:], (frame, move)]
     return found

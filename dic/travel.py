@@ -149,9 +149,7 @@ def _sight(camera, frame, track, k, x, points):  # type: ignore[no-untyped-def]
     """What a camera saw less what it should have seen [px], and its derivative by the translation."""
     h = 1e-6
     at = camera.project(frame.in_rig(x))
-    J = np.stack(
-        [(camera.project(frame.in_rig(x + h * np.eye(3)[i])) - at) / h for i in range(3)], axis=-1
-    )
+    J = np.stack([(camera.project(frame.in_rig(x + h * np.eye(3)[i])) - at) / h for i in range(3)], axis=-1)
     return apply(track.points[points], track.warp[k, points]) - at, J
 
 

@@ -20,6 +20,8 @@ from dic.correlation.stack import PictureStack
 FLAGS = "-march=native -ffp-contract=fast -mprefer-vector-width=512 -mstackrealign"
 SHARE = 512
 """Points a CPU thread takes at a time."""
+BLOCK = 128
+"""Threads of a GPU's block: four warps, a point each."""
 WARPS_PER_PROCESSOR = 16
 """Warps that search side by side on a GPU's multiprocessor, each with its own template."""
 
@@ -122,7 +124,7 @@ def launch(job: Any, parameters: int, n: int, device: Any, threads: int) -> None
     if device.is_cuda:
         slots = min(n, device.sm_count * WARPS_PER_PROCESSOR)
         job.scratch = wp.empty(slots * 4 * job.room, dtype=wp.float32, device=device)
-        wp.launch(kernel, dim=slots * 32, inputs=[job, slots, 0, n, 32], device=device, block_dim=128)
+        wp.launch(kernel, dim=slots * 32, inputs=[job, slots, 0, n, 32], device=device, block_dim=BLOCK)
         return
     wp.load_module(kernel.module, device=device, block_dim=1)
     scratch = [wp.empty(4 * job.room, dtype=wp.float32, device=device) for _ in range(threads)]

@@ -46,6 +46,7 @@ _SEARCH = """
             pack counted = op::all(0.0f), total = counted, grit = counted, tilt[K];
             for (int j = 0; j < K; ++j) tilt[j] = op::all(0.0f);
             monomials at;
+            #pragma unroll 1
             for (int k = start; k < room; k += STEP) {
                 const pack x = op::load(X + k), y = op::load(Y + k);
                 pack u = op::load(U + k), px, py, gx, gy;
@@ -71,6 +72,7 @@ _SEARCH = """
                 outcome = OUT_OF_VIEW;
             } else {
                 const float level = (float)(op::sum(total) / n);  // sums of small numbers
+                #pragma unroll 1
                 for (int k = start; k < room; k += STEP) op::store(T + k, op::load(T + k) - level);
                 N.sum(W, T, GX, GY, X, Y, room, start);
                 bool whole = true;  // N holds the whole template
@@ -96,6 +98,7 @@ _SEARCH = """
                     if (!to.within || !whole) {
                         // Pixels that left the picture do not count, those that came back do.
                         pack left = op::all(0.0f);
+                        #pragma unroll 1
                         for (int k = start; k < room; k += STEP) {
                             const pack x = op::load(X + k), y = op::load(Y + k);
                             pack u = op::load(U + k), px, py;
@@ -115,6 +118,7 @@ _SEARCH = """
                     pack g1 = op::all(0.0f), g2 = g1, tg = g1, s[K];
                     for (int j = 0; j < K; ++j) s[j] = op::all(0.0f);
                     const float zero = (float)offset;
+                    #pragma unroll 1
                     for (int k = start; k < room; k += STEP) {
                         const pack x = op::load(X + k), y = op::load(Y + k);
                         pack px, py;

@@ -116,6 +116,7 @@ SUBSET = """
             for (int i = 0; i < K; ++i) { s[i] = op::all(0.0f); t[i] = s[i]; }
             for (int i = 0; i < 3 * PAIRS; ++i) h[i] = op::all(0.0f);
             monomials at;
+            #pragma unroll 1
             for (int k = lane * (STEP == 32); k < room; k += STEP) {
                 const pack w = op::load(W + k), T0 = op::load(T + k);
                 const pack gx = op::load(GX + k), gy = op::load(GY + k);
