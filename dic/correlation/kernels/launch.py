@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dic.correlation.kernels.device import select_device
 from dic.correlation.kernels.grain import between_pixels, gradient_noise
+from dic.correlation.kernels.packs import BLOCK
 from dic.correlation.kernels.search import search_source
 from dic.correlation.kernels.spline import PAD
 from dic.correlation.match import Match
@@ -20,8 +21,6 @@ from dic.correlation.stack import PictureStack
 FLAGS = "-march=native -ffp-contract=fast -mprefer-vector-width=512 -mstackrealign"
 SHARE = 512
 """Points a CPU thread takes at a time."""
-BLOCK = 128
-"""Threads of a GPU's block: four warps, a point each."""
 WARPS_PER_PROCESSOR = 16
 """Warps that search side by side on a GPU's multiprocessor, each with its own template."""
 
