@@ -52,8 +52,8 @@ def polygon_mask(corners: Sequence[tuple[float, float]], shape: tuple[int, int])
     if not mask.any():
         low, high = vertices.min(axis=0), vertices.max(axis=0)
         raise ValueError(
-            f"the region from ({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g}) px holds no pixel of a picture "
-            f"of {columns} x {rows} px"
+            f"the region from ({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g}) px holds no pixel of "
+            f"a picture of {columns} x {rows} px"
         )
     return mask
 
@@ -68,7 +68,8 @@ def grid_points(mask: BoolArray, step: int, *, margin: float = 0.0) -> tuple[Flo
     step
         Distance of neighbouring points [px], at least 1.
     margin
-        Least distance from a point to the nearest pixel outside the mask [px]; the picture's border is outside.
+        Least distance from a point to the nearest pixel outside the mask [px]; the picture's border is
+        outside.
 
     Returns
     -------

@@ -42,8 +42,8 @@ def track_rigid(
 ) -> Track:
     """Follow a body that translates, from one picture forward to the end and back to the beginning.
 
-    The reference is always the picture of frame `first`, so nothing drifts. A subset that hangs over the rim of
-    a picture is matched by the part inside, `Correlation.least_pixels` of it at least.
+    The reference is always the picture of frame `first`, so nothing drifts. A subset that hangs over the rim
+    of a picture is matched by the part inside, `Correlation.least_pixels` of it at least.
 
     Parameters
     ----------

@@ -195,7 +195,7 @@ def _read_entry(entry: h5py.Group) -> StereoResult:
 def _read_body(group: h5py.Group, n_frames: int) -> Body:
     rows = _read(group, layout.BODY, {**layout.FIXED, "frames": n_frames})
     surface = SurfaceHistory(**{name: rows.pop(name) for name in ("t", "X", "u", "sigma", "outcome")})
-    pairs = {
+    pairs: dict[str, Any] = {
         name: (rows.pop(f"{name}_0"), rows.pop(f"{name}_1")) for name in ("pixels", "match_sigma", "zncc")
     }
     return Body(surface=surface, **pairs, **rows)

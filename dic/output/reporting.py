@@ -47,7 +47,8 @@ def geometry(result: StereoResult) -> dict[str, float]:
     Returns
     -------
     dict
-        "scale_x", "scale_y": pixels of camera 0 per metre across and along the specimen; "stereo_angle" [rad];
+        "scale_x", "scale_y": pixels of camera 0 per metre across and along the specimen; "stereo_angle"
+        [rad];
         "distance" of camera 0 from the surface [m].
     """
     first, second = result.rig.cameras
