@@ -4,7 +4,7 @@ A spline passes white noise of the pixels on with the spectrum |c(ν)|² of the 
 ``c = sinc⁶ / (66 + 52 cos 2πν + 2 cos 4πν) · 120``, ν in cycles per pixel: all of it well below 1/2, none
 around whole numbers, where the copies of the pixels' spectrum lie. A subset that takes samples at ``x = F ξ``
 sees it at ``ν = F⁻ᵀ κ``, with a density of 1/|det F|, folded at whole κ. Steepest descents are smooth, so
-what a match takes up is the spectrum near κ = 0: Eq. (C.9) of docs/theory/correlation.md.
+what a match takes up is the spectrum near κ = 0: Eq. (C.6) of docs/theory/correlation.md.
 """
 
 from functools import cache
