@@ -26,9 +26,9 @@ def past_the_ends(
     """Which valid points have a subset part of which is no longer seen.
 
     The part of a subset that its mask holds reaches so many pixels from the point toward either end in the
-    material picture. Deformed with the point's own warp it must fit between the point and that end; where side
-    surface has rolled onto the platen, it does not. What such a subset matches is partly the platen, and it is
-    pulled along.
+    material picture. Deformed with the point's own warp it must fit between the point and that end; where
+    side surface has rolled onto the platen, it does not. What such a subset matches is partly the platen,
+    and it is pulled along.
 
     Parameters
     ----------

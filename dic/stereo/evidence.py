@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.camera import StereoRig
 from dic.correlation import warp as warps
 from dic.correlation.match import Match
 from dic.outcome import PointOutcome
@@ -14,18 +15,20 @@ from dic.stereo.facet import fit_facet
 from dic.stereo.pair import Pair
 from dic.stereo.propagate import neighbourhood
 from dic.stereo.sight import directions
-from dic.stereo.template import SAMPLES, in_mask, inside_picture, subsets
+from dic.stereo.template import SAMPLES, Subsets, in_mask, inside_picture, subsets
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
+Limits = tuple[float, float]
 
 LOOSE = 0.02
 """Tolerance of the way back [px], which a gate of a few tenths judges; at a picture's rim, where pixels come
 and go between the steps, a finer one may never be met."""
 COARSE = 0.05
-"""Differences of 1 - ZNCC that mean nothing: steps of a whole pixel and the slope of the surface, which the
-search for rivals takes from the match itself, hide as much."""
+"""Differences of 1 - ZNCC that mean nothing: what steps of a pixel and a slope that is off hide."""
+SUSPECT = 0.75
+"""A rival with this correlation is looked at again with every slope; the first search has the match's own."""
 
 
 @dataclass(frozen=True)
@@ -73,14 +76,14 @@ def gather(pair: Pair, match: Match) -> Evidence:
         incidence[rows] = np.maximum(*fit.incidence)
         unseen[rows] = _unseen(pair, rows, warp)
         limits = pair.search.distances or pair.around(rows, warp)
-        there = _search_again(pair, rows, A, limits)
-        again = _search_back(pair, rows, warp, A, limits)
+        there = _there(pair, rows, A, limits)
+        again = _back(pair, rows, warp, A, limits)
         back_match = pair.correlate_back(rows, warp, again.warp, LOOSE)
         off = np.linalg.norm(back_match.warp[:, :2] - pair.reference[rows, :2], axis=1)
         back[rows] = np.where(back_match.outcome == PointOutcome.VALID, off, np.inf)
         both = match.covariance[rows] + back_match.covariance
         sigma[rows] = np.sqrt(np.trace(both, axis1=1, axis2=2) / 2.0)
-        reach = 2.0 + 2.0 * max(1, pair.settings.subset // SAMPLES)  # steps of the curve, half a speckle
+        reach = _reach(pair)
         shares = _share(there, warp, reach), _share(again, pair.reference[rows], reach)
         distinct[rows] = np.maximum(*shares)
     return Evidence(
@@ -141,29 +144,47 @@ def _unseen(pair: Pair, rows: IntArray, warp: FloatArray) -> FloatArray:
     return np.asarray(1.0 - held.sum(axis=1) / np.maximum(wanted.sum(axis=1), 1))
 
 
-def _search_again(pair: Pair, rows: IntArray, A: FloatArray, limits: tuple[float, float]) -> Candidates:
+def _there(pair: Pair, rows: IntArray, A: FloatArray, limits: Limits) -> Candidates:
     """Camera 0's subsets, looked for along camera 1's curves."""
-    wanted = subsets(
-        pair.pictures[0], pair.points[rows], pair.reference[rows], pair.settings.subset, pair.mask
-    )
-    return search_curves(pair.rig, wanted, pair.pictures[1], limits=limits, gradients=A)
+    reference = pair.reference[rows]
+    wanted = subsets(pair.pictures[0], pair.points[rows], reference, pair.settings.subset, pair.mask)
+    return _looked_for(pair, pair.rig, wanted, pair.pictures[1], limits, A)
 
 
-def _search_back(
-    pair: Pair, rows: IntArray, warp: FloatArray, A: FloatArray, limits: tuple[float, float]
-) -> Candidates:
+def _back(pair: Pair, rows: IntArray, warp: FloatArray, A: FloatArray, limits: Limits) -> Candidates:
     """Camera 1's subsets, looked for along camera 0's curves, within the same span of space."""
     wanted = subsets(pair.pictures[1], pair.points[rows], warp, pair.settings.subset, pair.mask)
     first, second = pair.rig.cameras
     rays = directions(first, pair.places[rows])
     span = [np.linalg.norm(first.centre + rays * s - second.centre, axis=1) for s in limits]
-    return search_curves(
-        replace(pair.rig, cameras=(second, first), covariance=None),
-        wanted,
-        pair.pictures[0],
-        limits=(float(np.min(span)), float(np.max(span))),
-        gradients=np.asarray(np.linalg.inv(A), dtype=np.float64),
-    )
+    turned = replace(pair.rig, cameras=(second, first), covariance=None)
+    inverse = np.asarray(np.linalg.inv(A), dtype=np.float64)
+    limits = float(np.min(span)), float(np.max(span))
+    return _looked_for(pair, turned, wanted, pair.pictures[0], limits, inverse)
+
+
+def _looked_for(
+    pair: Pair,
+    rig: StereoRig,
+    wanted: Subsets,
+    picture: NDArray[np.float32],
+    limits: Limits,
+    A: FloatArray,
+) -> Candidates:
+    """The best places of subsets deformed as matched, and rivals; where one comes near, of any slope."""
+    found = search_curves(rig, wanted, picture, limits=limits, gradients=A)
+    rows = np.flatnonzero(found.rival > SUSPECT)
+    if len(rows):
+        again = search_curves(rig, wanted.take(rows), picture, limits=limits, turns=pair.search.turns)
+        apart = np.linalg.norm(again.warp[:, :2] - found.warp[rows, :2], axis=1) > _reach(pair)
+        rival = np.where(apart, np.maximum(again.zncc, again.rival), again.rival)
+        found.rival[rows] = np.maximum(found.rival[rows], rival)
+    return found
+
+
+def _reach(pair: Pair) -> float:
+    """How far apart places on a curve may be and still be the same [px]: a few of its steps."""
+    return 2.0 + 2.0 * max(1, pair.settings.subset // SAMPLES)
 
 
 def _share(candidates: Candidates, home: FloatArray, reach: float) -> FloatArray:

@@ -58,8 +58,7 @@ def _seed(pair: Pair, match: Match, found: BoolArray) -> None:
     if limits is None and found.any():  # the rest of the surface is near what is known of it
         known = np.flatnonzero(found)
         limits = pair.around(known, match.warp[known])
-    turns = np.radians([(a, b) for a in pair.search.stretching_turns for b in pair.search.shearing_turns])
-    candidates = search_curves(pair.rig, wanted, pair.pictures[1], limits=limits, turns=turns)
+    candidates = search_curves(pair.rig, wanted, pair.pictures[1], limits=limits, turns=pair.search.turns)
     alone = 1.0 - candidates.zncc < pair.search.distinct * (1.0 - candidates.rival)
     good = (candidates.zncc >= pair.search.least_zncc) & alone
     result, believed = _attempt(pair, rows[good], candidates.warp[good])

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +35,11 @@ class StereoSearch:
     """Number of nearest points that may hand on a guess."""
     attempts: int = 3
     """Number of neighbours' guesses that a point tries before it is given up."""
+
+    @property
+    def turns(self) -> NDArray[np.float64]:
+        """All pairs of turns within and out of the epipolar plane [rad], shape [n, 2]."""
+        return np.radians([(a, b) for a in self.stretching_turns for b in self.shearing_turns])
 
     def __post_init__(self) -> None:
         near, far = self.distances if self.distances is not None else (1.0, 2.0)

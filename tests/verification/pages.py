@@ -58,6 +58,7 @@ TOPICS = [
     "failure",
     "dic_correlation",
     "dic_tracking",
+    "dic_stereo",
 ]
 """Modules of the manual, in its order."""
 
