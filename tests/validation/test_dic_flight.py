@@ -23,10 +23,11 @@ from kolsky.flyer import fit_flyer
 
 CROP, STATIC, LENGTH, RADIUS = (192, 192), 12, 6.5e-3, 4.75e-3
 SUBSET = 21
-UPPER, LOWER, FLYER_LAST = 6.5, 120.5, 68.5
-"""Rows of camera 0 where the specimen begins and ends at rest, and the flyer at the end [px]."""
-ZERO = (60.0, 122.18)
-"""Pixel of camera 0 on the transmission platen's face at rest; the cameras of truth.json put it there."""
+ROWS = {"open-01": (6.5, 120.5, 68.5, (60.0, 122.18)), "open-02": (3.5, 117.5, 57.5, (61.9, 118.84))}
+"""Rows of camera 0 where the specimen begins and ends at rest, the flyer at the end; a pixel on the
+transmission platen's face at rest, where the cameras of truth.json put it [px]."""
+IN_VIEW = {"open-01": range(STATIC), "open-02": range(24, 28)}
+"""Frames that give the zero of the displacement: open-02 shows less than two rows of its flyer at rest."""
 
 
 def known_rig(folder):
@@ -51,6 +52,7 @@ def known_rig(folder):
 def flight_of(folder):
     """Specimen at rest, its frame, the flyer's motion and flight, and the true displacement."""
     rig = known_rig(folder)
+    upper, lower, flyer_last, platen = ROWS[folder.name]
     series = tuple(open_pictures(folder / f"cam{k}.tif", bits=12, crop_offset=CROP) for k in (0, 1))
     noise = tuple(grey_noise(pictures, range(STATIC)).sigma for pictures in series)
     health = tuple(frame_health(pictures).outcome for pictures in series)
@@ -72,24 +74,24 @@ def flight_of(folder):
             rigid=rigid,
         )
 
-    specimen = follow(t <= t[STATIC - 1], (UPPER, LOWER), 0, Correlation(subset=SUBSET), False)
+    specimen = follow(t <= t[STATIC - 1], (upper, lower), 0, Correlation(subset=SUBSET), False)
     # At rest the picture shows four rows of the flyer: a tenth of a subset must do.
     rim = Correlation(subset=SUBSET, shape=Shape.RIGID, least_pixels=0.06, least_zncc=0.6)
-    flyer = follow(np.ones(len(t), dtype=bool), (-0.4, FLYER_LAST), len(t) - 1, rim, True)
+    flyer = follow(np.ones(len(t), dtype=bool), (-0.4, flyer_last), len(t) - 1, rim, True)
 
     X, C = surfaces.static_mean(specimen.reconstruction, range(STATIC))
     known = np.isfinite(X).all(axis=1)
     overlap = surfaces.overlap_factor(specimen.points[known], SUBSET)
     free = surfaces.fit_cylinder(X[known], C[known], overlap=overlap)
     held = surfaces.fit_cylinder(X[known], C[known], overlap=overlap, radius=RADIUS)
-    zero = surfaces.on_cylinder(rig.cameras[0], ZERO, held)
+    zero = surfaces.on_cylinder(rig.cameras[0], platen, held)
     frame = surfaces.test_frame(held, rig, toward_flyer=(0.0, -1.0), zero=zero, zero_sigma=1e-6)
     seen = np.logical_or(*(track.outcome == PointOutcome.VALID for track in flyer.tracks))
     motion = body_motion(
         [flyer.reconstruction],
         frame,
         at=[0.0, LENGTH, 0.0],
-        rest=range(STATIC),
+        rest=IN_VIEW[folder.name],
         overlaps=[surfaces.overlap_factor(flyer.points, SUBSET, seen)],
         rig=rig,
         tracks=[flyer.tracks],
@@ -103,7 +105,7 @@ def flight_of(folder):
         held=held,
         frame=frame,
         motion=motion,
-        flight=fit_flight(motion, t, start=float(t[STATIC - 1])),
+        zero=list(IN_VIEW[folder.name]),
         displacement=np.interp(t, truth["t"], truth["d"]),
     )
 
@@ -132,23 +134,45 @@ def test_the_frame_of_the_pictures_is_the_true_one(shot):
 
 @pytest.mark.slow
 def test_the_flyers_displacement_is_the_true_one(shot):
-    error = -shot.motion.displacement[:, 1] - shot.displacement
-    assert (shot.motion.outcome == 0).all()
+    known = shot.motion.outcome == FrameOutcome.VALID
+    assert known[shot.zero[0] :].all()
+    true = shot.displacement - shot.displacement[shot.zero].mean()
+    error = (-shot.motion.displacement[:, 1] - true)[known]
     assert np.sqrt(np.mean(error**2)) < 3e-6  # the target of the chain
-    # What a path from it, smooth and from rest, leaves: velocity within 1 %.
-    path = fit_flyer(flyer_motion(shot.motion, shot.t), start=float(shot.t[STATIC - 1]))
-    moving = shot.t[STATIC + 8 : -2]
-    speed = np.gradient(shot.displacement, shot.t)[STATIC + 8 : -2]
-    assert np.abs(path.velocity(moving) - speed).max() < 0.03
+    ratio = error / shot.motion.displacement_sigma[known, 1]
+    # One history whose errors hang together through the points: some ten independent values.
+    assert 0.4 < np.sqrt(np.mean(ratio**2)) < 1.8
+
+
+@pytest.fixture(scope="module")
+def flight(shared):
+    folder = shared / "data" / "shots" / "open-01"
+    if not folder.is_dir():
+        pytest.skip("no shot open-01 in the shared folder")
+    found = flight_of(folder)
+    return found, fit_flight(found.motion, found.t, start=float(found.t[STATIC - 1]))
 
 
 @pytest.mark.slow
-def test_a_flyer_without_tilt_keeps_its_direction(shot):
-    # The shots' flyers move along the axis: an angle of noise, and of the frame's 0.2° at most.
-    moving = shot.t[STATIC + 12 :]
-    angle, sigma = shot.flight.orientation(moving)
-    assert (angle < np.radians(0.5) + 4.0 * sigma).all()
-    end = symmetry_end(shot.flight, shot.t[STATIC:], separation=float(shot.t[24]), over=1e-4, share=0.05)
+def test_position_and_velocity_from_rest_are_the_true_ones(flight):
+    found, fitted = flight
+    path = fit_flyer(flyer_motion(found.motion, found.t), start=float(found.t[STATIC - 1]))
+    moving = found.t[STATIC + 8 :]
+    np.testing.assert_array_equal(path.velocity(moving), fitted.toward.velocity(moving))
+    assert np.abs(path.position(moving) - found.displacement[STATIC + 8 :]).max() < 4e-6  # σ is 1 µm
+    inner = moving[1:-1]
+    speed = np.gradient(found.displacement, found.t)[STATIC + 9 : -1]
+    # Differences of the true path over 17 µs at a jerk of up to 2.6 m/s in (50 µs)²: 0.02 m/s.
+    assert np.abs(path.velocity(inner) - speed).max() < 0.04
+
+
+@pytest.mark.slow
+def test_a_flyer_without_tilt_keeps_its_direction(flight):
+    found, fitted = flight
+    # The flyer moves along the axis: an angle of noise, and of the frame's 0.2° at most.
+    angle, sigma = fitted.orientation(found.t[STATIC + 12 :])
+    assert (angle < np.radians(0.3) + 4.0 * sigma).all()
+    end = symmetry_end(fitted, found.t[STATIC:], separation=float(found.t[24]), over=1e-4, share=0.05)
     assert end.row is None
 
 
@@ -158,5 +182,10 @@ if __name__ == "__main__":
 
     root = Path(__file__).resolve().parents[2]
     found = flight_of(root.parent / "shared" / "data" / "shots" / "open-01")
-    figure = build(KIND, FlightOfSpecimen(found.flight, found.t[STATIC - 1 :], LENGTH))
+    fitted = fit_flight(found.motion, found.t, start=float(found.t[STATIC - 1]))
+    figure = build(KIND, FlightOfSpecimen(fitted, found.t[STATIC - 1 :], LENGTH))
     figure.savefig(root / "docs" / "images" / "flight.png", dpi=200)
+    error = -found.motion.displacement[:, 1] - found.displacement
+    print(f"radius {1e3 * found.free.radius:.4f} mm, sigma {1e3 * found.free.sigma[4]:.4f} mm")
+    rms, most = 1e6 * np.sqrt(np.mean(error**2)), 1e6 * np.abs(error).max()
+    print(f"displacement: root mean square error {rms:.2f} µm, most {most:.2f} µm")

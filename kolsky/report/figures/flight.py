@@ -50,6 +50,7 @@ def draw(shown: FlightOfSpecimen, panels: Panels) -> None:
     other.plot(ms, path.position(t) / shown.length, "--", color=MODEL, label="strain")
     other.set_ylabel("Nominal strain (1)")
     other.set_ylim(0.0, 1.0)
+    other.tick_params(axis="x", labelbottom=False)
     lines = [*ax.get_lines(), *other.get_lines()]
     ax.legend(lines, [str(line.get_label()) for line in lines], loc="upper left", ncols=2)
 
@@ -76,7 +77,8 @@ def draw(shown: FlightOfSpecimen, panels: Panels) -> None:
         ax.plot(ms, 1e3 * tilt[:, k], style, color=colour, label=name)
     ax.set_ylabel("Rotation (mrad)")
     ax.set_xlabel("Time (ms)")
-    ax.legend(loc="upper left", ncols=2)
+    ax.margins(y=0.25)  # room for the legend
+    ax.legend(loc="lower left", ncols=2)
     for mark, name in zip("abc", ("motion", "angle", "tilt"), strict=True):
         letter(panels[name], mark)
         panels[name].set_xlim(ms[0], ms[-1])
