@@ -1,4 +1,4 @@
-"""One body followed by two cameras: points of a region, matched between the cameras, tracked, reconstructed."""
+"""One body followed by two cameras: its points matched between them, tracked, reconstructed."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -11,8 +11,8 @@ from dic.camera import StereoRig
 from dic.correlation import Correlation
 from dic.images import Pictures
 from dic.outcome import FrameOutcome, PointOutcome
-from dic.rigid_tracking import track_rigid
 from dic.region import grid_points, polygon_mask
+from dic.rigid_tracking import track_rigid
 from dic.stereo import Reconstruction, StereoMatch, match_stereo, reconstruct
 from dic.tracking import Track, Tracking, track
 
@@ -51,7 +51,8 @@ class Followed:
     stereo: StereoMatch
     """The match between the cameras in that frame."""
     tracks: tuple[Track, Track]
-    """Both cameras' tracks of all points; a point without a stereo match has that match's outcome in camera 1."""
+    """Both cameras' tracks of all points; a point without a stereo match has that match's outcome in
+    camera 1."""
     reconstruction: Reconstruction
     """Places in the rig's frame."""
 
@@ -81,7 +82,8 @@ def follow_body(
     rig
         The cameras, for pictures with their crop.
     region
-        Where the body is. If a camera has no usable picture at its frame, the nearest frame with one is taken.
+        Where the body is. If a camera has no usable picture at its frame, the nearest frame with one is
+        taken.
     step
         Distance of the points [px].
     margin
@@ -115,9 +117,7 @@ def follow_body(
     mask = polygon_mask(region.corners, pictures[0].shape)
     points, cell = grid_points(mask, step, margin=margin)
     first, second = (series.frame(material) for series in pictures)
-    match = match_stereo(
-        first, second, points, rig, stereo, noise=max(noise), mask=mask, device=device
-    )
+    match = match_stereo(first, second, points, rig, stereo, noise=max(noise), mask=mask, device=device)
     tracks = []
     for camera in (0, 1):
         known = np.ones(len(points), dtype=bool) if camera == 0 else match.valid
@@ -151,7 +151,9 @@ def follow_body(
     )
 
 
-def _followed(pictures: Pictures, points: FloatArray, tracking: Tracking, *, rigid: bool, **given: Any) -> Track:
+def _followed(
+    pictures: Pictures, points: FloatArray, tracking: Tracking, *, rigid: bool, **given: Any
+) -> Track:
     """One camera's track, of a body that deforms or only translates."""
     if rigid:
         return track_rigid(pictures, points, tracking.correlation, **given)

@@ -8,22 +8,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dic import remarks
 from dic.bodies import Followed, Progress, Region, follow_body
 from dic.camera import StereoRig
 from dic.correlation import Correlation
 from dic.correlation.warp import Shape
+from dic.ends import past_the_ends, refined_end
 from dic.images import PictureError, Pictures
 from dic.images.health import frame_health
 from dic.images.noise import grey_noise
-from dic import remarks
 from dic.noise import noise_floor
 from dic.outcome import FrameOutcome, PointOutcome
-from dic.ends import past_the_ends
 from dic.region import grid_points, polygon_mask
 from dic.result import Body, Placement, StereoResult, SurfaceStrain, Travel
-from dic.stereo import reconstruct
 from dic.setup_check import check_setup, free_pairs
+from dic.smoothness import off_surface
+from dic.stereo import reconstruct
 from dic.stereo.diagnose import Finding
+from dic.surface import CentrePoints
 from dic.surfaces import (
     fit_cylinder,
     on_cylinder,
@@ -43,11 +45,16 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 VERSION = 1
-"""Raised when the same pictures and settings give other numbers: results kept from before are then made anew."""
+"""Raised when the same pictures and settings give other numbers: results kept from before are made
+anew."""
 LEAST_GATE = 0.1
 """Smallest gate for epipolar distances [px]."""
 GATE_SIGMAS = 6.0
 """The gate in standard deviations of the epipolar distances at rest."""
+MOST_AVERAGED = 50
+"""Static pictures that are averaged to find the specimen's edge."""
+OWN_SIGMAS = 4.0
+"""And in standard deviations of the point's own."""
 DIRECTIONS = {"up": (0.0, -1.0), "down": (0.0, 1.0), "left": (-1.0, 0.0), "right": (1.0, 0.0)}
 """Directions in a picture (right, down)."""
 
@@ -59,16 +66,18 @@ class ChainSettings:
     toward_flyer: str
     """Where the flyer lies in the pictures of camera 0: a key of `DIRECTIONS`."""
     zero: tuple[float, float]
-    """Where the specimen ends at the transmission platen, in the first picture of camera 0 (x, y) [px]."""
+    """Where the specimen ends at the transmission platen, in camera 0's first picture (x, y), to a pixel or two [px]: the edge is then found in both cameras' pictures."""
     strip_half_width: float
     """Points within this distance of the centre plane are its outline [m]."""
     radius: float | None = None
     """Radius of the specimen at rest, if it was measured otherwise [m]: the axis then lies by so much behind
     the surface. From the part of the circumference that is seen, a free radius and the place of the axis are
     known less well. None: free."""
+    largest_sigma: float | None = None
+    """Rows of the outline that are known less well than this are left out of it [m]; None: none."""
     length: float | None = None
-    """Length of the specimen at rest [m]: with the flyer's travel it says where the specimen ends. None: points
-    near that end are not judged by it."""
+    """Length of the specimen at rest [m]: with the flyer's travel it says where the specimen ends. None:
+    points near that end are not judged by it."""
     step: int = 4
     """Distance of neighbouring points [px]."""
     margin: float = 2.0
@@ -85,7 +94,7 @@ class ChainSettings:
     @property
     def rigid(self) -> Tracking:
         """How points of the flyer are followed: they translate, and enter the picture from its rim."""
-        subset = replace(self.tracking.correlation, shape=Shape.RIGID, least_pixels=0.2)
+        subset = replace(self.tracking.correlation, shape=Shape.RIGID, least_pixels=0.1)
         return replace(self.tracking, correlation=subset)
 
     def __post_init__(self) -> None:
@@ -93,6 +102,11 @@ class ChainSettings:
             ("toward_flyer", self.toward_flyer in DIRECTIONS, f"one of {', '.join(DIRECTIONS)}"),
             ("strip_half_width", self.strip_half_width > 0.0, "a positive length in metres"),
             ("radius", self.radius is None or self.radius > 0.0, "a positive length in metres, or None"),
+            (
+                "largest_sigma",
+                self.largest_sigma is None or self.largest_sigma > 0.0,
+                "a positive length in metres, or None",
+            ),
             ("length", self.length is None or self.length > 0.0, "a positive length in metres, or None"),
             ("step", self.step >= 1, "at least 1 px"),
             ("margin", self.margin >= 0.0, "not negative"),
@@ -177,7 +191,7 @@ def measure(
     findings = clock("cameras", lambda: _check(pictures, rig, specimen, settings, noise, health))
     try:
         body = clock("specimen", lambda: follow(specimen, "specimen", settings.tracking))
-        placement, rest = clock("test frame", lambda: _place(body, rig, settings, static))
+        placement, rest, edges = clock("test frame", lambda: _place(body, pictures, rig, settings, static))
     except ChainError as error:
         raise ChainError("; ".join([*(f"{f.what} ({f.cure})" for f in findings), str(error)])) from error
     in_time = check_setup(rig, *body.reconstruction.pixels)
@@ -192,6 +206,7 @@ def measure(
     surface, left_out = _surface(body, placement, t, rest)
     subset = settings.tracking.correlation.subset
     centre = outline(surface.surface, surface.points, half_width=settings.strip_half_width, subset=subset)
+    centre, uncertain = _certain(centre, settings.largest_sigma)
     strain = clock("strains", lambda: _strains(surface, settings))
     found = {finding.fault: finding for finding in (*in_time, *findings)}
     return StereoResult(
@@ -207,8 +222,11 @@ def measure(
         noise=noise_floor(surface.surface, static),
         remarks=(
             *remarks.of_findings(found.values()),
+            *remarks.of_edge(edges),
+            *remarks.of_flyer(flyer is not None, travel),
             *remarks.of_radius(placement, settings.radius),
             *remarks.of_missing_points(left_out),
+            *remarks.of_uncertain_rows(uncertain, settings.largest_sigma),
             *remarks.of_frames(health),
             *remarks.of_material(body, specimen),
         ),
@@ -234,9 +252,7 @@ def _check(
     mask = polygon_mask(region.corners, pictures[0].shape)
     points, _ = grid_points(mask, settings.step, margin=settings.margin)
     pair = (pictures[0].frame(frame), pictures[1].frame(frame))
-    pixels = free_pairs(
-        pair, points, settings.tracking, noise=max(noise), mask=mask, device=settings.device
-    )
+    pixels = free_pairs(pair, points, settings.tracking, noise=max(noise), mask=mask, device=settings.device)
     return check_setup(rig, *pixels)
 
 
@@ -250,6 +266,15 @@ def _strains(surface: Body, settings: ChainSettings) -> SurfaceStrain:
     return SurfaceStrain(
         value=measured.value, sigma=measured.sigma, outcome=history.outcome, gauge=history.gauge
     )
+
+
+def _certain(line: CentrePoints, largest: float | None) -> tuple[CentrePoints, int]:
+    """The outline without rows of larger sigma, and how many those were."""
+    if largest is None:
+        return line, 0
+    fine = line.sigma <= largest
+    kept = {name: getattr(line, name)[fine] for name in ("t", "frame", "y", "Z", "sigma")}
+    return replace(line, **kept), int(np.sum(~fine))
 
 
 class _Clock:
@@ -272,13 +297,15 @@ def _look(
     outcomes, noise = [], []
     for camera, series in enumerate(pictures):
         if series.n_frames != static.size:
-            raise ChainError(f"camera {camera} has {series.n_frames} pictures, there are {static.size} frame times")
+            raise ChainError(
+                f"camera {camera} has {series.n_frames} pictures, there are {static.size} frame times"
+            )
         outcome = frame_health(series).outcome
         rest = np.flatnonzero(static & (outcome == FrameOutcome.VALID))
         if rest.size < 2:
             raise ChainError(
-                f"camera {camera} has {rest.size} usable static pictures, needs 2 or more: export those before the "
-                "test too, or look at their exposure"
+                f"camera {camera} has {rest.size} usable static pictures, needs 2 or more: export those "
+                "before the test too, or look at their exposure"
             )
         outcomes.append(outcome)
         try:
@@ -289,17 +316,21 @@ def _look(
 
 
 def _place(
-    body: Followed, rig: StereoRig, settings: ChainSettings, static: BoolArray
-) -> tuple[Placement, list[int]]:
-    """The test frame from the specimen at rest, and the static frames that both cameras saw."""
+    body: Followed,
+    pictures: tuple[Pictures, Pictures],
+    rig: StereoRig,
+    settings: ChainSettings,
+    static: BoolArray,
+) -> tuple[Placement, list[int], int]:
+    """The test frame from the specimen at rest, the static frames that both cameras saw, edges found."""
     r = body.reconstruction
     rest = np.flatnonzero(static & np.any(r.outcome == PointOutcome.VALID, axis=1)).tolist()
     if not rest:
-        failed = body.stereo.count()
+        failed = [f"{gate.name} {count}" for gate, count in body.stereo.count().items() if count]
         raise ChainError(
-            f"no point of the specimen was found by both cameras at rest; of {len(body.points)} points the match "
-            f"between the cameras failed by {', '.join(f'{gate.name} {n}' for gate, n in failed.items() if n)}: "
-            "check the calibration, the crop offsets and which camera is which"
+            f"no point of the specimen was found by both cameras at rest; of {len(body.points)} points the "
+            f"match between the cameras failed by {', '.join(failed)}: check the calibration, the crop "
+            "offsets and which camera is which"
         )
     position, covariance = static_mean(r, rest)
     known = np.isfinite(position).all(axis=1)
@@ -308,9 +339,14 @@ def _place(
         free = fit_cylinder(position[known], covariance[known], overlap=overlap)
         cylinder = free
         if settings.radius is not None:
-            cylinder = fit_cylinder(position[known], covariance[known], overlap=overlap, radius=settings.radius)
-        zero = on_cylinder(rig.cameras[0], settings.zero, cylinder)
-        frame = test_frame(cylinder, rig, toward_flyer=DIRECTIONS[settings.toward_flyer], zero=zero)
+            cylinder = fit_cylinder(
+                position[known], covariance[known], overlap=overlap, radius=settings.radius
+            )
+        toward = DIRECTIONS[settings.toward_flyer]
+        declared = on_cylinder(rig.cameras[0], settings.zero, cylinder)
+        means = [_mean_picture(series, rest) for series in pictures]
+        zero, zero_sigma, edges = refined_end((means[0], means[1]), rig, cylinder, declared, toward)
+        frame = test_frame(cylinder, rig, toward_flyer=toward, zero=zero, zero_sigma=zero_sigma)
     except ValueError as error:
         raise ChainError(f"the specimen at rest gives no test frame: {error}") from error
     return (
@@ -323,7 +359,17 @@ def _place(
             n_points=int(cylinder.used.sum()),
         ),
         rest,
+        edges,
     )
+
+
+def _mean_picture(pictures: Pictures, frames: list[int]) -> FloatArray:
+    """The mean of some static pictures, at most `MOST_AVERAGED`."""
+    chosen = frames[:MOST_AVERAGED]
+    total = np.zeros(pictures.shape)
+    for frame in chosen:
+        total += pictures.frame(frame)
+    return total / len(chosen)
 
 
 def _gated(body: Followed, rig: StereoRig, rest: list[int]) -> Followed:
@@ -331,7 +377,7 @@ def _gated(body: Followed, rig: StereoRig, rest: list[int]) -> Followed:
     r = body.reconstruction
     at_rest = r.epipolar[rest][r.outcome[rest] == PointOutcome.VALID]
     gate = max(LEAST_GATE, GATE_SIGMAS * float(np.median(np.abs(at_rest))) / 0.6745)
-    return replace(body, reconstruction=reconstruct(rig, *body.tracks, gate=gate, gate_sigmas=GATE_SIGMAS))
+    return replace(body, reconstruction=reconstruct(rig, *body.tracks, gate=gate, gate_sigmas=OWN_SIGMAS))
 
 
 def _inside(
@@ -342,7 +388,7 @@ def _inside(
     t: FloatArray,
     travel: Travel | None,
 ) -> Followed:
-    """The body without the points whose subset reaches past an end of the specimen."""
+    """The body without points whose subset reaches past an end, and without those off the surface."""
     upper = np.full(t.size, np.nan)
     if settings.length is not None and travel is not None and travel.t.size:
         upper = settings.length - np.interp(t, travel.t, travel.displacement)
@@ -354,15 +400,28 @@ def _inside(
         DIRECTIONS[settings.toward_flyer],
         (np.zeros(t.size), upper),
     )
+    body = _without(body, past, PointOutcome.AT_END)
     r = body.reconstruction
-    hidden = past[..., None]
+    variance = np.einsum("...ii->...i", placement.frame.covariances(r.covariance))
+    off = off_surface(
+        placement.frame.positions(r.position),
+        np.sqrt(variance),
+        np.asarray(r.outcome == PointOutcome.VALID),
+        body.cell,
+    )
+    return _without(body, off, PointOutcome.OFF_SURFACE)
+
+
+def _without(body: Followed, points: BoolArray, outcome: PointOutcome) -> Followed:
+    """The body with some points of some frames ended."""
+    r, gone = body.reconstruction, points[..., None]
     return replace(
         body,
         reconstruction=replace(
             r,
-            position=np.where(hidden, np.nan, r.position),
-            covariance=np.where(hidden[..., None], np.nan, r.covariance),
-            outcome=np.where(past, int(PointOutcome.AT_END), r.outcome),
+            position=np.where(gone, np.nan, r.position),
+            covariance=np.where(gone[..., None], np.nan, r.covariance),
+            outcome=np.where(points, int(outcome), r.outcome),
         ),
     )
 
@@ -374,9 +433,7 @@ def _surface(
     r = body.reconstruction
     kept = referenced(r, reference)
     surface = to_surface(r, placement.frame, t, reference=reference, points=kept)
-    sigma = [
-        np.sqrt(0.5 * np.trace(track.covariance[:, kept], axis1=2, axis2=3)) for track in body.tracks
-    ]
+    sigma = [np.sqrt(0.5 * np.trace(track.covariance[:, kept], axis1=2, axis2=3)) for track in body.tracks]
     return (
         Body(
             surface=surface,
@@ -412,7 +469,8 @@ def _facts(
             "stereo_shape": settings.stereo.shape.name.lower(),
             "criterion": "ZNSSD, inverse-compositional Gauss-Newton",
             "interpolant": "quintic B-spline",
-            "reference": "a point's own earlier picture, renewed where its correlation or stretch asks for it",
+            "reference": "a point's own earlier picture, renewed where its correlation or stretch asks "
+            "for it",
             "strip_half_width_m": settings.strip_half_width,
             "toward_flyer": settings.toward_flyer,
             "zero_px": list(settings.zero),

@@ -18,6 +18,7 @@ class PointOutcome(IntEnum):
     NO_FIRST_GUESS = 6
     NO_PICTURE = 7
     AT_END = 8
+    OFF_SURFACE = 9
 
     @property
     def ok(self) -> bool:
@@ -68,6 +69,10 @@ _CAUSES = {
     PointOutcome.AT_END: (
         "part of the subset reaches past the end of the specimen, where its side has rolled onto a platen",
         "nothing to do; a smaller subset comes nearer to the ends",
+    ),
+    PointOutcome.OFF_SURFACE: (
+        "the point does not lie on the smooth surface through its neighbours, or too few confirm it",
+        "look for glare, a fold or an edge there; a finer grid has more neighbours",
     ),
 }
 

@@ -32,7 +32,9 @@ def polygon_mask(corners: Sequence[tuple[float, float]], shape: tuple[int, int])
     """
     vertices = np.asarray(corners, dtype=np.float64)
     if vertices.ndim != 2 or vertices.shape[0] < 3 or vertices.shape[1] != 2:
-        raise ValueError(f"a region needs three corners (x, y) or more, got an array of shape {vertices.shape}")
+        raise ValueError(
+            f"a region needs three corners (x, y) or more, got an array of shape {vertices.shape}"
+        )
     if not np.all(np.isfinite(vertices)):
         raise ValueError(f"the corners of a region must be finite, got {vertices.tolist()}")
     rows, columns = shape
@@ -50,8 +52,8 @@ def polygon_mask(corners: Sequence[tuple[float, float]], shape: tuple[int, int])
     if not mask.any():
         low, high = vertices.min(axis=0), vertices.max(axis=0)
         raise ValueError(
-            f"the region from ({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g}) px holds no pixel of a picture "
-            f"of {columns} x {rows} px"
+            f"the region from ({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g}) px holds no pixel of "
+            f"a picture of {columns} x {rows} px"
         )
     return mask
 
@@ -66,7 +68,8 @@ def grid_points(mask: BoolArray, step: int, *, margin: float = 0.0) -> tuple[Flo
     step
         Distance of neighbouring points [px], at least 1.
     margin
-        Least distance from a point to the nearest pixel outside the mask [px]; the picture's border is outside.
+        Least distance from a point to the nearest pixel outside the mask [px]; the picture's border is
+        outside.
 
     Returns
     -------
@@ -92,7 +95,9 @@ def grid_points(mask: BoolArray, step: int, *, margin: float = 0.0) -> tuple[Flo
         fit = np.asarray(distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1] > margin)
         rows, columns = np.nonzero(fit)
         if rows.size == 0:
-            raise ValueError(f"no pixel of the region is {margin:g} px inside it: enlarge it or lower the subset")
+            raise ValueError(
+                f"no pixel of the region is {margin:g} px inside it: enlarge it or lower the subset"
+            )
     # The grid is centred on what can be measured, so that both rims are approached alike.
     x = _centred(columns.min(), columns.max(), step)
     y = _centred(rows.min(), rows.max(), step)

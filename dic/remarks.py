@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from dic.bodies import Followed, Region
 from dic.outcome import FrameOutcome, PointOutcome
-from dic.result import Placement, Remark
+from dic.result import Placement, Remark, Travel
 from dic.stereo.diagnose import Finding
 
 IntArray = NDArray[np.int64]
@@ -45,6 +45,33 @@ def of_radius(placement: Placement, declared: float | None) -> list[Remark]:
     ]
 
 
+def of_edge(cameras: int) -> list[Remark]:
+    """An end of the specimen that was not found in the pictures."""
+    if cameras:
+        return []
+    return [
+        Remark(
+            name="no edge",
+            text="the specimen's end at the transmission platen was found in neither camera within two "
+            "pixels of the declared place, which is used as it is",
+            cure="declare it more closely; an error of a tenth of a pixel shifts all heights y by as much",
+        )
+    ]
+
+
+def of_flyer(wanted: bool, travel: Travel | None) -> list[Remark]:
+    """A flyer whose place at rest is not known."""
+    if not wanted or travel is not None:
+        return []
+    return [
+        Remark(
+            name="no travel of the flyer",
+            text="the flyer was seen in no static frame, or by both cameras in no frame",
+            cure="declare a region of it that is in view at rest too, in a frame that shows much of it",
+        )
+    ]
+
+
 def of_missing_points(outcome: IntArray) -> list[Remark]:
     """Points that both cameras found in no static frame, given their outcomes."""
     if outcome.size == 0:
@@ -55,8 +82,23 @@ def of_missing_points(outcome: IntArray) -> list[Remark]:
     return [
         Remark(
             name="points without a place at rest",
-            text=f"{outcome.size} points of the region were found by both cameras in no static frame: {words}",
+            text=f"{outcome.size} points of the region were found by both cameras in no static frame: "
+            f"{words}",
             cure=most.cure,
+        )
+    ]
+
+
+def of_uncertain_rows(count: int, largest: float | None) -> list[Remark]:
+    """Rows of the outline that were left out for their sigma."""
+    if not count or largest is None:
+        return []
+    return [
+        Remark(
+            name="uncertain rows",
+            text=f"{count} rows of the outline, over all frames, have a sigma above {1e6 * largest:.3g} um "
+            "and are left out of it",
+            cure="nothing to do; a larger sigma lets them in",
         )
     ]
 
@@ -69,7 +111,9 @@ def of_frames(health: tuple[IntArray, IntArray]) -> list[Remark]:
             frames = np.flatnonzero(outcome == kind)
             if kind.ok or not frames.size:
                 continue
-            listed = ", ".join(str(frame) for frame in frames[:10]) + (" and more" if frames.size > 10 else "")
+            listed = ", ".join(str(frame) for frame in frames[:10]) + (
+                " and more" if frames.size > 10 else ""
+            )
             found.append(
                 Remark(
                     name=f"{_words(kind.name)} pictures",
@@ -87,8 +131,8 @@ def of_material(body: Followed, region: Region) -> list[Remark]:
     return [
         Remark(
             name="another reference",
-            text=f"the region is declared in frame {region.frame}, which cannot be used; points were chosen in "
-            f"frame {body.material}",
+            text=f"the region is declared in frame {region.frame}, which cannot be used; points were "
+            f"chosen in frame {body.material}",
             cure="see that the body lies in the region there too",
         )
     ]

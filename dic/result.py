@@ -30,7 +30,8 @@ class Body:
     zncc: tuple[FloatArray, FloatArray]
     """Zero-normalised cross-correlation with the reference used, each of shape [n_frames, n_points]."""
     epipolar: FloatArray
-    """Distance of camera 1's point from the epipolar line of camera 0's, signed [px], [n_frames, n_points]."""
+    """Distance of camera 1's point from the epipolar line of camera 0's, signed [px], [n_frames,
+    n_points]."""
     points: FloatArray
     """Places (x, y) in the material picture of camera 0 [px], shape [n_points, 2]."""
     cell: IntArray
@@ -158,7 +159,8 @@ class StereoResult:
 
     @property
     def outcome(self) -> IntArray:
-        """`FrameOutcome` of each pair: camera 0's, then camera 1's, LOST if no point was found, [n_frames]."""
+        """`FrameOutcome` of each pair: camera 0's, then camera 1's, LOST if no point was found,
+        [n_frames]."""
         first, second = self.frames
         pair = np.where(first != FrameOutcome.VALID, first, second)
         lost = (pair == FrameOutcome.VALID) & (self.specimen.alive == 0)

@@ -42,8 +42,8 @@ def track_rigid(
 ) -> Track:
     """Follow a body that translates, from one picture forward to the end and back to the beginning.
 
-    The reference is always the picture of frame `first`, so nothing drifts. A subset that hangs over the rim of
-    a picture is matched by the part inside, `Correlation.least_pixels` of it at least.
+    The reference is always the picture of frame `first`, so nothing drifts. A subset that hangs over the rim
+    of a picture is matched by the part inside, `Correlation.least_pixels` of it at least.
 
     Parameters
     ----------
@@ -104,7 +104,9 @@ def track_rigid(
                 here = _prepared(pictures, frame, settings, noise, device)
             except PictureError:
                 continue
-            move = _step(found, frame, stack, here, points, root, common, settings, mask, _predicted(history, frame))
+            move = _step(
+                found, frame, stack, here, points, root, common, settings, mask, _predicted(history, frame)
+            )
             if move is not None:
                 history = [*history[-1:], (frame, move)]
     return found

@@ -84,7 +84,7 @@ def speckle_pattern(
     shape: tuple[int, int],
     *,
     size: float = 5.0,
-    contrast: float = 37.0,
+    contrast: float = 37.5,
     level: float = 128.0,
     margin: float = 30.0,
     seed: int = 0,

@@ -4,11 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.bodies import Followed
-from dic.camera import StereoRig
+from dic.camera import Camera, StereoRig
 from dic.correlation.warp import apply
 from dic.outcome import PointOutcome
 from dic.result import Travel
 from dic.surfaces import SpecimenFrame, overlap_factor
+from dic.tracking import Track
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -54,14 +55,15 @@ def flyer_travel(
     Returns
     -------
     Travel or None
-        None if no point was ever seen by both cameras.
+        None if no point was ever seen by both cameras, or none at all in a static frame: the place at rest,
+        which displacements count from, is then not known.
     """
     r = body.reconstruction
     seen_twice = r.outcome == PointOutcome.VALID
     if not seen_twice.any():
         return None
     places, moves = _places(frame.positions(np.where(seen_twice[..., None], r.position, np.nan)))
-    known = np.isfinite(places).all(axis=1)
+    known = np.asarray(np.isfinite(places).all(axis=1))
     rows, found, sigma, counts = [], [], [], []
     twice = np.flatnonzero(np.isfinite(moves).all(axis=1))
     for k in range(len(t)):
@@ -76,7 +78,9 @@ def flyer_travel(
     index = np.array(rows, dtype=np.int64)
     y = np.array(found)
     at_rest = static[index]
-    rest = float(np.mean(y[at_rest])) if at_rest.any() else 0.0
+    if not at_rest.any():
+        return None
+    rest = float(np.mean(y[at_rest]))
     return Travel(
         t=t[index],
         frame=index,
@@ -87,7 +91,8 @@ def flyer_travel(
 
 
 def _places(position: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Places of points on the body [n_points, 3] and translations of the frames [n_frames, 3]; NaN if unknown."""
+    """Places of points on the body [n_points, 3] and translations of the frames [n_frames, 3]; NaN if
+    unknown."""
     moves = np.full((len(position), 3), np.nan)
     start = int(np.argmax(np.isfinite(position[..., 0]).sum(axis=1)))
     places = position[start].copy()
@@ -116,7 +121,8 @@ def _translation(
     both: bool,
     subset: int,
 ) -> tuple[float, float, int] | None:
-    """Translation along y in frame `k` [m], its standard deviation and the number of points; None if not seen."""
+    """Translation along y in frame `k` [m], its standard deviation and the number of points; None if not
+    seen."""
     move = near.copy()
     tracks = [track.outcome[k] == PointOutcome.VALID for track in body.tracks]
     used = [known & valid for valid in tracks]
@@ -145,17 +151,19 @@ def _translation(
     return float(move[1]), float(np.sqrt(np.linalg.inv(H)[1, 1])), int((keep[0] | keep[1]).sum())
 
 
-def _sight(camera, frame, track, k, x, points):  # type: ignore[no-untyped-def]
+def _sight(
+    camera: Camera, frame: SpecimenFrame, track: Track, k: int, x: FloatArray, points: BoolArray
+) -> tuple[FloatArray, FloatArray]:
     """What a camera saw less what it should have seen [px], and its derivative by the translation."""
     h = 1e-6
     at = camera.project(frame.in_rig(x))
-    J = np.stack(
-        [(camera.project(frame.in_rig(x + h * np.eye(3)[i])) - at) / h for i in range(3)], axis=-1
-    )
+    J = np.stack([(camera.project(frame.in_rig(x + h * np.eye(3)[i])) - at) / h for i in range(3)], axis=-1)
     return apply(track.points[points], track.warp[k, points]) - at, J
 
 
-def _near_enough(camera, frame, track, k, x, points):  # type: ignore[no-untyped-def]
+def _near_enough(
+    camera: Camera, frame: SpecimenFrame, track: Track, k: int, x: FloatArray, points: BoolArray
+) -> BoolArray:
     """Points whose pixel agrees with the body's motion, shape [n_points]."""
     fine = np.zeros(len(points), dtype=bool)
     if points.any():

@@ -166,6 +166,44 @@ def dic(
 
 
 @app.command()
+def calibrate(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SOURCE", help="A calibration.toml, a shot.toml with [calibration], or the folder of one."
+        ),
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FOLDER", help="Where results go.", show_default="results")
+    ] = None,
+    export: Annotated[
+        str,
+        typer.Option(
+            metavar="FORMATS", help="Also write the cameras as vic3d, dice, matchid, opencorr, dice-text."
+        ),
+    ] = "",
+    figures: Annotated[
+        str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png.")
+    ] = "",
+    as_json: AsJson = False,
+) -> None:
+    """Calibrate two cameras from pictures of a target, with the covariance of all parameters.
+
+    Writes rig.yml, calibration.html and calibration.csv.
+    """
+    with refusing_bad_input():
+        from kolsky.calibratecommand import calibrate as run
+
+        run(
+            source,
+            out=out,
+            exports=tuple(part.strip() for part in export.split(",") if part.strip()),
+            formats=tuple(part.strip() for part in figures.split(",") if part.strip()),
+            as_json=as_json,
+        )
+
+
+@app.command()
 def identify(
     shot: ShotPath,
     free: Annotated[

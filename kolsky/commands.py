@@ -15,8 +15,8 @@ from typing import Any
 from kolsky import options, printed
 from kolsky.errors import InputError
 from kolsky.outfolder import filling, usable_folder
-from kolsky.progress import bars, counted
 from kolsky.pictures import Seen
+from kolsky.progress import bars, counted
 from kolsky.shots import Measured, Shot, folder_of, load_shot
 
 

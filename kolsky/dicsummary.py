@@ -29,7 +29,9 @@ def summary(result: StereoResult) -> dict[str, Any]:
         "noise_floor_time_m": noise.time.tolist(),
         "noise_floor_space_m": noise.space.tolist(),
         "noise_floor_predicted_m": noise.sigma.tolist(),
-        "strain_noise_around_along_shear": [None if np.isnan(value) else float(value) for value in result.strain_noise],
+        "strain_noise_around_along_shear": [
+            None if np.isnan(value) else float(value) for value in result.strain_noise
+        ],
         "cylinder_radius_m": placement.radius,
         "cylinder_radius_sigma_m": placement.radius_sigma,
         "cylinder_rms_m": placement.rms,
@@ -67,13 +69,16 @@ def printed(result: StereoResult) -> dict[str, str]:
     }
     if all(value is not None for value in rows["strain_noise_around_along_shear"]):
         table["strain noise"] = (
-            ", ".join(f"{um * value:.0f}" for value in rows["strain_noise_around_along_shear"]) + " um/m (around, along, shear)"
+            ", ".join(f"{um * value:.0f}" for value in rows["strain_noise_around_along_shear"])
+            + " um/m (around, along, shear)"
         )
     table["cylinder at rest"] = (
-        f"radius {1e3 * rows['cylinder_radius_m']:.4f} mm ± {um * 2.0 * rows['cylinder_radius_sigma_m']:.1f} um "
+        f"radius {1e3 * rows['cylinder_radius_m']:.4f} mm ± {2e6 * rows['cylinder_radius_sigma_m']:.1f} um "
         f"(k = 2), points {um * rows['cylinder_rms_m']:.1f} um rms off it"
     )
-    table["centre line"] = f"{rows['centre_line_points']} points, sigma {um * rows['centre_line_sigma_m']:.2f} um"
+    table["centre line"] = (
+        f"{rows['centre_line_points']} points, sigma {um * rows['centre_line_sigma_m']:.2f} um"
+    )
     if "flyer_travel_m" in rows:
         table["flyer"] = (
             f"{1e3 * rows['flyer_travel_m']:.4f} mm in {rows['flyer_frames']} frames, sigma "
@@ -90,7 +95,9 @@ def printed(result: StereoResult) -> dict[str, str]:
 def bad_frames(result: StereoResult) -> dict[str, str]:
     """Frames that gave no points, with what they ended as; numbers count the pictures from 0."""
     outcome = result.outcome
-    return {str(k): words(FrameOutcome(int(outcome[k]))) for k in np.flatnonzero(outcome != FrameOutcome.VALID)}
+    return {
+        str(k): words(FrameOutcome(int(outcome[k]))) for k in np.flatnonzero(outcome != FrameOutcome.VALID)
+    }
 
 
 def lost(body: Body) -> dict[str, int]:

@@ -153,13 +153,15 @@ def body_moves(flyer: FlyerMotion, rest: float, source: Path, toml: ShotToml) ->
         row = int(np.argmax(score))
         raise toml.error(
             "frames.static",
-            f"contradicts the pictures: at {in_us(flyer.time[row])} the flyer is {travel[row] * 1e6:.3g} um from its"
-            f" mean place at rest, {score[row]:.2g} times its standard deviation",
+            f"contradicts the pictures: at {in_us(flyer.time[row])} the flyer is {travel[row] * 1e6:.3g} "
+            f"um from its mean place at rest, {score[row]:.2g} times its standard deviation",
             cure="lower frames.static",
         )
     furthest = float(travel[np.argmax(np.abs(travel))])
     if furthest <= MOTION_SIGMAS * float(np.median(flyer.sigma)):
-        moves = "never moves" if furthest > 0.0 else f"moves away from the specimen, by {-furthest * 1e3:.4g} mm"
+        moves = (
+            "never moves" if furthest > 0.0 else f"moves away from the specimen, by {-furthest * 1e3:.4g} mm"
+        )
         raise toml.error(
             "dic.flyer_side",
             f"does not fit the pictures: with it the flyer {moves}",

@@ -1,4 +1,5 @@
-"""What the cameras of a shot saw, as numbers: correlated once, kept in the results folder, read back after."""
+"""What the cameras of a shot saw, as numbers: correlated once, kept in the results folder, read back
+after."""
 
 import hashlib
 import json
@@ -9,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from dic.chain import VERSION, ChainError, ChainSettings, measure
 from dic.bodies import Region
+from dic.chain import VERSION, ChainError, ChainSettings, measure
 from dic.correlation import Correlation, Shape
 from dic.output import ResultFileError, read_result, stored_key, write_result
 from dic.result import StereoResult
@@ -152,12 +153,11 @@ def chain_settings(section: DicSection, specimen: SpecimenSection, device: str =
         strip_half_width=section.strip_half_width,
         radius=0.5 * specimen.diameter,
         length=specimen.length,
+        largest_sigma=section.largest_sigma,
         step=section.step,
         strain_window=section.strain_window,
         tracking=Tracking(correlation=subset),
-        stereo=Correlation(
-            subset=section.subset, shape=Shape.QUADRATIC, prefilter=section.prefilter
-        ),
+        stereo=Correlation(subset=section.subset, shape=Shape.QUADRATIC, prefilter=section.prefilter),
         device=device,
     )
 

@@ -44,7 +44,8 @@ class Seen:
         patterns = (calibration.camera_0, calibration.camera_1)
         sources += [("pattern", pattern) for pattern in patterns if pattern is not None]
         return {
-            name: digest([folder / name] if kind == "file" else matching(folder, name)) for kind, name in sources
+            name: digest([folder / name] if kind == "file" else matching(folder, name))
+            for kind, name in sources
         }
 
 
@@ -84,8 +85,8 @@ def open_pictures(toml: ShotToml, frames: FrameTimes) -> Seen:
     if first.shape != second.shape:
         raise toml.error(
             "pictures",
-            f"have {first.shape[1]} x {first.shape[0]} px in camera 0 and {second.shape[1]} x {second.shape[0]} px"
-            " in camera 1",
+            f"have {first.shape[1]} x {first.shape[0]} px in camera 0 and {second.shape[1]} x "
+            f"{second.shape[0]} px in camera 1",
             cure="export both with one crop size, or declare a pair that belongs together",
         )
     return Seen(toml=toml, frames=frames, pictures=(first, second))
@@ -99,7 +100,8 @@ def fits_sensor(pictures: Pictures, sensor: tuple[int, int] | None) -> str | Non
     if x >= 0.0 and y >= 0.0 and x + columns <= sensor[0] and y + rows <= sensor[1]:
         return None
     return (
-        f"puts {columns} x {rows} px at ({x:g}, {y:g}) of the {sensor[0]} x {sensor[1]} px that the calibration is for"
+        f"puts {columns} x {rows} px at ({x:g}, {y:g}) of the {sensor[0]} x {sensor[1]} px that the "
+        "calibration is for"
     )
 
 
@@ -165,7 +167,9 @@ def _moved(pictures: Pictures, series: SeriesSection) -> str | None:
     own = pictures.crop_offset
     if own in ((0.0, 0.0), series.crop_offset):
         return None
-    return f"states a crop at ({own[0]:g}, {own[1]:g}) px of the sensor, declared is {list(series.crop_offset)}"
+    return (
+        f"states a crop at ({own[0]:g}, {own[1]:g}) px of the sensor, declared is {list(series.crop_offset)}"
+    )
 
 
 def _declared(
@@ -173,6 +177,4 @@ def _declared(
 ) -> Pictures:
     from dic.images import declared
 
-    return declared(
-        pictures, bits=section.bits, crop_offset=series.crop_offset, n_frames=frames.frame.size
-    )
+    return declared(pictures, bits=section.bits, crop_offset=series.crop_offset, n_frames=frames.frame.size)

@@ -19,8 +19,8 @@ def answer(e: Estimate) -> str:
     """The one line a user wants, e.g. "m = 1.1220 ± 0.0040 (k = 2)"; a verdict that is not good follows."""
     e = shown_estimate(e)
     value, uncertainty = numbers.measured(e.value, 2.0 * e.sigma)
-    unit = "" if e.unit == "1" else f" {_plain(e.unit)}"
-    line = f"{_symbol(e.name)} = {_plain(value)} ± {_plain(uncertainty)}{unit} (k = 2)"
+    unit = "" if e.unit == "1" else f" {plain(e.unit)}"
+    line = f"{_symbol(e.name)} = {plain(value)} ± {plain(uncertainty)}{unit} (k = 2)"
     return line if e.outcome is Verdict.IDENTIFIED else f"{line}: {e.outcome.value.upper()}"
 
 
@@ -30,8 +30,8 @@ def details(found: Identification) -> dict[str, str]:
     rows = [("shot", found.shot)]
     for name, e in found.estimates.items():
         symbol, U = _symbol(name), 2.0 * e.sigma
-        symbol += "" if e.unit == "1" else f" ({_plain(e.unit)})"
-        low, high = (_plain(numbers.like(end, U)) for end in e.interval)
+        symbol += "" if e.unit == "1" else f" ({plain(e.unit)})"
+        low, high = (plain(numbers.like(end, U)) for end in e.interval)
         rows.append((f"{symbol}, verdict", f"{name}: {e.outcome.value}"))
         rows.append((f"{symbol}, interval", f"{low} to {high}"))
         rows.append((f"{symbol}, u noise", f"{e.sigma_noise:.2g}"))
@@ -53,16 +53,16 @@ def columns(rows: Mapping[str, Any]) -> list[str]:
 def _route(route: Route, name: str, U: float) -> str:
     value = route.parameters[name]
     if name not in route.sigma:
-        return _plain(numbers.like(value, U))
+        return plain(numbers.like(value, U))
     best, uncertainty = numbers.measured(value, 2.0 * route.sigma[name])
-    return f"{_plain(best)} ± {_plain(uncertainty)}"
+    return f"{plain(best)} ± {plain(uncertainty)}"
 
 
 def _symbol(name: str) -> str:
     return PARAMETERS[name].symbol if name in PARAMETERS else name
 
 
-def _plain(text: str) -> str:
+def plain(text: str) -> str:
     """A number of `kolsky.report.numbers` in characters every terminal has, e.g. "2.5e-5"."""
     text = _POWER.sub(lambda power: "e" + power[1].translate(_LOWERED), text)
     return text.replace("µ", "u").replace(numbers.MINUS, "-").replace(numbers.NOTHING, "unknown")

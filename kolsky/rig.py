@@ -1,15 +1,18 @@
 """The cameras of a shot: from a calibration file, or from its pictures of a target."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
 
 from dic.camera import StereoRig
 from dic.images import PictureError, Pictures
 from kolsky.errors import InputError
 from kolsky.pictures import CAMERAS, Seen, fits_sensor
 from kolsky.shotpictures import CalibrationSection, TargetSection
-from kolsky.shottoml import ShotToml
+from kolsky.shottoml import TomlFile
+
+if TYPE_CHECKING:
+    from dic.calibration import Calibration
 
 Progress = Callable[[str, int, int], None]
 
@@ -38,7 +41,8 @@ def calibrated(seen: Seen, progress: Progress) -> Calibrated:
     if section.file is not None:
         rig, words = _from_file(toml, section)
     else:
-        rig, words = _from_pictures(toml, section, progress)
+        found = calibration_of(toml, section, progress)
+        rig, words = found.rig, _words(found)
     for camera, pictures, name in zip(rig.cameras, seen.pictures, CAMERAS, strict=True):
         problem = fits_sensor(pictures, camera.sensor)
         if problem:
@@ -51,8 +55,8 @@ def calibrated(seen: Seen, progress: Progress) -> Calibrated:
     return Calibrated(rig=rig.cropped(offsets[0], offsets[1]), words=words)
 
 
-def target_of(section: TargetSection, toml: ShotToml) -> Any:
-    """The target that a shot file describes.
+def target_of(section: TargetSection, toml: TomlFile) -> tuple[Any, Any]:
+    """The target that a file describes, as camera 0 and as camera 1 is to look for it.
 
     Raises
     ------
@@ -67,7 +71,19 @@ def target_of(section: TargetSection, toml: ShotToml) -> Any:
         raise toml.error(f"{key}.kind", "is not a known target", allowed=f"one of {known}")
     kind = TARGETS[section.kind]
     wanted = {field.name: field for field in fields(kind)}
-    given = {name: value for name, value in section.model_dump(exclude={"kind"}).items() if value is not None}
+    anchors = {"anchors_0", "anchors_1"}
+    given = {
+        name: value
+        for name, value in section.model_dump(exclude={"kind", *anchors}).items()
+        if value is not None
+    }
+    by_hand = [section.anchors_0, section.anchors_1]
+    if any(by_hand) and "anchors" not in wanted:
+        raise toml.error(
+            f"{key}.anchors_0" if section.anchors_0 else f"{key}.anchors_1",
+            f"is given, but a target of kind {section.kind} needs no anchors",
+            cure="remove it",
+        )
     for name in given:
         if name not in wanted:
             raise toml.error(
@@ -76,7 +92,10 @@ def target_of(section: TargetSection, toml: ShotToml) -> Any:
                 cure=f"remove it; the keys are {', '.join(wanted)}",
             )
     try:
-        return kind(**given)
+        target = kind(**given)
+        if "anchors" not in wanted:
+            return target, target
+        return replace(target, anchors=by_hand[0] or ()), replace(target, anchors=by_hand[1] or ())
     except TypeError:
         missing = [name for name in wanted if name not in given]
         raise toml.error(f"{key}.kind", f"needs more: some of {', '.join(missing)}") from None
@@ -84,28 +103,38 @@ def target_of(section: TargetSection, toml: ShotToml) -> Any:
         raise toml.error(key, f"is impossible: {error}") from None
 
 
-def _from_file(toml: ShotToml, section: CalibrationSection) -> tuple[StereoRig, str]:
+def _from_file(toml: TomlFile, section: CalibrationSection) -> tuple[StereoRig, str]:
     from dic.camera_files import CameraFileError, read_rig
 
     assert section.file is not None
     try:
         rig = read_rig(toml.path.parent / section.file, length_unit=section.length_unit)
     except CameraFileError as error:
-        raise InputError(toml.path.parent / section.file, f"is no calibration that can be read: {error}") from None
+        raise InputError(
+            toml.path.parent / section.file, f"is no calibration that can be read: {error}"
+        ) from None
     return rig, f"from the file {section.file}"
 
 
-def _from_pictures(
-    toml: ShotToml, section: CalibrationSection, progress: Progress
-) -> tuple[StereoRig, str]:
+def calibration_of(toml: TomlFile, section: CalibrationSection, progress: Progress) -> "Calibration":
+    """The calibration from the pictures that a file names.
+
+    Raises
+    ------
+    InputError
+        If the pictures cannot be read or do not go together, the target is impossible, or what is seen of it
+        does not determine the cameras.
+    """
     from dic.calibration import TargetNotFound, Undetermined, calibrate, detect
 
     assert section.target is not None  # the schema saw to it
     assert section.distortion is not None
-    target = target_of(section.target, toml)
+    targets = target_of(section.target, toml)
     series = [_series(toml, name, getattr(section, name)) for name in CAMERAS]
     counts = [pictures.n_frames for pictures in series]
-    numbers = [getattr(pictures, "numbers", tuple(range(n))) for pictures, n in zip(series, counts, strict=True)]
+    numbers = [
+        getattr(pictures, "numbers", tuple(range(n))) for pictures, n in zip(series, counts, strict=True)
+    ]
     if numbers[0] != numbers[1]:
         spans = [f"{n} pictures numbered {of[0]} to {of[-1]}" for n, of in zip(counts, numbers, strict=True)]
         raise toml.error(
@@ -118,7 +147,7 @@ def _from_pictures(
         for camera, pictures in enumerate(series):
             progress("calibration", 2 * pair + camera, 2 * counts[0])
             try:
-                views[camera].append(detect(pictures.frame(pair), target))
+                views[camera].append(detect(pictures.frame(pair), targets[camera]))
             except TargetNotFound as error:
                 views[camera].append(error)
             except PictureError:
@@ -126,22 +155,26 @@ def _from_pictures(
     progress("calibration", 2 * counts[0], 2 * counts[0])
     sensors = [(pictures.shape[1], pictures.shape[0]) for pictures in series]
     try:
-        found = calibrate(
+        return calibrate(
             views[0],
             views[1],
-            target,
+            targets[0],
             sensors=(sensors[0], sensors[1]),
             distortion=section.distortion,
             square_pixels=section.square_pixels,
+            names=[str(number) for number in numbers[0]],
         )
     except (Undetermined, ValueError) as error:
         raise toml.error("calibration", f"does not determine the cameras: {error}") from None
+
+
+def _words(found: "Calibration") -> str:
     used = sum(pair.outcome.used for pair in found.pairs)
     rejected = "".join(f"; pair {pair.name} left out: {pair.reason}" for pair in found.rejected)
-    return found.rig, f"{used} of {counts[0]} pairs of pictures, residual {found.rms:.3g} px rms{rejected}"
+    return f"{used} of {len(found.pairs)} pairs of pictures, residual {found.rms:.3g} px rms{rejected}"
 
 
-def _series(toml: ShotToml, name: str, pattern: str) -> Pictures:
+def _series(toml: TomlFile, name: str, pattern: str) -> Pictures:
     from dic.images import open_pictures
 
     place = toml.path.parent / pattern

@@ -156,6 +156,19 @@ def _places(values: object) -> tuple[tuple[int, int], ...]:
     return tuple((int(column), int(row)) for column, row in pairs)
 
 
+def _anchors(values: object) -> tuple[tuple[int, int, float, float], ...]:
+    """Dots by column and row with their places in a picture."""
+    if not isinstance(values, list | tuple) or len(values) != 3:
+        raise problem("is not three dots", cure="write [[column, row, x, y], [...], [...]]")
+    anchors = []
+    for value in values:
+        if not isinstance(value, list | tuple) or len(value) != 4:
+            raise problem("is not three dots", cure="each dot is [column, row, x, y], x and y in pixels")
+        (column, row), (x, y) = _places([value[:2]])[0], _pixel(value[2:])
+        anchors.append((column, row, x, y))
+    return tuple(anchors)
+
+
 def _odd(low: int, high: int, unit: str) -> Callable[[object], int]:
     def validate(value: object) -> int:
         if isinstance(value, bool) or not isinstance(value, int):
@@ -210,6 +223,7 @@ FilePattern = Annotated[str, BeforeValidator(_pattern)]
 Pixel = Annotated[tuple[float, float], BeforeValidator(_pixel)]
 PixelRange = Annotated[tuple[float, float], BeforeValidator(_pixel_range)]
 Polygon = Annotated[tuple[tuple[float, float], ...], BeforeValidator(_polygon)]
+Anchors = Annotated[tuple[tuple[int, int, float, float], ...], BeforeValidator(_anchors)]
 Places = Annotated[tuple[tuple[int, int], ...], BeforeValidator(_places)]
 Subset = Annotated[int, BeforeValidator(_odd(5, 101, "px"))]
 StrainWindow = Annotated[int, BeforeValidator(_odd(3, 51, "points"))]

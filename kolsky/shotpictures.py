@@ -55,6 +55,12 @@ class TargetSection(Section):
     diameter: f.Length | None = None
     hole: f.Length | None = None
     hollow: f.Places | None = None
+    radius: f.Length | None = None
+    arc: f.Length | None = None
+    size: f.Length | None = None
+    square: bool | None = None
+    anchors_0: f.Anchors | None = None
+    anchors_1: f.Anchors | None = None
     marker: f.Length | None = None
     dictionary: f.Name | None = None
     legacy: bool | None = None
@@ -69,7 +75,9 @@ class CalibrationSection(Section):
     camera_0: f.FilePattern | None = None
     camera_1: f.FilePattern | None = None
     target: TargetSection | None = None
-    distortion: Literal["none", "k1", "k1 k2", "k1 k2 k3", "k1 p1 p2", "k1 k2 p1 p2", "k1 k2 p1 p2 k3"] | None = None
+    distortion: (
+        Literal["none", "k1", "k1 k2", "k1 k2 k3", "k1 p1 p2", "k1 k2 p1 p2", "k1 k2 p1 p2 k3"] | None
+    ) = None
     square_pixels: bool = False
 
     @model_validator(mode="after")
@@ -108,7 +116,8 @@ class RegionSection(Section):
         if rectangle == (self.polygon is not None) or (self.x is None) != (self.y is None):
             raise f.problem(
                 "is not a region",
-                cure="give either x = [first, last] and y = [first, last], or polygon = [[x, y], ...], in pixels",
+                cure="give either x = [first, last] and y = [first, last], or polygon = [[x, y], ...], "
+                "in pixels",
             )
         return self
 
@@ -130,6 +139,7 @@ class DicSection(Section):
     flyer_side: Literal["up", "down", "left", "right"]
     transmission_edge: f.Pixel
     strip_half_width: f.Length
+    largest_sigma: f.Length | None = None
     subset: f.Subset = 21
     step: Annotated[int, Field(ge=1, le=100)] = 4
     shape: Literal["rigid", "affine", "quadratic"] = "affine"

@@ -10,10 +10,10 @@ import numpy as np
 from kolsky import forcechecks, framechecks, shapechecks
 from kolsky.apparatus import Bar, Interface, Specimen, Transducer
 from kolsky.errors import InputError, refuse
+from kolsky.pictures import Seen, open_pictures
 from kolsky.readers import centre_line_csv, flyer_csv, frame_times, scope_csv, uniaxial_csv
 from kolsky.readers.frame_times import FrameTimes
 from kolsky.readers.table import Column
-from kolsky.pictures import Seen, open_pictures
 from kolsky.records import CentreLine, FloatArray, FlyerMotion, MaterialCurve, Recording
 from kolsky.shotfile import CentreLineSection, FlyerSection
 from kolsky.shottoml import ShotToml, read_shot_toml
@@ -201,7 +201,9 @@ def _with_pictures(
     """A shot whose flyer and outline come from its pictures."""
     shot = _pictured(toml, frames, open_pictures(toml, frames))
     if measure is None:
-        from kolsky.measure import measured as measure
+        from kolsky.measure import measured
+
+        measure = measured
     found = measure(shot.seen)
     frame_time = frames.time + toml.declared.frames.clock_offset
     framechecks.body_moves(found.flyer, rest, found.source, toml)
@@ -248,9 +250,7 @@ def _base(
     return {
         "name": declared.name or folder.resolve().name,
         "folder": folder,
-        "specimen": Specimen(
-            diameter=specimen.diameter, length=specimen.length, density=specimen.density
-        ),
+        "specimen": Specimen(diameter=specimen.diameter, length=specimen.length, density=specimen.density),
         "interface": Interface(
             faces=interface.faces,
             side=interface.side,

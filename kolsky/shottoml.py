@@ -4,9 +4,10 @@ import difflib
 import hashlib
 import re
 import tomllib
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -22,15 +23,13 @@ _ASSIGNMENT = re.compile(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*[\w-]+)*)\
 
 
 @dataclass(frozen=True)
-class ShotToml:
-    """A valid shot file with what is needed to point at its lines."""
+class TomlFile:
+    """A valid file with what is needed to point at its lines."""
 
     path: Path
     """The file."""
     sha256: str
     """SHA-256 of it, hex."""
-    declared: ShotFile
-    """What it declares, in SI."""
     content: dict[str, Any]
     """What it says, as written."""
     lines: dict[str, int]
@@ -54,6 +53,17 @@ class ShotToml:
         )
 
 
+@dataclass(frozen=True)
+class ShotToml(TomlFile):
+    """A valid shot file."""
+
+    declared: ShotFile
+    """What it declares, in SI."""
+
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
 def read_shot_toml(path: Path) -> ShotToml:
     """Read and validate a shot file.
 
@@ -62,6 +72,18 @@ def read_shot_toml(path: Path) -> ShotToml:
     InputError
         If it cannot be read, is no TOML, or declares anything unknown, incomplete or impossible;
         several problems come as one `InputErrors`.
+    """
+    file, declared = read_declared(path, schema)
+    return ShotToml(file.path, file.sha256, file.content, file.lines, declared)
+
+
+def read_declared(path: Path, schema: Callable[[dict[str, Any]], type[Model]]) -> tuple[TomlFile, Model]:
+    """Read a file and validate it by the schema that its content asks for.
+
+    Raises
+    ------
+    InputError
+        As `read_shot_toml`.
     """
     data = read_bytes(path, limit=TOML_LIMIT)
     text = decode(path, data)
@@ -75,9 +97,7 @@ def read_shot_toml(path: Path) -> ShotToml:
     except ValidationError as error:
         problems = [_translate(path, lines, details) for details in _without_doubles(error.errors())]
         raise problems[0] if len(problems) == 1 else InputErrors(problems) from None
-    return ShotToml(
-        path=path, sha256=hashlib.sha256(data).hexdigest(), declared=declared, content=content, lines=lines
-    )
+    return TomlFile(path, hashlib.sha256(data).hexdigest(), content, lines), declared
 
 
 def key_lines(text: str) -> dict[str, int]:

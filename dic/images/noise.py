@@ -70,31 +70,35 @@ def grey_noise(
     if len(frames) < 2:
         raise ValueError(f"noise needs at least 2 static frames, got {len(frames)}")
     read = pictures.frame if isinstance(pictures, Pictures) else pictures.__getitem__
-    stack = np.stack([np.asarray(read(index), dtype=np.float64) for index in frames])
-    used = np.ones(stack.shape[1:], dtype=bool) if mask is None else np.asarray(mask, dtype=bool)
-    if used.shape != stack.shape[1:] or used.sum() < 100:
+    stack = [np.asarray(read(index)) for index in frames]
+    mean = np.asarray(np.mean(stack, axis=0, dtype=np.float64))
+    used = np.ones(mean.shape, dtype=bool) if mask is None else np.asarray(mask, dtype=bool)
+    if used.shape != mean.shape or used.sum() < 100:
         raise ValueError(
-            f"mask must be of shape {stack.shape[1:]} with at least 100 pixels, "
+            f"mask must be of shape {mean.shape} with at least 100 pixels, "
             f"is of shape {used.shape} with {used.sum()}"
         )
-    mean = stack.mean(axis=0)
     columns = np.stack([part[used] for part in (mean, np.ones_like(mean), *gradient(mean))], axis=1)
-    values = stack[:, used]
-    fitted, *_ = np.linalg.lstsq(columns, values.T, rcond=None)
-    rest = values - (columns @ fitted).T
-    # half the squared difference of neighbours: the variance of one frame's noise
-    squares = np.diff(rest, axis=0) ** 2 / 2.0
-    sigma2 = float(np.median(squares.mean(axis=1)))
+    normal = np.linalg.pinv(columns.T @ columns)
+    fitted = np.array([normal @ (columns.T @ frame[used]) for frame in stack])
+    squares, levels = np.zeros(len(columns)), []
+    for k in range(len(stack) - 1):  # a pair at a time: the frames may be many and large
+        here, there = (stack[m][used] - columns @ fitted[m] for m in (k, k + 1))
+        square = (there - here) ** 2 / 2.0  # the variance of one frame's noise
+        squares += square / (len(stack) - 1)
+        levels.append(square.mean())
+    sigma2 = float(np.median(levels))
     if sigma2 <= 0.0:
         raise ValueError("the frames are equal to the last bit: give other frames, or the noise as a number")
-    intercept, slope, error = _line(mean[used], squares.mean(axis=0))
+    intercept, slope, error = _line(mean[used], squares)
+    gain = np.array([frame[used].mean() for frame in stack])
     return GreyNoise(
         sigma=float(np.sqrt(sigma2)),
         intercept=intercept,
         slope=slope,
         slope_sigma=error,
-        gain=np.asarray(values.mean(axis=1) / values.mean()),
-        motion=np.asarray(-(fitted[2:] / fitted[0]).T),  # moved by u, b M looks like b (M - u·∇M)
+        gain=np.asarray(gain / gain.mean()),
+        motion=np.asarray(-fitted[:, 2:] / fitted[:, :1]),  # moved by u, b M looks like b (M - u·∇M)
     )
 
 

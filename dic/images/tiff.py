@@ -3,7 +3,8 @@
 Opening walks the chain of page headers and reads the first of them; a frame is decoded when it is asked for.
 A file that was cut off keeps the pages before the cut. How many were to follow it, only a description
 written by tifffile or ImageJ says; without one, one page more than are there is known to have been promised.
-ImageJ writes stacks of more than 4 GB with one header only, the grey values page after page behind it.
+Both write uncompressed pages one after the other behind the first header, and the other headers after all of
+them, or none (ImageJ, above 4 GB); then the grey values are found without their headers.
 """
 
 import re
@@ -27,7 +28,7 @@ _MAGIC = {b"II*\0": "<", b"MM\0*": ">", b"II+\0": "<", b"MM\0+": ">"}
 _MOST_TAGS = 4096
 _OWN_DECODERS = {1, 8, 32773, 32946}
 """Compressions decoded without a further library: none, Deflate (twice), PackBits; OpenCV has the others."""
-_CHUNKY, _MIN_IS_WHITE, _MIN_IS_BLACK = 1, 0, 1
+_MIN_IS_WHITE, _MIN_IS_BLACK = 0, 1
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class TiffPictures:
     offsets: tuple[int, ...]
     """Where the headers of the pages lie in the file [bytes]."""
     stack: tuple[int, str] | None = None
-    """Where the grey values of all pages lie [bytes] and their type, if ImageJ wrote one header for all."""
+    """Where the grey values of all pages lie [bytes] and their type, if only the first header is there."""
     crop_offset: tuple[float, float] = (0.0, 0.0)
     times: NDArray[np.float64] | None = None
 
@@ -106,7 +107,7 @@ def read(path: Path) -> TiffPictures:
     """
     import tifffile
 
-    offsets, cut = _chain(path)
+    offsets, beyond = _chain(path)
     if not offsets:
         raise PictureError(path, "it is cut off before its first page", cure="copy or export it again")
     try:
@@ -115,12 +116,13 @@ def read(path: Path) -> TiffPictures:
             page = tifffile.TiffPage(file, 0)
             stored, rows, columns = page.bitspersample, page.imagelength, page.imagewidth
             largest, description = page.tags.valueof(281), page.description
-            stack = _stack(file, page) if len(offsets) == 1 and not cut else None
+            stack = _stack(file, page, beyond) if len(offsets) == 1 else None
     except Exception as error:  # see TiffPictures.frame
         raise PictureError(path, f"its first page cannot be read ({error})") from error
-    if not isinstance(stored, int) or not 1 <= stored <= 16:
+    if not isinstance(stored, int) or not 8 <= stored <= 16:
         raise PictureError(path, f"its grey values have {stored} bits, 8 to 16 can be read")
     stated = _stated_bits(largest, description, stored)
+    cut = beyond is not None
     promised = max(len(offsets) + cut, _promised(description) if cut or stack else 0)
     return TiffPictures(
         path=path,
@@ -132,25 +134,25 @@ def read(path: Path) -> TiffPictures:
     )
 
 
-def _chain(path: Path) -> tuple[tuple[int, ...], bool]:
-    """Offsets of the page headers that are whole, and whether the chain was cut off before its end."""
+def _chain(path: Path) -> tuple[tuple[int, ...], int | None]:
+    """Offsets of the page headers that are whole, and of the next if the chain was cut off before its end."""
     offsets: dict[int, None] = {}
     with open(path, "rb") as file:
         size = file.seek(0, 2)
         file.seek(0)
         magic = file.read(4)
         order, big = _MAGIC[magic], magic in (b"II+\0", b"MM\0+")
-        head, count, entry, link = (16, "Q", 20, "Q") if big else (8, "H", 12, "I")
-        file.seek(8 if big else 4)
+        first, count, entry, link = (16, "Q", 20, "Q") if big else (8, "H", 12, "I")
+        file.seek(first // 2)
         raw = file.read(struct.calcsize(link))
         while len(raw) == struct.calcsize(link):
             (offset,) = struct.unpack(order + link, raw)
             if offset == 0:
-                return tuple(offsets), not offsets
-            if offset < head - 8 or offset in offsets or len(offsets) >= MOST_FRAMES:
+                return tuple(offsets), None if offsets else size
+            if offset < first or offset in offsets or len(offsets) >= MOST_FRAMES:
                 raise PictureError(path, f"page {len(offsets)} starts at byte {offset}, where none can be")
             if offset + struct.calcsize(count) > size:
-                return tuple(offsets), True
+                return tuple(offsets), offset
             file.seek(offset)
             (tags,) = struct.unpack(order + count, file.read(struct.calcsize(count)))
             if not 1 <= tags <= _MOST_TAGS:
@@ -161,16 +163,25 @@ def _chain(path: Path) -> tuple[tuple[int, ...], bool]:
             raw = file.read(struct.calcsize(link))
             if len(raw) == struct.calcsize(link):
                 offsets[offset] = None
-    return tuple(offsets), True
+    return tuple(offsets), size
 
 
-def _stack(file: "tifffile.TiffFile", page: "tifffile.TiffPage") -> tuple[int, str] | None:
-    """Where the grey values lie if one header stands for several pages of an ImageJ stack, and their type."""
-    if _promised(page.description) < 2 or "ImageJ=" not in page.description:
+def _stack(
+    file: "tifffile.TiffFile", page: "tifffile.TiffPage", beyond: int | None
+) -> tuple[int, str] | None:
+    """Where the grey values lie if they follow the only header page after page, and their type.
+
+    So they do in a stack for which ImageJ wrote one header, and in one whose other headers were cut off if
+    the next would stand behind the grey values of all.
+    """
+    pages, bits = _promised(page.description), page.bitspersample
+    if pages < 2 or page.compression != 1 or page.photometric != _MIN_IS_BLACK or bits not in (8, 16):
         return None
-    if page.compression != 1 or page.photometric != _MIN_IS_BLACK or page.bitspersample not in (8, 16):
+    start = page.dataoffsets[0]
+    end = start + pages * page.imagelength * page.imagewidth * bits // 8
+    if "ImageJ=" not in page.description if beyond is None else beyond < end:
         return None
-    return page.dataoffsets[0], f"{file.byteorder}u{page.bitspersample // 8}"
+    return start, f"{file.byteorder}u{bits // 8}"
 
 
 def _promised(description: str) -> int:

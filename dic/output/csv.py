@@ -19,11 +19,11 @@ STRAINS = ("exx", "eyy", "exy")
 def write_frames(folder: Path, body: Body, *, strain: FloatArray | None = None) -> list[Path]:
     """Write the points of a body frame by frame.
 
-    The columns are those of a VIC-3D export: reference position X, Y, Z and displacement U, V, W [mm] (X across,
-    Y along the axis toward the flyer, Z toward the cameras), the place x, y in the picture of camera 0 [px],
-    Sigma, the larger of both cameras' standard deviations of a place [px], sigma_X, sigma_Y, sigma_Z [mm], the
-    epipolar distance e [px], and exx, eyy, exy, the Green-Lagrange strain, if it is given. A column more names
-    the outcome; a point that was lost has its row, its numbers are empty.
+    The columns are those of a VIC-3D export: reference position X, Y, Z and displacement U, V, W [mm] (X
+    across, Y along the axis toward the flyer, Z toward the cameras), the place x, y in the picture of camera
+    0 [px], Sigma, the larger of both cameras' standard deviations of a place [px], sigma_X, sigma_Y, sigma_Z
+    [mm], the epipolar distance e [px], and exx, eyy, exy, the Green-Lagrange strain, if it is given. A column
+    more names the outcome; a point that was lost has its row, its numbers are empty.
 
     Parameters
     ----------

@@ -116,7 +116,10 @@ def stored_key(path: Path) -> str | None:
     """The `key` that a result file was written with; None if there is no such file or it is no result."""
     try:
         with h5py.File(path, "r") as file:
-            if file.attrs.get("format") != layout.FORMAT or file.attrs.get("format_version") != layout.VERSION:
+            if (
+                file.attrs.get("format") != layout.FORMAT
+                or file.attrs.get("format_version") != layout.VERSION
+            ):
                 return None
             key = file.attrs.get("key")
             return key if isinstance(key, str) else None
@@ -192,7 +195,9 @@ def _read_entry(entry: h5py.Group) -> StereoResult:
 def _read_body(group: h5py.Group, n_frames: int) -> Body:
     rows = _read(group, layout.BODY, {**layout.FIXED, "frames": n_frames})
     surface = SurfaceHistory(**{name: rows.pop(name) for name in ("t", "X", "u", "sigma", "outcome")})
-    pairs = {name: (rows.pop(f"{name}_0"), rows.pop(f"{name}_1")) for name in ("pixels", "match_sigma", "zncc")}
+    pairs: dict[str, Any] = {
+        name: (rows.pop(f"{name}_0"), rows.pop(f"{name}_1")) for name in ("pixels", "match_sigma", "zncc")
+    }
     return Body(surface=surface, **pairs, **rows)
 
 

@@ -47,7 +47,8 @@ def geometry(result: StereoResult) -> dict[str, float]:
     Returns
     -------
     dict
-        "scale_x", "scale_y": pixels of camera 0 per metre across and along the specimen; "stereo_angle" [rad];
+        "scale_x", "scale_y": pixels of camera 0 per metre across and along the specimen; "stereo_angle"
+        [rad];
         "distance" of camera 0 from the surface [m].
     """
     first, second = result.rig.cameras
@@ -88,7 +89,10 @@ def _hardware(result: StereoResult, facts: Mapping[str, Any]) -> list[Row]:
         ("image scale", f"{per_mm[0]:.4g} px/mm across, {per_mm[1]:.4g} px/mm along the axis"),
         ("stereo angle", f"{np.degrees(seen['stereo_angle']):.4g} degrees"),
         ("stand-off distance", f"{1e3 * seen['distance']:.4g} mm"),
-        ("image acquisition rate", f"{1.0 / np.median(np.diff(result.t)):.6g} frames/s, {len(result.t)} frames"),
+        (
+            "image acquisition rate",
+            f"{1.0 / np.median(np.diff(result.t)):.6g} frames/s, {len(result.t)} frames",
+        ),
         ("patterning technique", stated["pattern"]),
         (
             "pattern feature size",
@@ -112,13 +116,19 @@ def _analysis(result: StereoResult, facts: Mapping[str, Any]) -> list[Row]:
         ),
         ("subset size", f"{subset} px, {subset / per_mm:.3g} mm"),
         ("step size", f"{step} px, {step / per_mm:.3g} mm"),
-        ("subset shape function", f"{settings['shape']} in time, {settings['stereo_shape']} between the cameras"),
+        (
+            "subset shape function",
+            f"{settings['shape']} in time, {settings['stereo_shape']} between the cameras",
+        ),
         ("matching criterion", str(settings["criterion"])),
         ("interpolant", str(settings["interpolant"])),
         ("reference", str(settings["reference"])),
         ("strain window", f"{window} x {window} points"),
         ("virtual strain gauge", f"{gauge:g} px, {gauge / per_mm:.3g} mm"),
-        ("strain formulation", "Green-Lagrange, from linear fits of the places at rest and now over the window"),
+        (
+            "strain formulation",
+            "Green-Lagrange, from linear fits of the places at rest and now over the window",
+        ),
         ("post-processing filter", "none"),
         ("calibration", str(facts.get("calibration", NOT_STATED))),
         ("epipolar distance, rms", f"{result.specimen.epipolar_rms:.3g} px"),
@@ -142,7 +152,11 @@ def _noise(result: StereoResult) -> list[Row]:
         text = NOT_STATED if not np.isfinite(value) else f"{1e6 * value:.3g} um/m in time"
         rows.append(Row("noise floor", f"strain {name}", text))
     rows.append(
-        Row("noise floor", "taken from", f"{noise.n_frames} static frames, {noise.n_points} points valid in all")
+        Row(
+            "noise floor",
+            "taken from",
+            f"{noise.n_frames} static frames, {noise.n_points} points valid in all",
+        )
     )
     return rows
 

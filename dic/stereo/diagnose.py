@@ -79,7 +79,7 @@ def diagnose(
     -------
     tuple of Finding
         Empty if nothing is wrong that epipolar distances show. They do not show an offset along the epipolar
-        lines of some pixels, or a motion along them.
+        lines of some pixels, a motion along them, or the exchange of cameras that are aligned to `tolerance`.
 
     Raises
     ------

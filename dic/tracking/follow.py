@@ -10,7 +10,7 @@ from dic.correlation import Noise, PictureStack
 from dic.correlation.warp import identity
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.tracking.frame_match import FrameMatch
-from dic.tracking.frames import Picture, Series, count, judge, read
+from dic.tracking.frames import Picture, Scene, Series, count, read
 from dic.tracking.matcher import Matcher, shares
 from dic.tracking.neighbours import Neighbours
 from dic.tracking.predict import Predictor
@@ -159,7 +159,7 @@ class _Run:
         )
         self.neighbours = Neighbours.of(points)
         self.predictor = Predictor(n)
-        self.material: Picture
+        self.scene: Scene
         self.updates = Updates(self.references, settings)
         self.last: Last | None = None
         self.frame_outcome = np.full(n_frames, int(FrameOutcome.VALID))
@@ -185,17 +185,17 @@ class _Run:
         warp = identity(n) if start is None else np.array(start, dtype=np.float64)
         none = np.zeros((n, 2, 2))
         if material is not None:
-            self.material = np.asarray(material)
-            self.references.add(MATERIAL, self.material, self._prepared(self.material))
+            other = np.asarray(material)
+            self.scene = Scene.of(other)
+            self.references.add(MATERIAL, other, self._prepared(other))
             self.references.start(self._root(MATERIAL, identity(n), none, own=True))
             self.predictor.add(first, np.arange(n), warp)
-            self.predictor.known[:] = 1
             return
         picture = read(self.pictures, first)
-        outcome = FrameOutcome.UNREADABLE if picture is None else judge(picture, picture)
+        outcome = FrameOutcome.UNREADABLE if picture is None else Scene.of(picture).judge(picture)
         if picture is None or not outcome.ok:
             raise ValueError(f"frame {first} cannot be the first reference: {outcome.cause}; choose another")
-        self.material = picture
+        self.scene = Scene.of(picture)
         stack = self._prepared(picture)
         self.references.add(first, picture, stack)
         before = none
@@ -227,7 +227,7 @@ class _Run:
         if self.declared is not None and self.declared[frame] != int(FrameOutcome.VALID):
             outcome = FrameOutcome(int(self.declared[frame]))
         else:
-            outcome = judge(picture, self.material)
+            outcome = self.scene.judge(picture)
         if picture is None or not outcome.ok:
             self.frame_outcome[frame] = int(outcome)
             return

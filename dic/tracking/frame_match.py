@@ -72,6 +72,8 @@ class FrameMatch:
         if np.mean(here.valid) < settings.least_valid and settings.search > 0:
             here.seed()
             here.propagate()
+        here.confirm()
+        here.propagate()
         return here
 
     @property
@@ -114,6 +116,18 @@ class FrameMatch:
             found = self.attempt(rows, guess)
             fresh = np.zeros_like(fresh)
             fresh[found] = True
+
+    def confirm(self) -> None:
+        """Give up points that neither their neighbours nor their past vouch for.
+
+        In a picture of another scene single subsets find something alike; they lie where nobody expects them.
+        """
+        valid = np.flatnonzero(self.valid)
+        off = np.hypot(*(self.warp[valid, :2] - self.guess[valid, :2]).T)
+        gate = self.settings.neighbour_gate
+        alone = ~self.neighbours.agreeing(self.warp, self.valid, valid, gate, asked=3)
+        against = ~self.neighbours.agreeing(self.warp, self.valid, valid, gate)
+        self.outcome[valid[against | (alone & (off > gate))]] = int(PointOutcome.LOW_CORRELATION)
 
     def seed(self) -> None:
         """Search for some of the points far from where they were expected, by features and by windows."""

@@ -8,12 +8,17 @@ from numpy.typing import NDArray
 from dic.correlation import Match, Noise, PictureStack, correlate
 from dic.correlation.settings import Correlation
 from dic.correlation.warp import apply
-from dic.tracking.references import References, Template, gradient, relative
+from dic.tracking.references import References, Template, determinant, gradient, relative
 from dic.tracking.residual import enlarged, excess, local_variance
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
+
+
+RESIDUE = 2.0
+"""Share of a match's own variance that a change of reference leaves in the chain, over the variance of the
+match in the material times its samples; measured (verification page of the tracking)."""
 
 
 @dataclass(frozen=True)
@@ -89,8 +94,8 @@ def shares(warp: FloatArray, reference_warp: FloatArray) -> tuple[FloatArray, Fl
     Samples that lie closer than a pixel share its noise, so that the noise of a picture weighs with the
     number of samples per pixel, 1 / det F, where the subset is flattened in it.
     """
-    template = 1.0 / np.minimum(np.abs(np.linalg.det(gradient(reference_warp))), 1.0)
-    searched = 1.0 / np.minimum(np.abs(np.linalg.det(gradient(warp))), 1.0)
+    template = 1.0 / np.minimum(np.abs(determinant(gradient(reference_warp))), 1.0)
+    searched = 1.0 / np.minimum(np.abs(determinant(gradient(warp))), 1.0)
     total = template + searched
     return template / total, searched / total
 
@@ -121,5 +126,9 @@ def compose(
     F = relative(warp, template.warp)
     own = enlarged(match_covariance * searched[:, None, None], gradient(warp), beyond)
     left = np.where(template.root, reference, 0.0)
-    carried = F @ template.before @ np.swapaxes(F, -1, -2) + match_covariance * left[:, None, None]
-    return carried + own, carried
+    before = F @ template.before @ np.swapaxes(F, -1, -2) + match_covariance * left[:, None, None]
+    # variance of a place times samples, in the material: twice the noise over the gradients' mean square
+    area = np.maximum(np.abs(determinant(gradient(warp))), 1e-12)
+    rough = template.subset**2 * np.sqrt(np.maximum(determinant(match_covariance), 0.0)) / area
+    carried = before + np.minimum(RESIDUE * rough, 1.0)[:, None, None] * own
+    return before + own, carried

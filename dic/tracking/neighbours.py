@@ -74,11 +74,14 @@ class Neighbours:
         """Which points have a neighbour among the `usable` ones, shape [n]."""
         return np.any(self.there & usable[self.index], axis=1)
 
-    def agreeing(self, warp: FloatArray, usable: BoolArray, rows: IntArray, gate: float) -> BoolArray:
+    def agreeing(
+        self, warp: FloatArray, usable: BoolArray, rows: IntArray, gate: float, *, asked: int | None = None
+    ) -> BoolArray:
         """Which points lie where two of their neighbours put them, shape [len(rows)].
 
         Two, not most: at the border of two bodies most neighbours may belong to the other one. A point with
-        fewer than three neighbours found has nobody to contradict it and agrees.
+        fewer than three neighbours found has nobody to contradict it and agrees; with `asked`, only one that
+        has fewer than so many neighbours at all.
 
         Parameters
         ----------
@@ -86,6 +89,8 @@ class Neighbours:
             As in `best`.
         gate
             Largest distance [px].
+        asked
+            Neighbours from which on they are asked, found or not; None: three that were found.
         """
         index, step = self.index[rows], self.step[rows]
         near = warp[index]
@@ -93,6 +98,8 @@ class Neighbours:
         u = near[..., 0] + near[..., 2] * x + near[..., 3] * y
         v = near[..., 1] + near[..., 4] * x + near[..., 5] * y
         off = np.hypot(u - warp[rows, None, 0], v - warp[rows, None, 1])
-        asked = self.there[rows] & usable[index]
-        votes = np.sum(asked & (off <= gate), axis=1)
-        return (votes >= 2) | (np.sum(asked, axis=1) < 3)
+        found = self.there[rows] & usable[index]
+        votes = np.sum(found & (off <= gate), axis=1)
+        if asked is None:
+            return (votes >= 2) | (np.sum(found, axis=1) < 3)
+        return (votes >= 2) | (np.sum(self.there[rows], axis=1) < asked)

@@ -42,17 +42,20 @@ class Predictor:
 
     def add(self, frame: int, rows: IntArray, warp: FloatArray) -> None:
         """Take in that points `rows` were found in `frame` with these warps, shape [len(rows), 12]."""
-        past = self.known[rows] > max(ORDERS)
-        if self._foretold and np.any(past):
+        highest = min(int(np.max(self.known[rows], initial=0)) - 1, max(ORDERS))
+        if self._foretold and highest > 0:
+            past = self.known[rows] > highest
             found = warp[past]
-            off = [np.abs(self._foretold[order][rows[past]] - found) for order in ORDERS]
+            off = [np.abs(self._foretold[k][rows[past]] - found) for k in ORDERS[: highest + 1]]
             for k, part in enumerate(PARTS):
                 self.order[k] = int(np.argmin([np.median(o[:, part].max(axis=1)) for o in off]))
         self._foretold = {}
+        again = (self.known[rows] > 0) & (self.frame[0, rows] == frame)  # a first guess, now found
+        later = rows[~again]
         for kept in (self.frame, self.warp):
-            kept[1:, rows] = kept[:-1, rows]
+            kept[1:, later] = kept[:-1, later]
         self.frame[0, rows], self.warp[0, rows] = frame, warp
-        self.known[rows] = np.minimum(self.known[rows] + 1, 3)
+        self.known[later] = np.minimum(self.known[later] + 1, 3)
 
     def _extrapolated(self, frame: int, order: int) -> FloatArray:
         """Lagrange's polynomial through the latest `order` + 1 frames of each point, at `frame`."""

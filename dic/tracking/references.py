@@ -9,7 +9,9 @@ noise of picture B enters the match A → B and the match B → C with opposite 
 
 so that to first order the chain has the error of the one match A → C. What is carried along a chain is
 therefore the part of the covariance that comes from the root's template, mapped by the deformation since;
-added is, of the last match, the part that comes from the picture searched in.
+added is, of the last match, the part that comes from the picture searched in. What remains of a change of
+reference is of second order: the gradients of the new template hold noise of their own. Its share in them
+goes as the variance of a match times its samples, and so does what is carried along (`dic.tracking.matcher`).
 """
 
 from dataclasses import dataclass, fields
@@ -35,13 +37,22 @@ def gradient(warp: FloatArray) -> FloatArray:
 
 def relative(warp: FloatArray, reference_warp: FloatArray) -> FloatArray:
     """Deformation gradient since the reference, F F_ref⁻¹, shape [..., 2, 2]."""
-    return np.asarray(gradient(warp) @ np.linalg.inv(gradient(reference_warp)))
+    F = gradient(reference_warp)
+    adjugate = np.stack(
+        [np.stack([F[..., 1, 1], -F[..., 0, 1]], -1), np.stack([-F[..., 1, 0], F[..., 0, 0]], -1)], -2
+    )
+    return np.asarray(gradient(warp) @ adjugate / determinant(F)[..., None, None])
+
+
+def determinant(F: FloatArray) -> FloatArray:
+    """Change of area of deformation gradients [-], shape [...]."""
+    return np.asarray(F[..., 0, 0] * F[..., 1, 1] - F[..., 0, 1] * F[..., 1, 0])
 
 
 def principal(F: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Largest and smallest principal stretch of deformation gradients [-], shape [...] each."""
     total = np.sum(F * F, axis=(-2, -1))
-    area = np.abs(np.linalg.det(F))
+    area = np.abs(determinant(F))
     root = np.sqrt(np.maximum(total + 2.0 * area, 0.0))
     gap = np.sqrt(np.maximum(total - 2.0 * area, 0.0))
     return np.asarray((root + gap) / 2.0), np.asarray((root - gap) / 2.0)

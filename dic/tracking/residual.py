@@ -76,9 +76,11 @@ def enlarged(covariance: FloatArray, F: FloatArray, by: FloatArray) -> FloatArra
     by
         Excess of the residuals, shape [n].
     """
-    # eigenvectors of F Fᵀ: the principal directions as the picture shows them, smallest stretch first
-    _, axes = np.linalg.eigh(F @ np.swapaxes(F, -1, -2))
-    grown = 1.0 + np.stack([ALONG * by, ACROSS * by], axis=-1)
-    factor = np.sqrt(grown / (1.0 + by[:, None]))
-    Q = (axes * factor[:, None, :]) @ np.swapaxes(axes, -1, -2)
+    # the principal directions as the picture shows them are those of F Fᵀ
+    B = F @ np.swapaxes(F, -1, -2)
+    largest = 0.5 * np.arctan2(2.0 * B[:, 0, 1], B[:, 0, 0] - B[:, 1, 1])
+    along = np.sqrt((1.0 + ALONG * by) / (1.0 + by))[:, None, None]
+    across = np.sqrt((1.0 + ACROSS * by) / (1.0 + by))[:, None, None]
+    e = np.stack([np.cos(largest), np.sin(largest)], axis=-1)
+    Q = along * np.eye(2) + (across - along) * e[:, :, None] * e[:, None, :]
     return np.asarray(Q @ covariance @ Q)

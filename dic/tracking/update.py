@@ -118,11 +118,14 @@ class Updates:
         strain = np.log(stretch(relative(here.warp[valid], here.template.warp[valid])))
         limit = np.log(self.settings.update_stretch)
         asks = (strain > limit) | (poor & self.low[valid])
-        if np.mean(asks) < QUORUM:
+        if np.sum(asks) < QUORUM * len(asks):
             asks = strain > URGENT * limit
         if np.any(asks):
             asks |= strain > JOIN * limit
         rows = valid[asks]
+        if len(rows) == 0:
+            self.low = low
+            return
         self.references.renew(rows, self._template(here.matcher, rows, frame, here.warp, carried))
         self.fresh[rows], low[rows] = np.nan, False
         self.low = low

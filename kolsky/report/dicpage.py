@@ -1,4 +1,5 @@
-"""One self-contained page about the surfaces of a shot: figures, noise floors, outcomes, the reporting table."""
+"""One self-contained page about the surfaces of a shot: figures, noise floors, outcomes, the reporting
+table."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -70,7 +71,10 @@ def render(shown: View, inputs: Mapping[str, str]) -> str:
         remarks=result.remarks,
         outcomes=_outcomes(shown),
         frames=_frames(shown),
-        parts=[(part, [row for row in table if row.part == part]) for part in dict.fromkeys(r.part for r in table)],
+        parts=[
+            (part, [row for row in table if row.part == part])
+            for part in dict.fromkeys(r.part for r in table)
+        ],
         inputs=list(inputs.items()),
         seconds=[(name, f"{value:.3g} s") for name, value in result.seconds.items()],
     )

@@ -26,7 +26,8 @@ class View:
     pictures: Mapping[int, NDArray[np.generic]]
     """Some pictures of camera 0 by frame, each of shape [rows, columns]."""
     kymograph: FloatArray
-    """The centre line's column of every picture of camera 0, NaN where it cannot be read, [rows, n_frames]."""
+    """The centre line's column of every picture of camera 0, NaN where it cannot be read, [rows,
+    n_frames]."""
 
 
 def view(shot: str, result: StereoResult, pictures: Pictures) -> View:

@@ -95,7 +95,10 @@ def _strain(surface: SurfaceHistory, rng) -> SurfaceStrain:
     lost = ~surface.valid
     value = np.where(lost[..., None], np.nan, rng.normal(0.0, 2e-4, shape))
     return SurfaceStrain(
-        value=value, sigma=np.where(lost[..., None], np.nan, np.full(shape, 2e-4)), outcome=lost.astype(np.int64), gauge=37.0
+        value=value,
+        sigma=np.where(lost[..., None], np.nan, np.full(shape, 2e-4)),
+        outcome=lost.astype(np.int64),
+        gauge=37.0,
     )
 
 

@@ -118,6 +118,32 @@ def test_an_imagej_stack_with_one_header_for_all_pages(tmp_path, pages, cut):
     assert (found[3] is None) == bool(cut)
 
 
+@pytest.mark.parametrize("imagej", [True, False])
+def test_a_stack_cut_off_before_its_other_headers_keeps_the_frames_before_the_cut(tmp_path, pages, imagej):
+    tifffile.imwrite(tmp_path / "a.tif", pages, photometric="minisblack", imagej=imagej)
+    with tifffile.TiffFile(tmp_path / "a.tif") as file:
+        cut = file.pages[3].dataoffsets[0] + 5
+        assert file.pages[1].offset > cut  # the header of the second page comes after all grey values
+    pictures = open_pictures(written(tmp_path, (tmp_path / "a.tif").read_bytes()[:cut], "cut.tif"))
+    assert pictures.n_frames == 4
+    found = read_all(pictures)
+    np.testing.assert_array_equal(found[:3], pages[:3])
+    assert found[3] is None
+
+
+def test_pages_that_lie_apart_are_not_taken_for_a_stack(tmp_path, pages):
+    with tifffile.TiffWriter(tmp_path / "a.tif") as writer:
+        for page in pages:
+            note = '{"shape": [4, 6, 7]}'
+            writer.write(page, photometric="minisblack", contiguous=False, metadata=None, description=note)
+    with tifffile.TiffFile(tmp_path / "a.tif") as file:
+        cut = file.pages[1].offset + 1  # as many bytes as the second page's would follow
+    data = (tmp_path / "a.tif").read_bytes()[:cut]
+    found = read_all(open_pictures(written(tmp_path, data, "cut.tif")))
+    np.testing.assert_array_equal(found[0], pages[0])
+    assert found[1:] == [None, None, None]
+
+
 def tiff_with(**tags):
     """A small 12-bit TIFF in which some tags lie."""
     names = {"columns": 256, "rows": 257, "strip": 273, "count": 279, "samples": 277}

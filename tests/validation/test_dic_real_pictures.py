@@ -133,3 +133,33 @@ def test_the_predicted_floor_is_nearly_that_of_the_match(shot):
     # speckles, and the reference is noisy too: about a tenth more
     assert np.all(np.std(normalised, axis=(0, 1)) > 1.0)
     assert np.all(np.std(normalised, axis=(0, 1)) < 1.2)
+
+
+@pytest.mark.parametrize("name", ["open-01", "open-02"])
+def test_faults_put_into_a_good_shot_are_found_and_nothing_else(shot, name):
+    series = open_pictures(shot.parent / name / "cam1.tif", bits=12)
+    frames = [series.frame(k) for k in range(series.n_frames)]
+    rng = np.random.default_rng(3)
+    row, column = np.mgrid[:128, :128]
+    spot = 3500.0 * np.exp(-((row - 70) ** 2 + (column - 50) ** 2) / (2.0 * 9.0**2))
+    for k in (60, 61, 62):  # a specular highlight that comes and goes
+        frames[k] = np.minimum(frames[k] + spot, 4095).astype(np.uint16)
+    frames[30] = np.clip(np.rint(15.0 + 10.0 * rng.normal(size=(128, 128))), 0, 4095).astype(np.uint16)
+    frames[120] = np.minimum(5 * frames[120].astype(int), 4095).astype(np.uint16)
+    frames[150] = (frames[150] * 0.6).astype(np.uint16)  # the lamp flickers: nothing to report
+    health = frame_health(Faulty(series, frames))
+    assert np.flatnonzero(health.outcome == FrameOutcome.BLACK).tolist() == [30]
+    assert np.flatnonzero(health.outcome == FrameOutcome.SATURATED).tolist() == [120]
+    assert np.flatnonzero(health.flashed).tolist() == [60, 61, 62]
+    assert sorted(health.notes) == [30, 60, 61, 62, 120]
+
+
+class Faulty:
+    """A series with some of its frames replaced."""
+
+    def __init__(self, series, frames):
+        self.path, self.n_frames, self.shape, self.bits = series.path, series.n_frames, series.shape, 12
+        self.crop_offset, self.times, self._frames = (0.0, 0.0), None, frames
+
+    def frame(self, index):
+        return self._frames[index]

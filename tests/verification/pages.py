@@ -56,6 +56,8 @@ TOPICS = [
     "derivatives",
     "adjoint",
     "failure",
+    "dic_correlation",
+    "dic_tracking",
     "dic_stereo",
 ]
 """Modules of the manual, in its order."""

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from dic.correlation.kernels.device import select_device
 from dic.correlation.kernels.grain import between_pixels, gradient_noise
+from dic.correlation.kernels.packs import BLOCK
 from dic.correlation.kernels.search import search_source
 from dic.correlation.kernels.spline import PAD
 from dic.correlation.match import Match
 from dic.correlation.settings import Correlation
 from dic.correlation.stack import PictureStack
-from dic.outcome import PointOutcome
 
 FLAGS = "-march=native -ffp-contract=fast -mprefer-vector-width=512 -mstackrealign"
 SHARE = 512
@@ -89,8 +89,8 @@ class Job:
     warp: wp.array(dtype=wp.float64)
     covariance: wp.array(dtype=wp.float64)
     zncc: wp.array(dtype=wp.float64)
-    iterations: wp.array(dtype=wp.int32)
-    outcome: wp.array(dtype=wp.int32)
+    iterations: wp.array(dtype=wp.int64)
+    outcome: wp.array(dtype=wp.int64)
 
 
 @cache
@@ -123,7 +123,7 @@ def launch(job: Any, parameters: int, n: int, device: Any, threads: int) -> None
     if device.is_cuda:
         slots = min(n, device.sm_count * WARPS_PER_PROCESSOR)
         job.scratch = wp.empty(slots * 4 * job.room, dtype=wp.float32, device=device)
-        wp.launch(kernel, dim=slots * 32, inputs=[job, slots, 0, n, 32], device=device, block_dim=128)
+        wp.launch(kernel, dim=slots * 32, inputs=[job, slots, 0, n, 32], device=device, block_dim=BLOCK)
         return
     wp.load_module(kernel.module, device=device, block_dim=1)
     scratch = [wp.empty(4 * job.room, dtype=wp.float32, device=device) for _ in range(threads)]
@@ -148,10 +148,8 @@ def launch(job: Any, parameters: int, n: int, device: Any, threads: int) -> None
             done.result()
 
 
-def search(
-    reference: PictureStack, deformed: PictureStack, batch: Batch, settings: Correlation, threads: int
-) -> Match:
-    """Search a batch on the device of its pictures."""
+def prepare(reference: PictureStack, deformed: PictureStack, batch: Batch, settings: Correlation) -> Any:
+    """Everything that a launch reads and writes, on the device of the pictures."""
     device, n = select_device(reference.device), len(batch.points)
     job = Job()
 
@@ -168,9 +166,6 @@ def search(
         setattr(job, f"{name}_stride", stride)
         setattr(job, f"{name}_floor", to_device(np.array([v.floor**2 for v in stack.noise]), wp.float64))
         setattr(job, f"{name}_gain", to_device(np.array([v.gain for v in stack.noise]), wp.float64))
-    given = np.isfinite(batch.guess).all(axis=1)
-    if batch.reference is not None:
-        given &= np.isfinite(batch.reference).all(axis=1)
     job.points = to_device(batch.points, wp.float64)
     job.guess = to_device(batch.guess, wp.float64)
     if batch.reference is not None:
@@ -189,18 +184,24 @@ def search(
     table, job.room = offsets(settings.subset)
     job.offsets = to_device(table, wp.float32)
     job.warp = wp.empty(12 * n, dtype=wp.float64, device=device)
-    job.covariance = wp.empty(3 * n, dtype=wp.float64, device=device)
+    job.covariance = wp.empty(4 * n, dtype=wp.float64, device=device)
     job.zncc = wp.empty(n, dtype=wp.float64, device=device)
-    job.iterations = wp.empty(n, dtype=wp.int32, device=device)
-    job.outcome = wp.empty(n, dtype=wp.int32, device=device)
+    job.iterations = wp.empty(n, dtype=wp.int64, device=device)
+    job.outcome = wp.empty(n, dtype=wp.int64, device=device)
+    return job
+
+
+def search(
+    reference: PictureStack, deformed: PictureStack, batch: Batch, settings: Correlation, threads: int
+) -> Match:
+    """Search a batch on the device of its pictures."""
+    job, n = prepare(reference, deformed, batch, settings), len(batch.points)
     if n:
-        launch(job, int(settings.shape), n, device, threads)
-    outcome = job.outcome.numpy().astype(np.int64)
-    outcome[~given] = PointOutcome.NO_FIRST_GUESS
+        launch(job, int(settings.shape), n, select_device(reference.device), threads)
     return Match(
         warp=job.warp.numpy().reshape(n, 12),
-        covariance=job.covariance.numpy().reshape(n, 3)[:, [0, 1, 1, 2]].reshape(n, 2, 2),
+        covariance=job.covariance.numpy().reshape(n, 2, 2),
         zncc=job.zncc.numpy(),
-        iterations=job.iterations.numpy().astype(np.int64),
-        outcome=outcome,
+        iterations=job.iterations.numpy(),
+        outcome=job.outcome.numpy(),
     )

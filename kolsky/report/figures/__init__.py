@@ -3,6 +3,8 @@
 from typing import Any
 
 from kolsky.report.figures import (
+    calibration_pairs,
+    calibration_residuals,
     contour,
     energy,
     flyer_motion,
@@ -20,7 +22,7 @@ from kolsky.report.figures import (
 )
 from kolsky.report.figures.base import FigureKind
 
-__all__ = ["REGISTRY", "SPECKLES", "SURFACES", "FigureKind"]
+__all__ = ["CALIBRATION", "REGISTRY", "SPECKLES", "SURFACES", "FigureKind"]
 
 REGISTRY: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND
@@ -32,5 +34,9 @@ SURFACES: dict[str, FigureKind[Any]] = {
     for module in (overlay_sigma, overlay_epipolar, lost_points, kymograph, flyer_motion)
 }
 """Every figure of the surfaces that pictures gave, likewise."""
+CALIBRATION: dict[str, FigureKind[Any]] = {
+    module.KIND.name: module.KIND for module in (calibration_residuals, calibration_pairs)
+}
+"""Every figure of a calibration, likewise."""
 SPECKLES: dict[str, FigureKind[Any]] = {speckle_floor.KIND.name: speckle_floor.KIND}
 """Every figure of a speckle pattern, likewise."""

@@ -9,8 +9,8 @@ from kolsky.report.view import View
 def caption(view: View) -> str:
     """What is seen."""
     return (
-        "Flyer. (a) Displacement toward the specimen, and (b) its difference quotients from frame to frame, both "
-        "with ±2σ; grey: static frames. (c) Standard deviation of one displacement."
+        "Flyer. (a) Displacement toward the specimen, and (b) its difference quotients from frame to "
+        "frame, both with ±2σ; grey: static frames. (c) Standard deviation of one displacement."
     )
 
 
@@ -20,10 +20,22 @@ def draw(view: View, panels: Panels) -> None:
     assert travel is not None  # `applies`
     time = MS * travel.t
     for ax in panels.values():
-        ax.axvspan(MS * result.t[0], MS * result.t[result.static].max(initial=result.t[0]), color=GREY, alpha=0.2, lw=0.0)
+        ax.axvspan(
+            MS * result.t[0],
+            MS * result.t[result.static].max(initial=result.t[0]),
+            color=GREY,
+            alpha=0.2,
+            lw=0.0,
+        )
     ax = panels["displacement"]
     ax.errorbar(
-        time, MM * travel.displacement, yerr=2.0 * MM * travel.sigma, fmt="o", ms=1.5, mew=0.0, color=MEASURED,
+        time,
+        MM * travel.displacement,
+        yerr=2.0 * MM * travel.sigma,
+        fmt="o",
+        ms=1.5,
+        mew=0.0,
+        color=MEASURED,
         elinewidth=0.5,
     )
     ax.set_ylabel("Displacement (mm)")
@@ -33,7 +45,13 @@ def draw(view: View, panels: Panels) -> None:
     velocity = np.diff(travel.displacement) / step
     noise = np.hypot(travel.sigma[1:], travel.sigma[:-1]) / step
     ax.errorbar(
-        0.5 * (time[1:] + time[:-1]), velocity, yerr=2.0 * noise, fmt="o", ms=1.5, mew=0.0, color=SHAPE,
+        0.5 * (time[1:] + time[:-1]),
+        velocity,
+        yerr=2.0 * noise,
+        fmt="o",
+        ms=1.5,
+        mew=0.0,
+        color=SHAPE,
         elinewidth=0.5,
     )
     ax.set_ylabel("Velocity (m/s)")

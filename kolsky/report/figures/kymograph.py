@@ -9,9 +9,9 @@ from kolsky.report.view import View
 def caption(view: View) -> str:
     """What is seen."""
     return (
-        "Kymograph of the centre line. (a) One column of camera 0's pictures through time, and the rows in which "
-        "the points nearest to it were found. (b) Measured radius Z at height y above the transmission platen; "
-        "white: no valid point."
+        "Kymograph of the centre line. (a) One column of camera 0's pictures through time, and the rows "
+        "in which the points nearest to it were found. (b) Measured radius Z at height y above the "
+        "transmission platen; white: no valid point."
     )
 
 

@@ -14,6 +14,7 @@ COLOURS = {
     PointOutcome.STEREO_MISMATCH: "#CC79A7",
     PointOutcome.NO_FIRST_GUESS: "#000000",
     PointOutcome.AT_END: "#0072B2",
+    PointOutcome.OFF_SURFACE: "#009E73",
 }
 
 
@@ -36,7 +37,16 @@ def draw(view: View, panels: Panels) -> None:
     body, result = view.result.specimen, view.result
     ax = panels["map"]
     share = body.surface.valid.mean(axis=0)
-    points = ax.scatter(*body.points.T, c=100.0 * share, s=9.0, vmin=0.0, vmax=100.0, cmap="cividis", lw=0.0)
+    points = ax.scatter(
+        body.points[:, 0],
+        body.points[:, 1],
+        c=100.0 * share,
+        s=9.0,
+        vmin=0.0,
+        vmax=100.0,
+        cmap="cividis",
+        lw=0.0,
+    )
     ax.set_aspect("equal")
     ax.invert_yaxis()
     ax.set(xlabel="$x$ (px)", ylabel="$y$ (px)")
@@ -50,15 +60,19 @@ def draw(view: View, panels: Panels) -> None:
     half = 0.5 * float(np.median(np.diff(time)))
     for frame in np.flatnonzero(result.outcome != FrameOutcome.VALID):
         ax.axvspan(time[frame] - half, time[frame] + half, color=GREY, alpha=0.35, lw=0.0)
-    bottom = np.zeros(time.size)
+    bottom, usable = np.zeros(time.size), result.outcome == FrameOutcome.VALID
     found = body.outcomes()
     for outcome, colour in COLOURS.items():
         if outcome not in found:
             continue
-        count = np.sum(body.surface.outcome == outcome, axis=1).astype(float)
+        count = np.where(usable, np.sum(body.surface.outcome == outcome, axis=1), 0.0)
         ax.bar(time, count, 2.0 * half, bottom=bottom, color=colour, label=words(outcome), lw=0.0)
         bottom += count
-    ax.set(xlabel="Time (ms)", ylabel=f"Points lost, of {body.surface.n_points}", xlim=(time[0] - half, time[-1] + half))
+    ax.set(
+        xlabel="Time (ms)",
+        ylabel=f"Points lost, of {body.surface.n_points}",
+        xlim=(time[0] - half, time[-1] + half),
+    )
     ax.set_ylim(0.0, max(1.25 * bottom.max(), 1.0))
     if bottom.any():
         ax.legend(loc="upper left")

@@ -22,15 +22,15 @@ def height_of(view: View) -> float:
     if not view.pictures:
         return 30.0
     rows, columns = next(iter(view.pictures.values())).shape
-    return float(np.clip((PAGE - 12.0) / len(view.pictures) * rows / columns + 17.0, 30.0, 230.0))
+    return float(np.clip((PAGE - 12.0) / len(view.pictures) * rows / columns + 21.0, 30.0, 230.0))
 
 
 def frames_in(view: View, panels: Panels) -> list[tuple[int, Axes]]:
     """Draw the pictures; the frame and panel of each."""
-    drawn = []
+    drawn: list[tuple[int, Axes]] = []
     rates = {name: panel for name, panel in panels.items() if name.startswith("frame ")}
     for (frame, picture), ax, mark in zip(view.pictures.items(), rates.values(), "abcdefgh", strict=False):
-        low, high = np.percentile(picture, [0.5, 99.5])
+        low, high = np.percentile(np.asarray(picture, dtype=np.float64), [0.5, 99.5])
         ax.imshow(picture, cmap="gray", vmin=low, vmax=max(high, low + 1), interpolation="nearest")
         ax.set_xlim(-0.5, picture.shape[1] - 0.5)
         ax.set_ylim(picture.shape[0] - 0.5, -0.5)
@@ -60,6 +60,6 @@ def last_places(view: View, frame: int) -> FloatArray:
     """Where points that are lost in a frame were last seen in camera 0 [px], shape [n, 2]."""
     body = view.result.specimen
     lost = np.flatnonzero(~body.surface.valid[frame])
-    seen = np.isfinite(body.pixels[0][: frame + 1, lost]).all(axis=2)
+    seen = np.asarray(np.isfinite(body.pixels[0][: frame + 1, lost]).all(axis=2))
     last = frame - np.argmax(seen[::-1], axis=0)
     return np.asarray(body.pixels[0][last, lost][seen.any(axis=0)])

@@ -19,10 +19,10 @@ def caption(view: View) -> str:
     size = np.abs(body.epipolar[body.surface.valid])
     low, high = (100.0 * float(np.mean(size > step)) if size.size else 0.0 for step in STEPS)
     return (
-        "Camera 0 at some times, with the valid points of the specimen coloured by the distance of camera 1's "
-        f"point from the epipolar line. Over all frames its rms is {body.epipolar_rms:.3f} px; {low:.2g} % of the "
-        f"points exceed {STEPS[0]:g} px, {high:.2g} % exceed {STEPS[1]:g} px. Crosses: where points that are lost "
-        "at that time were last seen."
+        "Camera 0 at some times, with the valid points of the specimen coloured by the distance of camera "
+        "1's point from the epipolar line. Over all frames its rms is "
+        f"{body.epipolar_rms:.3f} px; {low:.2g} % of the points exceed {STEPS[0]:g} px, {high:.2g} % exceed "
+        f"{STEPS[1]:g} px. Crosses: where points that are lost at that time were last seen."
     )
 
 
@@ -39,11 +39,16 @@ def draw(view: View, panels: Panels) -> None:
         ax.plot(*last_places(view, frame).T, "x", color=LOST, ms=size, mew=0.5)
     names = (f"below {STEPS[0]:g} px", f"{STEPS[0]:g} to {STEPS[1]:g} px", f"above {STEPS[1]:g} px")
     handles = [
-        *(Line2D([], [], marker="o", ls="", color=c, ms=3.5, label=n) for c, n in zip(COLOURS, names, strict=True)),
+        *(
+            Line2D([], [], marker="o", ls="", color=c, ms=3.5, label=n)
+            for c, n in zip(COLOURS, names, strict=True)
+        ),
         Line2D([], [], marker="x", ls="", color=LOST, ms=3.5, label="lost"),
     ]
     if drawn:
-        drawn[0][1].figure.legend(handles=handles, loc="outside lower center", ncols=4, title="Epipolar distance")
+        drawn[0][1].figure.legend(
+            handles=handles, loc="outside lower center", ncols=4, title="Epipolar distance"
+        )
 
 
 KIND: FigureKind[View] = FigureKind(

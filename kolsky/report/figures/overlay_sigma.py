@@ -1,6 +1,9 @@
 """Pictures with the points of the specimen coloured by the uncertainty of their match."""
 
+from typing import Any
+
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 
 from kolsky.report.figures.base import PAGE, FigureKind, Panels, smooth_bar
 from kolsky.report.figures.overlay import LOST, frames_in, height_of, last_places, marker, panels_of
@@ -10,7 +13,8 @@ from kolsky.report.view import View
 def caption(view: View) -> str:
     """What is seen."""
     return (
-        "Camera 0 at some times, with the valid points of the specimen coloured by the larger of both cameras' "
+        "Camera 0 at some times, with the valid points of the specimen coloured by the larger of both "
+        "cameras' "
         "standard deviations of their place; crosses: where points that are lost at that time were last seen."
     )
 
@@ -25,12 +29,19 @@ def draw(view: View, panels: Panels) -> None:
     shown = np.concatenate([sigma[frame][body.surface.valid[frame]] for frame, _ in drawn])
     low, high = (0.0, 1.0) if shown.size == 0 else np.percentile(shown, [1.0, 99.0])
     size = marker(view)
-    points = None
+    points: Any = None
     for frame, ax in drawn:
         valid = body.surface.valid[frame]
         x, y = body.pixels[0][frame, valid].T
         points = ax.scatter(
-            x, y, c=sigma[frame, valid], s=size**2, vmin=low, vmax=max(high, low * 1.01), cmap="plasma", lw=0.0
+            x,
+            y,
+            c=sigma[frame, valid],
+            s=size**2,
+            vmin=low,
+            vmax=max(high, low * 1.01),
+            cmap="plasma",
+            lw=0.0,
         )
         lost = last_places(view, frame)
         ax.plot(*lost.T, "x", color=LOST, ms=size, mew=0.5, clip_on=True)
@@ -39,6 +50,8 @@ def draw(view: View, panels: Panels) -> None:
         points, ax=[ax for _, ax in drawn], location="bottom", shrink=0.5, aspect=45, pad=0.02, extend="both"
     )
     bar.set_label("Standard deviation of a match (px)")
+    bar.locator = MaxNLocator(6)
+    bar.update_ticks()
     smooth_bar(bar)
 
 

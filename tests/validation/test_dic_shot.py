@@ -1,0 +1,267 @@
+"""`kolsky check`, `dic` and a loaded shot from pictures and calibration pictures of open-01 alone."""
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tifffile
+from typer.testing import CliRunner
+
+from dic.output import read_result
+from kolsky.cli import app
+from kolsky.shots import load_shot
+
+ROOT = Path(__file__).parents[2]
+FRAMES = 64
+KEYS = """
+[pictures]
+camera_0 = { file = "cam0.tif", crop_offset = [192, 192] }
+camera_1 = { file = "cam1.tif", crop_offset = [192, 192] }
+bits = 12
+
+[calibration]
+camera_0 = "calibration/cam0_*.png"
+camera_1 = "calibration/cam1_*.png"
+distortion = "k1"
+square_pixels = true
+
+[calibration.target]
+kind = "fiducial_dots"
+columns = 14
+rows = 10
+pitch = "1.2 mm"
+diameter = "0.6 mm"
+hollow = [[2, 2], [11, 2], [2, 7]]
+
+[dic]
+specimen = { x = [20, 105], y = [6, 121] }
+flyer = { x = [0, 127], y = [0, LAST_ROW], frame = LAST_FRAME }
+flyer_side = "up"
+transmission_edge = [60.3, 122.2]
+strip_half_width = "0.6 mm"
+largest_sigma = "10 um"
+subset = 25
+step = 9
+shape = "quadratic"
+
+[reporting]
+lens = "a <virtual> lens & no other"
+
+"""
+runner = CliRunner()
+
+
+def shot_file(last_frame: int, last_row: int) -> str:
+    """open-01's shot file with pictures in place of exports."""
+    text = (ROOT / "runs" / "open-01" / "shot.toml").read_text()
+    before, after = text[: text.index("[flyer]")], text[text.index("[curve]") :]
+    keys = KEYS.replace("LAST_ROW", str(last_row)).replace("LAST_FRAME", str(last_frame))
+    return before + keys + after
+
+
+@pytest.fixture(scope="module")
+def source(shared) -> Path:
+    folder = shared / "data" / "shots" / "open-01"
+    if not folder.is_dir():
+        pytest.skip(f"no {folder}: its pictures are not shipped")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def short(source, tmp_path_factory) -> Path:
+    """The first 64 frames of open-01, with every fifth pair of calibration pictures left out."""
+    folder = tmp_path_factory.mktemp("short") / "open-01"
+    (folder / "calibration").mkdir(parents=True)
+    for name in ("scope.csv", "quasi_static.csv"):
+        shutil.copyfile(source / name, folder / name)
+    for path in (source / "calibration").iterdir():
+        shutil.copyfile(path, folder / "calibration" / path.name)
+    lines = (source / "frames.csv").read_text().splitlines()
+    (folder / "frames.csv").write_text("\n".join(lines[: FRAMES + 1]) + "\n")
+    for camera in (0, 1):
+        pictures = tifffile.imread(source / f"cam{camera}.tif")[:FRAMES]
+        tifffile.imwrite(folder / f"cam{camera}.tif", pictures, photometric="minisblack")
+    # The flyer has come down to row 22 in the last of these pictures; the record of the force covers more.
+    text = shot_file(FRAMES - 1, 20)
+    (folder / "shot.toml").write_text(text.replace("[window] ", '[window]\nend = "460 us"\n#'))
+    return folder
+
+
+@pytest.fixture
+def copy(short, tmp_path) -> Path:
+    return Path(shutil.copytree(short, tmp_path / "open-01", symlinks=True))
+
+
+def replaced(folder: Path, old: str, new: str) -> None:
+    path = folder / "shot.toml"
+    text = path.read_text()
+    assert text.count(old) == 1, f"{old!r} stands {text.count(old)} times"
+    path.write_text(text.replace(old, new))
+
+
+def test_check_opens_and_counts(short):
+    result = runner.invoke(app, ["check", str(short), "--json"])
+    assert result.exit_code == 0, result.stderr
+    told = json.loads(result.stdout)
+    assert told["pictures"]["camera_1,_size"]["value"] == "128 x 128 px at (192, 192) of the sensor"
+    assert told["pictures"]["camera_0,_bits"]["value"] == 12
+    assert told["frames"]["frames"]["value"] == FRAMES
+    assert "flyer" not in told
+    assert set(told["inputs"]) >= {"cam0.tif", "cam1.tif", "calibration/cam0_*.png"}
+    assert not (short / "results").exists()  # a check runs nothing
+
+
+def without_a_picture(folder: Path) -> None:
+    pictures = tifffile.imread(folder / "cam1.tif")
+    tifffile.imwrite(folder / "cam1.tif", pictures[:-1], photometric="minisblack")
+
+
+REFUSED = {
+    "a picture too few": (
+        without_a_picture,
+        ["pictures.camera_1.file", "holds 63 pictures", "lists 64 frames"],
+    ),
+    "a missing file": (
+        lambda f: (f / "cam0.tif").unlink(),
+        ["pictures.camera_0.file", "names a missing file"],
+    ),
+    "no pictures": (
+        lambda f: (f / "cam0.tif").write_text("nothing"),
+        ["pictures.camera_0.file", "cannot be used", "is no TIFF"],
+    ),
+    "no calibration": (
+        lambda f: replaced(f, "[calibration]\n", "[window2]\n"),
+        ["is not a known key", "calibration"],
+    ),
+    "half a region": (lambda f: replaced(f, "y = [6, 121] }", "}"), ["dic.specimen", "is not a region"]),
+    "both sources": (
+        lambda f: replaced(
+            f, 'camera_0 = "calibration/cam0_*.png"', 'file = "rig.xml"\ncamera_0 = "c/a_*.png"'
+        ),
+        ["calibration.camera_0", "beside file"],
+    ),
+    "an even subset": (
+        lambda f: replaced(f, "subset = 25", "subset = 24"),
+        ["dic.subset", "odd, from 5 to 101"],
+    ),
+    "no pattern": (
+        lambda f: replaced(f, "calibration/cam0_*.png", "calibration/cam0_00.png"),
+        ["calibration.camera_0", "matches one file at most"],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_cannot_be_right_is_refused(copy, name):
+    change, fragments = REFUSED[name]
+    change(copy)
+    result = runner.invoke(app, ["check", str(copy)])
+    assert result.exit_code == 2
+    for fragment in fragments:
+        assert fragment in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+def test_a_crop_outside_the_sensor_is_refused(copy):
+    for camera in (0, 1):
+        old = f'"cam{camera}.tif", crop_offset = [192, 192]'
+        replaced(copy, old, old.replace("[192", "[400"))
+    result = runner.invoke(app, ["dic", str(copy)])
+    assert result.exit_code == 2
+    assert "puts 128 x 128 px at (400, 192) of the 512 x 512 px" in result.stderr
+
+
+def test_pictures_without_exports_need_their_tables(copy):
+    text = (copy / "shot.toml").read_text()
+    (copy / "shot.toml").write_text(text[: text.index("[pictures]")] + text[text.index("[calibration]") :])
+    result = runner.invoke(app, ["check", str(copy)])
+    assert result.exit_code == 2
+    assert "flyer is missing" in result.stderr
+    assert "centre_line is missing" in result.stderr
+
+
+@pytest.fixture(scope="module")
+def correlated(short, tmp_path_factory):
+    out = tmp_path_factory.mktemp("out")
+    result = runner.invoke(
+        app, ["dic", str(short), "--out", str(out), "--csv", "--vtp", "--figures", "svg", "--json"]
+    )
+    assert result.exit_code == 0, result.stderr
+    return out, result
+
+
+@pytest.mark.slow
+def test_dic_writes_what_it_says(short, correlated):
+    out, result = correlated
+    told = json.loads(result.stdout)
+    assert told["frames"] == FRAMES
+    assert told["frames_not_usable"] == {}
+    assert told["epipolar_rms_px"] < 0.05  # the calibration's residual is 0.025 px
+    names = {path.name for path in out.iterdir()}
+    assert {
+        "dic.h5",
+        "dic.html",
+        "centreline.csv",
+        "flyer.csv",
+        "dic_reporting.md",
+        "surface",
+        "vtp",
+    } <= names
+    assert len(list((out / "surface").glob("frame_*.csv"))) == FRAMES
+    assert len(list((out / "vtp").glob("specimen_*.vtp"))) == FRAMES
+    header, first = (out / "surface" / "frame_0000.csv").read_text().splitlines()[:2]
+    assert header.startswith("X,Y,Z,U,V,W,x,y,Sigma,sigma_X,sigma_Y,sigma_Z,e,exx,eyy,exy,outcome")
+    assert first.endswith(",VALID")
+    page = (out / "dic.html").read_text()
+    assert page.count("<figure") == 5
+    assert "a &lt;virtual&gt; lens &amp; no other" in page  # texts of a shot are not markup
+    assert "not stated" in page
+    assert not re.search(r"(?:src|href)=.https?:", page)  # nothing from outside
+    again = runner.invoke(app, ["dic", str(short), "--out", str(out)])
+    assert "(as it was)" in again.stdout  # the same inputs and settings are not correlated twice
+
+
+@pytest.mark.slow
+def test_a_shot_without_exports_is_its_pictures(short, correlated, source):
+    out, _ = correlated
+    from kolsky.measure import measured
+
+    shot = load_shot(short, measure=lambda seen: measured(seen, out))
+    with np.load(source / "truth_surface.npz") as truth:
+        t, d = truth["t"], truth["d"]
+    off = shot.flyer.displacement - np.interp(shot.flyer.time, t, d)
+    assert shot.flyer.time.size == FRAMES
+    assert np.sqrt(np.mean(off**2)) < 3e-6  # the issue's target for the flyer
+    assert set(shot.centre_line.frame) == set(range(FRAMES))
+    rest = shot.centre_line.time <= shot.window[0]
+    assert np.abs(np.median(shot.centre_line.Z[rest]) - 4.75e-3) < 3e-6  # axis from the declared diameter
+
+
+@pytest.mark.slow
+def test_a_truncated_file_costs_the_frames_after_the_cut(copy, correlated):
+    path = copy / "cam1.tif"
+    data = path.read_bytes()
+    pages = tifffile.imread(path)
+    kept = 40
+    with tifffile.TiffWriter(path) as writer:  # page by page: the header of a page stands before its data
+        for page in pages:
+            writer.write(page, contiguous=False, photometric="minisblack", metadata=None)
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) * kept // FRAMES])
+    result = runner.invoke(app, ["check", str(copy), "--json"])
+    assert result.exit_code == 0, result.stderr
+    missing = json.loads(result.stdout)["pictures"]["camera_1,_pictures_cut_off"]["value"]
+    assert FRAMES - kept - 1 <= missing <= FRAMES - kept + 2
+    result = runner.invoke(app, ["dic", str(copy), "--json"])
+    assert result.exit_code == 0, result.stderr
+    told = json.loads(result.stdout)
+    assert told["frames_not_usable"] == {str(k): "unreadable" for k in range(FRAMES - missing, FRAMES)}
+    assert any("unreadable pictures: camera 1" in text for text in told["remarks"])
+    whole = read_result(correlated[0] / "dic.h5").specimen.surface
+    cut = read_result(copy / "results" / "dic.h5").specimen.surface
+    upto = slice(0, FRAMES - missing)
+    both = whole.valid[upto] & cut.valid[upto]
+    assert both.sum() > 0.98 * whole.valid[upto].sum()
