@@ -34,6 +34,8 @@ class Sights:
     """Inverse covariances [1/m²], shape [n_frames, n_points, 3, 3]; zero where not valid."""
     valid: BoolArray
     """Which sights are used, shape [n_frames, n_points]."""
+    single: BoolArray
+    """Which are a single camera's: W knows nothing along its ray, shape [n_frames, n_points]."""
     factor: FloatArray
     """Variance factors for overlap [-], shape [n_frames, n_points]."""
 
@@ -45,7 +47,22 @@ class Sights:
     def part(self, frames: IntArray, points: IntArray) -> "Sights":
         """Some frames and points."""
         at = np.ix_(frames, points)
-        return Sights(self.x[at], self.W[at], self.valid[at], self.factor[at])
+        return Sights(self.x[at], self.W[at], self.valid[at], self.single[at], self.factor[at])
+
+    @property
+    def components(self) -> IntArray:
+        """Numbers that each sight measures: 3, 2 of a single camera, 0 if not used."""
+        return np.where(self.valid, np.where(self.single, 2, 3), 0)
+
+
+@dataclass(frozen=True)
+class Habits:
+    """What is known beforehand of how a body moves from one frame to the next."""
+
+    turn: float | None
+    """Standard deviation of its change of attitude, about each axis [rad]; None: any."""
+    sway: float | None
+    """Standard deviation of its displacement across y, along x and Z [m]; None: any."""
 
 
 @dataclass(frozen=True)
@@ -67,15 +84,15 @@ class Poses:
     """Sum of squared residuals in the declared sigmas over the degrees of freedom [-]."""
 
 
-def adjust(sights: Sights, turn: float | None, reject: float) -> Poses:
+def adjust(sights: Sights, habits: Habits, reject: float) -> Poses:
     """Poses of all frames that are connected with the one that sees most points.
 
     Parameters
     ----------
     sights
         What was seen.
-    turn
-        Standard deviation of the change of attitude between neighbouring frames [rad], or None.
+    habits
+        What is known of the motion.
     reject
         Sights farther off than this many (robust) sigmas are left out.
 
@@ -91,21 +108,22 @@ def adjust(sights: Sights, turn: float | None, reject: float) -> Poses:
         size = float(np.sqrt(np.mean(X**2)))
         sigma = float(np.sqrt(3.0 / np.median(np.trace(now.W[now.valid], axis1=1, axis2=2))))
         for _ in range(MOST_STEPS):
-            R, p, X, step, covariance = _step(now, R, p, X, turn, frames, size, sigma)
+            R, p, X, step, covariance = _step(now, R, p, X, habits, frames, size, sigma)
             if step < 1e-4:
                 break
         else:
             raise ValueError(f"the body's poses did not settle in {MOST_STEPS} steps; check its points")
         off = now.x - np.einsum("kab,ib->kia", R, X) - p[:, None]
-        far = np.sqrt(np.einsum("kia,kiab,kib->ki", off, now.W, off, optimize=True) / 3.0)
+        squared = np.einsum("kia,kiab,kib->ki", off, now.W, off, optimize=True)
+        far = np.sqrt(squared / np.where(now.single, 2.0, 3.0))
         limit = reject * max(1.0, 1.4826 * float(np.median(far[now.valid])))
         if not np.any(now.valid & (far > limit)):
             break
         valid = sights.valid.copy()
         valid[np.ix_(frames, points)] &= far <= limit
         sights = replace(sights, valid=valid & (valid.sum(axis=0) >= 2))
-    dof = 3 * int(now.valid.sum()) - 3 * len(points) - 6 * len(frames) + 6
-    chi2 = 3.0 * float(np.sum(far[now.valid] ** 2)) / dof if dof > 0 else 1.0
+    dof = int(now.components.sum()) - 3 * len(points) - 6 * len(frames) + 6
+    chi2 = float(np.sum(squared[now.valid])) / dof if dof > 0 else 1.0
     return Poses(frames, R, p, covariance, now.valid.sum(axis=1), chi2)
 
 
@@ -113,12 +131,13 @@ def _chain(sights: Sights) -> tuple[IntArray, IntArray, FloatArray, FloatArray, 
     """Frames and points that hang together, rough poses, places on the body about their centroid."""
     n_frames, n_points = sights.valid.shape
     weight = np.trace(sights.weights, axis1=2, axis2=3)
+    full = sights.valid & ~sights.single
     R, p = np.tile(np.eye(3), (n_frames, 1, 1)), np.zeros((n_frames, 3))
     X = np.zeros((n_points, 3))
     solved, known = np.zeros(n_frames, dtype=bool), np.zeros(n_points, dtype=bool)
     barred = np.zeros(n_frames, dtype=bool)
     while True:
-        common = sights.valid & known if solved.any() else sights.valid
+        common = full & known if solved.any() else full
         count = np.where(solved | barred, 0, common.sum(axis=1))
         k = int(np.argmax(count))
         if count[k] < FEWEST_POINTS:
@@ -129,7 +148,7 @@ def _chain(sights: Sights) -> tuple[IntArray, IntArray, FloatArray, FloatArray, 
             continue
         if solved.any():
             R[k], p[k] = kabsch(X[who], sights.x[k, who], weight[k, who])
-        new = sights.valid[k] & ~known
+        new = full[k] & ~known
         X[new] = (sights.x[k, new] - p[k]) @ R[k]
         solved[k], known = True, known | new
         if new.any():
@@ -139,6 +158,13 @@ def _chain(sights: Sights) -> tuple[IntArray, IntArray, FloatArray, FloatArray, 
             f"no frame sees {FEWEST_POINTS} points of the body, not on one line, that another frame sees "
             "too; choose more points, or look at their outcomes"
         )
+    with_both = np.flatnonzero(solved)
+    for k in np.flatnonzero(~solved):  # what one camera sees: from the nearest pose, across its rays
+        who = sights.valid[k] & known
+        if who.sum() >= FEWEST_POINTS:
+            near = with_both[np.argmin(np.abs(with_both - k))]
+            R[k], p[k] = R[near], np.mean(sights.x[k, who] - X[who] @ R[near].T, axis=0)
+            solved[k] = True
     centre = X[known].mean(axis=0)
     p = p + np.einsum("kab,b->ka", R, centre)
     frames, points = np.flatnonzero(solved), np.flatnonzero(known)
@@ -158,7 +184,7 @@ def _step(
     R: FloatArray,
     p: FloatArray,
     X: FloatArray,
-    turn: float | None,
+    habits: Habits,
     frames: IntArray,
     size: float,
     sigma: float,
@@ -180,8 +206,10 @@ def _step(
     S = -BD @ B.T
     S.reshape(n, 6, n, 6)[np.arange(n), :, np.arange(n)] += A
     right = pose - BD @ point.ravel()
-    if turn is not None:
-        _add_turns(S.reshape(n, 6, n, 6), right.reshape(n, 6), R, frames, turn / unit[0], unit[0])
+    for prior, what in ((habits.turn, "turn"), (habits.sway, "sway")):
+        if prior is not None:
+            scaled = prior / unit[0 if what == "turn" else 3]
+            _add_habit(S.reshape(n, 6, n, 6), right.reshape(n, 6), R, p, frames, what, scaled, unit)
     # The body's own frame is open: its six motions get a value of their own.
     common = np.zeros((n, 6, 6))
     common[:, :3, :3] = common[:, 3:, 3:] = R
@@ -200,16 +228,26 @@ def _step(
     )
 
 
-def _add_turns(
-    S: FloatArray, right: FloatArray, R: FloatArray, frames: IntArray, turn: float, unit: float
+def _add_habit(
+    S: FloatArray,
+    right: FloatArray,
+    R: FloatArray,
+    p: FloatArray,
+    frames: IntArray,
+    what: str,
+    scaled: float,
+    unit: FloatArray,
 ) -> None:
-    """Add the prior of small turns between neighbouring frames, `turn` in `unit`s of angle."""
+    """Add the prior of small changes between neighbouring frames; `scaled` in `unit`s."""
+    at = slice(0, 3) if what == "turn" else slice(3, 6)
+    across = np.eye(3) if what == "turn" else np.diag([1.0, 0.0, 1.0])
     for a, b in zip(range(len(R) - 1), range(1, len(R)), strict=True):
-        w = np.eye(3) / (turn**2 * (frames[b] - frames[a]))
-        r = Rotation.from_matrix(R[b] @ R[a].T).as_rotvec() / unit
-        S[a, :3, a, :3] += w
-        S[b, :3, b, :3] += w
-        S[a, :3, b, :3] -= w
-        S[b, :3, a, :3] -= w
-        right[a, :3] += w @ r
-        right[b, :3] -= w @ r
+        w = across / (scaled**2 * (frames[b] - frames[a]))
+        r = Rotation.from_matrix(R[b] @ R[a].T).as_rotvec() if what == "turn" else p[b] - p[a]
+        r = r / unit[at]
+        S[a, at, a, at] += w
+        S[b, at, b, at] += w
+        S[a, at, b, at] -= w
+        S[b, at, a, at] -= w
+        right[a, at] += w @ r
+        right[b, at] -= w @ r

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dic.body import BodyMotion
+from dic.body_motion import BodyMotion
 from dic.outcome import FrameOutcome
 from kolsky.flyer import fit_flyer
 from kolsky.flyerpath import FlyerPath

@@ -21,6 +21,8 @@ FloatArray = NDArray[np.float64]
 Pose = tuple[FloatArray, FloatArray]
 
 MOST_STEPS = 100
+ROUGH = 1e-8
+"""A relative tolerance that is no less asks for no more than the way to the valley."""
 SMALL = 3
 """Steps in a row without a gain: one alone may be short because of its damping, in a long, bent valley."""
 FAR = 1e6
@@ -169,7 +171,7 @@ def adjust(rig: Rig, sights: Iterable[Sight], columns: FloatArray, *, tolerance:
             rig, cost, damping = trial, trial_cost, max(damping / 10.0, 1e-15)
             normal = _normal_equations(rig, sights, columns)
             small = small + 1 if gain < tolerance else 0
-            if small == SMALL:
+            if small == (SMALL if tolerance < ROUGH else 1):
                 break
         elif damping > 1e12:
             break

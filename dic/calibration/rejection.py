@@ -20,7 +20,7 @@ and is this many times the median: the first alone would reject the worst of ver
 alone the blurred ones of a mixed set."""
 Z_POINT = 7.0
 """A point is dropped if it is off by more than this many robust standard deviations of its view."""
-REWEIGHTED = 5
+REWEIGHTED = 4
 """Rounds of reweighting before any pair is judged."""
 LEAST_PAIRS = 4
 """With fewer pairs than this there is no majority to judge by."""
@@ -92,7 +92,7 @@ def _solve(rig: Rig, pairs: dict[int, list[Sight]], bad: dict[int, str], columns
     good = [s for pair, views in pairs.items() if pair not in bad for s in views]
     if not any(len(views) == 2 for pair, views in pairs.items() if pair not in bad):
         raise Undetermined("no pair in which both cameras saw the target agrees with the others")
-    return adjust(rig, good, columns)
+    return adjust(rig, good, columns, tolerance=1e-5)
 
 
 def _robust(

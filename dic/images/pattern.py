@@ -6,21 +6,25 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+_LARGEST_WINDOW = 1024
+"""Side of the field whose autocorrelation is computed [px]."""
 
-def width_of_autocorrelation(f: FloatArray, used: Mask, sigma: float) -> tuple[float, float]:
+
+def width_of_autocorrelation(detail: FloatArray, used: Mask, sigma: float) -> tuple[float, float]:
     """Full width at half height of the autocorrelation along x and y [px]; NaN if it never falls by half.
 
     Parameters
     ----------
-    f
-        Grey values, shape [rows, columns].
+    detail
+        Grey values less the illumination, shape [rows, columns].
     used
-        The pixels that count, shape [rows, columns].
+        The pixels that count, shape [rows, columns]; of a large field the middle is taken.
     sigma
         Standard deviation of the noise, taken off the peak [grey].
     """
-    detail = np.where(used, f - _illumination(f, used), 0.0)
-    shape = [2 * side for side in f.shape]  # zeros around: no wrap
+    window = tuple(_middle(np.flatnonzero(used.any(axis=1 - axis))) for axis in (0, 1))
+    detail, used = np.where(used, detail, 0.0)[window], used[window]
+    shape = [2 * side for side in detail.shape]  # zeros around: no wrap
 
     def correlated(a: FloatArray) -> FloatArray:
         spectrum = np.fft.rfft2(a, s=shape)
@@ -29,10 +33,17 @@ def width_of_autocorrelation(f: FloatArray, used: Mask, sigma: float) -> tuple[f
     pairs = correlated(used.astype(np.float64))
     mean = np.where(pairs > 0.5, correlated(detail) / np.maximum(pairs, 1.0), 0.0)
     peak = mean[0, 0] - sigma**2
-    return tuple(  # type: ignore[return-value]
-        _half_width(line[: len(line) // 2] / peak) if peak > 0.0 else float("nan")
-        for line in (mean[0, :], mean[:, 0])
-    )
+    if peak <= 0.0:
+        return float("nan"), float("nan")
+    along_x, along_y = (line[: len(line) // 2] / peak for line in (mean[0, :], mean[:, 0]))
+    return _half_width(along_x), _half_width(along_y)
+
+
+def _middle(places: NDArray[np.int64]) -> slice:
+    """The middle `_LARGEST_WINDOW` of what lies between the first and the last."""
+    low, high = int(places[0]), int(places[-1]) + 1
+    spare = max(high - low - _LARGEST_WINDOW, 0)
+    return slice(low + spare // 2, high - (spare - spare // 2))
 
 
 def _half_width(line: FloatArray) -> float:
@@ -45,15 +56,14 @@ def _half_width(line: FloatArray) -> float:
     return float(2.0 * (k - 1 + (line[k - 1] - 0.5) / (line[k - 1] - line[k])))
 
 
-def coverage_and_diameter(f: FloatArray, used: Mask, sigma: float) -> tuple[float, float]:
+def coverage_and_diameter(f: FloatArray, level: FloatArray, used: Mask, sigma: float) -> tuple[float, float]:
     """Share of dark pixels, and diameter of discs thrown at random with the chords of the lesser phase [px].
 
-    The picture over its local mean is cut at Otsu's threshold. An edge counts where the grey value goes from
-    two standard deviations of the noise on one side to as far on the other.
+    The picture over its illumination `level` is cut at Otsu's threshold. An edge counts where the grey value
+    goes from two standard deviations of the noise on one side to as far on the other.
     """
     import cv2
 
-    level = _illumination(f, used)
     even = f / np.maximum(level, np.finfo(float).tiny)
     low, high = np.percentile(even[used], (0.1, 99.9))
     if high <= low:
@@ -85,11 +95,19 @@ def _changes(side: NDArray[np.int64], used: Mask) -> int:
     return int(np.sum(held[:, 1:] * held[:, :-1] == -1))
 
 
-def _illumination(f: FloatArray, used: Mask) -> FloatArray:
-    """What varies over more than a sixth of the field: Gaussian mean of the pixels that count."""
+def illumination(f: FloatArray, used: Mask) -> FloatArray:
+    """What varies over more than a sixth of the field: Gaussian mean of the pixels that count [grey]."""
     import cv2
 
-    width = float(np.clip(np.sqrt(used.sum()) / 6.0, 8.0, 40.0))
-    weight = cv2.GaussianBlur(used.astype(np.float64), (0, 0), width)
-    total = cv2.GaussianBlur(np.where(used, f, 0.0), (0, 0), width)
+    width = max(float(np.sqrt(used.sum())) / 6.0, 8.0)
+    step = max(int(width / 8.0), 1)  # smooth enough to be computed on coarser pixels
+    rows, columns = f.shape
+    coarse = (max(columns // step, 1), max(rows // step, 1))
+
+    def smooth(values: FloatArray) -> FloatArray:
+        small = cv2.resize(values, coarse, interpolation=cv2.INTER_AREA) if step > 1 else values
+        blurred = cv2.GaussianBlur(small, (0, 0), width / step)
+        return np.asarray(cv2.resize(blurred, (columns, rows), interpolation=cv2.INTER_LINEAR))
+
+    weight, total = smooth(used.astype(np.float64)), smooth(np.where(used, f, 0.0))
     return np.asarray(total / np.maximum(weight, 1e-9))

@@ -7,13 +7,16 @@ from numpy.typing import NDArray
 
 from dic.images.gradient import gradient, noise_gain
 from dic.images.noise import GreyNoise
-from dic.images.pattern import coverage_and_diameter, width_of_autocorrelation
+from dic.images.pattern import coverage_and_diameter, illumination, width_of_autocorrelation
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 LARGEST_SUBSET = 101
+"""Largest subset that is tried for a wanted floor [px]."""
 _LEAST_SHARE = 0.5
+_MOST_POINTS = 300_000
+"""Points at which the subset for a wanted floor is sought; larger pictures are sampled."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,8 @@ class SpeckleQuality:
     """The floor that was asked for [px]."""
     needed: IntArray | None
     """Smallest subset that reaches the wanted floor, 0 where none up to `LARGEST_SUBSET` does or the floor
-    is NaN; shape [rows, columns]. None if no floor was asked for."""
+    is NaN; shape [rows, columns], in large pictures the same over blocks of some pixels. None if no floor
+    was asked for."""
 
     @property
     def median_floor(self) -> float:
@@ -119,44 +123,60 @@ def speckle_quality(
 
     sigma = float(np.sqrt(variance[used].mean()))
     left = sigma / float(np.sqrt(averaged))  # the noise of the picture itself
-    products = _products(f, used, variance, averaged)
-    floor = _floor(products, subset)
-    coverage, by_edges = coverage_and_diameter(f, used, left)
-    steep = products[0] + products[1]
+    even = f - illumination(f, used)
+    sums, steepness = _sums(f, used, variance, averaged)
+    floor = _floor(sums, subset)
+    coverage, by_edges = coverage_and_diameter(f, f - even, used, left)
     return SpeckleQuality(
         subset=subset,
-        size=width_of_autocorrelation(f, used, left),
+        size=width_of_autocorrelation(even, used, left),
         size_by_edges=by_edges,
         coverage=coverage,
-        mean_gradient=float(np.sqrt(np.maximum(steep[used], 0.0)).mean()),
+        mean_gradient=steepness,
         noise=sigma,
         floor=floor,
         wanted=wanted,
-        needed=None if wanted is None else _needed(products, wanted, floor),
+        needed=None if wanted is None else _needed(sums, wanted, ~np.any(np.isnan(floor), axis=2)),
     )
 
 
-def _products(f: FloatArray, used: NDArray[np.bool_], variance: FloatArray, averaged: int) -> FloatArray:
-    """Gx², Gy², GxGy, the same three times σ², and the mask, each 0 outside it: shape [7, rows, columns]."""
-    gx, gy = gradient(f)
-    excess = noise_gain() * variance / averaged
-    square = np.stack([gx * gx - excess, gy * gy - excess, gx * gy])
-    return np.concatenate([square, square * variance, np.ones((1, *f.shape))]) * used
+def _sums(
+    f: FloatArray, used: NDArray[np.bool_], variance: FloatArray, averaged: int
+) -> tuple[FloatArray, float]:
+    """Summed-area tables of Gx², Gy², GxGy, the same three times σ², and the mask; and the mean of |∇f|.
 
-
-def _floor(products: FloatArray, subset: int) -> FloatArray:
-    """Predicted standard deviations of x and y for one subset, shape [rows, columns, 2]."""
+    Returns
+    -------
+    tuple
+        The tables, shape [7, rows + 1, columns + 1], and the mean intensity gradient [grey/px].
+    """
     import cv2
 
-    def box(values: FloatArray) -> FloatArray:
-        size = (subset, subset)
-        return np.asarray(
-            cv2.boxFilter(values, cv2.CV_64F, size, normalize=False, borderType=cv2.BORDER_CONSTANT)
-        )
+    gx, gy = gradient(f)
+    excess = noise_gain() * variance / averaged
+    xx, yy, xy = gx * gx - excess, gy * gy - excess, gx * gy
+    mean = float(np.sqrt(np.maximum((xx + yy)[used], 0.0)).mean())
+    parts = (xx, yy, xy, xx * variance, yy * variance, xy * variance, np.ones_like(f))
+    return np.stack([cv2.integral(np.where(used, part, 0.0), sdepth=cv2.CV_64F) for part in parts]), mean
 
-    xx, yy, xy, sxx, syy, sxy, share = (box(values) for values in products)
+
+def _floor(sums: FloatArray, subset: int, stride: int = 1) -> FloatArray:
+    """Predicted standard deviations of x and y around every `stride`-th pixel, shape [rows, columns, 2]."""
+    half = subset // 2
+    ends = []
+    for size in (sums.shape[1] - 1, sums.shape[2] - 1):
+        middle = np.arange(0, size, stride)
+        ends.append((np.maximum(middle - half, 0), np.minimum(middle + half + 1, size)))
+    (top, bottom), (left, right) = ends
+    xx, yy, xy, sxx, syy, sxy, share = (
+        table[np.ix_(bottom, right)]
+        - table[np.ix_(top, right)]
+        - table[np.ix_(bottom, left)]
+        + table[np.ix_(top, left)]
+        for table in sums
+    )
     determinant = xx * yy - xy * xy
-    firm = (xx > 0.0) & (yy > 0.0) & (determinant > 1e-12 * xx * yy)
+    firm = (xx > 0.0) & (yy > 0.0) & (determinant > 1e-9 * xx * yy)
     scale = np.where(firm, determinant, 1.0)
     a, b, c = yy / scale, -xy / scale, xx / scale  # H⁻¹ = [[a, b], [b, c]]
     x = 2.0 * (a * a * sxx + 2.0 * a * b * sxy + b * b * syy)
@@ -167,14 +187,16 @@ def _floor(products: FloatArray, subset: int) -> FloatArray:
     return np.asarray(floor)
 
 
-def _needed(products: FloatArray, wanted: float, floor: FloatArray) -> IntArray:
-    """Smallest odd subset whose floor is at most `wanted` in x and y."""
-    needed = np.zeros(floor.shape[:2], dtype=np.int64)
-    asked = ~np.any(np.isnan(floor), axis=2)
+def _needed(sums: FloatArray, wanted: float, asked: NDArray[np.bool_]) -> IntArray:
+    """Smallest odd subset whose floor is at most `wanted` in x and y, shape [rows, columns]."""
+    rows, columns = asked.shape
+    stride = int(np.ceil(np.sqrt(asked.size / _MOST_POINTS)))
+    here = asked[::stride, ::stride]
+    needed = np.zeros(here.shape, dtype=np.int64)
     for side in range(5, LARGEST_SUBSET + 1, 2):
-        open_ = asked & (needed == 0)
-        if not open_.any():
+        left = here & (needed == 0)
+        if not left.any():
             break
-        reached = np.all(_floor(products, side) <= wanted, axis=2)
-        needed[open_ & reached] = side
-    return needed
+        needed[left & np.all(_floor(sums, side, stride) <= wanted, axis=2)] = side
+    full = np.repeat(np.repeat(needed, stride, axis=0), stride, axis=1)[:rows, :columns]
+    return np.where(asked, full, 0)

@@ -37,7 +37,7 @@ class StrainHistory:
     covariance: FloatArray
     """Of the components 11, 22, 12 of C = FᵀF [-], shape [n_frames, n_points, 3, 3]."""
     outcome: IntArray
-    """`dic.surfaces.strains.StrainOutcome`, shape [n_frames, n_points]."""
+    """`dic.surfaces.StrainOutcome`, shape [n_frames, n_points]."""
     share: FloatArray
     """Points used over points of the full window [-], shape [n_frames, n_points]."""
     centre: FloatArray

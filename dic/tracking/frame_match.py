@@ -73,6 +73,7 @@ class FrameMatch:
             here.seed()
             here.propagate()
         here.confirm()
+        here.propagate()
         return here
 
     @property
@@ -125,7 +126,8 @@ class FrameMatch:
         off = np.hypot(*(self.warp[valid, :2] - self.guess[valid, :2]).T)
         gate = self.settings.neighbour_gate
         alone = ~self.neighbours.agreeing(self.warp, self.valid, valid, gate, asked=3)
-        self.outcome[valid[alone & (off > gate)]] = int(PointOutcome.LOW_CORRELATION)
+        against = ~self.neighbours.agreeing(self.warp, self.valid, valid, gate)
+        self.outcome[valid[against | (alone & (off > gate))]] = int(PointOutcome.LOW_CORRELATION)
 
     def seed(self) -> None:
         """Search for some of the points far from where they were expected, by features and by windows."""

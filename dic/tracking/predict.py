@@ -42,10 +42,11 @@ class Predictor:
 
     def add(self, frame: int, rows: IntArray, warp: FloatArray) -> None:
         """Take in that points `rows` were found in `frame` with these warps, shape [len(rows), 12]."""
-        past = self.known[rows] > max(ORDERS)
-        if self._foretold and np.any(past):
+        highest = min(int(np.max(self.known[rows], initial=0)) - 1, max(ORDERS))
+        if self._foretold and highest > 0:
+            past = self.known[rows] > highest
             found = warp[past]
-            off = [np.abs(self._foretold[order][rows[past]] - found) for order in ORDERS]
+            off = [np.abs(self._foretold[k][rows[past]] - found) for k in ORDERS[: highest + 1]]
             for k, part in enumerate(PARTS):
                 self.order[k] = int(np.argmin([np.median(o[:, part].max(axis=1)) for o in off]))
         self._foretold = {}

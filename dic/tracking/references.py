@@ -9,7 +9,9 @@ noise of picture B enters the match A → B and the match B → C with opposite 
 
 so that to first order the chain has the error of the one match A → C. What is carried along a chain is
 therefore the part of the covariance that comes from the root's template, mapped by the deformation since;
-added is, of the last match, the part that comes from the picture searched in.
+added is, of the last match, the part that comes from the picture searched in. What remains of a change of
+reference is of second order: the gradients of the new template hold noise of their own. Its share in them
+goes as the variance of a match times its samples, and so does what is carried along (`dic.tracking.matcher`).
 """
 
 from dataclasses import dataclass, fields

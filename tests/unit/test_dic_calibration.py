@@ -221,7 +221,9 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize("what", BAD)
+@pytest.mark.parametrize(
+    "what", [next(iter(BAD)), *(pytest.param(w, marks=pytest.mark.slow) for w in list(BAD)[1:])]
+)
 def test_two_bad_pairs_are_named_and_nothing_else(what):
     views = sightings(true_poses(9))
     BAD[what](views)
@@ -238,6 +240,7 @@ def test_two_bad_pairs_are_named_and_nothing_else(what):
     assert kept.rms > 2 * found.rms
 
 
+@pytest.mark.slow
 def test_good_pairs_are_all_kept():
     for seed in range(3):
         found = calibrate(
@@ -271,6 +274,7 @@ def test_pairs_that_were_not_found_keep_their_row_and_reason():
     assert [outcomes[k] for k in (0, 2, 3, 5, 6)] == [PairOutcome.VALID] * 5
 
 
+@pytest.mark.slow
 def test_a_camera_upside_down_numbers_the_chessboard_the_other_way_round():
     views = sightings(true_poses(6))
     # what detection does when the second camera is rolled: the same corners, counted from the other end
@@ -285,6 +289,7 @@ def test_a_camera_upside_down_numbers_the_chessboard_the_other_way_round():
     np.testing.assert_allclose(R, np.diag([-1.0, -1.0, 1.0]) @ straight.rig.relative[0], atol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_bent_board_shows_in_the_clustering_and_widens_the_covariance():
     X = CHESS.geometry().points.copy()
     X[:, 2] = 4e-5 * np.cos(X[:, 0] / 16e-3 * 2 * np.pi)  # 40 µm of warp: 0.3 px where the board is tilted
@@ -296,6 +301,7 @@ def test_a_bent_board_shows_in_the_clustering_and_widens_the_covariance():
     assert bent.sigma["fx0"] > 2 * bent.unit * straight.sigma["fx0"] / straight.unit
 
 
+@pytest.mark.slow
 def test_what_the_pictures_do_not_determine_is_said():
     poses = true_poses(8)
     found = calibrate(*sightings(poses), CHESS, sensors=SIZE, distortion="k1 k2 k3", folds=0)
@@ -338,6 +344,7 @@ def test_held_out_pairs_and_distances_are_predicted():
     assert checks.distance_rms == pytest.approx(7e-6, rel=0.3)
 
 
+@pytest.mark.slow
 def test_the_offset_of_a_dot_is_part_of_the_model():
     """Dots a tenth as wide as they are deep: with their eccentricity the fit is exact, without it is not."""
     big = replace(BOARD, diameter=1.9e-3, hole=0.0)

@@ -22,14 +22,14 @@ def off(target, found, R, t) -> np.ndarray:
     return found.pixels - pixels(target.geometry().points[found.ids], R, t)
 
 
-@pytest.mark.parametrize("roll", [0.0, 1.3, 2.6, -1.9])
+@pytest.mark.parametrize("roll", [0.4, *(pytest.param(r, marks=pytest.mark.slow) for r in (1.3, 2.6, -1.9))])
 def test_fiducial_dots_are_numbered_and_located_at_any_roll(roll):
     R, t = pose((0.25, 0.3, 0.0), MIDDLE, 0.095)
     R = cv2.Rodrigues(np.array([0.0, 0.0, roll]))[0] @ R
     t = np.array([0.0, 0.0, 0.095]) - R @ [*MIDDLE, 0.0]
     found = detect(averaged(flat(PAINT, R, t), noise=1.0), GRID)
     assert len(found.ids) == 80
-    # 5 x 5 rays a pixel place an edge to 0.2 px, its mean round a dot of 9 px to some mpx; noise adds 3 mpx.
+    # 4 x 4 rays a pixel place an edge to 0.25 px, its mean round a dot of 9 px to some mpx; noise adds 3 mpx.
     assert np.sqrt(np.mean(off(GRID, found, R, t) ** 2)) < 0.012
 
 
@@ -53,6 +53,7 @@ def test_a_board_partly_in_view_and_larger_than_described_gives_the_dots_it_shou
     assert np.abs(off(GRID, found, R, t)).max() < 0.1  # no dot has another one's number
 
 
+@pytest.mark.slow
 def test_uneven_light_does_not_move_dots():
     R, t = pose((0.0, 0.0, 0.0), MIDDLE, 0.095)
     light = np.linspace(0.4, 1.0, 240)[:, None] * np.linspace(1.0, 0.6, 320)
@@ -62,13 +63,14 @@ def test_uneven_light_does_not_move_dots():
     assert np.all(np.abs(np.mean(off(GRID, found, R, t), axis=0)) < 0.003)  # mean over 80 of 0.012 px
 
 
+@pytest.mark.slow
 def test_the_sigma_of_a_dot_is_its_scatter():
     R, t = pose((0.2, 0.2, 0.1), MIDDLE, 0.095)
     bright = flat(PAINT, R, t)
-    runs = [detect(averaged(bright, noise=3.0, seed=k), GRID) for k in range(12)]
+    runs = [detect(averaged(bright, noise=3.0, seed=k), GRID) for k in range(6)]
     scatter = np.std([run.pixels for run in runs], axis=0, ddof=1)
     ratio = np.sqrt(np.mean(scatter**2 / np.mean([run.sigma for run in runs], axis=0)[:, None] ** 2))
-    # 12 x 160 numbers settle the ratio to 2 %; the noise is estimated from the picture to some per cent.
+    # 6 x 160 numbers settle the ratio to 3 %; the noise is estimated from the picture to some per cent.
     assert 0.85 < ratio < 1.15
 
 
@@ -122,7 +124,7 @@ def test_a_chessboard_is_located():
     found = detect(averaged(flat(paint, R, t), noise=1.0), board)
     there = pixels(board.geometry().points, R, t)
     errors = [found.pixels - there[numbers] for numbers in board.geometry().equivalents]
-    assert min(np.sqrt(np.mean(e**2)) for e in errors) < 0.03  # rays place an edge to 0.2 px, see above
+    assert min(np.sqrt(np.mean(e**2)) for e in errors) < 0.03  # rays place an edge to 0.25 px, see above
 
 
 def test_a_charuco_board_is_numbered_by_its_markers():
@@ -198,7 +200,7 @@ def test_a_dotted_cylinder_is_numbered_from_three_anchors():
     # The centroid of each patch's outline as OpenCV projects it, curved as it is; rays and noise as above.
     expected = np.array([outline_centroid(pixels(patch(n % 12, n // 12, a), R, t)) for n in found.ids])
     assert np.abs(found.pixels - there[found.ids]).max() > 0.1  # what the curvature does is to be seen
-    assert np.sqrt(np.mean((found.pixels - expected) ** 2)) < 0.02
+    assert np.sqrt(np.mean((found.pixels - expected) ** 2)) < 0.03  # straight edges in line with the rays
     g, ids = body.geometry(), found.ids
     camera = Camera(
         fx=MATRIX[0, 0], fy=MATRIX[1, 1], cx=MATRIX[0, 2], cy=MATRIX[1, 2], distortion=tuple(LENS)
@@ -281,6 +283,7 @@ def test_the_renderer_and_opencv_agree_on_the_lens():
     """A ray through a pixel, projected again, hits that pixel: else the renderer were no second opinion."""
     from boards import FINE, SHAPE, rays
 
-    d = rays().reshape(SHAPE[0], FINE, SHAPE[1], FINE, 3)[7, 2, 300, 2]
+    d = rays().reshape(SHAPE[0], FINE, SHAPE[1], FINE, 3)[7, 2, 300, 1]
     back = cv2.projectPoints(d[None], np.zeros(3), np.zeros(3), MATRIX, LENS)[0].ravel()
-    np.testing.assert_allclose(back, [300.0, 7.0], atol=1e-6)
+    # ray (column 1, row 2) of 4 x 4 in pixel (300, 7); directions are linear between pixel centres
+    np.testing.assert_allclose(back, [300.0 - 0.125, 7.0 + 0.125], atol=1e-5)

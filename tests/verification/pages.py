@@ -57,6 +57,8 @@ TOPICS = [
     "adjoint",
     "failure",
     "dic_correlation",
+    "dic_tracking",
+    "dic_stereo",
 ]
 """Modules of the manual, in its order."""
 

@@ -12,11 +12,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from dic.adjustment import Poses, Sights, adjust
+from dic.adjustment import Habits, Poses, Sights, adjust
+from dic.camera import StereoRig
+from dic.correlation.warp import apply
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.rigid import lever
+from dic.single_view import sights_of_one
 from dic.stereo.reconstruction import Reconstruction
 from dic.surfaces.frame import SpecimenFrame
+from dic.tracking.track import Track
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -74,7 +78,7 @@ class BodyMotion:
         return np.sqrt(np.einsum("kaka->ka", self.covariance))
 
 
-def follow_body(
+def body_motion(
     reconstructions: Sequence[Reconstruction],
     frame: SpecimenFrame,
     *,
@@ -82,7 +86,10 @@ def follow_body(
     rest: Sequence[int],
     overlaps: Sequence[ArrayLike] | None = None,
     shared: float = 0.5,
+    rig: StereoRig | None = None,
+    tracks: Sequence[tuple[Track, Track]] | None = None,
     turn: float | None = None,
+    sway: float | None = None,
     reject: float = 5.0,
 ) -> BodyMotion:
     """Find the motion of a rigid body from points on it.
@@ -104,10 +111,17 @@ def follow_body(
     shared
         Share of a point's variance that is the same in all frames, being the noise of its material
         picture: it moves the point on the body, not the body [-].
+    rig, tracks
+        The cameras, and for each reconstruction the tracks it was made from: then a frame in which only
+        one camera sees a point counts too, with what that camera knows. Such frames need `turn` and
+        `sway`, or they know little along the view.
     turn
         Standard deviation of the change of attitude from one frame to the next, about each axis [rad],
         by which narrow views of the body borrow their attitude from wide ones; None: every frame has its
         own.
+    sway
+        Standard deviation of the displacement across y from one frame to the next, along x and Z [m];
+        None: any.
     reject
         Sights farther off than this many sigmas, or this many robust standard deviations if the scatter
         is larger than the sigmas say, are left out [-].
@@ -118,9 +132,8 @@ def follow_body(
         No frame at rest that is connected with the others, shapes that do not fit, options out of range.
     """
     point = np.asarray(at, dtype=np.float64)
-    _check(reconstructions, point, rest, shared, turn, reject, overlaps)
+    _check(reconstructions, point, rest, shared, (turn, sway), reject, overlaps)
     valid = np.concatenate([r.outcome == PointOutcome.VALID for r in reconstructions], axis=1)
-    valid &= valid.sum(axis=0) >= 2  # a point seen once says nothing about motion
     place = np.concatenate([frame.positions(r.position) for r in reconstructions], axis=1)
     noise = np.concatenate([frame.covariances(r.covariance) for r in reconstructions], axis=1)
     factor = np.ones(valid.shape)
@@ -129,9 +142,27 @@ def follow_body(
         factor = np.concatenate(
             [np.broadcast_to(np.asarray(o), s) for o, s in zip(overlaps, shape, strict=True)], axis=1
         )
+    place = np.where(valid[..., None], place, 0.0)
     information = np.zeros(noise.shape)
     information[valid] = np.linalg.inv((1.0 - shared) * noise[valid])
-    found = adjust(Sights(np.where(valid[..., None], place, 0.0), information, valid, factor), turn, reject)
+    single = np.zeros(valid.shape, dtype=bool)
+    if rig is not None and tracks is not None:
+        both = np.split(valid, np.cumsum([r.outcome.shape[1] for r in reconstructions])[:-1], axis=1)
+        for k, camera in enumerate(rig.cameras):
+            alone = np.concatenate(
+                [(pair[k].outcome == PointOutcome.VALID) & ~v for pair, v in zip(tracks, both, strict=True)],
+                axis=1,
+            )
+            alone &= valid.any(axis=0) & ~single  # its depth must be known from some frame
+            pixels = np.concatenate([apply(pair[k].points, pair[k].warp) for pair in tracks], axis=1)
+            spread = np.concatenate([pair[k].covariance for pair in tracks], axis=1)
+            at_ray, known = sights_of_one(
+                camera, frame, pixels[alone], (1.0 - shared) * spread[alone], _nearest(place, valid)[alone]
+            )
+            place[alone], information[alone], single = at_ray, known, single | alone
+    seen = valid | single
+    seen &= seen.sum(axis=0) >= 2  # a point seen once says nothing about motion
+    found = adjust(Sights(place, information, seen, single, factor), Habits(turn, sway), reject)
     return _from_rest(found, point, rest, len(valid))
 
 
@@ -140,7 +171,7 @@ def _check(
     at: FloatArray,
     rest: Sequence[int],
     shared: float,
-    turn: float | None,
+    habits: tuple[float | None, float | None],
     reject: float,
     overlaps: Sequence[ArrayLike] | None,
 ) -> None:
@@ -156,10 +187,21 @@ def _check(
         raise ValueError(f"rest must name frames in 0..{n - 1}, got {list(rest)}")
     if at.shape != (3,) or not np.isfinite(at).all():
         raise ValueError(f"at must be a point [m] of 3 finite components, got {at}")
-    if not 0.0 <= shared < 1.0 or not reject > 0.0 or not (turn is None or turn > 0.0):
+    if not 0.0 <= shared < 1.0 or not reject > 0.0 or not all(h is None or h > 0.0 for h in habits):
         raise ValueError(
-            f"shared must be in [0, 1), reject > 0 and turn > 0 rad or None, got {shared}, {reject}, {turn}"
+            f"shared must be in [0, 1), reject > 0, turn [rad] and sway [m] > 0 or None, got {shared}, "
+            f"{reject}, {habits[0]}, {habits[1]}"
         )
+
+
+def _nearest(place: FloatArray, valid: BoolArray) -> FloatArray:
+    """Place of each point in the valid frame nearest in time, shape of `place`."""
+    n = len(valid)
+    frame = np.arange(n)[:, None]
+    before = np.maximum.accumulate(np.where(valid, frame, -2 * n), axis=0)
+    after = np.minimum.accumulate(np.where(valid, frame, 3 * n)[::-1], axis=0)[::-1]
+    nearest = np.where(frame - before <= after - frame, before, after).clip(0, n - 1)
+    return np.take_along_axis(place, nearest[..., None], axis=0)
 
 
 def _from_rest(poses: Poses, at: FloatArray, rest: Sequence[int], n_frames: int) -> BodyMotion:

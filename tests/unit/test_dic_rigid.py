@@ -1,0 +1,227 @@
+"""Rigid motions and bodies whose points come into view, against motions that are known."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from dic import Camera, FrameOutcome, PointOutcome, StereoRig
+from dic.body_motion import body_motion
+from dic.rigid import rigid_motion
+from dic.stereo import reconstruct
+from dic.stereo.reconstruction import Reconstruction
+from dic.surfaces import SpecimenFrame
+from dic.tracking.track import Track
+
+SIDE, FACE, SCALE = 7.5e-3, 6.5e-3, 1.0 / 18e3
+"""Radius of a flyer, height of its face at rest [m], metres a pixel."""
+NOISE = np.array([0.6e-6, 0.6e-6, 4e-6])
+FRAMES, STATIC, TOP = 60, 6, FACE + 20 * SCALE
+"""Frames, frames at rest, the height at which the cameras' view ends."""
+AT = np.array([0.0, FACE, 0.0])
+
+
+def side(columns=12, rows=30, step=5.0):
+    """Points on the flyer's side above its face, shape [n, 3]."""
+    x = (np.arange(columns) - 0.5 * (columns - 1)) * step * SCALE
+    y = FACE + (1.0 + step * np.arange(rows)) * SCALE
+    x, y = (a.ravel() for a in np.meshgrid(x, y))
+    return np.stack([x, y, np.sqrt(SIDE**2 - x**2)], axis=-1)
+
+
+def test_the_covariance_of_a_rigid_motion_is_that_of_its_errors():
+    rng = np.random.default_rng(0)
+    off = []
+    for seed in range(150):
+        X = side(8, 6)
+        R, d = Rotation.from_rotvec(0.3 * rng.standard_normal(3)), 1e-3 * rng.standard_normal(3)
+        Q = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+        x = R.apply(X) + d + (NOISE * rng.standard_normal(X.shape)) @ Q.T
+        x[5] += 1e-4 * (seed % 2)  # a false match in every second
+        found = rigid_motion(X, x, np.broadcast_to(Q @ np.diag(NOISE**2) @ Q.T, (48, 3, 3)))
+        assert found.used[5] == (seed % 2 == 0)
+        turned = (Rotation.from_matrix(found.rotation) * R.inv()).as_rotvec()
+        shifted = found.moved(found.centre) - R.apply(found.centre) - d
+        error = np.concatenate([turned, shifted])
+        off.append(error @ np.linalg.solve(found.covariance, error) / 6.0)
+    assert np.mean(off) == pytest.approx(1.0, abs=0.19)  # 900 dof: standard deviation 4.7 %
+
+
+def test_a_motion_without_noise_is_found_to_round_off():
+    X = side(5, 4)
+    R = Rotation.from_rotvec([0.2, -1.0, 0.4])
+    x = R.apply(X) + np.array([1e-3, 0.0, 2e-3])
+    found = rigid_motion(X, x, np.broadcast_to(np.eye(3) * 1e-12, (20, 3, 3)))
+    np.testing.assert_allclose(found.rotation_vector, [0.2, -1.0, 0.4], atol=1e-12)
+    np.testing.assert_allclose(found.moved(X), x, atol=1e-16)
+    assert found.used.all()
+
+
+@pytest.mark.parametrize(
+    ("X", "C", "message"),
+    [
+        (np.zeros((2, 3)), np.eye(3), "needs 3 points"),
+        (np.outer(np.arange(5.0), [1.0, 2.0, 3.0]), np.eye(3), "on one line"),
+        (np.eye(3), np.diag([1.0, 1.0, 0.0]), "positive definite"),
+        (np.full((4, 3), np.nan), np.eye(3), "finite"),
+    ],
+)
+def test_points_that_fix_no_motion_are_refused(X, C, message):
+    with pytest.raises(ValueError, match=message):
+        rigid_motion(X, X, np.broadcast_to(C, (len(X), 3, 3)))
+
+
+def motion(tilting):
+    """Displacements of the face's centre and rotation vectors, rest first; 45 px at the end."""
+    s = np.maximum(np.arange(FRAMES) - STATIC, 0) / (FRAMES - STATIC)
+    u = np.stack([2e-4 * tilting * s**2, -45.0 * SCALE * s, 1e-4 * tilting * s**2], axis=-1)
+    return u, 0.02 * tilting * np.outer(np.sin(2.0 * s) ** 2, [1.0, 0.2, -0.7])
+
+
+def places(X, u, r):
+    R = Rotation.from_rotvec(r).as_matrix()
+    return np.einsum("kab,ib->kia", R, X - AT) + AT + u[:, None]
+
+
+def seen(x, noise, seen_where, rng):
+    """A reconstruction: half of the variance of each point is the same in all frames."""
+    common, own = rng.standard_normal(x.shape[1:]), rng.standard_normal(x.shape)
+    outcome = np.where(seen_where, PointOutcome.VALID, PointOutcome.OUT_OF_VIEW).astype(np.int64)
+    position = np.where(seen_where[..., None], x + noise * np.sqrt(0.5) * (common + own), np.nan)
+    C = np.broadcast_to(np.diag(noise**2), (*seen_where.shape, 3, 3))
+    nowhere = np.full((*seen_where.shape, 2), np.nan)
+    return Reconstruction(position, C, np.zeros(seen_where.shape), (nowhere, nowhere), outcome)
+
+
+FRAME = SpecimenFrame(np.eye(3), np.zeros(3), np.zeros((6, 6)))
+
+
+@pytest.mark.parametrize("tilting", [0.0, 1.0])
+def test_a_body_that_rides_into_view_has_calibrated_sigmas_in_all_frames(tilting):
+    rng = np.random.default_rng(3)
+    X = side()
+    u, r = motion(tilting)
+    x = places(X, u, r)
+    view = x[..., 1] < TOP
+    assert view[0].sum() < 60 < 130 < view[-1].sum()  # of 360 points, some never come into view
+    true = np.concatenate([r - r[:STATIC].mean(axis=0), u - u[:STATIC].mean(axis=0)], axis=1)
+    ratio = []
+    for _ in range(12):
+        found = body_motion([seen(x, NOISE, view, rng)], FRAME, at=AT, rest=range(STATIC))
+        error = np.concatenate([found.rotation, found.displacement], axis=1) - true
+        ratio.append(error / np.concatenate([found.rotation_sigma, found.displacement_sigma], axis=1))
+        assert found.chi2_per_dof == pytest.approx(1.0, abs=0.05)  # 12 000 dof: 1.3 %
+        assert (found.outcome == FrameOutcome.VALID).all()
+        y, C = found.along([0.0, 1.0, 0.0])
+        np.testing.assert_allclose(np.sqrt(np.diag(C)), found.displacement_sigma[:, 1])
+        np.testing.assert_allclose(y, found.displacement[:, 1])
+        assert np.linalg.eigvalsh(C)[0] > -1e-6 * np.trace(C)  # semidefinite: the rest frames have mean zero
+    spread = np.std(ratio, axis=(0, 1))
+    # 12 draws of 60 frames whose errors hang together through the points: some 15 independent each,
+    # 180 values, standard deviation 5 %.
+    assert spread == pytest.approx(np.ones(6), abs=0.2)
+
+
+def test_points_of_a_second_picture_join_the_body_and_false_ones_leave_it():
+    rng = np.random.default_rng(4)
+    u, r = motion(1.0)
+    X = side()
+    low = X[:, 1] < FACE + 18 * SCALE
+    x = places(X, u, r)
+    view = x[..., 1] < TOP
+    first, second = seen(x[:, low], NOISE, view[:, low], rng), seen(x[:, ~low], NOISE, view[:, ~low], rng)
+    first.outcome[30:] = PointOutcome.LOW_CORRELATION  # the first picture's points are lost half-way
+    second.position[40:, 0] += 1e-4
+    found = body_motion([first, second], FRAME, at=AT, rest=range(STATIC))
+    error = (found.displacement - u + u[:STATIC].mean(axis=0)) / found.displacement_sigma
+    assert np.abs(error).max() < 4.5  # 180 values; 7e-6 each
+    assert found.chi2_per_dof < 1.1
+    alone = body_motion([first], FRAME, at=AT, rest=range(STATIC))
+    assert (alone.outcome[30:] == FrameOutcome.LOST).all()
+    assert np.isnan(alone.displacement[30:]).all()
+    assert (alone.n_points[30:] == 0).all()
+
+
+def test_a_prior_of_small_turns_lends_attitude_to_narrow_views():
+    rng = np.random.default_rng(5)
+    u, r = motion(0.0)
+    x = places(side(), u, r)
+    data = seen(x, NOISE, x[..., 1] < TOP, rng)
+    free = body_motion([data], FRAME, at=AT, rest=range(STATIC))
+    held = body_motion([data], FRAME, at=AT, rest=range(STATIC), turn=2e-5)
+    assert held.displacement_sigma[:, 1].mean() < 0.5 * free.displacement_sigma[:, 1].mean()
+    error = (held.displacement - u) / held.displacement_sigma
+    assert np.abs(error).max() < 4.0  # the prior is true here: nothing turns
+
+
+def cameras():
+    flip = np.diag([1.0, -1.0, -1.0])
+    pair = [
+        Camera(
+            fx=5400.0,
+            fy=5400.0,
+            cx=63.5,
+            cy=cy,
+            rotation=Rotation.from_euler("y", pan, degrees=True).as_matrix() @ flip,
+            translation=np.array([0.0, 3e-3, 0.305]),
+        )
+        for pan, cy in ((6.25, 70.0), (-6.25, 60.0))  # the second sees 0.6 mm less of the flyer
+    ]
+    return StereoRig((pair[0], pair[1]))
+
+
+def test_what_one_camera_sees_carries_the_motion_through_frames_the_other_does_not():
+    rng = np.random.default_rng(6)
+    u, r = motion(0.0)
+    x = places(side(), u, r)
+    rig, spread = cameras(), 0.01
+    tracks = []
+    for camera in rig.cameras:
+        pixels = camera.project(x) + spread * rng.standard_normal((*x.shape[:2], 2))
+        points = pixels[-1]
+        warp = np.zeros((*x.shape[:2], 12))
+        warp[..., :2] = pixels - points
+        outcome = np.where(pixels[..., 1] >= 0.0, PointOutcome.VALID, PointOutcome.OUT_OF_VIEW)
+        C = np.broadcast_to(spread**2 * np.eye(2), (*x.shape[:2], 2, 2))
+        number = np.zeros(outcome.shape, dtype=np.int64)
+        health = np.zeros(FRAMES, dtype=np.int64)
+        tracks.append(
+            Track(points, warp, C, np.ones(outcome.shape), outcome.astype(np.int64), number, health)
+        )
+    both = reconstruct(rig, *tracks)
+    rest = range(STATIC)
+    assert not (both.outcome[: STATIC + 1] == PointOutcome.VALID).any()
+    with pytest.raises(ValueError, match="none of the rest frames"):
+        body_motion([both], FRAME, at=AT, rest=rest, shared=0.0)
+    found = body_motion(
+        [both],
+        FRAME,
+        at=AT,
+        rest=rest,
+        shared=0.0,
+        rig=rig,
+        tracks=[(tracks[0], tracks[1])],
+        turn=1e-5,
+        sway=1e-6,
+    )
+    assert (found.outcome == FrameOutcome.VALID).all()
+    error = found.displacement - u
+    assert np.abs(error / found.displacement_sigma).max() < 4.5  # 180 values
+    # 0.01 px is 0.56 µm a point; the mean of a row of 12 is 0.16 µm, the attitude adds a few times that.
+    assert np.abs(error[:, 1]).max() < 2e-6
+
+
+def test_bodies_that_cannot_be_followed_are_refused():
+    u, r = motion(0.0)
+    x = places(side(), u, r)
+    data = seen(x, NOISE, x[..., 1] < TOP, np.random.default_rng(0))
+    nothing = seen(x, NOISE, np.zeros(x.shape[:2], dtype=bool), np.random.default_rng(0))
+    for given, options, message in (
+        ([], {}, "no points"),
+        ([data], {"rest": [FRAMES]}, "rest must name frames"),
+        ([data], {"shared": 1.0}, "shared must be"),
+        ([data], {"turn": 0.0}, "turn"),
+        ([data], {"at": [0.0, np.nan, 0.0]}, "at must be"),
+        ([nothing], {}, "no frame sees"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            body_motion(given, FRAME, **({"at": AT, "rest": range(STATIC)} | options))
