@@ -66,7 +66,8 @@ class ChainSettings:
     toward_flyer: str
     """Where the flyer lies in the pictures of camera 0: a key of `DIRECTIONS`."""
     zero: tuple[float, float]
-    """Where the specimen ends at the transmission platen, in camera 0's first picture (x, y), to a pixel or two [px]: the edge is then found in both cameras' pictures."""
+    """Where the specimen ends at the transmission platen in camera 0's first picture (x, y), to a pixel
+    or two [px]: the edge is then found in both cameras' pictures."""
     strip_half_width: float
     """Points within this distance of the centre plane are its outline [m]."""
     radius: float | None = None
