@@ -13,7 +13,7 @@ from dic.bodies import Followed, Progress, Region, follow_body
 from dic.camera import StereoRig
 from dic.correlation import Correlation
 from dic.correlation.warp import Shape
-from dic.ends import past_the_ends
+from dic.ends import past_the_ends, refined_end
 from dic.images import PictureError, Pictures
 from dic.images.health import frame_health
 from dic.images.noise import grey_noise
@@ -51,6 +51,8 @@ LEAST_GATE = 0.1
 """Smallest gate for epipolar distances [px]."""
 GATE_SIGMAS = 6.0
 """The gate in standard deviations of the epipolar distances at rest."""
+MOST_AVERAGED = 50
+"""Static pictures that are averaged to find the specimen's edge."""
 OWN_SIGMAS = 4.0
 """And in standard deviations of the point's own."""
 DIRECTIONS = {"up": (0.0, -1.0), "down": (0.0, 1.0), "left": (-1.0, 0.0), "right": (1.0, 0.0)}
@@ -64,7 +66,8 @@ class ChainSettings:
     toward_flyer: str
     """Where the flyer lies in the pictures of camera 0: a key of `DIRECTIONS`."""
     zero: tuple[float, float]
-    """Where the specimen ends at the transmission platen, in the first picture of camera 0 (x, y) [px]."""
+    """Where the specimen ends at the transmission platen in camera 0's first picture (x, y), to a pixel
+    or two [px]: the edge is then found in both cameras' pictures."""
     strip_half_width: float
     """Points within this distance of the centre plane are its outline [m]."""
     radius: float | None = None
@@ -189,7 +192,7 @@ def measure(
     findings = clock("cameras", lambda: _check(pictures, rig, specimen, settings, noise, health))
     try:
         body = clock("specimen", lambda: follow(specimen, "specimen", settings.tracking))
-        placement, rest = clock("test frame", lambda: _place(body, rig, settings, static))
+        placement, rest, edges = clock("test frame", lambda: _place(body, pictures, rig, settings, static))
     except ChainError as error:
         raise ChainError("; ".join([*(f"{f.what} ({f.cure})" for f in findings), str(error)])) from error
     in_time = check_setup(rig, *body.reconstruction.pixels)
@@ -220,6 +223,7 @@ def measure(
         noise=noise_floor(surface.surface, static),
         remarks=(
             *remarks.of_findings(found.values()),
+            *remarks.of_edge(edges),
             *remarks.of_flyer(flyer is not None, travel),
             *remarks.of_radius(placement, settings.radius),
             *remarks.of_missing_points(left_out),
@@ -313,9 +317,13 @@ def _look(
 
 
 def _place(
-    body: Followed, rig: StereoRig, settings: ChainSettings, static: BoolArray
-) -> tuple[Placement, list[int]]:
-    """The test frame from the specimen at rest, and the static frames that both cameras saw."""
+    body: Followed,
+    pictures: tuple[Pictures, Pictures],
+    rig: StereoRig,
+    settings: ChainSettings,
+    static: BoolArray,
+) -> tuple[Placement, list[int], int]:
+    """The test frame from the specimen at rest, the static frames that both cameras saw, edges found."""
     r = body.reconstruction
     rest = np.flatnonzero(static & np.any(r.outcome == PointOutcome.VALID, axis=1)).tolist()
     if not rest:
@@ -335,8 +343,11 @@ def _place(
             cylinder = fit_cylinder(
                 position[known], covariance[known], overlap=overlap, radius=settings.radius
             )
-        zero = on_cylinder(rig.cameras[0], settings.zero, cylinder)
-        frame = test_frame(cylinder, rig, toward_flyer=DIRECTIONS[settings.toward_flyer], zero=zero)
+        toward = DIRECTIONS[settings.toward_flyer]
+        declared = on_cylinder(rig.cameras[0], settings.zero, cylinder)
+        means = [_mean_picture(series, rest) for series in pictures]
+        zero, zero_sigma, edges = refined_end((means[0], means[1]), rig, cylinder, declared, toward)
+        frame = test_frame(cylinder, rig, toward_flyer=toward, zero=zero, zero_sigma=zero_sigma)
     except ValueError as error:
         raise ChainError(f"the specimen at rest gives no test frame: {error}") from error
     return (
@@ -349,7 +360,17 @@ def _place(
             n_points=int(cylinder.used.sum()),
         ),
         rest,
+        edges,
     )
+
+
+def _mean_picture(pictures: Pictures, frames: list[int]) -> FloatArray:
+    """The mean of some static pictures, at most `MOST_AVERAGED`."""
+    chosen = frames[:MOST_AVERAGED]
+    total = np.zeros(pictures.shape)
+    for frame in chosen:
+        total += pictures.frame(frame)
+    return total / len(chosen)
 
 
 def _gated(body: Followed, rig: StereoRig, rest: list[int]) -> Followed:

@@ -1,18 +1,72 @@
-"""Subsets that reach past the end of a specimen, where its side rolls onto a platen and is seen no more."""
+"""The ends of a specimen: where they are at rest, and which subsets reach past one as the side rolls."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dic.bodies import Followed
-from dic.camera import Camera
+from dic.camera import Camera, StereoRig
+from dic.edge import find_edge
 from dic.outcome import PointOutcome
-from dic.surfaces import SpecimenFrame
+from dic.surfaces import Cylinder, SpecimenFrame
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 MARGIN = 0.5
 """How far a subset stays inside the ends: about the width of an edge in a picture [px]."""
+
+
+DECLARED = 0.5
+"""Standard deviation of a place that was read off a picture [px]."""
+
+
+def refined_end(
+    pictures: tuple[FloatArray, FloatArray],
+    rig: StereoRig,
+    cylinder: Cylinder,
+    declared: FloatArray,
+    direction: tuple[float, float],
+) -> tuple[FloatArray, float, int]:
+    """The end of a specimen at rest, from its edge in both cameras' pictures.
+
+    Parameters
+    ----------
+    pictures
+        Mean static pictures of both cameras.
+    rig
+        The cameras.
+    cylinder
+        The specimen at rest.
+    declared
+        Where its end is thought to be, a point on its surface in the rig's frame [m], shape [3].
+    direction
+        From there into the specimen in the pictures (right, down).
+
+    Returns
+    -------
+    point : array
+        The declared point moved along the axis [m], shape [3].
+    sigma : float
+        Its standard deviation along the axis [m].
+    found : int
+        Cameras in which the edge was found. If in none, the point is the declared one.
+    """
+    inward = (round(direction[0]), round(direction[1]))
+    small = 1e-5 * cylinder.axis
+    moves, sigmas, slopes = [], [], []
+    for camera, picture in zip(rig.cameras, pictures, strict=True):
+        place = camera.project(declared)
+        slope = float((camera.project(declared + small) - place) @ np.asarray(direction)) / 1e-5  # px per m
+        slopes.append(abs(slope))
+        edge = find_edge(picture, (float(place[0]), float(place[1])), inward)
+        if edge is not None:
+            moves.append(edge.offset / slope)
+            sigmas.append(edge.sigma / abs(slope))
+    if not moves:
+        return declared, DECLARED / slopes[0], 0
+    apart = 0.5 * abs(moves[0] - moves[-1])
+    sigma = float(np.hypot(np.mean(sigmas) / np.sqrt(len(sigmas)), apart))
+    return declared + float(np.mean(moves)) * cylinder.axis, sigma, len(moves)
 
 
 def past_the_ends(

@@ -65,9 +65,11 @@ class Travel:
     displacement: FloatArray
     """Toward the specimen, from its mean place at rest [m], shape [n]."""
     sigma: FloatArray
-    """Standard deviation [m], shape [n]."""
+    """Standard deviation from frame to frame [m], shape [n]."""
     n_points: IntArray
     """Points it is from, shape [n]."""
+    rest_sigma: float
+    """Standard deviation of the mean place at rest, common to all displacements [m]."""
 
 
 @dataclass(frozen=True)

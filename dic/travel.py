@@ -87,7 +87,13 @@ def flyer_travel(
         displacement=rest - y,
         sigma=np.array(sigma),
         n_points=np.array(counts, dtype=np.int64),
+        rest_sigma=_of_mean(np.array(sigma)[at_rest]),
     )
+
+
+def _of_mean(sigma: FloatArray) -> float:
+    """Sigma of the mean of static frames: half of their variance is the reference's, common to all."""
+    return float(np.sqrt(np.mean(sigma**2) * (0.5 + 0.5 / sigma.size)))
 
 
 def _places(position: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -43,6 +43,7 @@ def summary(result: StereoResult) -> dict[str, Any]:
             "flyer_frames": int(result.travel.t.size),
             "flyer_travel_m": float(np.ptp(result.travel.displacement)),
             "flyer_sigma_m": _median(result.travel.sigma),
+            "flyer_rest_sigma_m": result.travel.rest_sigma,
         }
     return rows
 
@@ -82,7 +83,8 @@ def printed(result: StereoResult) -> dict[str, str]:
     if "flyer_travel_m" in rows:
         table["flyer"] = (
             f"{1e3 * rows['flyer_travel_m']:.4f} mm in {rows['flyer_frames']} frames, sigma "
-            f"{um * rows['flyer_sigma_m']:.2f} um"
+            f"{um * rows['flyer_sigma_m']:.2f} um, at rest "
+            f"{um * rows['flyer_rest_sigma_m']:.2f} um"
         )
     for frame, name in list(bad.items())[:SHOWN_FRAMES]:
         outcome = FrameOutcome[name.upper().replace(" ", "_")]

@@ -49,6 +49,7 @@ TRAVEL: Table = {
     "displacement": ("m", "rows", "f"),
     "sigma": ("m", "rows", "f"),
     "n_points": ("1", "rows", "i"),
+    "rest_sigma": ("m", "", "f"),
 }
 CENTRE: Table = {
     "t": ("s", "rows", "f"),

@@ -104,11 +104,9 @@ def _correlate(
     n, k, h = A.shape[:3]
     nowhere = ~np.all(np.isfinite(centre), axis=-1)
     middle = np.where(nowhere[..., None], 0.0, centre).astype(np.float32)[:, :, None]
-    slope = np.nan_to_num(A).astype(np.float32)
-    x, y = (
-        (slope[..., c, :] @ wanted.xi.T.astype(np.float32) + middle[..., c, None]).reshape(n * k * h, -1)
-        for c in (0, 1)
-    )
+    slope = np.nan_to_num(A).astype(np.float32).reshape(-1, 2, 2)  # one product for all: no small ones
+    origin = np.repeat(middle, h, axis=2).reshape(-1, 2)
+    x, y = (slope[:, c] @ wanted.xi.T.astype(np.float32) + origin[:, c, None] for c in (0, 1))
     grey = sample(picture, x, y).reshape(n, k * h, -1)
     template, weight = wanted.template[:, None], wanted.weight[:, None]
     zncc = correlation(grey, template, weight)

@@ -57,7 +57,7 @@ def match_stereo(
     rig: StereoRig,
     settings: Correlation,
     *,
-    noise: float | Noise,
+    noise: float | Noise | tuple[float | Noise, float | Noise],
     reference_warp: ArrayLike | None = None,
     mask: ArrayLike | None = None,
     search: StereoSearch | None = None,
@@ -68,7 +68,8 @@ def match_stereo(
 
     A few seeds are looked for along their whole epipolar curves, their subsets deformed as facets of several
     slopes would be seen; the other points follow from neighbours, the most reliable first, with affine
-    shape functions; the shape function of `settings` has the last word. See {doc}`/theory/stereo_matching`.
+    shape functions; the shape function of `settings` has the last word. See
+    :doc:`/theory/stereo_matching`.
 
     Parameters
     ----------
@@ -81,7 +82,7 @@ def match_stereo(
     settings
         Of the match; its shape function must be AFFINE or QUADRATIC.
     noise
-        Standard deviation of a grey value of both pictures [grey].
+        Standard deviation of a grey value, of both pictures or of each [grey].
     reference_warp
         Total warps from the material picture to `picture0`, shape [n, 12]; a row with a NaN is a point that
         camera 0 has lost. None: `picture0` is the material picture.
@@ -117,9 +118,10 @@ def match_stereo(
     if reference.shape != (len(points), 12):
         raise ValueError(f"reference_warp must have shape {(len(points), 12)}, got {reference.shape}")
     pictures = tuple(np.asarray(picture, dtype=np.float32) for picture in (picture0, picture1))
+    noises = noise if isinstance(noise, tuple) else (noise, noise)
     stacks = tuple(
-        PictureStack.prepare(picture[None], noise=noise, prefilter=settings.prefilter, device=device)
-        for picture in pictures
+        PictureStack.prepare(picture[None], noise=grey, prefilter=settings.prefilter, device=device)
+        for picture, grey in zip(pictures, noises, strict=True)
     )
     known = np.all(np.isfinite(reference), axis=1)
     pair = Pair(

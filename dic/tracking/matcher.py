@@ -17,8 +17,8 @@ BoolArray = NDArray[np.bool_]
 
 
 RESIDUE = 2.0
-"""Share of a match's own variance that a change of reference leaves in the chain, over the variance of the match
-in the material times its samples; measured (verification page of the tracking)."""
+"""Share of a match's own variance that a change of reference leaves in the chain, over the variance of the
+match in the material times its samples; measured (verification page of the tracking)."""
 
 
 @dataclass(frozen=True)

@@ -63,6 +63,7 @@ def synthetic_result(*, flyer: bool = True, seed: int = 1) -> StereoResult:
         displacement=moved[frames] + rng.normal(0.0, 1e-6, frames.size),
         sigma=np.full(frames.size, 1e-6),
         n_points=np.full(frames.size, 12),
+        rest_sigma=0.8e-6,
     )
     return StereoResult(
         t=time,

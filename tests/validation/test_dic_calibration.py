@@ -24,6 +24,10 @@ pytestmark = pytest.mark.slow  # some hundred pictures are searched
 SHOT_GRID = FiducialDots(columns=14, rows=10, pitch=1.2e-3, diameter=0.6e-3, hollow=((2, 2), (11, 2), (2, 7)))
 
 
+NAMES = ("fx0", "cx0", "cy0", "k10", "fx1", "cx1", "cy1", "k11", "rx", "ry", "rz", "tx", "ty", "tz")
+"""What is adjusted with square pixels and k1."""
+
+
 def grey(path: Path) -> np.ndarray:
     """A picture, refused if it is not there."""
     picture = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
@@ -49,6 +53,17 @@ def normalised(found: Calibration, true: StereoRig, names: tuple[str, ...]) -> t
     off = difference(found.rig, true)[rows]
     C = found.rig.covariance[np.ix_(rows, rows)]
     return off / np.sqrt(np.diag(C)), float(off @ np.linalg.solve(C, off))
+
+
+def say(found: Calibration, z: np.ndarray | None = None, total: float = float("nan"), **more: float) -> None:
+    """The numbers that docs/theory/calibration.md quotes; `pytest -s` shows them."""
+    facts = {
+        "rms": found.rms, "held out": found.checks.held_out_rms, "unit": found.unit,
+        "clustering": found.clustering, "shape": found.checks.distance_rms, **more,
+    }  # fmt: skip
+    if z is not None:
+        facts |= {"largest z": float(np.abs(z).max()), "chi2": total, "of": len(z)}
+    print("\n  " + ", ".join(f"{name} {value:.4g}" for name, value in facts.items()), end="")
 
 
 @pytest.fixture(scope="module", params=["open-01", "open-02"])
@@ -82,14 +97,13 @@ def test_the_cameras_of_known_shots(shot):
     found = calibrate(
         *views, SHOT_GRID, sensors=((512, 512), (512, 512)), distortion="k1", square_pixels=True
     )
+    say(found, *normalised(found, true, NAMES))
     assert not found.rejected
     assert found.rms < 0.022  # 0.0195 px: noise 0.008 px, the rest is how the dots were rendered
     assert found.checks.held_out_rms < 1.02 * found.rms
-    pose = ("rx", "ry", "rz", "tx", "ty", "tz")
-    names = ("fx0", "cx0", "cy0", "k10", "fx1", "cx1", "cy1", "k11", *pose)
-    z, total = normalised(found, true, names)
+    z, total = normalised(found, true, NAMES)
     assert np.all(np.abs(z) < 4.0)
-    assert total < chi2.ppf(0.999, len(names))
+    assert total < chi2.ppf(0.999, len(NAMES))
     # the sigmas are worth something: focal lengths to 1e-3, principal points to 2 px, the angle to 0.03°
     assert found.sigma["fx0"] < 5.4
     assert max(found.sigma[name] for name in ("cx0", "cy0", "cx1", "cy1")) < 2.0
@@ -129,6 +143,7 @@ def test_dices_simulated_sets(shared, name):
     own = [f"{n}{k}" for k in (0, 1) for n in ("fx", "fy", "cx", "cy")]
     names = (*own, "tx", "ty", "tz")
     z, total = normalised(found, gold, names)
+    say(found, z, total)
     assert np.all(np.abs(z) < 4.0)
     if name == "sim_checker":  # the dots were drawn with light added and black cut off, which no camera does:
         assert total < chi2.ppf(0.999, len(names))  # dots move with the light's slope, all in one way
@@ -165,6 +180,7 @@ def test_dices_real_pairs_fit_no_worse_than_its_own_route(shared):
         X, *seen, start[0], lens[0], start[1], lens[1], (2448, 2048),
         flags=cv2.CALIB_USE_INTRINSIC_GUESS, criteria=(3, 200, 1e-12),
     )[0]  # fmt: skip
+    say(found, theirs=theirs)
     assert found.rms <= theirs
 
 
@@ -250,4 +266,5 @@ def test_multidics_cylinder_and_boards(shared):
     turn = Rotation.from_matrix(R @ np.array(reference["R"]).T).as_rotvec()
     off = np.concatenate([turn, t - 1e-3 * np.ravel(reference["t"])])
     sigma = np.array([found.sigma[name] for name in ("rx", "ry", "rz", "tx", "ty", "tz")])
+    say(found, off / sigma, radius=radius.mean(), scatter=scatter_about_own_axis(body))
     assert np.all(np.abs(off / sigma) < 4.0)

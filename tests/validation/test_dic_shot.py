@@ -40,7 +40,7 @@ hollow = [[2, 2], [11, 2], [2, 7]]
 specimen = { x = [20, 105], y = [6, 121] }
 flyer = { x = [0, 127], y = [0, LAST_ROW], frame = LAST_FRAME }
 flyer_side = "up"
-transmission_edge = [60.3, 122.2]
+transmission_edge = [60, 122]
 strip_half_width = "0.6 mm"
 largest_sigma = "10 um"
 subset = 25

@@ -21,13 +21,13 @@ FloatArray = NDArray[np.float64]
 
 ANGLES = (12.5, 30.0)
 """Between the cameras [°]."""
-SUBSETS = (11, 15, 21, 27, 31)
+SUBSETS = (11, 15, 21, 31)
 """Sides of the subset [px]."""
 STEEPEST = 45.0
 """Points seen more obliquely than this by a camera are left out of the errors [°]."""
 PUSHED = (5.0, 40.0)
 """How far guesses are pushed along the epipolar line to make false matches [px]."""
-DRAWS = 5
+DRAWS = 4
 """Rounds of false matches, a third of the points in each."""
 JUDGED = (Gate.EPIPOLAR, Gate.FACET, Gate.BACK_MATCH, Gate.NEIGHBOURS, Gate.UNIQUENESS)
 """Gates that tell a false match from a true one."""

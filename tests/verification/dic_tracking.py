@@ -37,13 +37,12 @@ SUBSET = 25
 SERIES = {"every frame": 1, "every second": 2, "every fourth": 4}
 """Frames left out."""
 CALIBRATED = (0.75, 1.4)
-"""Range of the standard deviation of normalised errors of 8 px speckles: a hundred independent subsets give it to
-7 %, and the residual's part in sigma is an estimate."""
+"""Range of the standard deviation of normalised errors of 8 px speckles: a hundred independent subsets give
+it to 7 %, and the residual's part in sigma is an estimate."""
 UNDERSAMPLED = 1.8
 """Its upper end for speckles of 5 px, which are undersampled in the end."""
 DRIFT = 2.0
-"""Largest ratio of the final errors of a chain with an update in every frame and of one with few; independent
-errors would make it 3."""
+"""Largest ratio of the final errors of a chain with an update in every frame and of one with few."""
 SPARSE = 1.3
 """The same of series with frames left out and of the whole one."""
 
@@ -150,25 +149,47 @@ def row(result: Result) -> tuple[str, str, str]:
     )
 
 
+def sum_ratio(result: Result) -> float:
+    """As `ratio`, of `added` and of the errors with few changes of reference [-]."""
+    last = result.series["every frame"].spread[-1]
+    return float(np.linalg.norm(added(result)[-1]) / np.linalg.norm(last))
+
+
 def ratio(course: Course, other: Course) -> float:
     """Ratio of the errors in the last frame, root mean square of both components [-]."""
     return float(np.linalg.norm(course.spread[-1]) / np.linalg.norm(other.spread[-1]))
 
 
+def both(spread: FloatArray) -> FloatArray:
+    """Root mean square of the components, shape [n]."""
+    return np.asarray(np.sqrt(np.mean(spread**2, axis=1)))
+
+
+def added(result: Result) -> FloatArray:
+    """What the errors of a match in every frame add up to if they are independent, shape [n, 2] [px].
+
+    Each is as large as with few changes of reference, and is deformed with the material afterwards.
+    """
+    one = result.series["every frame"]
+    stretches = np.array([motion(value) for value in one.lam])
+    return np.asarray(stretches * np.sqrt(np.cumsum((one.spread / stretches) ** 2, axis=0)))
+
+
 def draw(result: Result, figure: Figure) -> None:
-    """(a) Standard deviation of the error along the compression while a pattern of 8 px speckles is
-    flattened: with frames left out, with a new reference in every frame, and what independent errors of those
-    matches would add up to. (b) Standard deviation of the error over its own sigma, every frame used.
+    """Left: standard deviation of the error, root mean square of both components, while a pattern of 8 px
+    speckles is flattened: with frames left out, with a new reference in every frame, and what independent
+    errors of those matches would add up to. Right: standard deviation of the error over its own sigma, every
+    frame used.
     """
     left, right = figure.subplots(1, 2)
     marks = ("-", "--", ":")
     for k, (name, course) in enumerate(result.series.items()):
-        left.plot(course.lam, 1e3 * course.spread[:, 1], marks[k], color="C0", label=name)
-    left.plot(result.always.lam, 1e3 * result.always.spread[:, 1], color="C1", label="update in every frame")
-    single = result.series["every frame"].spread[:, 1]
-    added = single[0] * np.sqrt(np.arange(1, len(single) + 1))
-    left.plot(result.always.lam, 1e3 * added, ":", color="0.5", label="independent errors added")
-    left.set(xlabel="stretch λ [-]", ylabel="std of the error in y [mpx]", xlim=(1.0, 0.25), ylim=(0.0, None))
+        left.plot(course.lam, 1e3 * both(course.spread), marks[k], color="C0", label=name)
+    left.plot(result.always.lam, 1e3 * both(result.always.spread), color="C1", label="update in every frame")
+    left.plot(
+        result.always.lam, 1e3 * both(added(result)), ":", color="0.5", label="independent errors added"
+    )
+    left.set(xlabel="stretch λ [-]", ylabel="std of the error [mpx]", xlim=(1.0, 0.25), ylim=(0.0, None))
     left.legend()
     coarse = result.series["every frame"]
     for course, color, size in ((coarse, "C0", SPECKLES[0]), (result.fine, "C2", SPECKLES[1])):
@@ -194,6 +215,8 @@ def page(result: Result) -> str:
         for name, course in courses.items()
         for at in [int(np.argmin(np.abs(course.lam - 0.5)))]
     )
+    usual = result.series["every frame"]
+    half, quarter = (ratio(result.series[name], usual) for name in ("every second", "every fourth"))
     return f"""# {TITLE}
 
 A speckle pattern is computed in closed form ({{py:mod}}`dic.speckle`) while it is flattened to λ = 0.25 and
@@ -208,20 +231,14 @@ with the settings that {{py:class}}`dic.tracking.Tracking` has by default ({{doc
 {lines}
 
 *Drift.* With a new reference in every frame, {len(LAMBDA) - 2} changes in the chain, the last error is
-{
-        ratio(
-            result.always, result.series["every frame"]
-        ):.2f} times that with few changes: the errors of the matches
-do not add up.
+{ratio(result.always, usual):.2f} times that with few changes. Independent errors of the matches
+would make it {sum_ratio(result):.2f} times.
 
-*Frames left out* cost nothing but the larger steps: {
-        ratio(result.series["every second"], result.series["every frame"]):.2f} and {
-        ratio(result.series["every fourth"], result.series["every frame"]):.2f} times the error.
+*Frames left out* cost nothing but the larger steps: {half:.2f} and {quarter:.2f} times the error.
 
 *Sigma.* Over all frames the standard deviation of the errors over their own sigma is within
-{result.series["every frame"].normalised.min():.2f} and {
-        result.series["every frame"].normalised.max():.2f} for
-speckles of 8 px. Those of 5 px are in the end hardly higher than a pixel; the error grows by much more than
-the noise explains, and sigma follows it by the residual ({result.fine.normalised.min():.2f} to
-{result.fine.normalised.max():.2f}).
+{usual.normalised.min():.2f} and {
+        usual.normalised.max():.2f} for speckles of 8 px. Those of 5 px are in the end
+hardly higher than a pixel; the error grows by much more than the noise explains, and sigma follows it by the
+residual ({result.fine.normalised.min():.2f} to {result.fine.normalised.max():.2f}).
 """

@@ -30,7 +30,7 @@ def test_errors_are_what_their_sigma_says() -> None:
 def test_points_that_both_cameras_see_are_accepted() -> None:
     for (_, shape, _), error in dic_stereo.case().errors.items():
         if shape is Shape.QUADRATIC:
-            assert error.accepted > 0.97  # but for a few where the surface turns away from a camera
+            assert error.accepted > 0.95  # at 11 px some rim points are no better than their rivals
 
 
 @pytest.mark.parametrize("angle", dic_stereo.ANGLES)

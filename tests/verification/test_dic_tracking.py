@@ -17,6 +17,7 @@ def test_the_errors_of_a_chain_do_not_add_up() -> None:
     assert result.always.references > 30
     assert result.series["every frame"].references < 8
     assert topic.ratio(result.always, result.series["every frame"]) < topic.DRIFT
+    assert topic.ratio(result.always, result.series["every frame"]) < topic.sum_ratio(result) / 1.5
 
 
 def test_frames_may_be_left_out() -> None:

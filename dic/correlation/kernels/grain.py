@@ -42,11 +42,12 @@ GRAIN = """
         static inline double gain(const double* F, double smooth, const double* Q) {
             double A[4], total = 1.0;
             if (!jet::inverse(F, A)) return 0.0;
-            for (int i = -3; i <= 3; ++i)
-                for (int j = -3; j <= 3; ++j) {
-                    const double x = A[0] * i + A[2] * j, y = A[1] * i + A[3] * j;
-                    if ((i || j) && fabs(x) < 0.8 && fabs(y) < 0.8) total += passed(x) * passed(y);
-                }
+            #pragma unroll 1
+            for (int m = 0; m < 49; ++m) {
+                const int i = m / 7 - 3, j = m % 7 - 3;
+                const double x = A[0] * i + A[2] * j, y = A[1] * i + A[3] * j;
+                if (m != 24 && fabs(x) < 0.8 && fabs(y) < 0.8) total += passed(x) * passed(y);
+            }
             const double less = 1.0 + smooth * (Q[0] * (A[0] * A[0] + A[1] * A[1])
                 + 2.0 * Q[1] * (A[0] * A[2] + A[1] * A[3]) + Q[2] * (A[2] * A[2] + A[3] * A[3]));
             return total * (A[0] * A[3] - A[1] * A[2]) / (less * less);

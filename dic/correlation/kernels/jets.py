@@ -21,7 +21,8 @@ JETS = """
         static inline bool inverse(const double* F, double* A) {
             const double det = F[0] * F[3] - F[1] * F[2];
             if (!(det > 0.0)) return false;
-            A[0] = F[3] / det; A[1] = -F[1] / det; A[2] = -F[2] / det; A[3] = F[0] / det;
+            const double one = 1.0 / det;
+            A[0] = F[3] * one; A[1] = -F[1] * one; A[2] = -F[2] * one; A[3] = F[0] * one;
             return true;
         }
         // w <- w o d^-1, to second order at the centre; false if one of them folds.

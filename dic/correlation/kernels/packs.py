@@ -4,11 +4,17 @@ One source serves both kinds of device. On a CPU a `pack` is a SIMD register of 
 through a subset; on a GPU it is one number, and the 32 lanes of a warp walk through a subset side by side.
 """
 
+BLOCK = 128
+"""Threads of a GPU's block: four warps, a point each."""
+
 PACKS = """
     #define INLINE inline __attribute__((always_inline))
 #if defined(__CUDA_ARCH__)
     typedef float pack;
-    constexpr int STEP = 32;
+    constexpr int STEP = 32;  // pixels of a pack, over all lanes
+    // One for the lanes of a warp.
+    #define SHARED(type, name) \\
+        __shared__ type name##_of_warps[WARPS]; type& name = name##_of_warps[threadIdx.x >> 5]
     const int lane = threadIdx.x & 31;
     struct op {
         static inline double positive(double x) { return x > 0.0 ? x : 0.0; }
@@ -20,14 +26,15 @@ PACKS = """
         static inline pack least(pack a, pack b) { return fminf(a, b); }
         static inline pack most(pack a, pack b) { return fmaxf(a, b); }
         static inline double sum(pack x) {
-            double total = x;
             #pragma unroll
-            for (int o = 16; o > 0; o >>= 1) total += __shfl_xor_sync(0xffffffffu, total, o);
-            return total;
+            for (int o = 16; o > 0; o >>= 1) x += __shfl_xor_sync(0xffffffffu, x, o);
+            return x;
         }
+        static inline void meet() { __syncwarp(); }
     };
 #else
-    constexpr int STEP = 16;
+    constexpr int STEP = 16;  // pixels of a pack
+    #define SHARED(type, name) type name
     const int lane = 0;
     typedef float pack __attribute__((ext_vector_type(16)));
     typedef float packu __attribute__((ext_vector_type(16), aligned(4)));
@@ -68,6 +75,7 @@ PACKS = """
             const pair2 two = half.lo + half.hi;
             return two.lo + two.hi;
         }
+        static inline void meet() {}
     };
 #endif
 """

@@ -2,7 +2,7 @@
 
 from dic.correlation.kernels.grain import GRAIN
 from dic.correlation.kernels.jets import JETS
-from dic.correlation.kernels.packs import PACKS
+from dic.correlation.kernels.packs import BLOCK, PACKS
 from dic.correlation.kernels.spline import SPLINE
 from dic.correlation.kernels.subset import SUBSET
 from dic.outcome import PointOutcome
@@ -16,6 +16,7 @@ _SEARCH = """
     const float* Y = X + room;
     const float* U = Y + room;  // 1 for a pixel of the subset, 0 for what fills the last pack
     const int start = STEP == 32 ? lane : 0;
+    SHARED(normal, N);
 
     for (int i = first + slot; i < first + count; i += slots) {
         const double cx = job.points.data[2 * i], cy = job.points.data[2 * i + 1];
@@ -33,7 +34,6 @@ _SEARCH = """
         for (int k = 0; k < 12; ++k) given += w[k] * 0.0 + reference[k] * 0.0;  // NaN if one is not finite
         double here[2], F0[4], F1[4], A[4], step[12];
         places from, to;
-        normal N;
 
         from.set(f, cx, cy, reference, h);
         jet::at(reference, 0.0, 0.0, here, F0);
@@ -46,6 +46,7 @@ _SEARCH = """
             pack counted = op::all(0.0f), total = counted, grit = counted, tilt[K];
             for (int j = 0; j < K; ++j) tilt[j] = op::all(0.0f);
             monomials at;
+            #pragma unroll 1
             for (int k = start; k < room; k += STEP) {
                 const pack x = op::load(X + k), y = op::load(Y + k);
                 pack u = op::load(U + k), px, py, gx, gy;
@@ -71,6 +72,7 @@ _SEARCH = """
                 outcome = OUT_OF_VIEW;
             } else {
                 const float level = (float)(op::sum(total) / n);  // sums of small numbers
+                #pragma unroll 1
                 for (int k = start; k < room; k += STEP) op::store(T + k, op::load(T + k) - level);
                 N.sum(W, T, GX, GY, X, Y, room, start);
                 bool whole = true;  // N holds the whole template
@@ -96,6 +98,7 @@ _SEARCH = """
                     if (!to.within || !whole) {
                         // Pixels that left the picture do not count, those that came back do.
                         pack left = op::all(0.0f);
+                        #pragma unroll 1
                         for (int k = start; k < room; k += STEP) {
                             const pack x = op::load(X + k), y = op::load(Y + k);
                             pack u = op::load(U + k), px, py;
@@ -115,6 +118,7 @@ _SEARCH = """
                     pack g1 = op::all(0.0f), g2 = g1, tg = g1, s[K];
                     for (int j = 0; j < K; ++j) s[j] = op::all(0.0f);
                     const float zero = (float)offset;
+                    #pragma unroll 1
                     for (int k = start; k < room; k += STEP) {
                         const pack x = op::load(X + k), y = op::load(Y + k);
                         pack px, py;
@@ -144,8 +148,9 @@ _SEARCH = """
                     offset = brightness;
                     if (iterations == job.max_iterations) { outcome = NOT_CONVERGED; break; }
                     double d[K];
+                    const double slope = cross / N.energy;
                     for (int j = 0; j < K; ++j)
-                        d[j] = (op::sum(s[j]) - mean * N.S[j] - cross / N.energy * N.q[j]) / contrast
+                        d[j] = (op::sum(s[j]) - mean * N.S[j] - slope * N.q[j]) / contrast
                             + noise_f * drift[j];
                     N.solve(d);
                     for (int k = 0; k < 12; ++k) step[k] = 0.0;
@@ -178,9 +183,13 @@ _SEARCH = """
                             * (noise_f * between_f + noise_g * job.between / (contrast * contrast));
                         // Where the residual is larger than noise and chance explain, so is the variance.
                         const double excess = (2.0 - 2.0 * zncc) * N.energy / N.n;
-                        const double variance = (noise_f * grain::gain(F0, smooth, spectrum) * kept
-                            + noise_g * grain::gain(F1, smooth, spectrum) / (contrast * contrast))
-                            / (kept * kept) * (excess > likely ? excess / likely : 1.0);
+                        const double gain_f = grain::gain(F0, smooth, spectrum);
+                        const double gain_g = grain::gain(F1, smooth, spectrum);
+                        double variance = (noise_f * gain_f * kept + noise_g * gain_g / (contrast * contrast))
+                            / (kept * kept);
+                        if (!(likely > 0.0))  // none declared: the residual is all there is
+                            variance = excess * (gain_f + gain_g) / (between_f + job.between);
+                        else if (excess > likely) variance *= excess / likely;
                         const double xx = column[0][0] * variance, xy = column[0][ORDER] * variance;
                         const double yy = column[1][ORDER] * variance;
                         covariance[0] = F1[0] * (F1[0] * xx + F1[1] * xy) + F1[1] * (F1[0] * xy + F1[1] * yy);
@@ -204,7 +213,8 @@ _SEARCH = """
 
 def search_source(parameters: int) -> str:
     """The body of the native function for a shape function of so many parameters."""
-    text = f"    constexpr int ORDER = {parameters // 2};  // monomials of a displacement component\n"
+    text = f"    constexpr int WARPS = {BLOCK // 32};\n"
+    text += f"    constexpr int ORDER = {parameters // 2};  // monomials of a displacement component\n"
     for outcome in PointOutcome:
         text += f"    constexpr int {outcome.name} = {outcome.value};\n"
     return text + PACKS + JETS + SPLINE + GRAIN + SUBSET + _SEARCH

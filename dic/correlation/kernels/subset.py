@@ -100,23 +100,25 @@ SUBSET = """
         }
     };
     constexpr int K = 2 * ORDER;  // numbers searched for
-    // What the template contributes to the match; sums over the pixels that count.
+    // What the template contributes to the match; sums over the pixels that count. On a GPU the lanes of a
+    // warp share one, and all write the same numbers, each once.
     struct normal {
         double n, mean, energy, gradient[3];  // pixels, mean of T, sum of (T - mean)^2, tensor of gradients
         double S[K], q[K];                    // sums of steepest descents, and of them times T - mean
         double H[K * K];                      // of their products, offset and contrast projected out
-        double L[K * K];                      // its Cholesky factor
+        double L[K * K];                      // its Cholesky factor, the diagonal inverted
         bool definite;
 
         inline void sum(const float* W, const float* T, const float* GX, const float* GY,
-                        const float* X, const float* Y, int room, int lane) {
+                        const float* X, const float* Y, int room, int start) {
             constexpr int PAIRS = ORDER * (ORDER + 1) / 2;
             pack count = op::all(0.0f), first = count, second = count;
             pack s[K], t[K], h[3 * PAIRS];
             for (int i = 0; i < K; ++i) { s[i] = op::all(0.0f); t[i] = s[i]; }
             for (int i = 0; i < 3 * PAIRS; ++i) h[i] = op::all(0.0f);
             monomials at;
-            for (int k = lane * (STEP == 32); k < room; k += STEP) {
+            #pragma unroll 1
+            for (int k = start; k < room; k += STEP) {
                 const pack w = op::load(W + k), T0 = op::load(T + k);
                 const pack gx = op::load(GX + k), gy = op::load(GY + k);
                 at.set(op::load(X + k), op::load(Y + k));
@@ -133,6 +135,7 @@ SUBSET = """
                     }
                 }
             }
+            op::meet();
             n = op::sum(count);
             const double total = op::sum(first);
             mean = total / n;
@@ -144,38 +147,42 @@ SUBSET = """
                     const double a = op::sum(h[3 * pair]), b = op::sum(h[3 * pair + 1]);
                     const double c = op::sum(h[3 * pair + 2]);
                     if (pair == 0) { gradient[0] = a; gradient[1] = b; gradient[2] = c; }
-                    H[i * K + j] = a; H[j * K + i] = a;
-                    H[i * K + ORDER + j] = b; H[j * K + ORDER + i] = b;
-                    H[(ORDER + j) * K + i] = b; H[(ORDER + i) * K + j] = b;
-                    H[(ORDER + i) * K + ORDER + j] = c; H[(ORDER + j) * K + ORDER + i] = c;
+                    put(j, i, a); put(ORDER + j, ORDER + i, c);
+                    put(ORDER + j, i, b);
+                    if (i != j) put(ORDER + i, j, b);
                 }
-            for (int i = 0; i < K; ++i)
-                for (int j = 0; j < K; ++j) H[i * K + j] -= S[i] * S[j] / n + q[i] * q[j] / energy;
+            op::meet();
             factor();
+            op::meet();
+        }
+        // Below the diagonal: a sum of products without what offset and contrast take up.
+        inline void put(int i, int j, double x) {
+            H[i * K + j] = x - S[i] * S[j] * (1.0 / n) - q[i] * q[j] * (1.0 / energy);
         }
         inline void factor() {
-            definite = energy > 0.0;
-            for (int i = 0; i < K && definite; ++i)
+            bool fine = energy > 0.0;
+            for (int i = 0; i < K && fine; ++i)
                 for (int j = 0; j <= i; ++j) {
                     double x = H[i * K + j];
                     for (int k = 0; k < j; ++k) x -= L[i * K + k] * L[j * K + k];
                     if (i == j) {
                         // fp32 sums leave 1e-7 of the diagonal: less than 1e-5 of it is no information
-                        if (!(x > 1e-5 * H[i * K + i])) { definite = false; break; }
-                        L[i * K + i] = sqrt(x);
+                        if (!(x > 1e-5 * H[i * K + i])) { fine = false; break; }
+                        L[i * K + i] = 1.0 / sqrt(x);
                     } else {
-                        L[i * K + j] = x / L[j * K + j];
+                        L[i * K + j] = x * L[j * K + j];
                     }
                 }
+            definite = fine;
         }
         inline void solve(double* b) const {
             for (int i = 0; i < K; ++i) {
                 for (int k = 0; k < i; ++k) b[i] -= L[i * K + k] * b[k];
-                b[i] /= L[i * K + i];
+                b[i] *= L[i * K + i];
             }
             for (int i = K - 1; i >= 0; --i) {
                 for (int k = i + 1; k < K; ++k) b[i] -= L[k * K + i] * b[k];
-                b[i] /= L[i * K + i];
+                b[i] *= L[i * K + i];
             }
         }
     };
