@@ -20,7 +20,7 @@ from dic.rigid import lever
 from dic.single_view import sights_of_one
 from dic.stereo.reconstruction import Reconstruction
 from dic.surfaces.frame import SpecimenFrame
-from dic.tracking.track import Track
+from dic.tracking.history import Track
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

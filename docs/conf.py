@@ -34,6 +34,7 @@ autodoc_default_options = {"members": True, "member-order": "bysource", "ignore-
 autodoc_typehints_format = "short"
 autodoc_class_signature = "separated"
 default_role = "code"
+autodoc_preserve_defaults = True
 napoleon_google_docstring = False
 napoleon_use_rtype = False
 
@@ -45,8 +46,9 @@ _OTHERS = (
 nitpick_ignore_regex = [
     ("py:.*", rf"({_OTHERS})\..*"),
     ("py:class", r"Path|tuple\[int|[a-z][a-z_ -]*"),  # words in a type: "array", "callable, optional"
-    ("py:class", r"(explicit|doe|dic)\.[A-Z]\w*"),  # re-exported: documented where it is defined
+    ("py:class", r"(explicit|doe|dic)(\.[a-z_]+)?\.[A-Z]\w*"),  # re-exported: documented where it is defined
 ]
+suppress_warnings = ["ref.python"]  # "shape" in a type is a word, not one of several attributes of that name
 
 
 def plain_docstring(app, what, name, obj, options, lines):

@@ -10,7 +10,7 @@ from dic.correlation.warp import apply
 from dic.outcome import PointOutcome
 from dic.stereo.epipolar import epipolar_sigma
 from dic.stereo.triangulation import triangulate
-from dic.tracking.track import Track
+from dic.tracking.history import Track
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -2,6 +2,6 @@
 
 from dic.tracking.follow import track
 from dic.tracking.settings import Tracking
-from dic.tracking.track import Track
+from dic.tracking.history import Track
 
 __all__ = ["Track", "Tracking", "track"]

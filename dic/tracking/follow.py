@@ -16,7 +16,7 @@ from dic.tracking.neighbours import Neighbours
 from dic.tracking.predict import Predictor
 from dic.tracking.references import References, Template
 from dic.tracking.settings import Tracking
-from dic.tracking.track import Track
+from dic.tracking.history import Track
 from dic.tracking.update import Last, Updates, composed
 
 FloatArray = NDArray[np.float64]

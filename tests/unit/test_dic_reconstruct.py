@@ -7,7 +7,7 @@ import pytest
 
 from dic import Camera, PointOutcome, StereoRig
 from dic.stereo import reconstruct
-from dic.tracking.track import Track
+from dic.tracking.history import Track
 
 N_FRAMES, N_POINTS = 4, 6
 

@@ -10,7 +10,7 @@ from dic.rigid import rigid_motion
 from dic.stereo import reconstruct
 from dic.stereo.reconstruction import Reconstruction
 from dic.surfaces import SpecimenFrame
-from dic.tracking.track import Track
+from dic.tracking.history import Track
 
 SIDE, FACE, SCALE = 7.5e-3, 6.5e-3, 1.0 / 18e3
 """Radius of a flyer, height of its face at rest [m], metres a pixel."""
