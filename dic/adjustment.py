@@ -159,7 +159,7 @@ def _chain(sights: Sights) -> tuple[IntArray, IntArray, FloatArray, FloatArray, 
             "too; choose more points, or look at their outcomes"
         )
     with_both = np.flatnonzero(solved)
-    for k in np.flatnonzero(~solved):  # what one camera sees: from the nearest pose, across its rays
+    for k in np.flatnonzero(~solved).tolist():  # what one camera sees: from the nearest pose
         who = sights.valid[k] & known
         if who.sum() >= FEWEST_POINTS:
             near = with_both[np.argmin(np.abs(with_both - k))]

@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -61,9 +61,6 @@ class ShotToml(TomlFile):
     """What it declares, in SI."""
 
 
-Model = TypeVar("Model", bound=BaseModel)
-
-
 def read_shot_toml(path: Path) -> ShotToml:
     """Read and validate a shot file.
 
@@ -77,7 +74,7 @@ def read_shot_toml(path: Path) -> ShotToml:
     return ShotToml(file.path, file.sha256, file.content, file.lines, declared)
 
 
-def read_declared(path: Path, schema: Callable[[dict[str, Any]], type[Model]]) -> tuple[TomlFile, Model]:
+def read_declared(path: Path, schema: Callable[[dict[str, Any]], type[BaseModel]]) -> tuple[TomlFile, Any]:
     """Read a file and validate it by the schema that its content asks for.
 
     Raises

@@ -2,7 +2,7 @@
 
 from dic.calibration.bundle import Undetermined
 from dic.calibration.detect import detect
-from dic.calibration.result import Calibration, Checks, Pair, PairOutcome, View
+from dic.calibration.result import Calibration, Checks, Pair, PairOutcome, Sighting
 from dic.calibration.solve import MODELS, calibrate
 from dic.calibration.targets import TARGETS, Detection, Target, TargetNotFound
 
@@ -14,10 +14,10 @@ __all__ = [
     "Detection",
     "Pair",
     "PairOutcome",
+    "Sighting",
     "Target",
     "TargetNotFound",
     "Undetermined",
-    "View",
     "calibrate",
     "detect",
 ]

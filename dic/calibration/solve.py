@@ -10,7 +10,7 @@ from dic.calibration import checks
 from dic.calibration.bundle import Fit, clustering, free_columns
 from dic.calibration.projection import Sight
 from dic.calibration.rejection import Verdicts, solve_without_bad
-from dic.calibration.result import Calibration, Checks, Pair, PairOutcome, View
+from dic.calibration.result import Calibration, Checks, Pair, PairOutcome, Sighting
 from dic.calibration.start import start
 from dic.calibration.targets.base import Detection, Target, TargetNotFound
 from dic.calibration.views import all_sights, finished_view
@@ -141,7 +141,7 @@ def _pair(
     if k not in fit.rig.poses:
         said = "; ".join(missing) or "no pose of the target explains what is seen"
         return Pair(name, PairOutcome.NOT_FOUND, said, (None, None), None, None)
-    parts: list[View | None] = []
+    parts: list[Sighting | None] = []
     for camera in (0, 1):
         sight = chosen.get((k, camera))
         if sight is None:

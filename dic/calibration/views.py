@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from dic.calibration.bundle import Rig
 from dic.calibration.projection import Sight, seen
-from dic.calibration.result import View
+from dic.calibration.result import Sighting
 from dic.calibration.targets.base import Detection, Target
 
 
@@ -47,13 +47,13 @@ def all_sights(
     return sights
 
 
-def finished_view(rig: Rig, sight: Sight, used: NDArray[np.bool_]) -> View:
+def finished_view(rig: Rig, sight: Sight, used: NDArray[np.bool_]) -> Sighting:
     """The record of one view in a solved rig."""
     R, t = rig.poses[sight.pair]
     camera = rig.cameras[sight.camera]
     expected = seen(camera, sight, R, t)
     shift = expected - seen(camera, sight, R, t, patches=False)
-    return View(sight.ids, sight.pixels, sight.sigma, sight.pixels - expected, shift, used)
+    return Sighting(sight.ids, sight.pixels, sight.sigma, sight.pixels - expected, shift, used)
 
 
 def only(sight: Sight, rows: NDArray[np.bool_]) -> Sight:

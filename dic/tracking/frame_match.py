@@ -123,11 +123,12 @@ class FrameMatch:
         In a picture of another scene single subsets find something alike; they lie where nobody expects them.
         """
         valid = np.flatnonzero(self.valid)
-        off = np.hypot(*(self.warp[valid, :2] - self.guess[valid, :2]).T)
         gate = self.settings.neighbour_gate
-        alone = ~self.neighbours.agreeing(self.warp, self.valid, valid, gate, asked=3)
-        against = ~self.neighbours.agreeing(self.warp, self.valid, valid, gate)
-        self.outcome[valid[against | (alone & (off > gate))]] = int(PointOutcome.LOW_CORRELATION)
+        votes, found = self.neighbours.votes(self.warp, self.valid, valid, gate)
+        surprising = np.hypot(*(self.warp[valid, :2] - self.guess[valid, :2]).T) > gate
+        crowded = np.sum(self.neighbours.there[valid], axis=1) >= 3
+        wrong = (votes < 2) & ((found >= 3) | (crowded & surprising))
+        self.outcome[valid[wrong]] = int(PointOutcome.LOW_CORRELATION)
 
     def seed(self) -> None:
         """Search for some of the points far from where they were expected, by features and by windows."""

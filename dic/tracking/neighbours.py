@@ -74,14 +74,10 @@ class Neighbours:
         """Which points have a neighbour among the `usable` ones, shape [n]."""
         return np.any(self.there & usable[self.index], axis=1)
 
-    def agreeing(
-        self, warp: FloatArray, usable: BoolArray, rows: IntArray, gate: float, *, asked: int | None = None
-    ) -> BoolArray:
-        """Which points lie where two of their neighbours put them, shape [len(rows)].
-
-        Two, not most: at the border of two bodies most neighbours may belong to the other one. A point with
-        fewer than three neighbours found has nobody to contradict it and agrees; with `asked`, only one that
-        has fewer than so many neighbours at all.
+    def votes(
+        self, warp: FloatArray, usable: BoolArray, rows: IntArray, gate: float
+    ) -> tuple[IntArray, IntArray]:
+        """How many neighbours put points `rows` where they are.
 
         Parameters
         ----------
@@ -89,17 +85,25 @@ class Neighbours:
             As in `best`.
         gate
             Largest distance [px].
-        asked
-            Neighbours from which on they are asked, found or not; None: three that were found.
+
+        Returns
+        -------
+        tuple
+            Neighbours that agree, and neighbours that have been found, shape [len(rows)] each.
         """
         index, step = self.index[rows], self.step[rows]
-        near = warp[index]
+        near = warp[:, :6][index]
         x, y = step[..., 0], step[..., 1]
-        u = near[..., 0] + near[..., 2] * x + near[..., 3] * y
-        v = near[..., 1] + near[..., 4] * x + near[..., 5] * y
-        off = np.hypot(u - warp[rows, None, 0], v - warp[rows, None, 1])
+        u = near[..., 0] + near[..., 2] * x + near[..., 3] * y - warp[rows, None, 0]
+        v = near[..., 1] + near[..., 4] * x + near[..., 5] * y - warp[rows, None, 1]
         found = self.there[rows] & usable[index]
-        votes = np.sum(found & (off <= gate), axis=1)
-        if asked is None:
-            return (votes >= 2) | (np.sum(found, axis=1) < 3)
-        return (votes >= 2) | (np.sum(self.there[rows], axis=1) < asked)
+        return np.sum(found & (u * u + v * v <= gate * gate), axis=1), np.sum(found, axis=1)
+
+    def agreeing(self, warp: FloatArray, usable: BoolArray, rows: IntArray, gate: float) -> BoolArray:
+        """Which points lie where two of their neighbours put them, shape [len(rows)].
+
+        Two, not most: at the border of two bodies most neighbours may belong to the other one. A point with
+        fewer than three neighbours found has nobody to contradict it and agrees. Parameters as in `votes`.
+        """
+        votes, found = self.votes(warp, usable, rows, gate)
+        return np.asarray((votes >= 2) | (found < 3))

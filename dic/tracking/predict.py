@@ -9,6 +9,8 @@ BoolArray = NDArray[np.bool_]
 
 ORDERS = (0, 1, 2)
 """At rest, constant velocity, constant acceleration."""
+JURY = 300
+"""Points that decide about the order, about."""
 PARTS = (slice(0, 2), slice(2, 6), slice(6, 12))
 """Displacement, its first and its second derivatives: the noisier, the lower the order that serves."""
 
@@ -44,7 +46,8 @@ class Predictor:
         """Take in that points `rows` were found in `frame` with these warps, shape [len(rows), 12]."""
         highest = min(int(np.max(self.known[rows], initial=0)) - 1, max(ORDERS))
         if self._foretold and highest > 0:
-            past = self.known[rows] > highest
+            past = np.flatnonzero(self.known[rows] > highest)
+            past = past[:: max(len(past) // JURY, 1)]
             found = warp[past]
             off = [np.abs(self._foretold[k][rows[past]] - found) for k in ORDERS[: highest + 1]]
             for k, part in enumerate(PARTS):

@@ -37,7 +37,7 @@ def composed(warp, step):
 
     def whole(eta):
         xi = eta.copy()
-        for _ in range(50):  # the offset that `step` carries to eta
+        for _ in range(20):  # the offset that `step` carries to eta
             xi = xi - (warps.apply(origin, step, xi) - eta)
         return warps.apply(origin, warp, xi)
 

@@ -99,16 +99,17 @@ def test_a_residual_that_noise_does_not_explain_widens_the_covariance():
     honest = variance(SIGMA)
     # variance of a variance from 441 differences: 7 %; the noise of gradients is not taken out: 10 %
     assert variance(SIGMA / 10) == pytest.approx(honest, rel=0.3)
+    assert variance(0.0) == pytest.approx(honest, rel=0.3)  # none declared: the residual is all there is
     assert variance(2 * SIGMA) == pytest.approx(4 * honest, rel=0.3)
 
 
 @pytest.mark.parametrize("prefilter", [0.0, 0.7])
 def test_noise_between_pixels_against_many_draws(prefilter):
     rng = np.random.default_rng(2)
-    noise = rng.normal(0.0, 1.0, (400, 400))
+    noise = rng.normal(0.0, 1.0, (260, 260))
     smooth = ndimage.gaussian_filter(noise, prefilter, mode="mirror") if prefilter else noise
     spline = ndimage.spline_filter(smooth, order=5, mode="mirror")
-    y, x = np.mgrid[10:390, 10:390].astype(float)
+    y, x = np.mgrid[10:250, 10:250].astype(float)
     mean, spread, slope = between_pixels(prefilter)
 
     def read(dx, dy):
@@ -118,9 +119,9 @@ def test_noise_between_pixels_against_many_draws(prefilter):
         even = [np.polyval(spread[::-1], (t - 0.5) ** 2) for t in (tx, ty)]
         odd = (tx - 0.5) * np.polyval(slope[::-1], (tx - 0.5) ** 2)
         gradient = (read(tx + 1e-3, ty) - read(tx - 1e-3, ty)) / 2e-3
-        # 144 000 draws, each shared by a few places: 1 % of the variance
-        assert even[0] * even[1] == pytest.approx(np.var(read(tx, ty)), rel=0.015)
-        assert odd * even[1] == pytest.approx(np.mean(gradient * read(tx, ty)), abs=0.015)
+        # 58 000 draws, each shared by a few places: 1 % of the variance
+        assert even[0] * even[1] == pytest.approx(np.var(read(tx, ty)), rel=0.03)
+        assert odd * even[1] == pytest.approx(np.mean(gradient * read(tx, ty)), abs=0.03)
     where = rng.uniform(0.0, 1.0, (2, 12))
     variances = [np.var(read(*t)) for t in where.T]
     gradients = [np.mean(((read(tx + 1e-3, ty) - read(tx - 1e-3, ty)) / 2e-3) ** 2) for tx, ty in where.T]

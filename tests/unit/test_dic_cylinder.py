@@ -55,7 +55,7 @@ def errors(fit, R):
 def test_the_covariance_of_a_cylinder_is_that_of_its_errors(arc, known):
     rng = np.random.default_rng(4)
     ratios = []
-    for seed in range(40):
+    for seed in range(25):
         R = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
         X = patch(rng, arc) + NOISE * rng.standard_normal((400, 3))
         C = np.broadcast_to(R @ np.diag(NOISE**2) @ R.T, (400, 3, 3))
@@ -65,8 +65,8 @@ def test_the_covariance_of_a_cylinder_is_that_of_its_errors(arc, known):
         off = errors(fit, R)[:n]
         ratios.append(off @ np.linalg.solve(fit.covariance[:n, :n], off) / n)
         assert fit.chi2_per_dof == pytest.approx(1.0, abs=0.4)  # 5 standard deviations of 395 dof
-    # The mean of 40 chi-squared of 4 or 5 dof over their dof: standard deviation sqrt(2/160) = 0.11.
-    assert np.mean(ratios) == pytest.approx(1.0, abs=0.33)
+    # The mean of 25 chi-squared of 4 or 5 dof over their dof: standard deviation sqrt(2/100) = 0.14.
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.42)
 
 
 def test_a_narrow_arc_says_that_it_knows_no_radius_and_a_wide_one_does():
@@ -138,14 +138,14 @@ def test_the_covariance_of_the_frame_is_that_of_its_errors():
     rng = np.random.default_rng(6)
     points = np.array([[0.0, 0.0, RADIUS], [1e-3, 6e-3, 4e-3]])
     off = []
-    for _ in range(200):
+    for _ in range(120):
         zero = np.array([1e-3, 2e-6 * rng.standard_normal(), 3e-3])
         frame = surfaces.test_frame(
             cylinder(rng), rig(), toward_flyer=(0.0, -1.0), zero=zero, zero_sigma=2e-6
         )
         off.append((frame.positions(points) - points) / frame.sigma(points))
-    # 200 draws: the standard deviation of each is known to 1/sqrt(400) = 5 %.
-    assert np.std(off, axis=0) == pytest.approx(np.ones((2, 3)), abs=0.16)
+    # 120 draws: the standard deviation of each is known to 1/sqrt(240) = 6.5 %.
+    assert np.std(off, axis=0) == pytest.approx(np.ones((2, 3)), abs=0.2)
 
 
 def test_a_pixel_is_carried_back_to_the_cylinder():

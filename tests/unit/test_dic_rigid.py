@@ -105,7 +105,7 @@ def test_a_body_that_rides_into_view_has_calibrated_sigmas_in_all_frames(tilting
     assert view[0].sum() < 60 < 130 < view[-1].sum()  # of 360 points, some never come into view
     true = np.concatenate([r - r[:STATIC].mean(axis=0), u - u[:STATIC].mean(axis=0)], axis=1)
     ratio = []
-    for _ in range(12):
+    for _ in range(6):
         found = body_motion([seen(x, NOISE, view, rng)], FRAME, at=AT, rest=range(STATIC))
         error = np.concatenate([found.rotation, found.displacement], axis=1) - true
         ratio.append(error / np.concatenate([found.rotation_sigma, found.displacement_sigma], axis=1))
@@ -116,9 +116,9 @@ def test_a_body_that_rides_into_view_has_calibrated_sigmas_in_all_frames(tilting
         np.testing.assert_allclose(y, found.displacement[:, 1])
         assert np.linalg.eigvalsh(C)[0] > -1e-6 * np.trace(C)  # semidefinite: the rest frames have mean zero
     spread = np.std(ratio, axis=(0, 1))
-    # 12 draws of 60 frames whose errors hang together through the points: some 15 independent each,
-    # 180 values, standard deviation 5 %.
-    assert spread == pytest.approx(np.ones(6), abs=0.2)
+    # 6 draws of 60 frames whose errors hang together through the points: some 15 independent each,
+    # 90 values, standard deviation 7.5 %.
+    assert spread == pytest.approx(np.ones(6), abs=0.25)
 
 
 def test_points_of_a_second_picture_join_the_body_and_false_ones_leave_it():

@@ -57,7 +57,7 @@ def test_the_fit_of_the_flyer_takes_a_bodys_displacement_as_it_is():
 def test_directions_and_rates_are_found_within_their_sigmas():
     ratio, rates = [], []
     moving = T[STATIC + 12 :]
-    for seed in range(3):
+    for seed in range(2):
         motion, velocity, v = body(np.random.default_rng(seed), drift=0.1, turn_rate=20.0)
         flight = fit_flight(motion, T, start=START)
         found, sigma = flight.velocity(moving)

@@ -109,7 +109,7 @@ def page(result: Result) -> str:
     accepted, tried = result.other_surface
     return f"""# {TITLE}
 
-**What is checked.** {{py:func}}`dic.stereo.match_stereo` finds the points of camera 0 in camera 1 on a
+**What is checked.** {{py:func}}`dic.stereo.match.match_stereo` finds the points of camera 0 in camera 1 on a
 surface that curves, says how far off they are, and accepts no false one ({{doc}}`../theory/stereo_matching`).
 
 **Independent source.** `dic.render` cuts every ray of both cameras with the cylinder and never warps a

@@ -183,9 +183,13 @@ _SEARCH = """
                             * (noise_f * between_f + noise_g * job.between / (contrast * contrast));
                         // Where the residual is larger than noise and chance explain, so is the variance.
                         const double excess = (2.0 - 2.0 * zncc) * N.energy / N.n;
-                        const double variance = (noise_f * grain::gain(F0, smooth, spectrum) * kept
-                            + noise_g * grain::gain(F1, smooth, spectrum) / (contrast * contrast))
-                            / (kept * kept) * (excess > likely ? excess / likely : 1.0);
+                        const double gain_f = grain::gain(F0, smooth, spectrum);
+                        const double gain_g = grain::gain(F1, smooth, spectrum);
+                        double variance = (noise_f * gain_f * kept + noise_g * gain_g / (contrast * contrast))
+                            / (kept * kept);
+                        if (!(likely > 0.0))  // none declared: the residual is all there is
+                            variance = excess * (gain_f + gain_g) / (between_f + job.between);
+                        else if (excess > likely) variance *= excess / likely;
                         const double xx = column[0][0] * variance, xy = column[0][ORDER] * variance;
                         const double yy = column[1][ORDER] * variance;
                         covariance[0] = F1[0] * (F1[0] * xx + F1[1] * xy) + F1[1] * (F1[0] * xy + F1[1] * yy);

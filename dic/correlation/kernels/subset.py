@@ -110,7 +110,7 @@ SUBSET = """
         bool definite;
 
         inline void sum(const float* W, const float* T, const float* GX, const float* GY,
-                        const float* X, const float* Y, int room, int lane) {
+                        const float* X, const float* Y, int room, int start) {
             constexpr int PAIRS = ORDER * (ORDER + 1) / 2;
             pack count = op::all(0.0f), first = count, second = count;
             pack s[K], t[K], h[3 * PAIRS];
@@ -118,7 +118,7 @@ SUBSET = """
             for (int i = 0; i < 3 * PAIRS; ++i) h[i] = op::all(0.0f);
             monomials at;
             #pragma unroll 1
-            for (int k = lane * (STEP == 32); k < room; k += STEP) {
+            for (int k = start; k < room; k += STEP) {
                 const pack w = op::load(W + k), T0 = op::load(T + k);
                 const pack gx = op::load(GX + k), gy = op::load(GY + k);
                 at.set(op::load(X + k), op::load(Y + k));

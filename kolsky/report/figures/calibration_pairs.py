@@ -1,7 +1,7 @@
 """Residual of every pair of calibration pictures, and how residuals are distributed."""
 
 import numpy as np
-from matplotlib.ticker import LogFormatter, MaxNLocator
+from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
 from dic.calibration import Calibration
 from kolsky.report.figures.base import GREY, MEASURED, PAGE, FigureKind, Panels, letter
@@ -46,7 +46,9 @@ def draw(found: Calibration, panels: Panels) -> None:
     ax.axhline(found.rms, color=GREY, lw=0.8, zorder=0)
     if max(values) > 10.0 * max(min(values), 1e-12):
         ax.set_yscale("log")
-        ax.yaxis.set_major_formatter(LogFormatter(labelOnlyBase=False, minor_thresholds=(2, 0.5)))
+        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        ax.yaxis.set_minor_formatter(NullFormatter())
+        ax.set_ylim(0.5 * min(values), 30.0 * max(values))  # room for the legend
     else:
         ax.set_ylim(0.0, 1.45 * max(values))
     ax.set(xlabel="Pair", ylabel="Rms residual (px)", xlim=(-0.7, len(found.pairs) - 0.3))
@@ -85,7 +87,7 @@ def draw(found: Calibration, panels: Panels) -> None:
     letter(ax, "b")
 
 
-KIND: FigureKind[Calibration] = FigureKind(
+KIND = FigureKind(
     name="calibration-pairs",
     width=PAGE,
     height=lambda found: 60.0,

@@ -60,7 +60,7 @@ def _height(found: Calibration) -> float:
     return 16.0 + COLUMN * 0.88 * rows / columns
 
 
-KIND: FigureKind[Calibration] = FigureKind(
+KIND = FigureKind(
     name="calibration-residuals",
     width=PAGE,
     height=_height,
