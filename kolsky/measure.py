@@ -113,7 +113,7 @@ def measured(
         raise seen.toml.error(
             "dic.flyer",
             "was not followed back to rest, so how far it went is not known",
-            cure="declare a region clear of its edge, in a frame that shows much of it; some rows of the flyer "
+            cure="declare a region clear of its edge, in a frame that shows much of it; some of its rows "
             "must be in view of a camera at rest",
         )
     line = result.centre
