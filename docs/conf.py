@@ -46,6 +46,7 @@ nitpick_ignore_regex = [
     ("py:.*", rf"({_OTHERS})\..*"),
     ("py:class", r"Path|tuple\[int|[a-z][a-z_ -]*"),  # words in a type: "array", "callable, optional"
     ("py:class", r"(explicit|doe|dic)\.[A-Z]\w*"),  # re-exported: documented where it is defined
+    ("py:class", r"dic\.tracking\.track\.Track"),  # the module has the name of the function beside it
 ]
 
 
