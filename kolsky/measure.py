@@ -112,8 +112,9 @@ def measured(
     if result.travel is None or result.travel.t.size == 0:
         raise seen.toml.error(
             "dic.flyer",
-            "was found in no frame",
-            cure="declare a region of camera 0's picture that the flyer fills, and the frame it is for",
+            "was not followed back to rest, so how far it went is not known",
+            cure="declare a region clear of its edge, in a frame that shows much of it; some of its rows "
+            "must be in view of a camera at rest",
         )
     line = result.centre
     return Measured(

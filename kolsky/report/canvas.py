@@ -28,7 +28,7 @@ def build(kind: FigureKind[Any], shown: Any) -> Figure:
     ----------
     kind : FigureKind
         An entry of one of the registries in `figures`.
-    shown : Identification or View
+    shown : Identification or SurfaceView
         What that registry's figures show; `kind.applies` must be true for it.
     """
     size = (kind.width / _MM_PER_INCH, kind.height(shown) / _MM_PER_INCH)
@@ -46,7 +46,7 @@ def save_figures(
     shown: Any,
     *,
     formats: Iterable[str] = FORMATS,
-    registry: Mapping[str, FigureKind[Any]] = REGISTRY,
+    registry: Mapping[str, FigureKind[Any]] | None = None,
 ) -> list[Path]:
     """Save every figure that applies as `<name>.<format>`, each atomically.
 
@@ -54,12 +54,12 @@ def save_figures(
     ----------
     folder : Path
         Where to; made if absent.
-    shown : Identification or View
+    shown : Identification or SurfaceView
         What the figures of the registry show.
     formats : iterable of str
         Any of "pdf", "svg" and "png" (600 dots per inch).
     registry : mapping
-        The figures.
+        The figures; those of an identification if not given.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def save_figures(
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     written = []
-    for kind in registry.values():
+    for kind in (REGISTRY if registry is None else registry).values():
         if not kind.applies(shown):
             continue
         figure = build(kind, shown)

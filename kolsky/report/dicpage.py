@@ -14,19 +14,19 @@ from kolsky import dicsummary
 from kolsky.atomic import replacing
 from kolsky.report.canvas import inline_svg
 from kolsky.report.figures import SURFACES
-from kolsky.report.view import View
+from kolsky.report.view import SurfaceView
 
 _HERE = Path(__file__).parent
 
 
-def write_page(path: Path, shown: View, inputs: Mapping[str, str]) -> None:
+def write_page(path: Path, shown: SurfaceView, inputs: Mapping[str, str]) -> None:
     """Write the page as a single HTML file without scripts or outside resources.
 
     Parameters
     ----------
     path : Path
         The file, replaced atomically if it exists; its folder must exist.
-    shown : View
+    shown : SurfaceView
         The result with some pictures.
     inputs : mapping
         SHA-256 of every file that was read, by name.
@@ -41,7 +41,7 @@ def write_page(path: Path, shown: View, inputs: Mapping[str, str]) -> None:
         partial.write_bytes(html.encode("utf-8", errors="backslashreplace"))
 
 
-def render(shown: View, inputs: Mapping[str, str]) -> str:
+def render(shown: SurfaceView, inputs: Mapping[str, str]) -> str:
     """The page as HTML text; see `write_page`."""
     environment = Environment(
         loader=FileSystemLoader(_HERE),
@@ -80,7 +80,7 @@ def render(shown: View, inputs: Mapping[str, str]) -> str:
     )
 
 
-def _outcomes(shown: View) -> list[dict[str, Any]]:
+def _outcomes(shown: SurfaceView) -> list[dict[str, Any]]:
     """How points ended, with cause and cure."""
     bodies = [("specimen", shown.result.specimen), ("flyer", shown.result.flyer)]
     rows = []
@@ -103,7 +103,7 @@ def _outcomes(shown: View) -> list[dict[str, Any]]:
     return rows
 
 
-def _frames(shown: View) -> list[tuple[str, str, str, str]]:
+def _frames(shown: SurfaceView) -> list[tuple[str, str, str, str]]:
     """Frames that gave no points: number, what, cause, cure."""
     rows = []
     for frame, name in dicsummary.bad_frames(shown.result).items():

@@ -16,7 +16,7 @@ SHOWN = 4
 
 
 @dataclass(frozen=True)
-class View:
+class SurfaceView:
     """A stereo result with pictures of camera 0."""
 
     shot: str
@@ -30,7 +30,7 @@ class View:
     n_frames]."""
 
 
-def view(shot: str, result: StereoResult, pictures: Pictures) -> View:
+def view(shot: str, result: StereoResult, pictures: Pictures) -> SurfaceView:
     """Read what the figures show of camera 0's pictures.
 
     The centre line is followed across the picture at the row where the specimen's points lie in the mean.
@@ -47,7 +47,7 @@ def view(shot: str, result: StereoResult, pictures: Pictures) -> View:
         kymograph[:, frame] = picture[:, column]
         if frame in chosen:
             kept[frame] = np.array(picture)
-    return View(shot=shot, result=result, pictures=kept, kymograph=kymograph)
+    return SurfaceView(shot=shot, result=result, pictures=kept, kymograph=kymograph)
 
 
 def shown_frames(result: StereoResult) -> list[int]:

@@ -3,10 +3,10 @@
 import numpy as np
 
 from kolsky.report.figures.base import COLUMN, GREY, MEASURED, MM, MS, SHAPE, UM, FigureKind, Panels, letter
-from kolsky.report.view import View
+from kolsky.report.view import SurfaceView
 
 
-def caption(view: View) -> str:
+def caption(view: SurfaceView) -> str:
     """What is seen."""
     return (
         "Flyer. (a) Displacement toward the specimen, and (b) its difference quotients from frame to "
@@ -14,7 +14,7 @@ def caption(view: View) -> str:
     )
 
 
-def draw(view: View, panels: Panels) -> None:
+def draw(view: SurfaceView, panels: Panels) -> None:
     """Draw displacement, difference quotients and sigma."""
     result, travel = view.result, view.result.travel
     assert travel is not None  # `applies`
@@ -63,7 +63,7 @@ def draw(view: View, panels: Panels) -> None:
     letter(ax, "c")
 
 
-KIND: FigureKind[View] = FigureKind(
+KIND: FigureKind[SurfaceView] = FigureKind(
     name="flyer",
     width=COLUMN,
     height=lambda view: 105.0,

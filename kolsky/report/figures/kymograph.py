@@ -3,10 +3,10 @@
 import numpy as np
 
 from kolsky.report.figures.base import MM, MODEL, MS, PAGE, FigureKind, Panels, letter, smooth_bar
-from kolsky.report.view import View
+from kolsky.report.view import SurfaceView
 
 
-def caption(view: View) -> str:
+def caption(view: SurfaceView) -> str:
     """What is seen."""
     return (
         "Kymograph of the centre line. (a) One column of camera 0's pictures through time, and the rows "
@@ -15,7 +15,7 @@ def caption(view: View) -> str:
     )
 
 
-def draw(view: View, panels: Panels) -> None:
+def draw(view: SurfaceView, panels: Panels) -> None:
     """Draw the column of all pictures, and the radius over height and time."""
     result, body = view.result, view.result.specimen
     time = MS * result.t
@@ -64,7 +64,7 @@ def draw(view: View, panels: Panels) -> None:
     letter(ax, "b")
 
 
-KIND: FigureKind[View] = FigureKind(
+KIND: FigureKind[SurfaceView] = FigureKind(
     name="kymograph",
     width=PAGE,
     height=lambda view: 68.0,

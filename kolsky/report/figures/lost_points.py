@@ -4,7 +4,7 @@ import numpy as np
 
 from dic.outcome import FrameOutcome, PointOutcome
 from kolsky.report.figures.base import GREY, MS, PAGE, FigureKind, Panels, letter, smooth_bar
-from kolsky.report.view import View
+from kolsky.report.view import SurfaceView
 
 COLOURS = {
     PointOutcome.OUT_OF_VIEW: "#56B4E9",
@@ -23,7 +23,7 @@ def words(outcome: PointOutcome | FrameOutcome) -> str:
     return outcome.name.lower().replace("_", " ")
 
 
-def caption(view: View) -> str:
+def caption(view: SurfaceView) -> str:
     """What is seen."""
     return (
         "(a) Share of the frames in which each point of the specimen was found, at its place in the first "
@@ -32,7 +32,7 @@ def caption(view: View) -> str:
     )
 
 
-def draw(view: View, panels: Panels) -> None:
+def draw(view: SurfaceView, panels: Panels) -> None:
     """Draw the map and the history."""
     body, result = view.result.specimen, view.result
     ax = panels["map"]
@@ -81,7 +81,7 @@ def draw(view: View, panels: Panels) -> None:
     letter(ax, "b")
 
 
-KIND: FigureKind[View] = FigureKind(
+KIND: FigureKind[SurfaceView] = FigureKind(
     name="lost-points",
     width=PAGE,
     height=lambda view: 62.0,

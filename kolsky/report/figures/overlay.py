@@ -5,19 +5,19 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from kolsky.report.figures.base import MS, PAGE, Panels, letter
-from kolsky.report.view import View
+from kolsky.report.view import SurfaceView
 
 FloatArray = NDArray[np.float64]
 
 LOST = "#CC79A7"
 
 
-def panels_of(view: View) -> list[list[str]]:
+def panels_of(view: SurfaceView) -> list[list[str]]:
     """A panel a picture."""
     return [[f"frame {k}" for k in range(max(len(view.pictures), 1))]]
 
 
-def height_of(view: View) -> float:
+def height_of(view: SurfaceView) -> float:
     """Height of a row of pictures with the legend below it [mm]."""
     if not view.pictures:
         return 30.0
@@ -25,7 +25,7 @@ def height_of(view: View) -> float:
     return float(np.clip((PAGE - 12.0) / len(view.pictures) * rows / columns + 21.0, 30.0, 230.0))
 
 
-def frames_in(view: View, panels: Panels) -> list[tuple[int, Axes]]:
+def frames_in(view: SurfaceView, panels: Panels) -> list[tuple[int, Axes]]:
     """Draw the pictures; the frame and panel of each."""
     drawn: list[tuple[int, Axes]] = []
     rates = {name: panel for name, panel in panels.items() if name.startswith("frame ")}
@@ -45,7 +45,7 @@ def frames_in(view: View, panels: Panels) -> list[tuple[int, Axes]]:
     return drawn
 
 
-def marker(view: View) -> float:
+def marker(view: SurfaceView) -> float:
     """Size of a point's marker that leaves its neighbours free [points]."""
     points = view.result.specimen.points
     if len(points) < 2 or not view.pictures:
@@ -56,7 +56,7 @@ def marker(view: View) -> float:
     return float(np.clip(0.72 * step * width / columns, 0.5, 4.0))
 
 
-def last_places(view: View, frame: int) -> FloatArray:
+def last_places(view: SurfaceView, frame: int) -> FloatArray:
     """Where points that are lost in a frame were last seen in camera 0 [px], shape [n, 2]."""
     body = view.result.specimen
     lost = np.flatnonzero(~body.surface.valid[frame])

@@ -5,7 +5,7 @@ from matplotlib.lines import Line2D
 
 from kolsky.report.figures.base import FORCE, MODEL, PAGE, SHAPE, FigureKind, Panels
 from kolsky.report.figures.overlay import LOST, frames_in, height_of, last_places, marker, panels_of
-from kolsky.report.view import View
+from kolsky.report.view import SurfaceView
 
 STEPS = (0.05, 0.1)
 """Where the colour changes [px]."""
@@ -13,7 +13,7 @@ COLOURS = (SHAPE, FORCE, MODEL)
 """Colours below, between and above the steps."""
 
 
-def caption(view: View) -> str:
+def caption(view: SurfaceView) -> str:
     """What is seen."""
     body = view.result.specimen
     size = np.abs(body.epipolar[body.surface.valid])
@@ -26,7 +26,7 @@ def caption(view: View) -> str:
     )
 
 
-def draw(view: View, panels: Panels) -> None:
+def draw(view: SurfaceView, panels: Panels) -> None:
     """Draw the pictures, the points and one legend."""
     body, size = view.result.specimen, marker(view)
     drawn = frames_in(view, panels)
@@ -51,7 +51,7 @@ def draw(view: View, panels: Panels) -> None:
         )
 
 
-KIND: FigureKind[View] = FigureKind(
+KIND: FigureKind[SurfaceView] = FigureKind(
     name="overlay-epipolar",
     width=PAGE,
     height=height_of,

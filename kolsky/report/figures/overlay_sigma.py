@@ -7,10 +7,10 @@ from matplotlib.ticker import MaxNLocator
 
 from kolsky.report.figures.base import PAGE, FigureKind, Panels, smooth_bar
 from kolsky.report.figures.overlay import LOST, frames_in, height_of, last_places, marker, panels_of
-from kolsky.report.view import View
+from kolsky.report.view import SurfaceView
 
 
-def caption(view: View) -> str:
+def caption(view: SurfaceView) -> str:
     """What is seen."""
     return (
         "Camera 0 at some times, with the valid points of the specimen coloured by the larger of both "
@@ -19,7 +19,7 @@ def caption(view: View) -> str:
     )
 
 
-def draw(view: View, panels: Panels) -> None:
+def draw(view: SurfaceView, panels: Panels) -> None:
     """Draw the pictures, the points and one colour bar."""
     body = view.result.specimen
     drawn = frames_in(view, panels)
@@ -55,7 +55,7 @@ def draw(view: View, panels: Panels) -> None:
     smooth_bar(bar)
 
 
-KIND: FigureKind[View] = FigureKind(
+KIND: FigureKind[SurfaceView] = FigureKind(
     name="overlay-sigma",
     width=PAGE,
     height=height_of,
