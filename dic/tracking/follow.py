@@ -11,12 +11,12 @@ from dic.correlation.warp import identity
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.tracking.frame_match import FrameMatch
 from dic.tracking.frames import Picture, Scene, Series, count, read
+from dic.tracking.history import Track
 from dic.tracking.matcher import Matcher, shares
 from dic.tracking.neighbours import Neighbours
 from dic.tracking.predict import Predictor
 from dic.tracking.references import References, Template
 from dic.tracking.settings import Tracking
-from dic.tracking.history import Track
 from dic.tracking.update import Last, Updates, composed
 
 FloatArray = NDArray[np.float64]
