@@ -1,6 +1,7 @@
 """One body followed by two cameras: its points matched between them, tracked, reconstructed."""
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -8,13 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.camera import StereoRig
-from dic.correlation import Correlation
+from dic.correlation import Correlation, Noise
+from dic.correlation.warp import gradient, identity
 from dic.images import Pictures
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.region import grid_points, polygon_mask
 from dic.rigid_tracking import track_rigid
 from dic.stereo import Reconstruction, StereoMatch, match_stereo, reconstruct
 from dic.tracking import Track, Tracking, track
+from dic.tracking.matcher import shares
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -55,6 +58,8 @@ class Followed:
     camera 1."""
     reconstruction: Reconstruction
     """Places in the rig's frame."""
+    common: FloatArray | None
+    """Noise that both tracks share (`dic.stereo.reconstruct`) [px²], shape [n_frames, n_points, 2, 2]."""
 
 
 def follow_body(
@@ -66,7 +71,7 @@ def follow_body(
     margin: float,
     tracking: Tracking,
     stereo: Correlation,
-    noise: tuple[float, float],
+    noise: tuple[Noise, Noise],
     health: tuple[IntArray, IntArray],
     rigid: bool = False,
     device: str = "cpu",
@@ -93,7 +98,7 @@ def follow_body(
     stereo
         How they are matched between the cameras.
     noise
-        Standard deviation of the grey values of the cameras.
+        Of the grey values of the cameras.
     health
         `FrameOutcome` of the pictures of the cameras, each of shape [n_frames].
     rigid
@@ -117,13 +122,12 @@ def follow_body(
     mask = polygon_mask(region.corners, pictures[0].shape)
     points, cell = grid_points(mask, step, margin=margin)
     first, second = (series.frame(material) for series in pictures)
-    match = match_stereo(first, second, points, rig, stereo, noise=max(noise), mask=mask, device=device)
-    tracks = []
-    for camera in (0, 1):
+    match = match_stereo(first, second, points, rig, stereo, noise=noise, mask=mask, device=device)
+
+    def one(camera: int) -> Track:
         known = np.ones(len(points), dtype=bool) if camera == 0 else match.valid
         if not known.any():
-            tracks.append(_nowhere(points, match, health[camera]))
-            continue
+            return _nowhere(points, match, health[camera])
         found = _followed(
             pictures[camera],
             points[known],
@@ -138,8 +142,12 @@ def follow_body(
             device=device,
             progress=None if progress is None else _named(progress, f"{name}, camera {camera}"),
         )
-        tracks.append(replace(found, covariance=found.covariance + EXACT * np.eye(2)))
+        return replace(found, covariance=found.covariance + EXACT * np.eye(2))
+
+    with ThreadPoolExecutor(2) as pool:  # the match releases the interpreter
+        tracks = list(pool.map(one, (0, 1)))
     tracks[1] = _all_points(tracks[1], points, match)
+    common = None if rigid else _common(match, len(health[0]), material)
     return Followed(
         points=points,
         cell=cell,
@@ -147,8 +155,22 @@ def follow_body(
         material=material,
         stereo=match,
         tracks=(tracks[0], tracks[1]),
-        reconstruction=reconstruct(rig, tracks[0], tracks[1]),
+        reconstruction=reconstruct(rig, tracks[0], tracks[1], common=common),
+        common=common,
     )
+
+
+def _common(match: StereoMatch, n_frames: int, material: int) -> FloatArray:
+    """Noise of the material picture's template, which both cameras' tracks begin with [px²], shape
+    [n_frames, n_points, 2, 2]: none in that picture itself, where the points were chosen."""
+    valid = match.valid
+    A = gradient(match.warp[valid])
+    share = shares(match.warp[valid], identity(int(valid.sum())))[0][:, None, None]
+    back = np.linalg.inv(A)
+    common = np.zeros((n_frames, len(valid), 2, 2))
+    common[:, valid] = back @ (share * match.covariance[valid]) @ np.swapaxes(back, -1, -2)
+    common[material] = 0.0
+    return common
 
 
 def _followed(

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from dic import remarks
 from dic.bodies import Followed, Progress, Region, follow_body
 from dic.camera import StereoRig
-from dic.correlation import Correlation
+from dic.correlation import Correlation, Noise
 from dic.correlation.warp import Shape
 from dic.ends import past_the_ends, refined_end
 from dic.images import PictureError, Pictures
 from dic.images.health import frame_health
-from dic.images.noise import grey_noise
+from dic.images.noise import GreyNoise, grey_noise
 from dic.noise import noise_floor
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.region import grid_points, polygon_mask
@@ -44,7 +44,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-VERSION = 1
+VERSION = 2
 """Raised when the same pictures and settings give other numbers: results kept from before are made
 anew."""
 LEAST_GATE = 0.1
@@ -170,7 +170,7 @@ def measure(
     """
     clock = _Clock()
     health, grey = clock("look at the pictures", lambda: _look(pictures, static))
-    noise = (grey[0], grey[1])
+    noise = (_noise(grey[0]), _noise(grey[1]))
 
     def follow(region: Region, name: str, tracking: Tracking, *, rigid: bool = False) -> Followed:
         return follow_body(
@@ -232,7 +232,7 @@ def measure(
             *remarks.of_material(body, specimen),
         ),
         rig=rig,
-        facts={**(facts or {}), **_facts(pictures, settings, noise)},
+        facts={**(facts or {}), **_facts(pictures, settings, (grey[0].sigma, grey[1].sigma))},
         seconds=clock.seconds,
     )
 
@@ -242,7 +242,7 @@ def _check(
     rig: StereoRig,
     region: Region,
     settings: ChainSettings,
-    noise: tuple[float, float],
+    noise: tuple[Noise, Noise],
     health: tuple[IntArray, IntArray],
 ) -> tuple[Finding, ...]:
     """What a first pair of pictures says of the cameras, found without their parameters."""
@@ -253,7 +253,7 @@ def _check(
     mask = polygon_mask(region.corners, pictures[0].shape)
     points, _ = grid_points(mask, settings.step, margin=settings.margin)
     pair = (pictures[0].frame(frame), pictures[1].frame(frame))
-    pixels = free_pairs(pair, points, settings.tracking, noise=max(noise), mask=mask, device=settings.device)
+    pixels = free_pairs(pair, points, settings.tracking, noise=noise[1], mask=mask, device=settings.device)
     return check_setup(rig, *pixels)
 
 
@@ -293,7 +293,7 @@ class _Clock:
 
 def _look(
     pictures: tuple[Pictures, Pictures], static: BoolArray
-) -> tuple[tuple[IntArray, IntArray], tuple[float, float]]:
+) -> tuple[tuple[IntArray, IntArray], tuple[GreyNoise, GreyNoise]]:
     """Outcome of every picture, and the noise of each camera's grey values."""
     outcomes, noise = [], []
     for camera, series in enumerate(pictures):
@@ -310,10 +310,17 @@ def _look(
             )
         outcomes.append(outcome)
         try:
-            noise.append(grey_noise(series, rest.tolist()).sigma)
+            noise.append(grey_noise(series, rest.tolist()))
         except (PictureError, ValueError) as error:
             raise ChainError(f"camera {camera}: {error}") from error
     return (outcomes[0], outcomes[1]), (noise[0], noise[1])
+
+
+def _noise(grey: GreyNoise) -> Noise:
+    """The straight line of the noise where that is one, else its mean."""
+    if grey.intercept > 0.0 and grey.slope > 0.0:
+        return Noise(floor=grey.intercept**0.5, gain=grey.slope)
+    return Noise(floor=grey.sigma)
 
 
 def _place(
@@ -378,7 +385,10 @@ def _gated(body: Followed, rig: StereoRig, rest: list[int]) -> Followed:
     r = body.reconstruction
     at_rest = r.epipolar[rest][r.outcome[rest] == PointOutcome.VALID]
     gate = max(LEAST_GATE, GATE_SIGMAS * float(np.median(np.abs(at_rest))) / 0.6745)
-    return replace(body, reconstruction=reconstruct(rig, *body.tracks, gate=gate, gate_sigmas=OWN_SIGMAS))
+    return replace(
+        body,
+        reconstruction=reconstruct(rig, *body.tracks, gate=gate, gate_sigmas=OWN_SIGMAS, common=body.common),
+    )
 
 
 def _inside(

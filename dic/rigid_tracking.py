@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.correlation import Correlation, PictureStack, Shape, correlate
+from dic.correlation import Correlation, Noise, PictureStack, Shape, correlate
 from dic.correlation.warp import identity
 from dic.images import PictureError, Pictures
 from dic.outcome import FrameOutcome, PointOutcome
@@ -31,7 +31,7 @@ def track_rigid(
     points: FloatArray,
     settings: Correlation,
     *,
-    noise: float,
+    noise: float | Noise,
     mask: BoolArray | None = None,
     start: FloatArray | None = None,
     start_covariance: FloatArray | None = None,
@@ -113,7 +113,7 @@ def track_rigid(
 
 
 def _prepared(
-    pictures: Pictures, frame: int, settings: Correlation, noise: float, device: str
+    pictures: Pictures, frame: int, settings: Correlation, noise: float | Noise, device: str
 ) -> PictureStack:
     picture = pictures.frame(frame)
     return PictureStack.prepare(picture[None], noise=noise, prefilter=settings.prefilter, device=device)

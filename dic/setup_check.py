@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.camera import StereoRig
-from dic.correlation import Shape
+from dic.correlation import Noise, Shape
 from dic.correlation.warp import apply
 from dic.outcome import PointOutcome
 from dic.stereo.diagnose import LEAST_PAIRS, Finding, diagnose
@@ -24,7 +24,7 @@ def free_pairs(
     points: FloatArray,
     tracking: Tracking,
     *,
-    noise: float,
+    noise: float | Noise,
     mask: BoolArray | None = None,
     device: str = "cpu",
 ) -> tuple[FloatArray, FloatArray]:

@@ -54,6 +54,11 @@ def apply(points: FloatArray, warp: FloatArray, xi: FloatArray | float = 0.0) ->
     return np.asarray(points + xi + np.stack([u, v], axis=-1))
 
 
+def gradient(warp: FloatArray) -> FloatArray:
+    """Deformation gradient F = I + ∇(u, v) of warps at the point itself, shape [..., 2, 2]."""
+    return np.asarray(warp[..., 2:6].reshape(*warp.shape[:-1], 2, 2) + np.eye(2))
+
+
 def carried(warp: FloatArray, step: FloatArray) -> FloatArray:
     """The warp a neighbour suggests: of a point that lies `step` away in the material picture.
 

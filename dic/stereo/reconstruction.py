@@ -6,14 +6,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.camera import StereoRig
-from dic.correlation.warp import apply
+from dic.correlation.warp import apply, gradient
 from dic.outcome import PointOutcome
 from dic.stereo.epipolar import epipolar_sigma
-from dic.stereo.triangulation import triangulate
+from dic.stereo.sight import projection_slope
+from dic.stereo.triangulation import Triangulation, triangulate
 from dic.tracking.history import Track
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+MOST_COMMON = 0.9
+"""Share of a camera's noise, in any direction, that it may have in common with the other."""
+TINY = 1e-10
+"""Variance that stands for none [px²]: that of triangulation for places that were chosen."""
 
 
 @dataclass(frozen=True)
@@ -38,13 +44,25 @@ class Reconstruction:
 
 
 def reconstruct(
-    rig: StereoRig, track0: Track, track1: Track, *, gate: float = 0.5, gate_sigmas: float = 5.0
+    rig: StereoRig,
+    track0: Track,
+    track1: Track,
+    *,
+    gate: float = 0.5,
+    gate_sigmas: float = 5.0,
+    common: FloatArray | None = None,
 ) -> Reconstruction:
     """Positions in space of points that both cameras followed.
 
     A point that a camera lost ends with that camera's outcome, camera 0's first. One whose epipolar distance
     exceeds both `gate` and `gate_sigmas` of its own predicted standard deviation, or that would lie behind a
     camera, ends as STEREO_MISMATCH.
+
+    Both tracks begin with one template, camera 0's material picture. Its noise makes them follow a place ε
+    beside the one that was chosen, both the same one: with the deformation gradients F₀ and F₁ they are off
+    by F₀ ε and F₁ ε, which moves the reconstructed point along the surface and not off it. What `common`
+    says of ε is therefore taken out of the cameras' own noise, and comes back as the motion
+    ``(G₀ F₀ + G₁ F₁) ε``, G the derivatives of the position by the pixels.
 
     Parameters
     ----------
@@ -56,6 +74,10 @@ def reconstruct(
         Epipolar distance that a calibration is allowed [px]; infinite for none.
     gate_sigmas
         Epipolar distance that noise is allowed, in its standard deviations [-].
+    common
+        Covariance of ε in the material picture [px²], zero where the tracks have no template in common,
+        shape [n_frames, n_points, 2, 2]; None: the tracks are independent. What exceeds a camera's whole
+        noise in any direction is scaled down to it.
 
     Returns
     -------
@@ -81,7 +103,14 @@ def reconstruct(
     both = found[0] & found[1]
     seen = (pixels[0][both], pixels[1][both])
     noise = (track0.covariance[both], track1.covariance[both])
-    met = triangulate(rig, *seen, *noise)
+    if common is None:
+        met = triangulate(rig, *seen, *noise)
+    else:
+        slopes = (gradient(track0.warp[both]), gradient(track1.warp[both]))
+        noise, shared = _apart(noise, slopes, common[both])
+        met = triangulate(rig, *seen, *noise)
+        along = _along(rig, met, noise, slopes)
+        met = met._replace(covariance=met.covariance + along @ shared @ np.swapaxes(along, -1, -2))
     allowed = np.maximum(gate, gate_sigmas * epipolar_sigma(rig, *seen, *noise))
     fine = np.all(np.isfinite(met.position), axis=-1) & (np.abs(met.epipolar) <= allowed)
 
@@ -99,6 +128,31 @@ def reconstruct(
     result.position[valid], result.covariance[valid] = met.position[fine], met.covariance[fine]
     result.epipolar[both] = met.epipolar
     return result
+
+
+Pair = tuple[FloatArray, FloatArray]
+
+
+def _apart(noise: Pair, slopes: Pair, common: FloatArray) -> tuple[Pair, FloatArray]:
+    """The cameras' own noise without what they have in common [px²], and the latter in the material picture,
+    each of shape [n, 2, 2]."""
+    inside = [F @ common @ np.swapaxes(F, -1, -2) for F in slopes]
+    most = np.zeros(len(common))
+    for whole, part in zip(noise, inside, strict=True):
+        ratio = np.linalg.eigvals(np.linalg.solve(whole + TINY * np.eye(2), part)).real
+        most = np.maximum(most, ratio.max(axis=-1))
+    scale = (MOST_COMMON / np.maximum(most, MOST_COMMON))[:, None, None]
+    own = [whole - scale * part for whole, part in zip(noise, inside, strict=True)]
+    return (own[0], own[1]), scale * common
+
+
+def _along(rig: StereoRig, met: Triangulation, noise: Pair, slopes: Pair) -> FloatArray:
+    """Motion of the positions with their places in the material picture [m/px], shape [n, 3, 2]."""
+    total = np.zeros((len(met.position), 3, 2))
+    for camera, own, F in zip(rig.cameras, noise, slopes, strict=True):
+        J = projection_slope(camera, met.position)
+        total += met.covariance @ np.swapaxes(J, -1, -2) @ np.linalg.solve(own + TINY * np.eye(2), F)
+    return total
 
 
 def _pixels(track: Track, found: NDArray[np.bool_], camera: int) -> FloatArray:

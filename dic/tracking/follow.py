@@ -14,6 +14,7 @@ from dic.tracking.frames import Picture, Scene, Series, count, read
 from dic.tracking.history import Track
 from dic.tracking.matcher import Matcher, shares
 from dic.tracking.neighbours import Neighbours
+from dic.tracking.patience import Patience
 from dic.tracking.predict import Predictor
 from dic.tracking.references import References, Template
 from dic.tracking.settings import Tracking
@@ -159,6 +160,7 @@ class _Run:
         )
         self.neighbours = Neighbours.of(points)
         self.predictor = Predictor(n)
+        self.patience, self.ended = Patience(n), np.full(n, int(PointOutcome.NO_FIRST_GUESS))
         self.scene: Scene
         self.updates = Updates(self.references, settings)
         self.last: Last | None = None
@@ -213,7 +215,7 @@ class _Run:
     def turn(self, first: int) -> None:
         """Start again at frame `first`, to go back in time."""
         found = np.flatnonzero(self.track.outcome[first] == int(PointOutcome.VALID))
-        self.predictor = Predictor(len(self.points))
+        self.predictor, self.patience = Predictor(len(self.points)), Patience(len(self.points))
         for frame in range(min(first + 2, len(self.track.warp) - 1), first - 1, -1):
             valid = found[self.track.outcome[frame, found] == int(PointOutcome.VALID)]
             self.predictor.add(frame, valid, self.track.warp[frame, valid])
@@ -241,11 +243,15 @@ class _Run:
             self.settings,
             self.predictor.predict(frame),
             self.predictor.known > 0,
+            self.patience.asleep,
+            self.ended,
         )
         self.updates.hurry(here, self.last)
         self.updates.back(here)
         covariance, carried = composed(here)
         self._record(frame, here, covariance)
+        self.ended = here.outcome
+        self.patience.add(here.valid, self.neighbours)
         self.updates.forward(here, frame, carried)
         found = np.flatnonzero(here.valid)
         self.predictor.add(frame, found, here.warp[found])

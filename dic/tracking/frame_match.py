@@ -46,6 +46,8 @@ class FrameMatch:
     """Correlations, shape [n]."""
     outcome: IntArray
     """`dic.PointOutcome`, shape [n]."""
+    asleep: BoolArray
+    """Lost points that this frame leaves alone (`dic.tracking.patience`), shape [n]."""
 
     @classmethod
     def begin(
@@ -57,19 +59,25 @@ class FrameMatch:
         settings: Tracking,
         guess: FloatArray,
         known: BoolArray,
+        asleep: BoolArray,
+        before: IntArray,
     ) -> "FrameMatch":
-        """Match the points with a guess (`known`, shape [n]), then all that these lead to."""
+        """Match the points with a guess (`known`, shape [n]), then all that these lead to.
+
+        Points `asleep`, shape [n], keep the outcome `before`, shape [n], unless the frame needs seeds.
+        """
         n = len(guess)
         here = cls(
             picture, stack, matcher, neighbours, settings, guess, np.array(guess),
             matcher.references.template(np.arange(n)),
             np.full((n, 2, 2), np.nan), np.full(n, np.nan),
-            np.full(n, int(PointOutcome.NO_FIRST_GUESS)),
+            np.where(asleep, before, int(PointOutcome.NO_FIRST_GUESS)), np.array(asleep),
         )  # fmt: skip
-        rows = np.flatnonzero(known)
+        rows = np.flatnonzero(known & ~asleep)
         here.attempt(rows, guess[rows])
         here.propagate()
         if np.mean(here.valid) < settings.least_valid and settings.search > 0:
+            here.asleep[:] = False
             here.seed()
             here.propagate()
         here.confirm()
@@ -109,7 +117,7 @@ class FrameMatch:
         """
         fresh = self.valid
         while True:
-            rows = np.flatnonzero(~self.valid & self.neighbours.any(fresh))
+            rows = np.flatnonzero(~self.valid & ~self.asleep & self.neighbours.any(fresh))
             if len(rows) == 0:
                 return
             guess = self.neighbours.best(self.warp, self.zncc, self.valid, rows)

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.correlation import PictureStack
+from dic.correlation.warp import gradient
 from dic.tracking.frames import Picture
 
 FloatArray = NDArray[np.float64]
@@ -28,11 +29,6 @@ BoolArray = NDArray[np.bool_]
 
 DEPTH = 8
 """References kept of a point: the root and the latest ones."""
-
-
-def gradient(warp: FloatArray) -> FloatArray:
-    """Deformation gradient F = I + ∇(u, v) of warps at the point itself, shape [..., 2, 2]."""
-    return np.asarray(warp[..., 2:6].reshape(*warp.shape[:-1], 2, 2) + np.eye(2))
 
 
 def relative(warp: FloatArray, reference_warp: FloatArray) -> FloatArray:
