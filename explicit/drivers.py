@@ -73,11 +73,6 @@ def run_on_gpu(plan: Plan, progress: Progress | None) -> dict[str, FloatArray]:
             block_dim=block,
         )
         ends.append(stream.record_event())
-    if len(ends) == 1:  # nothing else runs meanwhile
-        wp.synchronize_event(ends[0])
-        if progress:
-            progress(plan.n_samples)
-        return {name: getattr(plan.output, name).numpy() for name in HISTORIES}
     parcels = Parcels(plan.output, plan.where)
     for first, end in zip(firsts, ends, strict=True):
         count = min(part, plan.n_samples - first)
