@@ -44,7 +44,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-VERSION = 2
+VERSION = 4
 """Raised when the same pictures and settings give other numbers: results kept from before are made
 anew."""
 LEAST_GATE = 0.1
@@ -201,9 +201,15 @@ def measure(
         followed = clock("flyer", lambda: follow(flyer, "flyer", settings.rigid, rigid=True))
         flyer_body, _ = _surface(followed, placement, t, [followed.material])
         travel = flyer_travel(
-            followed, rig, placement.frame, t, static, subset=settings.rigid.correlation.subset
+            followed,
+            rig,
+            placement.frame,
+            t,
+            static,
+            subset=settings.rigid.correlation.subset,
+            pictures=pictures,
         )
-    body = _inside(_gated(body, rig, rest), rig, placement, settings, t, travel)
+    body = _inside(_gated(body, rig, rest), rig, placement, settings, t, travel, rest)
     surface, left_out = _surface(body, placement, t, rest)
     subset = settings.tracking.correlation.subset
     centre = outline(surface.surface, surface.points, half_width=settings.strip_half_width, subset=subset)
@@ -398,6 +404,7 @@ def _inside(
     settings: ChainSettings,
     t: FloatArray,
     travel: Travel | None,
+    rest: list[int],
 ) -> Followed:
     """The body without points whose subset reaches past an end, and without those off the surface."""
     upper = np.full(t.size, np.nan)
@@ -414,10 +421,14 @@ def _inside(
     body = _without(body, past, PointOutcome.AT_END)
     r = body.reconstruction
     variance = np.einsum("...ii->...i", placement.frame.covariances(r.covariance))
+    # Against the cylinder: its own curvature is none of the surface through a few neighbours.
+    at_rest = placement.frame.positions(static_mean(r, rest)[0])
+    depth = np.sqrt(np.maximum(placement.radius**2 - at_rest[:, 0] ** 2, 0.0))
+    cylinder = np.stack([at_rest[:, 0], at_rest[:, 1], depth], axis=1)
     off = off_surface(
-        placement.frame.positions(r.position),
+        placement.frame.positions(r.position) - cylinder,
         np.sqrt(variance),
-        np.asarray(r.outcome == PointOutcome.VALID),
+        np.asarray(r.outcome == PointOutcome.VALID) & np.isfinite(cylinder).all(axis=1),
         body.cell,
     )
     return _without(body, off, PointOutcome.OFF_SURFACE)

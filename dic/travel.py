@@ -6,8 +6,10 @@ from numpy.typing import NDArray
 from dic.bodies import Followed
 from dic.camera import Camera, StereoRig
 from dic.correlation.warp import apply
+from dic.images import PictureError, Pictures
 from dic.outcome import PointOutcome
 from dic.result import Travel
+from dic.rim import STRIDE, Rim, RimSearch
 from dic.surfaces import SpecimenFrame, overlap_factor
 from dic.tracking import Track
 
@@ -16,6 +18,8 @@ BoolArray = NDArray[np.bool_]
 
 SIDEWAYS = 50e-6
 """How far the flyer may have moved across the axis since the nearest frame that both cameras saw [m]."""
+NEAR = 50e-6
+"""How far from where it is expected the rim of the body is looked for [m]."""
 ROUNDS = 4
 """Rounds in which places on the body and translations are found from each other."""
 GATE = 5.0
@@ -30,6 +34,7 @@ def flyer_travel(
     static: BoolArray,
     *,
     subset: int,
+    pictures: tuple[Pictures, Pictures] | None = None,
 ) -> Travel | None:
     """Displacement of a rigid body along the axis, toward the specimen.
 
@@ -51,12 +56,15 @@ def flyer_travel(
         Frames in which the flyer rests, shape [n_frames].
     subset
         Side of the subsets [px]: those that overlap share their noise.
+    pictures
+        Both series, to look for the body's rim (`dic.rim`) in the frames before its first point came into
+        view, where that is after the static ones; None: do not.
 
     Returns
     -------
     Travel or None
-        None if no point was ever seen by both cameras, or none at all in a static frame: the place at rest,
-        which displacements count from, is then not known.
+        None if no point was ever seen by both cameras, or the body at all in no static frame: the place at
+        rest, which displacements count from, is then not known.
     """
     r = body.reconstruction
     seen_twice = r.outcome == PointOutcome.VALID
@@ -75,6 +83,13 @@ def flyer_travel(
             found.append(fit[0])
             sigma.append(fit[1])
             counts.append(fit[2])
+    by_rim = bool(rows) and not static[rows].any() and pictures is not None
+    if by_rim and pictures is not None:
+        for k, rim in _rims(pictures, body, rig, frame, places[known], moves, rows, found, static):
+            rows.insert(0, k)
+            found.insert(0, rim.y)
+            sigma.insert(0, rim.sigma)
+            counts.insert(0, 0)
     index = np.array(rows, dtype=np.int64)
     y = np.array(found)
     at_rest = static[index]
@@ -87,8 +102,43 @@ def flyer_travel(
         displacement=rest - y,
         sigma=np.array(sigma),
         n_points=np.array(counts, dtype=np.int64),
-        rest_sigma=_of_mean(np.array(sigma)[at_rest]),
+        # what the edge does to a rim is the same in all static frames
+        rest_sigma=float(np.mean(np.array(sigma)[at_rest])) if by_rim else _of_mean(np.array(sigma)[at_rest]),
     )
+
+
+def _rims(
+    pictures: tuple[Pictures, Pictures],
+    body: Followed,
+    rig: StereoRig,
+    frame: SpecimenFrame,
+    places: FloatArray,
+    moves: FloatArray,
+    rows: list[int],
+    found: list[float],
+    static: BoolArray,
+) -> list[tuple[int, Rim]]:
+    """The frames before the first of `rows`, latest first, with where the body's rim puts it."""
+    first, m = rows[0], body.material
+    twice = np.flatnonzero(np.isfinite(moves).all(axis=1))
+    near = moves[twice[0]]
+    if not np.isfinite(moves[m]).all() or first < 1:
+        return []
+    chosen = (pictures[0].frame(m).astype(np.float64), pictures[1].frame(m).astype(np.float64))
+    search = RimSearch(chosen, body.mask, rig, frame, places, moves[m])
+    result: list[tuple[int, Rim]] = []
+    past = [found[0], found[min(1, len(found) - 1)]]
+    for k in range(first - 1, -1, -1):
+        try:
+            pair = (pictures[0].frame(k).astype(np.float64), pictures[1].frame(k).astype(np.float64))
+        except PictureError:
+            continue
+        expected = past[0] if static[k] else 2.0 * past[0] - past[1]
+        rim = search.find(pair, near, expected + np.arange(-NEAR, NEAR + 0.5 * STRIDE, STRIDE))
+        if rim is not None:
+            result.append((k, rim))
+            past = [rim.y, past[0]]
+    return result
 
 
 def _of_mean(sigma: FloatArray) -> float:

@@ -260,8 +260,10 @@ def test_a_truncated_file_costs_the_frames_after_the_cut(copy, correlated):
     told = json.loads(result.stdout)
     assert told["frames_not_usable"] == {str(k): "unreadable" for k in range(FRAMES - missing, FRAMES)}
     assert any("unreadable pictures: camera 1" in text for text in told["remarks"])
-    whole = read_result(correlated[0] / "dic.h5").specimen.surface
-    cut = read_result(copy / "results" / "dic.h5").specimen.surface
+    whole = read_result(correlated[0] / "dic.h5").specimen
+    cut = read_result(copy / "results" / "dic.h5").specimen
     upto = slice(0, FRAMES - missing)
-    both = whole.valid[upto] & cut.valid[upto]
-    assert both.sum() > 0.98 * whole.valid[upto].sum()
+    # the flyer of the cut series is not the same to the end rule, so that the points kept may differ
+    _, a, b = np.intersect1d(*(body.cell @ [1, 1000] for body in (whole, cut)), return_indices=True)
+    both = whole.surface.valid[upto, a] & cut.surface.valid[upto, b]
+    assert both.sum() > 0.98 * whole.surface.valid[upto].sum()

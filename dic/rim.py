@@ -1,0 +1,194 @@
+"""Where a rigid body rests of which the static pictures show no more than a rim.
+
+A subset needs several rows of speckle around its point; a body that only just reaches into the pictures at
+rest has none. But its whole rim moves as one: the static pictures are compared, pixel by pixel and both
+cameras together, with the picture in which the body's points were chosen. One unknown is left, its place
+along the axis.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from dic.camera import Camera, StereoRig
+from dic.surfaces import SpecimenFrame
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+RIM = 12
+"""Pixels from a border of the picture that are looked at."""
+FEWEST = 40
+"""Pixels of both cameras that must show the body."""
+EDGE = 0.1
+"""What the blur of the body's edge, which looks otherwise from frame to frame, may move a rim by [px]."""
+STRIDE = 10e-6
+"""Distance of the places that are tried [m]: a fraction of a speckle."""
+LEAST_ZNCC = 0.9
+"""Least correlation of the place that is taken."""
+CORE = 30e-6
+"""How far the search may end from the best of the places tried [m]."""
+
+
+@dataclass(frozen=True)
+class Rim:
+    """A place of the body."""
+
+    y: float
+    """Translation along the axis [m]."""
+    sigma: float
+    """Its standard deviation, from the residual of the comparison and `EDGE` [m]."""
+    zncc: float
+    """Correlation of the rim."""
+    n_pixels: int
+    """Pixels that showed it."""
+
+
+@dataclass(frozen=True)
+class View:
+    """What one camera knows of the body."""
+
+    camera: Camera
+    coefficients: FloatArray
+    """Quintic spline of the picture in which the points were chosen, shape [rows, columns]."""
+    x: FloatArray
+    """Pixels of the rim (x, y), shape [n, 2]."""
+    X: FloatArray
+    """Where their rays meet the body's cylinder, in the test frame, shape [n, 3]; NaN where they miss it."""
+
+
+class RimSearch:
+    """Finds a body of revolution by its rim, in any frame.
+
+    Parameters
+    ----------
+    material
+        Pictures of camera 0 and camera 1 at the time when the body's points were chosen, shape
+        [rows, columns] each.
+    mask
+        Pixels of the body in camera 0's picture of that time, shape [rows, columns].
+    rig, frame
+        The cameras and the test frame, about whose y the body is one of revolution.
+    places
+        Points of its surface at translation zero, in the test frame [m], shape [n, 3].
+    move
+        Translation at the time of `material` [m], shape [3].
+    """
+
+    def __init__(
+        self,
+        material: tuple[FloatArray, FloatArray],
+        mask: BoolArray,
+        rig: StereoRig,
+        frame: SpecimenFrame,
+        places: FloatArray,
+        move: FloatArray,
+    ) -> None:
+        radius = float(np.median(np.hypot(places[:, 0], places[:, 2])))
+        self._views = [_view(*both, frame, radius) for both in zip(rig.cameras, material, strict=True)]
+        self._inner = mask
+        self._first, self._frame, self._move = rig.cameras[0], frame, move
+        middle = np.median(places, axis=0) + move
+        ends = rig.cameras[0].project(frame.in_rig(middle + np.array([[0.0, 0.0, 0.0], [0.0, 1e-4, 0.0]])))
+        self._scale = float(np.linalg.norm(ends[1] - ends[0])) / 1e-4
+
+    def find(
+        self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, tried: FloatArray
+    ) -> Rim | None:
+        """Where the body is in a pair of pictures.
+
+        Parameters
+        ----------
+        pictures
+            Of camera 0 and camera 1, shape [rows, columns] each.
+        near
+            A translation across the axis (x and Z count) [m], shape [3].
+        tried
+            Translations along the axis to begin with, increasing or decreasing [m], shape [n].
+
+        Returns
+        -------
+        Rim or None
+            None if too few pixels show the body, or no place tried looks like it.
+        """
+        score = np.array([self._compare(pictures, near, y)[0] for y in tried])
+        best = int(np.argmax(score))
+        y, step = float(tried[best]), 1.0
+        for _ in range(10):
+            if score[best] < 0.0 or abs(step) < 1e-9:
+                break
+            step = float(np.clip(self._compare(pictures, near, y)[1], -STRIDE, STRIDE))
+            y += step
+        zncc, _, variance, n = self._compare(pictures, near, y)
+        if zncc < LEAST_ZNCC or abs(y - tried[best]) > CORE:
+            return None
+        edge = EDGE / self._scale
+        return Rim(y=y, sigma=float(np.sqrt(variance + edge**2)), zncc=zncc, n_pixels=n)
+
+    def _compare(
+        self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float
+    ) -> tuple[float, float, float, int]:
+        """Correlation at a translation y, the step of y by Gauss-Newton [m], its variance, and the pixels."""
+        motion = self._move - np.array([near[0], y, near[2]])
+        parts = [
+            _pair(view, picture, self._first, self._frame, self._inner, motion)
+            for view, picture in zip(self._views, pictures, strict=True)
+        ]
+        still, moved, slope = (np.concatenate([part[k] for part in parts]) for k in range(3))
+        n = len(still)
+        if n < FEWEST:
+            return -1.0, 0.0, np.inf, n
+        f, g = still - still.mean(), moved - moved.mean()
+        cross, energy = float(f @ g), float(g @ g)
+        if not (energy > 0.0 and f @ f > 0.0):
+            return -1.0, 0.0, np.inf, n
+        # grey = gain (moved + slope step) + offset, gain and offset free; the step in micrometres
+        A = np.stack([1e-6 * slope * cross / energy, g, np.ones(n)], axis=1)
+        inverse = np.linalg.pinv(A.T @ A)
+        solution = inverse @ (A.T @ still)
+        scatter = float(np.sum((still - A @ solution) ** 2)) / (n - 3)
+        zncc = cross / float(np.sqrt((f @ f) * energy))
+        return zncc, 1e-6 * float(solution[0]), 1e-12 * scatter * float(inverse[0, 0]), n
+
+
+def _view(camera: Camera, material: FloatArray, frame: SpecimenFrame, radius: float) -> View:
+    rows, columns = material.shape
+    y, x = np.mgrid[0:rows, 0:columns]
+    near = np.minimum(np.minimum(x, columns - 1 - x), np.minimum(y, rows - 1 - y)) < RIM
+    pixels = np.stack([x[near], y[near]], axis=1).astype(np.float64)
+    ideal = camera.undistort(pixels)
+    rays = np.concatenate([ideal, np.ones((len(ideal), 1))], axis=1) @ camera.rotation
+    start = frame.positions(camera.centre)
+    d = rays @ frame.rotation.T
+    a = d[:, 0] ** 2 + d[:, 2] ** 2
+    b = d[:, 0] * start[0] + d[:, 2] * start[2]
+    under = b * b - a * (start[0] ** 2 + start[2] ** 2 - radius**2)
+    along = np.where(under >= 0.0, (-b - np.sqrt(np.maximum(under, 0.0))) / a, np.nan)
+    smooth = ndimage.spline_filter(np.asarray(material, dtype=np.float64), order=5, mode="mirror")
+    return View(camera, smooth, pixels, start + along[:, None] * d)
+
+
+def _pair(
+    view: View, picture: FloatArray, first: Camera, frame: SpecimenFrame, inner: BoolArray, motion: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Grey values of the pixels that show the body, here and in the picture of its points, and by how much
+    the latter grow if the body is further along y here [grey/m]."""
+    hit = np.isfinite(view.X).all(axis=1)
+    X = view.X[hit] + motion
+    at = np.round(first.project(frame.in_rig(X))).astype(np.int64)
+    rows, columns = inner.shape
+    within = (at[:, 0] >= 0) & (at[:, 0] < columns) & (at[:, 1] >= 0) & (at[:, 1] < rows)
+    within[within] = inner[at[within, 1], at[within, 0]]
+    seen = view.camera.project(frame.in_rig(X[within]))
+    beside = view.camera.project(frame.in_rig(X[within] - [0.0, 1e-6, 0.0]))
+    held = np.all((seen >= 3.0) & (seen <= np.array([columns, rows]) - 4.0), axis=1)
+    here = view.x[hit][within][held].astype(np.int64)
+    value, further = (
+        ndimage.map_coordinates(
+            view.coefficients, places[held, ::-1].T, order=5, mode="mirror", prefilter=False
+        )
+        for places in (seen, beside)
+    )
+    return picture[here[:, 1], here[:, 0]], value, (further - value) / 1e-6
