@@ -1,0 +1,64 @@
+"""A body that only shows its rim: rendered cylinders that have moved by a known distance."""
+
+import numpy as np
+import pytest
+from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, rig
+
+from dic.render import Speckles
+from dic.rim import EDGE, RimSearch
+from dic.surfaces import SpecimenFrame
+
+SCALE = 5400.0 / 0.295  # pixels per metre where the cylinder faces the cameras
+TOP = 0.5 * (SHAPE[0] - 1) / SCALE  # height that the first row shows
+TRAVEL = 1.2e-3
+RIG = rig()
+FRAME = SpecimenFrame(np.eye(3), np.zeros(3), np.zeros((6, 6)))
+
+
+def scene(shift: float, edge: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Both cameras' pictures: the body above `edge` at rest, moved up by `shift` [m], on another pattern."""
+    body, ground = Speckles(3.5e-4, seed=5), Speckles(3.5e-4, seed=6)
+
+    def pattern(arc: np.ndarray, height: np.ndarray) -> np.ndarray:
+        return np.where(height - shift > edge, body(arc, height - shift), ground(arc, height))
+
+    rng = np.random.default_rng(seed)
+    first, second = (
+        CYLINDER.picture(camera, SHAPE, pattern) + rng.normal(0.0, NOISE, SHAPE) for camera in RIG.cameras
+    )
+    return first, second
+
+
+def search(edge: float) -> RimSearch:
+    """Knows the body from pictures in which it has come down by `TRAVEL`."""
+    rows = np.arange(SHAPE[0])[:, None] < (TOP - (edge - TRAVEL)) * SCALE - 2.0
+    angle = np.linspace(-0.3, 0.3, 7)
+    places = np.stack([RADIUS * np.sin(angle), np.full(7, edge), RADIUS * np.cos(angle)], axis=1)
+    move = np.array([0.0, -TRAVEL, 0.0])
+    mask = np.broadcast_to(rows, SHAPE)
+    return RimSearch(scene(-TRAVEL, edge, 1), mask, RIG, FRAME, places, move)
+
+
+@pytest.mark.parametrize("rest", [0.0, 13.7e-6])
+def test_a_rim_of_three_rows_is_found(rest):
+    edge = TOP - 5.0 / SCALE  # five rows, of which two are left out with the edge
+    tried = np.arange(-40e-6, 45e-6, 10e-6)
+    found = search(edge).find(scene(rest, edge, 2), np.zeros(3), tried)
+    assert found is not None
+    assert found.zncc > 0.98
+    # noise alone: 0.02 px over some hundred pixels; the edge, which is sharp here, adds nothing
+    assert abs(found.y - rest) < 1e-6
+    assert found.sigma == pytest.approx(EDGE / SCALE, rel=0.1)
+
+
+def test_a_body_out_of_view_is_not_found():
+    edge = TOP + 2.0 / SCALE
+    tried = np.arange(-40e-6, 45e-6, 10e-6)
+    assert search(edge).find(scene(0.0, edge, 2), np.zeros(3), tried) is None
+
+
+def test_another_pattern_is_not_found():
+    edge = TOP - 5.0 / SCALE
+    rng = np.random.default_rng(3)
+    other = (rng.uniform(size=SHAPE), rng.uniform(size=SHAPE))
+    assert search(edge).find(other, np.zeros(3), np.arange(-40e-6, 45e-6, 10e-6)) is None
