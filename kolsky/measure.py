@@ -5,6 +5,7 @@ import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -163,6 +164,13 @@ def chain_settings(section: DicSection, specimen: SpecimenSection, device: str =
     )
 
 
+def _software() -> str:
+    try:
+        return f"kolsky {version('kolsky')}"
+    except PackageNotFoundError:
+        return "kolsky, not installed"
+
+
 def _correlated(seen: Seen, device: str, progress: Progress) -> StereoResult:
     toml, declared = seen.toml, seen.toml.declared
     section = declared.dic
@@ -179,7 +187,11 @@ def _correlated(seen: Seen, device: str, progress: Progress) -> StereoResult:
             static=static,
             specimen=_region(section.specimen),
             flyer=_region(section.flyer),
-            facts={"reporting": reporting, "calibration": cameras.words},
+            facts={
+                "reporting": reporting,
+                "calibration": cameras.words,
+                "software": _software(),
+            },
             progress=progress,
         )
     except ChainError as error:
