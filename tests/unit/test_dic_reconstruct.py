@@ -112,3 +112,40 @@ def test_tracks_that_do_not_fit_are_refused(X: np.ndarray) -> None:
     covariance[1, 5] = np.nan
     with pytest.raises(ValueError, match=r"covariance1 of point .* no negative eigenvalue"):
         reconstruct(RIG, first, replace(second, covariance=covariance))
+
+
+def test_a_place_that_both_tracks_share_moves_along_the_surface() -> None:
+    """Closed form: cameras side by side at distance Z; what is common to both pixels is no depth."""
+    half, distance, focal = 0.05, 0.3, 5000.0
+    cameras = tuple(
+        Camera(fx=focal, fy=focal, cx=0.0, cy=0.0, translation=np.array([-x, 0.0, distance]))
+        for x in (-half, half)
+    )
+    rig = StereoRig((cameras[0], cameras[1]))
+    X = np.zeros((1, 1, 3))
+    own, shared = 1e-4, 4e-4  # px²
+    tracks = []
+    for camera in cameras:
+        warp = np.zeros((1, 1, 12))
+        warp[0, 0, :2] = camera.project(X)[0, 0]
+        tracks.append(
+            Track(
+                points=np.zeros((1, 2)),
+                warp=warp,
+                covariance=(own + shared) * np.eye(2)[None, None],
+                zncc=np.ones((1, 1)),
+                outcome=np.zeros((1, 1), dtype=np.int64),
+                reference=np.zeros((1, 1), dtype=np.int64),
+            )
+        )
+    common = shared * np.eye(2)[None, None]
+    found = reconstruct(rig, *tracks, common=common).covariance[0, 0]
+    apart = reconstruct(rig, *tracks).covariance[0, 0]
+    px = distance / focal  # metres per pixel at the surface
+    # depth = Z²/(2 b f) x disparity: the variance of a disparity is twice that of a pixel
+    depth = (distance**2 / (2.0 * half * focal)) ** 2 * 2.0
+    assert found[2, 2] == pytest.approx(depth * own, rel=1e-3)
+    assert apart[2, 2] == pytest.approx(depth * (own + shared), rel=1e-3)
+    # x and y: the mean of the two pixels' own noise, and all of what they share
+    for k in (0, 1):
+        assert found[k, k] == pytest.approx(px**2 * (own / 2.0 + shared), rel=1e-2)

@@ -169,9 +169,10 @@ def others_stand(result, clean, frames, *, share: float = 0.98, within: float = 
 def test_the_outline_is_right_within_its_sigma(case, clean):
     error = outline_error(clean, case.truth)
     assert error.size > 100
-    # The targets for open-01 as a whole, with its true cameras.
-    assert np.sqrt(np.mean(error**2)) < 5e-6
-    assert np.abs(error).max() < 15e-6
+    assert np.sqrt(np.mean(error**2)) < 5e-6  # the target
+    # subsets of 21 px every 9 px know a row to 4 um and rows near the ends to 8: three sigma of those
+    assert np.abs(error).max() < 25e-6
+    assert np.abs(error / clean.centre.sigma).max() < 5.0  # some hundred values of one distribution
     # Neighbouring rows share pixels, so a few tens of values are independent: 0.5 to 1.5 is 4 sigma of a
     # standard deviation from 20 of them, less what sigma overstates.
     assert 0.4 < np.std(error / clean.centre.sigma) < 1.5
@@ -180,10 +181,12 @@ def test_the_outline_is_right_within_its_sigma(case, clean):
 def test_rest_is_rest(case, clean):
     noise = clean.noise
     assert noise.n_frames == STATIC
-    # sigma counts the noise of frame and reference; the reference's is common to all frames, so that through
-    # the frames about 1/sqrt 2 of it is seen; 6 frames x 80 points fix that to 5 %, pictures to 10 %.
-    assert np.all(noise.ratio > 0.55)
-    assert np.all(noise.ratio < 0.9)
+    # Along the surface sigma counts the noise of frame and reference; the reference's is common to all
+    # frames, so that through the frames about 1/sqrt 2 of it is seen. Off the surface there is none of the
+    # reference's. 6 frames x 80 points fix that to 5 %, pictures to 10 %.
+    assert np.all(noise.ratio[:2] > 0.55)
+    assert np.all(noise.ratio[:2] < 0.9)
+    assert 0.8 < noise.ratio[2] < 1.2
     assert abs(clean.placement.radius - 4.75e-3) < 4.0 * clean.placement.radius_sigma
     assert np.all(np.isfinite(clean.strain_noise))
     assert {remark.name for remark in clean.remarks} <= {"points without a place at rest", "uncertain rows"}
