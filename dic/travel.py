@@ -132,7 +132,7 @@ def _rims(
         try:
             pair = (pictures[0].frame(k).astype(np.float64), pictures[1].frame(k).astype(np.float64))
         except PictureError:
-            continue
+            continue  # its frame has an outcome that says so (`dic.images.frame_health`)
         expected = past[0] if static[k] else 2.0 * past[0] - past[1]
         rim = search.find(pair, near, expected + np.arange(-NEAR, NEAR + 0.5 * STRIDE, STRIDE))
         if rim is not None:
