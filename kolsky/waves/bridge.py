@@ -124,7 +124,7 @@ class Bridge:
             worst = float(V[~possible].flat[0])
             raise ValueError(
                 f"no strain gives {worst:.6g} V with a bridge '{self.kind}', gain {self.gain:g} and"
-                f" excitation {self.excitation:g} V: a resistance would be negative; correct gain and excitation"
+                f" excitation {self.excitation:g} V: a resistance would be negative; correct them"
             )
         return np.asarray(x / self.arm_factor)
 

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.stats import t as student
 
 from kolsky.waves.records import FloatArray, History, Quantity
+from kolsky.waves.result import BudgetTable, Contribution
 
 Model = Callable[[Mapping[str, float]], Mapping[str, ArrayLike]]
 """From values of the quantities, by name, to named outputs: scalars or arrays of fixed shapes."""
@@ -343,7 +344,7 @@ def _check_steps(budget: Budget, output: str, half: FloatArray, tolerance: float
             raise ValueError(
                 f"{output}: differences over +-{q.sigma:.3g} and +-{0.5 * q.sigma:.3g} {q.unit} of {q.name}"
                 f" disagree by {off:.3g}, {off / combined:.2g} of the combined standard uncertainty, allowed"
-                f" is {tolerance:g}: the model jumps or bends there; fix its windows, or use a Monte Carlo run"
+                f" is {tolerance:g}: the model jumps or bends there; fix its windows, or use Monte Carlo"
             )
 
 
@@ -355,3 +356,34 @@ def _groups(correlation: FloatArray) -> list[list[int]]:
         return []
     n, label = connected_components(correlation != 0.0, directed=False)
     return [np.flatnonzero(label == k).tolist() for k in range(n)]
+
+
+def quoted(budget: Budget, results: Mapping[str, tuple[str, int | None, str]]) -> BudgetTable:
+    """The budget at the numbers that are quoted, e.g. at the peak stress.
+
+    Parameters
+    ----------
+    budget
+        As `propagate` made it.
+    results
+        By the name of the quoted number: output, flat index of the sample (None: that of the largest
+        magnitude), unit.
+
+    Returns
+    -------
+    BudgetTable
+        A row for every quantity, then one for the noise of every quoted number.
+    """
+    numbers: dict[str, tuple[float, float, str]] = {}
+    shares: list[dict[str, float]] = [{} for _ in budget.quantities]
+    noises = []
+    for name, (output, sample, unit) in results.items():
+        rows = {row["quantity"]: row for row in budget.table(output, sample)}
+        whole, noise = rows[f"combined, {output}"], rows["noise"]
+        numbers[name] = (whole["value"], whole["sigma"], unit)
+        for share, q in zip(shares, budget.quantities, strict=True):
+            share[name] = rows[q.name]["share"]
+        of_noise = Quantity(f"noise, {name}", 0.0, noise["sigma"], unit, "A")
+        noises.append(Contribution(of_noise, {name: noise["share"]}))
+    inputs = [Contribution(q, share) for q, share in zip(budget.quantities, shares, strict=True)]
+    return BudgetTable(results=numbers, contributions=(*inputs, *noises))

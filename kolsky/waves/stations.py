@@ -89,7 +89,8 @@ def bar_signal(
         raise ValueError(f"a station has one channel or two of opposed gauges, got {len(recordings)}")
     gauge, wave, given = f"{side} gauge", f"{side} bar", values or {}
     shared = not isinstance(calibration, Sequence)
-    calibrations = _each(calibration, len(recordings), "calibration")
+    calibrations: list[Calibration] = _each(calibration, len(recordings), "calibration")
+    signs: list[int] = _each(compression, len(recordings), "compression")
     labels = [gauge if shared else f"{gauge} {i + 1}" for i in range(len(recordings))]
     log = AuditLog(switches)
 
@@ -97,7 +98,7 @@ def bar_signal(
     for other in recordings[1:]:
         _same_times(recordings[0], other, interval)
     start += clock_offset
-    time = start + interval * np.arange(recordings[0].value.size)
+    time: FloatArray = start + interval * np.arange(recordings[0].value.size, dtype=float)
     after = time > baseline[1]
     if not after.any():
         raise ValueError(
@@ -106,7 +107,7 @@ def bar_signal(
 
     strains, quantities = [], []
     for i, (recording, calibrated, label, sign) in enumerate(
-        zip(recordings, calibrations, labels, _each(compression, len(recordings), "compression"), strict=True)
+        zip(recordings, calibrations, labels, signs, strict=True)
     ):
         name = gauge if len(recordings) == 1 else f"{gauge} {i + 1}"
         if not (shared and i):
