@@ -1,6 +1,6 @@
 """Uncertainty budgets after the GUM (JCGM 100:2008): quantities propagated through any model to histories."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import t as student
 
+from kolsky.waves.quantities import check_quantities, correlated_groups, correlation_matrix
 from kolsky.waves.records import FloatArray, History, Quantity
 from kolsky.waves.result import BudgetTable, Contribution
 
@@ -48,7 +49,7 @@ class Budget:
         """
         Z, u = self.contribution[self._known(output)], self.sigma(output)
         under = np.zeros(u.shape)
-        for group in _groups(self.correlation):
+        for group in correlated_groups(self.correlation):
             nu = min(self.quantities[i].freedom for i in group)
             part = Z[group]
             variance = np.einsum("i...,ij,j...->...", part, self.correlation[np.ix_(group, group)], part)
@@ -235,69 +236,6 @@ def propagate(
     return budget
 
 
-def merged(quantities: Iterable[Quantity]) -> list[Quantity]:
-    """Quantities with those that were listed more than once, such as a bar's Poisson's ratio, listed once.
-
-    Raises
-    ------
-    ValueError
-        If two have the same name and differ otherwise.
-    """
-    found: dict[str, Quantity] = {}
-    for q in quantities:
-        if found.setdefault(q.name, q) != q:
-            raise ValueError(f"quantity '{q.name}' is stated twice: {found[q.name]} and {q}")
-    return list(found.values())
-
-
-def check_quantities(quantities: Sequence[Quantity]) -> None:
-    """Refuse impossible quantities and names that occur twice.
-
-    Raises
-    ------
-    ValueError
-        With the quantity's name.
-    """
-    seen: set[str] = set()
-    for q in quantities:
-        if q.name in seen:
-            raise ValueError(f"quantity '{q.name}' occurs twice; see `merged`")
-        seen.add(q.name)
-        if not (np.isfinite(q.value) and np.isfinite(q.sigma) and q.sigma >= 0.0):
-            raise ValueError(
-                f"{q.name}: value must be finite and sigma finite and >= 0, got {q.value}, {q.sigma}"
-            )
-        if q.kind not in ("A", "B"):
-            raise ValueError(f"{q.name}: kind must be 'A' or 'B', got {q.kind!r}")
-        if not q.freedom >= 1.0:
-            raise ValueError(f"{q.name}: degrees of freedom must be >= 1, got {q.freedom}")
-
-
-def correlation_matrix(
-    quantities: Sequence[Quantity], correlations: Mapping[tuple[str, str], float]
-) -> FloatArray:
-    """Coefficients by pairs of names as a matrix, shape [n, n].
-
-    Raises
-    ------
-    ValueError
-        If a name is unknown, a coefficient is outside [-1, 1], or they contradict each other.
-    """
-    place = {q.name: i for i, q in enumerate(quantities)}
-    R = np.eye(len(place))
-    for (one, other), r in correlations.items():
-        for name in (one, other):
-            if name not in place:
-                raise ValueError(f"correlation of {name!r}: no quantity has this name")
-        if one == other or not -1.0 <= r <= 1.0:
-            raise ValueError(f"correlation of '{one}' and '{other}' must be of two, in [-1, 1], got {r}")
-        R[place[one], place[other]] = R[place[other], place[one]] = r
-    # Coefficients rounded to two digits can leave a matrix slightly indefinite.
-    if R.size and np.linalg.eigvalsh(R)[0] < -0.02:
-        raise ValueError("the correlations contradict each other: their matrix has a negative eigenvalue")
-    return R
-
-
 def _outputs(
     model: Model, values: Mapping[str, float], where: str, like: Mapping[str, FloatArray] | None
 ) -> dict[str, FloatArray]:
@@ -337,8 +275,10 @@ def _stack(rows: list[FloatArray], like: FloatArray) -> FloatArray:
 
 def _check_steps(budget: Budget, output: str, half: FloatArray, tolerance: float) -> None:
     """Both steps must tell the same contribution, within a share of what it is added to."""
-    combined = float(np.sqrt(np.mean(budget.sigma(output) ** 2)))
-    for q, one, other in zip(budget.quantities, budget.contribution[output], half, strict=True):
+    Z = budget.contribution[output]
+    # Without correlations, by which the whole may cancel to nothing.
+    combined = float(np.sqrt(np.mean(np.sum(Z**2, axis=0) + budget.noise[output] ** 2)))
+    for q, one, other in zip(budget.quantities, Z, half, strict=True):
         off = float(np.sqrt(np.mean((one - other) ** 2)))
         if off > tolerance * combined:
             raise ValueError(
@@ -346,16 +286,6 @@ def _check_steps(budget: Budget, output: str, half: FloatArray, tolerance: float
                 f" disagree by {off:.3g}, {off / combined:.2g} of the combined standard uncertainty, allowed"
                 f" is {tolerance:g}: the model jumps or bends there; fix its windows, or use Monte Carlo"
             )
-
-
-def _groups(correlation: FloatArray) -> list[list[int]]:
-    """Quantities that hang together by correlations, each group a list of places."""
-    from scipy.sparse.csgraph import connected_components
-
-    if not correlation.size:
-        return []
-    n, label = connected_components(correlation != 0.0, directed=False)
-    return [np.flatnonzero(label == k).tolist() for k in range(n)]
 
 
 def quoted(budget: Budget, results: Mapping[str, tuple[str, int | None, str]]) -> BudgetTable:

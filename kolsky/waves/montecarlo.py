@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kolsky.waves.budget import Budget, check_quantities, correlation_matrix
+from kolsky.waves.budget import Budget
+from kolsky.waves.quantities import check_quantities, correlation_matrix
 from kolsky.waves.records import FloatArray, Quantity
 
 NoisyModel = Callable[[Mapping[str, float], np.random.Generator], Mapping[str, ArrayLike]]
