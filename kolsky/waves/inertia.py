@@ -195,7 +195,13 @@ def radial_pressure(
 
 
 def correct_radial_inertia(
-    stress: History, strain: History, rate: History, second: History, specimen: Specimen, *, apply: bool = True
+    stress: History,
+    strain: History,
+    rate: History,
+    second: History,
+    specimen: Specimen,
+    *,
+    apply: bool = True,
 ) -> tuple[History, Correction]:
     """Nominal stress without the share of radial inertia, Eq. of `radial_pressure` over 1 - e.
 

@@ -167,9 +167,7 @@ def _window(
     counts = {name: float(np.mean(which == i)) for i, name in enumerate(names)}
     if span is None:
         worst = max(names[:3], key=lambda name: counts[name])
-        return Validity(
-            None, None, worst, worst, share, 0.0, counts, time, imbalance, inertia, reasons
-        )
+        return Validity(None, None, worst, worst, share, 0.0, counts, time, imbalance, inertia, reasons)
     first, last = span
     low, high = float(strain[first]), float(strain[last])
     return Validity(
