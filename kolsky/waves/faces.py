@@ -68,7 +68,7 @@ def face_waves(
         transmitted = first + travel_time(incident) + travel_time(transmission) + transit
     zero = first if arrival is None else arrival
     return FaceWaves(
-        time=first - zero + interval * np.arange(count),
+        time=np.asarray(first - zero + interval * np.arange(count), dtype=np.float64),
         incident=sampled_from(incident.strain, first, count),
         reflected=sampled_from(incident.strain, reflected, count),
         transmitted=sampled_from(transmission.strain, transmitted, count),

@@ -118,8 +118,12 @@ def find_windows(
     )
     start = min(arrival.time, arrival.onset) - lead - arrival.time
     length = min((1.0 + tail) * duration, longest)
-    pairs = [(t + start, t + length) for t in (arrival.time, reflected, transmitted)]
-    return _checked(Windows(*pairs, source="dead reckoning"), incident, transmission)
+
+    def window(at: float) -> tuple[float, float]:
+        return at + start, at + length
+
+    found = Windows(window(arrival.time), window(reflected), window(transmitted), source="dead reckoning")
+    return _checked(found, incident, transmission)
 
 
 def travel_time(signal: BarSignal) -> float:
