@@ -113,7 +113,7 @@ class RimSearch:
     def learn(
         self, known: Iterable[tuple[tuple[FloatArray, FloatArray], FloatArray]]
     ) -> tuple[FloatArray, FloatArray]:
-        """By how much each row at the border shows the body elsewhere than it is, which `find` then takes off.
+        """By how much each row at the border shows the body elsewhere than it is; `find` then takes it off.
 
         Parameters
         ----------
@@ -207,7 +207,7 @@ class RimSearch:
         known = np.concatenate(
             [sigma[part[3]] for sigma, part in zip(self._offset_sigma, parts, strict=True)]
         )
-        # a row's offset is common to its pixels, those of different rows are not: the sum is the most it can be
+        # An offset is common to the pixels of its row; the plain sum over rows is the most they can add up to.
         return float(f @ g) / float(np.sqrt(energy)), step, variance + float(weight @ known) ** 2, n
 
 
@@ -228,7 +228,7 @@ def _fit(still: FloatArray, moved: FloatArray, slope: FloatArray) -> tuple[float
 def _view(
     camera: Camera, material: FloatArray, frame: SpecimenFrame, radius: float, outward: FloatArray
 ) -> View:
-    """What a camera knows of the body, which comes in by the border that `outward` points to (right, down)."""
+    """What a camera knows of the body, which comes in by the border that `outward` (right, down) points to."""
     rows, columns = material.shape
     y, x = np.mgrid[0:rows, 0:columns]
     near = np.minimum(np.minimum(x, columns - 1 - x), np.minimum(y, rows - 1 - y)) < RIM
