@@ -207,7 +207,7 @@ class RimSearch:
         known = np.concatenate(
             [sigma[part[3]] for sigma, part in zip(self._offset_sigma, parts, strict=True)]
         )
-        # An offset is common to the pixels of its row; the plain sum over rows is the most they can add up to.
+        # An offset is common to its row's pixels; the plain sum over rows is the most they can add up to.
         return float(f @ g) / float(np.sqrt(energy)), step, variance + float(weight @ known) ** 2, n
 
 
@@ -228,7 +228,7 @@ def _fit(still: FloatArray, moved: FloatArray, slope: FloatArray) -> tuple[float
 def _view(
     camera: Camera, material: FloatArray, frame: SpecimenFrame, radius: float, outward: FloatArray
 ) -> View:
-    """What a camera knows of the body, which comes in by the border that `outward` (right, down) points to."""
+    """What a camera knows of the body, which comes in by the border that `outward` (x, y) points to."""
     rows, columns = material.shape
     y, x = np.mgrid[0:rows, 0:columns]
     near = np.minimum(np.minimum(x, columns - 1 - x), np.minimum(y, rows - 1 - y)) < RIM
