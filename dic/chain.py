@@ -95,7 +95,7 @@ class ChainSettings:
     @property
     def rigid(self) -> Tracking:
         """How points of the flyer are followed: they translate, and enter the picture from its rim."""
-        subset = replace(self.tracking.correlation, shape=Shape.RIGID, least_pixels=0.1)
+        subset = replace(self.tracking.correlation, shape=Shape.RIGID, least_pixels=0.4)
         return replace(self.tracking, correlation=subset)
 
     def __post_init__(self) -> None:

@@ -25,12 +25,12 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 RIM = 12
-"""Pixels from a border of the picture that are looked at."""
+"""Rows of pixels that are looked at, from the border that the body comes in by."""
 FEWEST = 40
 """Pixels of both cameras that must show the body."""
 EDGE = 0.02
-"""What a rim of one or two rows may be off beside its noise [px]: the blur of the body's own edge is near. On
-`open-02` rows within half a pixel of the region's rim are off by 0.02 px (1 µm)."""
+"""What a body may be off of which no more than the pixel at its region's rim is in view, beside its noise [px]:
+the blur of its own edge is near. On `open-02` such rows are off by 0.02 px (1 µm)."""
 FEWEST_ROW = 20
 """Pixels of a row that must show the body before the row's own place is found."""
 FEWEST_FRAMES = 3
@@ -39,6 +39,8 @@ STRIDE = 10e-6
 """Distance of the places that are tried [m]: a fraction of a speckle."""
 LEAST_ZNCC = 0.9
 """Least correlation of the place that is taken."""
+MOST_STEPS, SETTLED = 10, 1e-8
+"""Gauss-Newton steps at most, and the step at which they end [m]."""
 CORE = 30e-6
 """How far the search may end from the best of the places tried [m]."""
 
@@ -100,7 +102,7 @@ class RimSearch:
         move: FloatArray,
     ) -> None:
         radius = float(np.median(np.hypot(places[:, 0], places[:, 2])))
-        self._inner = mask
+        self._masks = (mask, ndimage.binary_erosion(mask, border_value=1))
         self._first, self._frame, self._move = rig.cameras[0], frame, move
         middle = np.median(places, axis=0) + move
         ends = rig.cameras[0].project(frame.in_rig(middle + np.array([[0.0, 0.0, 0.0], [0.0, 1e-4, 0.0]])))
@@ -156,19 +158,32 @@ class RimSearch:
         Rim or None
             None if too few pixels show the body, or no place tried looks like it.
         """
-        score = np.array([self._compare(pictures, near, y)[0] for y in tried])
+        whole, clear = self._masks
+        score = np.array([self._compare(pictures, near, y, whole)[0] for y in tried])
         best = int(np.argmax(score))
-        y, step = float(tried[best]), 1.0
-        for _ in range(10):
-            if score[best] < 0.0 or abs(step) < 1e-9:
-                break
-            step = float(np.clip(self._compare(pictures, near, y)[1], -STRIDE, STRIDE))
-            y += step
-        zncc, _, variance, n = self._compare(pictures, near, y)
+        if score[best] < 0.0:
+            return None
+        y, fit = self._settled(pictures, near, float(tried[best]), whole)
+        edge = EDGE / self._scale
+        if self._compare(pictures, near, y, clear)[3] >= FEWEST:
+            y, fit = self._settled(pictures, near, y, clear)
+            edge = 0.0
+        zncc, _, variance, n = fit
         if zncc < LEAST_ZNCC or abs(y - tried[best]) > CORE:
             return None
-        edge = EDGE / self._scale
         return Rim(y=y, sigma=float(np.sqrt(variance + edge**2)), zncc=zncc, n_pixels=n)
+
+    def _settled(
+        self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float, mask: BoolArray
+    ) -> tuple[float, tuple[float, float, float, int]]:
+        """The translation near y that fits best [m], and what `_compare` says of it."""
+        for _ in range(MOST_STEPS):
+            fit = self._compare(pictures, near, y, mask)
+            step = float(np.clip(fit[1], -STRIDE, STRIDE))
+            if abs(step) < SETTLED:
+                break
+            y += step
+        return y, fit
 
     def _rows(self, pictures: tuple[FloatArray, FloatArray], move: FloatArray) -> FloatArray:
         """How much further along y than `move` each row shows the body [m], shape [2, `RIM`]; NaN: not
@@ -176,7 +191,7 @@ class RimSearch:
         off = np.full((2, RIM), np.nan)
         for camera, (view, picture) in enumerate(zip(self._views, pictures, strict=True)):
             still, moved, slope, row = _pair(
-                view, picture, self._first, self._frame, self._inner, self._move - move, np.zeros(RIM)
+                view, picture, self._first, self._frame, self._masks[1], self._move - move, np.zeros(RIM)
             )
             for k in range(RIM):
                 of = row == k
@@ -186,12 +201,12 @@ class RimSearch:
         return off
 
     def _compare(
-        self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float
+        self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float, mask: BoolArray
     ) -> tuple[float, float, float, int]:
         """Correlation at a translation y, the step of y by Gauss-Newton [m], its variance, and the pixels."""
         motion = self._move - np.array([near[0], y, near[2]])
         parts = [
-            _pair(view, picture, self._first, self._frame, self._inner, motion, offset)
+            _pair(view, picture, self._first, self._frame, mask, motion, offset)
             for view, picture, offset in zip(self._views, pictures, self._offset, strict=True)
         ]
         still, moved, slope = (np.concatenate([part[k] for part in parts]) for k in range(3))
@@ -231,7 +246,10 @@ def _view(
     """What a camera knows of the body, which comes in by the border that `outward` (x, y) points to."""
     rows, columns = material.shape
     y, x = np.mgrid[0:rows, 0:columns]
-    near = np.minimum(np.minimum(x, columns - 1 - x), np.minimum(y, rows - 1 - y)) < RIM
+    axis = int(np.argmax(np.abs(outward)))
+    along = (x, y)[axis]
+    row = (columns, rows)[axis] - 1 - along if outward[axis] > 0.0 else along
+    near = row < RIM
     pixels = np.stack([x[near], y[near]], axis=1).astype(np.float64)
     ideal = camera.undistort(pixels)
     rays = np.concatenate([ideal, np.ones((len(ideal), 1))], axis=1) @ camera.rotation
@@ -240,14 +258,9 @@ def _view(
     a = d[:, 0] ** 2 + d[:, 2] ** 2
     b = d[:, 0] * start[0] + d[:, 2] * start[2]
     under = b * b - a * (start[0] ** 2 + start[2] ** 2 - radius**2)
-    along = np.where(under >= 0.0, (-b - np.sqrt(np.maximum(under, 0.0))) / a, np.nan)
+    depth = np.where(under >= 0.0, (-b - np.sqrt(np.maximum(under, 0.0))) / a, np.nan)
     smooth = ndimage.spline_filter(np.asarray(material, dtype=np.float64), order=5, mode="mirror")
-    axis = int(np.argmax(np.abs(outward)))
-    last = (columns, rows)[axis] - 1
-    from_border = last - pixels[:, axis] if outward[axis] > 0.0 else pixels[:, axis]
-    # Pixels near another border, too far in for RIM, are in the last row of those that count.
-    row = np.minimum(from_border, RIM - 1).astype(np.int64)
-    return View(camera, smooth, pixels, start + along[:, None] * d, row)
+    return View(camera, smooth, pixels, start + depth[:, None] * d, row[near].astype(np.int64))
 
 
 def _pair(

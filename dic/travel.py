@@ -139,7 +139,8 @@ def _rims(
         except PictureError:
             continue  # its frame has an outcome that says so (`dic.images.frame_health`)
         expected = past[0] if static[k] else 2.0 * past[0] - past[1]
-        rim = search.find(pair, near, expected + np.arange(-NEAR, NEAR + 0.5 * STRIDE, STRIDE))
+        around = STRIDE if static[k] and static[min(k + 1, len(static) - 1)] and result else NEAR
+        rim = search.find(pair, near, expected + np.arange(-around, around + 0.5 * STRIDE, STRIDE))
         if rim is not None:
             result.append((k, rim))
             past = [rim.y, past[0]]
