@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dic.correlation.kernels.device import select_device
 from dic.correlation.kernels.grain import between_pixels, gradient_noise
 from dic.correlation.kernels.packs import BLOCK
-from dic.correlation.kernels.search import search_source
+from dic.correlation.kernels.search import ARRAYS, search_source
 from dic.correlation.kernels.spline import PAD
 from dic.correlation.match import Match
 from dic.correlation.settings import Correlation
@@ -122,11 +122,11 @@ def launch(job: Any, parameters: int, n: int, device: Any, threads: int) -> None
     kernel = search_kernel(parameters)
     if device.is_cuda:
         slots = min(n, device.sm_count * WARPS_PER_PROCESSOR)
-        job.scratch = wp.empty(slots * 4 * job.room, dtype=wp.float32, device=device)
+        job.scratch = wp.empty(slots * ARRAYS * job.room, dtype=wp.float32, device=device)
         wp.launch(kernel, dim=slots * 32, inputs=[job, slots, 0, n, 32], device=device, block_dim=BLOCK)
         return
     wp.load_module(kernel.module, device=device, block_dim=1)
-    scratch = [wp.empty(4 * job.room, dtype=wp.float32, device=device) for _ in range(threads)]
+    scratch = [wp.empty(ARRAYS * job.room, dtype=wp.float32, device=device) for _ in range(threads)]
 
     def share(thread: int) -> None:
         mine = Job()

@@ -7,11 +7,17 @@ from dic.correlation.kernels.spline import SPLINE
 from dic.correlation.kernels.subset import SUBSET
 from dic.outcome import PointOutcome
 
+ARRAYS = 5
+"""Arrays of a subset's pixels that a search keeps in its scratch."""
+PACE = 6
+"""Updates over which the pace of a search is judged: one that cannot end in time is not continued."""
+
 _SEARCH = """
     const double h = 0.5 * (job.subset - 1);
     const int square = job.subset * job.subset, room = job.room;
-    float* W = job.scratch.data + (long long)slot * 4 * room;
+    float* W = job.scratch.data + (long long)slot * ARRAYS * room;
     float* T = W + room; float* GX = T + room; float* GY = GX + room;
+    float* B = GY + room;  // what W is where the other picture shows the whole subset
     const float* X = job.offsets.data;
     const float* Y = X + room;
     const float* U = Y + room;  // 1 for a pixel of the subset, 0 for what fills the last pack
@@ -41,6 +47,9 @@ _SEARCH = """
             outcome = NO_FIRST_GUESS;
         } else if (!from.sane || !jet::inverse(F0, A)) {
             outcome = OUT_OF_VIEW;
+        } else if (to.set(g, cx, cy, w, h), to.sane && !to.within
+                   && to.seen(X, Y, U, room, start) < job.least_pixels * square) {
+            outcome = OUT_OF_VIEW;  // as it would be found after the template's work
         } else {
             // The template and its gradient by the offset in the subset.
             pack counted = op::all(0.0f), total = counted, grit = counted, tilt[K];
@@ -55,7 +64,7 @@ _SEARCH = """
                 if (!from.within) u = u * from.held(&px, &py);
                 const pack t = spline::slope(from.origin, from.stride, px, py, &gx, &gy);
                 from.turn(x, y, &gx, &gy);
-                op::store(W + k, u); op::store(T + k, t);
+                op::store(W + k, u); op::store(B + k, u); op::store(T + k, t);
                 op::store(GX + k, gx); op::store(GY + k, gy);
                 counted += u; total += u * t;
                 pack dx, dy;
@@ -81,6 +90,8 @@ _SEARCH = """
                 const double between_f = op::sum(grit) / n;
                 double offset = level, contrast = 1.0, brightness = level;
                 double noise_f = 0.0, noise_g = 0.0, share = 0.0;
+                double least = 1e30, earlier[PACE];  // smallest update so far, now and up to PACE ago
+                for (int k = 0; k < PACE; ++k) earlier[k] = 1e30;
                 while (true) {
                     // Gradients must hold more of the pattern than of the reference's noise.
                     noise_f = job.f_floor.data[a] + job.f_gain.data[a] * op::positive(N.mean + level);
@@ -97,21 +108,19 @@ _SEARCH = """
                     if (!jet::inverse(F1, A)) { outcome = NOT_CONVERGED; break; }
                     if (!to.within || !whole) {
                         // Pixels that left the picture do not count, those that came back do.
-                        pack left = op::all(0.0f);
+                        pack left = op::all(0.0f), changed = left;
                         #pragma unroll 1
                         for (int k = start; k < room; k += STEP) {
-                            const pack x = op::load(X + k), y = op::load(Y + k);
-                            pack u = op::load(U + k), px, py;
-                            if (job.has_mask) u = u * body.at(x, y);
-                            from.of(x, y, &px, &py);
-                            u = u * from.held(&px, &py);
-                            to.of(x, y, &px, &py);
-                            u = u * to.held(&px, &py);
+                            const pack before = op::load(W + k);
+                            pack px, py;
+                            to.of(op::load(X + k), op::load(Y + k), &px, &py);
+                            const pack u = op::load(B + k) * to.held(&px, &py);
                             op::store(W + k, u);
                             left += u;
+                            changed += (u - before) * (u - before);
                         }
                         if (op::sum(left) < job.least_pixels * square) { outcome = OUT_OF_VIEW; break; }
-                        N.sum(W, T, GX, GY, X, Y, room, start);
+                        if (op::sum(changed) > 0.0) N.sum(W, T, GX, GY, X, Y, room, start);
                         whole = to.within;
                         if (!N.definite) { outcome = LOW_CONTRAST; break; }
                     }
@@ -167,6 +176,16 @@ _SEARCH = """
                     ++iterations;
                     const double far = jet::farthest(step, h);
                     if (!(far < 1e3) || !jet::update(w, step)) { outcome = NOT_CONVERGED; break; }
+                    const double ago = earlier[iterations % PACE];
+                    if (far < least) least = far;
+                    earlier[iterations % PACE] = least;
+                    // At the pace of the last updates twice as many as are left would not do.
+                    if (!(far < job.tolerance) && iterations > PACE
+                        && wp::log(least / job.tolerance) * PACE
+                            > 2.0 * (job.max_iterations - iterations) * wp::log(ago / least)) {
+                        outcome = NOT_CONVERGED;
+                        break;
+                    }
                     if (far < job.tolerance) {
                         outcome = zncc < job.least_zncc ? LOW_CORRELATION : VALID;
                         double column[2][K];
@@ -213,7 +232,7 @@ _SEARCH = """
 
 def search_source(parameters: int) -> str:
     """The body of the native function for a shape function of so many parameters."""
-    text = f"    constexpr int WARPS = {BLOCK // 32};\n"
+    text = f"    constexpr int WARPS = {BLOCK // 32}, ARRAYS = {ARRAYS}, PACE = {PACE};\n"
     text += f"    constexpr int ORDER = {parameters // 2};  // monomials of a displacement component\n"
     for outcome in PointOutcome:
         text += f"    constexpr int {outcome.name} = {outcome.value};\n"
