@@ -9,6 +9,8 @@ from dic.outcome import PointOutcome
 
 ARRAYS = 5
 """Arrays of a subset's pixels that a search keeps in its scratch."""
+FOUND = 19
+"""Numbers that are written for a point: warp, covariance, correlation, updates, outcome."""
 PACE = 6
 """Updates over which the pace of a search is judged: one that cannot end in time is not continued."""
 
@@ -25,25 +27,26 @@ _SEARCH = """
     SHARED(normal, N);
 
     for (int i = first + slot; i < first + count; i += slots) {
-        const double cx = job.points.data[2 * i], cy = job.points.data[2 * i + 1];
+        const double* given = job.given.data + (long long)i * (job.has_reference ? 28 : 16);
+        const double cx = given[2], cy = given[3];
         double w[12], reference[12];
         for (int k = 0; k < 12; ++k) {
-            w[k] = job.guess.data[12 * i + k];
-            reference[k] = job.has_reference ? job.reference.data[12 * i + k] : 0.0;
+            w[k] = given[4 + k];
+            reference[k] = job.has_reference ? given[16 + k] : 0.0;
         }
-        const long long a = job.reference_picture.data[i], b = job.deformed_picture.data[i];
+        const long long a = (long long)given[0], b = (long long)given[1];  // which pictures
         const view f = {job.f.data + a * job.f_plane + job.f_first, job.f_rows, job.f_cols, job.f_stride};
         const view g = {job.g.data + b * job.g_plane + job.g_first, job.g_rows, job.g_cols, job.g_stride};
         const material body = {job.mask.data, job.mask_rows, job.mask_cols, cx, cy, h};
         int outcome = NOT_CONVERGED, iterations = 0;
-        double zncc = 0.0, covariance[3] = {0.0, 0.0, 0.0}, given = 0.0;
-        for (int k = 0; k < 12; ++k) given += w[k] * 0.0 + reference[k] * 0.0;  // NaN if one is not finite
+        double zncc = 0.0, covariance[3] = {0.0, 0.0, 0.0}, odd = 0.0;
+        for (int k = 0; k < 12; ++k) odd += w[k] * 0.0 + reference[k] * 0.0;  // NaN if one is not finite
         double here[2], F0[4], F1[4], A[4], step[12];
         places from, to;
 
         from.set(f, cx, cy, reference, h);
         jet::at(reference, 0.0, 0.0, here, F0);
-        if (given != 0.0) {
+        if (odd != 0.0) {
             outcome = NO_FIRST_GUESS;
         } else if (!from.sane || !jet::inverse(F0, A)) {
             outcome = OUT_OF_VIEW;
@@ -94,7 +97,7 @@ _SEARCH = """
                 for (int k = 0; k < PACE; ++k) earlier[k] = 1e30;
                 while (true) {
                     // Gradients must hold more of the pattern than of the reference's noise.
-                    noise_f = job.f_floor.data[a] + job.f_gain.data[a] * op::positive(N.mean + level);
+                    noise_f = job.f_noise.data[2 * a] + job.f_noise.data[2 * a + 1] * op::positive(N.mean + level);
                     const double added = job.grit * noise_f * N.n;
                     const double xx = N.gradient[0] - 2.0 * added * (F0[0] * F0[0] + F0[2] * F0[2]);
                     const double xy = N.gradient[1] - 2.0 * added * (F0[0] * F0[1] + F0[2] * F0[3]);
@@ -146,7 +149,7 @@ _SEARCH = """
                     const double sum = op::sum(g1), mean = sum / N.n;
                     const double energy = op::sum(g2) - mean * sum, cross = op::sum(tg) - N.mean * sum;
                     brightness = mean + zero;
-                    noise_g = job.g_floor.data[b] + job.g_gain.data[b] * op::positive(brightness);
+                    noise_g = job.g_noise.data[2 * b] + job.g_noise.data[2 * b + 1] * op::positive(brightness);
                     // Little more than noise, or than what fp32 leaves of a grey value.
                     if (!(energy > N.n * (1.5 * job.between * noise_g + 1e-10 * brightness * brightness))) {
                         outcome = LOW_CONTRAST;
@@ -220,11 +223,12 @@ _SEARCH = """
             }
         }
         if (start == 0) {
-            for (int k = 0; k < 12; ++k) job.warp.data[12 * i + k] = w[k];
-            for (int k = 0; k < 4; ++k) job.covariance.data[4 * i + k] = covariance[(k + 1) / 2];
-            job.zncc.data[i] = zncc;
-            job.iterations.data[i] = iterations;
-            job.outcome.data[i] = outcome;
+            double* found = job.found.data + (long long)i * FOUND;
+            for (int k = 0; k < 12; ++k) found[k] = w[k];
+            for (int k = 0; k < 4; ++k) found[12 + k] = covariance[(k + 1) / 2];
+            found[16] = zncc;
+            found[17] = iterations;
+            found[18] = outcome;
         }
     }
 """
@@ -232,7 +236,7 @@ _SEARCH = """
 
 def search_source(parameters: int) -> str:
     """The body of the native function for a shape function of so many parameters."""
-    text = f"    constexpr int WARPS = {BLOCK // 32}, ARRAYS = {ARRAYS}, PACE = {PACE};\n"
+    text = f"    constexpr int WARPS = {BLOCK // 32}, ARRAYS = {ARRAYS}, PACE = {PACE}, FOUND = {FOUND};\n"
     text += f"    constexpr int ORDER = {parameters // 2};  // monomials of a displacement component\n"
     for outcome in PointOutcome:
         text += f"    constexpr int {outcome.name} = {outcome.value};\n"
