@@ -23,6 +23,8 @@ from explicit.simd.values import (
 )
 
 ZERO = literal(0, "i32")
+WITH_SPARE = ("Body", "State")
+"""Structs whose arrays hold at least as many further entries behind every row as a pack has lanes."""
 
 
 def _grouped(table: str, k: str, e: str) -> str:
@@ -51,7 +53,12 @@ class Memory(Expressions):
         lines += [f"const int {name}_n{k} = (int){code}.shape[{k}];" for k in range(dtype.ndim)]
         self.arrays[name] = "\n".join(lines)
         return Array(
-            name, dtype.dtype, dtype.ndim, scratch=scratch, lanes_inside=scratch and self.lanes_inside
+            name,
+            dtype.dtype,
+            dtype.ndim,
+            scratch=scratch,
+            lanes_inside=scratch and self.lanes_inside,
+            spare=owner.type.cls.__name__ in WITH_SPARE,
         )
 
     @staticmethod
@@ -200,10 +207,19 @@ class Memory(Expressions):
             return self.temporary(kind, f"{array.name}[{place}]", False)
         if offset.lane and size == 1 and not array.lanes_inside:
             return self.temporary(kind, f"*({PACK[kind]}u*)({array.name} + {offset.code}[0])", True)
+        if array.spare and size == 1 and not array.lanes_inside:
+            wanted = "everywhere" if self.mask is None else self.mask
+            return self.temporary(kind, f"op::gather({array.name}, {self._harmless(offset)}, {wanted})", True)
         name = self.name("g")
         self.emit(f"{PACK[kind]} {name};")
         self.emit(f"for (int l = 0; l < W; ++l) {name}[l] = {self._element(array, size, component)};")
         return Scalar(kind, name, True)
+
+    def _harmless(self, offset: Scalar) -> str:
+        """A varying offset; that of idle lanes is 0."""
+        if self.mask is None:
+            return offset.code
+        return self.select(Scalar("bool", self.mask, True), offset, ZERO).code
 
     def _element(self, array: Array, size: int, component: int, *, write: bool = False) -> str:
         """The element of lane l; idle lanes read a harmless one."""
