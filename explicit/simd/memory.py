@@ -156,20 +156,29 @@ class Memory(Expressions):
         name, quad = self.name("q"), "f64q" if kind == "f64" else "f32q"
         for lane in range(self.lanes):
             self.emit(f"const {quad} {name}_{lane} = *(const {quad}*)({array.name} + {offset.code}[{lane}]);")
-        packs = [f"{name}_{lane}" for lane in range(self.lanes)]
-        width = 4
-        while len(packs) > 4:
-            width *= 2
-            pairs = zip(packs[::2], packs[1::2], strict=True)
-            packs = [self._shuffled(a, b, range(width)) for a, b in pairs]
-        quads = self.lanes // 4  # in each of the four packs
+        # Every fourth row side by side, then four by four numbers transposed in each quarter.
+        rows = [self._joined([f"{name}_{lane}" for lane in range(k, self.lanes, 4)]) for k in range(4)]
+        firsts, pairs = range(0, self.lanes, 4), []
+        for k in (0, 2):
+            for half in (0, 2):
+                chosen = [i + half + n + m * self.lanes for i in firsts for n in (0, 1) for m in (0, 1)]
+                pairs.append(self._shuffled(rows[k], rows[k + 1], chosen))
         items: list[Scalar] = []
-        for c in range(4):
-            chosen = [c + 4 * k for k in range(2 * quads)]
-            low, high = (self._shuffled(packs[i], packs[i + 1], chosen) for i in (0, 2))
-            whole = self._shuffled(low, high, range(self.lanes))
-            items.append(self.temporary(kind, f"({PACK[kind]}){whole}", True))
+        for low, high in ((pairs[0], pairs[2]), (pairs[1], pairs[3])):
+            for half in (0, 2):
+                chosen = [i + half + n + m * self.lanes for i in firsts for m in (0, 1) for n in (0, 1)]
+                whole = self._shuffled(low, high, chosen)
+                items.append(self.temporary(kind, f"({PACK[kind]}){whole}", True))
         return Vector(tuple(items))
+
+    def _joined(self, parts: list[str]) -> str:
+        """Vectors of equal length one behind the other."""
+        width = 4
+        while len(parts) > 1:
+            width *= 2
+            pairs = zip(parts[::2], parts[1::2], strict=True)
+            parts = [self._shuffled(a, b, range(width)) for a, b in pairs]
+        return parts[0]
 
     def _shuffled(self, first: str, second: str, chosen: Sequence[int]) -> str:
         """Chosen entries of two vectors, counted through both."""
