@@ -73,9 +73,8 @@ def check_key(key: str) -> None:
     """
     if key not in CORRECTIONS:
         near = get_close_matches(str(key), CORRECTIONS, n=1)
-        hint = f"; did you mean '{near[0]}'?" if near else ""
-        known = ", ".join(f"'{name}'" for name in CORRECTIONS)
-        raise ValueError(f"no correction is called {key!r}{hint} Known are {known}")
+        hint = f"; did you mean '{near[0]}'? Known are" if near else "; known are"
+        raise ValueError(f"no correction is called {key!r}{hint} {', '.join(map(repr, CORRECTIONS))}")
 
 
 def compare(
