@@ -91,6 +91,7 @@ def find_arrival(
             f"{min(before, signal.end):.6g} s are too few to find a pulse in; it takes {4 * width} or more. "
             "Cure: a longer record"
         )
+    unit = "" if signal.unit == "1" else f" {signal.unit}"
     time, value = time[inside], sign * signal.value[inside]
     smooth = moving_mean(value, width)
     least = threshold * signal.sigma / sqrt(width)
@@ -98,14 +99,14 @@ def find_arrival(
     if first is None:
         raise ValueError(
             f"{signal.name}: no {'positive' if sign > 0 else 'negative'} pulse: the largest average over "
-            f"{average:.3g} s is {sign * smooth.max():.3g} {signal.unit}, and it takes more than "
+            f"{average:.3g} s is {sign * smooth.max():.3g}{unit}, and it takes more than "
             f"{least:.3g} ({threshold:g} standard deviations of the noise). Cure: check the channel, its "
             "declared sign and the clock"
         )
     if first < width:
         raise ValueError(
-            f"{signal.name}: the pulse is there at the first sample ({sign * smooth[first]:.3g} "
-            f"{signal.unit} at {time[first]:.6g} s). Cure: a longer pre-trigger"
+            f"{signal.name}: the pulse is there at the first sample ({sign * smooth[first]:.3g}{unit} "
+            f"at {time[first]:.6g} s). Cure: a longer pre-trigger"
         )
     level, end = _extent(smooth, first, least)
     low, half, high = (_last_below(smooth, first, share * level) for share in (FLANK[0], 0.5, FLANK[1]))

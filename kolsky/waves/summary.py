@@ -175,8 +175,8 @@ def _modulus(
     reached = float(size[begin]) / top
     if reached > RISING_SHARE:
         return None, (
-            f"no modulus: equilibrium begins at {100.0 * reached:.0f} % of the largest stress, and what comes "
-            f"before shows waves; it must begin below {100.0 * RISING_SHARE:.0f} %"
+            f"no modulus: equilibrium begins at {100.0 * reached:.0f} % of the largest stress, and what "
+            f"comes before shows waves; it must begin below {100.0 * RISING_SHARE:.0f} %"
         )
     above = np.flatnonzero(size[begin : last + 1] > RISING_SHARE * top)
     part = slice(begin, begin + int(above[0]))
