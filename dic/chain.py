@@ -16,6 +16,7 @@ from dic.correlation.warp import Shape
 from dic.ends import past_the_ends, refined_end
 from dic.images import PictureError, Pictures
 from dic.images.health import frame_health
+from dic.images.kept import KeptPictures
 from dic.images.noise import GreyNoise, grey_noise
 from dic.noise import noise_floor
 from dic.outcome import FrameOutcome, PointOutcome
@@ -169,6 +170,7 @@ def measure(
         lie on no cylinder.
     """
     clock = _Clock()
+    pictures = (KeptPictures(pictures[0]), KeptPictures(pictures[1]))
     health, grey = clock("look at the pictures", lambda: _look(pictures, static))
     noise = (_noise(grey[0]), _noise(grey[1]))
 
