@@ -44,7 +44,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-VERSION = 4
+VERSION = 5
 """Raised when the same pictures and settings give other numbers: results kept from before are made
 anew."""
 LEAST_GATE = 0.1
@@ -95,7 +95,7 @@ class ChainSettings:
     @property
     def rigid(self) -> Tracking:
         """How points of the flyer are followed: they translate, and enter the picture from its rim."""
-        subset = replace(self.tracking.correlation, shape=Shape.RIGID, least_pixels=0.1)
+        subset = replace(self.tracking.correlation, shape=Shape.RIGID, least_pixels=0.4)
         return replace(self.tracking, correlation=subset)
 
     def __post_init__(self) -> None:

@@ -1,5 +1,7 @@
 """How far the flyer went: one translation a frame, from whatever either camera saw of it."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +22,8 @@ SIDEWAYS = 50e-6
 """How far the flyer may have moved across the axis since the nearest frame that both cameras saw [m]."""
 NEAR = 50e-6
 """How far from where it is expected the rim of the body is looked for [m]."""
+LEARNT = 40
+"""Frames from which the rows at the border of the picture are learnt."""
 ROUNDS = 4
 """Rounds in which places on the body and translations are found from each other."""
 GATE = 5.0
@@ -126,6 +130,7 @@ def _rims(
         return []
     chosen = (pictures[0].frame(m).astype(np.float64), pictures[1].frame(m).astype(np.float64))
     search = RimSearch(chosen, body.mask, rig, frame, places, moves[m])
+    search.learn(_in_view(pictures, moves, rows, found))
     result: list[tuple[int, Rim]] = []
     past = [found[0], found[min(1, len(found) - 1)]]
     for k in range(first - 1, -1, -1):
@@ -134,11 +139,25 @@ def _rims(
         except PictureError:
             continue  # its frame has an outcome that says so (`dic.images.frame_health`)
         expected = past[0] if static[k] else 2.0 * past[0] - past[1]
-        rim = search.find(pair, near, expected + np.arange(-NEAR, NEAR + 0.5 * STRIDE, STRIDE))
+        around = STRIDE if static[k] and static[min(k + 1, len(static) - 1)] and result else NEAR
+        rim = search.find(pair, near, expected + np.arange(-around, around + 0.5 * STRIDE, STRIDE))
         if rim is not None:
             result.append((k, rim))
             past = [rim.y, past[0]]
     return result
+
+
+def _in_view(
+    pictures: tuple[Pictures, Pictures], moves: FloatArray, rows: list[int], found: list[float]
+) -> Iterator[tuple[tuple[FloatArray, FloatArray], FloatArray]]:
+    """Pictures in which points say where the body is, with its translation; about `LEARNT` of them."""
+    seen = [(k, y) for k, y in zip(rows, found, strict=True) if np.isfinite(moves[k]).all()]
+    for k, y in seen[:: max(len(seen) // LEARNT, 1)]:
+        try:
+            pair = (pictures[0].frame(k).astype(np.float64), pictures[1].frame(k).astype(np.float64))
+        except PictureError:
+            continue
+        yield pair, np.array([moves[k, 0], y, moves[k, 2]])
 
 
 def _of_mean(sigma: FloatArray) -> float:

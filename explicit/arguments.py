@@ -65,7 +65,7 @@ def _new_body(kernel: MarchKernel, model: Model, numbers: Precision, where: Any,
     for name, values, dtype in (
         ("shapes", grouped(_side_by_side(shapes, numbers.dtype)), numbers.real),
         ("quads", grouped(place[mesh.quads.T]), int),
-        ("corners", grouped(placed(_corner_table(mesh, slots))), int),
+        ("corners", grouped(placed(_corner_table(mesh, slots, place, 1 if where.is_cuda else SPARE))), int),
         ("masses", grouped(placed(masses)), numbers.real),
         ("reference_r", placed(mesh.nodes[:, 0]), wp.float64),
         ("reference_y", placed(height), wp.float64),
@@ -110,9 +110,13 @@ def node_kinds(mesh: Mesh) -> IntArray:
     return kind
 
 
-def _corner_table(mesh: Mesh, slots: int) -> IntArray:
+def _corner_table(mesh: Mesh, slots: int, place: IntArray, zeros: int) -> IntArray:
     """Where each node gathers its forces, shape [VALENCE, n_nodes]: corner by corner with so many slots each,
-    elements side by side; the entry past the last one holds zero."""
+    elements side by side; the entry past the last one holds zero.
+
+    A node finds the element whose k-th corner it is at its k-th place, if no other element took that place,
+    so that neighbours find neighbours.
+    """
     start, corner = mesh.corners_of_node
     count = np.diff(start)
     if count.max() > VALENCE:
@@ -120,8 +124,13 @@ def _corner_table(mesh: Mesh, slots: int) -> IntArray:
             f"at most {VALENCE} elements may meet at a node, {count.max()} do at node {count.argmax()}"
         )
     node = np.repeat(np.arange(mesh.n_nodes), count)
-    table = np.full((VALENCE, mesh.n_nodes), 4 * slots)
+    nothing = 4 * slots + place % zeros
+    table = np.tile(nothing, (VALENCE, 1))
     table[np.arange(len(corner)) - start[node], node] = corner % 4 * slots + corner // 4
+    regular = (np.bincount(4 * node + corner % 4, minlength=4 * mesh.n_nodes) <= 1).reshape(-1, 4).all(axis=1)
+    here = regular[node]
+    table[:, regular] = nothing[regular]
+    table[(corner % 4)[here], node[here]] = (corner % 4 * slots + corner // 4)[here]
     return table
 
 
@@ -223,7 +232,7 @@ def state_of(
     needed = {name for name, wanted in (("bar_wave", bar), ("slip", remembers)) if wanted}
     for name, n, dtype in (
         *((name, first_seat + n_seats, numbers.real) for name in ("u_r", "u_y", "v_r", "v_y")),
-        *((name, 4 * mesh.n_elements + 1, numbers.real) for name in ("corner_r", "corner_y")),
+        *((name, 4 * mesh.n_elements + SPARE, numbers.real) for name in ("corner_r", "corner_y")),
         *((name, n_seats, wp.float64) for name in ("push_lower", "push_upper", "carried")),
         ("clock", CLOCK, wp.float64),
         ("parts", HANDED * WARPS, wp.float64),

@@ -209,6 +209,18 @@ Sensitivity = Annotated[
     float,
     BeforeValidator(_physical("V/N", "> 0", 'the size of the sensitivity (its sign is "compression")')),
 ]
+Velocity = Annotated[float, BeforeValidator(_physical("m/s", "> 0"))]
+Resistance = Annotated[float, BeforeValidator(_physical("ohm", "> 0"))]
+Mass = Annotated[float, BeforeValidator(_physical("kg", ">= 0", "the mass between sensing plane and face"))]
+StrainPerVolt = Annotated[
+    float,
+    BeforeValidator(_physical("1/V", "> 0", 'the size of strain per volt (its sign is "compression")')),
+]
+Uncertainty = Annotated[
+    float, BeforeValidator(_physical("1", ">= 0", "a standard uncertainty (k = 1) relative to its quantity"))
+]
+Ratio = Annotated[float, BeforeValidator(_physical("1", "> 0", "a ratio"))]
+Number = Annotated[float, BeforeValidator(_number)]
 Share = Annotated[float, BeforeValidator(_share)]
 Poisson = Annotated[float, BeforeValidator(_poisson)]
 Friction = Annotated[float, BeforeValidator(_friction)]

@@ -12,7 +12,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from explicit.elements.base import INVERTED, ElementFunctions, corner_inverse_mass
-from explicit.elements.shared import four_numbers, inverse_cube_root_squared, solid_struct
+from explicit.elements.shared import four_numbers, isochoric_factor_function, solid_struct
 from explicit.geometry import element_geometry
 from explicit.mesh import Mesh
 from explicit.places import entry_function
@@ -51,7 +51,7 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
     zero, half, one, two, three = real(0.0), real(0.5), real(1.0), real(2.0), real(3.0)
     third = real(1.0 / 3.0)
     inverted = real(INVERTED)
-    isochoric_factor = inverse_cube_root_squared(precision)
+    isochoric_factor = isochoric_factor_function(precision)
     Solid = solid_struct(precision)
 
     @wp.struct
@@ -143,13 +143,12 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
             h11, h12, h21, h22, h33 = zero, zero, zero, zero, zero
             plane, dilatation, jacobian = zero, zero, one
         f11, f22, f33 = one + h11, one + h22, one + h33
-        iso = isochoric_factor(jacobian, dilatation)
+        iso, inverse = isochoric_factor(jacobian, dilatation)
         rr = iso * (f11 * f11 + h12 * h12)
         yy = iso * (f22 * f22 + h21 * h21)
         ry = iso * (f11 * h21 + h12 * f22)
         tt = iso * f33 * f33
         tau = law_stress(rr, yy, ry, tt, row)
-        inverse = one / jacobian
         area = f33 * inverse
         b_r = (f22 * area) * shape.gradient_r - (h21 * area) * shape.gradient_y
         b_y = (f11 * area) * shape.gradient_y - (h12 * area) * shape.gradient_r
@@ -192,7 +191,7 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         plane = h11 + h22 + h11 * h22 - h12 * h21
         dilatation = plane * (one + h33) + h33
         f11, f22, f33 = one + h11, one + h22, one + h33
-        iso = isochoric_factor(one + dilatation, dilatation)
+        iso, _inverse = isochoric_factor(one + dilatation, dilatation)
         rr = iso * (f11 * f11 + h12 * h12)
         yy = iso * (f22 * f22 + h21 * h21)
         tt = iso * f33 * f33
@@ -212,8 +211,8 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         dilatation = plane * (one + h33) + h33
         f11, f22, f33 = one + h11, one + h22, one + h33
         squared = f11 * f11 + h12 * h12 + f22 * f22 + h21 * h21 + f33 * f33
-        first_invariant = isochoric_factor(one + dilatation, dilatation) * squared
-        return one + wp.min(dilatation, plane), wp.sqrt(wp.max(first_invariant - three, zero))
+        iso, _inverse = isochoric_factor(one + dilatation, dilatation)
+        return one + wp.min(dilatation, plane), wp.sqrt(wp.max(iso * squared - three, zero))
 
     return ElementFunctions(
         Shape=Shape, read_shape=read_shape, Solid=Solid, forces=forces, energies=energies, strains=strains

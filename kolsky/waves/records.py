@@ -88,6 +88,8 @@ class FaceWaves:
     """The bar before the specimen."""
     transmission_bar: Bar
     """The bar behind it."""
+    origin: float = 0.0
+    """Time 0 of `time` on the shot's clock: when the incident wave arrives at the specimen [s]."""
 
 
 @dataclass(frozen=True)

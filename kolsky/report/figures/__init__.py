@@ -19,10 +19,11 @@ from kolsky.report.figures import (
     profiles,
     shape_residual,
     speckle_floor,
+    waves,
 )
 from kolsky.report.figures.base import FigureKind
 
-__all__ = ["CALIBRATION", "REGISTRY", "SPECKLES", "SURFACES", "FigureKind"]
+__all__ = ["CALIBRATION", "REGISTRY", "SPECKLES", "SURFACES", "WAVES", "FigureKind"]
 
 REGISTRY: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND
@@ -40,3 +41,5 @@ CALIBRATION: dict[str, FigureKind[Any]] = {
 """Every figure of a calibration, likewise."""
 SPECKLES: dict[str, FigureKind[Any]] = {speckle_floor.KIND.name: speckle_floor.KIND}
 """Every figure of a speckle pattern, likewise."""
+WAVES: dict[str, FigureKind[Any]] = {waves.KIND.name: waves.KIND}
+"""Every figure of a reduction of bar signals, likewise."""
