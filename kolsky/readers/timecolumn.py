@@ -10,6 +10,8 @@ from kolsky.readers.contents import Clock, FloatArray
 
 LARGEST_JITTER = 0.1
 """Largest spread of the steps of a time column that still gives the interval, as a share of the step [-]."""
+SINGLE = 2.0**-23
+"""Resolution of single precision, in which many recorders compute the times that they print."""
 
 _FIFTEEN = Context(prec=15)
 
@@ -77,6 +79,7 @@ def column_clock(
         If times fall, have gaps, are rounded too much for an interval, or contradict the stated one.
     """
     _sorted(time, name, fault)
+    digit = np.maximum(digit, SINGLE * np.abs(time))
     last = time.size - 1
     shown = float(time[last] - time[0]) / last
     doubt = 0.5 * float(digit[0] + digit[last]) / last
