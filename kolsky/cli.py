@@ -131,6 +131,48 @@ def check(shot: ShotPath, as_json: AsJson = False) -> None:
 
 
 @app.command()
+def channels(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of an oscilloscope or recorder.")],
+    form: Annotated[str | None, typer.Option("--format", help="Its format.", show_default="found")] = None,
+    encoding: Annotated[str | None, typer.Option(help="Of text.", show_default="found")] = None,
+    delimiter: Annotated[
+        str | None, typer.Option(help="comma, semicolon, tab or blanks.", show_default="found")
+    ] = None,
+    decimal: Annotated[str | None, typer.Option(help='"." or ",".', show_default="found")] = None,
+    header_line: Annotated[
+        int | None, typer.Option(min=0, help="Line of the column names; 0: none.", show_default="found")
+    ] = None,
+    sheet: Annotated[str | None, typer.Option(help="Sheet of a workbook.")] = None,
+    time: Annotated[str | None, typer.Option(help="The time column, by name or number.")] = None,
+    time_unit: Annotated[str | None, typer.Option(help="Its unit, e.g. ms.")] = None,
+    interval: Annotated[
+        str | None, typer.Option(help='Time from sample to sample, e.g. "100 ns".', show_default="found")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show what is in a recorder's file: channels, units, clock, and how the file was understood.
+
+    The options are the keys of a `layout` in shot.toml, to try them out.
+    """
+    with refusing_bad_input():
+        from kolsky.channelscommand import show
+
+        show(
+            file,
+            as_json=as_json,
+            format=form,
+            encoding=encoding,
+            delimiter=delimiter,
+            decimal=decimal,
+            header_line=header_line,
+            sheet=sheet,
+            time=time,
+            time_unit=time_unit,
+            interval=interval,
+        )
+
+
+@app.command()
 def dic(
     shot: ShotPath,
     out: Out = None,

@@ -34,6 +34,11 @@ def _physical(unit: str, rule: str = "finite", what: str | None = None) -> Calla
     return validate
 
 
+def seconds(text: object) -> float:
+    """A written-out time [s]; a validator to build others on."""
+    return _physical("s")(text)
+
+
 def _factor(unit: str) -> Callable[[object], float]:
     """A validator for the unit of a column."""
     words, example = DIMENSIONS[unit]

@@ -10,8 +10,9 @@ import numpy as np
 from kolsky import forcechecks, framechecks, shapechecks
 from kolsky.apparatus import Bar, Interface, Specimen, Transducer
 from kolsky.errors import InputError, refuse
+from kolsky.forcefile import force_recording
 from kolsky.pictures import Seen, open_pictures
-from kolsky.readers import centre_line_csv, flyer_csv, frame_times, scope_csv, uniaxial_csv
+from kolsky.readers import centre_line_csv, flyer_csv, frame_times, uniaxial_csv
 from kolsky.readers.frame_times import FrameTimes
 from kolsky.readers.table import Column
 from kolsky.records import CentreLine, FloatArray, FlyerMotion, MaterialCurve, Recording
@@ -324,9 +325,7 @@ def _flyer(
 
 def _force(folder: Path, rest: float, toml: ShotToml) -> ForceChannel:
     section = toml.declared.force
-    recording = scope_csv.read(
-        folder / section.file, time=section.time.as_column(), voltage=section.voltage.as_column()
-    )
+    recording = force_recording(folder / section.file, section)
     forcechecks.clipping(recording, toml)
     channel = ForceChannel(
         recording=recording,
