@@ -225,7 +225,7 @@ def _pictured(toml: ShotToml, frames: FrameTimes, seen: Seen) -> PicturedShot:
 
 def _opened(folder_or_toml: str | Path) -> tuple[ShotToml, FrameTimes]:
     """The shot file and the frame times."""
-    toml = read_shot_toml(_find(Path(folder_or_toml)))
+    toml = read_shot_toml(find_shot_file(Path(folder_or_toml)))
     declared, folder = toml.declared, toml.path.parent
     _all_there(toml, folder)
     frames = frame_times.read(
@@ -279,7 +279,7 @@ def folder_of(folder_or_toml: str | Path) -> Path:
     return path.parent if path.is_file() else path
 
 
-def _find(path: Path) -> Path:
+def find_shot_file(path: Path) -> Path:
     """The shot file of a folder, or the file itself."""
     if path.is_dir():
         if not (path / SHOT_FILE).exists():
