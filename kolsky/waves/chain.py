@@ -196,17 +196,27 @@ SINGLE = ("front_force", "back_force", "front_velocity", "back_velocity")
 """Histories of a reduction that every way of analysis shares."""
 
 
+def each(reduction: Reduction, change: Callable[[str, History], History]) -> Reduction:
+    """The reduction with every history changed; `change` gets its name, as `histories` has it, and itself."""
+
+    def ways(kind: str) -> dict[str, History]:
+        return {way: change(f"{kind}, {way}", history) for way, history in getattr(reduction, kind).items()}
+
+    return replace(
+        reduction,
+        strain=ways("strain"),
+        rate=ways("rate"),
+        stress=ways("stress"),
+        front_force=change("front_force", reduction.front_force),
+        back_force=change("back_force", reduction.back_force),
+        front_velocity=change("front_velocity", reduction.front_velocity),
+        back_velocity=change("back_velocity", reduction.back_velocity),
+    )
+
+
 def turned(reduction: Reduction) -> Reduction:
     """The reduction of a test in tension with tension positive."""
-
-    def turn(history: History) -> History:
-        return History(-history.value, history.sigma, history.unit)
-
-    ways = {
-        name: {way: turn(history) for way, history in getattr(reduction, name).items()}
-        for name in ("strain", "rate", "stress")
-    }
-    return replace(reduction, **ways, **{name: turn(getattr(reduction, name)) for name in SINGLE})
+    return each(reduction, lambda name, history: History(-history.value, history.sigma, history.unit))
 
 
 def _station(given: WavesInput, side: str, values: Mapping[str, float]) -> Station:
@@ -287,17 +297,4 @@ def _budget(state: _State, best: Mapping[str, Station], reduction: Reduction, su
 
 def _with_bands(reduction: Reduction, budget: Budget) -> Reduction:
     """The reduction with the combined standard uncertainties."""
-
-    def banded(name: str, history: History) -> History:
-        return History(history.value, np.asarray(budget.sigma(name)), history.unit)
-
-    ways = {
-        kind: {way: banded(f"{kind}, {way}", history) for way, history in getattr(reduction, kind).items()}
-        for kind in ("strain", "rate", "stress")
-    }
-    return replace(reduction, **ways, **{name: banded(name, getattr(reduction, name)) for name in SINGLE})
-
-
-def sides_of(stations: Sequence[str]) -> list[str]:
-    """Sides without a station."""
-    return [side for side in SIDES if side not in stations]
+    return each(reduction, lambda name, history: budget.history(name, history.unit))
