@@ -32,7 +32,7 @@ class Signal:
     @property
     def time(self) -> FloatArray:
         """Sample times on the shot's clock [s], shape [n]."""
-        return self.start + self.interval * np.arange(self.value.size)
+        return np.asarray(self.start + self.interval * np.arange(self.value.size), dtype=np.float64)
 
     @property
     def end(self) -> float:

@@ -237,6 +237,9 @@ def test_outputs_keep_their_shapes():
 
 def test_quantities_that_are_listed_twice():
     assert merged([*FOUR, FOUR[1]]) == FOUR
+    assert merged([q("a", 0.0, 0.0), FOUR[0]]) == merged([FOUR[0], q("a", 0.0, 0.0)]) == FOUR[:1]
+    with pytest.raises(ValueError, match="quantity 'a' is stated twice"):
+        merged([FOUR[0], q("a", 0.1, 0.0)])
     with pytest.raises(ValueError, match="quantity 'a' is stated twice"):
         merged([FOUR[0], q("a", 0.0, 2.0)])
 
