@@ -39,6 +39,7 @@ def find_arrival(
     after: float = -inf,
     before: float = inf,
     threshold: float = THRESHOLD,
+    smallest: float = 0.0,
 ) -> Arrival:
     """Arrival of the first pulse of one sign.
 
@@ -63,6 +64,8 @@ def find_arrival(
         The pulse is looked for between these times [s].
     threshold
         Multiple of the averaged noise that counts as a pulse, > 0.
+    smallest
+        A pulse must exceed this too, in the signal's unit, >= 0.
 
     Returns
     -------
@@ -94,14 +97,14 @@ def find_arrival(
     unit = "" if signal.unit == "1" else f" {signal.unit}"
     time, value = time[inside], sign * signal.value[inside]
     smooth = moving_mean(value, width)
-    least = threshold * signal.sigma / sqrt(width)
+    least = max(threshold * signal.sigma / sqrt(width), smallest)
     first = _first_run(smooth > least, width)
     if first is None:
         raise ValueError(
             f"{signal.name}: no {'positive' if sign > 0 else 'negative'} pulse: the largest average over "
             f"{average:.3g} s is {sign * smooth.max():.3g}{unit}, and it takes more than "
-            f"{least:.3g} ({threshold:g} standard deviations of the noise). Cure: check the channel, its "
-            "declared sign and the clock"
+            f"{least:.3g} ({threshold:g} standard deviations of its noise, or what was asked for). Cure: "
+            "check the channel, its declared sign and the clock"
         )
     if first < width:
         raise ValueError(

@@ -12,6 +12,8 @@ ALLOWANCE = 0.05
 """|R| up to which a specimen counts as in equilibrium (Ravichandran and Subhash 1994)."""
 LEAST_FORCE = 5.0
 """Multiple of its averaged noise below which a mean force says nothing of R."""
+LEAST_SHARE = 0.02
+"""Share of the largest force below which a force counts as none."""
 
 
 @dataclass(frozen=True)
@@ -49,12 +51,14 @@ def imbalance(
     Returns
     -------
     ndarray
-        R [-], shape [n]; inf where the mean force is below `LEAST_FORCE` times its own noise.
+        R [-], shape [n]; inf where the mean force is below `LEAST_FORCE` times its own noise, or below
+        `LEAST_SHARE` of its largest.
     """
     first, second = moving_mean(front, width), moving_mean(back, width)
     mean = 0.5 * (first + second)
     noise = 0.5 * hypot(sigma_front, sigma_back) / sqrt(width)
-    heard = np.abs(mean) > max(LEAST_FORCE * noise, 1e-9 * float(np.abs(mean).max(initial=0.0)))
+    least = max(LEAST_FORCE * noise, LEAST_SHARE * float(np.abs(mean).max(initial=0.0)))
+    heard = np.abs(mean) > least
     result = np.full(front.size, np.inf)
     result[heard] = (first[heard] - second[heard]) / mean[heard]
     return result
@@ -189,7 +193,7 @@ def report_equilibrium(
 def _first_force(reduction: Reduction) -> float | None:
     """First time at which the front force stands out of its noise for good [s]."""
     force = reduction.front_force
-    loud = np.abs(force.value) > np.maximum(LEAST_FORCE * force.sigma, 1e-6 * np.abs(force.value).max())
+    loud = np.abs(force.value) > np.maximum(LEAST_FORCE * force.sigma, LEAST_SHARE * np.abs(force.value).max())
     return float(reduction.time[loud.argmax()]) if loud.any() else None
 
 
