@@ -25,6 +25,8 @@ from dic.region import grid_points, polygon_mask
 from dic.result import Body, Placement, StereoResult, SurfaceStrain, Travel
 from dic.setup_check import check_setup, free_pairs
 from dic.smoothness import off_surface
+from dic.speckle_report import facts as speckle_facts
+from dic.speckle_report import speckles
 from dic.stereo import reconstruct
 from dic.stereo.diagnose import Finding
 from dic.surface import CentrePoints
@@ -256,10 +258,35 @@ def measure(
             *remarks.of_material(body, specimen),
         ),
         rig=rig,
-        facts={**(facts or {}), **_facts(pictures, settings, (grey[0].sigma, grey[1].sigma))},
+        facts={
+            **(facts or {}),
+            **_facts(pictures, settings, (grey[0].sigma, grey[1].sigma)),
+            "speckle": clock("speckles", lambda: _speckles(surface, pictures, settings, grey, rest)),
+        },
         seconds=clock.seconds,
         motion=motion,
     )
+
+
+def _speckles(
+    body: Body,
+    pictures: tuple[Pictures, Pictures],
+    settings: ChainSettings,
+    grey: tuple[GreyNoise, GreyNoise],
+    rest: list[int],
+) -> list[dict[str, Any]]:
+    """The speckle report of both cameras; where there can be none, why."""
+    found: list[dict[str, Any]] = []
+    for series, noise, pixels in zip(pictures, grey, body.pixels, strict=True):
+        try:
+            judged = speckles(
+                series, rest, noise, pixels[rest[0]], subset=settings.tracking.correlation.subset
+            )
+        except (PictureError, ValueError) as error:
+            found.append({"problem": str(error)})
+        else:
+            found.append(speckle_facts(judged.quality))
+    return found
 
 
 def _check(

@@ -29,7 +29,7 @@ RIM = 12
 FEWEST = 40
 """Pixels of both cameras that must show the body."""
 EDGE = 0.02
-"""What a body may be off, beside its noise, of which no more than the last pixel of its region is in view [px]:
+"""What a body may be off, beside its noise, of which only the last pixel of its region is in view [px]:
 the blur of its own edge is near. On `open-02` such rows are off by 0.02 px (1 µm)."""
 FEWEST_ROW = 20
 """Pixels of a row that must show the body before the row's own place is found."""

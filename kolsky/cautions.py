@@ -57,6 +57,7 @@ def cautions(
             *hourglass(result.response),
             *_lost(result, lost_replicates),
             *_outside(result),
+            *_symmetry(checks),
             *_flyer(checks),
             *_force_noise(checks),
             *_outline_noise(result),
@@ -235,6 +236,17 @@ def _outside(result: Identification) -> Iterator[str]:
             f"{t.n_shape - searched:.0f} of {t.n_shape} outline points were not counted in the search, "
             "because some run of the design does not reach them"
         )
+
+
+def _symmetry(checks: Mapping[str, float]) -> Iterator[str]:
+    end, last = checks.get("symmetry_end", float("inf")), checks.get("window_end", 0.0)
+    if end <= last:
+        yield (
+            f"the flyer leaves its first direction at {1e3 * end:.4g} ms, before the window ends at "
+            f"{1e3 * last:.4g} ms: the model is one of revolution; end the window there"
+        )
+    elif isfinite(end):
+        yield f"the window ends at {1e3 * last:.4g} ms, where the flyer leaves its first direction"
 
 
 def _flyer(checks: Mapping[str, float]) -> Iterator[str]:

@@ -18,7 +18,6 @@ from kolsky.flyer import FEWEST_STATIC, fit_flyer
 from kolsky.flyerpath import FlyerPath
 from kolsky.records import FloatArray, FlyerMotion
 
-
 UNSEEN = 50e-6
 """How far a body may sway before its poses are known [m]."""
 UNTURNED = 10e-3
@@ -95,9 +94,7 @@ def flyer_motion(body: BodyMotion, t: ArrayLike) -> FlyerMotion:
     return FlyerMotion(time[ok], -body.displacement[ok, 1], body.displacement_sigma[ok, 1])
 
 
-def fit_flight(
-    body: BodyMotion, t: ArrayLike, *, start: float, toward: FlyerMotion | None = None
-) -> Flight:
+def fit_flight(body: BodyMotion, t: ArrayLike, *, start: float, toward: FlyerMotion | None = None) -> Flight:
     """Fit smooth paths to the rigid motion of a flyer that rests until `start`.
 
     A flyer whose poses are known in fewer than three frames at rest is taken to have rested where its first

@@ -37,9 +37,7 @@ FEWEST_STATIC = 3
 FEWEST_MOVING = 8
 
 
-def fit_flyer(
-    motion: FlyerMotion, *, start: float, covariance: FloatArray | None = None
-) -> FlyerPath:
+def fit_flyer(motion: FlyerMotion, *, start: float, covariance: FloatArray | None = None) -> FlyerPath:
     """Fit the path of a flyer that is at rest until `start`.
 
     Parameters

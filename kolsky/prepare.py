@@ -82,6 +82,8 @@ def prepare(shot: Shot) -> Prepared:
             **shot.force.noise_checks(),
             "curve_last_s": law.data_limit,
             "curve_last_strain": float(shot.curve.stretch[-1] - 1.0),
+            "window_end": shot.window[1],
+            "symmetry_end": float("inf") if shot.symmetry_end is None else shot.symmetry_end,
         },
     )
 

@@ -134,6 +134,8 @@ class Shot(ShotBase):
     """The specimen's outline at the frames; None if nobody looked."""
     window: tuple[float, float]
     """First and last time that is simulated and compared, on the shot's clock [s]."""
+    symmetry_end: float | None = None
+    """Time at which the flyer leaves its first direction, if pictures say so [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,6 +156,8 @@ class Measured:
     """The specimen's outline at the frames."""
     source: Path
     """The file that a complaint about them names."""
+    symmetry_end: float | None = None
+    """Time at which the flyer leaves its first direction, on the shot's clock [s]; None if it does not."""
 
 
 def load_shot(folder_or_toml: str | Path, *, measure: Callable[[Seen], Measured] | None = None) -> Shot:
@@ -240,11 +244,24 @@ def _with_pictures(
     found = measure(shot.seen)
     frame_time = frames.time + toml.declared.frames.clock_offset
     framechecks.body_moves(found.flyer, rest, found.source, toml)
-    span = window(toml, frame_time, float(found.flyer.time[-1]), shot.force.recording, shot.force.time)
+    span = window(
+        toml,
+        frame_time,
+        float(found.flyer.time[-1]),
+        shot.force.recording,
+        shot.force.time,
+        symmetry_end=found.symmetry_end,
+    )
     forcechecks.force_sign(shot.force.raw_force(), shot.force.time, span, found.flyer, toml)
     shapechecks.outline(found.centre_line, found.source, rest, span, toml)
     base = {field.name: getattr(shot, field.name) for field in fields(ShotBase)}
-    return Shot(**base, flyer=found.flyer, centre_line=found.centre_line, window=span)
+    return Shot(
+        **base,
+        flyer=found.flyer,
+        centre_line=found.centre_line,
+        window=span,
+        symmetry_end=found.symmetry_end,
+    )
 
 
 def _pictured(toml: ShotToml, frames: FrameTimes, seen: Seen) -> PicturedShot:

@@ -193,7 +193,9 @@ def _read_entry(entry: h5py.Group) -> StereoResult:
         ),
         facts=facts,
         seconds=dict(zip(head["stages"], head["seconds"].tolist(), strict=True)),
-        motion=BodyMotion(**_read(entry["motion"], layout.MOTION, {**layout.FIXED, "frames": sizes["frames"]}))
+        motion=BodyMotion(
+            **_read(entry["motion"], layout.MOTION, {**layout.FIXED, "frames": sizes["frames"]})
+        )
         if "motion" in entry
         else None,
     )
