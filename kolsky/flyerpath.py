@@ -84,6 +84,11 @@ class FlyerPath:
         """Standard uncertainty of `acceleration` [m/s^2], shape of `time`."""
         return self._sigma(time, 2)
 
+    def sigma_change(self, first: float, last: float) -> float:
+        """Standard uncertainty of the change of `position` between two times [m]."""
+        G = responses(self._inside([last]), self.knots, 0) - responses(self._inside([first]), self.knots, 0)
+        return float(np.sqrt(max((G @ self.covariance @ G.T).item(), 0.0)))
+
     def replicates(self, n: int, rng: np.random.Generator) -> list["FlyerPath"]:
         """Paths drawn from the posterior, to carry the flyer's noise through a calculation.
 

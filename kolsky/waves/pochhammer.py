@@ -97,15 +97,47 @@ def phase_velocity(ratio: ArrayLike, poisson: float) -> FloatArray:
     k = 2.0 * np.pi * np.asarray(ratio, dtype=float)
     if not (np.isfinite(k).all() and (k >= 0.0).all()):
         raise ValueError("a / Lambda must be finite and >= 0")
-    _check(poisson)
-    w = k.copy()
-    low, high = 0.8 * rayleigh_speed(poisson) * k, k.copy()  # K(W) ascends: bisection, then Newton's steps
-    for _ in range(60):
-        w = 0.5 * (low + high)
-        above = wavenumber(w, poisson) > k
-        low, high = np.where(above, low, w), np.where(above, w, high)
-    with np.errstate(invalid="ignore"):
-        return np.where(k > 0.0, w / k, 1.0)
+    w = frequency(k, poisson)
+    still = k == 0.0
+    return np.asarray(np.where(still, 1.0, w / np.where(still, 1.0, k)))
+
+
+def frequency(wavenumber: ArrayLike, poisson: float) -> Array:
+    """Frequency of the first mode, the inverse of `wavenumber`.
+
+    Parameters
+    ----------
+    wavenumber : array_like
+        k a [-], real or complex with a real part that outweighs the imaginary one, any sign.
+    poisson : float
+        Poisson's ratio, in [0, 0.5).
+
+    Returns
+    -------
+    NDArray
+        omega a / c0 [-], same shape.
+
+    Raises
+    ------
+    ValueError
+        If Poisson's ratio is outside its range or a wavenumber is not finite.
+    """
+    k = np.asarray(wavenumber)
+    if not np.isfinite(k).all():
+        raise ValueError("wavenumbers must be finite")
+    sign = np.where(k.real < 0.0, -1.0, 1.0)
+    turned = sign * k
+    table = dispersion_table(poisson, float(np.abs(turned.real).max(initial=0.0)))
+    knots = table.x * table(table.x)
+    w = np.asarray(np.interp(turned.real, knots, table.x), dtype=k.dtype if np.iscomplexobj(k) else float)
+    w = w + (turned - turned.real) * (w.real / np.where(turned.real == 0.0, 1.0, turned.real))
+    moving = np.abs(turned) > 1e-4
+    for _ in range(8):
+        if poisson == 0.0 or not moving.any():
+            break
+        f, _, slope = frequency_equation(turned[moving], w[moving], poisson)
+        w[moving] -= f / slope
+    return np.asarray(sign * np.where(moving | (poisson == 0.0), w, turned))
 
 
 def group_velocity(frequency: ArrayLike, poisson: float) -> FloatArray:
@@ -128,6 +160,8 @@ def mean_over_surface(frequency: ArrayLike, poisson: float) -> Array:
     poisson : float
         Poisson's ratio, in [0, 0.5).
     """
+    if not poisson > 0.0:
+        raise ValueError("without Poisson's ratio the mean strain is that of the surface")
     w = np.asarray(frequency)
     k = wavenumber(w, poisson)
     shear, longitudinal = _slownesses(poisson)
@@ -135,8 +169,6 @@ def mean_over_surface(frequency: ArrayLike, poisson: float) -> Array:
     mean = 2.0 * w**2 * (shear - 2.0 * longitudinal)  # = 2 (q - K^2) - 4 p without its cancellation
     surface = _onoe(p) * (q - k**2) - 2.0 * p * _onoe(q)
     still = np.abs(w) < 1e-6
-    if poisson == 0.0:
-        raise ValueError("mean_over_surface needs Poisson's ratio > 0: without it the mean is the surface")
     return np.asarray(np.where(still, 1.0, mean / np.where(still, 1.0, surface)))
 
 

@@ -140,12 +140,12 @@ def propagation(
         kept_again = frequency[kept] <= limit
         late, omega, gain = late[kept_again], omega[kept_again], gain[kept_again]
         kept = frequency <= limit
-    edge = _edge(frequency[kept], limit)
+    edge = edge_filter(frequency[kept], limit)
     turn[kept] = edge * np.exp(-1j * late * distance + 1j * omega * fraction * step)
     if not edge[1:].any():
         raise ValueError(f"nothing is left below {limit:g} Hz. Cure: a wider band or a longer record")
 
-    padded = _padded(value, before, length, fade)
+    padded = faded(value, before, length, fade=fade)
     carried = irfft(rfft(padded) * turn, length)
     result = carried[before + whole : before + whole + count]
     shifted = padded[before + whole : before + whole + count]
@@ -215,22 +215,26 @@ def _multiplied(strain: Signal, waveguide: Waveguide, unit: str, band: float | N
     kept = frequency <= limit
     omega = 2.0 * pi * frequency[kept]
     factor = np.zeros(frequency.size, dtype=complex)
-    factor[kept] = waveguide.stiffness(omega) * _edge(frequency[kept], limit)
+    factor[kept] = waveguide.stiffness(omega) * edge_filter(frequency[kept], limit)
     if unit == "m/s":
         factor[kept] /= waveguide.impedance(omega)
-    value = irfft(rfft(_padded(strain.value, fade, length, fade)) * factor, length)[fade : fade + n]
+    value = irfft(rfft(faded(strain.value, fade, length, fade=fade)) * factor, length)[fade : fade + n]
     sigma = strain.sigma * float(np.sqrt(_mean_square(factor, length)))
     return Signal(strain.start, strain.interval, value, sigma, unit, strain.name)
 
 
-def _padded(value: FloatArray, before: int, length: int, fade: int) -> FloatArray:
-    """The samples between half-cosines from their first and last value to zero, and zeros."""
+def faded(value: FloatArray, before: int, length: int, *, fade: int, rising: bool = True) -> FloatArray:
+    """Samples after `before` zeros, with half-cosines of `fade` samples from their first and last value to zero.
+
+    Shape [length]; a record that does not end at zero leaves no jump. Without `rising` only the end fades.
+    """
     padded = np.zeros(length)
     n = value.size
     padded[before : before + n] = value
     falling = 0.5 * (1.0 + np.cos(pi * np.arange(1, fade + 1) / (fade + 1)))
     padded[before + n : before + n + fade] = value[-1] * falling
-    padded[before - fade : before] = value[0] * falling[::-1]
+    if rising:
+        padded[before - fade : before] = value[0] * falling[::-1]
     return padded
 
 
@@ -248,8 +252,8 @@ def _shifted(padded: FloatArray, fraction: float, first: int, count: int) -> Flo
     return irfft(rfft(padded) * np.exp(1j * omega * fraction), padded.size)[first : first + count]
 
 
-def _edge(frequency: FloatArray, limit: float) -> FloatArray:
-    """Half-cosine from 1 to 0 that ends at the limit."""
+def edge_filter(frequency: FloatArray, limit: float) -> FloatArray:
+    """Low-pass [-] at frequencies [Hz]: 1, then a half-cosine of `ROLL_OFF` of the limit that ends there at 0."""
     if not isfinite(limit):
         return np.ones(frequency.size)
     share = np.clip((frequency / limit - 1.0 + ROLL_OFF) / ROLL_OFF, 0.0, 1.0)
