@@ -48,6 +48,8 @@ class FrameMatch:
     """`dic.PointOutcome`, shape [n]."""
     asleep: BoolArray
     """Lost points that this frame leaves alone (`dic.tracking.patience`), shape [n]."""
+    handed: FloatArray
+    """The guess that each point was handed last by a neighbour; NaN: none yet, shape [n, 12]."""
 
     @classmethod
     def begin(
@@ -72,6 +74,7 @@ class FrameMatch:
             matcher.references.template(np.arange(n)),
             np.full((n, 2, 2), np.nan), np.full(n, np.nan),
             np.where(asleep, before, int(PointOutcome.NO_FIRST_GUESS)), np.array(asleep),
+            np.full((n, 12), np.nan),
         )  # fmt: skip
         rows = np.flatnonzero(known & ~asleep)
         here.attempt(rows, guess[rows])
@@ -113,7 +116,8 @@ class FrameMatch:
         """Hand the warps of found points on to their neighbours, round by round (reliability-guided).
 
         The neighbour with the best correlation gives the guess. A round takes all points at the front at
-        once, and a point is tried again only when one of its neighbours has been found since.
+        once, and a point is tried again only when one of its neighbours has been found since and has another
+        guess than the last.
         """
         fresh = self.valid
         while True:
@@ -121,6 +125,9 @@ class FrameMatch:
             if len(rows) == 0:
                 return
             guess = self.neighbours.best(self.warp, self.zncc, self.valid, rows)
+            new = np.any(guess != self.handed[rows], axis=1)
+            rows, guess = rows[new], guess[new]
+            self.handed[rows] = guess
             found = self.attempt(rows, guess)
             fresh = np.zeros_like(fresh)
             fresh[found] = True

@@ -2,7 +2,7 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from dic.correlation.kernels.device import select_device
 from dic.correlation.kernels.grain import between_pixels, gradient_noise
 from dic.correlation.kernels.packs import BLOCK
-from dic.correlation.kernels.search import search_source
+from dic.correlation.kernels.search import ARRAYS, FOUND, search_source
 from dic.correlation.kernels.spline import PAD
 from dic.correlation.match import Match
 from dic.correlation.settings import Correlation
-from dic.correlation.stack import PictureStack
+from dic.correlation.stack import Noise, PictureStack
 
 FLAGS = "-march=native -ffp-contract=fast -mprefer-vector-width=512 -mstackrealign"
 SHARE = 512
@@ -47,32 +47,24 @@ class Batch:
 class Job:
     """Everything that a search reads and writes."""
 
-    f: wp.array(dtype=wp.float32)
-    f_plane: wp.int64
+    f: wp.array(dtype=wp.uint64)
     f_first: int
     f_rows: int
     f_cols: int
     f_stride: int
-    f_floor: wp.array(dtype=wp.float64)
-    f_gain: wp.array(dtype=wp.float64)
-    g: wp.array(dtype=wp.float32)
-    g_plane: wp.int64
+    f_noise: wp.array(dtype=wp.float64)
+    g: wp.array(dtype=wp.uint64)
     g_first: int
     g_rows: int
     g_cols: int
     g_stride: int
-    g_floor: wp.array(dtype=wp.float64)
-    g_gain: wp.array(dtype=wp.float64)
+    g_noise: wp.array(dtype=wp.float64)
     mask: wp.array(dtype=wp.uint8)
     has_mask: int
     mask_rows: int
     mask_cols: int
-    points: wp.array(dtype=wp.float64)
-    guess: wp.array(dtype=wp.float64)
-    reference: wp.array(dtype=wp.float64)
+    given: wp.array(dtype=wp.float64)
     has_reference: int
-    reference_picture: wp.array(dtype=wp.int32)
-    deformed_picture: wp.array(dtype=wp.int32)
     subset: int
     room: int
     max_iterations: int
@@ -86,11 +78,7 @@ class Job:
     slope: wp.vec4f
     offsets: wp.array(dtype=wp.float32)
     scratch: wp.array(dtype=wp.float32)
-    warp: wp.array(dtype=wp.float64)
-    covariance: wp.array(dtype=wp.float64)
-    zncc: wp.array(dtype=wp.float64)
-    iterations: wp.array(dtype=wp.int64)
-    outcome: wp.array(dtype=wp.int64)
+    found: wp.array(dtype=wp.float64)
 
 
 @cache
@@ -107,14 +95,28 @@ def search_kernel(parameters: int) -> Any:
     return search_points
 
 
-def offsets(subset: int) -> tuple[NDArray[np.float32], int]:
-    """x, y in units of half a subset and 1 for the pixels that are some, in whole packs."""
+@cache
+def offsets(subset: int, device: str) -> tuple[Any, int]:
+    """x, y in units of half a subset and 1 for the pixels that are some, in whole packs, on a device."""
     room = -(-subset * subset // 32) * 32
     half = (subset - 1) / 2
     y, x = np.divmod(np.arange(subset * subset), subset)
     table = np.zeros((3, room), dtype=np.float32)
     table[:, : subset * subset] = x / half - 1.0, y / half - 1.0, np.ones(subset * subset)
-    return table, room
+    return wp.array(table.reshape(-1), dtype=wp.float32, device=select_device(device)), room
+
+
+@lru_cache(maxsize=64)
+def grey_noise(noise: tuple[Noise, ...], device: str) -> Any:
+    """Variance in the dark and gain of each picture, side by side, on a device."""
+    values = np.array([(grey.floor**2, grey.gain) for grey in noise]).reshape(-1)
+    return wp.array(values, dtype=wp.float64, device=select_device(device))
+
+
+@cache
+def _between(prefilter: float) -> tuple[float, Any, Any]:
+    mean, spread, slope = between_pixels(prefilter)
+    return mean, wp.vec4f(*spread), wp.vec4f(*slope)
 
 
 def launch(job: Any, parameters: int, n: int, device: Any, threads: int) -> None:
@@ -122,72 +124,65 @@ def launch(job: Any, parameters: int, n: int, device: Any, threads: int) -> None
     kernel = search_kernel(parameters)
     if device.is_cuda:
         slots = min(n, device.sm_count * WARPS_PER_PROCESSOR)
-        job.scratch = wp.empty(slots * 4 * job.room, dtype=wp.float32, device=device)
+        job.scratch = wp.empty(slots * ARRAYS * job.room, dtype=wp.float32, device=device)
         wp.launch(kernel, dim=slots * 32, inputs=[job, slots, 0, n, 32], device=device, block_dim=BLOCK)
         return
     wp.load_module(kernel.module, device=device, block_dim=1)
-    scratch = [wp.empty(4 * job.room, dtype=wp.float32, device=device) for _ in range(threads)]
-
-    def share(thread: int) -> None:
-        mine = Job()
-        for name in Job.vars:
-            setattr(mine, name, getattr(job, name))
-        mine.scratch = scratch[thread]
-        for first in range(thread * SHARE, n, threads * SHARE):
-            wp.launch(
-                kernel, dim=1, inputs=[mine, 1, first, min(SHARE, n - first), 1], device=device, block_dim=1
-            )
-
-    if threads == 1 or n <= SHARE:
-        share_all = range(threads)
-        for thread in share_all:
-            share(thread)
+    threads = min(threads, -(-n // SHARE))
+    if threads == 1:
+        _share(kernel, job, device, range(0, n, SHARE), n)
         return
     with ThreadPoolExecutor(threads) as pool:
-        for done in [pool.submit(share, thread) for thread in range(threads)]:
+        shares = [range(thread * SHARE, n, threads * SHARE) for thread in range(threads)]
+        for done in [pool.submit(_share, kernel, _copy(job), device, share, n) for share in shares]:
             done.result()
+
+
+def _share(kernel: Any, job: Any, device: Any, firsts: range, n: int) -> None:
+    """Search the points of a CPU thread, in the order of their number."""
+    job.scratch = wp.empty(ARRAYS * job.room, dtype=wp.float32, device=device)
+    for first in firsts:
+        inputs = [job, 1, first, min(SHARE, n - first), 1]
+        wp.launch(kernel, dim=1, inputs=inputs, device=device, block_dim=1)
+
+
+def _copy(job: Any) -> Any:
+    """A job that shares all arrays with another one."""
+    other = Job()
+    for name in Job.vars:
+        setattr(other, name, getattr(job, name))
+    return other
 
 
 def prepare(reference: PictureStack, deformed: PictureStack, batch: Batch, settings: Correlation) -> Any:
     """Everything that a launch reads and writes, on the device of the pictures."""
     device, n = select_device(reference.device), len(batch.points)
     job = Job()
-
-    def to_device(array: NDArray[Any], dtype: Any) -> Any:
-        return wp.array(np.ascontiguousarray(array).reshape(-1), dtype=dtype, device=device)
-
     for name, stack in (("f", reference), ("g", deformed)):
-        _, rows, stride = stack.coefficients.shape
-        setattr(job, name, stack.coefficients.flatten())
-        setattr(job, f"{name}_plane", rows * stride)
+        stride = stack.coefficients[0].shape[2]
+        setattr(job, name, stack.addresses)
         setattr(job, f"{name}_first", PAD * stride + PAD)
         setattr(job, f"{name}_rows", stack.shape[0])
         setattr(job, f"{name}_cols", stack.shape[1])
         setattr(job, f"{name}_stride", stride)
-        setattr(job, f"{name}_floor", to_device(np.array([v.floor**2 for v in stack.noise]), wp.float64))
-        setattr(job, f"{name}_gain", to_device(np.array([v.gain for v in stack.noise]), wp.float64))
-    job.points = to_device(batch.points, wp.float64)
-    job.guess = to_device(batch.guess, wp.float64)
+        setattr(job, f"{name}_noise", grey_noise(stack.noise, stack.device))
+    columns = [batch.reference_picture[:, None], batch.deformed_picture[:, None], batch.points, batch.guess]
     if batch.reference is not None:
-        job.reference, job.has_reference = to_device(batch.reference, wp.float64), 1
+        columns.append(batch.reference)
+        job.has_reference = 1
+    given = np.concatenate(columns, axis=1, dtype=np.float64).reshape(-1)
+    # a CPU reads an array where it is; the job keeps it
+    job.given = wp.array(given, dtype=wp.float64, device=device, copy=False)
     if batch.mask is not None:
-        job.mask, job.has_mask = to_device(batch.mask, wp.uint8), 1
+        job.mask, job.has_mask = wp.array(batch.mask.reshape(-1), dtype=wp.uint8, device=device, copy=False), 1
         job.mask_rows, job.mask_cols = batch.mask.shape
-    job.reference_picture = to_device(batch.reference_picture, wp.int32)
-    job.deformed_picture = to_device(batch.deformed_picture, wp.int32)
     job.subset, job.max_iterations = settings.subset, settings.max_iterations
     job.tolerance, job.least_zncc = settings.tolerance, settings.least_zncc
     job.least_pixels = settings.least_pixels
     job.prefilter, job.grit = settings.prefilter, gradient_noise(settings.prefilter)
-    job.between, spread, slope = between_pixels(settings.prefilter)
-    job.spread, job.slope = wp.vec4f(*spread), wp.vec4f(*slope)
-    table, job.room = offsets(settings.subset)
-    job.offsets = to_device(table, wp.float32)
-    job.warp = wp.empty(12 * n, dtype=wp.float64, device=device)
-    job.covariance = wp.empty(4 * n, dtype=wp.float64, device=device)
-    job.zncc = wp.empty(n, dtype=wp.float64, device=device)
-    job.iterations = wp.empty(n, dtype=wp.int64, device=device)
-    job.outcome = wp.empty(n, dtype=wp.int64, device=device)
+    job.between, job.spread, job.slope = _between(settings.prefilter)
+    job.offsets, job.room = offsets(settings.subset, reference.device)
+    job.found = wp.empty(FOUND * n, dtype=wp.float64, device=device)
     return job
 
 
@@ -198,10 +193,11 @@ def search(
     job, n = prepare(reference, deformed, batch, settings), len(batch.points)
     if n:
         launch(job, int(settings.shape), n, select_device(reference.device), threads)
+    found = job.found.numpy().reshape(n, FOUND)
     return Match(
-        warp=job.warp.numpy().reshape(n, 12),
-        covariance=job.covariance.numpy().reshape(n, 2, 2),
-        zncc=job.zncc.numpy(),
-        iterations=job.iterations.numpy(),
-        outcome=job.outcome.numpy(),
+        warp=found[:, :12].copy(),
+        covariance=found[:, 12:16].reshape(n, 2, 2),
+        zncc=found[:, 16].copy(),
+        iterations=found[:, 17].astype(np.int64),
+        outcome=found[:, 18].astype(np.int64),
     )

@@ -7,11 +7,19 @@ from dic.correlation.kernels.spline import SPLINE
 from dic.correlation.kernels.subset import SUBSET
 from dic.outcome import PointOutcome
 
+ARRAYS = 5
+"""Arrays of a subset's pixels that a search keeps in its scratch."""
+FOUND = 19
+"""Numbers that are written for a point: warp, covariance, correlation, updates, outcome."""
+PACE = 6
+"""Updates over which the pace of a search is judged: one that cannot end in time is not continued."""
+
 _SEARCH = """
     const double h = 0.5 * (job.subset - 1);
     const int square = job.subset * job.subset, room = job.room;
-    float* W = job.scratch.data + (long long)slot * 4 * room;
+    float* W = job.scratch.data + (long long)slot * ARRAYS * room;
     float* T = W + room; float* GX = T + room; float* GY = GX + room;
+    float* B = GY + room;  // what W is where the other picture shows the whole subset
     const float* X = job.offsets.data;
     const float* Y = X + room;
     const float* U = Y + room;  // 1 for a pixel of the subset, 0 for what fills the last pack
@@ -19,28 +27,32 @@ _SEARCH = """
     SHARED(normal, N);
 
     for (int i = first + slot; i < first + count; i += slots) {
-        const double cx = job.points.data[2 * i], cy = job.points.data[2 * i + 1];
+        const double* given = job.given.data + (long long)i * (job.has_reference ? 28 : 16);
+        const double cx = given[2], cy = given[3];
         double w[12], reference[12];
         for (int k = 0; k < 12; ++k) {
-            w[k] = job.guess.data[12 * i + k];
-            reference[k] = job.has_reference ? job.reference.data[12 * i + k] : 0.0;
+            w[k] = given[4 + k];
+            reference[k] = job.has_reference ? given[16 + k] : 0.0;
         }
-        const long long a = job.reference_picture.data[i], b = job.deformed_picture.data[i];
-        const view f = {job.f.data + a * job.f_plane + job.f_first, job.f_rows, job.f_cols, job.f_stride};
-        const view g = {job.g.data + b * job.g_plane + job.g_first, job.g_rows, job.g_cols, job.g_stride};
+        const long long a = (long long)given[0], b = (long long)given[1];  // which pictures
+        const view f = {(const float*)job.f.data[a] + job.f_first, job.f_rows, job.f_cols, job.f_stride};
+        const view g = {(const float*)job.g.data[b] + job.g_first, job.g_rows, job.g_cols, job.g_stride};
         const material body = {job.mask.data, job.mask_rows, job.mask_cols, cx, cy, h};
         int outcome = NOT_CONVERGED, iterations = 0;
-        double zncc = 0.0, covariance[3] = {0.0, 0.0, 0.0}, given = 0.0;
-        for (int k = 0; k < 12; ++k) given += w[k] * 0.0 + reference[k] * 0.0;  // NaN if one is not finite
+        double zncc = 0.0, covariance[3] = {0.0, 0.0, 0.0}, odd = 0.0;
+        for (int k = 0; k < 12; ++k) odd += w[k] * 0.0 + reference[k] * 0.0;  // NaN if one is not finite
         double here[2], F0[4], F1[4], A[4], step[12];
         places from, to;
 
         from.set(f, cx, cy, reference, h);
         jet::at(reference, 0.0, 0.0, here, F0);
-        if (given != 0.0) {
+        if (odd != 0.0) {
             outcome = NO_FIRST_GUESS;
         } else if (!from.sane || !jet::inverse(F0, A)) {
             outcome = OUT_OF_VIEW;
+        } else if (to.set(g, cx, cy, w, h), to.sane && !to.within
+                   && to.seen(X, Y, U, room, start) < job.least_pixels * square) {
+            outcome = OUT_OF_VIEW;  // as it would be found after the template's work
         } else {
             // The template and its gradient by the offset in the subset.
             pack counted = op::all(0.0f), total = counted, grit = counted, tilt[K];
@@ -55,7 +67,7 @@ _SEARCH = """
                 if (!from.within) u = u * from.held(&px, &py);
                 const pack t = spline::slope(from.origin, from.stride, px, py, &gx, &gy);
                 from.turn(x, y, &gx, &gy);
-                op::store(W + k, u); op::store(T + k, t);
+                op::store(W + k, u); op::store(B + k, u); op::store(T + k, t);
                 op::store(GX + k, gx); op::store(GY + k, gy);
                 counted += u; total += u * t;
                 pack dx, dy;
@@ -81,9 +93,11 @@ _SEARCH = """
                 const double between_f = op::sum(grit) / n;
                 double offset = level, contrast = 1.0, brightness = level;
                 double noise_f = 0.0, noise_g = 0.0, share = 0.0;
+                double least = 1e30, earlier[PACE];  // smallest update so far, now and up to PACE ago
+                for (int k = 0; k < PACE; ++k) earlier[k] = 1e30;
                 while (true) {
                     // Gradients must hold more of the pattern than of the reference's noise.
-                    noise_f = job.f_floor.data[a] + job.f_gain.data[a] * op::positive(N.mean + level);
+                    noise_f = job.f_noise.data[2 * a] + job.f_noise.data[2 * a + 1] * op::positive(N.mean + level);
                     const double added = job.grit * noise_f * N.n;
                     const double xx = N.gradient[0] - 2.0 * added * (F0[0] * F0[0] + F0[2] * F0[2]);
                     const double xy = N.gradient[1] - 2.0 * added * (F0[0] * F0[1] + F0[2] * F0[3]);
@@ -97,21 +111,19 @@ _SEARCH = """
                     if (!jet::inverse(F1, A)) { outcome = NOT_CONVERGED; break; }
                     if (!to.within || !whole) {
                         // Pixels that left the picture do not count, those that came back do.
-                        pack left = op::all(0.0f);
+                        pack left = op::all(0.0f), changed = left;
                         #pragma unroll 1
                         for (int k = start; k < room; k += STEP) {
-                            const pack x = op::load(X + k), y = op::load(Y + k);
-                            pack u = op::load(U + k), px, py;
-                            if (job.has_mask) u = u * body.at(x, y);
-                            from.of(x, y, &px, &py);
-                            u = u * from.held(&px, &py);
-                            to.of(x, y, &px, &py);
-                            u = u * to.held(&px, &py);
+                            const pack before = op::load(W + k);
+                            pack px, py;
+                            to.of(op::load(X + k), op::load(Y + k), &px, &py);
+                            const pack u = op::load(B + k) * to.held(&px, &py);
                             op::store(W + k, u);
                             left += u;
+                            changed += (u - before) * (u - before);
                         }
                         if (op::sum(left) < job.least_pixels * square) { outcome = OUT_OF_VIEW; break; }
-                        N.sum(W, T, GX, GY, X, Y, room, start);
+                        if (op::sum(changed) > 0.0) N.sum(W, T, GX, GY, X, Y, room, start);
                         whole = to.within;
                         if (!N.definite) { outcome = LOW_CONTRAST; break; }
                     }
@@ -137,7 +149,7 @@ _SEARCH = """
                     const double sum = op::sum(g1), mean = sum / N.n;
                     const double energy = op::sum(g2) - mean * sum, cross = op::sum(tg) - N.mean * sum;
                     brightness = mean + zero;
-                    noise_g = job.g_floor.data[b] + job.g_gain.data[b] * op::positive(brightness);
+                    noise_g = job.g_noise.data[2 * b] + job.g_noise.data[2 * b + 1] * op::positive(brightness);
                     // Little more than noise, or than what fp32 leaves of a grey value.
                     if (!(energy > N.n * (1.5 * job.between * noise_g + 1e-10 * brightness * brightness))) {
                         outcome = LOW_CONTRAST;
@@ -167,6 +179,16 @@ _SEARCH = """
                     ++iterations;
                     const double far = jet::farthest(step, h);
                     if (!(far < 1e3) || !jet::update(w, step)) { outcome = NOT_CONVERGED; break; }
+                    const double ago = earlier[iterations % PACE];
+                    if (far < least) least = far;
+                    earlier[iterations % PACE] = least;
+                    // At the pace of the last updates twice as many as are left would not do.
+                    if (!(far < job.tolerance) && iterations > PACE
+                        && wp::log(least / job.tolerance) * PACE
+                            > 2.0 * (job.max_iterations - iterations) * wp::log(ago / least)) {
+                        outcome = NOT_CONVERGED;
+                        break;
+                    }
                     if (far < job.tolerance) {
                         outcome = zncc < job.least_zncc ? LOW_CORRELATION : VALID;
                         double column[2][K];
@@ -201,11 +223,12 @@ _SEARCH = """
             }
         }
         if (start == 0) {
-            for (int k = 0; k < 12; ++k) job.warp.data[12 * i + k] = w[k];
-            for (int k = 0; k < 4; ++k) job.covariance.data[4 * i + k] = covariance[(k + 1) / 2];
-            job.zncc.data[i] = zncc;
-            job.iterations.data[i] = iterations;
-            job.outcome.data[i] = outcome;
+            double* found = job.found.data + (long long)i * FOUND;
+            for (int k = 0; k < 12; ++k) found[k] = w[k];
+            for (int k = 0; k < 4; ++k) found[12 + k] = covariance[(k + 1) / 2];
+            found[16] = zncc;
+            found[17] = iterations;
+            found[18] = outcome;
         }
     }
 """
@@ -213,7 +236,7 @@ _SEARCH = """
 
 def search_source(parameters: int) -> str:
     """The body of the native function for a shape function of so many parameters."""
-    text = f"    constexpr int WARPS = {BLOCK // 32};\n"
+    text = f"    constexpr int WARPS = {BLOCK // 32}, ARRAYS = {ARRAYS}, PACE = {PACE}, FOUND = {FOUND};\n"
     text += f"    constexpr int ORDER = {parameters // 2};  // monomials of a displacement component\n"
     for outcome in PointOutcome:
         text += f"    constexpr int {outcome.name} = {outcome.value};\n"

@@ -67,6 +67,17 @@ SUBSET = """
             *x = a; *y = b;
             return inside;
         }
+        // Pixels of the subset, U, that lie in the picture.
+        inline double seen(const float* X, const float* Y, const float* U, int room, int start) const {
+            pack count = op::all(0.0f);
+            #pragma unroll 1
+            for (int k = start; k < room; k += STEP) {
+                pack px, py;
+                of(op::load(X + k), op::load(Y + k), &px, &py);
+                count += op::load(U + k) * held(&px, &py);
+            }
+            return op::sum(count);
+        }
     };
     // 1 where the material picture's mask holds, 0 elsewhere and outside that picture.
     struct material {
