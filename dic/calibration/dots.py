@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dic.calibration.centroids import MARGIN, WINDOW, centroids
 from dic.calibration.corners import eight_bits
 from dic.calibration.edges import LARGEST, fit_discs
-from dic.calibration.noise import grey, noise_level
+from dic.calibration.noise import grey, noise_level, quantiles
 
 FloatArray = NDArray[np.float64]
 
@@ -65,7 +65,7 @@ def find_dots(picture: NDArray[np.generic], *, dark: bool = True, round_dots: bo
         image = image.max() + image.min() - image
     eight = eight_bits(picture) if dark else 255 - eight_bits(picture)
     noise = noise_level(picture)
-    low, high = np.percentile(eight, (1.0, 99.0))
+    low, high = quantiles(eight, (0.01, 0.99))
     step = 0.08 * max(float(high - low), 25.0)
     best: list[tuple[FloatArray, bool]] = []
     size, most = 15, 0.0

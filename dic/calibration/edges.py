@@ -10,8 +10,8 @@ STEPS = 8
 """Gauss-Newton steps at most."""
 SETTLED = 1e-5
 """A dot whose centre a step moves by less than this is done [px]; noise is some hundred times larger."""
-AT_ONCE = 16
-"""Dots fitted in one go, to stay in the cache."""
+AT_ONCE = 250_000
+"""Pixels of the dots that are fitted in one go: many, so that pictures in other threads get on meanwhile."""
 LARGEST = 25.0
 """Dots up to this radius [px] are fitted: a larger one's centroid is known to a few mpx, and its printed
 outline is no better an ellipse than that."""
@@ -51,9 +51,11 @@ def fit_discs(
         Standard deviation of a coordinate [px], shape [n].
     """
     found, sigma = np.full((len(centre), 2), np.nan), np.full(len(centre), np.nan)
-    for first in range(0, len(centre), AT_ONCE):
-        rows = slice(first, first + AT_ONCE)
-        found[rows], sigma[rows] = _fitted(image, centre[rows], shape[rows], int(np.ceil(reach)), noise)
+    w = int(np.ceil(reach))
+    step = max(1, AT_ONCE // (2 * w + 1) ** 2)
+    for first in range(0, len(centre), step):
+        rows = slice(first, first + step)
+        found[rows], sigma[rows] = _fitted(image, centre[rows], shape[rows], w, noise)
     return found, sigma
 
 
