@@ -64,7 +64,7 @@ def _signals(ax: Axes, result: FlyerResult) -> None:
     margin = 0.05 * (time[-1] - time[0])
     ax.set_xlim(MS * (time[0] - margin), MS * (time[-1] + margin))
     ax.set(xlabel="Time (ms)", ylabel="Force at the transducer (N)")
-    ax.legend(loc="lower right")
+    ax.legend(loc="center right")
 
 
 def _forces(ax: Axes, low: Axes, result: FlyerResult) -> None:
