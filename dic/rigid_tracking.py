@@ -23,8 +23,8 @@ SIGMAS = 6.0
 FEWEST = 5
 """Points that must agree on a motion; fewer may do so by chance."""
 BORDER = 1
-"""Outermost pixels that are not matched: what filtered a picture did it there from one side only. A tenth of a
-pixel by the first row moves a subset of which five rows are in view by a fiftieth."""
+"""Outermost pixels that are not matched: what filtered a picture did it there from one side only. A first row
+that is off by a tenth of a pixel moves a subset of which five rows are in view by a fiftieth."""
 SEARCHED = (0.0, 1.5, -1.5, 3.0, -3.0, 5.0, -5.0)
 """Steps along the last motion, or along each axis, that are tried when the prediction finds too few [px]."""
 

@@ -29,7 +29,7 @@ RIM = 12
 FEWEST = 40
 """Pixels of both cameras that must show the body."""
 EDGE = 0.02
-"""What a body may be off of which no more than the pixel at its region's rim is in view, beside its noise [px]:
+"""What a body may be off, beside its noise, of which only the last pixel of its region is in view [px]:
 the blur of its own edge is near. On `open-02` such rows are off by 0.02 px (1 µm)."""
 FEWEST_ROW = 20
 """Pixels of a row that must show the body before the row's own place is found."""
@@ -52,7 +52,10 @@ class Rim:
     y: float
     """Translation along the axis [m]."""
     sigma: float
-    """Its standard deviation, from the residual of the comparison and `EDGE` [m]."""
+    """Its standard deviation, from the residual of the comparison [m]."""
+    common: float
+    """What frames that show the same rows have in common beside it: `EDGE`, and what is not known of the
+    rows' offsets [m]."""
     zncc: float
     """Correlation of the rim."""
     n_pixels: int
@@ -165,17 +168,19 @@ class RimSearch:
             return None
         y, fit = self._settled(pictures, near, float(tried[best]), whole)
         edge = EDGE / self._scale
-        if self._compare(pictures, near, y, clear)[3] >= FEWEST:
+        if self._compare(pictures, near, y, clear)[-1] >= FEWEST:
             y, fit = self._settled(pictures, near, y, clear)
             edge = 0.0
-        zncc, _, variance, n = fit
+        zncc, _, variance, offset, n = fit
         if zncc < LEAST_ZNCC or abs(y - tried[best]) > CORE:
             return None
-        return Rim(y=y, sigma=float(np.sqrt(variance + edge**2)), zncc=zncc, n_pixels=n)
+        return Rim(
+            y=y, sigma=float(np.sqrt(variance)), common=float(np.hypot(edge, offset)), zncc=zncc, n_pixels=n
+        )
 
     def _settled(
         self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float, mask: BoolArray
-    ) -> tuple[float, tuple[float, float, float, int]]:
+    ) -> tuple[float, tuple[float, float, float, float, int]]:
         """The translation near y that fits best [m], and what `_compare` says of it."""
         for _ in range(MOST_STEPS):
             fit = self._compare(pictures, near, y, mask)
@@ -202,8 +207,9 @@ class RimSearch:
 
     def _compare(
         self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float, mask: BoolArray
-    ) -> tuple[float, float, float, int]:
-        """Correlation at a translation y, the step of y by Gauss-Newton [m], its variance, and the pixels."""
+    ) -> tuple[float, float, float, float, int]:
+        """Correlation at a translation y, the step of y by Gauss-Newton [m], its variance, what the rows'
+        offsets add to its sigma [m], and the pixels."""
         motion = self._move - np.array([near[0], y, near[2]])
         parts = [
             _pair(view, picture, self._first, self._frame, mask, motion, offset)
@@ -212,18 +218,18 @@ class RimSearch:
         still, moved, slope = (np.concatenate([part[k] for part in parts]) for k in range(3))
         n = len(still)
         if n < FEWEST:
-            return -1.0, 0.0, np.inf, n
+            return -1.0, 0.0, np.inf, 0.0, n
         f, g = still - still.mean(), moved - moved.mean()
         energy = float((f @ f) * (g @ g))
         step, variance = _fit(still, moved, slope)
         if not (energy > 0.0 and np.isfinite(variance)):
-            return -1.0, 0.0, np.inf, n
+            return -1.0, 0.0, np.inf, 0.0, n
         weight = slope**2 / float(slope @ slope)
         known = np.concatenate(
             [sigma[part[3]] for sigma, part in zip(self._offset_sigma, parts, strict=True)]
         )
         # An offset is common to its row's pixels; the plain sum over rows is the most they can add up to.
-        return float(f @ g) / float(np.sqrt(energy)), step, variance + float(weight @ known) ** 2, n
+        return float(f @ g) / float(np.sqrt(energy)), step, variance, float(weight @ known), n
 
 
 def _fit(still: FloatArray, moved: FloatArray, slope: FloatArray) -> tuple[float, float]:

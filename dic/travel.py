@@ -87,6 +87,7 @@ def flyer_travel(
             found.append(fit[0])
             sigma.append(fit[1])
             counts.append(fit[2])
+    common = 0.0
     by_rim = bool(rows) and not static[rows].any() and pictures is not None
     if by_rim and pictures is not None:
         for k, rim in _rims(pictures, body, rig, frame, places[known], moves, rows, found, static):
@@ -94,6 +95,7 @@ def flyer_travel(
             found.insert(0, rim.y)
             sigma.insert(0, rim.sigma)
             counts.insert(0, 0)
+            common = rim.common  # the last is the first frame's, at rest
     index = np.array(rows, dtype=np.int64)
     y = np.array(found)
     at_rest = static[index]
@@ -106,8 +108,10 @@ def flyer_travel(
         displacement=rest - y,
         sigma=np.array(sigma),
         n_points=np.array(counts, dtype=np.int64),
-        # what the edge does to a rim is the same in all static frames
-        rest_sigma=float(np.mean(np.array(sigma)[at_rest])) if by_rim else _of_mean(np.array(sigma)[at_rest]),
+        # The static frames show the same rows of a rim, with the same interpolation of the same noise.
+        rest_sigma=float(np.hypot(np.mean(np.array(sigma)[at_rest]), common))
+        if by_rim
+        else _of_mean(np.array(sigma)[at_rest]),
     )
 
 

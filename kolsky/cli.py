@@ -208,6 +208,31 @@ def dic(
 
 
 @app.command()
+def waves(
+    shot: ShotPath,
+    out: Out = None,
+    figures: Annotated[
+        str, typer.Option(metavar="FORMATS", help="Also save the figure alone, e.g. pdf,svg,png.")
+    ] = "",
+    as_json: AsJson = False,
+) -> None:
+    """Reduce a shot's bar signals: forces, equilibrium, strain, rate and stress, each with its uncertainty.
+
+    Needs [bars], [recorders] and [gauges] in shot.toml. Writes waves.h5, waves.html and CSV tables into
+    SHOT/results.
+    """
+    with refusing_bad_input():
+        from kolsky.wavescommand import waves as run
+
+        run(
+            shot,
+            out=out,
+            formats=tuple(part.strip() for part in figures.split(",") if part.strip()),
+            as_json=as_json,
+        )
+
+
+@app.command()
 def calibrate(
     source: Annotated[
         Path,

@@ -84,6 +84,11 @@ class FlyerPath:
         """Standard uncertainty of `acceleration` [m/s^2], shape of `time`."""
         return self._sigma(time, 2)
 
+    def sigma_change(self, first: float, last: float) -> float:
+        """Standard uncertainty of the change of `position` between two times [m]."""
+        G = responses(self._inside([last]), self.knots, 0) - responses(self._inside([first]), self.knots, 0)
+        return float(np.sqrt(max((G @ self.covariance @ G.T).item(), 0.0)))
+
     def replicates(self, n: int, rng: np.random.Generator) -> list["FlyerPath"]:
         """Paths drawn from the posterior, to carry the flyer's noise through a calculation.
 
@@ -99,6 +104,10 @@ class FlyerPath:
         values, vectors = np.linalg.eigh(self.covariance / np.outer(scale, scale))
         root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
         return [replace(self, jerk=self.jerk + root @ rng.standard_normal(values.size)) for _ in range(n)]
+
+    def scaled(self, factor: float) -> "FlyerPath":
+        """The path with every displacement multiplied; its covariance is left as it is."""
+        return replace(self, jerk=factor * self.jerk)
 
     def table(self, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Times [s], positions [m] and velocities [m/s] at `n` evenly spaced times, start to end."""

@@ -78,6 +78,13 @@ def _poisson(value: object) -> float:
     return number
 
 
+def _deviation(value: object) -> float:
+    number = _number(value)
+    if not 0.0 <= number < 0.5:
+        raise problem("is not allowed", allowed="in [0, 0.5)", cure="write a standard uncertainty, e.g. 0.01")
+    return number
+
+
 def _friction(value: object) -> float:
     number = _number(value)
     if not 0.0 <= number < float("inf"):
@@ -225,6 +232,9 @@ Uncertainty = Annotated[
     float, BeforeValidator(_physical("1", ">= 0", "a standard uncertainty (k = 1) relative to its quantity"))
 ]
 Ratio = Annotated[float, BeforeValidator(_physical("1", "> 0", "a ratio"))]
+LeadResistance = Annotated[float, BeforeValidator(_physical("ohm", ">= 0"))]
+LengthDeviation = Annotated[float, BeforeValidator(_physical("m", ">= 0", "a standard uncertainty (k = 1)"))]
+Deviation = Annotated[float, BeforeValidator(_deviation)]
 Number = Annotated[float, BeforeValidator(_number)]
 Share = Annotated[float, BeforeValidator(_share)]
 Poisson = Annotated[float, BeforeValidator(_poisson)]

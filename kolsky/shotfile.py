@@ -9,6 +9,13 @@ from kolsky.layouttoml import LayoutSection
 from kolsky.readers.table import Column
 from kolsky.shotpictures import CalibrationSection, DicSection, PicturesSection, ReportingSection
 from kolsky.shotsection import Section
+from kolsky.wavesfile import (
+    BarsSection,
+    GaugesSection,
+    RecorderSection,
+    UncertaintySection,
+    WavesSection,
+)
 
 
 class ColumnSection(Section):
@@ -275,6 +282,11 @@ class ShotFile(Section):
     calibration: CalibrationSection | None = None
     dic: DicSection | None = None
     reporting: ReportingSection | None = None
+    bars: BarsSection | None = None
+    recorders: dict[str, RecorderSection] = {}
+    gauges: GaugesSection | None = None
+    waves: WavesSection | None = None
+    uncertainty: UncertaintySection | None = None
     curve: CurveSection
     model: ModelSection
     window: WindowSection = WindowSection()

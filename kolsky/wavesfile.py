@@ -1,11 +1,22 @@
 """The tables of shot.toml about bars and gauges: [bars], [recorders], [gauges], [waves], [uncertainty]."""
 
+from difflib import get_close_matches
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from kolsky import shotfields as f
+from kolsky.layouttoml import LayoutSection
 from kolsky.shotsection import Section
+from kolsky.waves.audit import CORRECTIONS
+
+
+class WaveSpecimenSection(Section):
+    """[specimen]: a round specimen; a tensile one by its gauge length."""
+
+    diameter: f.Length
+    length: f.Length
+    density: f.Density
 
 
 class WaveBarSection(Section):
@@ -55,6 +66,18 @@ class WavesSection(Section):
     balance: f.Share = 0.05
     corrections: dict[str, bool] = {}
 
+    @field_validator("corrections")
+    @classmethod
+    def _known_corrections(cls, corrections: dict[str, bool]) -> dict[str, bool]:
+        for key in corrections:
+            if key not in CORRECTIONS:
+                near = get_close_matches(key, CORRECTIONS, n=1)
+                raise f.problem(
+                    f"has no correction {key!r}; there are {', '.join(CORRECTIONS)}",
+                    cure=f"did you mean {near[0]!r}?" if near else "remove it",
+                )
+        return corrections
+
     @model_validator(mode="after")
     def _all_windows_or_none(self) -> "WavesSection":
         given = {key: getattr(self, key) for key in ("incident", "reflected", "transmitted")}
@@ -72,36 +95,77 @@ class UncertaintySection(Section):
     """[uncertainty]: standard uncertainties (k = 1); what is not given counts as exact."""
 
     bar_modulus: f.Uncertainty = 0.0
+    bar_wave_speed: f.Uncertainty = 0.0
     bar_density: f.Uncertainty = 0.0
     bar_diameter: f.Uncertainty = 0.0
+    bar_poisson: f.Deviation = 0.0
+    bars_alike: bool = False
     gauge_calibration: f.Uncertainty = 0.0
-    gauge_distance: f.Offset = 0.0
+    gauge_distance: f.LengthDeviation = 0.0
     specimen_diameter: f.Uncertainty = 0.0
     specimen_length: f.Uncertainty = 0.0
 
+    @model_validator(mode="after")
+    def _one_stiffness(self) -> "UncertaintySection":
+        if self.bar_modulus > 0.0 and self.bar_wave_speed > 0.0:
+            raise f.problem(
+                "is given beside bar_modulus; with the density each follows from the other",
+                key="bar_wave_speed",
+                cure="keep the one that was measured",
+            )
+        return self
+
+
+class RecorderSection(LayoutSection):
+    """[recorders.NAME]: a file of a recorder, how it is read, and its clock."""
+
+    file: f.FileName
+    clock_offset: f.Time
+
+
+class BridgeSection(Section):
+    """[gauges.NAME.bridge]: a Wheatstone bridge with its supply and amplifier."""
+
+    kind: Literal["quarter", "half, opposed", "half, Poisson", "full, Poisson"]
+    gauge_factor: f.Number
+    excitation: f.Voltage
+    gain: f.Number = 1.0
+    gauge_resistance: f.Resistance = 120.0
+    lead_resistance: f.LeadResistance = 0.0
+
 
 class GaugeSection(Section):
-    """[gauges.NAME]: strain gauges at one place of a bar; two channels are opposed gauges."""
+    """[gauges.incident] or [gauges.transmission]: strain gauges at one place; two channels are opposed."""
 
     recorder: f.Name
-    channels: Annotated[list[f.Name], Field(min_length=1, max_length=2)]
-    bar: Literal["incident", "transmission"]
+    channels: Annotated[list[f.Name | Annotated[int, Field(ge=1)]], Field(min_length=1, max_length=2)]
     distance: f.Length
     compression: Literal["positive", "negative"]
-    signal: Literal["volts", "strain"] = "volts"
     strain_per_volt: f.StrainPerVolt | None = None
+    bridge: BridgeSection | None = None
+    strain: Literal[True] | None = None
     baseline: f.Interval
     full_scale: f.Voltage | None = None
 
     @model_validator(mode="after")
     def _one_calibration(self) -> "GaugeSection":
-        if self.signal == "volts" and self.strain_per_volt is None:
+        ways = ("strain_per_volt", "bridge", "strain")
+        given = [key for key in ways if getattr(self, key) is not None]
+        if len(given) != 1:
             raise f.problem(
-                "is missing; the signal is in volts",
-                key="strain_per_volt",
-                cure='add e.g. strain_per_volt = "0.0005 1/V", or signal = "strain"',
+                "is missing" if not given else f"is given beside {given[0]}",
+                key=given[1] if given else "strain_per_volt",
+                cure='give one of strain_per_volt = "0.0005 1/V", a table bridge, or strain = true where the '
+                "file holds strain already",
             )
         return self
+
+
+class GaugesSection(Section):
+    """[gauges]: one station on each bar."""
+
+    incident: GaugeSection
+    transmission: GaugeSection
 
 
 class WavesShotFile(Section):
@@ -111,9 +175,9 @@ class WavesShotFile(Section):
 
     format: Literal[1]
     name: f.Name | None = None
-    specimen: SpecimenSection
+    specimen: WaveSpecimenSection
     bars: BarsSection
     recorders: Annotated[dict[str, RecorderSection], Field(min_length=1)]
-    gauges: Annotated[dict[str, GaugeSection], Field(min_length=2)]
+    gauges: GaugesSection
     waves: WavesSection = WavesSection()
     uncertainty: UncertaintySection = UncertaintySection()

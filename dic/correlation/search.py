@@ -12,6 +12,9 @@ from dic.correlation.stack import PictureStack
 
 FloatArray = NDArray[np.float64]
 
+THREADS = os.cpu_count() or 1
+"""CPU threads unless a caller says otherwise."""
+
 
 def correlate(
     reference: PictureStack,
@@ -86,7 +89,7 @@ def correlate(
         deformed_picture=_pictures("deformed_picture", deformed_picture, n, deformed.n_pictures),
         mask=None if mask is None else _mask(mask),
     )
-    return search(reference, deformed, batch, settings, threads or os.cpu_count() or 1)
+    return search(reference, deformed, batch, settings, threads or THREADS)
 
 
 def _warps(name: str, warps: ArrayLike, n: int) -> FloatArray:

@@ -48,13 +48,15 @@ class PictureStack:
     """Standard deviation of the Gaussian that the pictures were smoothed with [px]."""
     device: str
     """Where the coefficients lie."""
-    coefficients: Any
-    """Of the quintic B-splines, fp32, with mirrored margins; an array of the device."""
+    coefficients: tuple[Any, ...]
+    """Of the quintic B-splines, fp32, with mirrored margins; arrays of the device."""
+    addresses: Any
+    """Where each picture's lie on the device, an array of it."""
 
     @property
     def memory(self) -> int:
         """Bytes of the coefficients on the device: 4 a pixel, margins included."""
-        return int(self.coefficients.size) * 4
+        return sum(int(part.size) for part in self.coefficients) * 4
 
     @classmethod
     def prepare(
@@ -112,18 +114,20 @@ class PictureStack:
         given = [noise] * len(planes) if single else list(noise)  # type: ignore[arg-type]
         if len(given) != len(planes):
             raise ValueError(f"noise must be one value or {len(planes)}, one a picture; got {len(given)}")
+        coefficients = (device_pictures.upload(planes, device),)
         return cls(
             n_pictures=len(planes),
             shape=shape,
             noise=tuple(value if isinstance(value, Noise) else Noise(float(value)) for value in given),  # type: ignore[arg-type]
             prefilter=prefilter,
             device=device,
-            coefficients=device_pictures.upload(planes, device),
+            coefficients=coefficients,
+            addresses=device_pictures.addresses(coefficients),
         )
 
     @classmethod
     def join(cls, stacks: Sequence["PictureStack"]) -> "PictureStack":
-        """One stack of the pictures of several, one after the other; the coefficients are copied.
+        """One stack of the pictures of several, one after the other; the coefficients are shared.
 
         Raises
         ------
@@ -136,11 +140,13 @@ class PictureStack:
         if len(stacks) == 1:
             return stacks[0]
         shape, prefilter, device = kinds.pop()
+        coefficients = tuple(part for stack in stacks for part in stack.coefficients)
         return cls(
             n_pictures=sum(stack.n_pictures for stack in stacks),
             shape=shape,
             noise=tuple(noise for stack in stacks for noise in stack.noise),
             prefilter=prefilter,
             device=device,
-            coefficients=device_pictures.join([stack.coefficients for stack in stacks]),
+            coefficients=coefficients,
+            addresses=device_pictures.addresses(coefficients),
         )

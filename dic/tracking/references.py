@@ -102,7 +102,6 @@ class References:
             np.zeros((DEPTH, n)),
         )
         self._stacks: dict[int, PictureStack] = {}
-        self._joined: tuple[IntArray, PictureStack] | None = None
         self.pictures: dict[int, Picture] = {}
         """Pictures by frame, as recorded."""
 
@@ -113,13 +112,8 @@ class References:
     def prepared(self, frames: IntArray) -> tuple[PictureStack, IntArray]:
         """A stack that has the pictures of these frames, and where in it they are, shape of `frames`."""
         wanted = np.unique(frames)
-        if self._joined is None or not np.all(np.isin(wanted, self._joined[0])):
-            if len(wanted) == 1:
-                return self._stacks[int(wanted[0])], np.zeros(len(frames), dtype=np.int64)
-            held = np.unique(np.concatenate([wanted, self._in_use()]))
-            self._joined = held, PictureStack.join([self._stacks[int(frame)] for frame in held])
-        held, stack = self._joined
-        return stack, np.searchsorted(held, frames)
+        stack = PictureStack.join([self._stacks[int(frame)] for frame in wanted])
+        return stack, np.searchsorted(wanted, frames)
 
     def start(self, template: Template) -> None:
         """Give all points the root of their chains."""
@@ -151,8 +145,6 @@ class References:
         used = {keep, *self._in_use().tolist()}
         for frame in [frame for frame in self._stacks if frame not in used]:
             del self._stacks[frame], self.pictures[frame]
-        if self._joined is not None and not set(self._joined[0].tolist()) <= used:
-            self._joined = None
 
     def _in_use(self) -> IntArray:
         levels = [np.unique(self._chain.frame[level, self.level >= level]) for level in range(DEPTH)]

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from explicit.elements.base import INVERTED, ElementFunctions, corner_inverse_mass
 from explicit.elements.gauss import gauss_points
-from explicit.elements.shared import four_numbers, isochoric_factor_function, solid_struct
+from explicit.elements.shared import isochoric_factor_function, solid_struct
 from explicit.mesh import Mesh
-from explicit.places import entry_function
+from explicit.places import entries_function, entries_if_function, entry_function
 from explicit.precision import Precision
 
 
@@ -63,7 +63,6 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
 
     @wp.struct
     class Shape:
-        volume: real
         weight: vec4
         gradient_r0: vec4
         gradient_r1: vec4
@@ -79,28 +78,29 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         hoop3: vec4
         inverse_mass_r: vec4
         inverse_mass_y: vec4
+        volume: real
 
-    four, number = four_numbers(precision), entry_function(real)
+    four, number, four_if = entries_function(real), entry_function(real), entries_if_function(real)
 
     @wp.func
-    def read_shape(constants: wp.array2d(dtype=real), e: int):
+    def read_shape(constants: wp.array2d(dtype=real), e: int, measure: int):
         return Shape(
-            number(constants, 0, e),
-            four(constants, 1, e),
-            four(constants, 5, e),
-            four(constants, 9, e),
-            four(constants, 13, e),
-            four(constants, 17, e),
-            four(constants, 21, e),
-            four(constants, 25, e),
-            four(constants, 29, e),
-            four(constants, 33, e),
-            four(constants, 37, e),
-            four(constants, 41, e),
-            four(constants, 45, e),
-            four(constants, 49, e),
-            four(constants, 53, e),
-            four(constants, 57, e),
+            four(constants, 0, e),
+            four(constants, 4, e),
+            four(constants, 8, e),
+            four(constants, 12, e),
+            four(constants, 16, e),
+            four(constants, 20, e),
+            four(constants, 24, e),
+            four(constants, 28, e),
+            four(constants, 32, e),
+            four(constants, 36, e),
+            four(constants, 40, e),
+            four(constants, 44, e),
+            four(constants, 48, e),
+            four_if(measure, constants, 52, e),
+            four_if(measure, constants, 56, e),
+            number(constants, 60, e),
         )
 
     @wp.func

@@ -12,10 +12,10 @@ import warp as wp
 from numpy.typing import NDArray
 
 from explicit.elements.base import INVERTED, ElementFunctions, corner_inverse_mass
-from explicit.elements.shared import four_numbers, isochoric_factor_function, solid_struct
+from explicit.elements.shared import isochoric_factor_function, solid_struct
 from explicit.geometry import element_geometry
 from explicit.mesh import Mesh
-from explicit.places import entry_function
+from explicit.places import entries_function, entries_if_function, entry_function
 from explicit.precision import Precision
 
 
@@ -56,33 +56,34 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
 
     @wp.struct
     class Shape:
-        volume: real
         gradient_r: vec4
         gradient_y: vec4
         hoop: vec4
         gamma: vec4
-        hourglass_r: real
-        hourglass_y: real
         inverse_mass_r: vec4
         inverse_mass_y: vec4
+        volume: real
+        hourglass_r: real
+        hourglass_y: real
         impedance_r: real
         impedance_y: real
 
-    four, number = four_numbers(precision), entry_function(real)
+    four, number, four_if = entries_function(real), entry_function(real), entries_if_function(real)
 
     @wp.func
-    def read_shape(constants: wp.array2d(dtype=real), e: int):
+    def read_shape(constants: wp.array2d(dtype=real), e: int, measure: int):
+        sizes = four(constants, 24, e)
         return Shape(
-            number(constants, 0, e),
-            four(constants, 1, e),
-            four(constants, 5, e),
-            four(constants, 9, e),
-            four(constants, 13, e),
-            number(constants, 17, e),
-            number(constants, 18, e),
-            four(constants, 19, e),
-            four(constants, 23, e),
-            number(constants, 27, e),
+            four(constants, 0, e),
+            four(constants, 4, e),
+            four(constants, 8, e),
+            four(constants, 12, e),
+            four_if(measure, constants, 16, e),
+            four_if(measure, constants, 20, e),
+            sizes[0],
+            sizes[1],
+            sizes[2],
+            sizes[3],
             number(constants, 28, e),
         )
 

@@ -5,7 +5,6 @@ from typing import Any
 
 import warp as wp
 
-from explicit.places import entry_function
 from explicit.precision import Precision
 
 
@@ -52,21 +51,3 @@ def isochoric_factor_function(precision: Precision) -> Any:
         return y * y, y * y * y
 
     return isochoric_factor
-
-
-@cache
-def four_numbers(precision: Precision) -> Any:
-    """Generate ``f(constants, k, e) -> vec4``: numbers k to k + 3 of element e."""
-    real, vec4 = precision.real, precision.vec4
-    number = entry_function(real)
-
-    @wp.func
-    def four(constants: wp.array2d(dtype=real), k: int, e: int):
-        return vec4(
-            number(constants, k, e),
-            number(constants, k + 1, e),
-            number(constants, k + 2, e),
-            number(constants, k + 3, e),
-        )
-
-    return four

@@ -39,6 +39,7 @@ def find_arrival(
     after: float = -inf,
     before: float = inf,
     threshold: float = THRESHOLD,
+    smallest: float = 0.0,
 ) -> Arrival:
     """Arrival of the first pulse of one sign.
 
@@ -63,6 +64,8 @@ def find_arrival(
         The pulse is looked for between these times [s].
     threshold
         Multiple of the averaged noise that counts as a pulse, > 0.
+    smallest
+        A pulse must exceed this too, in the signal's unit, >= 0.
 
     Returns
     -------
@@ -91,21 +94,22 @@ def find_arrival(
             f"{min(before, signal.end):.6g} s are too few to find a pulse in; it takes {4 * width} or more. "
             "Cure: a longer record"
         )
+    unit = "" if signal.unit == "1" else f" {signal.unit}"
     time, value = time[inside], sign * signal.value[inside]
     smooth = moving_mean(value, width)
-    least = threshold * signal.sigma / sqrt(width)
+    least = max(threshold * signal.sigma / sqrt(width), smallest)
     first = _first_run(smooth > least, width)
     if first is None:
         raise ValueError(
             f"{signal.name}: no {'positive' if sign > 0 else 'negative'} pulse: the largest average over "
-            f"{average:.3g} s is {sign * smooth.max():.3g} {signal.unit}, and it takes more than "
-            f"{least:.3g} ({threshold:g} standard deviations of the noise). Cure: check the channel, its "
-            "declared sign and the clock"
+            f"{average:.3g} s is {sign * smooth.max():.3g}{unit}, and it takes more than "
+            f"{least:.3g} ({threshold:g} standard deviations of its noise, or what was asked for). Cure: "
+            "check the channel, its declared sign and the clock"
         )
     if first < width:
         raise ValueError(
-            f"{signal.name}: the pulse is there at the first sample ({sign * smooth[first]:.3g} "
-            f"{signal.unit} at {time[first]:.6g} s). Cure: a longer pre-trigger"
+            f"{signal.name}: the pulse is there at the first sample ({sign * smooth[first]:.3g}{unit} "
+            f"at {time[first]:.6g} s). Cure: a longer pre-trigger"
         )
     level, end = _extent(smooth, first, least)
     low, half, high = (_last_below(smooth, first, share * level) for share in (FLANK[0], 0.5, FLANK[1]))

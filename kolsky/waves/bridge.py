@@ -216,8 +216,6 @@ class Linear:
         """Strain, tension positive, of values that rise in tension."""
         return self.factor * np.asarray(volts, dtype=float)
 
-    linear_strain = strain
-
     def quantities(
         self, gauge: str, uncertainty: Mapping[str, float], *, bar: str | None = None
     ) -> list[Quantity]:

@@ -1,7 +1,7 @@
 """Force equilibrium of a specimen: R(t), the span in which it holds, and how long it took to get there."""
 
 from dataclasses import dataclass
-from math import hypot, sqrt
+from math import ceil, hypot, log, sqrt
 
 import numpy as np
 
@@ -12,6 +12,8 @@ ALLOWANCE = 0.05
 """|R| up to which a specimen counts as in equilibrium (Ravichandran and Subhash 1994)."""
 LEAST_FORCE = 5.0
 """Multiple of its averaged noise below which a mean force says nothing of R."""
+LEAST_SHARE = 0.02
+"""Share of the largest force below which a force counts as none."""
 
 
 @dataclass(frozen=True)
@@ -49,12 +51,14 @@ def imbalance(
     Returns
     -------
     ndarray
-        R [-], shape [n]; inf where the mean force is below `LEAST_FORCE` times its own noise.
+        R [-], shape [n]; inf where the mean force is below `LEAST_FORCE` times its own noise, or below
+        `LEAST_SHARE` of its largest.
     """
     first, second = moving_mean(front, width), moving_mean(back, width)
     mean = 0.5 * (first + second)
     noise = 0.5 * hypot(sigma_front, sigma_back) / sqrt(width)
-    heard = np.abs(mean) > max(LEAST_FORCE * noise, 1e-9 * float(np.abs(mean).max(initial=0.0)))
+    least = max(LEAST_FORCE * noise, LEAST_SHARE * float(np.abs(mean).max(initial=0.0)))
+    heard = np.abs(mean) > least
     result = np.full(front.size, np.inf)
     result[heard] = (first[heard] - second[heard]) / mean[heard]
     return result
@@ -99,6 +103,42 @@ def balanced_span(
         return None
     first, last = max(merged, key=lambda run: run[1] - run[0])
     return (float(time[first]), float(time[last])) if last > first else None
+
+
+def elastic_transits(impedance_ratio: float, *, allowance: float = ALLOWANCE) -> int:
+    """Transits after which an elastic specimen under a step is in equilibrium.
+
+    Eq. (R.11): with r = (1 - beta) / (1 + beta), equal bars and a step of the incident wave, the forces at
+    the faces after m transits are 1 - r^m and 1 - r^(m + 1) of the last, and
+    R = 2 r^m (1 - r) / (2 - r^m (1 + r)). A slower rise takes fewer transits from its end, more from its
+    beginning.
+
+    Parameters
+    ----------
+    impedance_ratio
+        Impedance rho c A of the specimen over that of the bars, beta, in (0, 1].
+    allowance
+        Largest |R| [-], > 0.
+
+    Returns
+    -------
+    int
+        The smallest m.
+
+    Raises
+    ------
+    ValueError
+        If an argument is outside its range.
+    """
+    if not 0.0 < impedance_ratio <= 1.0:
+        raise ValueError(f"the impedance ratio of specimen and bars = {impedance_ratio} must be in (0, 1]")
+    if not allowance > 0.0:
+        raise ValueError(f"the allowance of R = {allowance} must be greater than 0")
+    r = (1.0 - impedance_ratio) / (1.0 + impedance_ratio)
+    if r == 0.0:
+        return 1
+    power = 2.0 * allowance / (2.0 * (1.0 - r) + allowance * (1.0 + r))
+    return max(0, ceil(log(power) / log(r) - 1e-9))
 
 
 def report_equilibrium(
@@ -153,7 +193,7 @@ def report_equilibrium(
 def _first_force(reduction: Reduction) -> float | None:
     """First time at which the front force stands out of its noise for good [s]."""
     force = reduction.front_force
-    loud = np.abs(force.value) > np.maximum(LEAST_FORCE * force.sigma, 1e-6 * np.abs(force.value).max())
+    loud = np.abs(force.value) > np.maximum(LEAST_FORCE * force.sigma, LEAST_SHARE * np.abs(force.value).max())
     return float(reduction.time[loud.argmax()]) if loud.any() else None
 
 

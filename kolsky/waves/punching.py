@@ -46,7 +46,7 @@ def punching_compliance(bar: Bar, radius: float) -> float:
         raise ValueError(
             f"the specimen's radius = {radius} m must be > 0 and not exceed the bar's, {0.5 * bar.diameter} m"
         )
-    share = float(_share(min(ratio, 1.0)))
+    share = float(_share(ratio)) if ratio < 1.0 else 0.0
     return HALF_SPACE * share * (1.0 - bar.poisson**2) / (bar.youngs_modulus * radius)
 
 
@@ -94,7 +94,7 @@ def correct_punching(
         noise = np.hypot(first * F1.sigma, second * F2.sigma) / L
         e, r = reduction.strain[key], reduction.rate[key]
         strain[key] = History(e.value - sunk, np.hypot(e.sigma, noise), e.unit)
-        slope_noise = noise * np.sqrt(2.0) / (width * step)
+        slope_noise = noise / (width * step)  # means of two neighbours at either end
         rate[key] = History(r.value - _slope(sunk, step, width), np.hypot(r.sigma, slope_noise), r.unit)
     change = strain["three waves"].value - reduction.strain["three waves"].value
     verb = "shortens" if apply else "would shorten"
@@ -106,9 +106,9 @@ def correct_punching(
         rms=float(np.sqrt(np.mean(change**2))),
         unit="1",
         reason=(
-            f"a specimen of {specimen.diameter * 1e3:.4g} mm on bars of {incident_bar.diameter * 1e3:.4g} and "
-            f"{transmission_bar.diameter * 1e3:.4g} mm sinks in by {C1 * 1e9:.3g} and {C2 * 1e9:.3g} nm/N; "
-            f"this {verb} the strain"
+            f"a specimen of {specimen.diameter * 1e3:.4g} mm on bars of {incident_bar.diameter * 1e3:.4g} "
+            f"and {transmission_bar.diameter * 1e3:.4g} mm sinks in by {C1 * 1e9:.3g} and {C2 * 1e9:.3g} "
+            f"nm/N; this {verb} the strain"
         ),
     )
     return (replace(reduction, strain=strain, rate=rate) if apply else reduction), correction

@@ -32,7 +32,7 @@ class Signal:
     @property
     def time(self) -> FloatArray:
         """Sample times on the shot's clock [s], shape [n]."""
-        return self.start + self.interval * np.arange(self.value.size)
+        return np.asarray(self.start + self.interval * np.arange(self.value.size), dtype=np.float64)
 
     @property
     def end(self) -> float:
@@ -90,6 +90,11 @@ class FaceWaves:
     """The bar behind it."""
     origin: float = 0.0
     """Time 0 of `time` on the shot's clock: when the incident wave arrives at the specimen [s]."""
+    white: Mapping[str, float] | None = None
+    """Sigma of white noise as strong as each wave's at low frequencies [-], which integrals and means collect;
+    None if the noise is white, as `sigma`."""
+    band: float = float("inf")
+    """Frequency above which the waves were left out [Hz]."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from kolsky.apparatus import Bar
 from kolsky.records import Recording
 from kolsky.waves.audit import AuditLog, Switches
 from kolsky.waves.baseline import Baseline, check_clipping, measure_baseline
-from kolsky.waves.bridge import Calibration
+from kolsky.waves.bridge import Bridge, Calibration
 from kolsky.waves.records import BarSignal, BoolArray, Correction, FloatArray, Quantity, Signal
 
 T = TypeVar("T")
@@ -155,7 +155,10 @@ def _strain(
     rest = measure_baseline(time, recording.value, baseline, name=name)
     check_clipping(recording.value, rest, name=name, full_scale=full_scale)
     volts = -sign * (recording.value - rest.mean)  # rises in tension, as a gauge does
-    exact, linear = calibration.strain(volts), calibration.linear_strain(volts)
+    exact = calibration.strain(volts)
+    if not isinstance(calibration, Bridge):
+        return -exact  # a stated factor knows no nonlinearity
+    linear = calibration.linear_strain(volts)
     return -log.choose(
         f"bridge nonlinearity, {name}",
         "bridge nonlinearity",
@@ -212,7 +215,7 @@ def _settled(
         unit="1",
         reason=(
             f"slope {rest.slope:.3g} +- {rest.slope_sigma:.2g} 1/s over {rest.count} samples, {verdict}"
-            f" at 1 %; noise remembers {rest.noise.memory:.3g} samples, step {rest.step:.3g}"
+            f" at 1 %; noise correlated over {rest.noise.memory:.3g} samples, step {rest.step:.3g}"
         ),
         over=after,
     )

@@ -1,6 +1,6 @@
 """Where the three pulses lie at the gauges: dead reckoning from the incident pulse, and what it is worth."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, isfinite
 
 from kolsky.waves.arrival import Arrival, find_arrival
@@ -8,6 +8,12 @@ from kolsky.waves.records import BarSignal, Windows
 
 TAIL = 0.25
 """Share of the incident pulse's duration by which the windows outlast it."""
+
+OTHER_SIGN = 0.2
+"""Share of the incident pulse's level from which a pulse of the other sign before it is no mere ripple."""
+
+VISIBLE = 0.05
+"""Share of the incident pulse's level that a reflected or transmitted one needs to be seen."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +44,27 @@ class Reckoning:
 
 
 def incident_arrival(incident: BarSignal, *, tension: bool = False) -> Arrival:
-    """Arrival of the incident pulse at its gauge; raises ValueError as `find_arrival` does."""
-    return find_arrival(incident.strain, sign=-1 if tension else 1, average=averaging_time(incident))
+    """Arrival of the incident pulse at its gauge.
+
+    Raises
+    ------
+    ValueError
+        If there is none of the declared sign, or one of the other sign comes first.
+    """
+    sign, average = -1 if tension else 1, averaging_time(incident)
+    arrival = find_arrival(incident.strain, sign=sign, average=average)
+    try:
+        other = find_arrival(incident.strain, sign=-sign, average=average, before=arrival.onset)
+    except ValueError:
+        return arrival  # nothing of the other sign before it: as it should be
+    if abs(other.level) < OTHER_SIGN * abs(arrival.level):
+        return arrival
+    declared, found = ("tension", "compression") if tension else ("compression", "tension")
+    raise ValueError(
+        f"{incident.strain.name}: a pulse of {found} comes first, at {other.time:.6g} s ({other.level:.3g}), "
+        f"before that of {declared} at {arrival.time:.6g} s, and the shot is declared one of {declared}. "
+        "Cure: check the kind of test and the channel's declared sign"
+    )
 
 
 def averaging_time(signal: BarSignal) -> float:
@@ -111,6 +136,14 @@ def find_windows(
     lead = 2.0 * averaging_time(incident)
     reflected = arrival.time + 2.0 * travel_time(incident)
     transmitted = arrival.time + travel_time(incident) + travel_time(transmission) + transit
+    for signal, at in ((incident, reflected), (transmission, transmitted)):
+        left = signal.strain.end - at
+        if left < duration:
+            raise ValueError(
+                f"{signal.strain.name}: the record ends {left:.4g} s after its pulse should arrive, at "
+                f"{at:.6g} s, and the incident pulse lasts {duration:.4g} s. Cure: a longer record, check "
+                "wave speed and distance, or windows by hand"
+            )
     longest = min(
         min(limit.time for limit in limits),
         incident.strain.end - reflected,
@@ -122,8 +155,8 @@ def find_windows(
     def window(at: float) -> tuple[float, float]:
         return at + start, at + length
 
-    found = Windows(window(arrival.time), window(reflected), window(transmitted), source="dead reckoning")
-    return _checked(found, incident, transmission)
+    reckoned = Windows(window(arrival.time), window(reflected), window(transmitted), source="dead reckoning")
+    return _checked(reckoned, incident, transmission)
 
 
 def travel_time(signal: BarSignal) -> float:
@@ -177,16 +210,24 @@ def check_windows(
     reflected = arrival.time + 2.0 * travel_time(incident)
     transmitted = arrival.time + travel_time(incident) + travel_time(transmission) + transit
     return (
-        _seen(incident, reflected, limits[1].time, -sign),
-        _seen(transmission, transmitted, limits[2].time, sign),
+        _seen(incident, reflected, limits[1].time, -sign, VISIBLE * abs(arrival.level)),
+        _seen(transmission, transmitted, limits[2].time, sign, VISIBLE * abs(arrival.level)),
     )
 
 
-def _seen(signal: BarSignal, reckoned: float, length: float, sign: int) -> Reckoning:
+def _seen(signal: BarSignal, reckoned: float, length: float, sign: int, smallest: float) -> Reckoning:
     average = averaging_time(signal)
     before = reckoned - min(5.0 * average, 0.5 * travel_time(signal))
+    strain = signal.strain
+    # The incident pulse leaves a tail on which the reflected one sits; its level is taken off.
+    tail = (strain.time >= before) & (strain.time < before + 2.0 * average)
+    if not tail.any():
+        return Reckoning(reckoned, None, f"{strain.name}: the record ends before {before:.6g} s")
+    flat = replace(strain, value=strain.value - strain.value[tail].mean())
     try:
-        seen = find_arrival(signal.strain, sign=sign, average=average, after=before, before=reckoned + length)
+        seen = find_arrival(
+            flat, sign=sign, average=average, after=before, before=reckoned + length, smallest=smallest
+        )
     except ValueError as missing:
         return Reckoning(reckoned, None, str(missing))
     late = seen.time - reckoned

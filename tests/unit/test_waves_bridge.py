@@ -108,7 +108,7 @@ def test_a_stated_factor():
     (q,) = made.quantities("g", {"factor": 1e-6})
     assert (q.name, q.value, q.sigma, q.unit) == ("g, strain per volt", 5.01e-4, 1e-6, "1/V")
     assert made.with_values("g", {q.name: 5e-4}).factor == 5e-4
-    with pytest.raises(ValueError, match="finite and > 0, got -0.0005"):
+    with pytest.raises(ValueError, match=r"finite and > 0, got -0\.0005"):
         Linear(-5e-4)
 
 

@@ -47,15 +47,13 @@ class Batch:
 class Job:
     """Everything that a search reads and writes."""
 
-    f: wp.array3d(dtype=wp.float32)
-    f_plane: wp.int64
+    f: wp.array(dtype=wp.uint64)
     f_first: int
     f_rows: int
     f_cols: int
     f_stride: int
     f_noise: wp.array(dtype=wp.float64)
-    g: wp.array3d(dtype=wp.float32)
-    g_plane: wp.int64
+    g: wp.array(dtype=wp.uint64)
     g_first: int
     g_rows: int
     g_cols: int
@@ -161,9 +159,8 @@ def prepare(reference: PictureStack, deformed: PictureStack, batch: Batch, setti
     device, n = select_device(reference.device), len(batch.points)
     job = Job()
     for name, stack in (("f", reference), ("g", deformed)):
-        _, rows, stride = stack.coefficients.shape
-        setattr(job, name, stack.coefficients)
-        setattr(job, f"{name}_plane", rows * stride)
+        stride = stack.coefficients[0].shape[2]
+        setattr(job, name, stack.addresses)
         setattr(job, f"{name}_first", PAD * stride + PAD)
         setattr(job, f"{name}_rows", stack.shape[0])
         setattr(job, f"{name}_cols", stack.shape[1])

@@ -1,5 +1,6 @@
 """Spline coefficients of pictures, and their way to a device."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -27,14 +28,7 @@ def upload(planes: list[NDArray[np.float32]], device: str) -> Any:
     return wp.array(np.stack(planes), dtype=wp.float32, device=select_device(device))
 
 
-def join(parts: list[Any]) -> Any:
-    """Coefficients of several stacks of one shape and device as those of one, copied."""
-    _, rows, columns = parts[0].shape
-    total = wp.empty(
-        (sum(part.shape[0] for part in parts), rows, columns), dtype=wp.float32, device=parts[0].device
-    )
-    first = 0
-    for part in parts:
-        wp.copy(total, part, dest_offset=first, count=part.size)
-        first += part.size
-    return total
+def addresses(parts: Sequence[Any]) -> Any:
+    """Where each picture's coefficients begin in the memory of their device, shape [n]."""
+    begin = [part.ptr + k * part.strides[0] for part in parts for k in range(part.shape[0])]
+    return wp.array(np.array(begin, dtype=np.uint64), dtype=wp.uint64, device=parts[0].device)

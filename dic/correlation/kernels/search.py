@@ -35,8 +35,8 @@ _SEARCH = """
             reference[k] = job.has_reference ? given[16 + k] : 0.0;
         }
         const long long a = (long long)given[0], b = (long long)given[1];  // which pictures
-        const view f = {job.f.data + a * job.f_plane + job.f_first, job.f_rows, job.f_cols, job.f_stride};
-        const view g = {job.g.data + b * job.g_plane + job.g_first, job.g_rows, job.g_cols, job.g_stride};
+        const view f = {(const float*)job.f.data[a] + job.f_first, job.f_rows, job.f_cols, job.f_stride};
+        const view g = {(const float*)job.g.data[b] + job.g_first, job.g_rows, job.g_cols, job.g_stride};
         const material body = {job.mask.data, job.mask_rows, job.mask_cols, cx, cy, h};
         int outcome = NOT_CONVERGED, iterations = 0;
         double zncc = 0.0, covariance[3] = {0.0, 0.0, 0.0}, odd = 0.0;

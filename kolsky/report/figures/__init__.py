@@ -7,6 +7,7 @@ from kolsky.report.figures import (
     calibration_residuals,
     contour,
     energy,
+    flight_of_view,
     flyer_motion,
     force,
     force_residual,
@@ -19,6 +20,7 @@ from kolsky.report.figures import (
     profiles,
     shape_residual,
     speckle_floor,
+    speckle_overlay,
     waves,
 )
 from kolsky.report.figures.base import FigureKind
@@ -32,7 +34,15 @@ REGISTRY: dict[str, FigureKind[Any]] = {
 """Every figure of an identification by name, in the order of its report."""
 SURFACES: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND
-    for module in (overlay_sigma, overlay_epipolar, lost_points, kymograph, flyer_motion)
+    for module in (
+        overlay_sigma,
+        overlay_epipolar,
+        lost_points,
+        kymograph,
+        flyer_motion,
+        flight_of_view,
+        speckle_overlay,
+    )
 }
 """Every figure of the surfaces that pictures gave, likewise."""
 CALIBRATION: dict[str, FigureKind[Any]] = {

@@ -1,0 +1,77 @@
+"""A series whose pictures are decoded once, as long as they are not too many to be kept."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.images.checks import Grey
+from dic.images.series import Pictures
+
+MOST_KEPT = 512 * 2**20
+"""Pictures of one series that are kept in memory [bytes]; those beyond are read again when asked for."""
+
+
+class KeptPictures:
+    """The same series, for those who look at its pictures more than once; see `dic.images.Pictures`.
+
+    Parameters
+    ----------
+    pictures
+        The series.
+    most
+        Memory that its pictures may take up [bytes].
+    """
+
+    def __init__(self, pictures: Pictures, *, most: int = MOST_KEPT) -> None:
+        self.pictures, self.most = pictures, most
+        self._kept: dict[int, Grey] = {}
+        self._size = 0
+
+    @property
+    def path(self) -> Path:
+        """The file, or the folder of a numbered series."""
+        return self.pictures.path
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames that the headers promise."""
+        return self.pictures.n_frames
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns [px]."""
+        return self.pictures.shape
+
+    @property
+    def bits(self) -> int:
+        """Bits that carry the grey value."""
+        return self.pictures.bits
+
+    @property
+    def crop_offset(self) -> tuple[float, float]:
+        """Where the top left pixel lies on the sensor (x, y) [px]."""
+        return self.pictures.crop_offset
+
+    @property
+    def times(self) -> NDArray[np.float64] | None:
+        """Times of the frames [s], shape [n_frames]; None if not recorded."""
+        return self.pictures.times
+
+    def frame(self, index: int) -> Grey:
+        """Grey values of one frame, not to be written to, shape [rows, columns].
+
+        Raises
+        ------
+        PictureError
+            As the series does; a frame that cannot be read is tried again when it is asked for again.
+        """
+        found = self._kept.get(index)
+        if found is None:
+            found = self.pictures.frame(index)
+            if self._size + found.nbytes <= self.most:
+                found = np.array(found)  # a memory map may change under the hand
+                found.flags.writeable = False
+                self._size += found.nbytes
+                self._kept[index] = found
+        return found
