@@ -104,8 +104,8 @@ def carried(
 ) -> FloatArray:
     """The pulse with its spectrum multiplied by `turn`, exp(-i k x), by Simpson's rule from zero frequency.
 
-    x(t) = 1 / pi * integral from 0 of Re[X(omega) exp(i omega t)] d(omega), summed at equally spaced times and
-    frequencies by the chirp transform, which is exact for any spacing of either.
+    x(t) = 1 / pi * integral from 0 of Re[X(omega) exp(i omega t)] d(omega), summed at equally spaced times
+    and frequencies by the chirp transform, which is exact for any spacing of either.
     """
     if omega.size % 2 == 0:
         raise ValueError("Simpson's rule needs an odd number of frequencies")

@@ -36,6 +36,7 @@ def read(path: Path, layout: Layout) -> Contents:
     """
     sha256 = file_hash(path, limit=SCOPE_LIMIT)
     _refuse_entities(path)
+    _check_curve(path)
     try:
         from RigolWFM.wfm import Wfm
     except ImportError:
@@ -78,7 +79,7 @@ def _channel(path: Path, channel: Any, layout: Layout) -> Channel:
         shown = float(channel.times[1] - channel.times[0])
         increments = getattr(header, "x_increments", None)
         own = increments[channel.channel_number - 1] if isinstance(increments, list) else None
-        interval = float(own if own is not None else header.seconds_per_point)
+        interval = _shortest(float(own if own is not None else header.seconds_per_point))
         # RigolWFM stretches some makes' times over n - 1 steps where they have n.
         if not interval > 0.0 or abs(shown - interval) > 1.5 / (samples - 1) * interval + 1e-9 * interval:
             raise InputError(
@@ -99,6 +100,12 @@ def _channel(path: Path, channel: Any, layout: Layout) -> Channel:
     )
 
 
+def _shortest(interval: float) -> float:
+    """An interval that the file holds in single precision, as the shortest number that it can mean."""
+    single = np.float32(interval)
+    return float(str(single)) if float(single) == interval else interval
+
+
 def _unit(channel: Any) -> str | None:
     """The unit of a channel; the library tells volts, amperes, watts and "unknown"."""
     name = str(getattr(channel.unit, "name", "")).upper()
@@ -113,6 +120,23 @@ def _check_count(path: Path, name: str, header: Any, samples: int) -> None:
             path,
             f"channel '{name}' ends after {samples} of {promised} samples",
             cure="the file is cut off; copy it again",
+        )
+
+
+def _check_curve(path: Path) -> None:
+    """Refuse an .isf file whose curve ("#510000..." and that many bytes) is cut off: the library takes what is there."""
+    if path.suffix.lower() != ".isf":
+        return
+    head = head_of(path, 4096)
+    mark = head.find(b"#", head.find(b":CURV"))
+    digits = int(head[mark + 1 : mark + 2]) if head[mark + 1 : mark + 2].isdigit() else 0
+    count = head[mark + 2 : mark + 2 + digits]
+    if head.find(b":CURV") < 0 or mark < 0 or not digits or not count.isdigit():
+        raise InputError(path, "has no curve", cure="the file is cut off; copy or export it again")
+    there = path.stat().st_size - (mark + 2 + digits)
+    if there < int(count):
+        raise InputError(
+            path, f"ends after {there} of {int(count)} bytes of its curve", cure="it is cut off; copy it again"
         )
 
 

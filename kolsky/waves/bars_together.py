@@ -203,13 +203,14 @@ def _fit(
     plain = solve(None, float(trials[best]))
     speed, gain, residual, jacobian = solve(bar.poisson, plain[0])
     low, high = (
-        solve(nu, speed) for nu in (max(bar.poisson - POISSON_STEP, 0.0), min(bar.poisson + POISSON_STEP, 0.499))
+        solve(nu, speed)
+        for nu in (max(bar.poisson - POISSON_STEP, 0.0), min(bar.poisson + POISSON_STEP, 0.499))
     )
     width = min(bar.poisson + POISSON_STEP, 0.499) - max(bar.poisson - POISSON_STEP, 0.0)
     alike = _alike(residual)
     variance = alike * float(residual @ residual) / (residual.size - 2)
     scale = np.array([stated, 1.0])
-    covariance = variance * np.linalg.inv(jacobian.T @ jacobian) * np.outer(scale, scale)
+    covariance = np.asarray(variance * np.linalg.inv(jacobian.T @ jacobian) * np.outer(scale, scale))
     return BarsTogether(
         bar=replace(bar, youngs_modulus=bar.density * speed**2),
         wave_speed=speed,

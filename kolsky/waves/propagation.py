@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 
 from kolsky.waves.records import Signal
+from kolsky.waves.spectra import edge_filter, faded, mean_square, windowed
 from kolsky.waves.waveguide import Waveguide
 
 FloatArray = NDArray[np.float64]
@@ -15,8 +16,6 @@ ComplexArray = NDArray[np.complex128]
 
 LARGEST_GAIN = 10.0
 """Amplification of a spectral component that propagation allows before it ends the band [-]."""
-ROLL_OFF = 0.2
-"""Width of a band's half-cosine edge, as a share of its limit; it ends at the limit."""
 FEWEST_SAMPLES = 8
 """A signal with fewer samples has no spectrum worth the name."""
 
@@ -87,16 +86,16 @@ def propagation(
     Parameters
     ----------
     signal : Signal
-        One wave's signal (strain, force, velocity), in `window` at least free of waves in the other direction.
+        One wave's signal (strain, force, velocity), free of other waves within `window` at least.
     waveguide : Waveguide
         The bar.
     distance : float
         Way along the wave's direction [m]; negative goes back to where the wave came from.
     window : tuple of float, optional
-        First and last time that belong to the wave, on the shot's clock [s]; outside, the signal fades to zero
-        within a tenth of the window.
+        First and last time that belong to the wave, on the shot's clock [s]; outside, the signal fades to
+        zero within a tenth of the window.
     band : float, optional
-        Frequency at which a half-cosine edge, `ROLL_OFF` of it wide, ends the spectrum [Hz].
+        Frequency at which a half-cosine edge, `spectra.ROLL_OFF` of it wide, ends the spectrum [Hz].
     start : float, optional
         Time of the result's first sample [s], if it shall lie on a clock of its own; interpolated within the
         band of the sampling.
@@ -151,8 +150,10 @@ def propagation(
     shifted = padded[before + whole : before + whole + count]
     there = Signal(first, step, result, 0.0, signal.unit, signal.name)
     total = float(value @ value)
-    noise = float(np.sqrt(_mean_square(turn, length)))
-    change = result - shifted if fraction == 0.0 else result - _shifted(padded, fraction, before + whole, count)
+    noise = float(np.sqrt(mean_square(turn, length)))
+    change = (
+        result - shifted if fraction == 0.0 else result - _shifted(padded, fraction, before + whole, count)
+    )
     return Propagation(
         signal=Signal(first, step, result, signal.sigma * noise, signal.unit, signal.name),
         band=float(limit),
@@ -162,37 +163,6 @@ def propagation(
         size=float(np.abs(change).max(initial=0.0)),
         rms=float(np.sqrt(np.mean(change**2))) if change.size else 0.0,
     )
-
-
-def windowed(signal: Signal, window: tuple[float, float], *, taper: float | None = None) -> Signal:
-    """The signal within a window, faded to zero by half-cosines outside.
-
-    Parameters
-    ----------
-    signal : Signal
-        The signal; samples inside the window stay what they are.
-    window : tuple of float
-        First and last time on the shot's clock [s].
-    taper : float, optional
-        Length of each fade [s]; without it a tenth of the window.
-
-    Raises
-    ------
-    ValueError
-        If the window is empty or outside the signal.
-    """
-    first, last = window
-    if not (signal.start - signal.interval <= first < last <= signal.end + signal.interval):
-        raise ValueError(
-            f"a window must be ascending and within [{signal.start:.6g}, {signal.end:.6g}] s, "
-            f"got [{first:.6g}, {last:.6g}] s"
-        )
-    length = 0.1 * (last - first) if taper is None else taper
-    outside = np.maximum(np.maximum(first - signal.time, signal.time - last), 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(outside > 0.0, np.minimum(outside / length, 1.0), 0.0)
-    value = signal.value * 0.5 * (1.0 + np.cos(pi * share))
-    return Signal(signal.start, signal.interval, value, signal.sigma, signal.unit, signal.name)
 
 
 def force_of(strain: Signal, waveguide: Waveguide, *, band: float | None = None) -> Signal:
@@ -219,23 +189,8 @@ def _multiplied(strain: Signal, waveguide: Waveguide, unit: str, band: float | N
     if unit == "m/s":
         factor[kept] /= waveguide.impedance(omega)
     value = irfft(rfft(faded(strain.value, fade, length, fade=fade)) * factor, length)[fade : fade + n]
-    sigma = strain.sigma * float(np.sqrt(_mean_square(factor, length)))
+    sigma = strain.sigma * float(np.sqrt(mean_square(factor, length)))
     return Signal(strain.start, strain.interval, value, sigma, unit, strain.name)
-
-
-def faded(value: FloatArray, before: int, length: int, *, fade: int, rising: bool = True) -> FloatArray:
-    """Samples after `before` zeros, with half-cosines of `fade` samples from their first and last value to zero.
-
-    Shape [length]; a record that does not end at zero leaves no jump. Without `rising` only the end fades.
-    """
-    padded = np.zeros(length)
-    n = value.size
-    padded[before : before + n] = value
-    falling = 0.5 * (1.0 + np.cos(pi * np.arange(1, fade + 1) / (fade + 1)))
-    padded[before + n : before + n + fade] = value[-1] * falling
-    if rising:
-        padded[before - fade : before] = value[0] * falling[::-1]
-    return padded
 
 
 def _spread(waveguide: Waveguide, distance: float, n: int, step: float, limit: float) -> int:
@@ -252,23 +207,6 @@ def _shifted(padded: FloatArray, fraction: float, first: int, count: int) -> Flo
     return irfft(rfft(padded) * np.exp(1j * omega * fraction), padded.size)[first : first + count]
 
 
-def edge_filter(frequency: FloatArray, limit: float) -> FloatArray:
-    """Low-pass [-] at frequencies [Hz]: 1, then a half-cosine of `ROLL_OFF` of the limit that ends there at 0."""
-    if not isfinite(limit):
-        return np.ones(frequency.size)
-    share = np.clip((frequency / limit - 1.0 + ROLL_OFF) / ROLL_OFF, 0.0, 1.0)
-    return 0.5 * (1.0 + np.cos(pi * share))
-
-
-def _mean_square(factor: ComplexArray, length: int) -> float:
-    """Mean square of a filter's response over all frequencies: variance of white noise after over before."""
-    weight = np.full(factor.size, 2.0)
-    weight[0] = 1.0
-    if length % 2 == 0:
-        weight[-1] = 1.0
-    return float((weight * np.abs(factor) ** 2).sum() / length)
-
-
 def _check(
     signal: Signal,
     distance: float,
@@ -280,7 +218,9 @@ def _check(
         raise ValueError(f"a signal needs {FEWEST_SAMPLES} samples or more, got {signal.value.size}")
     if not np.isfinite(signal.value).all():
         bad = int(np.argmin(np.isfinite(signal.value)))
-        raise ValueError(f"sample {bad} of {signal.name or 'the signal'} is not finite, at {signal.time[bad]:g} s")
+        raise ValueError(
+            f"sample {bad} of {signal.name or 'the signal'} is not finite, at {signal.time[bad]:g} s"
+        )
     if not (isfinite(signal.interval) and signal.interval > 0.0):
         raise ValueError(f"the sampling interval must be > 0 s, got {signal.interval}")
     if not isfinite(distance):

@@ -6,14 +6,15 @@ Numbers of equations are those of docs/theory/bar_waves.md.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import log, pi
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 
-from kolsky.waves.propagation import edge_filter, faded
 from kolsky.waves.records import BarSignal, History
+from kolsky.waves.spectra import edge_filter, faded
 from kolsky.waves.waveguide import Waveguide
 
 FloatArray = NDArray[np.float64]
@@ -96,7 +97,9 @@ def separate(
     known = begin + interval * (n - 1) - (near if len(gauges) == 2 else far) / waveguide.wave_speed
     last = known if end is None else min(end, known)
     if last <= begin:
-        raise ValueError("the records end before a wave at the specimen has reached a gauge. Cure: longer records")
+        raise ValueError(
+            "the records end before a wave at the specimen has reached a gauge. Cure: longer records"
+        )
 
     # Zeros up to the pad stand for the quiet start: times before the record, when waves were still far.
     lead = int(np.ceil(far / waveguide.wave_speed / interval)) + 64
@@ -137,7 +140,7 @@ def separate(
     misfit = np.sqrt(np.mean((seen - values)[:, :count] ** 2, axis=1)) * weight
     largest = max(float(found[name].sigma.max()) for name in ("toward", "away"))
     return SeparatedWaves(
-        time=begin + interval * np.arange(count),
+        time=np.asarray(begin + interval * np.arange(count), dtype=np.float64),
         toward=found["toward"],
         away=found["away"],
         force=found["force"],
@@ -156,7 +159,7 @@ def _common(gauges: Sequence[BarSignal]) -> tuple[float, float, FloatArray, Floa
     places = sorted(gauge.position for gauge in gauges)
     if places[0] < 0.0:
         raise ValueError(f"gauges lie at 0 m or more from the specimen, got {places[0]} m")
-    closest = min(b - a for a, b in zip(places, places[1:], strict=False))
+    closest = min(b - a for a, b in pairwise(places))
     if closest * 10.0 < gauges[0].bar.wave_speed * first.interval:
         raise ValueError(
             f"two gauges are {closest:g} m apart, a tenth of the way of a wave between samples or less. "

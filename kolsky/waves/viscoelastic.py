@@ -5,6 +5,7 @@ After Bacon (1998). Numbers of equations are those of docs/theory/bar_waves.md.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import pi
 
 import numpy as np
@@ -14,9 +15,10 @@ from scipy.optimize import nnls
 
 from kolsky.apparatus import Bar
 from kolsky.waves import pochhammer
-from kolsky.waves.propagation import windowed
+from kolsky.waves.polymer_waveguide import PronyModulus, TabulatedWaveguide
 from kolsky.waves.records import BarSignal
-from kolsky.waves.waveguide import PronyModulus, TabulatedWaveguide, check_bar
+from kolsky.waves.spectra import windowed
+from kolsky.waves.waveguide import check_bar
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -25,6 +27,8 @@ ABOVE_NOISE = 10.0
 """Spectra enter where every pass stands above its noise by this factor: log amplitude and phase to 0.1."""
 LEAKAGE = 3e-3
 """Share of a pass's largest spectral component [-] below which the edges of windows speak, not the wave."""
+FADE = 8
+"""Samples over which a passage fades to zero outside its window."""
 PADDING = 8
 """The transform is this many times as long as the record, so that phases can be followed."""
 
@@ -53,6 +57,9 @@ class PropagationCoefficient:
     """Wavenumber k = omega / c - i attenuation [rad/m], shape [n]."""
     sigma: FloatArray
     """Standard deviation of its real and of its imaginary part from the gauge's noise [rad/m], shape [n]."""
+    tail: float
+    """Largest mean of the last twentieth of a window over that pass's peak [-]: what was cut off. It enters
+    the coefficient at low frequency and is not in `sigma`."""
 
     @property
     def phase_velocity(self) -> FloatArray:
@@ -119,16 +126,25 @@ def propagation_coefficient(
         raise ValueError(f"the ways of two passages or more must ascend from 0 m, got {ways.tolist()}")
     if not above_noise >= 1.0:
         raise ValueError(f"above_noise must be >= 1, got {above_noise}")
+    for before, after in pairwise(passes):
+        if before.window[1] > after.window[0]:
+            raise ValueError(
+                f"windows of passages must follow each other, the one up to {before.window[1]:.6g} s reaches "
+                f"into that from {after.window[0]:.6g} s. Cure: shorter windows"
+            )
     signal = gauge.strain
     length = next_fast_len(PADDING * signal.value.size, real=True)
     frequency = rfftfreq(length, signal.interval)
     omega = 2.0 * pi * frequency
-    spectra, noise = [], []
+    spectra, noise, tail = [], [], 0.0
     for item in passes:
-        part = windowed(signal, item.window)
+        part = windowed(signal, item.window, taper=FADE * signal.interval)
         first = item.window[0] - signal.start  # phases from the window's first time turn slowly
         turned = rfft(part.value, length) * np.exp(1j * omega * first)
         spectra.append(turned * (-1.0) ** item.reflections)
+        inside = part.value[(signal.time >= item.window[0]) & (signal.time <= item.window[1])]
+        last = inside[-max(1, inside.size // 20) :]
+        tail = max(tail, abs(float(last.mean())) / max(float(np.abs(inside).max()), 1e-300))
         in_window = (item.window[1] - item.window[0]) / signal.interval
         noise.append(signal.sigma * np.sqrt(max(in_window, 1.0)))
     amplitude = np.abs(spectra)
@@ -139,8 +155,9 @@ def propagation_coefficient(
         clear &= (weight > above_noise**2).all(axis=0)
     used = _band(frequency, clear, shortest)
 
+    below = used[-1] + 1
     logs = np.array(
-        [np.log(np.abs(s[used])) + 1j * _unwrapped(s[: used[-1] + 1] / spectra[0][: used[-1] + 1])[used] for s in spectra]
+        [np.log(np.abs(s[used])) + 1j * _unwrapped(s[:below] / spectra[0][:below])[used] for s in spectra]
     )
     delay = np.array([item.window[0] - passes[0].window[0] for item in passes])
     logs = logs - 1j * omega[used] * delay[:, None]
@@ -151,7 +168,7 @@ def propagation_coefficient(
     slope = (w * lever * logs).sum(axis=0) / spread  # = -i k
     # Each of log amplitude and phase has the variance 1 / (2 w): half of a component's noise is in either.
     sigma = np.sqrt(0.5 / spread) if signal.sigma > 0.0 else np.zeros(used.size)
-    return PropagationCoefficient(gauge.bar, frequency[used], 1j * slope, sigma)
+    return PropagationCoefficient(gauge.bar, frequency[used], 1j * slope, sigma, tail)
 
 
 @dataclass(frozen=True)
