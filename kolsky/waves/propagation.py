@@ -93,7 +93,7 @@ def propagation(
         Way along the wave's direction [m]; negative goes back to where the wave came from.
     window : tuple of float, optional
         First and last time that belong to the wave, on the shot's clock [s]; outside, the signal fades to
-        zero within a tenth of the window.
+        zero within a fiftieth of the window.
     band : float, optional
         Frequency at which a half-cosine edge, `spectra.ROLL_OFF` of it wide, ends the spectrum [Hz].
     start : float, optional
