@@ -41,7 +41,7 @@ def build(kind: FigureKind[Any], shown: Any) -> Figure:
         layout = figure.get_layout_engine()
         assert layout is not None
         layout.execute(figure)  # once and for all: each saving would draw twice for it
-        figure.set_layout_engine("none")
+        figure.set_layout_engine(None)
     return figure
 
 
