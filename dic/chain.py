@@ -20,10 +20,13 @@ from dic.images.kept import KeptPictures
 from dic.images.noise import GreyNoise, grey_noise
 from dic.noise import noise_floor
 from dic.outcome import FrameOutcome, PointOutcome
+from dic.poses import flyer_poses
 from dic.region import grid_points, polygon_mask
 from dic.result import Body, Placement, StereoResult, SurfaceStrain, Travel
 from dic.setup_check import check_setup, free_pairs
 from dic.smoothness import off_surface
+from dic.speckle_report import facts as speckle_facts
+from dic.speckle_report import speckles
 from dic.stereo import reconstruct
 from dic.stereo.diagnose import Finding
 from dic.surface import CentrePoints
@@ -96,7 +99,7 @@ class ChainSettings:
     @property
     def rigid(self) -> Tracking:
         """How points of the flyer are followed: they translate, and enter the picture from its rim."""
-        subset = replace(self.tracking.correlation, shape=Shape.RIGID, least_pixels=0.1)
+        subset = replace(self.tracking.correlation, shape=Shape.RIGID, least_pixels=0.4)
         return replace(self.tracking, correlation=subset)
 
     def __post_init__(self) -> None:
@@ -211,6 +214,20 @@ def measure(
             subset=settings.rigid.correlation.subset,
             pictures=pictures,
         )
+    motion, unposed = None, []
+    if followed is not None and travel is not None:
+        motion, unposed = clock(
+            "flyer's poses",
+            lambda: flyer_poses(
+                followed,
+                rig,
+                placement.frame,
+                travel,
+                static,
+                subset=settings.rigid.correlation.subset,
+                length=settings.length,
+            ),
+        )
     body = _inside(_gated(body, rig, rest), rig, placement, settings, t, travel, rest)
     surface, left_out = _surface(body, placement, t, rest)
     subset = settings.tracking.correlation.subset
@@ -233,6 +250,7 @@ def measure(
             *remarks.of_findings(found.values()),
             *remarks.of_edge(edges),
             *remarks.of_flyer(flyer is not None, travel),
+            *unposed,
             *remarks.of_radius(placement, settings.radius),
             *remarks.of_missing_points(left_out),
             *remarks.of_uncertain_rows(uncertain, settings.largest_sigma),
@@ -240,9 +258,35 @@ def measure(
             *remarks.of_material(body, specimen),
         ),
         rig=rig,
-        facts={**(facts or {}), **_facts(pictures, settings, (grey[0].sigma, grey[1].sigma))},
+        facts={
+            **(facts or {}),
+            **_facts(pictures, settings, (grey[0].sigma, grey[1].sigma)),
+            "speckle": clock("speckles", lambda: _speckles(surface, pictures, settings, grey, rest)),
+        },
         seconds=clock.seconds,
+        motion=motion,
     )
+
+
+def _speckles(
+    body: Body,
+    pictures: tuple[Pictures, Pictures],
+    settings: ChainSettings,
+    grey: tuple[GreyNoise, GreyNoise],
+    rest: list[int],
+) -> list[dict[str, Any]]:
+    """The speckle report of both cameras; where there can be none, why."""
+    found: list[dict[str, Any]] = []
+    for series, noise, pixels in zip(pictures, grey, body.pixels, strict=True):
+        try:
+            judged = speckles(
+                series, rest, noise, pixels[rest[0]], subset=settings.tracking.correlation.subset
+            )
+        except (PictureError, ValueError) as error:
+            found.append({"problem": str(error)})
+        else:
+            found.append(speckle_facts(judged.quality))
+    return found
 
 
 def _check(

@@ -96,7 +96,7 @@ def of_uncertain_rows(count: int, largest: float | None) -> list[Remark]:
     return [
         Remark(
             name="uncertain rows",
-            text=f"{count} rows of the outline, over all frames, have a sigma above {1e6 * largest:.3g} um "
+            text=f"{count} rows of the outline, over all frames, have a sigma above {1e6 * largest:.3g} µm "
             "and are left out of it",
             cure="nothing to do; a larger sigma lets them in",
         )

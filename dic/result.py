@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.body_motion import BodyMotion
 from dic.camera import StereoRig
 from dic.noise import SMALLEST_SERIES, NoiseFloor
 from dic.outcome import FrameOutcome, PointOutcome
@@ -148,6 +149,8 @@ class StereoResult:
     """Settings and facts of the pictures, as JSON can hold them."""
     seconds: Mapping[str, float] = field(default_factory=dict)
     """Wall time of each stage."""
+    motion: BodyMotion | None = None
+    """The flyer's rigid motion, in the frames whose points tell it."""
 
     @property
     def strain_noise(self) -> FloatArray:

@@ -4,8 +4,13 @@ A subset needs several rows of speckle around its point; a body that only just r
 rest has none. But its whole rim moves as one: the static pictures are compared, pixel by pixel and both
 cameras together, with the picture in which the body's points were chosen. One unknown is left, its place
 along the axis.
+
+The last rows of a picture are not like the others: optics and electronics, or whatever filtered the pictures,
+blur them from one side only, so that they show a place a fraction of a pixel further in. By how much, row by
+row, is measured in frames in which enough of the body is in view to say where it is (`RimSearch.learn`).
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,19 +21,26 @@ from dic.camera import Camera, StereoRig
 from dic.surfaces import SpecimenFrame
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 RIM = 12
-"""Pixels from a border of the picture that are looked at."""
+"""Rows of pixels that are looked at, from the border that the body comes in by."""
 FEWEST = 40
 """Pixels of both cameras that must show the body."""
-EDGE = 0.1
-"""What a rim of one or two rows may be off beside its noise [px]: its rows are the picture's last ones, and
-the blur of the body's edge is near. On `open-02`, with one row in view, it is 0.12 px (6.4 µm)."""
+EDGE = 0.02
+"""What a body may be off, beside its noise, of which only the last pixel of its region is in view [px]:
+the blur of its own edge is near. On `open-02` such rows are off by 0.02 px (1 µm)."""
+FEWEST_ROW = 20
+"""Pixels of a row that must show the body before the row's own place is found."""
+FEWEST_FRAMES = 3
+"""Frames in which a row must have shown it."""
 STRIDE = 10e-6
 """Distance of the places that are tried [m]: a fraction of a speckle."""
 LEAST_ZNCC = 0.9
 """Least correlation of the place that is taken."""
+MOST_STEPS, SETTLED = 10, 1e-8
+"""Gauss-Newton steps at most, and the step at which they end [m]."""
 CORE = 30e-6
 """How far the search may end from the best of the places tried [m]."""
 
@@ -40,7 +52,10 @@ class Rim:
     y: float
     """Translation along the axis [m]."""
     sigma: float
-    """Its standard deviation, from the residual of the comparison and `EDGE` [m]."""
+    """Its standard deviation, from the residual of the comparison [m]."""
+    common: float
+    """What frames that show the same rows have in common beside it: `EDGE`, and what is not known of the
+    rows' offsets [m]."""
     zncc: float
     """Correlation of the rim."""
     n_pixels: int
@@ -58,6 +73,8 @@ class View:
     """Pixels of the rim (x, y), shape [n, 2]."""
     X: FloatArray
     """Where their rays meet the body's cylinder, in the test frame, shape [n, 3]; NaN where they miss it."""
+    row: IntArray
+    """Their rows, counted from the border that the body comes in by, shape [n]."""
 
 
 class RimSearch:
@@ -88,12 +105,42 @@ class RimSearch:
         move: FloatArray,
     ) -> None:
         radius = float(np.median(np.hypot(places[:, 0], places[:, 2])))
-        self._views = [_view(*both, frame, radius) for both in zip(rig.cameras, material, strict=True)]
-        self._inner = mask
+        self._masks = (mask, ndimage.binary_erosion(mask, border_value=1))
         self._first, self._frame, self._move = rig.cameras[0], frame, move
         middle = np.median(places, axis=0) + move
         ends = rig.cameras[0].project(frame.in_rig(middle + np.array([[0.0, 0.0, 0.0], [0.0, 1e-4, 0.0]])))
         self._scale = float(np.linalg.norm(ends[1] - ends[0])) / 1e-4
+        self._views = [
+            _view(*both, frame, radius, ends[1] - ends[0]) for both in zip(rig.cameras, material, strict=True)
+        ]
+        self._offset, self._offset_sigma = np.zeros((2, RIM)), np.zeros((2, RIM))
+
+    def learn(
+        self, known: Iterable[tuple[tuple[FloatArray, FloatArray], FloatArray]]
+    ) -> tuple[FloatArray, FloatArray]:
+        """By how much each row at the border shows the body elsewhere than it is; `find` then takes it off.
+
+        Parameters
+        ----------
+        known
+            Pairs of pictures, shape [rows, columns] each, with the body's translation in them [m], shape [3].
+
+        Returns
+        -------
+        offset : array
+            Of each camera's rows from the border inward, along y [m], shape [2, `RIM`]; 0 where unknown.
+        sigma : array
+            Its standard deviation, from the scatter of the frames [m], same shape.
+        """
+        found = np.stack([self._rows(pictures, move) for pictures, move in known])  # frame, camera, row
+        count = np.isfinite(found).sum(axis=0)
+        enough = count >= FEWEST_FRAMES
+        values = np.where(np.isfinite(found), found, 0.0)
+        mean = values.sum(axis=0) / np.maximum(count, 1)
+        square = np.where(np.isfinite(found), (found - mean) ** 2, 0.0).sum(axis=0)
+        self._offset = np.where(enough, mean, 0.0)
+        self._offset_sigma = np.where(enough, np.sqrt(square / np.maximum(count * (count - 1), 1)), 0.0)
+        return self._offset, self._offset_sigma
 
     def find(
         self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, tried: FloatArray
@@ -114,50 +161,101 @@ class RimSearch:
         Rim or None
             None if too few pixels show the body, or no place tried looks like it.
         """
-        score = np.array([self._compare(pictures, near, y)[0] for y in tried])
+        whole, clear = self._masks
+        score = np.array([self._compare(pictures, near, y, whole)[0] for y in tried])
         best = int(np.argmax(score))
-        y, step = float(tried[best]), 1.0
-        for _ in range(10):
-            if score[best] < 0.0 or abs(step) < 1e-9:
-                break
-            step = float(np.clip(self._compare(pictures, near, y)[1], -STRIDE, STRIDE))
-            y += step
-        zncc, _, variance, n = self._compare(pictures, near, y)
+        if score[best] < 0.0:
+            return None
+        y, fit = self._settled(pictures, near, float(tried[best]), whole)
+        edge = EDGE / self._scale
+        if self._compare(pictures, near, y, clear)[-1] >= FEWEST:
+            y, fit = self._settled(pictures, near, y, clear)
+            edge = 0.0
+        zncc, _, variance, offset, n = fit
         if zncc < LEAST_ZNCC or abs(y - tried[best]) > CORE:
             return None
-        edge = EDGE / self._scale
-        return Rim(y=y, sigma=float(np.sqrt(variance + edge**2)), zncc=zncc, n_pixels=n)
+        return Rim(
+            y=y, sigma=float(np.sqrt(variance)), common=float(np.hypot(edge, offset)), zncc=zncc, n_pixels=n
+        )
+
+    def _settled(
+        self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float, mask: BoolArray
+    ) -> tuple[float, tuple[float, float, float, float, int]]:
+        """The translation near y that fits best [m], and what `_compare` says of it."""
+        for _ in range(MOST_STEPS):
+            fit = self._compare(pictures, near, y, mask)
+            step = float(np.clip(fit[1], -STRIDE, STRIDE))
+            if abs(step) < SETTLED:
+                break
+            y += step
+        return y, fit
+
+    def _rows(self, pictures: tuple[FloatArray, FloatArray], move: FloatArray) -> FloatArray:
+        """How much further along y than `move` each row shows the body [m], shape [2, `RIM`]; NaN: not
+        known."""
+        off = np.full((2, RIM), np.nan)
+        for camera, (view, picture) in enumerate(zip(self._views, pictures, strict=True)):
+            still, moved, slope, row = _pair(
+                view, picture, self._first, self._frame, self._masks[1], self._move - move, np.zeros(RIM)
+            )
+            for k in range(RIM):
+                of = row == k
+                if of.sum() >= FEWEST_ROW:
+                    step, variance = _fit(still[of], moved[of], slope[of])
+                    off[camera, k] = step if np.isfinite(variance) else np.nan
+        return off
 
     def _compare(
-        self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float
-    ) -> tuple[float, float, float, int]:
-        """Correlation at a translation y, the step of y by Gauss-Newton [m], its variance, and the pixels."""
+        self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float, mask: BoolArray
+    ) -> tuple[float, float, float, float, int]:
+        """Correlation at a translation y, the step of y by Gauss-Newton [m], its variance, what the rows'
+        offsets add to its sigma [m], and the pixels."""
         motion = self._move - np.array([near[0], y, near[2]])
         parts = [
-            _pair(view, picture, self._first, self._frame, self._inner, motion)
-            for view, picture in zip(self._views, pictures, strict=True)
+            _pair(view, picture, self._first, self._frame, mask, motion, offset)
+            for view, picture, offset in zip(self._views, pictures, self._offset, strict=True)
         ]
         still, moved, slope = (np.concatenate([part[k] for part in parts]) for k in range(3))
         n = len(still)
         if n < FEWEST:
-            return -1.0, 0.0, np.inf, n
+            return -1.0, 0.0, np.inf, 0.0, n
         f, g = still - still.mean(), moved - moved.mean()
-        cross, energy = float(f @ g), float(g @ g)
-        if not (energy > 0.0 and f @ f > 0.0):
-            return -1.0, 0.0, np.inf, n
-        # grey = gain (moved + slope step) + offset, gain and offset free; the step in micrometres
-        A = np.stack([1e-6 * slope * cross / energy, g, np.ones(n)], axis=1)
-        inverse = np.linalg.pinv(A.T @ A)
-        solution = inverse @ (A.T @ still)
-        scatter = float(np.sum((still - A @ solution) ** 2)) / (n - 3)
-        zncc = cross / float(np.sqrt((f @ f) * energy))
-        return zncc, 1e-6 * float(solution[0]), 1e-12 * scatter * float(inverse[0, 0]), n
+        energy = float((f @ f) * (g @ g))
+        step, variance = _fit(still, moved, slope)
+        if not (energy > 0.0 and np.isfinite(variance)):
+            return -1.0, 0.0, np.inf, 0.0, n
+        weight = slope**2 / float(slope @ slope)
+        known = np.concatenate(
+            [sigma[part[3]] for sigma, part in zip(self._offset_sigma, parts, strict=True)]
+        )
+        # An offset is common to its row's pixels; the plain sum over rows is the most they can add up to.
+        return float(f @ g) / float(np.sqrt(energy)), step, variance, float(weight @ known), n
 
 
-def _view(camera: Camera, material: FloatArray, frame: SpecimenFrame, radius: float) -> View:
+def _fit(still: FloatArray, moved: FloatArray, slope: FloatArray) -> tuple[float, float]:
+    """Step of y that makes ``grey = gain (moved + slope step) + offset`` fit best, gain and offset free [m],
+    and its variance; infinite where grey values are all one."""
+    f, g = still - still.mean(), moved - moved.mean()
+    cross, energy, n = float(f @ g), float(g @ g), len(still)
+    if not (energy > 0.0 and f @ f > 0.0):
+        return 0.0, np.inf
+    A = np.stack([1e-6 * slope * cross / energy, g, np.ones(n)], axis=1)  # the step in micrometres
+    inverse = np.linalg.pinv(A.T @ A)
+    solution = inverse @ (A.T @ still)
+    scatter = float(np.sum((still - A @ solution) ** 2)) / (n - 3)
+    return 1e-6 * float(solution[0]), 1e-12 * scatter * float(inverse[0, 0])
+
+
+def _view(
+    camera: Camera, material: FloatArray, frame: SpecimenFrame, radius: float, outward: FloatArray
+) -> View:
+    """What a camera knows of the body, which comes in by the border that `outward` (x, y) points to."""
     rows, columns = material.shape
     y, x = np.mgrid[0:rows, 0:columns]
-    near = np.minimum(np.minimum(x, columns - 1 - x), np.minimum(y, rows - 1 - y)) < RIM
+    axis = int(np.argmax(np.abs(outward)))
+    along = (x, y)[axis]
+    row = (columns, rows)[axis] - 1 - along if outward[axis] > 0.0 else along
+    near = row < RIM
     pixels = np.stack([x[near], y[near]], axis=1).astype(np.float64)
     ideal = camera.undistort(pixels)
     rays = np.concatenate([ideal, np.ones((len(ideal), 1))], axis=1) @ camera.rotation
@@ -166,18 +264,25 @@ def _view(camera: Camera, material: FloatArray, frame: SpecimenFrame, radius: fl
     a = d[:, 0] ** 2 + d[:, 2] ** 2
     b = d[:, 0] * start[0] + d[:, 2] * start[2]
     under = b * b - a * (start[0] ** 2 + start[2] ** 2 - radius**2)
-    along = np.where(under >= 0.0, (-b - np.sqrt(np.maximum(under, 0.0))) / a, np.nan)
+    depth = np.where(under >= 0.0, (-b - np.sqrt(np.maximum(under, 0.0))) / a, np.nan)
     smooth = ndimage.spline_filter(np.asarray(material, dtype=np.float64), order=5, mode="mirror")
-    return View(camera, smooth, pixels, start + along[:, None] * d)
+    return View(camera, smooth, pixels, start + depth[:, None] * d, row[near].astype(np.int64))
 
 
 def _pair(
-    view: View, picture: FloatArray, first: Camera, frame: SpecimenFrame, inner: BoolArray, motion: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Grey values of the pixels that show the body, here and in the picture of its points, and by how much
-    the latter grow if the body is further along y here [grey/m]."""
+    view: View,
+    picture: FloatArray,
+    first: Camera,
+    frame: SpecimenFrame,
+    inner: BoolArray,
+    motion: FloatArray,
+    offset: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
+    """Grey values of the pixels that show the body, here and in the picture of its points, by how much the
+    latter grow if the body is further along y here [grey/m], and the pixels' rows from the border."""
     hit = np.isfinite(view.X).all(axis=1)
     X = view.X[hit] + motion
+    X[:, 1] -= offset[view.row[hit]]
     at = np.round(first.project(frame.in_rig(X))).astype(np.int64)
     rows, columns = inner.shape
     within = (at[:, 0] >= 0) & (at[:, 0] < columns) & (at[:, 1] >= 0) & (at[:, 1] < rows)
@@ -192,4 +297,5 @@ def _pair(
         )
         for places in (seen, beside)
     )
-    return picture[here[:, 1], here[:, 0]], value, (further - value) / 1e-6
+    row = view.row[hit][within][held]
+    return picture[here[:, 1], here[:, 0]], value, (further - value) / 1e-6, row

@@ -1,5 +1,7 @@
 """How far the flyer went: one translation a frame, from whatever either camera saw of it."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +22,8 @@ SIDEWAYS = 50e-6
 """How far the flyer may have moved across the axis since the nearest frame that both cameras saw [m]."""
 NEAR = 50e-6
 """How far from where it is expected the rim of the body is looked for [m]."""
+LEARNT = 40
+"""Frames from which the rows at the border of the picture are learnt."""
 ROUNDS = 4
 """Rounds in which places on the body and translations are found from each other."""
 GATE = 5.0
@@ -83,6 +87,7 @@ def flyer_travel(
             found.append(fit[0])
             sigma.append(fit[1])
             counts.append(fit[2])
+    common = 0.0
     by_rim = bool(rows) and not static[rows].any() and pictures is not None
     if by_rim and pictures is not None:
         for k, rim in _rims(pictures, body, rig, frame, places[known], moves, rows, found, static):
@@ -90,6 +95,7 @@ def flyer_travel(
             found.insert(0, rim.y)
             sigma.insert(0, rim.sigma)
             counts.insert(0, 0)
+            common = rim.common  # the last is the first frame's, at rest
     index = np.array(rows, dtype=np.int64)
     y = np.array(found)
     at_rest = static[index]
@@ -102,8 +108,10 @@ def flyer_travel(
         displacement=rest - y,
         sigma=np.array(sigma),
         n_points=np.array(counts, dtype=np.int64),
-        # what the edge does to a rim is the same in all static frames
-        rest_sigma=float(np.mean(np.array(sigma)[at_rest])) if by_rim else _of_mean(np.array(sigma)[at_rest]),
+        # The static frames show the same rows of a rim, with the same interpolation of the same noise.
+        rest_sigma=float(np.hypot(np.mean(np.array(sigma)[at_rest]), common))
+        if by_rim
+        else _of_mean(np.array(sigma)[at_rest]),
     )
 
 
@@ -126,6 +134,7 @@ def _rims(
         return []
     chosen = (pictures[0].frame(m).astype(np.float64), pictures[1].frame(m).astype(np.float64))
     search = RimSearch(chosen, body.mask, rig, frame, places, moves[m])
+    search.learn(_in_view(pictures, moves, rows, found))
     result: list[tuple[int, Rim]] = []
     past = [found[0], found[min(1, len(found) - 1)]]
     for k in range(first - 1, -1, -1):
@@ -134,11 +143,25 @@ def _rims(
         except PictureError:
             continue  # its frame has an outcome that says so (`dic.images.frame_health`)
         expected = past[0] if static[k] else 2.0 * past[0] - past[1]
-        rim = search.find(pair, near, expected + np.arange(-NEAR, NEAR + 0.5 * STRIDE, STRIDE))
+        around = STRIDE if static[k] and static[min(k + 1, len(static) - 1)] and result else NEAR
+        rim = search.find(pair, near, expected + np.arange(-around, around + 0.5 * STRIDE, STRIDE))
         if rim is not None:
             result.append((k, rim))
             past = [rim.y, past[0]]
     return result
+
+
+def _in_view(
+    pictures: tuple[Pictures, Pictures], moves: FloatArray, rows: list[int], found: list[float]
+) -> Iterator[tuple[tuple[FloatArray, FloatArray], FloatArray]]:
+    """Pictures in which points say where the body is, with its translation; about `LEARNT` of them."""
+    seen = [(k, y) for k, y in zip(rows, found, strict=True) if np.isfinite(moves[k]).all()]
+    for k, y in seen[:: max(len(seen) // LEARNT, 1)]:
+        try:
+            pair = (pictures[0].frame(k).astype(np.float64), pictures[1].frame(k).astype(np.float64))
+        except PictureError:
+            continue
+        yield pair, np.array([moves[k, 0], y, moves[k, 2]])
 
 
 def _of_mean(sigma: FloatArray) -> float:

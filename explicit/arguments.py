@@ -18,7 +18,7 @@ from explicit.march import MarchKernel
 from explicit.materials import bulk_modulus
 from explicit.mesh import Mesh
 from explicit.model import Model, Samples, Sampling, Stepping
-from explicit.places import GROUP, fits, grouped, rooms
+from explicit.places import GROUP, LOADED_BYTES, fits, grouped, rooms
 from explicit.precision import Precision
 from explicit.support import RIGID, CharacteristicBar, MovingSupport
 from explicit.update import VALENCE
@@ -59,14 +59,19 @@ def _new_body(kernel: MarchKernel, model: Model, numbers: Precision, where: Any,
 
     area = mesh.contact_area
     surface_mass = np.divide(mass, area, out=np.full(mesh.n_nodes, np.inf), where=area > 0.0)
-    masses = np.stack([mass, np.where(mesh.on_axis, 0.0, 1.0 / mass), 1.0 / mass])
+    masses = np.stack([mass, np.where(mesh.on_axis, 0.0, 1.0 / mass), 1.0 / mass, np.zeros(mesh.n_nodes)])
     height = mesh.nodes[:, 1] - mesh.nodes[:, 1].min()
     slots = rooms(numbers, on_chip).elements if on_chip else mesh.n_elements
+    corners = _corner_table(mesh, slots, place, 1 if where.is_cuda else SPARE)
+
+    def table(values: NDArray[Any], dtype: Any) -> NDArray[Any]:
+        return grouped(values.astype(dtype), loaded=LOADED_BYTES if where.is_cuda else 0)
+
     for name, values, dtype in (
-        ("shapes", grouped(_side_by_side(shapes, numbers.dtype)), numbers.real),
-        ("quads", grouped(place[mesh.quads.T]), int),
-        ("corners", grouped(placed(_corner_table(mesh, slots))), int),
-        ("masses", grouped(placed(masses)), numbers.real),
+        ("shapes", table(_side_by_side(shapes, numbers.dtype), numbers.dtype), numbers.real),
+        ("quads", table(place[mesh.quads.T], np.int32), int),
+        ("corners", table(placed(corners), np.int32), int),
+        ("masses", table(placed(masses), numbers.dtype), numbers.real),
         ("reference_r", placed(mesh.nodes[:, 0]), wp.float64),
         ("reference_y", placed(height), wp.float64),
         ("surface_mass", surface_mass[seats], numbers.real),
@@ -110,9 +115,13 @@ def node_kinds(mesh: Mesh) -> IntArray:
     return kind
 
 
-def _corner_table(mesh: Mesh, slots: int) -> IntArray:
+def _corner_table(mesh: Mesh, slots: int, place: IntArray, zeros: int) -> IntArray:
     """Where each node gathers its forces, shape [VALENCE, n_nodes]: corner by corner with so many slots each,
-    elements side by side; the entry past the last one holds zero."""
+    elements side by side; the entry past the last one holds zero.
+
+    A node finds the element whose k-th corner it is at its k-th place, if no other element took that place,
+    so that neighbours find neighbours.
+    """
     start, corner = mesh.corners_of_node
     count = np.diff(start)
     if count.max() > VALENCE:
@@ -120,8 +129,13 @@ def _corner_table(mesh: Mesh, slots: int) -> IntArray:
             f"at most {VALENCE} elements may meet at a node, {count.max()} do at node {count.argmax()}"
         )
     node = np.repeat(np.arange(mesh.n_nodes), count)
-    table = np.full((VALENCE, mesh.n_nodes), 4 * slots)
+    nothing = 4 * slots + place % zeros
+    table = np.tile(nothing, (VALENCE, 1))
     table[np.arange(len(corner)) - start[node], node] = corner % 4 * slots + corner // 4
+    regular = (np.bincount(4 * node + corner % 4, minlength=4 * mesh.n_nodes) <= 1).reshape(-1, 4).all(axis=1)
+    here = regular[node]
+    table[:, regular] = nothing[regular]
+    table[(corner % 4)[here], node[here]] = (corner % 4 * slots + corner // 4)[here]
     return table
 
 
@@ -223,7 +237,7 @@ def state_of(
     needed = {name for name, wanted in (("bar_wave", bar), ("slip", remembers)) if wanted}
     for name, n, dtype in (
         *((name, first_seat + n_seats, numbers.real) for name in ("u_r", "u_y", "v_r", "v_y")),
-        *((name, 4 * mesh.n_elements + 1, numbers.real) for name in ("corner_r", "corner_y")),
+        *((name, 4 * mesh.n_elements + SPARE, numbers.real) for name in ("corner_r", "corner_y")),
         *((name, n_seats, wp.float64) for name in ("push_lower", "push_upper", "carried")),
         ("clock", CLOCK, wp.float64),
         ("parts", HANDED * WARPS, wp.float64),

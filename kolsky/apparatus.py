@@ -1,7 +1,7 @@
 """The apparatus: what the bar, the platens, the transducers and the specimen are (SI)."""
 
 from dataclasses import dataclass
-from math import pi, sqrt
+from math import inf, pi, sqrt
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,8 @@ class Transducer:
     """+1 if compression gives positive volts, -1 otherwise."""
     full_scale: float
     """Largest |volts| the recorder can show [V]."""
+    time_constant: float = inf
+    """Time in which the output of a constant force falls to 1/e [s]; inf without droop."""
 
 
 @dataclass(frozen=True)

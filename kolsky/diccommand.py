@@ -9,7 +9,7 @@ import numpy as np
 from dic.output import reporting
 from dic.output.csv import MM, write_frames, write_history
 from dic.result import StereoResult
-from kolsky import dicsummary, options
+from kolsky import dicsummary, flightreport, options
 from kolsky.commands import tell
 from kolsky.measure import RESULT_FILE, surfaces
 from kolsky.outfolder import filling, usable_folder
@@ -66,9 +66,11 @@ def correlate(
     from kolsky.report.view import view
     from kolsky.report.vtp import write_vtp
 
-    shown = view(loaded.name, result, loaded.seen.pictures[0])
+    shown = view(loaded.name, result, loaded.seen.pictures, found.flight)
     with filling(folder) as partial:
         _tables(partial, result, loaded.seen.frames.frame)
+        if not isinstance(found.flight, str):
+            write_history(partial / "flight.csv", flightreport.columns(found.flight))
         write_page(partial / "dic.html", shown, loaded.inputs)
         if formats:
             save_figures(partial / "figures", shown, formats=tuple(formats), registry=SURFACES)
@@ -80,8 +82,13 @@ def correlate(
                 write_vtp(partial / "vtp", result.flyer, "flyer")
     tell(
         [],
-        dicsummary.printed(result),
-        {"shot": loaded.name, **dicsummary.summary(result), "remarks": dicsummary.warnings(result)}
+        {**dicsummary.printed(result), **flightreport.printed(found.flight)},
+        {
+            "shot": loaded.name,
+            **dicsummary.summary(result),
+            **flightreport.summary(found.flight),
+            "remarks": dicsummary.warnings(result),
+        }
         if as_json
         else None,
         rest={

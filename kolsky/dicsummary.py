@@ -49,7 +49,7 @@ def summary(result: StereoResult) -> dict[str, Any]:
 
 
 def printed(result: StereoResult) -> dict[str, str]:
-    """The same as a table for a terminal, in px, um and mm."""
+    """The same as a table for a terminal, in px, µm and mm."""
     rows, um = summary(result), 1e6
     triple = {
         name: ", ".join(f"{um * value:.2f}" for value in rows[name])
@@ -62,29 +62,29 @@ def printed(result: StereoResult) -> dict[str, str]:
         "points lost, by outcome": ", ".join(f"{count} {name}" for name, count in rows["points_lost"].items())
         or "none",
         "sigma of a match": f"{rows['sigma_match_px']:.4f} px",
-        "sigma of x, y, Z": f"{triple['sigma_x_y_Z_m']} um",
+        "sigma of x, y, Z": f"{triple['sigma_x_y_Z_m']} µm",
         "epipolar rms": f"{rows['epipolar_rms_px']:.4f} px",
-        "noise floor in time": f"{triple['noise_floor_time_m']} um (x, y, Z)",
-        "noise floor in space": f"{triple['noise_floor_space_m']} um",
-        "noise predicted": f"{triple['noise_floor_predicted_m']} um",
+        "noise floor in time": f"{triple['noise_floor_time_m']} µm (x, y, Z)",
+        "noise floor in space": f"{triple['noise_floor_space_m']} µm",
+        "noise predicted": f"{triple['noise_floor_predicted_m']} µm",
     }
     if all(value is not None for value in rows["strain_noise_around_along_shear"]):
         table["strain noise"] = (
             ", ".join(f"{um * value:.0f}" for value in rows["strain_noise_around_along_shear"])
-            + " um/m (around, along, shear)"
+            + " µm/m (around, along, shear)"
         )
     table["cylinder at rest"] = (
-        f"radius {1e3 * rows['cylinder_radius_m']:.4f} mm ± {2e6 * rows['cylinder_radius_sigma_m']:.1f} um "
-        f"(k = 2), points {um * rows['cylinder_rms_m']:.1f} um rms off it"
+        f"radius {1e3 * rows['cylinder_radius_m']:.4f} mm ± {2e6 * rows['cylinder_radius_sigma_m']:.1f} µm "
+        f"(k = 2), points {um * rows['cylinder_rms_m']:.1f} µm rms off it"
     )
     table["centre line"] = (
-        f"{rows['centre_line_points']} points, sigma {um * rows['centre_line_sigma_m']:.2f} um"
+        f"{rows['centre_line_points']} points, sigma {um * rows['centre_line_sigma_m']:.2f} µm"
     )
     if "flyer_travel_m" in rows:
         table["flyer"] = (
             f"{1e3 * rows['flyer_travel_m']:.4f} mm in {rows['flyer_frames']} frames, sigma "
-            f"{um * rows['flyer_sigma_m']:.2f} um, at rest "
-            f"{um * rows['flyer_rest_sigma_m']:.2f} um"
+            f"{um * rows['flyer_sigma_m']:.2f} µm, at rest "
+            f"{um * rows['flyer_rest_sigma_m']:.2f} µm"
         )
     for frame, name in list(bad.items())[:SHOWN_FRAMES]:
         outcome = FrameOutcome[name.upper().replace(" ", "_")]

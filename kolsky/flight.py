@@ -1,20 +1,27 @@
 """The flyer's flight from its rigid motion: direction of its velocity, tilt, and where symmetry ends.
 
 Each component of displacement and rotation is fitted by `kolsky.flyer.fit_flyer`, whose position and
-velocity are those of one smooth path from rest; directions and rates follow from the paths. Components are
-taken as independent of each other.
+velocity are those of one smooth path from rest; directions and rates follow from the paths. The smoothness is
+judged by each frame's own noise; what frames have in common goes into the bands by their whole covariance.
+Components are taken as independent of each other.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import block_diag
 
 from dic.body_motion import BodyMotion
 from dic.outcome import FrameOutcome
-from kolsky.flyer import fit_flyer
+from kolsky.flyer import FEWEST_STATIC, fit_flyer
 from kolsky.flyerpath import FlyerPath
 from kolsky.records import FloatArray, FlyerMotion
+
+UNSEEN = 50e-6
+"""How far a body may sway before its poses are known [m]."""
+UNTURNED = 10e-3
+"""And how far it may turn [rad]."""
 
 
 @dataclass(frozen=True)
@@ -87,8 +94,11 @@ def flyer_motion(body: BodyMotion, t: ArrayLike) -> FlyerMotion:
     return FlyerMotion(time[ok], -body.displacement[ok, 1], body.displacement_sigma[ok, 1])
 
 
-def fit_flight(body: BodyMotion, t: ArrayLike, *, start: float) -> Flight:
+def fit_flight(body: BodyMotion, t: ArrayLike, *, start: float, toward: FlyerMotion | None = None) -> Flight:
     """Fit smooth paths to the rigid motion of a flyer that rests until `start`.
+
+    A flyer whose poses are known in fewer than three frames at rest is taken to have rested where its first
+    ones are, within `UNSEEN` and `UNTURNED`.
 
     Parameters
     ----------
@@ -98,6 +108,8 @@ def fit_flight(body: BodyMotion, t: ArrayLike, *, start: float) -> Flight:
         Frame times on the shot's clock [s], shape [n_frames].
     start
         A time in the static frames [s].
+    toward
+        Its displacement toward the specimen, if that is known better or in more frames than `body` has it.
 
     Raises
     ------
@@ -105,16 +117,36 @@ def fit_flight(body: BodyMotion, t: ArrayLike, *, start: float) -> Flight:
         As `kolsky.flyer.fit_flyer`, and if there are not as many times as frames.
     """
     time, ok = _times(body, t)
+    u, r = body.displacement, body.rotation
+    own = np.flatnonzero(ok)
 
-    def path(value: FloatArray, sigma: FloatArray) -> FlyerPath:
-        return fit_flyer(FlyerMotion(time[ok], value[ok], sigma[ok]), start=start)
+    def path(values: FloatArray, component: int, reach: float) -> FlyerPath:
+        C = body.covariance[:, component][own][:, :, component][:, own]
+        at, value, noise = own, values[ok], _own_noise(C)
+        unseen = np.flatnonzero(~ok & (time <= start))
+        if (time[own] <= start).sum() < FEWEST_STATIC and unseen.size:
+            at = np.concatenate([unseen, own])
+            value = np.concatenate([np.full(unseen.size, value[:FEWEST_STATIC].mean()), value])
+            noise = np.concatenate([np.full(unseen.size, reach * unseen.size**0.5), noise])
+            C = block_diag(np.diag(noise[: unseen.size] ** 2), C)
+        order = np.argsort(at)
+        motion = FlyerMotion(time[at][order], value[order], noise[order])
+        return fit_flyer(motion, start=start, covariance=C[np.ix_(order, order)])
 
-    u, u_sigma, r, r_sigma = body.displacement, body.displacement_sigma, body.rotation, body.rotation_sigma
     return Flight(
-        toward=path(-u[:, 1], u_sigma[:, 1]),
-        lateral=(path(u[:, 0], u_sigma[:, 0]), path(u[:, 2], u_sigma[:, 2])),
-        turn=(path(r[:, 0], r_sigma[:, 0]), path(r[:, 2], r_sigma[:, 2])),
+        toward=path(-u[:, 1], 4, UNSEEN) if toward is None else fit_flyer(toward, start=start),
+        lateral=(path(u[:, 0], 3, UNSEEN), path(u[:, 2], 5, UNSEEN)),
+        turn=(path(r[:, 0], 0, UNTURNED), path(r[:, 2], 2, UNTURNED)),
     )
+
+
+def _own_noise(covariance: FloatArray) -> FloatArray:
+    """Each frame's own part of the noise, by the variance of second differences, shape [n]."""
+    if len(covariance) < 3:
+        return np.asarray(np.sqrt(np.diag(covariance)))
+    D = np.diff(np.eye(len(covariance)), n=2, axis=0)
+    inner = np.einsum("ij,jk,ik->i", D, covariance, D) / 6.0  # 1, -2, 1 squared
+    return np.sqrt(np.minimum(np.pad(inner, 1, mode="edge"), np.diag(covariance)))
 
 
 @dataclass(frozen=True)
@@ -126,7 +158,7 @@ class SymmetryEnd:
     share: FloatArray
     """Part of the velocity across the reference over the speed [-], shape [n_times]."""
     sigma: FloatArray
-    """Its standard uncertainty from the noise of the velocity [-], shape [n_times]."""
+    """Its standard uncertainty from the noise of velocity and reference [-], shape [n_times]."""
     row: int | None
     """First time at which symmetry has ended, None if it has not."""
 
@@ -180,13 +212,15 @@ def symmetry_end(
     span = np.array([separation, separation + over])
     moved = np.array([np.diff(path.position(span))[0] for path in paths])
     reference = moved / np.linalg.norm(moved)
+    away = np.array([path.sigma_change(*span) for path in paths]) / np.linalg.norm(moved)
     v, s = flight.velocity(at)
     speed = np.linalg.norm(v, axis=1)
     across = v - np.outer(v @ reference, reference)
     with np.errstate(divide="ignore", invalid="ignore"):
         unit = across / np.linalg.norm(across, axis=1, keepdims=True)
         part = np.linalg.norm(across, axis=1) / speed
-        sigma = np.sqrt(np.sum((unit * s) ** 2, axis=1)) / speed
+        own = np.sqrt(np.sum((unit * s) ** 2, axis=1)) / speed
+        sigma = np.hypot(own, np.sqrt(np.sum((unit * away) ** 2, axis=1)))
     beyond = (at >= separation) & (part - coverage * sigma > share)
     run = np.convolve(beyond, np.ones(times_in_row), mode="full")[times_in_row - 1 :] == times_in_row
     return SymmetryEnd(reference, part, sigma, int(np.argmax(run)) if run.any() else None)

@@ -31,13 +31,13 @@ import numpy as np
 
 from kolsky.flyerpath import FlyerPath, responses
 from kolsky.jerks import ZERO_PRIOR, hat_functions, most_likely, posterior
-from kolsky.records import FlyerMotion
+from kolsky.records import FloatArray, FlyerMotion
 
 FEWEST_STATIC = 3
 FEWEST_MOVING = 8
 
 
-def fit_flyer(motion: FlyerMotion, *, start: float) -> FlyerPath:
+def fit_flyer(motion: FlyerMotion, *, start: float, covariance: FloatArray | None = None) -> FlyerPath:
     """Fit the path of a flyer that is at rest until `start`.
 
     Parameters
@@ -47,6 +47,10 @@ def fit_flyer(motion: FlyerMotion, *, start: float) -> FlyerPath:
     start : float
         A time in the static frames [s]: there the motion starts with x = v = a = 0. Later than the
         beginning of the true motion it would distort the ramp; earlier does no harm.
+    covariance
+        Of the displacements between the frames [m²], shape [n_frames, n_frames], if they have a common part
+        beside `FlyerMotion.sigma`, the noise that is each frame's own. The path is the same; what the fit
+        makes of the common part is added to its covariance.
 
     Returns
     -------
@@ -57,9 +61,11 @@ def fit_flyer(motion: FlyerMotion, *, start: float) -> FlyerPath:
     ------
     ValueError
         If times are not increasing, a value is not finite, a sigma is not positive, fewer than 3 frames
-        are at or before `start`, or fewer than 8 after it.
+        are at or before `start`, or fewer than 8 after it, or the covariance is of another shape.
     """
     _check(motion, start)
+    if covariance is not None and covariance.shape != 2 * motion.time.shape:
+        raise ValueError(f"covariance has shape {covariance.shape}, must be {2 * motion.time.shape}")
     t, sigma = motion.time, motion.sigma
     frame = float(np.median(np.diff(t)))
     unit = float(np.median(sigma))
@@ -78,10 +84,14 @@ def fit_flyer(motion: FlyerMotion, *, start: float) -> FlyerPath:
     effective = prior.size - float(np.trace(V))
     dof = t.size - effective
     u = prior[1:] * unit / frame**3
+    spread = u[:, None] * V[1:, 1:] * u
+    if covariance is not None:
+        gain = u[:, None] * (V @ (G * (prior / s)).T)[1:] / (s * sigma)  # of the jerks by the displacements
+        spread = spread + gain @ (covariance - np.diag(sigma**2)) @ gain.T
     return FlyerPath(
         knots=knots,
         jerk=u * z[1:],
-        covariance=u[:, None] * V[1:, 1:] * u,
+        covariance=spread,
         zero=float(about + ZERO_PRIOR * unit * z[0]),
         noise_scale=float(s),
         chi2_per_dof=float(s**2 * (rest @ rest) / dof),

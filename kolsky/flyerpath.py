@@ -80,6 +80,15 @@ class FlyerPath:
         """Standard uncertainty of `velocity` [m/s], shape of `time`."""
         return self._sigma(time, 1)
 
+    def sigma_acceleration(self, time: ArrayLike) -> FloatArray:
+        """Standard uncertainty of `acceleration` [m/s^2], shape of `time`."""
+        return self._sigma(time, 2)
+
+    def sigma_change(self, first: float, last: float) -> float:
+        """Standard uncertainty of the change of `position` between two times [m]."""
+        G = responses(self._inside([last]), self.knots, 0) - responses(self._inside([first]), self.knots, 0)
+        return float(np.sqrt(max((G @ self.covariance @ G.T).item(), 0.0)))
+
     def replicates(self, n: int, rng: np.random.Generator) -> list["FlyerPath"]:
         """Paths drawn from the posterior, to carry the flyer's noise through a calculation.
 
@@ -95,6 +104,10 @@ class FlyerPath:
         values, vectors = np.linalg.eigh(self.covariance / np.outer(scale, scale))
         root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
         return [replace(self, jerk=self.jerk + root @ rng.standard_normal(values.size)) for _ in range(n)]
+
+    def scaled(self, factor: float) -> "FlyerPath":
+        """The path with every displacement multiplied; its covariance is left as it is."""
+        return replace(self, jerk=factor * self.jerk)
 
     def table(self, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Times [s], positions [m] and velocities [m/s] at `n` evenly spaced times, start to end."""
@@ -120,7 +133,7 @@ class FlyerPath:
 
 
 def responses(time: FloatArray, knots: FloatArray, order: int) -> FloatArray:
-    """Position (order 0) or velocity (1) at each time from a unit jerk in each span.
+    """Position (order 0), velocity (1) or acceleration (2) at each time from a unit jerk in each span.
 
     Parameters
     ----------
@@ -129,13 +142,13 @@ def responses(time: FloatArray, knots: FloatArray, order: int) -> FloatArray:
     knots
         Ends of the spans [s], shape [n_spans + 1].
     order
-        0 or 1.
+        0, 1 or 2.
 
     Returns
     -------
     NDArray
-        In [s^3] or [s^2], shape [n_times, n_spans].
+        In [s^3], [s^2] or [s], shape [n_times, n_spans].
     """
     since = np.maximum(time[:, None] - knots, 0.0)
-    power, factor = (3, 6.0) if order == 0 else (2, 2.0)
+    power, factor = ((3, 6.0), (2, 2.0), (1, 1.0))[order]
     return -np.diff(since**power, axis=1) / factor

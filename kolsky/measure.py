@@ -18,6 +18,7 @@ from dic.output import ResultFileError, read_result, stored_key, write_result
 from dic.result import StereoResult
 from dic.tracking import Tracking
 from kolsky.errors import InputError
+from kolsky.flightreport import FlightOfSpecimen, add_to, flight_of
 from kolsky.outfolder import filling
 from kolsky.pictures import Seen
 from kolsky.records import CentreLine, FlyerMotion
@@ -40,6 +41,8 @@ class Surfaces:
     """Its file."""
     fresh: bool
     """True if it was computed now, False if it was read back."""
+    flight: FlightOfSpecimen | str
+    """The flyer's flight, or why it is not known."""
 
 
 def surfaces(
@@ -72,15 +75,20 @@ def surfaces(
         If the cameras cannot be calibrated or nothing can be measured.
     """
     path, key = folder / RESULT_FILE, key_of(seen)
+    length = seen.toml.declared.specimen.length
     if not again and stored_key(path) == key:
         try:
-            return Surfaces(result=read_result(path), path=path, fresh=False)
+            result = read_result(path)
+            return Surfaces(result=result, path=path, fresh=False, flight=flight_of(result, length))
         except ResultFileError:
             pass  # damaged since it was written: made anew
     result = _correlated(seen, device, progress)
+    flight = flight_of(result, length)
     with filling(folder) as partial:
         write_result(partial / RESULT_FILE, result, key=key)
-    return Surfaces(result=result, path=path, fresh=True)
+        if not isinstance(flight, str):
+            add_to(partial / RESULT_FILE, flight)
+    return Surfaces(result=result, path=path, fresh=True, flight=flight)
 
 
 def measured(
@@ -124,6 +132,7 @@ def measured(
         ),
         centre_line=CentreLine(time=line.t, frame=number[line.frame], y=line.y, Z=line.Z, sigma=line.sigma),
         source=found.path,
+        symmetry_end=None if isinstance(found.flight, str) else found.flight.end,
     )
 
 

@@ -34,6 +34,11 @@ def _physical(unit: str, rule: str = "finite", what: str | None = None) -> Calla
     return validate
 
 
+def seconds(text: object) -> float:
+    """A written-out time [s]; a validator to build others on."""
+    return _physical("s")(text)
+
+
 def _factor(unit: str) -> Callable[[object], float]:
     """A validator for the unit of a column."""
     words, example = DIMENSIONS[unit]
@@ -70,6 +75,13 @@ def _poisson(value: object) -> float:
             allowed=f"in [0, {LARGEST_POISSON}]",
             cure="the solver needs slight compressibility: for a rubber-like material write 0.499",
         )
+    return number
+
+
+def _deviation(value: object) -> float:
+    number = _number(value)
+    if not 0.0 <= number < 0.5:
+        raise problem("is not allowed", allowed="in [0, 0.5)", cure="write a standard uncertainty, e.g. 0.01")
     return number
 
 
@@ -209,6 +221,21 @@ Sensitivity = Annotated[
     float,
     BeforeValidator(_physical("V/N", "> 0", 'the size of the sensitivity (its sign is "compression")')),
 ]
+Velocity = Annotated[float, BeforeValidator(_physical("m/s", "> 0"))]
+Resistance = Annotated[float, BeforeValidator(_physical("ohm", "> 0"))]
+Mass = Annotated[float, BeforeValidator(_physical("kg", ">= 0", "the mass between sensing plane and face"))]
+StrainPerVolt = Annotated[
+    float,
+    BeforeValidator(_physical("1/V", "> 0", 'the size of strain per volt (its sign is "compression")')),
+]
+Uncertainty = Annotated[
+    float, BeforeValidator(_physical("1", ">= 0", "a standard uncertainty (k = 1) relative to its quantity"))
+]
+Ratio = Annotated[float, BeforeValidator(_physical("1", "> 0", "a ratio"))]
+LeadResistance = Annotated[float, BeforeValidator(_physical("ohm", ">= 0"))]
+LengthDeviation = Annotated[float, BeforeValidator(_physical("m", ">= 0", "a standard uncertainty (k = 1)"))]
+Deviation = Annotated[float, BeforeValidator(_deviation)]
+Number = Annotated[float, BeforeValidator(_number)]
 Share = Annotated[float, BeforeValidator(_share)]
 Poisson = Annotated[float, BeforeValidator(_poisson)]
 Friction = Annotated[float, BeforeValidator(_friction)]

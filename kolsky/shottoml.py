@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
@@ -92,7 +92,9 @@ def read_declared(path: Path, schema: Callable[[dict[str, Any]], type[BaseModel]
     try:
         declared = schema(content).model_validate(content)
     except ValidationError as error:
-        problems = [_translate(path, lines, details) for details in _without_doubles(error.errors())]
+        model = schema(content)
+        doubtful = _without_doubles(model, error.errors())
+        problems = [_translate(path, lines, model, details) for details in doubtful]
         raise problems[0] if len(problems) == 1 else InputErrors(problems) from None
     return TomlFile(path, hashlib.sha256(data).hexdigest(), content, lines), declared
 
@@ -142,7 +144,7 @@ def _syntax_error(path: Path, message: str) -> InputError:
     )
 
 
-def _translate(path: Path, lines: dict[str, int], details: Any) -> InputError:
+def _translate(path: Path, lines: dict[str, int], model: type[BaseModel], details: Any) -> InputError:
     """One pydantic error as an `InputError`."""
     location = [str(part) for part in details["loc"]]
     context = details.get("ctx", {})
@@ -151,7 +153,7 @@ def _translate(path: Path, lines: dict[str, int], details: Any) -> InputError:
         location.append(context["key"])
         value = value.get(context["key"]) if isinstance(value, dict) else None
     key = ".".join(location)
-    message, allowed, cure = _words(kind, location, context, details["msg"])
+    message, allowed, cure = _words(kind, location, context, model, details["msg"])
     return InputError(
         path,
         message,
@@ -163,20 +165,20 @@ def _translate(path: Path, lines: dict[str, int], details: Any) -> InputError:
     )
 
 
-def _without_doubles(errors: list[Any]) -> list[Any]:
+def _without_doubles(model: type[BaseModel], errors: list[Any]) -> list[Any]:
     """A misspelt key is one problem, not an unknown key and a missing one."""
-    meant = {(*e["loc"][:-1], _nearest(e["loc"])) for e in errors if e["type"] == "extra_forbidden"}
+    meant = {(*e["loc"][:-1], _nearest(model, e["loc"])) for e in errors if e["type"] == "extra_forbidden"}
     return [e for e in errors if not (e["type"] == "missing" and e["loc"] in meant)]
 
 
-def _nearest(location: Any) -> str | None:
+def _nearest(model: type[BaseModel], location: Any) -> str | None:
     """The valid key that an unknown one resembles most."""
-    valid = _keys_of([str(part) for part in location[:-1]])
+    valid = _keys_of(model, [str(part) for part in location[:-1]])
     return next(iter(difflib.get_close_matches(str(location[-1]), valid, n=1)), None)
 
 
 def _words(
-    kind: str, location: list[str], context: dict[str, Any], fallback: str
+    kind: str, location: list[str], context: dict[str, Any], model: type[BaseModel], fallback: str
 ) -> tuple[str, str | None, str | None]:
     """Message, allowed values and cure of a pydantic error."""
     if kind == "shot":
@@ -184,8 +186,8 @@ def _words(
     if kind == "missing":
         return "is missing", None, "add it; `kolsky new FOLDER` writes a file with every key"
     if kind == "extra_forbidden":
-        valid = _keys_of(location[:-1])
-        near = _nearest(location)
+        valid = _keys_of(model, location[:-1])
+        near = _nearest(model, location)
         cure = f"did you mean {near}?" if near else "remove it"
         return f"is not a known key; the keys here are {', '.join(valid)}", None, cure
     if kind == "literal_error":
@@ -197,15 +199,20 @@ def _words(
     if kind == "int_type":
         return "is not a whole number", None, "write a whole number without quotes"
     if kind in ("model_type", "model_attributes_type"):
-        return "is not a table", None, "its keys are " + ", ".join(_keys_of(location))
+        return "is not a table", None, "its keys are " + ", ".join(_keys_of(model, location))
     return f"is not allowed ({fallback})", None, None
 
 
-def _keys_of(location: list[str]) -> list[str]:
-    """The valid keys of a table of the schema."""
-    model: type[BaseModel] = ShotFile
-    for name in location:
+def _keys_of(model: type[BaseModel], location: list[str]) -> list[str]:
+    """The valid keys of a table of the schema; in a table of named tables, any name is followed."""
+    names = iter(location)
+    for name in names:
         annotation = model.model_fields[name].annotation
         choices = [annotation, *get_args(annotation)]
-        model = next(c for c in choices if isinstance(c, type) and issubclass(c, BaseModel))
+        tables = [c for c in choices if isinstance(c, type) and issubclass(c, BaseModel)]
+        if not tables:  # a list or a mapping of plain values
+            return []
+        model = tables[0]
+        if get_origin(annotation) is dict:
+            next(names, None)
     return list(model.model_fields)

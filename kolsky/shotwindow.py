@@ -10,9 +10,16 @@ UNCOVERED_SHARE = 0.05
 
 
 def window(
-    toml: ShotToml, frame_time: FloatArray, flyer_end: float, scope: Recording, scope_time: FloatArray
+    toml: ShotToml,
+    frame_time: FloatArray,
+    flyer_end: float,
+    scope: Recording,
+    scope_time: FloatArray,
+    *,
+    symmetry_end: float | None = None,
 ) -> tuple[float, float]:
-    """The window on the shot's clock: as declared, else from the last static frame to the last covered one.
+    """The window on the shot's clock: as declared, else from the last static frame to the last covered one
+    before symmetry ends.
 
     Parameters
     ----------
@@ -26,6 +33,8 @@ def window(
         The force channel.
     scope_time
         Its sample times on the shot's clock [s], shape [n_samples].
+    symmetry_end
+        Time at which the flyer leaves its first direction [s], None if it does not or is not known.
 
     Raises
     ------
@@ -68,6 +77,8 @@ def window(
             f" {span} (shot's clock)",
             cure="check force.clock_offset and frames.clock_offset, or declare window.end inside the record",
         )
+    if symmetry_end is not None:
+        beyond |= frame_time >= symmetry_end
     end = float(frame_time[~beyond][-1])
     if not start < end:
         raise toml.error(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from kolsky.apparatus import Transducer
 from kolsky.records import ForceHistory, Recording
+from kolsky.waves.droop import check_time_constant, compensate_droop, droop_sigma
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -61,7 +62,8 @@ def force_history(
     -------
     ForceHistory
         Force = sign * (V - mean baseline V) / sensitivity at every sample; sigma is the baseline's standard
-        deviation (with n - 1), the same for each sample.
+        deviation (with n - 1), the same for each sample. A finite time constant of the transducer is
+        compensated from the end of the baseline on, Eq. (U.6), and sigma grows by Eq. (U.7).
 
     Raises
     ------
@@ -81,11 +83,12 @@ def force_history(
             " unknown (it must be > 0 V); record with a finer range, or choose another baseline"
         )
     newtons = transducer.compression_sign / transducer.sensitivity
-    return ForceHistory(
-        time=time,
-        force=newtons * (recording.value - rest.mean()),
-        sigma=np.full(time.size, noise / transducer.sensitivity),
-    )
+    force = newtons * (recording.value - rest.mean())
+    sigma = np.full(time.size, noise / transducer.sensitivity)
+    if np.isfinite(transducer.time_constant):
+        force = compensate_droop(time, force, transducer.time_constant, start=baseline[1])
+        sigma = droop_sigma(time, sigma[0], transducer.time_constant, start=baseline[1])
+    return ForceHistory(time=time, force=force, sigma=sigma)
 
 
 def noise_correlation(force: ForceHistory, baseline: tuple[float, float]) -> float:
@@ -181,6 +184,8 @@ def _check_transducer(transducer: Transducer) -> None:
         raise ValueError(f"compression_sign must be +1 or -1, got {transducer.compression_sign}")
     if not transducer.full_scale > 0.0:
         raise ValueError(f"full_scale must be > 0 V, got {transducer.full_scale}")
+    if transducer.time_constant != np.inf:
+        check_time_constant(transducer.time_constant)
 
 
 def _check_recording(recording: Recording, transducer: Transducer) -> None:

@@ -16,6 +16,10 @@ DIMENSIONS = {
     "kg/m^3": ("a mass density", "870 kg/m^3"),
     "V/N": ("volts per force", "0.0112 V/N"),
     "1/s": ("a rate", "10 1/s"),
+    "1/V": ("strain per volt", "0.0005 1/V"),
+    "m/s": ("a velocity", "5188 m/s"),
+    "ohm": ("a resistance", "350 ohm"),
+    "kg": ("a mass", "7.1 g"),
     "1": ("a plain ratio", "0.2 %"),
 }
 """What this package measures: SI unit -> (dimension in words, an example)."""

@@ -1,7 +1,9 @@
 """Surfaces as CSV files with the variable names of VIC-3D, one file a frame."""
 
 import csv
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,8 +73,8 @@ def write_frames(folder: Path, body: Body, *, strain: FloatArray | None = None) 
     return written
 
 
-def write_history(path: Path, columns: dict[str, NDArray[np.generic]]) -> None:
-    """Write columns of equal length, named with their units, as one table.
+def write_history(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
+    """Write columns of equal length, named with their units, as one table; NaN is an empty cell.
 
     Raises
     ------
@@ -88,4 +90,10 @@ def write_history(path: Path, columns: dict[str, NDArray[np.generic]]) -> None:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)
         for row in zip(*(values.tolist() for values in columns.values()), strict=True):
-            writer.writerow([f"{value:.9g}" if isinstance(value, float) else value for value in row])
+            writer.writerow([_cell(value) for value in row])
+
+
+def _cell(value: float | int | str) -> float | int | str:
+    if not isinstance(value, float):
+        return value
+    return "" if np.isnan(value) else f"{value:.9g}"

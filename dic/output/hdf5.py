@@ -13,6 +13,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from dic.body_motion import BodyMotion
 from dic.camera import Camera, StereoRig
 from dic.noise import NoiseFloor
 from dic.outcome import PointOutcome
@@ -81,6 +82,9 @@ def _write_entry(entry: h5py.Group, result: StereoResult) -> None:
     _write(part, layout.STRAIN, vars(result.strain), {**layout.FIXED, "frames": sizes["frames"]})
     if result.travel is not None:
         _write(_data(entry, "travel", "displacement", "t"), layout.TRAVEL, vars(result.travel), {})
+    if result.motion is not None:
+        part = _data(entry, "motion", "displacement", "../t", ".")
+        _write(part, layout.MOTION, vars(result.motion), {**layout.FIXED, "frames": sizes["frames"]})
     left_out = result.centre.left_out
     centre = {
         **vars(result.centre),
@@ -189,6 +193,11 @@ def _read_entry(entry: h5py.Group) -> StereoResult:
         ),
         facts=facts,
         seconds=dict(zip(head["stages"], head["seconds"].tolist(), strict=True)),
+        motion=BodyMotion(
+            **_read(entry["motion"], layout.MOTION, {**layout.FIXED, "frames": sizes["frames"]})
+        )
+        if "motion" in entry
+        else None,
     )
 
 

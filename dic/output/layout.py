@@ -1,7 +1,7 @@
 """What the HDF5 file of a stereo result holds: every dataset with its unit, dimensions and type."""
 
 FORMAT = "dic stereo result"
-VERSION = 1
+VERSION = 2
 
 STORED = {"f": "<f8", "i": "<i8", "b": "|b1"}
 """Kind of a dataset -> its type in the file; "t" is fixed-length UTF-8."""
@@ -50,6 +50,16 @@ TRAVEL: Table = {
     "sigma": ("m", "rows", "f"),
     "n_points": ("1", "rows", "i"),
     "rest_sigma": ("m", "", "f"),
+}
+MOTION: Table = {
+    "at": ("m", "three", "f"),
+    "displacement": ("m", "frames three", "f"),
+    "rotation": ("rad", "frames three", "f"),
+    "covariance": ("rad^2 m^2", "frames six frames six", "f"),
+    "n_points": ("1", "frames", "i"),
+    "outcome": ("1", "frames", "i"),
+    "chi2_per_dof": ("1", "", "f"),
+    "noise_scale": ("1", "", "f"),
 }
 CENTRE: Table = {
     "t": ("s", "rows", "f"),

@@ -1,7 +1,8 @@
 """The table that a publication must give about its DIC, filled in from a result.
 
 Its entries are those of the reporting requirements in the iDICs Good Practices Guide (International Digital
-Image Correlation Society, Jones and Iadicola (eds.), 2nd edition): hardware, analysis and noise floors.
+Image Correlation Society, Jones and Iadicola (eds.), 2nd edition): hardware, pattern, analysis and noise
+floors.
 """
 
 import csv
@@ -28,7 +29,7 @@ class Row:
     """One line of the table."""
 
     part: str
-    """"hardware", "analysis" or "noise floor"."""
+    """"hardware", "pattern", "analysis" or "noise floor"."""
     name: str
     """What is reported."""
     value: str
@@ -38,7 +39,7 @@ class Row:
 def reporting_table(result: StereoResult) -> tuple[Row, ...]:
     """The reporting table of a result, in the order of the guide."""
     facts = result.facts
-    return (*_hardware(result, facts), *_analysis(result, facts), *_noise(result))
+    return (*_hardware(result, facts), *_pattern(result, facts), *_analysis(result, facts), *_noise(result))
 
 
 def geometry(result: StereoResult) -> dict[str, float]:
@@ -75,8 +76,6 @@ def _hardware(result: StereoResult, facts: Mapping[str, Any]) -> list[Row]:
     sensors = [camera.sensor for camera in result.rig.cameras]
     sensor = "; ".join(f"{s[0]} x {s[1]} px" for s in sensors if s is not None)
     crops = "; ".join(f"({x:g}, {y:g})" for x, y in pictures["crop_offset"])
-    speckle = facts.get("speckle", {})
-    size = speckle.get("size_px")
     entries = [
         ("camera", stated["camera"]),
         ("sensor", sensor or NOT_STATED),
@@ -94,12 +93,47 @@ def _hardware(result: StereoResult, facts: Mapping[str, Any]) -> list[Row]:
             f"{1.0 / np.median(np.diff(result.t)):.6g} frames/s, {len(result.t)} frames",
         ),
         ("patterning technique", stated["pattern"]),
-        (
-            "pattern feature size",
-            NOT_STATED if size is None else f"{size:.3g} px, {size / per_mm[0]:.3g} mm",
-        ),
     ]
     return [Row("hardware", name, value) for name, value in entries]
+
+
+def _pattern(result: StereoResult, facts: Mapping[str, Any]) -> list[Row]:
+    """The speckle report, camera by camera."""
+    seen = geometry(result)
+    per_mm = 1e-3 * float(np.sqrt(seen["scale_x"] * seen["scale_y"]))
+    subset, rows = facts["settings"]["subset"], []
+    for camera, found in enumerate(facts.get("speckle", ())):
+        if "problem" in found:
+            rows.append(Row("pattern", f"camera {camera}", f"{NOT_STATED}: {found['problem']}"))
+            continue
+        (x, y), edges = found["size"], found["size_by_edges"]
+        entries = [
+            (
+                "feature size",
+                f"{x:.3g} x {y:.3g} px by autocorrelation, {edges:.3g} px by edges; "
+                f"{0.5 * (x + y) / per_mm:.3g} mm",
+            ),
+            ("coverage", f"{100.0 * found['coverage']:.3g} % dark"),
+            ("mean intensity gradient", f"{found['mean_gradient']:.4g} grey/px"),
+            ("grey noise", f"{found['noise']:.3g} grey"),
+        ]
+        if found["floor"] is not None:
+            entries.append(
+                (
+                    "predicted noise floor",
+                    f"{found['floor']:.2g} px, median over subsets of {subset} px",
+                )
+            )
+            needed = "no subset tried" if found["needed"] is None else f"one of {found['needed']} px"
+            entries.append(
+                (
+                    "subset too small",
+                    f"at {100.0 * found['too_small']:.2g} % of the places for {found['wanted']:g} px; "
+                    f"{needed} would do at 95 %",
+                )
+            )
+        rows += [Row("pattern", f"{name}, camera {camera}", value) for name, value in entries]
+    return rows or [Row("pattern", "feature size", NOT_STATED)]
 
 
 def _analysis(result: StereoResult, facts: Mapping[str, Any]) -> list[Row]:
@@ -143,13 +177,13 @@ def _noise(result: StereoResult) -> list[Row]:
         Row(
             "noise floor",
             f"displacement {axis}",
-            f"{1e6 * noise.time[k]:.3g} um in time, {1e6 * noise.space[k]:.3g} um in space "
-            f"(predicted {1e6 * noise.sigma[k]:.3g} um)",
+            f"{1e6 * noise.time[k]:.3g} µm in time, {1e6 * noise.space[k]:.3g} µm in space "
+            f"(predicted {1e6 * noise.sigma[k]:.3g} µm)",
         )
         for k, axis in enumerate(axes)
     ]
     for name, value in zip(("around the axis", "along the axis", "shear"), result.strain_noise, strict=True):
-        text = NOT_STATED if not np.isfinite(value) else f"{1e6 * value:.3g} um/m in time"
+        text = NOT_STATED if not np.isfinite(value) else f"{1e6 * value:.3g} µm/m in time"
         rows.append(Row("noise floor", f"strain {name}", text))
     rows.append(
         Row(

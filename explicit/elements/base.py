@@ -27,8 +27,9 @@ class ElementFunctions:
     """Warp struct of real numbers and 4-vectors: reference-configuration constants of one element, `volume`
     [m^3] among them. `Element.shapes` fills an array of it."""
     read_shape: Any
-    """``read_shape(constants, e) -> Shape``: one element's constants from a grouped table
-    (`explicit.places.grouped`), which only `explicit.places.entry_function` reads."""
+    """``read_shape(constants, e, measure) -> Shape``: one element's constants from a grouped table
+    (`explicit.places.grouped`), which only `explicit.places.entry_function` and `entries_function` read; what
+    only the step bound needs is not read unless `measure` is 1."""
     Solid: Any
     """Warp struct: moduli and viscosities of one sample."""
     forces: Any

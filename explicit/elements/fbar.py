@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from explicit.elements.base import INVERTED, ElementFunctions, corner_inverse_mass
 from explicit.elements.gauss import gauss_points
-from explicit.elements.shared import four_numbers, inverse_cube_root_squared, solid_struct
+from explicit.elements.shared import isochoric_factor_function, solid_struct
 from explicit.mesh import Mesh
-from explicit.places import entry_function
+from explicit.places import entries_function, entries_if_function, entry_function
 from explicit.precision import Precision
 
 
@@ -58,12 +58,11 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
     zero, half, one, two, three = real(0.0), real(0.5), real(1.0), real(2.0), real(3.0)
     third, two_thirds = real(1.0 / 3.0), real(2.0 / 3.0)
     inverted = real(INVERTED)
-    isochoric_factor = inverse_cube_root_squared(precision)
+    isochoric_factor = isochoric_factor_function(precision)
     Solid = solid_struct(precision)
 
     @wp.struct
     class Shape:
-        volume: real
         weight: vec4
         gradient_r0: vec4
         gradient_r1: vec4
@@ -79,28 +78,29 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         hoop3: vec4
         inverse_mass_r: vec4
         inverse_mass_y: vec4
+        volume: real
 
-    four, number = four_numbers(precision), entry_function(real)
+    four, number, four_if = entries_function(real), entry_function(real), entries_if_function(real)
 
     @wp.func
-    def read_shape(constants: wp.array2d(dtype=real), e: int):
+    def read_shape(constants: wp.array2d(dtype=real), e: int, measure: int):
         return Shape(
-            number(constants, 0, e),
-            four(constants, 1, e),
-            four(constants, 5, e),
-            four(constants, 9, e),
-            four(constants, 13, e),
-            four(constants, 17, e),
-            four(constants, 21, e),
-            four(constants, 25, e),
-            four(constants, 29, e),
-            four(constants, 33, e),
-            four(constants, 37, e),
-            four(constants, 41, e),
-            four(constants, 45, e),
-            four(constants, 49, e),
-            four(constants, 53, e),
-            four(constants, 57, e),
+            four(constants, 0, e),
+            four(constants, 4, e),
+            four(constants, 8, e),
+            four(constants, 12, e),
+            four(constants, 16, e),
+            four(constants, 20, e),
+            four(constants, 24, e),
+            four(constants, 28, e),
+            four(constants, 32, e),
+            four(constants, 36, e),
+            four(constants, 40, e),
+            four(constants, 44, e),
+            four(constants, 48, e),
+            four_if(measure, constants, 52, e),
+            four_if(measure, constants, 56, e),
+            number(constants, 60, e),
         )
 
     @wp.func
@@ -154,16 +154,16 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         power, bounds = real(0.0), vec4()
         if upright > zero:
             f11, f22, f33 = one + h11, one + h22, one + h33
-            iso = isochoric_factor(jacobian, dilatation)
+            iso, inverse = isochoric_factor(jacobian, dilatation)
             rr = iso * (f11 * f11 + h12 * h12)
             yy = iso * (f22 * f22 + h21 * h21)
             ry = iso * (f11 * h21 + h12 * f22)
             tt = iso * f33 * f33
             tau = law_stress(rr, yy, ry, tt, row)
-            area = one / (one + plane)
+            area = f33 * inverse
             b_r = (f22 * gradient_r - h21 * gradient_y) * area
             b_y = (f11 * gradient_y - h12 * gradient_r) * area
-            c = hoop * (one / f33)
+            c = hoop * ((one + plane) * inverse)
             # Velocity gradient and the deviatoric damping stress 2 eta dev D.
             d11, d22, d33 = wp.dot(vr, b_r), wp.dot(vy, b_y), wp.dot(vr, c)
             d12 = half * (wp.dot(vr, b_y) + wp.dot(vy, b_r))
@@ -258,7 +258,7 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         plane = h11 + h22 + h11 * h22 - h12 * h21
         dilatation = plane * (one + h33) + h33
         f11, f22, f33 = one + h11, one + h22, one + h33
-        iso = isochoric_factor(one + dilatation, dilatation)
+        iso, _inverse = isochoric_factor(one + dilatation, dilatation)
         rr = iso * (f11 * f11 + h12 * h12)
         yy = iso * (f22 * f22 + h21 * h21)
         tt = iso * f33 * f33
@@ -287,8 +287,8 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         dilatation = plane * (one + h33) + h33
         f11, f22, f33 = one + h11, one + h22, one + h33
         squared = f11 * f11 + h12 * h12 + f22 * f22 + h21 * h21 + f33 * f33
-        first_invariant = isochoric_factor(one + dilatation, dilatation) * squared
-        return one + wp.min(dilatation, plane), first_invariant - three
+        iso, _inverse = isochoric_factor(one + dilatation, dilatation)
+        return one + wp.min(dilatation, plane), iso * squared - three
 
     @wp.func
     def strains(shape: Shape, ur: vec4, uy: vec4):

@@ -12,10 +12,10 @@ import warp as wp
 from numpy.typing import NDArray
 
 from explicit.elements.base import INVERTED, ElementFunctions, corner_inverse_mass
-from explicit.elements.shared import four_numbers, inverse_cube_root_squared, solid_struct
+from explicit.elements.shared import isochoric_factor_function, solid_struct
 from explicit.geometry import element_geometry
 from explicit.mesh import Mesh
-from explicit.places import entry_function
+from explicit.places import entries_function, entries_if_function, entry_function
 from explicit.precision import Precision
 
 
@@ -51,38 +51,39 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
     zero, half, one, two, three = real(0.0), real(0.5), real(1.0), real(2.0), real(3.0)
     third = real(1.0 / 3.0)
     inverted = real(INVERTED)
-    isochoric_factor = inverse_cube_root_squared(precision)
+    isochoric_factor = isochoric_factor_function(precision)
     Solid = solid_struct(precision)
 
     @wp.struct
     class Shape:
-        volume: real
         gradient_r: vec4
         gradient_y: vec4
         hoop: vec4
         gamma: vec4
-        hourglass_r: real
-        hourglass_y: real
         inverse_mass_r: vec4
         inverse_mass_y: vec4
+        volume: real
+        hourglass_r: real
+        hourglass_y: real
         impedance_r: real
         impedance_y: real
 
-    four, number = four_numbers(precision), entry_function(real)
+    four, number, four_if = entries_function(real), entry_function(real), entries_if_function(real)
 
     @wp.func
-    def read_shape(constants: wp.array2d(dtype=real), e: int):
+    def read_shape(constants: wp.array2d(dtype=real), e: int, measure: int):
+        sizes = four(constants, 24, e)
         return Shape(
-            number(constants, 0, e),
-            four(constants, 1, e),
-            four(constants, 5, e),
-            four(constants, 9, e),
-            four(constants, 13, e),
-            number(constants, 17, e),
-            number(constants, 18, e),
-            four(constants, 19, e),
-            four(constants, 23, e),
-            number(constants, 27, e),
+            four(constants, 0, e),
+            four(constants, 4, e),
+            four(constants, 8, e),
+            four(constants, 12, e),
+            four_if(measure, constants, 16, e),
+            four_if(measure, constants, 20, e),
+            sizes[0],
+            sizes[1],
+            sizes[2],
+            sizes[3],
             number(constants, 28, e),
         )
 
@@ -143,13 +144,12 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
             h11, h12, h21, h22, h33 = zero, zero, zero, zero, zero
             plane, dilatation, jacobian = zero, zero, one
         f11, f22, f33 = one + h11, one + h22, one + h33
-        iso = isochoric_factor(jacobian, dilatation)
+        iso, inverse = isochoric_factor(jacobian, dilatation)
         rr = iso * (f11 * f11 + h12 * h12)
         yy = iso * (f22 * f22 + h21 * h21)
         ry = iso * (f11 * h21 + h12 * f22)
         tt = iso * f33 * f33
         tau = law_stress(rr, yy, ry, tt, row)
-        inverse = one / jacobian
         area = f33 * inverse
         b_r = (f22 * area) * shape.gradient_r - (h21 * area) * shape.gradient_y
         b_y = (f11 * area) * shape.gradient_y - (h12 * area) * shape.gradient_r
@@ -192,7 +192,7 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         plane = h11 + h22 + h11 * h22 - h12 * h21
         dilatation = plane * (one + h33) + h33
         f11, f22, f33 = one + h11, one + h22, one + h33
-        iso = isochoric_factor(one + dilatation, dilatation)
+        iso, _inverse = isochoric_factor(one + dilatation, dilatation)
         rr = iso * (f11 * f11 + h12 * h12)
         yy = iso * (f22 * f22 + h21 * h21)
         tt = iso * f33 * f33
@@ -212,8 +212,8 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         dilatation = plane * (one + h33) + h33
         f11, f22, f33 = one + h11, one + h22, one + h33
         squared = f11 * f11 + h12 * h12 + f22 * f22 + h21 * h21 + f33 * f33
-        first_invariant = isochoric_factor(one + dilatation, dilatation) * squared
-        return one + wp.min(dilatation, plane), wp.sqrt(wp.max(first_invariant - three, zero))
+        iso, _inverse = isochoric_factor(one + dilatation, dilatation)
+        return one + wp.min(dilatation, plane), wp.sqrt(wp.max(iso * squared - three, zero))
 
     return ElementFunctions(
         Shape=Shape, read_shape=read_shape, Solid=Solid, forces=forces, energies=energies, strains=strains

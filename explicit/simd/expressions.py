@@ -186,6 +186,9 @@ class Expressions(Arithmetic):
         """The second is looked at only where the first leaves it open: where it holds, or for `or` fails."""
         if first.const is not None:
             return self.truth(node) if first.const == both else first
+        if first.varying and _is_harmless(node):
+            second = self.pack(self.truth(node))
+            return self.temporary("bool", f"{first.code} {'&' if both else '|'} {second}", True)
         result = self.name("both" if both else "either")
         if not first.varying:
             start, outer = len(self.lines), self.lines
@@ -265,3 +268,12 @@ class Expressions(Arithmetic):
             one = " & 1" if value.kind == "bool" else ""  # a lane of a mask is 0 or -1
             return self.temporary(kind, f"__builtin_convertvector({value.code}{one}, {PACK[kind]})", True)
         return self.temporary(kind, f"({SCALAR[kind]})({value.code})", False)
+
+
+def _is_harmless(node: ast.expr) -> bool:
+    """Whether an expression may be evaluated where nobody asked for it: sums, products and comparisons."""
+    plain = (
+        ast.Compare, ast.BinOp, ast.UnaryOp, ast.Name, ast.Constant,
+        ast.cmpop, ast.Add, ast.Sub, ast.Mult, ast.unaryop, ast.expr_context,
+    )  # fmt: skip
+    return all(isinstance(part, plain) for part in ast.walk(node))

@@ -23,6 +23,8 @@ from explicit.simd.values import (
 )
 
 ZERO = literal(0, "i32")
+WITH_SPARE = ("Body", "State")
+"""Structs whose arrays hold at least as many further entries behind every row as a pack has lanes."""
 
 
 def _grouped(table: str, k: str, e: str) -> str:
@@ -51,7 +53,12 @@ class Memory(Expressions):
         lines += [f"const int {name}_n{k} = (int){code}.shape[{k}];" for k in range(dtype.ndim)]
         self.arrays[name] = "\n".join(lines)
         return Array(
-            name, dtype.dtype, dtype.ndim, scratch=scratch, lanes_inside=scratch and self.lanes_inside
+            name,
+            dtype.dtype,
+            dtype.ndim,
+            scratch=scratch,
+            lanes_inside=scratch and self.lanes_inside,
+            spare=owner.type.cls.__name__ in WITH_SPARE,
         )
 
     @staticmethod
@@ -149,20 +156,29 @@ class Memory(Expressions):
         name, quad = self.name("q"), "f64q" if kind == "f64" else "f32q"
         for lane in range(self.lanes):
             self.emit(f"const {quad} {name}_{lane} = *(const {quad}*)({array.name} + {offset.code}[{lane}]);")
-        packs = [f"{name}_{lane}" for lane in range(self.lanes)]
-        width = 4
-        while len(packs) > 4:
-            width *= 2
-            pairs = zip(packs[::2], packs[1::2], strict=True)
-            packs = [self._shuffled(a, b, range(width)) for a, b in pairs]
-        quads = self.lanes // 4  # in each of the four packs
+        # Every fourth row side by side, then four by four numbers transposed in each quarter.
+        rows = [self._joined([f"{name}_{lane}" for lane in range(k, self.lanes, 4)]) for k in range(4)]
+        firsts, pairs = range(0, self.lanes, 4), []
+        for k in (0, 2):
+            for half in (0, 2):
+                chosen = [i + half + n + m * self.lanes for i in firsts for n in (0, 1) for m in (0, 1)]
+                pairs.append(self._shuffled(rows[k], rows[k + 1], chosen))
         items: list[Scalar] = []
-        for c in range(4):
-            chosen = [c + 4 * k for k in range(2 * quads)]
-            low, high = (self._shuffled(packs[i], packs[i + 1], chosen) for i in (0, 2))
-            whole = self._shuffled(low, high, range(self.lanes))
-            items.append(self.temporary(kind, f"({PACK[kind]}){whole}", True))
+        for low, high in ((pairs[0], pairs[2]), (pairs[1], pairs[3])):
+            for half in (0, 2):
+                chosen = [i + half + n + m * self.lanes for i in firsts for m in (0, 1) for n in (0, 1)]
+                whole = self._shuffled(low, high, chosen)
+                items.append(self.temporary(kind, f"({PACK[kind]}){whole}", True))
         return Vector(tuple(items))
+
+    def _joined(self, parts: list[str]) -> str:
+        """Vectors of equal length one behind the other."""
+        width = 4
+        while len(parts) > 1:
+            width *= 2
+            pairs = zip(parts[::2], parts[1::2], strict=True)
+            parts = [self._shuffled(a, b, range(width)) for a, b in pairs]
+        return parts[0]
 
     def _shuffled(self, first: str, second: str, chosen: Sequence[int]) -> str:
         """Chosen entries of two vectors, counted through both."""
@@ -200,10 +216,19 @@ class Memory(Expressions):
             return self.temporary(kind, f"{array.name}[{place}]", False)
         if offset.lane and size == 1 and not array.lanes_inside:
             return self.temporary(kind, f"*({PACK[kind]}u*)({array.name} + {offset.code}[0])", True)
+        if array.spare and size == 1 and not array.lanes_inside:
+            wanted = "everywhere" if self.mask is None else self.mask
+            return self.temporary(kind, f"op::gather({array.name}, {self._harmless(offset)}, {wanted})", True)
         name = self.name("g")
         self.emit(f"{PACK[kind]} {name};")
         self.emit(f"for (int l = 0; l < W; ++l) {name}[l] = {self._element(array, size, component)};")
         return Scalar(kind, name, True)
+
+    def _harmless(self, offset: Scalar) -> str:
+        """A varying offset; that of idle lanes is 0."""
+        if self.mask is None:
+            return offset.code
+        return self.select(Scalar("bool", self.mask, True), offset, ZERO).code
 
     def _element(self, array: Array, size: int, component: int, *, write: bool = False) -> str:
         """The element of lane l; idle lanes read a harmless one."""

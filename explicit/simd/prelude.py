@@ -1,5 +1,7 @@
 """The C++ that every function of lanes starts with: pack types and their few operations."""
 
+from explicit.simd.values import PACK, SCALAR
+
 _PRELUDE = """
     constexpr int W = {lanes};
     typedef double f64v __attribute__((ext_vector_type(W)));
@@ -9,12 +11,16 @@ _PRELUDE = """
     typedef double f64q __attribute__((ext_vector_type(4), aligned(8)));
     typedef float f32q __attribute__((ext_vector_type(4), aligned(4)));
     typedef {mask} mask;
+    typedef bool truths __attribute__((ext_vector_type(W)));
     typedef f64v __attribute__((aligned(4))) f64vu; // where a pack may begin anywhere
     typedef f32v __attribute__((aligned(4))) f32vu;
     typedef i32v __attribute__((aligned(4))) i32vu;
     struct op {{
         static inline bool any(mask m) {{ return __builtin_reduce_or(m) != 0; }}
         static inline bool all(mask m) {{ return __builtin_reduce_and(m) != 0; }}
+        static inline unsigned bits(mask m) {{
+            return __builtin_bit_cast({bits}, __builtin_convertvector(m, truths));
+        }}
         static inline mask to_mask(i32v m) {{ return __builtin_convertvector(m, mask); }}
         static inline mask to_mask(i64v m) {{ return __builtin_convertvector(m, mask); }}
         static inline mask to_mask(bool b) {{ return (mask)(b ? -1 : 0); }}
@@ -43,16 +49,31 @@ _PRELUDE = """
                     if (!(x[l] > x[l + n]) && x[l + n] == x[l + n]) x[l] = x[l + n];
             return x[0];
         }}
+{gathers}
     }};
     const i32v lane_numbers = {{{numbers}}};
     const mask everywhere = (mask)(-1);
 """
+# Neighbours in a mesh have neighbouring numbers: lanes whose places follow each other are one load.
+_GATHER = """
+        static inline {pack} gather(const {real}* p, i32v at, mask wanted) {{
+            const i32v numbers = {{{numbers}}}, from = at - numbers;
+            {pack} x = *(const {pack}u*)(p + at[0]);
+            unsigned rest = bits(wanted & ~to_mask((i32v)(from == (i32v)(at[0]))));
+            while (__builtin_expect(rest, 0)) {{
+                const int l = __builtin_ctz(rest), begin = at[l] - l;
+                const mask here = to_mask((i32v)(from == (i32v)(begin)));
+                if (begin < 0) x[l] = p[at[l]];
+                else x = sel(here, *(const {pack}u*)(p + begin), x);
+                rest &= begin < 0 ? rest - 1 : ~bits(here);
+            }}
+            return x;
+        }}"""
 
 
 def prelude(lanes: int, kind: str) -> str:
     """Types and operations for a number of lanes; masks are as wide as `kind`."""
-    return _PRELUDE.format(
-        lanes=lanes,
-        mask="i64v" if kind == "f64" else "i32v",
-        numbers=", ".join(str(lane) for lane in range(lanes)),
-    )
+    numbers = ", ".join(str(lane) for lane in range(lanes))
+    gathers = [_GATHER.format(pack=PACK[k], real=SCALAR[k], numbers=numbers) for k in ("f64", "f32", "i32")]
+    mask = "i64v" if kind == "f64" else "i32v"
+    return _PRELUDE.format(lanes=lanes, mask=mask, numbers=numbers, gathers="".join(gathers),bits={8:'unsigned char',16:'unsigned short',32:'unsigned',4:'unsigned char'}[lanes])

@@ -89,6 +89,8 @@ class Array:
     """Whether it holds the rows of one pack only, so that the first subscript, the simulation, is implied."""
     lanes_inside: bool = False
     """Whether the lanes of an entry of such an array lie side by side."""
+    spare: bool = False
+    """Whether a pack may be read from any of its entries on."""
     header: Any = None
     """Entries of a row that were loaded where the row was named, by their subscript."""
 

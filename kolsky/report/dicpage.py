@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from dic.outcome import FrameOutcome
 from dic.output import reporting
-from kolsky import dicsummary
+from kolsky import dicsummary, flightreport
 from kolsky.atomic import replacing
 from kolsky.report.canvas import inline_svg
 from kolsky.report.figures import SURFACES
@@ -67,7 +67,7 @@ def render(shown: SurfaceView, inputs: Mapping[str, str]) -> str:
         css=Markup((_HERE / "page.css").read_text(encoding="utf-8")),
         shot=shown.shot,
         figures=figures,
-        rows=list(dicsummary.printed(result).items()),
+        rows=list({**dicsummary.printed(result), **flightreport.printed(shown.flight)}.items()),
         remarks=result.remarks,
         outcomes=_outcomes(shown),
         frames=_frames(shown),

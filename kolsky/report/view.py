@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from dic.images import PictureError, Pictures
 from dic.result import StereoResult
+from dic.speckle_report import Speckles, speckles_of
+from kolsky.flightreport import FlightOfSpecimen
 
 FloatArray = NDArray[np.float64]
 
@@ -28,26 +30,42 @@ class SurfaceView:
     kymograph: FloatArray
     """The centre line's column of every picture of camera 0, NaN where it cannot be read, [rows,
     n_frames]."""
+    flight: FlightOfSpecimen | str = "not asked for"
+    """The flyer's flight, or why it is not known."""
+    speckles: tuple[Speckles | None, Speckles | None] = (None, None)
+    """Both cameras' speckles at rest, None where they cannot be judged."""
 
 
-def view(shot: str, result: StereoResult, pictures: Pictures) -> SurfaceView:
-    """Read what the figures show of camera 0's pictures.
+def view(
+    shot: str,
+    result: StereoResult,
+    pictures: tuple[Pictures, Pictures],
+    flight: FlightOfSpecimen | str = "not asked for",
+) -> SurfaceView:
+    """Read what the figures show of the pictures, most of it of camera 0's.
 
     The centre line is followed across the picture at the row where the specimen's points lie in the mean.
     """
-    chosen = set(shown_frames(result))
-    column = _column(result, pictures.shape[1])
-    kymograph = np.full((pictures.shape[0], pictures.n_frames), np.nan)
+    chosen, first = set(shown_frames(result)), pictures[0]
+    column = _column(result, first.shape[1])
+    kymograph = np.full((first.shape[0], first.n_frames), np.nan)
     kept = {}
-    for frame in range(pictures.n_frames):
+    for frame in range(first.n_frames):
         try:
-            picture = pictures.frame(frame)
+            picture = first.frame(frame)
         except PictureError:
             continue
         kymograph[:, frame] = picture[:, column]
         if frame in chosen:
             kept[frame] = np.array(picture)
-    return SurfaceView(shot=shot, result=result, pictures=kept, kymograph=kymograph)
+    return SurfaceView(
+        shot=shot,
+        result=result,
+        pictures=kept,
+        kymograph=kymograph,
+        flight=flight,
+        speckles=speckles_of(result, pictures),
+    )
 
 
 def shown_frames(result: StereoResult) -> list[int]:

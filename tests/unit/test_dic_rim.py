@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, rig
 
 from dic.render import Speckles
@@ -46,9 +47,44 @@ def test_a_rim_of_three_rows_is_found(rest):
     found = search(edge).find(scene(rest, edge, 2), np.zeros(3), tried)
     assert found is not None
     assert found.zncc > 0.98
-    # noise alone: 0.02 px over some hundred pixels; the edge, which is sharp here, adds nothing
+    # noise alone: 0.02 px over some hundred pixels; the pixel at the edge is not needed and left out
     assert abs(found.y - rest) < 1e-6
-    assert found.sigma == pytest.approx(EDGE / SCALE, rel=0.1)
+    assert found.common < 0.1 * EDGE / SCALE
+    assert abs(found.y - rest) < 4.0 * found.sigma
+
+
+def blurred(pictures: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """The first row is blurred from one side only, as a filter does that repeats it beyond the border."""
+    first, second = (gaussian_filter1d(picture, 0.6, axis=0, mode="nearest") for picture in pictures)
+    return first, second
+
+
+def test_the_picture_s_last_row_is_learnt_from_frames_that_show_more():
+    edge = TOP - 3.0 / SCALE  # one row, after the two at the edge
+    rows = np.arange(SHAPE[0])[:, None] < (TOP - (edge - TRAVEL)) * SCALE - 2.0
+    angle = np.linspace(-0.3, 0.3, 7)
+    places = np.stack([RADIUS * np.sin(angle), np.full(7, edge), RADIUS * np.cos(angle)], axis=1)
+    move, mask = np.array([0.0, -TRAVEL, 0.0]), np.broadcast_to(rows, SHAPE)
+    rim = RimSearch(blurred(scene(-TRAVEL, edge, 1)), mask, RIG, FRAME, places, move)
+    resting, tried = blurred(scene(0.0, edge, 2)), np.arange(-40e-6, 45e-6, 10e-6)
+    before = rim.find(resting, np.zeros(3), tried)
+    shifts = -np.linspace(0.35e-3, 0.9e-3, 3)
+    known = [
+        (blurred(scene(shift, edge, 10 + k)), np.array([0.0, shift, 0.0])) for k, shift in enumerate(shifts)
+    ]
+    offset, scatter = rim.learn(known)
+    after = rim.find(resting, np.zeros(3), tried)
+    assert before is not None
+    assert after is not None
+    # The first row stands for all beyond it: its mean place lies further in by sum of k times weight k.
+    weight = gaussian_filter1d(np.eye(1, 21, 10)[0], 0.6)[10:]
+    assert offset[:, 0] * SCALE == pytest.approx(weight @ np.arange(11), abs=0.02)  # of a hundred pixels
+    assert np.all(scatter[:, 0] * SCALE < 0.02)
+    assert np.abs(offset[:, 2:]).max() * SCALE < 0.01  # rows that the border is not near
+    assert before.y > 5.0 * before.sigma  # what this is about
+    sigma = np.hypot(after.sigma, after.common)
+    assert abs(after.y) < 3.0 * sigma
+    assert sigma * SCALE < 0.03  # 0.01 px of noise and learning, 0.02 of the edge
 
 
 def test_a_body_out_of_view_is_not_found():

@@ -178,7 +178,8 @@ def test_a_flyer_without_tilt_keeps_its_direction(flight):
 
 if __name__ == "__main__":
     from kolsky.report.canvas import build
-    from kolsky.report.figures.flight import KIND, FlightOfSpecimen
+    from kolsky.flightreport import FlightOfSpecimen
+    from kolsky.report.figures.flight import KIND
 
     root = Path(__file__).resolve().parents[2]
     found = flight_of(root.parent / "shared" / "data" / "shots" / "open-01")

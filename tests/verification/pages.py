@@ -59,6 +59,7 @@ TOPICS = [
     "dic_correlation",
     "dic_tracking",
     "dic_stereo",
+    "uncertainty",
 ]
 """Modules of the manual, in its order."""
 

@@ -7,6 +7,7 @@ from kolsky.report.figures import (
     calibration_residuals,
     contour,
     energy,
+    flight_of_view,
     flyer_motion,
     force,
     force_residual,
@@ -19,10 +20,12 @@ from kolsky.report.figures import (
     profiles,
     shape_residual,
     speckle_floor,
+    speckle_overlay,
+    waves,
 )
 from kolsky.report.figures.base import FigureKind
 
-__all__ = ["CALIBRATION", "REGISTRY", "SPECKLES", "SURFACES", "FigureKind"]
+__all__ = ["CALIBRATION", "REGISTRY", "SPECKLES", "SURFACES", "WAVES", "FigureKind"]
 
 REGISTRY: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND
@@ -31,7 +34,15 @@ REGISTRY: dict[str, FigureKind[Any]] = {
 """Every figure of an identification by name, in the order of its report."""
 SURFACES: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND
-    for module in (overlay_sigma, overlay_epipolar, lost_points, kymograph, flyer_motion)
+    for module in (
+        overlay_sigma,
+        overlay_epipolar,
+        lost_points,
+        kymograph,
+        flyer_motion,
+        flight_of_view,
+        speckle_overlay,
+    )
 }
 """Every figure of the surfaces that pictures gave, likewise."""
 CALIBRATION: dict[str, FigureKind[Any]] = {
@@ -40,3 +51,5 @@ CALIBRATION: dict[str, FigureKind[Any]] = {
 """Every figure of a calibration, likewise."""
 SPECKLES: dict[str, FigureKind[Any]] = {speckle_floor.KIND.name: speckle_floor.KIND}
 """Every figure of a speckle pattern, likewise."""
+WAVES: dict[str, FigureKind[Any]] = {waves.KIND.name: waves.KIND}
+"""Every figure of a reduction of bar signals, likewise."""

@@ -1,29 +1,12 @@
 """The flyer's flight: strain rate, strain and direction of the velocity, as the paper's Fig. 6."""
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import NDArray
 
-from kolsky.flight import Flight
+from kolsky.flightreport import FlightOfSpecimen
 from kolsky.report.figures.base import BAND, COLUMN, MEASURED, MODEL, MS, SHAPE, FigureKind, Panels, letter
 
 COVERAGE = 2.0
 """Half width of the bands in standard uncertainties."""
-
-
-@dataclass(frozen=True)
-class FlightOfSpecimen:
-    """What the figure shows."""
-
-    flight: Flight
-    """The flyer's smooth paths."""
-    time: NDArray[np.float64]
-    """Times to show [s], shape [n]."""
-    length: float
-    """Length of the specimen at rest [m]."""
-    end: float | None = None
-    """Time at which symmetry ends [s], None if it does not."""
 
 
 def caption(shown: FlightOfSpecimen) -> str:
@@ -55,26 +38,27 @@ def draw(shown: FlightOfSpecimen, panels: Panels) -> None:
     ax.legend(lines, [str(line.get_label()) for line in lines], loc="upper left", ncols=2)
 
     ax = panels["angle"]
-    angle, spread = (np.degrees(values) for values in shown.flight.orientation(t))
+    known = shown.known
+    angle, spread = (np.degrees(values[known]) for values in shown.flight.orientation(t))
     ax.fill_between(
-        ms,
+        ms[known],
         np.maximum(angle - COVERAGE * spread, 0.0),
         angle + COVERAGE * spread,
         color=BAND,
         alpha=0.5,
         lw=0.0,
     )
-    ax.plot(ms, angle, color=MEASURED)
-    known = angle[spread < np.degrees(0.1)]
-    ax.set_ylim(0.0, 1.3 * float(known.max() if known.size else 90.0) + 0.5)
+    ax.plot(ms[known], angle, color=MEASURED)
+    firm = (angle + COVERAGE * spread)[spread < np.degrees(0.1)]
+    ax.set_ylim(0.0, 1.1 * float(firm.max() if firm.size else 90.0) + 0.2)
     ax.set_ylabel(r"Angle $\varphi$ (°)")
 
     ax = panels["tilt"]
-    tilt, spread = shown.flight.tilt(t)
+    tilt, spread = (values[known] for values in shown.flight.tilt(t))
     for k, (name, colour, style) in enumerate((("about $x$", SHAPE, "-"), ("about $Z$", MODEL, "--"))):
         low, high = (1e3 * (tilt[:, k] + side * COVERAGE * spread[:, k]) for side in (-1.0, 1.0))
-        ax.fill_between(ms, low, high, color=colour, alpha=0.2, lw=0.0)
-        ax.plot(ms, 1e3 * tilt[:, k], style, color=colour, label=name)
+        ax.fill_between(ms[known], low, high, color=colour, alpha=0.2, lw=0.0)
+        ax.plot(ms[known], 1e3 * tilt[:, k], style, color=colour, label=name)
     ax.set_ylabel("Rotation (mrad)")
     ax.set_xlabel("Time (ms)")
     ax.margins(y=0.25)  # room for the legend

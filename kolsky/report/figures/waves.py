@@ -1,0 +1,187 @@
+"""A classical Kolsky test on one page: signals, forces and equilibrium, strain and rate, stress and strain."""
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from kolsky.report.figures.base import (
+    BAND,
+    FORCE,
+    GREY,
+    MEASURED,
+    MODEL,
+    PAGE,
+    SHAPE,
+    FigureKind,
+    Panels,
+    largest,
+    letter,
+    say_empty,
+)
+from kolsky.waves.records import History
+from kolsky.waves.result import WavesResult
+
+US = 1e6
+WAYS = {"one wave": (SHAPE, "-"), "two waves": (FORCE, "--"), "three waves": (MEASURED, "-")}
+"""Colour and line of each way of analysis."""
+PULSES = {"incident": SHAPE, "reflected": MODEL, "transmitted": FORCE}
+
+
+def scale(values: np.ndarray, steps: tuple[tuple[float, str], ...]) -> tuple[float, str]:
+    """Factor and unit in which the largest value is at least 1, from the largest unit down."""
+    top = largest(values)
+    for factor, unit in steps:
+        if top * factor >= 1.0:
+            return factor, unit
+    return steps[-1]
+
+
+def force_scale(values: np.ndarray) -> tuple[float, str]:
+    """kN or N."""
+    return scale(values, ((1e-3, "kN"), (1.0, "N")))
+
+
+def stress_scale(values: np.ndarray) -> tuple[float, str]:
+    """MPa, kPa or Pa."""
+    return scale(values, ((1e-6, "MPa"), (1e-3, "kPa"), (1.0, "Pa")))
+
+
+def caption(result: WavesResult) -> str:
+    """What is seen."""
+    balanced = result.reduction.balanced
+    held = (
+        f"the forces are balanced from {US * balanced[0]:.4g} to {US * balanced[1]:.4g} µs (shaded)"
+        if balanced
+        else "the forces are never balanced"
+    )
+    return (
+        f"Bar signals and their reduction; {result.load} is shown positive, bands are k = 2. (a) Strain at the "
+        f"gauges with the windows of the pulses (by {result.windows.source}). (b) Forces on the front and the "
+        f"back of the specimen, and their imbalance R = 2 (F₁ − F₂)/(F₁ + F₂); {held}. (c) Nominal strain and "
+        "strain rate. (d) Nominal stress against nominal strain by one-, two- and three-wave analysis, the "
+        "band belongs to three waves."
+    )
+
+
+def draw(result: WavesResult, panels: Panels) -> None:
+    """Draw the four panels."""
+    _signals(panels["signals"], result)
+    _forces(panels["forces"], panels["imbalance"], result)
+    _strain(panels["strain"], panels["rate"], result)
+    _curve(panels["curve"], result)
+    for ax, text in zip(("signals", "forces", "strain", "curve"), "abcd", strict=True):
+        letter(panels[ax], text)
+
+
+def _signals(ax: Axes, result: WavesResult) -> None:
+    for station, dash, label in (
+        (result.incident, "-", "incident gauge"),
+        (result.transmission, "--", "transmission gauge"),
+    ):
+        ax.plot(
+            US * station.strain.time, US * station.strain.value, dash, color=MEASURED, lw=0.7, label=label
+        )
+    for row, (name, colour) in enumerate(PULSES.items()):
+        first, last = getattr(result.windows, name)
+        ax.axvspan(US * first, US * last, color=colour, alpha=0.16, lw=0.0)
+        ax.annotate(
+            name,
+            (0.5 * US * (first + last), 0.02 + 0.05 * (row % 2)),
+            xycoords=("data", "axes fraction"),
+            ha="center",
+            va="bottom",
+            color=colour,
+        )
+    spans = [getattr(result.windows, name) for name in PULSES]
+    first, last = min(s[0] for s in spans), max(s[1] for s in spans)
+    margin = 0.15 * (last - first)
+    ax.set_xlim(US * (first - margin), US * (last + margin))
+    ax.set(xlabel="Time at the gauge (µs)", ylabel="Strain (µm/m)")
+    ax.margins(y=0.25)
+    ax.legend(loc="upper right", ncols=2)
+
+
+def _band(ax: Axes, x: np.ndarray, history: History, factor: float, colour: str) -> None:
+    half = 2.0 * factor * history.sigma
+    ax.fill_between(
+        x, factor * history.value - half, factor * history.value + half, color=colour, alpha=0.25, lw=0.0
+    )
+
+
+def _forces(ax: Axes, low: Axes, result: WavesResult) -> None:
+    r = result.reduction
+    time = US * r.time
+    factor, unit = force_scale(np.concatenate([r.front_force.value, r.back_force.value]))
+    for history, colour, dash, label in (
+        (r.front_force, MODEL, "-", "front $F_1$"),
+        (r.back_force, SHAPE, "--", "back $F_2$"),
+    ):
+        _band(ax, time, history, factor, colour)
+        ax.plot(time, factor * history.value, dash, color=colour, label=label)
+    ax.set_ylabel(f"Force ({unit})")
+    ax.legend(loc="best")
+    ax.sharex(low)
+    ax.tick_params(labelbottom=False)
+    finite = np.where(np.abs(r.imbalance) <= 2.0, r.imbalance, np.nan)
+    if np.isfinite(finite).any():
+        low.plot(time, finite, color=MEASURED, lw=0.7)
+    else:
+        say_empty(low, "forces within their noise")
+    low.axhline(0.0, color=GREY, lw=0.5)
+    low.set_ylim(-1.0, 1.0)
+    low.set(xlabel="Time at the specimen (µs)", ylabel="$R$ (–)")
+    if r.balanced is not None:
+        for axis in (ax, low):
+            axis.axvspan(US * r.balanced[0], US * r.balanced[1], color=GREY, alpha=0.18, lw=0.0)
+
+
+def _strain(ax: Axes, low: Axes, result: WavesResult) -> None:
+    r = result.reduction
+    time = US * r.time
+    for way, (colour, dash) in WAYS.items():
+        if way not in r.strain:
+            continue
+        if way == "three waves":
+            _band(ax, time, r.strain[way], 1.0, BAND)
+            _band(low, time, r.rate[way], 1.0, BAND)
+        ax.plot(time, r.strain[way].value, dash, color=colour, label=way, lw=0.8)
+        low.plot(time, r.rate[way].value, dash, color=colour, lw=0.8)
+    ax.set_ylabel("Strain (–)")
+    ax.sharex(low)
+    ax.tick_params(labelbottom=False)
+    ax.legend(loc="best")
+    low.set(xlabel="Time at the specimen (µs)", ylabel="Rate (1/s)")
+
+
+def _curve(ax: Axes, result: WavesResult) -> None:
+    r = result.reduction
+    factor, unit = stress_scale(np.concatenate([h.value for h in r.stress.values()]))
+    for way, (colour, dash) in WAYS.items():
+        if way not in r.stress:
+            continue
+        strain = r.strain[way].value
+        if way == "three waves":
+            _band(ax, strain, r.stress[way], factor, BAND)
+        ax.plot(strain, factor * r.stress[way].value, dash, color=colour, lw=0.8, label=way)
+    balanced = r.balanced
+    if balanced is not None and "three waves" in r.stress:
+        inside = (r.time >= balanced[0]) & (r.time <= balanced[1])
+        strain, stress = r.strain["three waves"].value[inside], r.stress["three waves"].value[inside]
+        ax.plot(strain, factor * stress, color=GREY, lw=3.0, alpha=0.45, zorder=0, label="balanced")
+    ax.set(xlabel="Nominal strain (–)", ylabel=f"Nominal stress ({unit})")
+    ax.legend(loc="best")
+
+
+KIND: FigureKind[WavesResult] = FigureKind(
+    name="waves",
+    width=PAGE,
+    height=lambda result: 130.0,
+    caption=caption,
+    panels=lambda result: [
+        ["signals", "forces"],
+        ["signals", "imbalance"],
+        ["strain", "curve"],
+        ["rate", "curve"],
+    ],
+    draw=draw,
+    mosaic={"height_ratios": [1.5, 1.0, 1.25, 1.25]},
+)

@@ -1,0 +1,103 @@
+"""One self-contained page about a shot's bar signals: figure, results, corrections, uncertainty budget."""
+
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from kolsky.atomic import replacing
+from kolsky.report import numbers
+from kolsky.report.canvas import inline_svg
+from kolsky.report.figures import WAVES
+from kolsky.waves.result import WavesResult
+
+_HERE = Path(__file__).parent
+SHOWN = {"Pa": (1e-6, "MPa"), "s": (1e6, "µs"), "m": (1e3, "mm"), "1/V": (1e6, "µm/m/V")}
+"""SI unit -> factor and unit of the page; others are shown as they are."""
+
+
+def write_page(path: Path, result: WavesResult) -> None:
+    """Write the page as a single HTML file without scripts or outside resources.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written; an older one is then unchanged.
+    """
+    html = render(result)
+    with replacing(Path(path)) as partial:
+        partial.write_bytes(html.encode("utf-8", errors="backslashreplace"))
+
+
+def render(result: WavesResult) -> str:
+    """The page as HTML text; see `write_page`."""
+    environment = Environment(
+        loader=FileSystemLoader(_HERE),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    figures = [
+        {
+            "id": kind.name,
+            "number": number,
+            "svg": Markup(inline_svg(kind, result)),  # serialised as XML: every text is escaped
+            "caption": kind.caption(result),
+            "width": kind.width,
+        }
+        for number, kind in enumerate((k for k in WAVES.values() if k.applies(result)), start=1)
+    ]
+    quoted = list(result.budget.results)
+    return environment.get_template("wavespage.html").render(
+        css=Markup((_HERE / "page.css").read_text(encoding="utf-8")),
+        result=result,
+        figures=figures,
+        answers=answers(result),
+        facts=[(name, quantity(value, unit)) for name, (value, unit) in result.facts.items()],
+        corrections=[
+            {
+                "name": c.name,
+                "key": c.key,
+                "applied": "yes" if c.applied else "no",
+                "size": quantity(c.size, c.unit),
+                "rms": quantity(c.rms, c.unit),
+                "reason": c.reason,
+            }
+            for c in result.corrections
+        ],
+        quoted=quoted,
+        budget=[
+            {
+                "name": row.quantity.name,
+                "value": quantity(row.quantity.value, row.quantity.unit),
+                "sigma": quantity(row.quantity.sigma, row.quantity.unit),
+                "kind": row.quantity.kind,
+                "shares": [f"{100.0 * row.shares.get(name, 0.0):.0f} %" for name in quoted],
+            }
+            for row in result.budget.contributions
+        ],
+        settings=list(result.settings.items()),
+        inputs=list(result.inputs.items()),
+    )
+
+
+def answers(result: WavesResult) -> list[dict[str, Any]]:
+    """The quoted numbers with their expanded uncertainties, in the units of a page."""
+    rows = []
+    for name, (value, sigma, unit) in result.budget.results.items():
+        factor, shown = SHOWN.get(unit, (1.0, unit))
+        best, expanded = numbers.measured(factor * value, 2.0 * factor * sigma)
+        rows.append({"name": name, "value": best, "U": expanded, "unit": "" if shown == "1" else shown})
+    return rows
+
+
+def quantity(value: float, unit: str) -> str:
+    """A number with four digits in the unit of the page."""
+    factor, shown = SHOWN.get(unit, (1.0, unit))
+    if unit == "Pa" and abs(value) >= 1e9:
+        factor, shown = 1e-9, "GPa"
+    if unit == "1" and 0.0 < abs(value) < 1e-2:
+        factor, shown = 1e6, "µm/m"
+    return f"{factor * value:.4g}" + ("" if shown == "1" else f" {shown}")

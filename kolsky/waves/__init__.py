@@ -1,0 +1,1 @@
+"""Bar signals: from volts to waves, forces, strain and stress, each with its uncertainty and its corrections."""

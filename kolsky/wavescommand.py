@@ -1,0 +1,76 @@
+"""`kolsky waves`: from the bar signals of a shot to curves, files and a page."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from time import perf_counter
+
+from kolsky import options
+from kolsky.commands import tell
+from kolsky.errors import InputError
+from kolsky.outfolder import filling, usable_folder
+from kolsky.progress import bars
+from kolsky.shots import folder_of
+from kolsky.waves.chain import analyse
+from kolsky.waves.output import summary, write_csv, write_hdf5
+from kolsky.wavesshot import load_waves
+
+
+def waves(shot: Path, *, out: Path | None, formats: Sequence[str], as_json: bool) -> None:
+    """Reduce, write and print.
+
+    Parameters
+    ----------
+    shot
+        A shot's folder, or its shot.toml.
+    out
+        Where results go; by default the folder "results" of the shot.
+    formats
+        Also save the figure alone, in these formats.
+    as_json
+        Print one JSON object instead of a table.
+
+    Raises
+    ------
+    InputError
+        If the shot or its files cannot be used, or results cannot be written.
+    """
+    started = perf_counter()
+    for name in formats:
+        options.one_of("--figures", name, ("pdf", "svg", "png"))
+    given = load_waves(shot)
+    folder = usable_folder(out or folder_of(shot) / "results")
+    with bars() as progress:
+        try:
+            result = analyse(given, progress=progress)
+        except ValueError as error:
+            raise InputError(folder_of(shot), str(error)) from error
+    from kolsky.report.canvas import save_figures
+    from kolsky.report.figures import WAVES
+    from kolsky.report.wavespage import answers, quantity, write_page
+
+    with filling(folder) as partial:
+        write_hdf5(partial / "waves.h5", result)
+        write_csv(partial, result)
+        write_page(partial / "waves.html", result)
+        if formats:
+            save_figures(partial / "figures", result, formats=tuple(formats), registry=WAVES)
+    rows = {
+        "shot": result.name,
+        **{row["name"]: f"{row['value']} ± {row['U']} {row['unit']}".rstrip() + " (k = 2)" for row in answers(result)},
+        "balanced": "never"
+        if result.reduction.balanced is None
+        else "{:.4g} to {:.4g} µs".format(*(1e6 * t for t in result.reduction.balanced)),
+        "windows": f"by {result.windows.source}",
+        **{name: quantity(value, unit) for name, (value, unit) in result.facts.items()},
+    }
+    tell(
+        [],
+        rows,
+        summary(result) if as_json else None,
+        rest={
+            "result": folder / "waves.h5",
+            "page": folder / "waves.html",
+            "wall time": f"{perf_counter() - started:.1f} s",
+        },
+        warnings=result.remarks,
+    )

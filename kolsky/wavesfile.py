@@ -1,0 +1,183 @@
+"""The tables of shot.toml about bars and gauges: [bars], [recorders], [gauges], [waves], [uncertainty]."""
+
+from difflib import get_close_matches
+from typing import Annotated, Literal
+
+from pydantic import ConfigDict, Field, field_validator, model_validator
+
+from kolsky import shotfields as f
+from kolsky.layouttoml import LayoutSection
+from kolsky.shotsection import Section
+from kolsky.waves.audit import CORRECTIONS
+
+
+class WaveSpecimenSection(Section):
+    """[specimen]: a round specimen; a tensile one by its gauge length."""
+
+    diameter: f.Length
+    length: f.Length
+    density: f.Density
+
+
+class WaveBarSection(Section):
+    """[bars.incident] or [bars.transmission]: a round bar, by its modulus or by its measured wave speed."""
+
+    diameter: f.Length
+    length: f.Length
+    density: f.Density
+    poisson: f.Poisson
+    youngs_modulus: f.Modulus | None = None
+    wave_speed: f.Velocity | None = None
+
+    @model_validator(mode="after")
+    def _one_stiffness(self) -> "WaveBarSection":
+        if (self.youngs_modulus is None) == (self.wave_speed is None):
+            raise f.problem(
+                "is missing" if self.wave_speed is None else "is given beside youngs_modulus",
+                key="wave_speed",
+                cure='give either wave_speed = "5188 m/s" (E follows from it and the density) or '
+                'youngs_modulus = "210 GPa"',
+            )
+        return self
+
+    @property
+    def modulus(self) -> float:
+        """Young's modulus [Pa], from the wave speed where that is given."""
+        if self.youngs_modulus is not None:
+            return self.youngs_modulus
+        assert self.wave_speed is not None  # the validator saw to it
+        return self.density * self.wave_speed**2
+
+
+class BarsSection(Section):
+    """[bars]: both bars."""
+
+    incident: WaveBarSection
+    transmission: WaveBarSection
+
+
+class WavesSection(Section):
+    """[waves]: how the signals are reduced."""
+
+    load: Literal["compression", "tension"] = "compression"
+    incident: f.Interval | None = None
+    reflected: f.Interval | None = None
+    transmitted: f.Interval | None = None
+    balance: f.Share = 0.05
+    corrections: dict[str, bool] = {}
+
+    @field_validator("corrections")
+    @classmethod
+    def _known_corrections(cls, corrections: dict[str, bool]) -> dict[str, bool]:
+        for key in corrections:
+            if key not in CORRECTIONS:
+                near = get_close_matches(key, CORRECTIONS, n=1)
+                raise f.problem(
+                    f"has no correction {key!r}; there are {', '.join(CORRECTIONS)}",
+                    cure=f"did you mean {near[0]!r}?" if near else "remove it",
+                )
+        return corrections
+
+    @model_validator(mode="after")
+    def _all_windows_or_none(self) -> "WavesSection":
+        given = {key: getattr(self, key) for key in ("incident", "reflected", "transmitted")}
+        missing = [key for key, window in given.items() if window is None]
+        if 0 < len(missing) < len(given):
+            raise f.problem(
+                "is missing; the other windows are given",
+                key=missing[0],
+                cure="give all three windows, or none of them to have the pulses found",
+            )
+        return self
+
+
+class UncertaintySection(Section):
+    """[uncertainty]: standard uncertainties (k = 1); what is not given counts as exact."""
+
+    bar_modulus: f.Uncertainty = 0.0
+    bar_wave_speed: f.Uncertainty = 0.0
+    bar_density: f.Uncertainty = 0.0
+    bar_diameter: f.Uncertainty = 0.0
+    bar_poisson: f.Deviation = 0.0
+    bars_alike: bool = False
+    gauge_calibration: f.Uncertainty = 0.0
+    gauge_distance: f.LengthDeviation = 0.0
+    specimen_diameter: f.Uncertainty = 0.0
+    specimen_length: f.Uncertainty = 0.0
+
+    @model_validator(mode="after")
+    def _one_stiffness(self) -> "UncertaintySection":
+        if self.bar_modulus > 0.0 and self.bar_wave_speed > 0.0:
+            raise f.problem(
+                "is given beside bar_modulus; with the density each follows from the other",
+                key="bar_wave_speed",
+                cure="keep the one that was measured",
+            )
+        return self
+
+
+class RecorderSection(LayoutSection):
+    """[recorders.NAME]: a file of a recorder, how it is read, and its clock."""
+
+    file: f.FileName
+    clock_offset: f.Time
+
+
+class BridgeSection(Section):
+    """[gauges.NAME.bridge]: a Wheatstone bridge with its supply and amplifier."""
+
+    kind: Literal["quarter", "half, opposed", "half, Poisson", "full, Poisson"]
+    gauge_factor: f.Number
+    excitation: f.Voltage
+    gain: f.Number = 1.0
+    gauge_resistance: f.Resistance = 120.0
+    lead_resistance: f.LeadResistance = 0.0
+
+
+class GaugeSection(Section):
+    """[gauges.incident] or [gauges.transmission]: strain gauges at one place; two channels are opposed."""
+
+    recorder: f.Name
+    channels: Annotated[list[f.Name | Annotated[int, Field(ge=1)]], Field(min_length=1, max_length=2)]
+    distance: f.Length
+    compression: Literal["positive", "negative"]
+    strain_per_volt: f.StrainPerVolt | None = None
+    bridge: BridgeSection | None = None
+    strain: Literal[True] | None = None
+    baseline: f.Interval
+    full_scale: f.Voltage | None = None
+
+    @model_validator(mode="after")
+    def _one_calibration(self) -> "GaugeSection":
+        ways = ("strain_per_volt", "bridge", "strain")
+        given = [key for key in ways if getattr(self, key) is not None]
+        if len(given) != 1:
+            raise f.problem(
+                "is missing" if not given else f"is given beside {given[0]}",
+                key=given[1] if given else "strain_per_volt",
+                cure='give one of strain_per_volt = "0.0005 1/V", a table bridge, or strain = true where the '
+                "file holds strain already",
+            )
+        return self
+
+
+class GaugesSection(Section):
+    """[gauges]: one station on each bar."""
+
+    incident: GaugeSection
+    transmission: GaugeSection
+
+
+class WavesShotFile(Section):
+    """A shot.toml for `kolsky waves`: bars and gauges are needed, what `identify` reads is left alone."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
+
+    format: Literal[1]
+    name: f.Name | None = None
+    specimen: WaveSpecimenSection
+    bars: BarsSection
+    recorders: Annotated[dict[str, RecorderSection], Field(min_length=1)]
+    gauges: GaugesSection
+    waves: WavesSection = WavesSection()
+    uncertainty: UncertaintySection = UncertaintySection()
