@@ -1,7 +1,7 @@
 """Where specimen and flyer are in the pictures of camera 0, from the pictures alone.
 
 Speckles are several pixels wide, so a row of pixels across the axis looks like the row but one beside it.
-Where one body ends and another begins it does not: there the correlation of two rows, one row between them, falls
+Where one body ends and another begins it does not: there the correlation of two rows, one between them, falls
 from 0.7 or more to about nothing, even if both bodies carry the same kind of speckles. At rest this gives the
 specimen's ends. The flyer's edge is then followed through all frames as the path of least correlation.
 """

@@ -105,9 +105,8 @@ def _place(key: str, regions: Mapping[str, Any]) -> str:
         x, y = regions[key]
         return f"transmission edge ({x:.4g}, {y:.5g}) px"
     x, y = zip(*regions[key], strict=True)
-    return (
-        f"{key} x {min(x):g} to {max(x):g}, y {min(y):g} to {max(y):g} px in frame {regions[f'{key}_frame']}"
-    )
+    frame = regions[f"{key}_frame"]
+    return f"{key} x {min(x):g} to {max(x):g}, y {min(y):g} to {max(y):g} px in frame {frame}"
 
 
 def bad_frames(result: StereoResult) -> dict[str, str]:
