@@ -75,11 +75,12 @@ def find_regions(pictures: Pictures, static: BoolArray, usable: BoolArray, *, to
     if not rest.size or not moving.size:
         raise ValueError("regions need a usable static picture and one of the motion")
     mean = _turned(np.mean([pictures.frame(k).astype(np.float64) for k in rest], axis=0), toward)
-    likeness = row_likeness(mean)
-    top, bottom, edge = _ends(mean, likeness)
+    third = len(mean) // 3
+    inner = _inner(_columns(mean[third:-third], "specimen"))  # what lies beside a body is alike in all rows
+    top, bottom, edge = _ends(mean[:, inner])
     columns = _columns(mean[top : bottom + 1], "specimen")
     frames = [int(rest[-1]), *moving.tolist()]
-    last, picture, border = _followed(pictures, frames, toward, top - 2, bottom - 2)
+    last, picture, border = _followed(pictures, frames, toward, inner, top - 2, bottom - 2)
     if border < 3:
         raise ValueError(
             "the flyer fills fewer than 3 rows of the last usable picture; declare flyer and its frame"
@@ -108,9 +109,9 @@ def row_likeness(picture: FloatArray) -> FloatArray:
     return np.pad(found, 1, constant_values=1.0)
 
 
-def _ends(mean: FloatArray, likeness: FloatArray) -> tuple[int, int, float]:
+def _ends(mean: FloatArray) -> tuple[int, int, float]:
     """First and last row of the specimen at rest, and where it ends at the transmission platen [px]."""
-    rows = len(mean)
+    rows, likeness = len(mean), row_likeness(mean)
     contrast = np.std(mean - gaussian_filter1d(mean, EVEN, axis=1), axis=1)
     typical = float(np.median(contrast))
     middle = rows // 2
@@ -146,7 +147,7 @@ def _dip(pairs: FloatArray, likeness: FloatArray, where: str) -> int:
 
 
 def _followed(
-    pictures: Pictures, frames: Sequence[int], toward: str, start: int, farthest: int
+    pictures: Pictures, frames: Sequence[int], toward: str, inner: slice, start: int, farthest: int
 ) -> tuple[int, FloatArray, int]:
     """The last frame, its picture, and the row before the flyer's edge in it, by the path of least
     correlation from row `start` of the first; it never comes to row `farthest`."""
@@ -157,7 +158,7 @@ def _followed(
             picture = _turned(pictures.frame(k).astype(np.float64), toward)
         except PictureError:
             continue
-        likeness = row_likeness(picture)
+        likeness = row_likeness(picture[:, inner])
         here = 0.5 * (likeness[:-1] + likeness[1:])
         here[farthest:] = np.inf
         if cost is None:
@@ -200,6 +201,12 @@ def _columns(body: FloatArray, name: str) -> tuple[int, int]:
     first = int(outside[outside < middle].max(initial=-1)) + 1
     last = int(outside[outside > middle].min(initial=contrast.size)) - 1
     return first, last
+
+
+def _inner(columns: tuple[int, int]) -> slice:
+    """Columns of a body clear of its flanks."""
+    room = (columns[1] - columns[0]) // 16
+    return slice(columns[0] + room, columns[1] + 1 - room)
 
 
 def _turned(picture: FloatArray, toward: str) -> FloatArray:
