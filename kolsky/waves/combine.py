@@ -102,7 +102,7 @@ class BarWaves:
 
 
 def noise_correlation(faces: FaceWaves) -> float:
-    """Samples for each independent one in the waves' noise [-]: 1 if it is white, more where a band was cut."""
+    """Samples for each independent one in the waves' noise [-]: 1 if white, more where a band was cut."""
     if faces.white is None:
         return 1.0
     return max(
