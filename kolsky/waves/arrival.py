@@ -48,8 +48,9 @@ def find_arrival(
     pulse; the largest average up to its end is its level. The onset minimises Maeda's form of Akaike's
     criterion over the samples up to half the level [1]_; the time is the intersection of the baseline, 0,
     with the least-squares line through the flank's samples between `FLANK` of the level, and its sigma is
-    that of the intersection. On a straight flank it has no bias. On a rounded foot it is late by a fixed share of
-    the rise, 0.17 of a raised cosine's, whatever the noise, while the onset comes later as noise grows.
+    that of the intersection. On a straight flank it has no bias. On a rounded foot it is late by a fixed
+    share of the rise, 0.17 of a raised cosine's, whatever the noise, while the onset comes later as noise
+    grows.
 
     Parameters
     ----------
