@@ -43,8 +43,9 @@ def face_waves(
     guides
         The incident and the transmission bar as waveguides; None leaves dispersion out.
     band
-        Frequency up to which the guides carry waves [Hz], inf for all. Without it the lower `BAND` of the bars: above,
-        a gauge sees several modes at once, and noise would be carried as if it were a wave of the first.
+        Frequency up to which the guides carry waves [Hz], inf for all. Without it the lower `BAND` of the
+        bars: above, a gauge sees several modes at once, and noise would be carried as if it were a wave of
+        the first.
     arrival
         When the incident wave arrives at its gauge [s]; carried to the face this is time 0 of the result.
         The beginning of the incident window if it is left out.
