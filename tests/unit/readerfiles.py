@@ -1,4 +1,4 @@
-"""The same record of two channels in the formats of many recorders, written from their public descriptions."""
+"""One record of two channels in the formats of many recorders, written from their public descriptions."""
 
 import struct
 from collections.abc import Callable
@@ -89,7 +89,8 @@ def picoscope(path: Path) -> Path:
 
 def yokogawa(path: Path) -> Path:
     above = [
-        '"Model Name","DL850"', '"TraceName","CH1","CH2"', f'"BlockSize",{SAMPLES},{SAMPLES}', '"VUnit","V","V"',
+        '"Model Name","DL850"', '"TraceName","CH1","CH2"', f'"BlockSize",{SAMPLES},{SAMPLES}',
+        '"VUnit","V","V"',
         f'"SampleRate",{1 / INTERVAL:.1f},{1 / INTERVAL:.1f}', f'"HResolution",{INTERVAL:e},{INTERVAL:e}',
         f'"HOffset",{START:e},{START:e}', '"HUnit","s","s"', "",
     ]  # fmt: skip
@@ -98,7 +99,8 @@ def yokogawa(path: Path) -> Path:
 
 def lecroy_csv(path: Path) -> Path:
     above = [
-        "LECROYHDO6104,12345,Waveform", f"Segments,1,SegmentSize,{SAMPLES}", "Segment,TrigTime,TimeSinceSegment1",
+        "LECROYHDO6104,12345,Waveform", f"Segments,1,SegmentSize,{SAMPLES}",
+        "Segment,TrigTime,TimeSinceSegment1",
         "#1,21-Nov-2026 10:11:12,0", "Time,CH1,CH2",
     ]  # fmt: skip
     return text(path, above, time="{:.9e}")
@@ -137,7 +139,7 @@ def lvm(path: Path, *, separator: str = "\t", decimal: str = ".", columns: str =
         f"Channels{s}2{s}{s}", f"Samples{s}{SAMPLES}{s}{SAMPLES}{s}", f"Y_Unit_Label{s}Volts{s}Volts{s}",
         f"X_Dimension{s}Time{s}Time{s}", f"X0{s}{START:E}{s}{START:E}{s}".replace(".", decimal),
         f"Delta_X{s}{INTERVAL:E}{s}{INTERVAL:E}{s}".replace(".", decimal), f"***End_of_Header***{s}{s}{s}",
-        s.join(["X_Value", "CH1", "CH2", "Comment"] if columns != "Multi" else ["X_Value", "CH1", "X_Value", "CH2"]),
+        s.join(["X_Value", "CH1", *(["X_Value", "CH2"] if columns == "Multi" else ["CH2", "Comment"])]),
     ]  # fmt: skip
     rows = []
     for t, a, b in zip(TIME, CH1, CH2, strict=True):
@@ -241,10 +243,63 @@ def tektronix_isf(path: Path) -> Path:
         ":WFMP:BYT_N 2;BIT_N 16;ENC BIN;BN_F RI;BYT_O MSB;NR_P "
         + str(SAMPLES)
         + ';WFI "Ch1, DC coupling";PT_F Y;'
-        f'XUN "s";XIN {INTERVAL:E};XZE {START:E};PT_O 0;YUN "V";YMU {1 / 1024:.10E};YOF 0.0E0;YZE 0.0E0;:CURV #'
+        f'XUN "s";XIN {INTERVAL:E};XZE {START:E};PT_O 0;YUN "V";YMU {1 / 1024:.10E};YOF 0.0E0;YZE 0.0E0;'
+        ":CURV #"
     )
     count = str(codes.nbytes)
     path.write_bytes(head.encode() + f"{len(count)}{count}".encode() + codes.tobytes())
+    return path
+
+
+def tektronix_wfm(path: Path) -> Path:
+    """One channel, WFM#003, 16 bits, little-endian (Tektronix 077-0220: offsets of the header's parts)."""
+    head = bytearray(838)
+    codes = np.round(CH1 * 1024).astype("<i2")
+
+    def put(offset: int, form: str, *values: object) -> None:
+        struct.pack_into("<" + form, head, offset, *values)
+
+    put(0, "H1s7s", 0x0F0F, b":", b"WFM#003")
+    put(10, "Bi", 8, len(head) + codes.nbytes - 15)
+    put(15, "Bi", 2, len(head))  # bytes a point, where the curve begins
+    put(76, "H", 838)
+    put(114, "II", 1, 1)  # dimensions
+    put(122, "i", 2)  # vectors of volts
+    put(142, "I", 1)  # one curve
+    put(168, "ddI20s", 1.0 / 1024, 0.0, 65536, b"V")  # volts = scale * code + offset
+    put(240, "i", 0)  # 16-bit integers
+    put(488, "ddI20s", INTERVAL, START, SAMPLES, b"s")
+    put(808 + 10, "IIIII", 0, 0, codes.nbytes, codes.nbytes, codes.nbytes)  # all of the buffer is valid
+    path.write_bytes(bytes(head) + codes.tobytes())
+    return path
+
+
+def yokogawa_wfm(path: Path) -> Path:
+    """One channel of single-precision volts behind two lines of text."""
+    line = f"WFM BIT:32,BYT:4,NR_PT:{SAMPLES},PT_O:50,XIN:{INTERVAL:E},YMU:1.0,YOF:0.0"
+    path.write_bytes(f"Yokogawa\r\n{line}\r\n".encode() + CH1.astype("<f4").tobytes())
+    return path
+
+
+def rohde_schwarz(path: Path) -> Path:
+    """Two channels: an XML header, the samples beside it in .Wfm.bin."""
+    stop = START + SAMPLES * INTERVAL
+    values = {
+        "SignalFormat": "eRS_SIGNAL_FORMAT_FLOAT", "TraceType": "eRS_TRACE_TYPE_NORMAL",
+        "NumberOfAcquisitions": 1, "SignalHardwareRecordLength": SAMPLES, "RecordLength": SAMPLES,
+        "LeadingSettlingSamples": 0, "XStart": START, "XStop": stop, "MultiChannelExport": "eRS_ONOFF_ON",
+        "VerticalScale": 0.1, "Source": "eRS_SIGNAL_SOURCE_CH1_TR1",
+    }  # fmt: skip
+    rows = [f'<Prop Name="{key}" Value="{value}"/>' for key, value in values.items()]
+    rows += [
+        '<Prop Name="MultiChannelExportState" I_0="eRS_ONOFF_ON" I_1="eRS_ONOFF_ON" I_2="eRS_ONOFF_OFF"/>',
+        '<Prop Name="MultiChannelSource" I_0="eRS_SIGNAL_SOURCE_CH1_TR1" I_1="eRS_SIGNAL_SOURCE_CH2_TR1"/>',
+        '<Prop Name="MultiChannelVerticalScale" I_0="0.1" I_1="0.1" StepFactor="10"/>',
+    ]
+    head = '<?xml version="1.0"?>\n<Database FWVersion="1.0"><Group SaveItemType="Data">'
+    path.write_text(head + "\n".join(rows) + "</Group></Database>")
+    samples = np.stack([CH1, CH2], axis=1).astype("<f4")
+    path.with_suffix(".Wfm.bin").write_bytes(struct.pack("<II", 4, SAMPLES) + samples.tobytes())
     return path
 
 
@@ -255,8 +310,6 @@ class Made:
     write: Callable[[Path], Path]
     name: str
     channels: tuple[str, ...]
-    exact: float = 1e-12
-    """Largest relative error of start and interval that the format's own digits leave."""
 
 
 FILES = {
@@ -278,6 +331,9 @@ FILES = {
     "tdms": Made(tdms, "a.tdms", ("scope/CH1", "scope/CH2")),
     "lecroy_trc": Made(lecroy_trc, "a.trc", ("CH1",)),
     "tektronix_isf": Made(tektronix_isf, "a.isf", ("CH1",)),
+    "tektronix_wfm": Made(tektronix_wfm, "a.wfm", ("CH1",)),
+    "yokogawa_wfm": Made(yokogawa_wfm, "a.wfm", ("CH1",)),
+    "rohde_schwarz": Made(rohde_schwarz, "a.bin", ("CH1", "CH2")),
 }
 """Formats that say units and clock themselves."""
 UNITLESS = {

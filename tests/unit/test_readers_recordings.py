@@ -1,4 +1,4 @@
-"""One record in many formats, read back: the same samples, an exactly uniform clock, the facts that were found."""
+"""One record in many formats, read back: the same samples, a uniform clock, the facts that were found."""
 
 from dataclasses import replace
 
@@ -60,7 +60,7 @@ def test_a_channel_may_be_asked_for_by_number(name, tmp_path):
 def test_a_missing_channel_is_an_error_that_names_those_there_are(name, tmp_path):
     made = ALL[name]
     path = made.write(tmp_path / made.name)
-    with pytest.raises(InputError, match="'CH9' is missing") as caught:
+    with pytest.raises(InputError, match=r"'CH9' is missing") as caught:
         read_recordings(path, ["CH9"], layout=layout_of(name))
     assert made.channels[0] in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -70,7 +70,7 @@ def test_a_missing_channel_is_an_error_that_names_those_there_are(name, tmp_path
 def test_a_unit_that_nobody_says_is_not_guessed(name, tmp_path):
     made = ALL[name]
     path = made.write(tmp_path / made.name)
-    with pytest.raises(InputError, match='does not say the unit.*unit = "V"'):
+    with pytest.raises(InputError, match=r'does not say the unit.*unit = "V"'):
         read_recordings(path, [made.channels[0]], layout=replace(layout_of(name), unit=None))
 
 
@@ -128,7 +128,7 @@ def test_the_time_column_of_a_channel_may_be_stated(tmp_path):
 
 def test_a_file_without_header_has_numbered_columns(tmp_path):
     path = files.text(tmp_path / "a.csv", [])
-    with pytest.raises(InputError, match="no time column that is recognised"):
+    with pytest.raises(InputError, match=r"no time column that is recognised"):
         read_recordings(path, ["2"], layout=Layout(unit="V"))
     found = read_recordings(path, ["2", "3"], layout=Layout(unit="V", time=1, time_unit="s"))
     np.testing.assert_array_equal(found["3"].value, files.CH2)
@@ -138,13 +138,12 @@ def test_a_file_without_header_has_numbered_columns(tmp_path):
 def test_a_start_beside_a_stated_interval_is_narrowed_by_all_times(tmp_path):
     # Times rounded to 1 us, ten samples to each: together they tell the start to a fraction of a sample.
     path = files.text(tmp_path / "a.csv", ["Time (s),CH1 (V),CH2 (V)"], time="{:.6f}")
-    with pytest.raises(InputError, match="rounded to 1e-06 s.*suggest an interval of 1.00"):
+    with pytest.raises(InputError, match=r"rounded to 1e-06 s.*suggest an interval of 1.00"):
         read_recordings(path, ["CH1 (V)"])
     found = read_recordings(path, ["CH1 (V)"], layout=Layout(interval=files.INTERVAL))["CH1 (V)"]
-    assert (
-        abs(found.time[0] - files.START) < 0.51 * files.INTERVAL
-    )  # where the rounding turns, ± half a sample
-    with pytest.raises(InputError, match="contradicts the interval 1.1e-07 s"):
+    # Where the rounding turns tells the start to half a sample.
+    assert abs(found.time[0] - files.START) < 0.51 * files.INTERVAL
+    with pytest.raises(InputError, match=r"contradicts the interval 1.1e-07 s"):
         read_recordings(path, ["CH1 (V)"], layout=Layout(interval=1.1e-7))
 
 
@@ -153,7 +152,7 @@ def test_a_header_that_contradicts_its_times_is_refused(tmp_path):
     path.write_text(
         path.read_text().replace(f"Sample Interval,{files.INTERVAL:.6E}", "Sample Interval,2.0E-07")
     )
-    with pytest.raises(InputError, match="contradicts the interval 2e-07 s .header: Sample Interval"):
+    with pytest.raises(InputError, match=r"contradicts the interval 2e-07 s .header: Sample Interval"):
         read_recordings(path, ["CH1 (V)"])
 
 
@@ -162,7 +161,7 @@ def test_a_workbook_with_several_filled_sheets_needs_one_named(tmp_path):
     book = openpyxl.load_workbook(path)
     book["notes"].append(["not", "a", "record"])
     book.save(path)
-    with pytest.raises(InputError, match="has 2 sheets with data.*sheet ="):
+    with pytest.raises(InputError, match=r"has 2 sheets with data.*sheet ="):
         read_recordings(path, ["CH1/V"])
     found = read_recordings(path, ["CH1/V"], layout=Layout(sheet="Record"))
     np.testing.assert_array_equal(found["CH1/V"].value, files.CH1)
