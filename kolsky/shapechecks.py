@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from kolsky.errors import InputError
 from kolsky.records import CentreLine, FloatArray
-from kolsky.shottoml import ShotToml
+from kolsky.shottoml import ShotToml, TomlFile
 
 RADIUS_TOLERANCE = 0.2
 """Largest disagreement of the outline at rest with the specimen's radius, relative to it."""
@@ -71,7 +71,7 @@ def outline(line: CentreLine, path: Path, rest: float, span: tuple[float, float]
         raise InputError(path, "no point is inside the window", cure="export the frames of the test")
 
 
-def curve(strain: FloatArray, stress: FloatArray, path: Path, toml: ShotToml) -> None:
+def curve(strain: FloatArray, stress: FloatArray, path: Path, toml: TomlFile) -> None:
     """One branch, one sign, from rest outward.
 
     Parameters
