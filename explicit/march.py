@@ -171,7 +171,7 @@ def march_kernel(
             if walks(lane) == 1:
                 measure = int(0)
                 if until_measured == 0:
-                    measure = 1
+                    measure = batch.bound
                     until_measured = batch.measure_every
                 until_measured -= 1
                 worst, power, artificial = sweep_elements(
@@ -184,7 +184,7 @@ def march_kernel(
                     put_largest(parts, TURNED, latched)
                 if batch.stop_past_data == 1:
                     put_largest(parts, BEYOND, strain(body, limit_s, u_r, u_y, lane))
-                if measure == 1:
+                if measure > 0:
                     put_largest(parts, STIFFEST + (step + 1) % 2, latched)
                     latched = wp.float64(0.0)
             if tends(lane) == 1 and step == 0:

@@ -142,9 +142,7 @@ def calibration_of(toml: TomlFile, section: CalibrationSection, progress: Progre
             f"has {spans[0]} of camera 0 and {spans[1]} of camera 1, so it is not known which are pairs",
             cure="export the pairs with one number each",
         )
-    views = detect_series(
-        series, targets, progress=lambda done, total: progress("calibration", done, total)
-    )
+    views = detect_series(series, targets, progress=lambda done, total: progress("calibration", done, total))
     sensors = [(pictures.shape[1], pictures.shape[0]) for pictures in series]
     try:
         return calibrate(

@@ -176,6 +176,12 @@ class ForceSection(Section):
         return self
 
 
+class IncidentForceSection(ForceSection):
+    """[incident_force]: the flyer's own transducer, behind a mass that moves with the flyer."""
+
+    mass: f.Mass
+
+
 class FramesSection(Section):
     """[frames]: when the cameras took their pictures."""
 
@@ -276,6 +282,7 @@ class ShotFile(Section):
     interface: InterfaceSection
     transmission: TransmissionSection
     force: ForceSection
+    incident_force: IncidentForceSection | None = None
     frames: FramesSection
     flyer: FlyerSection | None = None
     centre_line: CentreLineSection | None = None
@@ -308,6 +315,7 @@ class ShotFile(Section):
         """The data files this shot names one by one: dotted key -> file name."""
         sections: dict[str, Any] = {
             "force": self.force,
+            "incident_force": self.incident_force,
             "frames": self.frames,
             "flyer": self.flyer,
             "centre_line": self.centre_line,

@@ -64,6 +64,7 @@ class WavesSection(Section):
     reflected: f.Interval | None = None
     transmitted: f.Interval | None = None
     balance: f.Share = 0.05
+    share: f.Share = 0.05
     corrections: dict[str, bool] = {}
 
     @field_validator("corrections")
@@ -104,6 +105,8 @@ class UncertaintySection(Section):
     gauge_distance: f.LengthDeviation = 0.0
     specimen_diameter: f.Uncertainty = 0.0
     specimen_length: f.Uncertainty = 0.0
+    sensitivity: f.Uncertainty = 0.0
+    mass: f.Uncertainty = 0.0
 
     @model_validator(mode="after")
     def _one_stiffness(self) -> "UncertaintySection":
@@ -181,3 +184,9 @@ class WavesShotFile(Section):
     gauges: GaugesSection
     waves: WavesSection = WavesSection()
     uncertainty: UncertaintySection = UncertaintySection()
+
+
+class AnyFile(Section):
+    """Any shot.toml; only to see which tables it has."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True, strict=True)

@@ -60,7 +60,7 @@ def load_waves(folder_or_toml: str | Path) -> WavesInput:
         uncertainty=uncertainty,
         alike=alike,
         inputs={file.path.name: file.sha256, **hashes},
-        settings=_settings(file.content),
+        settings=declared_settings(file.content),
     )
 
 
@@ -172,9 +172,19 @@ def _fits(file: TomlFile, declared: WavesShotFile, bars: Mapping[str, Bar], spec
     refuse(problems)
 
 
-def _settings(content: Mapping[str, Any]) -> dict[str, str]:
+def declared_settings(content: Mapping[str, Any]) -> dict[str, str]:
     """What was declared, key by key as written, and the versions."""
-    kept = ("specimen", "bars", "recorders", "gauges", "waves", "uncertainty")
+    kept = (
+        "specimen",
+        "bars",
+        "recorders",
+        "gauges",
+        "force",
+        "incident_force",
+        "flyer",
+        "waves",
+        "uncertainty",
+    )
     said = dict(_flat({name: content[name] for name in kept if name in content}))
     for package in ("kolsky", "numpy", "scipy"):
         try:

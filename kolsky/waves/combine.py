@@ -106,7 +106,8 @@ def noise_correlation(faces: FaceWaves) -> float:
     if faces.white is None:
         return 1.0
     return max(
-        ((faces.white[name] / faces.sigma[name]) ** 2 for name in WAVES if faces.sigma[name] > 0.0), default=1.0
+        ((faces.white[name] / faces.sigma[name]) ** 2 for name in WAVES if faces.sigma[name] > 0.0),
+        default=1.0,
     )
 
 

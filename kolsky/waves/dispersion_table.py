@@ -1,6 +1,7 @@
 """Tables of the first longitudinal mode: roots of the frequency equation, by Poisson's ratio."""
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,7 @@ def dispersion_table(poisson: float, largest: float = FIRST_TABLE) -> CubicHermi
     return _table(float(poisson), FIRST_TABLE * 2.0**doublings)
 
 
+@lru_cache(maxsize=32)
 def _table(poisson: float, end: float) -> CubicHermiteSpline:
     if poisson == 0.0:
         return _table_without_poisson(end)

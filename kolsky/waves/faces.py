@@ -1,7 +1,7 @@
 """From the gauges to the specimen: each wave cut, carried to the bar's face and put on one clock."""
 
 from dataclasses import replace
-from math import inf, pi
+from math import inf, pi, sqrt
 
 import numpy as np
 
@@ -103,7 +103,7 @@ def face_waves(
         incident_bar=incident.bar,
         transmission_bar=transmission.bar,
         origin=zero + travel_time(incident),
-        white={name: s.strain.sigma for name, s in zip(names, stations, strict=True)},
+        white={name: s.strain.sigma * sqrt(s.strain.memory) for name, s in zip(names, stations, strict=True)},
         band=limit,
     )
 

@@ -16,6 +16,8 @@ ComplexArray = NDArray[np.complex128]
 
 LARGEST_GAIN = 10.0
 """Amplification of a spectral component that propagation allows before it ends the band [-]."""
+_SLOPES = 1024
+"""Frequencies at which the delay of the slowest component is sought."""
 FEWEST_SAMPLES = 8
 """A signal with fewer samples has no spectrum worth the name."""
 
@@ -93,7 +95,7 @@ def propagation(
         Way along the wave's direction [m]; negative goes back to where the wave came from.
     window : tuple of float, optional
         First and last time that belong to the wave, on the shot's clock [s]; outside, the signal fades to
-        zero within a tenth of the window.
+        zero within a fiftieth of the window.
     band : float, optional
         Frequency at which a half-cosine edge, `spectra.ROLL_OFF` of it wide, ends the spectrum [Hz].
     start : float, optional
@@ -125,7 +127,7 @@ def propagation(
     limit = min(waveguide.largest_frequency, np.inf if band is None else band)
 
     fade = max(64, n // 4)
-    before = fade + _spread(waveguide, distance, n, step, limit) + max(0, -whole)
+    before = fade + _spread(waveguide, distance, step, limit) + max(0, -whole)
     after = before + max(0, whole + count - n)
     length = next_fast_len(before + n + after, real=True)
     frequency = rfftfreq(length, step)
@@ -193,9 +195,9 @@ def _multiplied(strain: Signal, waveguide: Waveguide, unit: str, band: float | N
     return Signal(strain.start, strain.interval, value, sigma, unit, strain.name)
 
 
-def _spread(waveguide: Waveguide, distance: float, n: int, step: float, limit: float) -> int:
+def _spread(waveguide: Waveguide, distance: float, step: float, limit: float) -> int:
     """Samples by which the slowest component is later than the arrival, from the slope of the phase."""
-    omega = 2.0 * pi * np.linspace(0.0, min(0.5 / step, limit), max(n, 512))
+    omega = 2.0 * pi * np.linspace(0.0, min(0.5 / step, limit), _SLOPES)
     late = waveguide.wavenumber(omega).real - omega / waveguide.wave_speed
     slowest = float(np.abs(np.diff(late) / np.diff(omega)).max()) * abs(distance)
     return int(np.ceil(slowest / step)) + 1

@@ -24,7 +24,7 @@ def windowed(signal: Signal, window: tuple[float, float], *, taper: float | None
     window : tuple of float
         First and last time on the shot's clock [s].
     taper : float, optional
-        Length of each fade [s]; without it a tenth of the window.
+        Length of each fade [s]; without it a fiftieth of the window.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def windowed(signal: Signal, window: tuple[float, float], *, taper: float | None
             f"a window must be ascending and within [{signal.start:.6g}, {signal.end:.6g}] s, "
             f"got [{first:.6g}, {last:.6g}] s"
         )
-    length = 0.1 * (last - first) if taper is None else taper
+    length = 0.02 * (last - first) if taper is None else taper
     outside = np.maximum(np.maximum(first - signal.time, signal.time - last), 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(outside > 0.0, np.minimum(outside / length, 1.0), 0.0)
