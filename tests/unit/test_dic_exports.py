@@ -77,13 +77,13 @@ def write(folder, layout, *, current=False, drop=True):
         head = {
             "opencorr": "x,y,u,v,w,r1r2 ZNCC,ref_x,ref_y,ref_z",
             "vic3d": '"X", "Y", "Z", "U", "V", "W", "sigma", "x", "y"',
-            "aramis": "# stage data:\n#"
-            + "#" * 20
-            + "\n#        ID; x_undef [mm]; y_undef [mm]; z_undef [mm]; u [mm]; "
-            "v [mm]; w [mm]",
-            "matchid": "Coordinates.Image X [Pixel],Coordinates.Image Y [Pixel],coor.X [mm],coor.Y [mm],coor.Z [mm],"
-            "disp.Horizontal Displacement U [mm],disp.Vertical Displacement V [mm],disp.Out-Of-Plane: W [mm]",
-            "dice": "SUBSET_ID,COORDINATE_X,COORDINATE_Y,MODEL_COORDINATES_X,MODEL_COORDINATES_Y,MODEL_COORDINATES_Z,"
+            "aramis": "# stage data:\n####################\n"
+            "#        ID; x_undef [mm]; y_undef [mm]; z_undef [mm]; u [mm]; v [mm]; w [mm]",
+            "matchid": "Coordinates.Image X [Pixel],Coordinates.Image Y [Pixel],"
+            "coor.X [mm],coor.Y [mm],coor.Z [mm],disp.Horizontal Displacement U [mm],"
+            "disp.Vertical Displacement V [mm],disp.Out-Of-Plane: W [mm]",
+            "dice": "SUBSET_ID,COORDINATE_X,COORDINATE_Y,"
+            "MODEL_COORDINATES_X,MODEL_COORDINATES_Y,MODEL_COORDINATES_Z,"
             "MODEL_DISPLACEMENT_X,MODEL_DISPLACEMENT_Y,MODEL_DISPLACEMENT_Z,SIGMA,MATCH",
         }[layout]
         (folder / f"shot7_{frame:04d}_0.csv").write_text("\n".join([head, *lines]) + "\n")

@@ -259,10 +259,11 @@ def _reference(path: Path, coordinates: FloatArray, u: FloatArray) -> FloatArray
     if spread[kind] > 1e-6 + 1e-3 * travel:  # printed digits of a micrometre at worst
         raise InputError(
             path,
-            f"and the others: coordinates of a point change by {spread[kind] * 1e6:.3g} um from frame to frame,"
-            " and not by its displacement",
+            f"and the others: coordinates of a point change by {spread[kind] * 1e6:.3g} um from frame to"
+            " frame, and not by its displacement",
             cure="are the keys those of the points? export without removal of rigid motion",
         )
     chosen = still if kind == "reference" else moving
-    X = np.where(valid[first, points][:, None], chosen[first, points], np.nan)
-    return np.asarray(X, dtype=np.float64)
+    X = np.array(chosen[first, points], dtype=np.float64)
+    X[~valid[first, points]] = np.nan
+    return X
