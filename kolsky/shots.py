@@ -191,6 +191,8 @@ def load_shot(folder_or_toml: str | Path, *, measure: Callable[[Seen], Measured]
     declared, folder = toml.declared, toml.path.parent
     frame_time = frames.time + declared.frames.clock_offset
     rest = float(frame_time[declared.frames.static - 1])
+    if declared.surface is not None:
+        return _with_surface(toml, frames, rest)
     if declared.flyer is None or declared.centre_line is None:
         return _with_pictures(toml, frames, rest, measure)
     flyer, flyer_hash = _flyer(folder, frames, declared.flyer, toml)
@@ -232,11 +234,34 @@ def check_shot(folder_or_toml: str | Path) -> ShotBase:
     if is_bar_driven(folder_or_toml):
         return load_shot(folder_or_toml)
     toml, _ = _opened(folder_or_toml)
-    if toml.declared.flyer is None:
+    if toml.declared.flyer is None and toml.declared.surface is None:
         return load_pictures(folder_or_toml)
     if toml.declared.pictures is not None:
         load_pictures(folder_or_toml)
     return load_shot(folder_or_toml)
+
+
+def _with_surface(toml: ShotToml, frames: FrameTimes, rest: float) -> Shot:
+    """A shot whose outline, and perhaps flyer, come from exports of a whole surface."""
+    from kolsky.surfaceshot import measured_surface
+
+    declared, folder = toml.declared, toml.path.parent
+    assert declared.surface is not None  # the caller saw to it
+    centre_line, flyer, inputs = measured_surface(toml, declared.surface, frames)
+    source = folder / declared.surface.pattern
+    if flyer is None:
+        assert declared.flyer is not None  # the schema saw to it
+        flyer, inputs[declared.flyer.file] = _flyer(folder, frames, declared.flyer, toml)
+    else:
+        framechecks.body_moves(flyer, rest, source, toml)
+    force = _force(folder, rest, toml)
+    frame_time = frames.time + declared.frames.clock_offset
+    span = window(toml, frame_time, float(flyer.time[-1]), force.recording, force.time)
+    forcechecks.force_sign(force.raw_force(), force.time, span, flyer, toml)
+    shapechecks.outline(centre_line, source, rest, span, toml)
+    curve, curve_hash = _curve(folder, toml)
+    base = _base(toml, frames, force, curve, curve_hash, inputs)
+    return Shot(**base, flyer=flyer, centre_line=centre_line, window=span)
 
 
 def _with_pictures(
