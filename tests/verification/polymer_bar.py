@@ -255,8 +255,8 @@ More passages know low frequencies better and lose the high ones, which fade. Th
 {100 * result.fitted_error:.2f} % up to 20 kHz.
 
 *Sent back.* A pulse of 80 µs rise is recovered over {BACK:g} m within {100 * result.back:.2f} % of its
-peak. The band ends at {1e-3 * result.band:.0f} kHz, where noise is amplified tenfold; a sample's sigma becomes
-{result.back_noise:.2f} of what it was.
+peak. The band ends at {1e-3 * result.band:.0f} kHz, where noise is amplified tenfold; a sample's sigma
+becomes {result.back_noise:.2f} of what it was.
 
 **Tolerance.** Without noise {CLEAN_TOLERANCE:.0e}: the tail that windows cut off. With noise
 {100 * NOISY_TOLERANCE:g} % of the modulus up to 10 kHz. Sent back, {100 * PULSE_TOLERANCE:g} % of the peak.
