@@ -109,7 +109,8 @@ def speckles_of(
     """
     found: list[Speckles | None] = []
     rest = np.flatnonzero(result.static & result.specimen.surface.valid.any(axis=1)).tolist()
-    for series, pixels, fact in zip(pictures, result.specimen.pixels, result.facts["speckle"], strict=True):
+    given = result.facts.get("speckle") or [{"problem": "not asked for"}] * len(pictures)
+    for series, pixels, fact in zip(pictures, result.specimen.pixels, given, strict=True):
         if "problem" in fact:
             found.append(None)
             continue

@@ -156,8 +156,8 @@ def _force_alone(result: Identification) -> Iterator[str]:
     """Without an outline nothing contradicts a wrong model."""
     if np.isfinite(result.terms.chi2_force) and not result.terms.has_shape:
         yield (
-            "no outline was measured: the value rests on the force alone, and nothing shows whether the specimen "
-            "deformed as the model says, slid on the platens or was of another length"
+            "no outline was measured: the value rests on the force alone, and nothing shows whether the "
+            "specimen deformed as the model says, slid on the platens or was of another length"
         )
 
 
@@ -254,8 +254,8 @@ def _flyer(checks: Mapping[str, float]) -> Iterator[str]:
         scale = checks["front_noise_scale"]
         if scale > SIGMA_RATIO:
             yield (
-                f"the front face's velocity scatters {scale:.2g} times as much as the noise of the gauges and "
-                "was taken so uncertain; check the windows and the dispersion correction"
+                f"the front face's velocity scatters {scale:.2g} times as much as the gauges' noise and was "
+                "taken so uncertain; check the windows and the dispersion correction"
             )
         return
     scale, chi2 = checks["flyer_noise_scale"], checks["flyer_chi2_per_dof"]

@@ -1,5 +1,6 @@
 """A stereo result in words and numbers, for the terminal, JSON and the page."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -86,12 +87,26 @@ def printed(result: StereoResult) -> dict[str, str]:
             f"{um * rows['flyer_sigma_m']:.2f} µm, at rest "
             f"{um * rows['flyer_rest_sigma_m']:.2f} µm"
         )
+    found = result.facts.get("regions", {}).get("found", [])
+    if found:
+        regions = result.facts["regions"]
+        table["found in the pictures"] = "; ".join(_place(key, regions) for key in found)
     for frame, name in list(bad.items())[:SHOWN_FRAMES]:
         outcome = FrameOutcome[name.upper().replace(" ", "_")]
         table[f"frame {frame}"] = f"{name}: {outcome.cause}"
     if len(bad) > SHOWN_FRAMES:
         table["further frames"] = f"{len(bad) - SHOWN_FRAMES}"
     return table
+
+
+def _place(key: str, regions: Mapping[str, Any]) -> str:
+    """A region that was found: its extent in px, and its frame."""
+    if key == "transmission_edge":
+        x, y = regions[key]
+        return f"transmission edge ({x:.4g}, {y:.5g}) px"
+    x, y = zip(*regions[key], strict=True)
+    frame = regions[f"{key}_frame"]
+    return f"{key} x {min(x):g} to {max(x):g}, y {min(y):g} to {max(y):g} px in frame {frame}"
 
 
 def bad_frames(result: StereoResult) -> dict[str, str]:

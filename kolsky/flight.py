@@ -121,7 +121,7 @@ def fit_flight(body: BodyMotion, t: ArrayLike, *, start: float, toward: FlyerMot
     own = np.flatnonzero(ok)
 
     def path(values: FloatArray, component: int, reach: float) -> FlyerPath:
-        C = body.covariance[np.ix_(own, [component], own, [component])][:, 0, :, 0]
+        C = body.covariance[:, component][own][:, :, component][:, own]
         at, value, noise = own, values[ok], _own_noise(C)
         unseen = np.flatnonzero(~ok & (time <= start))
         if (time[own] <= start).sum() < FEWEST_STATIC and unseen.size:

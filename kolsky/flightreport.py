@@ -80,7 +80,7 @@ def flight_of(result: StereoResult, length: float) -> FlightOfSpecimen | str:
     last = min(path.end for path in (flight.toward, *flight.lateral, *flight.turn))
     time = result.t[(result.t >= start) & (result.t <= last)]
     velocity, sigma = flight.velocity(time)
-    fastest = int(np.argmax(velocity[:, 0]))
+    fastest = int(np.argmax(velocity[:, 0] - 2.0 * sigma[:, 0]))  # not the one of the largest noise
     speed = float(velocity[fastest, 0])
     poses = result.t[(result.motion.outcome == FrameOutcome.VALID) & (result.t >= start)]
     posed = float(poses[0]) if poses.size else np.inf

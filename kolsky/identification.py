@@ -41,8 +41,8 @@ class Estimate:
     mesh_shift: float
     """Value on the refined mesh minus value on the surrogate's mesh."""
     noise_parts: dict[str, float]
-    """The share of `sigma_noise` by source: "force and shape", "force scale", "flyer motion" (whatever moves
-    the front face), "material curve"."""
+    """The share of `sigma_noise` by source: "force and shape", "force scale", "motion scale", "flyer
+    motion" (the noise of whatever moves the front face), "material curve"."""
     outcome: Verdict
     """How the search ended."""
 

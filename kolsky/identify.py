@@ -190,6 +190,8 @@ def _input_noise(stages: Stages, fine: _Refined) -> tuple[dict[str, FloatArray],
     vectors = fine.objective.vectors(replicates.prediction)
     change = np.nan_to_num(vectors - vectors[0])  # a point that one replicate leaves adds nothing
     moves = change @ fine.objective.gain(fine.jacobian).T
+    if replicates.scale.any():
+        scale["motion scale"] = np.abs(moves[replicates.scale][0])
     return {
         **scale,
         "flyer motion": np.sqrt((moves[replicates.flyer] ** 2).mean(axis=0)),

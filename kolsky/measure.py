@@ -14,6 +14,9 @@ import numpy as np
 from dic.bodies import Region
 from dic.chain import VERSION, ChainError, ChainSettings, measure
 from dic.correlation import Correlation, Shape
+from dic.found_regions import FoundRegions, find_regions
+from dic.images import frame_health
+from dic.outcome import FrameOutcome
 from dic.output import ResultFileError, read_result, stored_key, write_result
 from dic.result import StereoResult
 from dic.tracking import Tracking
@@ -153,14 +156,81 @@ def key_of(seen: Seen) -> str:
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
-def chain_settings(section: DicSection, specimen: SpecimenSection, device: str = "cpu") -> ChainSettings:
-    """The chain's settings as a shot file declares them, of this specimen."""
+@dataclass(frozen=True)
+class Places:
+    """Where the bodies are in camera 0's pictures."""
+
+    specimen: Region
+    """The specimen."""
+    flyer: Region
+    """The flyer."""
+    edge: tuple[float, float]
+    """Where the specimen ends at the transmission platen [px]."""
+    found: tuple[str, ...]
+    """Keys of [dic] that were not declared and were found."""
+
+    @property
+    def words(self) -> dict[str, Any]:
+        """The same for the facts of a result, as JSON can hold it."""
+        return {
+            "specimen": [list(corner) for corner in self.specimen.corners],
+            "specimen_frame": self.specimen.frame,
+            "flyer": [list(corner) for corner in self.flyer.corners],
+            "flyer_frame": self.flyer.frame,
+            "transmission_edge": list(self.edge),
+            "found": list(self.found),
+        }
+
+
+def places_of(seen: Seen) -> Places:
+    """The regions that the shot file declares, and those that it leaves to the pictures.
+
+    Raises
+    ------
+    InputError
+        If one that is not declared is not clear in the pictures.
+    """
+    section = seen.toml.declared.dic
+    assert section is not None  # shots with pictures have it
+    missing = tuple(
+        key for key in ("specimen", "flyer", "transmission_edge") if getattr(section, key) is None
+    )
+    found = None
+    if missing:
+        static = np.arange(seen.time.size) < seen.toml.declared.frames.static
+        usable = frame_health(seen.pictures[0]).outcome == FrameOutcome.VALID
+        try:
+            found = find_regions(seen.pictures[0], static, usable, toward=section.flyer_side)
+        except ValueError as error:
+            raise seen.toml.error(
+                f"dic.{missing[0]}",
+                f"is not declared and cannot be found: {error}",
+                cure="declare specimen, flyer and transmission_edge from a look at camera 0's pictures",
+            ) from error
+    specimen, flyer, edge = section.specimen, section.flyer, section.transmission_edge
+    return Places(
+        specimen=_region(specimen) if specimen is not None else _known(found).specimen,
+        flyer=_region(flyer) if flyer is not None else _known(found).flyer,
+        edge=edge if edge is not None else _known(found).edge,
+        found=missing,
+    )
+
+
+def _known(found: FoundRegions | None) -> FoundRegions:
+    assert found is not None  # something was missing
+    return found
+
+
+def chain_settings(
+    section: DicSection, specimen: SpecimenSection, edge: tuple[float, float], device: str = "cpu"
+) -> ChainSettings:
+    """The chain's settings as a shot file declares them, of this specimen that ends at `edge` [px]."""
     subset = Correlation(
         subset=section.subset, shape=Shape[section.shape.upper()], prefilter=section.prefilter
     )
     return ChainSettings(
         toward_flyer=section.flyer_side,
-        zero=section.transmission_edge,
+        zero=edge,
         strip_half_width=section.strip_half_width,
         radius=0.5 * specimen.diameter,
         length=specimen.length,
@@ -185,21 +255,23 @@ def _correlated(seen: Seen, device: str, progress: Progress) -> StereoResult:
     section = declared.dic
     assert section is not None  # shots with pictures have it
     cameras = calibrated(seen, progress)
+    places = places_of(seen)
     static = np.arange(seen.time.size) < declared.frames.static
     reporting = {} if declared.reporting is None else declared.reporting.model_dump(exclude_none=True)
     try:
         return measure(
             seen.pictures,
             cameras.rig,
-            chain_settings(section, declared.specimen, device),
+            chain_settings(section, declared.specimen, places.edge, device),
             t=seen.time,
             static=static,
-            specimen=_region(section.specimen),
-            flyer=_region(section.flyer),
+            specimen=places.specimen,
+            flyer=places.flyer,
             facts={
                 "reporting": reporting,
                 "calibration": cameras.words,
                 "software": _software(),
+                "regions": places.words,
             },
             progress=progress,
         )

@@ -30,6 +30,8 @@ class Prepared:
     """What its instruments saw inside the window."""
     checks: dict[str, Any]
     """Figures that tell whether the declared noise is believable and how far the curve reaches."""
+    motion_sigma_gain: float = 0.0
+    """Standard uncertainty of the scale of the front face's motion [-]; not in the path's covariance."""
 
     @property
     def path(self) -> FlyerPath:
@@ -37,10 +39,15 @@ class Prepared:
         return self.forward.paths[0]
 
     def with_replicates(self, n: int, rng: np.random.Generator) -> Forward:
-        """The forward model with `n` more flyer paths and `n` more curves, drawn from their noise."""
+        """The forward model with `n` more flyer paths and `n` more curves, drawn from their noise.
+
+        Where the scale of the motion is uncertain the last path is the first one, larger by its sigma: one
+        number needs no draws.
+        """
+        scaled = (self.path.scaled(1.0 + self.motion_sigma_gain),) if self.motion_sigma_gain > 0.0 else ()
         return replace(
             self.forward,
-            paths=(self.path, *self.path.replicates(n, rng)),
+            paths=(self.path, *self.path.replicates(n, rng), *scaled),
             laws=(self.forward.laws[0], *curve_replicates(self.forward.shot.curve, n, rng)),
         )
 
@@ -53,7 +60,7 @@ def prepare(shot: Shot) -> Prepared:
     ValueError
         If the flyer's record or the curve cannot be used; the message says why.
     """
-    force, motion = shot.force.history(), shot.flyer
+    force, motion, scale = shot.force.history(), shot.flyer, 0.0
     if isinstance(motion, FlyerMotion):
         width = float(np.median(np.diff(motion.time)))
         path = fit_flyer(motion, start=shot.window[0])
@@ -64,8 +71,8 @@ def prepare(shot: Shot) -> Prepared:
         }
     else:
         width = _bin_width(force, shot.window)
-        path = front_path(motion)
-        checks = {"front_noise_scale": path.noise_scale, "front_sigma_gain": motion.sigma_gain}
+        path, scale = front_path(replace(motion, sigma_gain=0.0)), motion.sigma_gain
+        checks = {"front_noise_scale": path.noise_scale, "front_sigma_gain": scale}
     observations = replace(
         observe(force, shot.centre_line, window=shot.window, bin_width=width),
         force_sigma_gain=shot.force.sigma_gain,
@@ -85,6 +92,7 @@ def prepare(shot: Shot) -> Prepared:
             "window_end": shot.window[1],
             "symmetry_end": float("inf") if shot.symmetry_end is None else shot.symmetry_end,
         },
+        motion_sigma_gain=scale,
     )
 
 
@@ -93,7 +101,7 @@ def _bin_width(force: ForceHistory, window: tuple[float, float]) -> float:
     inside = force.time[(force.time >= window[0]) & (force.time <= window[1])]
     if inside.size < 2:
         raise ValueError(
-            f"the window {window[0]:.9g} to {window[1]:.9g} s holds {inside.size} force samples, at least 2 are"
-            f" needed; the record spans {force.time[0]:.9g} to {force.time[-1]:.9g} s"
+            f"the window {window[0]:.9g} to {window[1]:.9g} s holds {inside.size} force samples, at least 2"
+            f" are needed; the record spans {force.time[0]:.9g} to {force.time[-1]:.9g} s"
         )
     return max(float(inside[-1] - inside[0]) / BINS, float(np.diff(inside).max()))

@@ -175,6 +175,12 @@ class ForceSection(Section):
         return self
 
 
+class IncidentForceSection(ForceSection):
+    """[incident_force]: the flyer's own transducer, behind a mass that moves with the flyer."""
+
+    mass: f.Mass
+
+
 class FramesSection(Section):
     """[frames]: when the cameras took their pictures."""
 
@@ -275,6 +281,7 @@ class ShotFile(Section):
     interface: InterfaceSection
     transmission: TransmissionSection
     force: ForceSection
+    incident_force: IncidentForceSection | None = None
     frames: FramesSection
     flyer: FlyerSection | None = None
     centre_line: CentreLineSection | None = None
@@ -283,7 +290,7 @@ class ShotFile(Section):
     dic: DicSection | None = None
     reporting: ReportingSection | None = None
     bars: BarsSection | None = None
-    recorders: dict[str, RecorderSection] = {}
+    recorders: dict[str, RecorderSection] = Field(default_factory=dict)
     gauges: GaugesSection | None = None
     waves: WavesSection | None = None
     uncertainty: UncertaintySection | None = None
@@ -306,6 +313,7 @@ class ShotFile(Section):
         """The data files this shot names one by one: dotted key -> file name."""
         sections: dict[str, Any] = {
             "force": self.force,
+            "incident_force": self.incident_force,
             "frames": self.frames,
             "flyer": self.flyer,
             "centre_line": self.centre_line,

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from kolsky import shotfields as f
 from kolsky.shotsection import Section
@@ -131,13 +131,18 @@ class RegionSection(Section):
         return self.polygon
 
 
-class DicSection(Section):
-    """[dic]: what is correlated, and how."""
+def _outline(value: object) -> object:
+    """None, to be found in the pictures, for "outline"."""
+    return None if value == "outline" else value
 
-    specimen: RegionSection
-    flyer: RegionSection
+
+class DicSection(Section):
+    """[dic]: what is correlated, and how. Regions that are not given are found in the pictures."""
+
+    specimen: Annotated[RegionSection | None, BeforeValidator(_outline)] = None
+    flyer: Annotated[RegionSection | None, BeforeValidator(_outline)] = None
     flyer_side: Literal["up", "down", "left", "right"]
-    transmission_edge: f.Pixel
+    transmission_edge: Annotated[f.Pixel | None, BeforeValidator(_outline)] = None
     strip_half_width: f.Length
     largest_sigma: f.Length | None = None
     subset: f.Subset = 21

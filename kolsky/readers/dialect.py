@@ -32,6 +32,8 @@ class Dialect:
     """Fields in a line of samples."""
     numeric: tuple[int, ...]
     """Which of them hold numbers, counted from 0."""
+    empty: tuple[int, ...] = ()
+    """Which of them hold nothing: behind a last delimiter, or below the keys of the header."""
 
     def split(self, line: str) -> list[str]:
         """The fields of a line, without quotes and outer blanks."""
@@ -48,7 +50,9 @@ class Dialect:
     def is_samples(self, line: str) -> bool:
         """Whether a line has the form of a line of samples."""
         parts = self.split(line)
-        return len(parts) == self.fields and all(self.is_number(parts[i]) for i in self.numeric)
+        if len(parts) != self.fields or any(parts[i] for i in self.empty):
+            return False
+        return all(self.is_number(parts[i]) for i in self.numeric)
 
     @property
     def facts(self) -> dict[str, str]:
@@ -125,9 +129,9 @@ def _columns(lines: Sequence[str], delimiter: str, decimal: str) -> Dialect | No
     numeric = tuple(i for i, share in enumerate(shares) if share >= _MOST)
     if not numeric:
         return None
-    # Columns that are always empty, such as one behind a last delimiter, speak neither for nor against.
-    empty = sum(count == 0 for count in filled)
-    return Dialect(delimiter, decimal, fields, numeric) if len(numeric) + empty > fields / 2 else None
+    empty = tuple(i for i, count in enumerate(filled) if count == 0)
+    mostly = len(numeric) + len(empty) > fields / 2  # empty ones speak neither for nor against
+    return Dialect(delimiter, decimal, fields, numeric, empty) if mostly else None
 
 
 def _other(lines: Sequence[str], stated: str) -> Dialect | None:

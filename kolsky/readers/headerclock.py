@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 from kolsky.errors import InputError
@@ -78,11 +79,9 @@ def header_clock(
     InputError
         If an interval is not positive, or a key has neither one value nor one for each channel.
     """
-    unit = 1.0
-    for key, fields in metadata.items():
-        if bare_key(key) in UNIT_KEYS and fields:
-            known = si_unit(fields[0])
-            unit = known[1] if known is not None and known[0] == "s" else 1.0
+    written = time_unit(metadata)
+    known = None if written is None else si_unit(written)
+    unit = 1.0 if known is None else known[1]
     interval, digit, start, sources = None, 0.0, None, []
     for key, fields in metadata.items():
         bare = bare_key(key)
@@ -112,13 +111,24 @@ def header_clock(
     return HeaderClock(interval, digit, start, "header: " + ", ".join(sources) if sources else "")
 
 
+def time_unit(metadata: Mapping[str, Sequence[str]]) -> str | None:
+    """The unit of time that the header states, as it is written."""
+    for key, fields in metadata.items():
+        if bare_key(key) in UNIT_KEYS and fields:
+            known = si_unit(fields[0])
+            if known is not None and known[0] == "s":
+                return fields[0]
+    return None
+
+
 def stated_samples(metadata: Mapping[str, Sequence[str]]) -> tuple[str, int] | None:
     """Key and value of the number of samples, if the header states one."""
     for key, fields in metadata.items():
-        if bare_key(key) in COUNT_KEYS and fields:
-            value = _number(fields[0])
+        cells = [key, *fields]  # LeCroy: "Segments,1,SegmentSize,2500"
+        for name, text in pairwise(cells):
+            value = _number(text) if bare_key(name) in COUNT_KEYS else None
             if value is not None and value[0] > 0 and value[0] == int(value[0]):
-                return key, int(value[0])
+                return name, int(value[0])
     return None
 
 

@@ -79,7 +79,7 @@ def read(path: Path, layout: Layout) -> Contents:
         rows=rows,
         first=ends[1] + 3,
         names=names,
-        units=tuple("s" if i in times else units[columns.index(i)] for i in range(len(names))),
+        units=tuple(units[columns.index(i)] if i in columns else "s" for i in range(len(names))),
         metadata={key: fields for key, fields in metadata.items() if key not in ("Time", "Date")},
     )
     facts = {

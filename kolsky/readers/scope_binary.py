@@ -5,7 +5,11 @@ Rigol .wfm and .bin, Siglent .bin; the make is told from the first bytes.
 """
 
 import contextlib
+import gc
+import hashlib
 import io
+import re
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -35,32 +39,54 @@ def read(path: Path, layout: Layout) -> Contents:
         entities.
     """
     sha256 = file_hash(path, limit=SCOPE_LIMIT)
+    companion = _companion(path)
+    if companion is not None:
+        sha256 = hashlib.sha256((sha256 + file_hash(companion, limit=SCOPE_LIMIT)).encode()).hexdigest()
     _refuse_entities(path)
-    try:
-        from RigolWFM.wfm import Wfm
-    except ImportError:
-        raise InputError(path, "needs RigolWFM", cure="pip install 'kolsky[scopes]'") from None
-    said = io.StringIO()
-    try:
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-            waveform: Any = Wfm.from_file(str(path))
-    except Exception as error:  # its parsers let whatever damaged bytes lead to through
-        words = " ".join(str(error).split()) or type(error).__name__
+    _check_curve(path)
+    _check_yokogawa(path)
+    waveform, problem = _parsed(path)
+    if problem:
         raise InputError(
             path,
-            f"is not a scope's file that can be read ({words[:200]})",
+            f"is not a scope's file that can be read ({problem})",
             cure="is it complete? if so, export the record as CSV",
-        ) from None
+        )
     if not waveform.channels:
         raise InputError(path, "has no analogue channel", cure="export a channel")
     facts = {
         "format": "scope",
         "make": str(waveform.header_name),
         "parser": str(waveform.parser_name),
+        **({} if companion is None else {"samples in": companion.name, "sha256": "of both files' hashes"}),
         **({"frames": f"1 of {waveform.frame_count}"} if waveform.frame_count > 1 else {}),
     }
     channels = tuple(_channel(path, channel, layout) for channel in waveform.channels)
     return Contents(path, sha256, channels, facts)
+
+
+def _companion(path: Path) -> Path | None:
+    """The file beside a header that has the samples (Rohde & Schwarz, Yokogawa .hdr)."""
+    names = (path.with_suffix(".Wfm.bin"), path.with_suffix(".wvf"), path.with_suffix(".WVF"))
+    return next((name for name in names if name != path and name.is_file()), None)
+
+
+def _parsed(path: Path) -> tuple[Any, str]:
+    """What the library makes of a file, or why it does not."""
+    try:
+        from RigolWFM.wfm import Wfm
+    except ImportError:
+        raise InputError(path, "needs RigolWFM", cure="pip install 'kolsky[scopes]'") from None
+    said = io.StringIO()
+    waveform, problem = None, ""
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            waveform = Wfm.from_file(str(path))
+        except Exception as error:  # its parsers let whatever damaged bytes lead to through
+            problem = " ".join(str(error).split())[:200] or type(error).__name__
+        gc.collect()  # some of its parsers leave the file open
+    return waveform, problem
 
 
 def _channel(path: Path, channel: Any, layout: Layout) -> Channel:
@@ -78,7 +104,7 @@ def _channel(path: Path, channel: Any, layout: Layout) -> Channel:
         shown = float(channel.times[1] - channel.times[0])
         increments = getattr(header, "x_increments", None)
         own = increments[channel.channel_number - 1] if isinstance(increments, list) else None
-        interval = float(own if own is not None else header.seconds_per_point)
+        interval = _shortest(float(own if own is not None else header.seconds_per_point))
         # RigolWFM stretches some makes' times over n - 1 steps where they have n.
         if not interval > 0.0 or abs(shown - interval) > 1.5 / (samples - 1) * interval + 1e-9 * interval:
             raise InputError(
@@ -99,6 +125,12 @@ def _channel(path: Path, channel: Any, layout: Layout) -> Channel:
     )
 
 
+def _shortest(interval: float) -> float:
+    """An interval that the file holds in single precision, as the shortest number that it can mean."""
+    single = np.float32(interval)
+    return float(str(single)) if float(single) == interval else interval
+
+
 def _unit(channel: Any) -> str | None:
     """The unit of a channel; the library tells volts, amperes, watts and "unknown"."""
     name = str(getattr(channel.unit, "name", "")).upper()
@@ -114,6 +146,37 @@ def _check_count(path: Path, name: str, header: Any, samples: int) -> None:
             f"channel '{name}' ends after {samples} of {promised} samples",
             cure="the file is cut off; copy it again",
         )
+
+
+def _check_curve(path: Path) -> None:
+    """Refuse an .isf file whose curve ("#510000..." and that many bytes) is cut off; the library does not."""
+    if path.suffix.lower() != ".isf":
+        return
+    head = head_of(path, 4096)
+    mark = head.find(b"#", head.find(b":CURV"))
+    digits = int(head[mark + 1 : mark + 2]) if head[mark + 1 : mark + 2].isdigit() else 0
+    count = head[mark + 2 : mark + 2 + digits]
+    if head.find(b":CURV") < 0 or mark < 0 or not digits or not count.isdigit():
+        raise InputError(path, "has no curve", cure="the file is cut off; copy or export it again")
+    there = path.stat().st_size - (mark + 2 + digits)
+    if there < int(count):
+        raise InputError(
+            path,
+            f"ends after {there} of {int(count)} bytes of its curve",
+            cure="it is cut off; copy it again",
+        )
+
+
+def _check_yokogawa(path: Path) -> None:
+    """Refuse a Yokogawa .wfm whose samples reach into its header: the library counts them from the end."""
+    head = head_of(path, 4096)
+    count, width = (re.search(rb"\b" + key + rb":\s*(\d+)", head) for key in (b"NR_PT", b"BYT"))
+    if path.suffix.lower() != ".wfm" or count is None or width is None:
+        return
+    second_line = head.find(b"\n", head.find(b"\n") + 1) + 1
+    missing = second_line + int(count[1]) * int(width[1]) - path.stat().st_size
+    if missing > 0:
+        raise InputError(path, f"lacks {missing} bytes of its samples", cure="it is cut off; copy it again")
 
 
 def _refuse_entities(path: Path) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from kolsky.readers.contents import Channel, Clock, FloatArray, check_samples, stated_clock
-from kolsky.readers.headerclock import header_clock, stated_samples
+from kolsky.readers.headerclock import header_clock, stated_samples, time_unit
 from kolsky.readers.layout import Layout
 from kolsky.readers.sheet import Sheet
 from kolsky.readers.signalunits import si_unit, split_unit, time_factor
@@ -115,7 +115,7 @@ class SignalTable:
         """The unit of a time column: stated, in the header, or its very name ("seconds")."""
         name = self.sheet.names[number]
         named = name if len(name) > 1 and si_unit(name) == ("s", 1.0) else None
-        return self.layout.time_unit or self.sheet.units[number] or named
+        return self.layout.time_unit or self.sheet.units[number] or named or time_unit(self.sheet.metadata)
 
     def _check_count(self) -> None:
         promised = stated_samples(self.sheet.metadata)

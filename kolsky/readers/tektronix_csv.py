@@ -42,7 +42,9 @@ def read(path: Path, layout: Layout) -> Contents:
     cells = [[part.strip() for part in line.split(",")] for line in lines[:_KEYED]]
     channels: list[Channel] = []
     metadata: dict[str, str] = {}
-    for number, start in enumerate(range(0, fields - _BLOCK + 1, _BLOCK + fields % _BLOCK)):
+    starts = [i for i, cell in enumerate(cells[0]) if bare_key(cell) == "recordlength"]
+    blocks = [start for start in starts if start + _BLOCK <= fields]
+    for number, start in enumerate(blocks):
         keys = keys_beside([row[start : start + 3] for row in cells])
         metadata |= {f"{key} [{number + 1}]" if number else key: ", ".join(v) for key, v in keys.items()}
         bare = {bare_key(key): values[0] for key, values in keys.items() if values}

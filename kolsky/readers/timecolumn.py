@@ -183,7 +183,10 @@ def _uniform(
     steps = np.diff(time)
     printed = 0.5 * (digit[1:] + digit[:-1])
     median = float(np.median(steps))
-    fine = bool(printed.max() < LARGEST_JITTER * median)
+    # Most steps alike, or digits much finer than a step: then the median is the step, whatever a gap does to
+    # the mean. A column of few digits has steps of 0 and 1 digit, and only the mean tells anything.
+    alike = float(np.mean(np.abs(steps - median) <= 0.01 * median)) > 0.5 and median > 0.0
+    fine = alike or bool(printed.max() < LARGEST_JITTER * median)
     step, of_step = (median, float(np.median(printed))) if fine else (shown, doubt)
     excess = np.abs(steps - step)
     # A step is off by a digit at most, half a digit for each of its times; so is the one it is held against.

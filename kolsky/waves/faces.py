@@ -1,7 +1,7 @@
 """From the gauges to the specimen: each wave cut, carried to the bar's face and put on one clock."""
 
 from dataclasses import replace
-from math import inf, pi
+from math import inf, pi, sqrt
 
 import numpy as np
 
@@ -43,8 +43,9 @@ def face_waves(
     guides
         The incident and the transmission bar as waveguides; None leaves dispersion out.
     band
-        Frequency up to which the guides carry waves [Hz], inf for all. Without it the lower `BAND` of the bars: above,
-        a gauge sees several modes at once, and noise would be carried as if it were a wave of the first.
+        Frequency up to which the guides carry waves [Hz], inf for all. Without it the lower `BAND` of the
+        bars: above, a gauge sees several modes at once, and noise would be carried as if it were a wave of
+        the first.
     arrival
         When the incident wave arrives at its gauge [s]; carried to the face this is time 0 of the result.
         The beginning of the incident window if it is left out.
@@ -103,7 +104,7 @@ def face_waves(
         incident_bar=incident.bar,
         transmission_bar=transmission.bar,
         origin=zero + travel_time(incident),
-        white={name: s.strain.sigma for name, s in zip(names, stations, strict=True)},
+        white={name: s.strain.sigma * sqrt(s.strain.memory) for name, s in zip(names, stations, strict=True)},
         band=limit,
     )
 

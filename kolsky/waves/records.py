@@ -28,6 +28,8 @@ class Signal:
     """Unit of `value`: "1" for strain, "N", "m/s", "V"."""
     name: str = ""
     """What it is, in words, e.g. "incident gauge"."""
+    memory: float = 1.0
+    """Samples that carry the information of one [-]: 1 for white noise, more where it is slow."""
 
     @property
     def time(self) -> FloatArray:

@@ -178,7 +178,9 @@ def _absorbed(time: FloatArray, stress: History, rate: History, last: int, alike
     s, r = stress.value[: last + 1], rate.value[: last + 1]
     variance = (r * stress.sigma[: last + 1]) ** 2 + (s * rate.sigma[: last + 1]) ** 2
     value = float(np.trapezoid(s * r, dx=step))
-    return Quantity("energy absorbed per volume", value, step * sqrt(alike * float(variance.sum())), "J/m^3", "A")
+    return Quantity(
+        "energy absorbed per volume", value, step * sqrt(alike * float(variance.sum())), "J/m^3", "A"
+    )
 
 
 def _modulus(

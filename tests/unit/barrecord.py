@@ -59,7 +59,9 @@ def truth(mesh: tuple[int, int] = (20, 20)) -> Truth:
     position = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1])) * 1e-8])
     material = curve()
     model = explicit.Model(
-        mesh=explicit.cylinder(SPECIMEN.radius, SPECIMEN.length, n_radial=mesh[0], n_axial=mesh[1], grading=2.0),
+        mesh=explicit.cylinder(
+            SPECIMEN.radius, SPECIMEN.length, n_radial=mesh[0], n_axial=mesh[1], grading=2.0
+        ),
         density=SPECIMEN.density,
         materials=(marlow_from_curve(material.stretch, material.stress),),
         motions=(explicit.PlatenMotion(start=0.0, step=1e-8, position=position, velocity=velocity),),

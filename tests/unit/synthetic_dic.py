@@ -8,6 +8,7 @@ import numpy as np
 from synthetic import LENGTH, RADIUS, displacement, outline
 
 from dic import Camera, FrameOutcome, PointOutcome, StereoRig, SurfaceHistory, centre_line
+from dic.body_motion import BodyMotion
 from dic.noise import noise_floor
 from dic.result import Body, Placement, Remark, StereoResult, SurfaceStrain, Travel
 from dic.surfaces.frame import SpecimenFrame
@@ -87,6 +88,30 @@ def synthetic_result(*, flyer: bool = True, seed: int = 1) -> StereoResult:
         rig=rig(),
         facts={"settings": {"subset": 21, "step": 4}, "made": "up"},
         seconds={"track": 1.25, "match": 0.5},
+        motion=_motion(moved, health, rng) if flyer else None,
+    )
+
+
+def _motion(moved, health, rng) -> BodyMotion:
+    """Along y alone, with noise of 1 µm and 0.1 mrad; lost in the black frame and in the first 12."""
+    n = moved.size
+    lost = (health != 0) | (np.arange(n) < 12)
+    sigma = np.repeat([1e-4, 1e-6], 3)
+    u = rng.normal(0.0, 1e-6, (n, 3)) - moved[:, None] * [0.0, 1.0, 0.0]
+    covariance = np.zeros((n, 6, n, 6))
+    for k, component in np.ndindex(n, 6):
+        covariance[k, component, k, component] = sigma[component] ** 2
+    covariance[lost] = np.nan
+    covariance[:, :, lost] = np.nan
+    return BodyMotion(
+        at=np.array([0.0, LENGTH, 0.0]),
+        displacement=np.where(lost[:, None], np.nan, u),
+        rotation=np.where(lost[:, None], np.nan, rng.normal(0.0, 1e-4, (n, 3))),
+        covariance=covariance,
+        n_points=np.where(lost, 0, 30),
+        outcome=np.where(lost, int(FrameOutcome.LOST), 0),
+        chi2_per_dof=1.0,
+        noise_scale=1.0,
     )
 
 

@@ -1,5 +1,8 @@
 """The audit log: sizes by hand, switches, and what is refused."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -98,3 +101,11 @@ def test_a_log_knows_its_keys():
     assert log.corrections[0].key == "radial inertia"
     with pytest.raises(ValueError, match="no correction is called 'x'"):
         AuditLog().add(Correction("x", "x", True, 0.0, 0.0, "1", "r"))
+
+
+def test_the_documented_switches_are_those_there_are():
+    page = (Path(__file__).parents[2] / "docs" / "theory" / "uncertainty.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `([^`]+)` \| (on|off) \| (.+) \|$", page, flags=re.MULTILINE)
+    assert [(key, state == "on", words) for key, state, words in rows] == [
+        (key, default, words) for key, (default, words) in CORRECTIONS.items()
+    ]

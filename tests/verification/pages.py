@@ -46,6 +46,7 @@ TOPICS = [
     "separation",
     "polymer_bar",
     "impact",
+    "soft_forces",
     "contact",
     "contact_limits",
     "friction",

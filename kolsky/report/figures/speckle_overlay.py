@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from matplotlib.lines import Line2D
+from matplotlib.cm import ScalarMappable
 
 from dic.speckle_report import Speckles
 from kolsky.report.figures.base import PAGE, FigureKind, Panels, letter, smooth_bar
@@ -21,10 +21,16 @@ def _shown(view: SurfaceView) -> list[tuple[int, Speckles]]:
 def caption(view: SurfaceView) -> str:
     """What is seen."""
     quality = _shown(view)[0][1].quality
+    small = any(found.quality.too_small.any() for _, found in _shown(view))
+    wanted = f"{MPX * (quality.wanted or 0.0):g} mpx"
     return (
         "Mean static pictures of the cameras, and over them the predicted standard deviation of a match with "
-        f"a subset of {quality.subset} px centred there, the larger of x and y. Outlined: the subset is too "
-        f"small for {MPX * (quality.wanted or 0.0):g} mpx."
+        f"a subset of {quality.subset} px centred there, the larger of x and y. "
+        + (
+            f"Outlined: the subset is too small for {wanted}."
+            if small
+            else f"It is under {wanted} everywhere."
+        )
     )
 
 
@@ -57,10 +63,10 @@ def draw(view: SurfaceView, panels: Panels) -> None:
         axes.append(ax)
     axes[0].set_ylabel("$y$ (px)")
     if drawn is not None:
-        bar = axes[0].figure.colorbar(drawn, ax=axes, location="bottom", aspect=40, pad=0.02, extend="both")
+        full = ScalarMappable(drawn.norm, drawn.cmap)  # a bar that one sees through shows its seams
+        bar = axes[0].figure.colorbar(full, ax=axes, location="bottom", aspect=40, pad=0.02, extend="both")
         bar.set_label("Predicted standard deviation of a match (mpx)")
         smooth_bar(bar)
-    axes[0].legend(handles=[Line2D([], [], color=LOST, lw=1.0, label="too small")], loc="lower left")
 
 
 KIND: FigureKind[SurfaceView] = FigureKind(

@@ -1,0 +1,137 @@
+"""Regions found in the pictures: rendered bodies whose rows are known, in four directions, and bad scenes."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dic.found_regions import find_regions, row_likeness
+from dic.images import PictureError
+from dic.speckle import render, speckle_pattern
+
+SHAPE, STATIC, FRAMES, SPEED = (96, 112), 4, 30, 1.7
+TOP, BOTTOM = 5.3, 84.6  # where the specimen begins and ends at rest [px]
+FLYER, SIDE = speckle_pattern((200, 112), seed=1), speckle_pattern((200, 112), seed=2)
+PLATEN = speckle_pattern((200, 112), seed=3)
+
+
+@dataclass(frozen=True)
+class Memory:
+    """Pictures in memory; a frame that is None cannot be read."""
+
+    frames: tuple
+    bits: int = 8
+    crop_offset: tuple[float, float] = (0.0, 0.0)
+    times: None = None
+    path: Path = Path("memory")
+
+    @property
+    def n_frames(self) -> int:
+        return len(self.frames)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.frames[0].shape
+
+    def frame(self, index: int) -> np.ndarray:
+        if self.frames[index] is None:
+            raise PictureError(self.path, "is not there", frame=index)
+        return self.frames[index]
+
+
+def scene(frame: int, *, platen: str = "even", sides: bool = True, top: float = TOP) -> np.ndarray:
+    """The flyer comes down on a specimen that is compressed, above a platen; background left and right."""
+    edge = top + SPEED * max(frame - STATIC + 1, 0)
+    stretch = (BOTTOM - edge) / (BOTTOM - top)
+
+    def specimen(x):
+        return np.stack([x[..., 0], BOTTOM - (BOTTOM - x[..., 1]) / stretch], axis=-1)
+
+    def flyer(x):
+        return np.stack([x[..., 0], x[..., 1] - edge + 100.0], axis=-1)
+
+    bodies = [
+        render(FLYER, SHAPE, material=flyer),
+        render(SIDE, SHAPE, material=specimen),
+        render(PLATEN, SHAPE) if platen == "speckled" else np.full(SHAPE, 60.0),
+    ]
+    row = np.arange(SHAPE[0])[:, None]
+    upper = np.clip(edge + 0.5 - row, 0.0, 1.0)  # share of a pixel above the edge
+    lower = np.clip(row + 0.5 - BOTTOM, 0.0, 1.0)
+    picture = upper * bodies[0] + (1.0 - upper - lower) * bodies[1] + lower * bodies[2]
+    if sides:
+        picture[:, :10], picture[:, 100:] = 40.0, 40.0
+    return picture + np.random.default_rng(frame).normal(0.0, 1.0, SHAPE)
+
+
+def series(**options) -> Memory:
+    return Memory(tuple(scene(k, **options) for k in range(FRAMES)))
+
+
+def search(pictures: Memory, toward: str = "up", usable=None):
+    usable = np.ones(FRAMES, dtype=bool) if usable is None else usable
+    return find_regions(pictures, np.arange(FRAMES) < STATIC, usable, toward=toward)
+
+
+@pytest.fixture(scope="module")
+def plain() -> Memory:
+    return series()
+
+
+def extent(region) -> tuple[float, float, float, float]:
+    x, y = zip(*region.corners, strict=True)
+    return min(x), max(x), min(y), max(y)
+
+
+def test_rows_of_one_body_are_alike_and_an_edge_is_not(plain):
+    likeness = row_likeness(plain.frame(0)[:, 14:96])
+    assert np.median(likeness[10:80]) > 0.6  # speckles of 5 px, rows 2 px apart
+    assert likeness[5:7].mean() < 0.3
+
+
+@pytest.mark.parametrize("platen", ["even", "speckled"])
+def test_edges_are_found_and_kept_clear_of(plain, platen):
+    found = search(plain if platen == "even" else series(platen="speckled"))
+    x0, x1, y0, y1 = extent(found.specimen)
+    # a pixel clear: the first row that is whole is 6, the last one 84
+    assert y0 in (7.0, 8.0)
+    assert y1 in (82.0, 83.0)
+    assert x0 == pytest.approx(10.0, abs=4.0)  # columns are told by a contrast that is smoothed over 3 px
+    assert x1 == pytest.approx(99.0, abs=4.0)
+    assert found.edge[1] == pytest.approx(BOTTOM, abs=1.0)  # the chain looks for it within 2 px
+    assert found.flyer.frame == FRAMES - 1
+    last = TOP + SPEED * (FRAMES - STATIC)
+    assert extent(found.flyer)[2] == 0.0
+    assert last - 3.0 < extent(found.flyer)[3] < last - 0.5
+
+
+@pytest.mark.parametrize(("toward", "turns"), [("right", -1), ("down", 2), ("left", 1)])
+def test_any_direction(plain, toward, turns):
+    turned = Memory(tuple(np.rot90(frame, turns) for frame in plain.frames))
+    up, other = search(plain), search(turned, toward)
+    for name in ("specimen", "flyer"):
+        here, there = (np.zeros(shape) for shape in (plain.shape, turned.shape))
+        x0, x1, y0, y1 = (int(v) for v in extent(getattr(up, name)))
+        here[y0 : y1 + 1, x0 : x1 + 1] = 1.0
+        x0, x1, y0, y1 = (int(v) for v in extent(getattr(other, name)))
+        there[y0 : y1 + 1, x0 : x1 + 1] = 1.0
+        np.testing.assert_array_equal(np.rot90(here, turns), there)
+
+
+def test_a_missing_last_picture_is_passed_over(plain):
+    usable = np.arange(FRAMES) < FRAMES - 2
+    assert search(plain, usable=usable).flyer.frame == FRAMES - 3
+
+
+def test_what_is_not_clear_is_refused_with_a_cure(plain):
+    no_flyer = Memory(tuple(scene(k, top=-60.0) for k in range(FRAMES)))
+    with pytest.raises(ValueError, match="no clear edge is seen where the flyer meets the specimen.*declare"):
+        search(no_flyer)
+    blank = Memory(tuple(frame * 0.0 + 50.0 for frame in plain.frames))
+    with pytest.raises(ValueError, match="declare"):
+        search(blank)
+    with pytest.raises(ValueError, match="toward must be one of up"):
+        search(plain, "north")
+    with pytest.raises(ValueError, match="needs? a usable static picture"):
+        search(plain, usable=np.zeros(FRAMES, dtype=bool))
