@@ -51,7 +51,7 @@ from explicit.clock import (
 from explicit.elements import ElementFunctions
 from explicit.elements import element as element_named
 from explicit.failure import WATCH_EVERY, failure_functions
-from explicit.lanes import BLOCK, SMALL_BLOCK, WARPS, lane_functions
+from explicit.lanes import BLOCK, SHARING, SMALL_BLOCK, WARPS, lane_functions
 from explicit.places import ON_CHIP_CLOCK, rooms
 from explicit.plan import plan_functions
 from explicit.precision import Precision
@@ -118,7 +118,7 @@ def march_kernel(
     zero, half = real(0.0), real(0.5)
     ZERO, HALF = wp.float64(0.0), wp.float64(0.5)
     lower, upper = int(LOWER), int(UPPER)
-    residents = 2 if block <= SMALL_BLOCK else 1  # blocks that a multiprocessor must have registers for
+    residents = SHARING if block <= SMALL_BLOCK else 1  # blocks that a multiprocessor must have registers for
     clock_places, parts_places = int(CLOCK), int(HANDED * WARPS)
 
     @wp.kernel(module="unique", enable_backward=False, launch_bounds=(block, residents))

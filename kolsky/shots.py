@@ -242,6 +242,7 @@ def _with_pictures(
 
         measure = measured
     found = measure(shot.seen)
+    assert isinstance(shot.force, ForceChannel)  # `_pictured` made it so
     frame_time = frames.time + toml.declared.frames.clock_offset
     framechecks.body_moves(found.flyer, rest, found.source, toml)
     span = window(

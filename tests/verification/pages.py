@@ -43,6 +43,7 @@ TOPICS = [
     "bar",
     "elastic_bar",
     "impact",
+    "soft_forces",
     "contact",
     "contact_limits",
     "friction",
