@@ -18,7 +18,7 @@ from explicit.march import MarchKernel
 from explicit.materials import bulk_modulus
 from explicit.mesh import Mesh
 from explicit.model import Model, Samples, Sampling, Stepping
-from explicit.places import GROUP, fits, grouped, rooms
+from explicit.places import GROUP, LOADED_BYTES, fits, grouped, rooms
 from explicit.precision import Precision
 from explicit.support import RIGID, CharacteristicBar, MovingSupport
 from explicit.update import VALENCE
@@ -59,14 +59,19 @@ def _new_body(kernel: MarchKernel, model: Model, numbers: Precision, where: Any,
 
     area = mesh.contact_area
     surface_mass = np.divide(mass, area, out=np.full(mesh.n_nodes, np.inf), where=area > 0.0)
-    masses = np.stack([mass, np.where(mesh.on_axis, 0.0, 1.0 / mass), 1.0 / mass])
+    masses = np.stack([mass, np.where(mesh.on_axis, 0.0, 1.0 / mass), 1.0 / mass, np.zeros(mesh.n_nodes)])
     height = mesh.nodes[:, 1] - mesh.nodes[:, 1].min()
     slots = rooms(numbers, on_chip).elements if on_chip else mesh.n_elements
+    corners = _corner_table(mesh, slots, place, 1 if where.is_cuda else SPARE)
+
+    def table(values: NDArray[Any], dtype: Any) -> NDArray[Any]:
+        return grouped(values.astype(dtype), loaded=LOADED_BYTES if where.is_cuda else 0)
+
     for name, values, dtype in (
-        ("shapes", grouped(_side_by_side(shapes, numbers.dtype)), numbers.real),
-        ("quads", grouped(place[mesh.quads.T]), int),
-        ("corners", grouped(placed(_corner_table(mesh, slots, place, 1 if where.is_cuda else SPARE))), int),
-        ("masses", grouped(placed(masses)), numbers.real),
+        ("shapes", table(_side_by_side(shapes, numbers.dtype), numbers.dtype), numbers.real),
+        ("quads", table(place[mesh.quads.T], np.int32), int),
+        ("corners", table(placed(corners), np.int32), int),
+        ("masses", table(placed(masses), numbers.dtype), numbers.real),
         ("reference_r", placed(mesh.nodes[:, 0]), wp.float64),
         ("reference_y", placed(height), wp.float64),
         ("surface_mass", surface_mass[seats], numbers.real),
@@ -186,6 +191,7 @@ def batch_of(
     batch.start, batch.safety, batch.floor = model.start, stepping.safety, stepping.floor
     batch.largest_step = min(stepping.largest_step, 1.0)
     batch.measure_every, batch.max_steps = stepping.measure_every, stepping.max_steps
+    batch.bound = stepping.measure
     batch.ledger_every = sampling.ledger_every
     bar = model.support if isinstance(model.support, CharacteristicBar) else RIGID
     batch.impedance, batch.round_trip = min(bar.impedance, 1e300), min(bar.round_trip, 1e300)

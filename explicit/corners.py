@@ -6,7 +6,7 @@ from typing import Any
 
 import warp as wp
 
-from explicit.places import entry_function
+from explicit.places import entries_function
 from explicit.precision import Precision
 from explicit.structs import Structs
 
@@ -25,16 +25,11 @@ class CornerFunctions:
 def corner_functions(precision: Precision, structs: Structs) -> CornerFunctions:
     """Generate the corners' functions."""
     real, vec4, Body = precision.real, precision.vec4, structs.Body
-    node_at = entry_function(wp.int32)
+    nodes_at = entries_function(wp.int32)
 
     @wp.func
     def nodes(body: Body, e: int):
-        return wp.vec4i(
-            node_at(body.quads, 0, e),
-            node_at(body.quads, 1, e),
-            node_at(body.quads, 2, e),
-            node_at(body.quads, 3, e),
-        )
+        return nodes_at(body.quads, 0, e)
 
     @wp.func
     def values(field: wp.array(dtype=real), corners: wp.vec4i):

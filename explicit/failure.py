@@ -86,7 +86,7 @@ def failure_functions(precision: Precision, element: ElementFunctions, structs: 
         while e < body.n_elements:
             q = nodes(body, e)
             _jacobian, s = element_strains(
-                read_shape(body.shapes, e),
+                read_shape(body.shapes, e, 0),
                 values(u_r, q),
                 values(u_y, q),
             )
@@ -111,7 +111,7 @@ def failure_functions(precision: Precision, element: ElementFunctions, structs: 
         e = lane
         while e < body.n_elements:
             q = nodes(body, e)
-            shape = read_shape(body.shapes, e)
+            shape = read_shape(body.shapes, e, 1)
             ur = values(u_r, q)
             uy = values(u_y, q)
             vr = values(v_r, q)

@@ -65,9 +65,11 @@ _SEAT_TOTALS = """
 """
 BLOCK = 384
 """Threads that share one simulation on a GPU; among them its registers are shared out."""
-SMALL_BLOCK = 160
-"""The same where there are more simulations than multiprocessors: two share one, and while the threads of
-one wait for each other those of the other go on."""
+SMALL_BLOCK = 96
+"""The same where there are more simulations than multiprocessors: four share one, and while the threads of
+one wait for each other those of the others go on."""
+SHARING = 4
+"""How many those are."""
 WARPS = BLOCK // 32
 """Most warps of a block; its last one is the clerk."""
 

@@ -51,7 +51,7 @@ from explicit.clock import (
 from explicit.elements import ElementFunctions
 from explicit.elements import element as element_named
 from explicit.failure import WATCH_EVERY, failure_functions
-from explicit.lanes import BLOCK, SMALL_BLOCK, WARPS, lane_functions
+from explicit.lanes import BLOCK, SHARING, SMALL_BLOCK, WARPS, lane_functions
 from explicit.places import ON_CHIP_CLOCK, rooms
 from explicit.plan import plan_functions
 from explicit.precision import Precision
@@ -118,7 +118,7 @@ def march_kernel(
     zero, half = real(0.0), real(0.5)
     ZERO, HALF = wp.float64(0.0), wp.float64(0.5)
     lower, upper = int(LOWER), int(UPPER)
-    residents = 2 if block <= SMALL_BLOCK else 1  # blocks that a multiprocessor must have registers for
+    residents = SHARING if block <= SMALL_BLOCK else 1  # blocks that a multiprocessor must have registers for
     clock_places, parts_places = int(CLOCK), int(HANDED * WARPS)
 
     @wp.kernel(module="unique", enable_backward=False, launch_bounds=(block, residents))
@@ -171,7 +171,7 @@ def march_kernel(
             if walks(lane) == 1:
                 measure = int(0)
                 if until_measured == 0:
-                    measure = 1
+                    measure = batch.bound
                     until_measured = batch.measure_every
                 until_measured -= 1
                 worst, power, artificial = sweep_elements(
@@ -184,7 +184,7 @@ def march_kernel(
                     put_largest(parts, TURNED, latched)
                 if batch.stop_past_data == 1:
                     put_largest(parts, BEYOND, strain(body, limit_s, u_r, u_y, lane))
-                if measure == 1:
+                if measure > 0:
                     put_largest(parts, STIFFEST + (step + 1) % 2, latched)
                     latched = wp.float64(0.0)
             if tends(lane) == 1 and step == 0:

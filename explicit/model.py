@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from explicit.contact import contact_law
 from explicit.elements import element
+from explicit.elements.base import BY_EIGENVALUE, BY_TRACE
 from explicit.materials import MaterialLaw, bulk_modulus
 from explicit.mesh import Mesh
 from explicit.motion import PlatenMotion
@@ -181,6 +182,10 @@ class Stepping:
     """Share of the element-by-element stability bound that a step uses, in (0, 1]."""
     measure_every: int = 8
     """Steps between two measurements of the bound."""
+    bound: Literal["trace", "eigenvalue"] = "trace"
+    """How the bound takes the part of an element's stiffness and damping that is not volumetric: by the trace
+    of |grad v|^2, or by its largest eigenvalue. Both hold; the latter allows longer steps, the more the finer
+    the mesh, and its error in time is that of longer steps ({doc}`/theory/speed`)."""
     largest_step: float = float("inf")
     """Upper limit of the step [s]."""
     floor: float = 1e-3
@@ -201,5 +206,12 @@ class Stepping:
             raise ValueError(f"floor must be in [0, 1), got {self.floor}")
         if self.max_steps < 1:
             raise ValueError(f"max_steps must be >= 1, got {self.max_steps}")
+        if self.bound not in ("trace", "eigenvalue"):
+            raise ValueError(f"bound must be 'trace' or 'eigenvalue', got {self.bound!r}")
         if self.precision not in ("fp32", "fp64"):
             raise ValueError(f"precision must be 'fp32' or 'fp64', got {self.precision!r}")
+
+    @property
+    def measure(self) -> int:
+        """What asks an element for this bound, see `explicit.elements.base.ElementFunctions.forces`."""
+        return {"trace": BY_TRACE, "eigenvalue": BY_EIGENVALUE}[self.bound]

@@ -17,6 +17,8 @@ from explicit.precision import Precision
 
 GROUP = 32
 """Elements or nodes whose constants lie side by side: those of a warp, or of a few packs."""
+LOADED_BYTES = 16
+"""What a thread of a GPU loads at once."""
 ON_CHIP_NODES, ON_CHIP_ELEMENTS, ON_CHIP_SEATS, ON_CHIP_CLOCK = 448, 384, 96, 240
 """Places in shared memory for the state of a simulation in fp64; in fp32 there are twice as many nodes and
 elements. Together with what reductions need, they fill the 48 KiB a block gets without a request."""
@@ -25,7 +27,7 @@ elements. Together with what reductions need, they fill the 48 KiB a block gets 
 _FIELD = """
     wp::array_t<TYPE> row;
     row.data = (TYPE*)((char*)fields.data + (long long)sample * fields.strides[0]);
-    row.shape[0] = fields.shape[1];
+    row.shape[0] = 0; // nothing is counted from the end, so no subscript need be tested
     row.strides[0] = sizeof(TYPE);
     row.ndim = 1;
     return row;
@@ -38,15 +40,36 @@ _FIELD_ON_CHIP = """
 #else
     row.data = (TYPE*)((char*)fields.data + (long long)sample * fields.strides[0]);
 #endif
-    row.shape[0] = fields.shape[1];
+    row.shape[0] = 0; // nothing is counted from the end, so no subscript need be tested
     row.strides[0] = sizeof(TYPE);
     row.ndim = 1;
     return row;
 """
-_ENTRY = """
-    const char* group = (const char*)table.data + (long long)((e >> SHIFT) * (int)table.strides[0]);
+_GROUP_OF = "const char* group = (const char*)table.data + (long long)((e >> SHIFT) * (int)table.strides[0]);"
+_ENTRY = f"""
+    {_GROUP_OF}
+#if defined(__CUDA_ARCH__)
+    return ((const TYPE*)group + (e & (GROUP - 1)) * MANY)[k / MANY * MANY * GROUP + k % MANY];
+#else
     return ((const TYPE*)group + (e & (GROUP - 1)))[k * GROUP];
+#endif
 """
+_FOUR_ENTRIES = f"""
+    {_GROUP_OF}
+#if defined(__CUDA_ARCH__)
+    const TYPE* first = (const TYPE*)group + (e & (GROUP - 1)) * MANY + k * GROUP;
+    LOAD
+#else
+    const TYPE* number = (const TYPE*)group + (e & (GROUP - 1)) + k * GROUP;
+    return wp::vec_t<4, TYPE>(number[0], number[GROUP], number[2 * GROUP], number[3 * GROUP]);
+#endif
+"""
+_LOAD = {
+    wp.float32: "const float4 x = *(const float4*)first;\n    return wp::vec_t<4, TYPE>(x.x, x.y, x.z, x.w);",
+    wp.int32: "const int4 x = *(const int4*)first;\n    return wp::vec_t<4, TYPE>(x.x, x.y, x.z, x.w);",
+    wp.float64: "const double2 x = *(const double2*)first, y = *(const double2*)(first + 2 * GROUP);\n"
+    "    return wp::vec_t<4, TYPE>(x.x, x.y, y.x, y.y);",
+}
 _PLACES = """
 #if defined(__CUDA_ARCH__)
     return PLACES;
@@ -111,16 +134,42 @@ def _places(count: int, on_chip: bool) -> Any:
 @cache
 def entry_function(dtype: Any) -> Any:
     """Generate ``entry(table, k, e)``: the k-th constant of element or node e of a grouped table."""
-    snippet = (
-        _ENTRY.replace("TYPE", f"wp::{dtype.__name__}")
-        .replace("GROUP", str(GROUP))
-        .replace("SHIFT", str(GROUP.bit_length() - 1))
-    )
 
-    @wp.func_native(snippet=snippet)
+    @wp.func_native(snippet=_for_groups(_ENTRY, dtype))
     def entry(table: wp.array2d(dtype=dtype), k: int, e: int) -> dtype: ...
 
     return entry
+
+
+@cache
+def entries_function(dtype: Any) -> Any:
+    """Generate ``entries(table, k, e) -> vec4``: constants k to k + 3; k is a multiple of four."""
+    Four = wp.types.vector(4, dtype)
+
+    @wp.func_native(snippet=_for_groups(_FOUR_ENTRIES, dtype))
+    def entries(table: wp.array2d(dtype=dtype), k: int, e: int) -> Four: ...  # type: ignore[valid-type]
+
+    return entries
+
+
+@cache
+def entries_if_function(dtype: Any) -> Any:
+    """Generate ``entries_if(wanted, table, k, e) -> vec4``: the same unless `wanted` is 0; then they may be
+    anything, and a GPU does not load them."""
+    Four = wp.types.vector(4, dtype)
+    unwanted = f"if (wanted == 0) return wp::vec_t<4, wp::{dtype.__name__}>();"
+
+    @wp.func_native(snippet=unwanted + _for_groups(_FOUR_ENTRIES, dtype))
+    def entries_if(wanted: int, table: wp.array2d(dtype=dtype), k: int, e: int) -> Four: ...  # type: ignore[valid-type]
+
+    return entries_if
+
+
+def _for_groups(snippet: str, dtype: Any) -> str:
+    many = LOADED_BYTES // np.dtype(wp.dtype_to_numpy(dtype)).itemsize
+    snippet = snippet.replace("LOAD", _LOAD[dtype]).replace("TYPE", f"wp::{dtype.__name__}")
+    snippet = snippet.replace("GROUP", str(GROUP)).replace("SHIFT", str(GROUP.bit_length() - 1))
+    return snippet.replace("MANY", str(many))
 
 
 _FOUR = """
@@ -144,13 +193,17 @@ def four_function(precision: Precision) -> Any:
     return four
 
 
-def grouped(table: NDArray[Any]) -> NDArray[Any]:
-    """A table as `entry` reads it: from shape [constants, n] to shape [groups, constants * GROUP]."""
+def grouped(table: NDArray[Any], *, loaded: int = 0) -> NDArray[Any]:
+    """A table as `entry` and `entries` read it: from shape [constants, n] to shape [groups, constants * GROUP].
+
+    In a group every constant has those of its elements side by side, so that a pack is one load. A GPU's
+    thread loads `LOADED_BYTES` at once: with `loaded` bytes an element's next constants lie beside one.
+    """
     constants, n = table.shape
-    groups = -(-n // GROUP)
-    padded = np.pad(table, [(0, 0), (0, groups * GROUP - n)], mode="edge")
-    split = padded.reshape(constants, groups, GROUP)
-    return np.ascontiguousarray(split.transpose(1, 0, 2)).reshape(groups, constants * GROUP)
+    groups, many = -(-n // GROUP), max(loaded // table.dtype.itemsize, 1)
+    padded = np.pad(table, [(0, -constants % many), (0, groups * GROUP - n)], mode="edge")
+    split = padded.reshape(-1, many, groups, GROUP)
+    return np.ascontiguousarray(split.transpose(2, 0, 3, 1)).reshape(groups, -1)
 
 
 def fits(n_nodes: int, n_elements: int, n_seats: int, precision: Precision) -> bool:

@@ -61,7 +61,7 @@ def sweep_functions(
         while e < body.n_elements:
             q = nodes(body, e)
             f_r, f_y, omega_squared, dissipated, controlled = element_forces(
-                read_shape(body.shapes, e),
+                read_shape(body.shapes, e, measure),
                 solid,
                 row,
                 values(u_r, q),
@@ -95,7 +95,7 @@ def sweep_functions(
         e = lane
         while e < body.n_elements:
             q = nodes(body, e)
-            shape = read_shape(body.shapes, e)
+            shape = read_shape(body.shapes, e, 0)
             w, h, s = element_energies(
                 shape,
                 solid,

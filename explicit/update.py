@@ -6,7 +6,7 @@ from typing import Any
 
 import warp as wp
 
-from explicit.places import entry_function
+from explicit.places import entries_function
 from explicit.precision import Precision
 from explicit.structs import Structs
 
@@ -34,7 +34,7 @@ def update_functions(precision: Precision, structs: Structs) -> UpdateFunctions:
     """Generate the update."""
     real, vec2 = precision.real, precision.vec2
     Body = structs.Body
-    number, corner_at = entry_function(real), entry_function(wp.int32)
+    numbers, corners_at = entries_function(real), entries_function(wp.int32)
     valence, half = int(VALENCE), real(0.5)
 
     @wp.func
@@ -49,15 +49,15 @@ def update_functions(precision: Precision, structs: Structs) -> UpdateFunctions:
         alpha: real,
     ):
         f_r, f_y = real(0.0), real(0.0)
+        corners, masses = corners_at(body.corners, 0, n), numbers(body.masses, 0, n)
         for c in range(valence):
-            corner = corner_at(body.corners, c, n)
-            f_r += corner_r[corner]
-            f_y += corner_y[corner]
+            f_r += corner_r[corners[c]]
+            f_y += corner_y[corners[c]]
         old = vec2(v_r[n], v_y[n])
         # Forces resist, so they enter with a minus; the drag of alpha acts on the old velocity. On the axis
         # the radial inverse mass is zero.
-        push = vec2(f_r * number(body.masses, 1, n), f_y * number(body.masses, 2, n))
-        return old, old - tau * (push + alpha * old), number(body.masses, 0, n)
+        push = vec2(f_r * masses[1], f_y * masses[2])
+        return old, old - tau * (push + alpha * old), masses[0]
 
     @wp.func
     def move(

@@ -49,6 +49,7 @@ def cautions(
     return tuple(
         [
             *_disagreement(result),
+            *_force_alone(result),
             *_routes(result),
             *_bounds(result),
             *_past_curve(result, checks),
@@ -151,6 +152,15 @@ def _disagreement(result: Identification) -> Iterator[str]:
         yield f"the check run on the refined mesh does not confirm the surrogate{by}; do not use the value"
 
 
+def _force_alone(result: Identification) -> Iterator[str]:
+    """Without an outline nothing contradicts a wrong model."""
+    if np.isfinite(result.terms.chi2_force) and not result.terms.has_shape:
+        yield (
+            "no outline was measured: the value rests on the force alone, and nothing shows whether the "
+            "specimen deformed as the model says, slid on the platens or was of another length"
+        )
+
+
 def _routes(result: Identification) -> Iterator[str]:
     """Force and shape are two measurements of one specimen: their optima must agree.
 
@@ -183,7 +193,8 @@ def _bounds(result: Identification) -> Iterator[str]:
     design = result.design
     for i, name in enumerate(design.names):
         e, low, high = result.estimates[name], design.lower[i], design.upper[i]
-        if e.outcome is Verdict.IDENTIFIED and not low <= e.interval[0] <= e.interval[1] <= high:
+        good = e.outcome in (Verdict.IDENTIFIED, Verdict.FORCE_ALONE)
+        if good and not low <= e.interval[0] <= e.interval[1] <= high:
             yield (
                 f"the k = 2 interval of {name} reaches past the bounds of its design ({low:g} to {high:g}); "
                 f"widen them with --free {name}=LOW:HIGH, if a value beyond is possible"
@@ -239,6 +250,14 @@ def _symmetry(checks: Mapping[str, float]) -> Iterator[str]:
 
 
 def _flyer(checks: Mapping[str, float]) -> Iterator[str]:
+    if "front_noise_scale" in checks:
+        scale = checks["front_noise_scale"]
+        if scale > SIGMA_RATIO:
+            yield (
+                f"the front face's velocity scatters {scale:.2g} times as much as the gauges' noise and was "
+                "taken so uncertain; check the windows and the dispersion correction"
+            )
+        return
     scale, chi2 = checks["flyer_noise_scale"], checks["flyer_chi2_per_dof"]
     if scale > SIGMA_RATIO:
         yield (
@@ -254,6 +273,8 @@ def _flyer(checks: Mapping[str, float]) -> Iterator[str]:
 
 
 def _force_noise(checks: Mapping[str, float]) -> Iterator[str]:
+    if "force_noise_correlation" not in checks:
+        return  # a force from bar waves: its noise is the reduction's affair
     c, n = checks["force_noise_correlation"], checks["force_baseline_samples"]
     limit = WHITE / sqrt(n)
     if abs(c) > limit:

@@ -131,6 +131,48 @@ def check(shot: ShotPath, as_json: AsJson = False) -> None:
 
 
 @app.command()
+def channels(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of an oscilloscope or recorder.")],
+    form: Annotated[str | None, typer.Option("--format", help="Its format.", show_default="found")] = None,
+    encoding: Annotated[str | None, typer.Option(help="Of text.", show_default="found")] = None,
+    delimiter: Annotated[
+        str | None, typer.Option(help="comma, semicolon, tab or blanks.", show_default="found")
+    ] = None,
+    decimal: Annotated[str | None, typer.Option(help='"." or ",".', show_default="found")] = None,
+    header_line: Annotated[
+        int | None, typer.Option(min=0, help="Line of the column names; 0: none.", show_default="found")
+    ] = None,
+    sheet: Annotated[str | None, typer.Option(help="Sheet of a workbook.")] = None,
+    time: Annotated[str | None, typer.Option(help="The time column, by name or number.")] = None,
+    time_unit: Annotated[str | None, typer.Option(help="Its unit, e.g. ms.")] = None,
+    interval: Annotated[
+        str | None, typer.Option(help='Time from sample to sample, e.g. "100 ns".', show_default="found")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show what is in a recorder's file: channels, units, clock, and how the file was understood.
+
+    The options are the keys of a `layout` in shot.toml, to try them out.
+    """
+    with refusing_bad_input():
+        from kolsky.channelscommand import show
+
+        show(
+            file,
+            as_json=as_json,
+            format=form,
+            encoding=encoding,
+            delimiter=delimiter,
+            decimal=decimal,
+            header_line=header_line,
+            sheet=sheet,
+            time=time,
+            time_unit=time_unit,
+            interval=interval,
+        )
+
+
+@app.command()
 def dic(
     shot: ShotPath,
     out: Out = None,
@@ -160,6 +202,55 @@ def dic(
             again=again,
             csv=csv,
             vtp=vtp,
+            formats=tuple(part.strip() for part in figures.split(",") if part.strip()),
+            as_json=as_json,
+        )
+
+
+@app.command()
+def waves(
+    shot: ShotPath,
+    out: Out = None,
+    figures: Annotated[
+        str, typer.Option(metavar="FORMATS", help="Also save the figure alone, e.g. pdf,svg,png.")
+    ] = "",
+    as_json: AsJson = False,
+) -> None:
+    """Reduce a shot's bar signals: forces, equilibrium, strain, rate and stress, each with its uncertainty.
+
+    Needs [bars], [recorders] and [gauges] in shot.toml. Writes waves.h5, waves.html and CSV tables into
+    SHOT/results.
+    """
+    with refusing_bad_input():
+        from kolsky.wavescommand import waves as run
+
+        run(
+            shot,
+            out=out,
+            formats=tuple(part.strip() for part in figures.split(",") if part.strip()),
+            as_json=as_json,
+        )
+
+
+@app.command()
+def wavespeed(
+    shot: ShotPath,
+    out: Out = None,
+    figures: Annotated[
+        str, typer.Option(metavar="FORMATS", help="Also save the figure, e.g. pdf,svg,png.")
+    ] = "",
+    as_json: AsJson = False,
+) -> None:
+    """Find the bars' wave speed and the gauges' relative gain from a shot with the bars together.
+
+    Needs [bars], [recorders] and [gauges] in shot.toml, no specimen. Writes wavespeed.csv into SHOT/results.
+    """
+    with refusing_bad_input():
+        from kolsky.wavespeedcommand import wavespeed as run
+
+        run(
+            shot,
+            out=out,
             formats=tuple(part.strip() for part in figures.split(",") if part.strip()),
             as_json=as_json,
         )

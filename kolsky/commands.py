@@ -211,12 +211,14 @@ def sweep(
     table = result.table
     completed = len(table.outcomes) - len(table.lost)
     phi = table.phi_force / misfit.SCALE_FORCE + table.phi_shape / misfit.SCALE_SHAPE  # Eq. (M.5)
-    best = int(np.nanargmin(phi)) if completed else None
+    seen = bool(np.isfinite(phi).any())
+    best = int(np.nanargmin(phi if seen else table.phi_force)) if completed else None
     summary = {
         "shot": result.shot,
         "runs": len(table.outcomes),
         "completed": completed,
-        "smallest_phi": None if best is None else float(phi[best]),
+        "smallest_phi": float(phi[best]) if best is not None and seen else None,
+        **({} if seen or best is None else {"smallest_phi_force": float(table.phi_force[best])}),
         "at": None if best is None else dict(zip(table.names, table.points[best].tolist(), strict=True)),
         "file": str(folder / "sweep.csv"),
     }

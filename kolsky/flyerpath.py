@@ -105,6 +105,10 @@ class FlyerPath:
         root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
         return [replace(self, jerk=self.jerk + root @ rng.standard_normal(values.size)) for _ in range(n)]
 
+    def scaled(self, factor: float) -> "FlyerPath":
+        """The path with every displacement multiplied; its covariance is left as it is."""
+        return replace(self, jerk=factor * self.jerk)
+
     def table(self, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Times [s], positions [m] and velocities [m/s] at `n` evenly spaced times, start to end."""
         if n < 2:

@@ -25,7 +25,7 @@ def clipping(scope: Recording, toml: ShotToml) -> None:
             scope.path,
             f"column '{scope.channel}' is clipped: {scope.value[row]:.6g} V in the first of {clipped.size}"
             f" samples at or beyond full scale (force.full_scale = {force.full_scale:g} V)",
-            line=row + 2,
+            line=row + 2 if force.layout is None else None,
             cure="a clipped force is lost; repeat the test at a coarser range, or correct force.full_scale",
         )
 

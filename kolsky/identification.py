@@ -17,6 +17,7 @@ class Verdict(StrEnum):
     """How the search for one parameter ended."""
 
     IDENTIFIED = "identified"
+    FORCE_ALONE = "identified by the force alone"
     AT_BOUND = "at a bound of the design"
     NOT_SEEN = "not seen by the data"
     DISAGREEING = "the check run disagrees with the surrogate"
@@ -40,7 +41,8 @@ class Estimate:
     mesh_shift: float
     """Value on the refined mesh minus value on the surrogate's mesh."""
     noise_parts: dict[str, float]
-    """The share of `sigma_noise` by source: "force and shape", "flyer motion", "material curve"."""
+    """The share of `sigma_noise` by source: "force and shape", "force scale", "motion scale", "flyer
+    motion" (the noise of whatever moves the front face), "material curve"."""
     outcome: Verdict
     """How the search ended."""
 
@@ -71,7 +73,10 @@ class Route:
 
 @dataclass(frozen=True)
 class Terms:
-    """The misfit terms of one simulation: Eqs. (M.3)-(M.8) and chi-square."""
+    """The misfit terms of one simulation: Eqs. (M.3)-(M.8) and chi-square.
+
+    Where no outline was measured those that need one are NaN: they are not known.
+    """
 
     phi_shape: float
     """Phi_S, Eq. (M.3) [-]."""
@@ -98,8 +103,13 @@ class Terms:
 
     @property
     def chi2(self) -> float:
-        """Joint chi-square [-]."""
-        return self.chi2_force + self.chi2_shape
+        """Joint chi-square [-]; the force's where no outline was measured."""
+        return self.chi2_force + (self.chi2_shape if self.has_shape else 0.0)
+
+    @property
+    def has_shape(self) -> bool:
+        """Whether an outline was measured."""
+        return self.n_shape + self.n_outside > 0
 
 
 @dataclass(frozen=True)
@@ -115,7 +125,7 @@ class Comparison:
     force_model: FloatArray
     """Bin means of the simulated force [N], shape [n_bins]."""
     centre_line: CentreLine
-    """The measured points inside the window."""
+    """The measured points inside the window; none if nobody looked."""
     Z_model: FloatArray
     """Simulated Z at the measured points [m], shape [n_points]; NaN where `inside` is False."""
     inside: NDArray[np.bool_]
@@ -147,11 +157,11 @@ class DesignTable:
     stage: tuple[str, ...]
     """Why the run was made: "design", "refinement" or "check", length n_runs."""
     phi_shape: FloatArray
-    """Phi_S of each run [-], shape [n_runs]; NaN for a run that did not complete."""
+    """Phi_S of each run [-], shape [n_runs]; NaN for a run that did not complete, or without an outline."""
     phi_force: FloatArray
     """Phi_F of each run [N], shape [n_runs]; NaN for a run that did not complete."""
     chi2_shape: FloatArray
-    """Shape chi-square of each run [-], shape [n_runs]; NaN for a run that did not complete."""
+    """Shape chi-square of each run [-], shape [n_runs]; NaN likewise."""
     chi2_force: FloatArray
     """Force chi-square of each run [-], shape [n_runs]; NaN for a run that did not complete."""
 
@@ -182,7 +192,7 @@ class SurrogateCurve:
     chi2: FloatArray
     """Joint chi-square (with the discrepancy weights of the final search) [-], shape [n]."""
     phi_shape: FloatArray
-    """Phi_S [-], shape [n]."""
+    """Phi_S [-], shape [n]; NaN without an outline."""
     phi_force: FloatArray
     """Phi_F [N], shape [n]."""
 
@@ -198,7 +208,7 @@ class Identification:
     fixed: dict[str, float]
     """The parameters held fixed, in SI."""
     routes: tuple[Route, ...]
-    """Joint, force-only, shape-only and the paper's optimum."""
+    """Joint, force-only, shape-only and the paper's optimum; only the force's without an outline."""
     terms: Terms
     """Misfit terms of the check run at the optimum."""
     comparison: Comparison

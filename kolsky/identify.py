@@ -181,13 +181,19 @@ def _fit(stages: Stages, box: Box, runs: Runs) -> tuple[Objective, ResponseSurro
 
 def _input_noise(stages: Stages, fine: _Refined) -> tuple[dict[str, FloatArray], int]:
     """Stage 4: standard uncertainties from the inputs' noise, and how many replicates were lost."""
+    scale = {}
+    if stages.observations.force_sigma_gain > 0.0:
+        scale["force scale"] = np.abs(fine.objective.scale_shift(fine.jacobian))
     if stages.settings.replicates == 0:
-        return {}, 0
+        return scale, 0
     replicates = stages.replicate(fine.x)
     vectors = fine.objective.vectors(replicates.prediction)
     change = np.nan_to_num(vectors - vectors[0])  # a point that one replicate leaves adds nothing
     moves = change @ fine.objective.gain(fine.jacobian).T
+    if replicates.scale.any():
+        scale["motion scale"] = np.abs(moves[replicates.scale][0])
     return {
+        **scale,
         "flyer motion": np.sqrt((moves[replicates.flyer] ** 2).mean(axis=0)),
         "material curve": np.sqrt((moves[replicates.curve] ** 2).mean(axis=0)),
     }, replicates.lost
@@ -196,6 +202,7 @@ def _input_noise(stages: Stages, fine: _Refined) -> tuple[dict[str, FloatArray],
 def _report(shot: Shot, stages: Stages, coarse: _Coarse, fine: _Refined) -> Identification:
     """Everything the stages found, with the warnings it deserves."""
     settings, n_force = stages.settings, fine.objective.n_force
+    shape = stages.observations.has_shape
     input_noise, lost = _input_noise(stages, fine)
     mesh_shift = fine.x - coarse.x
     ratio = settings.refined_mesh[0] / settings.numerics.mesh[0]
@@ -210,6 +217,7 @@ def _report(shot: Shot, stages: Stages, coarse: _Coarse, fine: _Refined) -> Iden
             numerical=0.5 * SAFETY_FACTOR * np.abs(mesh_shift) / (ratio**ORDER - 1.0),
             mesh_shift=mesh_shift,
             confirmed=fine.moved <= CONFIRMED and not on_edge(fine.x, coarse.box).any(),
+            outline=stages.observations.has_shape,
         ),
         fixed={**held, **dict(settings.held)},
         routes=routes(coarse.box, fine.objective, fine.model, stages.box, stages.table),
@@ -222,13 +230,13 @@ def _report(shot: Shot, stages: Stages, coarse: _Coarse, fine: _Refined) -> Iden
         curves=curves(coarse.box, fine.objective, fine.model, fine.x),
         surrogate={
             "loo_force": _rms(loo[:, :n_force]),
-            "loo_shape": _rms(loo[:, n_force:]),
+            **({"loo_shape": _rms(loo[:, n_force:])} if shape else {}),
             "check_shift_sigmas": fine.moved,
             "check_force": _rms(fine.missed[:n_force]),
-            "check_shape": _rms(fine.missed[n_force:]),
+            **({"check_shape": _rms(fine.missed[n_force:])} if shape else {}),
             "counted_points": float(fine.objective.counted.sum()),
             "force_discrepancy": fine.objective.force_discrepancy,
-            "shape_discrepancy": fine.objective.shape_discrepancy,
+            **({"shape_discrepancy": fine.objective.shape_discrepancy} if shape else {}),
         },
         seconds=stages.seconds,
         provenance=provenance(

@@ -38,7 +38,14 @@ class Observations:
     bins: ForceBins
     """The same force in bins."""
     centre_line: CentreLine
-    """The outline points, Q of them, frames in order of time."""
+    """The outline points, Q of them, frames in order of time; Q is 0 if nobody looked."""
+    force_sigma_gain: float = 0.0
+    """Standard uncertainty of the force's scale, common to all samples [-]; in no sigma above."""
+
+    @property
+    def has_shape(self) -> bool:
+        """Whether an outline was measured."""
+        return self.centre_line.time.size > 0
 
     @property
     def frame_times(self) -> FloatArray:
@@ -62,7 +69,7 @@ class Prediction:
 
 def observe(
     force: ForceHistory,
-    centre_line: CentreLine,
+    centre_line: CentreLine | None,
     *,
     window: tuple[float, float],
     bin_width: float = CAMERA_FRAME,
@@ -73,8 +80,8 @@ def observe(
     ----------
     force : ForceHistory
         The transmitted force.
-    centre_line : CentreLine
-        The outline.
+    centre_line : CentreLine or None
+        The outline; None if nobody looked.
     window : tuple of float
         First and last time, both included [s].
     bin_width : float
@@ -89,6 +96,10 @@ def observe(
     bins = bin_force(force, window=window, width=bin_width)
     first, last = window
     kept = (force.time >= first) & (force.time <= last)
+    inside = ForceHistory(time=force.time[kept], force=force.force[kept], sigma=force.sigma[kept])
+    _positive("sigma of the force", inside.sigma)
+    if centre_line is None:
+        return Observations(force=inside, bins=bins, centre_line=_NO_LINE)
     point = np.flatnonzero((centre_line.time >= first) & (centre_line.time <= last))
     if point.size == 0:
         raise ValueError(
@@ -105,10 +116,8 @@ def observe(
         Z=centre_line.Z[point],
         sigma=centre_line.sigma[point],
     )
-    inside = ForceHistory(time=force.time[kept], force=force.force[kept], sigma=force.sigma[kept])
-    for name, value in (("Z", line.Z), ("sigma of Z", line.sigma), ("sigma of the force", inside.sigma)):
-        if not (value > 0.0).all():
-            raise ValueError(f"every {name} in the window must be > 0, got {value.min():.6g}")
+    _positive("Z", line.Z)
+    _positive("sigma of Z", line.sigma)
     return Observations(force=inside, bins=bins, centre_line=line)
 
 
@@ -147,10 +156,13 @@ def predict(response: Response, observations: Observations) -> Prediction:
             f" {recorded[0]:.9g} to {recorded[-1]:.9g} s; request force_times over the whole window"
         )
     edge = _rows(t, observations.bins.edges, "bin edge", "force_times")
-    frame = _rows(response.surface_times, line.time, "frame", "surface_times")
-    outline = [
-        radius_at(r, y, frame, line.y) for r, y in zip(response.surface_r, response.surface_y, strict=True)
-    ]
+    outline = _no_outline(response)
+    if observations.has_shape:
+        frame = _rows(response.surface_times, line.time, "frame", "surface_times")
+        outline = [
+            radius_at(r, y, frame, line.y)
+            for r, y in zip(response.surface_r, response.surface_y, strict=True)
+        ]
     impulse = response.impulse_transmission[:, edge]
     return Prediction(
         force=np.stack([np.interp(recorded, t, f) for f in response.force_transmission]),
@@ -170,6 +182,9 @@ def terms(prediction: Prediction, observations: Observations, i: int) -> Terms:
     its uncertainty the sum of their sigmas, P delta F in Eq. (M.7). Chi-square takes the force from the
     bins, with the bins' sigma, and the outline point by point, with sigma_Z.
 
+    Where no outline was measured every term that needs one is NaN, Phi of Eq. (M.5) too: none of them is
+    known, and none of them is zero.
+
     Parameters
     ----------
     prediction, observations
@@ -183,18 +198,21 @@ def terms(prediction: Prediction, observations: Observations, i: int) -> Terms:
         If no outline point is inside the model's range.
     """
     line, counted = observations.centre_line, prediction.inside[i]
-    if not counted.any():
+    if observations.has_shape and not counted.any():
         raise ValueError(
             f"none of the {counted.size} outline points lies on the surface of simulation {i}; check y_offset"
             " and the unit of y"
         )
-    Z, Z_model, sigma = line.Z[counted], prediction.Z[i, counted], line.sigma[counted]
-    frame = line.frame[counted]
-    phi_shape = _frame_mean(np.abs(Z_model - Z) / Z, frame)  # Eq. (M.3)
-    sigma_shape = _frame_mean(Z_model * sigma / Z**2, frame)  # Eq. (M.6)
+    phi_shape = sigma_shape = chi2_shape = np.nan
+    r_force, r_shape, _, _ = residuals(prediction, observations, i)
+    if observations.has_shape:
+        Z, Z_model, sigma = line.Z[counted], prediction.Z[i, counted], line.sigma[counted]
+        frame = line.frame[counted]
+        phi_shape = _frame_mean(np.abs(Z_model - Z) / Z, frame)  # Eq. (M.3)
+        sigma_shape = _frame_mean(Z_model * sigma / Z**2, frame)  # Eq. (M.6)
+        chi2_shape = float(r_shape @ r_shape)
     phi_force = float(np.abs(prediction.force[i] - observations.force.force).sum())  # Eq. (M.4)
     sigma_force = float(observations.force.sigma.sum())  # Eq. (M.7)
-    r_force, r_shape, _, _ = residuals(prediction, observations, i)
     return Terms(
         phi_shape=phi_shape,
         phi_force=phi_force,
@@ -203,7 +221,7 @@ def terms(prediction: Prediction, observations: Observations, i: int) -> Terms:
         sigma_phi_force=sigma_force,
         sigma_phi=float(np.hypot(sigma_force / SCALE_FORCE, sigma_shape / SCALE_SHAPE)),  # Eq. (M.8)
         chi2_force=float(r_force @ r_force),
-        chi2_shape=float(r_shape @ r_shape),
+        chi2_shape=chi2_shape,
         n_force=r_force.size,
         n_shape=r_shape.size,
         n_outside=int((~counted).sum()),
@@ -230,6 +248,18 @@ def residuals(
     force = (prediction.force_bins[i] - bins.mean) / bins.sigma
     shape = (prediction.Z[i, counted] - line.Z[counted]) / line.sigma[counted]
     return force, shape, bins.centres, line.time[counted]
+
+
+_NO_LINE = CentreLine(np.empty(0), np.empty(0, dtype=np.int64), np.empty(0), np.empty(0), np.empty(0))
+
+
+def _no_outline(response: Response) -> list[tuple[FloatArray, BoolArray]]:
+    return [(np.empty(0), np.empty(0, dtype=bool))] * response.n_samples
+
+
+def _positive(name: str, value: FloatArray) -> None:
+    if not (value > 0.0).all():
+        raise ValueError(f"every {name} in the window must be > 0, got {value.min():.6g}")
 
 
 def _frame_mean(value: FloatArray, frame: IntArray) -> float:

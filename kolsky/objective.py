@@ -82,11 +82,11 @@ class Objective:
     def with_discrepancy(self, vector: FloatArray) -> "Objective":
         """The objective whose discrepancies explain this vector's residual beyond the noise."""
         excess = (vector - self.data) ** 2 - self.noise**2
-        force = self.mask("force")
+        force, shape = excess[: self.n_force], excess[self.n_force :]
         return replace(
             self,
-            force_discrepancy=float(np.sqrt(max(excess[force].mean(), 0.0))),
-            shape_discrepancy=float(np.sqrt(max(excess[~force].mean(), 0.0))),
+            force_discrepancy=float(np.sqrt(max(force.mean(), 0.0))),
+            shape_discrepancy=float(np.sqrt(max(shape.mean(), 0.0))) if shape.size else 0.0,
         )
 
     def gain(self, jacobian: FloatArray, part: Part = "joint") -> FloatArray:
@@ -94,6 +94,14 @@ class Objective:
         weighted = np.where(self.mask(part), 1.0 / self.sigma**2, 0.0)[:, None] * jacobian
         change: FloatArray = np.linalg.solve(jacobian.T @ weighted, weighted.T).astype(np.float64)
         return change
+
+    def scale_shift(self, jacobian: FloatArray) -> FloatArray:
+        """Change of the optimum by one standard uncertainty of the force's scale, shape [d].
+
+        A wrong scale is no noise: it bends every force alike, and the residuals need not show it.
+        """
+        change = np.where(self.mask("force"), self.observations.force_sigma_gain * self.data, 0.0)
+        return np.asarray(self.gain(jacobian) @ change)
 
     def covariance(self, jacobian: FloatArray, vector: FloatArray, part: Part = "joint") -> FloatArray:
         """Covariance of the optimum from the residuals, correlated in time or not, shape [d, d].

@@ -10,8 +10,14 @@ from kolsky.flyer import fit_flyer
 from kolsky.flyerpath import FlyerPath
 from kolsky.forward import Forward, curve_replicates, material_law
 from kolsky.misfit import Observations, observe
+from kolsky.records import FlyerMotion, ForceHistory
 from kolsky.shots import Shot
-from kolsky.transducers import force_history, noise_correlation
+from kolsky.waves.frontpath import front_path
+
+BINS = 150
+"""Bins of the force where no camera's frames give their width."""
+OUTLINES = 65
+"""Times at which the simulated outline is kept where none was measured, first and last included."""
 
 
 @dataclass(frozen=True)
@@ -24,6 +30,8 @@ class Prepared:
     """What its instruments saw inside the window."""
     checks: dict[str, Any]
     """Figures that tell whether the declared noise is believable and how far the curve reaches."""
+    motion_sigma_gain: float = 0.0
+    """Standard uncertainty of the scale of the front face's motion [-]; not in the path's covariance."""
 
     @property
     def path(self) -> FlyerPath:
@@ -31,10 +39,15 @@ class Prepared:
         return self.forward.paths[0]
 
     def with_replicates(self, n: int, rng: np.random.Generator) -> Forward:
-        """The forward model with `n` more flyer paths and `n` more curves, drawn from their noise."""
+        """The forward model with `n` more flyer paths and `n` more curves, drawn from their noise.
+
+        Where the scale of the motion is uncertain the last path is the first one, larger by its sigma: one
+        number needs no draws.
+        """
+        scaled = (self.path.scaled(1.0 + self.motion_sigma_gain),) if self.motion_sigma_gain > 0.0 else ()
         return replace(
             self.forward,
-            paths=(self.path, *self.path.replicates(n, rng)),
+            paths=(self.path, *self.path.replicates(n, rng), *scaled),
             laws=(self.forward.laws[0], *curve_replicates(self.forward.shot.curve, n, rng)),
         )
 
@@ -47,34 +60,48 @@ def prepare(shot: Shot) -> Prepared:
     ValueError
         If the flyer's record or the curve cannot be used; the message says why.
     """
-    start, _ = shot.window
-    channel = shot.force
-    force = force_history(
-        channel.recording,
-        channel.transducer,
-        baseline=channel.baseline,
-        clock_offset=channel.clock_offset,
+    force, motion, scale = shot.force.history(), shot.flyer, 0.0
+    if isinstance(motion, FlyerMotion):
+        width = float(np.median(np.diff(motion.time)))
+        path = fit_flyer(motion, start=shot.window[0])
+        checks = {
+            "flyer_chi2_per_dof": path.chi2_per_dof,
+            "flyer_noise_scale": path.noise_scale,
+            "flyer_static_scatter": path.static_scatter,
+        }
+    else:
+        width = _bin_width(force, shot.window)
+        path, scale = front_path(replace(motion, sigma_gain=0.0)), motion.sigma_gain
+        checks = {"front_noise_scale": path.noise_scale, "front_sigma_gain": scale}
+    observations = replace(
+        observe(force, shot.centre_line, window=shot.window, bin_width=width),
+        force_sigma_gain=shot.force.sigma_gain,
     )
-    frame_interval = float(np.median(np.diff(shot.flyer.time)))
-    observations = observe(force, shot.centre_line, window=shot.window, bin_width=frame_interval)
-    path = fit_flyer(shot.flyer, start=start)
-    sampling = explicit.Sampling(
-        force_times=observations.force.time, surface_times=np.unique(observations.centre_line.time)
-    )
+    outlines = observations.frame_times if observations.has_shape else np.linspace(*shot.window, OUTLINES)
+    sampling = explicit.Sampling(force_times=observations.force.time, surface_times=outlines)
     law = material_law(shot.curve)
     forward = Forward(shot=shot, sampling=sampling, paths=(path,), laws=(law,))
     return Prepared(
         forward=forward,
         observations=observations,
         checks={
-            "flyer_chi2_per_dof": path.chi2_per_dof,
-            "flyer_noise_scale": path.noise_scale,
-            "flyer_static_scatter": path.static_scatter,
-            "force_noise_correlation": noise_correlation(force, channel.baseline),
-            "force_baseline_samples": int(channel.baseline_volts().size),
+            **checks,
+            **shot.force.noise_checks(),
             "curve_last_s": law.data_limit,
             "curve_last_strain": float(shot.curve.stretch[-1] - 1.0),
             "window_end": shot.window[1],
             "symmetry_end": float("inf") if shot.symmetry_end is None else shot.symmetry_end,
         },
+        motion_sigma_gain=scale,
     )
+
+
+def _bin_width(force: ForceHistory, window: tuple[float, float]) -> float:
+    """Width of the force's bins [s]: a share of the window, not below the sampling."""
+    inside = force.time[(force.time >= window[0]) & (force.time <= window[1])]
+    if inside.size < 2:
+        raise ValueError(
+            f"the window {window[0]:.9g} to {window[1]:.9g} s holds {inside.size} force samples, at least 2"
+            f" are needed; the record spans {force.time[0]:.9g} to {force.time[-1]:.9g} s"
+        )
+    return max(float(inside[-1] - inside[0]) / BINS, float(np.diff(inside).max()))

@@ -53,6 +53,22 @@ class FlyerMotion:
 
 
 @dataclass(frozen=True)
+class FrontVelocity:
+    """The velocity of the incident bar's face toward the specimen, from the waves in the bar."""
+
+    time: FloatArray
+    """Sample times on the specimen's clock, uniform, from the wave's arrival on [s], shape [n]."""
+    velocity: FloatArray
+    """Velocity toward the specimen [m/s], shape [n]."""
+    noise: float
+    """Standard deviation of one sample's noise, independent of the others' [m/s]."""
+    sigma_gain: float = 0.0
+    """Standard uncertainty of the scale, common to all samples [-]."""
+    sigma_zero: float = 0.0
+    """Standard uncertainty of the zero, common to all samples [m/s]."""
+
+
+@dataclass(frozen=True)
 class CentreLine:
     """The specimen's outline on the camera side: measured radius Z against height y, frame by frame.
 

@@ -125,7 +125,7 @@ def calibration_of(toml: TomlFile, section: CalibrationSection, progress: Progre
         If the pictures cannot be read or do not go together, the target is impossible, or what is seen of it
         does not determine the cameras.
     """
-    from dic.calibration import TargetNotFound, Undetermined, calibrate, detect
+    from dic.calibration import Undetermined, calibrate, detect_series
 
     assert section.target is not None  # the schema saw to it
     assert section.distortion is not None
@@ -142,17 +142,7 @@ def calibration_of(toml: TomlFile, section: CalibrationSection, progress: Progre
             f"has {spans[0]} of camera 0 and {spans[1]} of camera 1, so it is not known which are pairs",
             cure="export the pairs with one number each",
         )
-    views: list[list[Any]] = [[], []]
-    for pair in range(counts[0]):
-        for camera, pictures in enumerate(series):
-            progress("calibration", 2 * pair + camera, 2 * counts[0])
-            try:
-                views[camera].append(detect(pictures.frame(pair), targets[camera]))
-            except TargetNotFound as error:
-                views[camera].append(error)
-            except PictureError:
-                views[camera].append(None)
-    progress("calibration", 2 * counts[0], 2 * counts[0])
+    views = detect_series(series, targets, progress=lambda done, total: progress("calibration", done, total))
     sensors = [(pictures.shape[1], pictures.shape[0]) for pictures in series]
     try:
         return calibrate(

@@ -34,6 +34,11 @@ def _physical(unit: str, rule: str = "finite", what: str | None = None) -> Calla
     return validate
 
 
+def seconds(text: object) -> float:
+    """A written-out time [s]; a validator to build others on."""
+    return _physical("s")(text)
+
+
 def _factor(unit: str) -> Callable[[object], float]:
     """A validator for the unit of a column."""
     words, example = DIMENSIONS[unit]
@@ -70,6 +75,13 @@ def _poisson(value: object) -> float:
             allowed=f"in [0, {LARGEST_POISSON}]",
             cure="the solver needs slight compressibility: for a rubber-like material write 0.499",
         )
+    return number
+
+
+def _deviation(value: object) -> float:
+    number = _number(value)
+    if not 0.0 <= number < 0.5:
+        raise problem("is not allowed", allowed="in [0, 0.5)", cure="write a standard uncertainty, e.g. 0.01")
     return number
 
 
@@ -196,6 +208,7 @@ def _text(name: object) -> str:
 Length = Annotated[float, BeforeValidator(_physical("m", "> 0"))]
 Offset = Annotated[float, BeforeValidator(_physical("m"))]
 Time = Annotated[float, BeforeValidator(_physical("s"))]
+PositiveTime = Annotated[float, BeforeValidator(_physical("s", "> 0"))]
 Damping = Annotated[float, BeforeValidator(_physical("s", ">= 0", "the damping time beta"))]
 Rate = Annotated[float, BeforeValidator(_physical("1/s", ">= 0", "the mass-proportional damping alpha"))]
 Density = Annotated[float, BeforeValidator(_physical("kg/m^3", "> 0", "the mass density"))]
@@ -220,6 +233,9 @@ Uncertainty = Annotated[
     float, BeforeValidator(_physical("1", ">= 0", "a standard uncertainty (k = 1) relative to its quantity"))
 ]
 Ratio = Annotated[float, BeforeValidator(_physical("1", "> 0", "a ratio"))]
+LeadResistance = Annotated[float, BeforeValidator(_physical("ohm", ">= 0"))]
+LengthDeviation = Annotated[float, BeforeValidator(_physical("m", ">= 0", "a standard uncertainty (k = 1)"))]
+Deviation = Annotated[float, BeforeValidator(_deviation)]
 Number = Annotated[float, BeforeValidator(_number)]
 Share = Annotated[float, BeforeValidator(_share)]
 Poisson = Annotated[float, BeforeValidator(_poisson)]

@@ -5,9 +5,17 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from kolsky import shotfields as f
+from kolsky.layouttoml import LayoutSection
 from kolsky.readers.table import Column
 from kolsky.shotpictures import CalibrationSection, DicSection, PicturesSection, ReportingSection
 from kolsky.shotsection import Section
+from kolsky.wavesfile import (
+    BarsSection,
+    GaugesSection,
+    RecorderSection,
+    UncertaintySection,
+    WavesSection,
+)
 
 
 class ColumnSection(Section):
@@ -137,14 +145,40 @@ class ForceSection(Section):
     """[force]: the transmitted force on a scope channel."""
 
     file: f.FileName
-    time: TimeColumn
+    time: TimeColumn | None = None
     voltage: VoltageColumn
+    layout: LayoutSection | None = None
     sensitivity: f.Sensitivity
     compression: Literal["positive", "negative"]
     full_scale: f.Voltage
     bits: Annotated[int, Field(ge=4, le=32)] | None = None
     baseline: f.Interval
     clock_offset: f.Time
+
+    @model_validator(mode="after")
+    def _some_time(self) -> "ForceSection":
+        if self.time is None and self.layout is None:
+            raise f.problem(
+                "is missing", key="time", cure='write time = { column = "Time (s)", unit = "s" }, or a layout'
+            )
+        for key in ("time", "time_unit", "unit"):
+            if (
+                self.layout is not None
+                and getattr(self.layout, key) is not None
+                and (key == "unit" or self.time is not None)
+            ):
+                raise f.problem(
+                    f"is said twice, in layout.{key} too",
+                    key="voltage" if key == "unit" else "time",
+                    cure=f"leave layout.{key} out",
+                )
+        return self
+
+
+class IncidentForceSection(ForceSection):
+    """[incident_force]: the flyer's own transducer, behind a mass that moves with the flyer."""
+
+    mass: f.Mass
 
 
 class FramesSection(Section):
@@ -247,6 +281,7 @@ class ShotFile(Section):
     interface: InterfaceSection
     transmission: TransmissionSection
     force: ForceSection
+    incident_force: IncidentForceSection | None = None
     frames: FramesSection
     flyer: FlyerSection | None = None
     centre_line: CentreLineSection | None = None
@@ -254,6 +289,11 @@ class ShotFile(Section):
     calibration: CalibrationSection | None = None
     dic: DicSection | None = None
     reporting: ReportingSection | None = None
+    bars: BarsSection | None = None
+    recorders: dict[str, RecorderSection] = Field(default_factory=dict)
+    gauges: GaugesSection | None = None
+    waves: WavesSection | None = None
+    uncertainty: UncertaintySection | None = None
     curve: CurveSection
     model: ModelSection
     window: WindowSection = WindowSection()
@@ -273,6 +313,7 @@ class ShotFile(Section):
         """The data files this shot names one by one: dotted key -> file name."""
         sections: dict[str, Any] = {
             "force": self.force,
+            "incident_force": self.incident_force,
             "frames": self.frames,
             "flyer": self.flyer,
             "centre_line": self.centre_line,

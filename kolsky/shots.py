@@ -9,15 +9,26 @@ import numpy as np
 
 from kolsky import forcechecks, framechecks, shapechecks
 from kolsky.apparatus import Bar, Interface, Specimen, Transducer
+from kolsky.barforce import BarForce
 from kolsky.errors import InputError, refuse
+from kolsky.forcefile import force_recording
 from kolsky.pictures import Seen, open_pictures
-from kolsky.readers import centre_line_csv, flyer_csv, frame_times, scope_csv, uniaxial_csv
+from kolsky.readers import centre_line_csv, flyer_csv, frame_times, uniaxial_csv
 from kolsky.readers.frame_times import FrameTimes
 from kolsky.readers.table import Column
-from kolsky.records import CentreLine, FloatArray, FlyerMotion, MaterialCurve, Recording
+from kolsky.records import (
+    CentreLine,
+    FloatArray,
+    FlyerMotion,
+    ForceHistory,
+    FrontVelocity,
+    MaterialCurve,
+    Recording,
+)
 from kolsky.shotfile import CentreLineSection, FlyerSection
 from kolsky.shottoml import ShotToml, read_shot_toml
 from kolsky.shotwindow import window
+from kolsky.transducers import force_history, noise_correlation
 
 SHOT_FILE = "shot.toml"
 
@@ -48,6 +59,8 @@ class ForceChannel:
     """Time span before the test that gives zero and noise, on the shot's clock [s]."""
     clock_offset: float
     """Shot's clock minus recorder's clock [s]."""
+    sigma_gain: float = 0.0
+    """Standard uncertainty of the sensitivity, relative to it [-]."""
 
     @property
     def time(self) -> FloatArray:
@@ -63,6 +76,25 @@ class ForceChannel:
         """Force at every sample above the baseline's mean, compression-positive [N], shape [n_samples]."""
         volts = self.recording.value - self.baseline_volts().mean()
         return self.transducer.compression_sign * volts / self.transducer.sensitivity
+
+    def history(self) -> ForceHistory:
+        """The force with its noise; see `kolsky.transducers.force_history`.
+
+        Raises
+        ------
+        ValueError
+            If the recording, the baseline or the transducer cannot be used.
+        """
+        return force_history(
+            self.recording, self.transducer, baseline=self.baseline, clock_offset=self.clock_offset
+        )
+
+    def noise_checks(self) -> dict[str, float]:
+        """Figures that tell whether the noise of the force is believable."""
+        return {
+            "force_noise_correlation": noise_correlation(self.history(), self.baseline),
+            "force_baseline_samples": int(self.baseline_volts().size),
+        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,8 +115,8 @@ class ShotBase:
     """The bar, where support is "bar"."""
     model: ModelSettings
     """Material constants beside the curve."""
-    force: ForceChannel
-    """The transmitted force."""
+    force: ForceChannel | BarForce
+    """The transmitted force, of a transducer or of the bar itself."""
     curve: MaterialCurve
     """The quasi-static curve, from rest outward."""
     inputs: dict[str, str]
@@ -95,10 +127,11 @@ class ShotBase:
 class Shot(ShotBase):
     """One test, ready to be identified."""
 
-    flyer: FlyerMotion
-    """The flyer's displacement at the frames, zero as in its file."""
-    centre_line: CentreLine
-    """The specimen's outline at the frames."""
+    flyer: FlyerMotion | FrontVelocity
+    """What moves the front face: the flyer's displacement at the frames, zero as in its file, or the
+    velocity of the incident bar's face."""
+    centre_line: CentreLine | None
+    """The specimen's outline at the frames; None if nobody looked."""
     window: tuple[float, float]
     """First and last time that is simulated and compared, on the shot's clock [s]."""
     symmetry_end: float | None = None
@@ -209,6 +242,7 @@ def _with_pictures(
 
         measure = measured
     found = measure(shot.seen)
+    assert isinstance(shot.force, ForceChannel)  # `_pictured` made it so
     frame_time = frames.time + toml.declared.frames.clock_offset
     framechecks.body_moves(found.flyer, rest, found.source, toml)
     span = window(
@@ -241,7 +275,7 @@ def _pictured(toml: ShotToml, frames: FrameTimes, seen: Seen) -> PicturedShot:
 
 def _opened(folder_or_toml: str | Path) -> tuple[ShotToml, FrameTimes]:
     """The shot file and the frame times."""
-    toml = read_shot_toml(_find(Path(folder_or_toml)))
+    toml = read_shot_toml(find_shot_file(Path(folder_or_toml)))
     declared, folder = toml.declared, toml.path.parent
     _all_there(toml, folder)
     frames = frame_times.read(
@@ -295,7 +329,7 @@ def folder_of(folder_or_toml: str | Path) -> Path:
     return path.parent if path.is_file() else path
 
 
-def _find(path: Path) -> Path:
+def find_shot_file(path: Path) -> Path:
     """The shot file of a folder, or the file itself."""
     if path.is_dir():
         if not (path / SHOT_FILE).exists():
@@ -341,9 +375,7 @@ def _flyer(
 
 def _force(folder: Path, rest: float, toml: ShotToml) -> ForceChannel:
     section = toml.declared.force
-    recording = scope_csv.read(
-        folder / section.file, time=section.time.as_column(), voltage=section.voltage.as_column()
-    )
+    recording = force_recording(folder / section.file, section)
     forcechecks.clipping(recording, toml)
     channel = ForceChannel(
         recording=recording,

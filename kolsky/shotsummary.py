@@ -5,7 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from kolsky.barforce import BarForce
 from kolsky.pictures import CAMERAS, readable
+from kolsky.records import CentreLine, FlyerMotion
 from kolsky.shots import PicturedShot, Shot, ShotBase
 
 _WRITTEN = {"m": ("mm", 1e3), "s": ("us", 1e6), "Pa": ("kPa", 1e-3)}
@@ -50,8 +52,8 @@ def summarise(shot: ShotBase) -> list[Entry]:
         Entry("transmission", "support", shot.support),
         *_bar(shot),
         *_force(shot),
-        *(_flyer(shot) if isinstance(shot, Shot) else []),
-        *(_centre_line(shot) if isinstance(shot, Shot) else []),
+        *(_motion(shot) if isinstance(shot, Shot) else []),
+        *(_centre_line(shot.centre_line, shot) if isinstance(shot, Shot) and shot.centre_line else []),
         *(_pictures(shot) if isinstance(shot, PicturedShot) else []),
         *_curve(shot),
         Entry("model", "poisson", shot.model.poisson),
@@ -77,13 +79,14 @@ def _inside(shot: Shot, time: np.ndarray) -> np.ndarray:
 
 
 def _window(shot: Shot) -> list[Entry]:
-    start, end = shot.window
+    (start, end), time = shot.window, shot.flyer.time
+    what = "frames" if isinstance(shot.flyer, FlyerMotion) else "samples"
     return [
         Entry("window", "start", start, "s"),
         Entry("window", "end", end, "s"),
-        Entry("window", "frames inside", int(_inside(shot, shot.flyer.time).sum())),
-        Entry("window", "frames before it", int((shot.flyer.time < start).sum())),
-        Entry("window", "frames after it", int((shot.flyer.time > end).sum())),
+        Entry("window", f"{what} inside", int(_inside(shot, time).sum())),
+        Entry("window", f"{what} before it", int((time < start).sum())),
+        Entry("window", f"{what} after it", int((time > end).sum())),
     ]
 
 
@@ -128,6 +131,18 @@ def _bar(shot: ShotBase) -> list[Entry]:
 
 def _force(shot: ShotBase) -> list[Entry]:
     channel = shot.force
+    if isinstance(channel, BarForce):
+        force = channel.raw_force()
+        return [
+            Entry("force", "from", "waves in the transmission bar"),
+            Entry("force", "samples", int(force.size)),
+            Entry("force", "record start", float(channel.time[0]), "s"),
+            Entry("force", "record end", float(channel.time[-1]), "s"),
+            Entry("force", "noise of the force", float(np.median(channel.measured.sigma)), "N"),
+            Entry("force", "sigma of its scale", channel.sigma_gain),
+            Entry("force", "largest compression", float(force.max()), "N"),
+            Entry("force", "largest tension", float(-force.min()), "N"),
+        ]
     time, volts, zero = channel.time, channel.recording.value, channel.baseline_volts()
     noise = float(zero.std(ddof=1))
     return [
@@ -151,8 +166,22 @@ def _force(shot: ShotBase) -> list[Entry]:
     ]
 
 
-def _flyer(shot: Shot) -> list[Entry]:
-    flyer = shot.flyer
+def _motion(shot: Shot) -> list[Entry]:
+    motion = shot.flyer
+    if isinstance(motion, FlyerMotion):
+        return _flyer(motion, shot)
+    return [
+        Entry("motion", "from", "waves in the incident bar"),
+        Entry("motion", "samples", int(motion.time.size)),
+        Entry("motion", "sample step", float(np.median(np.diff(motion.time))), "s"),
+        Entry("motion", "largest velocity", float(motion.velocity.max()), "m/s"),
+        Entry("motion", "noise of the velocity", motion.noise, "m/s"),
+        Entry("motion", "sigma of its scale", motion.sigma_gain),
+        Entry("motion", "sigma of its zero", motion.sigma_zero, "m/s"),
+    ]
+
+
+def _flyer(flyer: FlyerMotion, shot: Shot) -> list[Entry]:
     rest = flyer.displacement[flyer.time <= shot.window[0]]
     scatter = [Entry("flyer", "scatter at rest", float(rest.std(ddof=1)), "m")] if rest.size > 1 else []
     return [
@@ -167,8 +196,7 @@ def _flyer(shot: Shot) -> list[Entry]:
     ]
 
 
-def _centre_line(shot: Shot) -> list[Entry]:
-    line = shot.centre_line
+def _centre_line(line: CentreLine, shot: Shot) -> list[Entry]:
     inside = _inside(shot, line.time)
     _, counts = np.unique(line.frame[inside], return_counts=True)
     return [

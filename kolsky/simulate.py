@@ -71,7 +71,7 @@ def simulate(
 
 
 def write_simulation(folder: Path, simulation: Simulation) -> list[Path]:
-    """Write force.csv and profile.csv, measured beside simulated, each atomically.
+    """Write force.csv and, where an outline was measured, profile.csv: measured beside simulated, atomically.
 
     Of a run that did not complete the tables hold what lies before its end.
     """
@@ -84,16 +84,19 @@ def write_simulation(folder: Path, simulation: Simulation) -> list[Path]:
         seen, (points, Z, inside) = _force_so_far(response, force.time), _outline_so_far(response, line)
     samples, simulated = seen
     folder = Path(folder)
+    forces = write_table(
+        folder / "force.csv",
+        {
+            "time (s)": force.time[samples],
+            "measured force (N)": force.force[samples],
+            "sigma (N)": force.sigma[samples],
+            "simulated force (N)": simulated,
+        },
+    )
+    if not observations.has_shape:
+        return [forces]
     return [
-        write_table(
-            folder / "force.csv",
-            {
-                "time (s)": force.time[samples],
-                "measured force (N)": force.force[samples],
-                "sigma (N)": force.sigma[samples],
-                "simulated force (N)": simulated,
-            },
-        ),
+        forces,
         write_table(
             folder / "profile.csv",
             {

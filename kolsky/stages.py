@@ -44,6 +44,8 @@ class Replicates:
     """Which rows have another motion."""
     curve: NDArray[np.bool_]
     """Which rows have another curve."""
+    scale: NDArray[np.bool_]
+    """Which row has a motion larger by one standard uncertainty of its scale; at most one."""
     lost: int
     """How many did not complete."""
 
@@ -93,6 +95,8 @@ class Stages:
     def replicate(self, point: FloatArray) -> Replicates:
         """Run the point again under `settings.replicates` other motions, and as many other curves.
 
+        One more run has the motion larger by the standard uncertainty of its scale, if that is known.
+
         Raises
         ------
         ValueError
@@ -100,9 +104,14 @@ class Stages:
         """
         n = self.settings.replicates
         forward = self.prepared.with_replicates(n, self.rng)
-        motion = np.concatenate([[0], np.arange(1, n + 1), np.zeros(n, dtype=int)])
-        material = np.concatenate([[0], np.zeros(n, dtype=int), np.arange(1, n + 1)])
-        started, report = time.perf_counter(), self._counter("noise", 2 * n + 1)
+        scaled = len(forward.paths) - n - 1
+        motion = np.concatenate(
+            [[0], np.arange(1, n + 1), np.zeros(n, dtype=int), np.full(scaled, n + 1, dtype=int)]
+        )
+        material = np.concatenate(
+            [[0], np.zeros(n, dtype=int), np.arange(1, n + 1), np.zeros(scaled, dtype=int)]
+        )
+        started, report = time.perf_counter(), self._counter("noise", len(motion))
         response = forward.run(
             {**self.settings.held, **dict(zip(self.box.names, point, strict=True))},
             self.settings.numerics.with_mesh(self.settings.replicate_mesh),
@@ -117,7 +126,8 @@ class Stages:
         return Replicates(
             prediction=predict(response.select(rows), self.observations),
             flyer=(rows > 0) & (rows <= n),
-            curve=rows > n,
+            curve=(rows > n) & (rows <= 2 * n),
+            scale=rows > 2 * n,
             lost=response.n_samples - len(rows),
         )
 

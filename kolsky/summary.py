@@ -32,6 +32,7 @@ def estimates(
     numerical: FloatArray,
     mesh_shift: FloatArray,
     confirmed: bool,
+    outline: bool = True,
 ) -> dict[str, Estimate]:
     """Every free parameter with its uncertainties and verdict.
 
@@ -47,7 +48,10 @@ def estimates(
         Standard uncertainty from the mesh, and the optimum's move between the meshes, shape [d].
     confirmed
         Whether the last run on the refined mesh left the optimum where it was.
+    outline
+        Whether an outline was measured; without one the verdict says that the force decides alone.
     """
+    good = Verdict.IDENTIFIED if outline else Verdict.FORCE_ALONE
     bounds, found = on_edge(optimum, box), {}
     for i, name in enumerate(box.names):
         parts = {source: float(sigma[i]) for source, sigma in noise.items()}
@@ -57,7 +61,7 @@ def estimates(
         elif 4.0 * total > box.upper[i] - box.lower[i]:
             verdict = Verdict.NOT_SEEN
         else:
-            verdict = Verdict.IDENTIFIED if confirmed else Verdict.DISAGREEING
+            verdict = good if confirmed else Verdict.DISAGREEING
         found[name] = Estimate(
             name=name,
             unit=PARAMETERS[name].unit,
@@ -74,6 +78,9 @@ def estimates(
 def routes(local: Box, objective: Objective, model: Model, whole: Box, table: RunTable) -> tuple[Route, ...]:
     """The optima of the joint data, of the force and the outline alone, and of the paper's cost, Eq. (M.5).
 
+    Without an outline there is one route, that of the force: the others would be it by another name, or
+    need what was not measured.
+
     Parameters
     ----------
     local, objective, model
@@ -82,7 +89,8 @@ def routes(local: Box, objective: Objective, model: Model, whole: Box, table: Ru
         The first design's box and every run, for the paper's cost surrogate.
     """
     found = []
-    for label, part in ROUTES:
+    shape = objective.observations.has_shape
+    for label, part in ROUTES if shape else ROUTES[1:2]:
         best = search(local, objective, model, part)
         vector = model(best.x)[0]
         covariance = best.objective.covariance(jacobian(model, local, best.x), vector, part)
@@ -94,6 +102,8 @@ def routes(local: Box, objective: Objective, model: Model, whole: Box, table: Ru
                 sigma=dict(zip(local.names, np.sqrt(np.diag(covariance)).tolist(), strict=True)),
             )
         )
+    if not shape:
+        return tuple(found)
     points, cost = table.paper_cost()
     paper = CostSurrogate.fit(whole, points, cost)
     least = minimise(paper.cost, whole, start=points[np.argmin(cost)])
@@ -116,7 +126,11 @@ def curves(box: Box, objective: Objective, model: Model, optimum: FloatArray) ->
                 parameter=name,
                 x=x,
                 chi2=objective.chi2(vectors),
-                phi_shape=(residual / objective.data)[:, shape].mean(axis=1),
+                phi_shape=(
+                    (residual / objective.data)[:, shape].mean(axis=1)
+                    if shape.any()
+                    else np.full(len(x), np.nan)
+                ),
                 phi_force=residual[:, force].sum(axis=1) * samples,
             )
         )

@@ -1,7 +1,7 @@
 """Cameras and their poses from pictures of targets."""
 
 from dic.calibration.bundle import Undetermined
-from dic.calibration.detect import detect
+from dic.calibration.detect import detect, detect_series
 from dic.calibration.result import Calibration, Checks, Pair, PairOutcome, Sighting
 from dic.calibration.solve import MODELS, calibrate
 from dic.calibration.targets import TARGETS, Detection, Target, TargetNotFound
@@ -20,4 +20,5 @@ __all__ = [
     "Undetermined",
     "calibrate",
     "detect",
+    "detect_series",
 ]

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.calibration.projection import OWN, SHARED, Sight, derivatives, exponential, seen
+from dic.calibration.projection import OWN, SHARED, Sight, derivatives, exponential, joined, seen
 from dic.camera import PARAMETERS, Camera
 
 FloatArray = NDArray[np.float64]
@@ -221,18 +221,29 @@ def _normal_equations(rig: Rig, sights: list[Sight], columns: FloatArray) -> Nor
     m = columns.shape[1]
     U, b = np.zeros((m, m)), np.zeros(m)
     pairs: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}
-    for sight in sights:
-        R, t = rig.poses[sight.pair]
-        shared, pose = derivatives(rig.cameras[sight.camera], sight, R, t)
-        weight = np.repeat(1.0 / sight.sigma, 2)[:, None]
+    for own in _by_camera(sights):
+        view, R, t = joined(own, rig.poses)
+        camera = rig.cameras[view.camera]
+        shared, pose = derivatives(camera, view, R, t)
+        weight = np.repeat(1.0 / view.sigma, 2)[:, None]
         A = weight * (shared.reshape(-1, SHARED) @ columns)
         P = weight * pose.reshape(-1, 6)
-        r = weight[:, 0] * residuals(rig, sight).reshape(-1)
+        r = weight[:, 0] * (view.pixels - seen(camera, view, R, t)).reshape(-1)
         U += A.T @ A
         b += A.T @ r
-        V, W, c = pairs.get(sight.pair, (0.0, 0.0, 0.0))
-        pairs[sight.pair] = (V + P.T @ P, W + A.T @ P, c + P.T @ r)
+        last = 0
+        for sight in own:
+            first, last = last, last + 2 * len(sight.ids)
+            A_own, P_own, r_own = A[first:last], P[first:last], r[first:last]
+            V, W, c = pairs.get(sight.pair, (0.0, 0.0, 0.0))
+            pairs[sight.pair] = (V + P_own.T @ P_own, W + A_own.T @ P_own, c + P_own.T @ r_own)
     return U, b, pairs
+
+
+def _by_camera(sights: list[Sight]) -> list[list[Sight]]:
+    """The views of each camera, of those that have some."""
+    parts = [[sight for sight in sights if sight.camera == camera] for camera in (0, 1)]
+    return [part for part in parts if part]
 
 
 def _step(normal: Normal, damping: float) -> tuple[FloatArray, dict[int, FloatArray]] | None:
@@ -283,8 +294,9 @@ def _covariances(normal: Normal, columns: FloatArray) -> tuple[FloatArray, dict[
 
 def _cost(rig: Rig, sights: list[Sight]) -> float:
     total = 0.0
-    for sight in sights:
-        off = residuals(rig, sight) / sight.sigma[:, None]
+    for own in _by_camera(sights):
+        view, R, t = joined(own, rig.poses)
+        off = (view.pixels - seen(rig.cameras[view.camera], view, R, t)) / view.sigma[:, None]
         total += float(np.sum(np.where(np.isfinite(off), off, FAR) ** 2))
     return total
 

@@ -13,6 +13,9 @@ from dic.stereo import triangulate
 
 FloatArray = NDArray[np.float64]
 
+ENOUGH = 1e-7
+"""Relative tolerance of the sum of squares of held-out pairs, from a start that is all but the solution."""
+
 
 def by_pair(sights: Sequence[Sight]) -> dict[int, list[Sight]]:
     """Views of each pair."""
@@ -20,9 +23,9 @@ def by_pair(sights: Sequence[Sight]) -> dict[int, list[Sight]]:
     return {pair: list(views) for pair, views in groupby(ordered, key=lambda s: s.pair)}
 
 
-def posed(rig: Rig, views: Sequence[Sight]) -> Fit:
+def posed(rig: Rig, views: Sequence[Sight], *, tolerance: float = 1e-10) -> Fit:
     """The best pose of one target for given cameras."""
-    return adjust(rig, views, np.zeros((SHARED, 0)))
+    return adjust(rig, views, np.zeros((SHARED, 0)), tolerance=tolerance)
 
 
 def held_out(fit: Fit, sights: Sequence[Sight], columns: FloatArray, folds: int) -> float:
@@ -39,11 +42,11 @@ def held_out(fit: Fit, sights: Sequence[Sight], columns: FloatArray, folds: int)
     for k in range(min(folds, len(joint))):
         out = set(joint[k::folds])
         try:
-            part = adjust(fit.rig, [s for s in sights if s.pair not in out], columns)
+            part = adjust(fit.rig, [s for s in sights if s.pair not in out], columns, tolerance=ENOUGH)
         except ValueError:
             return float("nan")
         for pair in out:
-            again = posed(part.rig, pairs[pair])
+            again = posed(part.rig, pairs[pair], tolerance=ENOUGH)
             off = np.concatenate([residuals(again.rig, s) for s in pairs[pair]])
             squares, count = squares + float(np.sum(off**2)), count + len(off)
     return float(np.sqrt(squares / count))

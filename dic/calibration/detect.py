@@ -1,9 +1,17 @@
 """A target in a picture."""
 
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.calibration.targets.base import Detection, Target
+from dic.calibration.targets.base import Detection, Target, TargetNotFound
+from dic.images import PictureError, Pictures
+
+THREADS = os.cpu_count() or 1
+"""Pictures searched side by side."""
 
 
 def detect(picture: NDArray[np.generic], target: Target) -> Detection:
@@ -24,3 +32,56 @@ def detect(picture: NDArray[np.generic], target: Target) -> Detection:
         If the picture is not one grey picture.
     """
     return target.detect(picture)
+
+
+def detect_series(
+    series: Sequence[Pictures],
+    targets: Sequence[Target],
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[list[Detection | TargetNotFound | None], ...]:
+    """Points of a target in all pictures of several cameras, as `calibrate` takes them.
+
+    Parameters
+    ----------
+    series
+        Of each camera its pictures.
+    targets
+        As each camera is to look for it.
+    progress
+        Told of the pictures done and their number.
+
+    Returns
+    -------
+    tuple
+        Of each camera a list, one entry a picture: what was detected, why nothing was, or None for a picture
+        that cannot be read. It does not depend on the number of threads.
+
+    Raises
+    ------
+    ValueError
+        If a picture is not one grey picture.
+    """
+    jobs = [
+        (camera, index)
+        for index in range(max(pictures.n_frames for pictures in series))
+        for camera, pictures in enumerate(series)
+        if index < pictures.n_frames
+    ]
+
+    def one(job: tuple[int, int]) -> Detection | TargetNotFound | None:
+        camera, index = job
+        try:
+            return detect(series[camera].frame(index), targets[camera])
+        except TargetNotFound as error:
+            return error
+        except PictureError:
+            return None
+
+    found: tuple[list[Detection | TargetNotFound | None], ...] = tuple([] for _ in series)
+    with ThreadPoolExecutor(THREADS) as pool:  # OpenCV and NumPy release the interpreter
+        for done, ((camera, _), view) in enumerate(zip(jobs, pool.map(one, jobs), strict=True)):
+            found[camera].append(view)
+            if progress is not None:
+                progress(done + 1, len(jobs))
+    return found

@@ -8,9 +8,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.calibration.centroids import MARGIN, WINDOW, centroids
 from dic.calibration.corners import eight_bits
 from dic.calibration.edges import LARGEST, fit_discs
-from dic.calibration.noise import grey, noise_level
+from dic.calibration.noise import grey, noise_level, quantiles
 
 FloatArray = NDArray[np.float64]
 
@@ -20,10 +21,6 @@ ALIKE = 1.8
 """Dots of one target differ in radius by less than this, with all tilt and perspective."""
 MOST_DOTS = 20_000
 """A picture with more dark patches than this shows no target, and is not searched to its end."""
-WINDOW, RING = 1.35, 1.85
-"""The centroid is taken over this many radii of the dot, the brightness around it out to the second."""
-MARGIN = 1.5
-"""Further out by this much, for the blur of the lens [px]."""
 
 
 @dataclass(frozen=True)
@@ -68,10 +65,12 @@ def find_dots(picture: NDArray[np.generic], *, dark: bool = True, round_dots: bo
         image = image.max() + image.min() - image
     eight = eight_bits(picture) if dark else 255 - eight_bits(picture)
     noise = noise_level(picture)
+    low, high = quantiles(eight, (0.01, 0.99))
+    step = 0.08 * max(float(high - low), 25.0)
     best: list[tuple[FloatArray, bool]] = []
     size, most = 15, 0.0
     while size <= max(16, min(eight.shape) // 2):
-        outlines, score = _alike(_outlines(eight, size, round_dots))
+        outlines, score = _alike(_outlines(eight, size, step, round_dots))
         if score > most:
             best, most = outlines, score
         size = 2 * size + 1
@@ -93,12 +92,11 @@ def _nothing() -> Dots:
     return Dots(np.zeros((0, 2)), np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool))
 
 
-def _outlines(eight: NDArray[np.uint8], size: int, round_dots: bool) -> list[tuple[FloatArray, bool]]:
+def _outlines(
+    eight: NDArray[np.uint8], size: int, step: float, round_dots: bool
+) -> list[tuple[FloatArray, bool]]:
     """Ellipses (x, y, major, minor diameter, angle in degrees) of dark patches, and whether hollow."""
-    contrast = float(np.percentile(eight, 99.0)) - float(np.percentile(eight, 1.0))
-    mask = cv2.adaptiveThreshold(
-        eight, 255, cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY_INV, size, 0.08 * max(contrast, 25.0)
-    )
+    mask = cv2.adaptiveThreshold(eight, 255, cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY_INV, size, step)
     contours, tree = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     if tree is None or len(contours) > MOST_DOTS:
         return []
@@ -149,20 +147,21 @@ def _located(
     image: FloatArray, outlines: list[tuple[FloatArray, bool]], noise: float, round_dots: bool
 ) -> Dots:
     """Centroids of the outlined dots; those whose darkness is unlike the others' are left out."""
-    rows = [(_centroid(image, ellipse, noise), ellipse, hole) for ellipse, hole in outlines]
-    good = [(c, e, hole) for c, e, hole in rows if c is not None]
-    if not good:
+    ellipses = np.array([ellipse for ellipse, _ in outlines]).reshape(-1, 5)
+    values = centroids(image, ellipses, noise)
+    good = np.isfinite(values).all(axis=1)
+    if not good.any():
         return _nothing()
-    values = np.array([c for c, _, _ in good])
-    radius = np.array([0.5 * np.sqrt(e[2] * e[3]) for _, e, _ in good])
-    hollow = np.array([hole for _, _, hole in good])
+    values, ellipses = values[good], ellipses[good]
+    radius = 0.5 * np.sqrt(ellipses[:, 2] * ellipses[:, 3])
+    hollow = np.array([hole for _, hole in outlines])[good]
     depth = values[:, 4]
     kept = depth > 0.4 * np.percentile(depth, 80.0)  # printed dots are about equally dark
     centre, sigma = values[kept, :2], values[kept, 2]
     if round_dots:
-        ellipses = np.array([e for _, e, _ in good])[kept]
         small = np.flatnonzero(~hollow[kept] & (radius[kept] <= LARGEST))
-        centre[small], sigma[small] = _fitted(image, centre[small], sigma[small], ellipses[small], noise)
+        outline = ellipses[kept][small]
+        centre[small], sigma[small] = _fitted(image, centre[small], sigma[small], outline, noise)
     return Dots(centre, sigma, values[kept, 3], radius[kept], hollow[kept])
 
 
@@ -181,52 +180,3 @@ def _fitted(
     found, noise_of_it = fit_discs(image, centre, shape, reach, noise)
     better = noise_of_it < sigma  # not where the fit failed: NaN
     return np.where(better[:, None], found, centre), np.where(better, noise_of_it, sigma)
-
-
-def _centroid(image: FloatArray, ellipse: FloatArray, noise: float) -> tuple[float, ...] | None:
-    """x, y, sigma, mass and darkness of one dot; None where its surroundings cannot be told from it."""
-    x0, y0, major, minor, angle = ellipse
-    c, s = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
-    reach = int(np.ceil(0.5 * max(major, minor) * RING + 2.0 * MARGIN)) + 1
-    for _ in range(2):  # a second time about the centre found, so that the window is centred on the dot
-        left, top = max(int(x0) - reach, 0), max(int(y0) - reach, 0)
-        part = image[top : int(y0) + reach + 2, left : int(x0) + reach + 2]
-        yy, xx = np.mgrid[top : top + part.shape[0], left : left + part.shape[1]]
-        dx, dy = xx - x0, yy - y0
-        u, v = c * dx + s * dy, -s * dx + c * dy  # along the ellipse's axes
-        inner = np.hypot(u / (0.5 * major * WINDOW + MARGIN), v / (0.5 * minor * WINDOW + MARGIN)) <= 1.0
-        outer = np.hypot(u / (0.5 * major * RING + 2 * MARGIN), v / (0.5 * minor * RING + 2 * MARGIN)) <= 1.0
-        ring = outer & ~inner
-        plane = _plane(dx[ring], dy[ring], part[ring])
-        if plane is None:
-            return None
-        around = plane[0] + plane[1] * dx[inner] + plane[2] * dy[inner]
-        if around.min() <= 4.0 * noise:
-            return None
-        w = 1.0 - part[inner] / around
-        mass = float(w.sum())
-        if mass <= 0.15 * 0.25 * np.pi * major * minor:
-            return None
-        shift_x, shift_y = float(w @ dx[inner]) / mass, float(w @ dy[inner]) / mass
-        if np.hypot(shift_x, shift_y) > 0.25 * minor:
-            return None
-        x0, y0 = x0 + shift_x, y0 + shift_y
-    spread = (dx[inner] - shift_x) ** 2 + (dy[inner] - shift_y) ** 2
-    sigma = np.sqrt(0.5 * float((spread * (noise / around) ** 2).sum())) / mass
-    return x0, y0, max(sigma, 1e-4), mass, float(np.percentile(w, 90.0))
-
-
-def _plane(x: FloatArray, y: FloatArray, values: FloatArray) -> FloatArray | None:
-    """Brightness a + b x + c y around a dot without the pixels that belong to something else."""
-    thin = max(1, values.size // 1000)
-    x, y, values = x[::thin], y[::thin], values[::thin]
-    kept = np.ones(values.size, dtype=bool)
-    A = np.stack([np.ones(x.size), x, y], axis=1)
-    for _ in range(3):
-        if kept.sum() < 12:
-            return None
-        solution = np.linalg.lstsq(A[kept], values[kept], rcond=None)[0]
-        off = np.abs(values - A @ solution)
-        limit = 4.0 * 1.4826 * float(np.median(off[kept])) + 1e-9 * abs(solution[0])
-        kept = off <= limit
-    return np.asarray(solution)

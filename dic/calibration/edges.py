@@ -7,6 +7,11 @@ from scipy.special import ndtr
 FloatArray = NDArray[np.float64]
 
 STEPS = 8
+"""Gauss-Newton steps at most."""
+SETTLED = 1e-5
+"""A dot whose centre a step moves by less than this is done [px]; noise is some hundred times larger."""
+AT_ONCE = 250_000
+"""Pixels of the dots that are fitted in one go: many, so that pictures in other threads get on meanwhile."""
 LARGEST = 25.0
 """Dots up to this radius [px] are fitted: a larger one's centroid is known to a few mpx, and its printed
 outline is no better an ellipse than that."""
@@ -45,8 +50,20 @@ def fit_discs(
     sigma
         Standard deviation of a coordinate [px], shape [n].
     """
-    n, w = len(centre), int(np.ceil(reach))
-    offsets = np.arange(-w, w + 1)
+    found, sigma = np.full((len(centre), 2), np.nan), np.full(len(centre), np.nan)
+    w = int(np.ceil(reach))
+    step = max(1, AT_ONCE // (2 * w + 1) ** 2)
+    for first in range(0, len(centre), step):
+        rows = slice(first, first + step)
+        found[rows], sigma[rows] = _fitted(image, centre[rows], shape[rows], w, noise)
+    return found, sigma
+
+
+def _fitted(
+    image: FloatArray, centre: FloatArray, shape: FloatArray, w: int, noise: float
+) -> tuple[FloatArray, FloatArray]:
+    """`fit_discs` of some dots, with windows of half side `w`."""
+    n, offsets = len(centre), np.arange(-w, w + 1)
     column, row = np.round(centre).astype(int).T
     inside = (column >= w) & (row >= w) & (column < image.shape[1] - w) & (row < image.shape[0] - w)
     column, row = np.where(inside, column, w), np.where(inside, row, w)
@@ -57,26 +74,38 @@ def fit_discs(
     p[:, :2] = np.where(inside[:, None], centre - np.stack([column, row], axis=1), 0.0)
     p[:, 2:5], p[:, 5], p[:, 6], p[:, 9] = shape, 0.8, top, 1.0 - bottom / np.maximum(top, 1e-9)
     start = p[:, :2].copy()
+    normal, last = np.tile(np.eye(10), (n, 1, 1)), np.full((n, 2), np.nan)
+    rows = np.arange(n)
     with np.errstate(all="ignore"):  # a dot whose fit runs away becomes NaN and is left to the caller
         for _ in range(STEPS):
-            model, J = _model(p, xx, yy)
-            normal = np.einsum("nkp,nlp->nkl", J, J)
-            right = np.einsum("nkp,np->nk", J, values - model)
-            bad = ~(np.isfinite(normal).all(axis=(1, 2)) & np.isfinite(right).all(axis=1))
-            normal[bad], right[bad] = np.eye(10), np.nan
-            scale = 1.0 / np.sqrt(np.einsum("nkk->nk", normal) + 1e-300)
-            scaled = normal * scale[:, :, None] * scale[:, None] + 1e-9 * np.eye(10)
+            model, J = _model(p[rows], xx, yy)
+            N = J @ np.swapaxes(J, 1, 2)
+            right = (J @ (values[rows] - model)[..., None])[..., 0]
+            bad = ~(np.isfinite(N).all(axis=(1, 2)) & np.isfinite(right).all(axis=1))
+            N[bad], right[bad] = np.eye(10), np.nan
+            scaled, scale = _scaled(N)
             step = scale * np.linalg.solve(scaled, (scale * right)[..., None])[..., 0]
-            p = p + step
-            p[:, 5] = np.maximum(p[:, 5], 0.3)  # a sharper edge than a pixel's own width is noise
-        inverse = np.linalg.inv(np.where(np.isfinite(scaled), scaled, np.eye(10)))
+            p[rows] += step
+            p[rows, 5] = np.maximum(p[rows, 5], 0.3)  # a sharper edge than a pixel's own width is noise
+            normal[rows], last[rows] = N, step[:, :2]
+            rows = rows[np.abs(step[:, :2]).max(axis=1) > SETTLED]
+            if not len(rows):
+                break
+        scaled, scale = _scaled(normal)
+        inverse = np.linalg.inv(scaled)
         sigma = noise * np.sqrt(
             0.5 * np.sum(np.einsum("nkk->nk", inverse)[:, :2] * scale[:, :2] ** 2, axis=1)
         )
         off = np.hypot(*(p[:, :2] - start).T)
-        fine = inside & (off < 0.5) & (np.abs(step[:, :2]).max(axis=1) < 0.01) & np.isfinite(sigma)
+        fine = inside & (off < 0.5) & (np.abs(last).max(axis=1) < 0.01) & np.isfinite(sigma)
     found = p[:, :2] + np.stack([column, row], axis=1)
     return np.where(fine[:, None], found, np.nan), np.where(fine, sigma, np.nan)
+
+
+def _scaled(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Normal matrices with a diagonal of 1, hardly damped, shape [n, 10, 10], and their scales, [n, 10]."""
+    scale = 1.0 / np.sqrt(np.einsum("nkk->nk", normal) + 1e-300)
+    return normal * scale[:, :, None] * scale[:, None] + 1e-9 * np.eye(10), scale
 
 
 def _model(p: FloatArray, xx: FloatArray, yy: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -43,20 +43,26 @@ def grow(
     queue = deque(places)
     while queue:
         column, row = place = queue.popleft()
-        here = points[places[place]]
-        for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1)):
-            beside = (column + sign * (axis == 0), row + sign * (axis == 1))
-            if beside in places:
+        here, own = points[places[place]], local[place]
+        sides = [
+            (axis, sign, beside)
+            for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1))
+            if (beside := (column + sign * (axis == 0), row + sign * (axis == 1))) not in places
+        ]
+        if not sides:
+            continue
+        near = NEAR * np.sqrt(np.min(np.sum(own * own, axis=1)))
+        distances, numbers = tree.query(here + np.array([sign * own[axis] for axis, sign, _ in sides]))
+        for (axis, sign, beside), distance, found in zip(
+            sides, distances.tolist(), numbers.tolist(), strict=True
+        ):
+            if distance > near or found in used:
                 continue
-            step = sign * local[place][axis]
-            distance, found = tree.query(here + step)
-            if distance > NEAR * min(np.hypot(*s) for s in local[place]) or int(found) in used:
-                continue
-            places[beside] = int(found)
-            used.add(int(found))
-            own = local[place].copy()
-            own[axis] = 0.5 * (own[axis] + sign * (points[found] - here))
-            local[beside] = own
+            places[beside] = found
+            used.add(found)
+            next_steps = own.copy()
+            next_steps[axis] = 0.5 * (own[axis] + sign * (points[found] - here))
+            local[beside] = next_steps
             queue.append(beside)
     return places
 

@@ -21,6 +21,7 @@ with v from X to the camera.
    PAMI 22 (2000) 1066-1077, doi:10.1109/34.879788.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -90,6 +91,30 @@ def bent(inside: FloatArray, normals: FloatArray, spread: FloatArray, bend: Floa
     )
 
 
+def joined(
+    sights: Sequence[Sight], poses: Mapping[int, tuple[FloatArray, FloatArray]]
+) -> tuple[Sight, FloatArray, FloatArray]:
+    """All points of several views of one camera as one view, with a pose for each of them.
+
+    Returns
+    -------
+    view, R, t
+        R and t as `seen` and `derivatives` take them, shapes [n, 3, 3] and [n, 3].
+    """
+    count = [len(sight.ids) for sight in sights]
+    parts = {
+        name: np.concatenate([getattr(sight, name) for sight in sights])
+        for name in ("ids", "points", "normals", "spread", "bend", "pixels", "sigma")
+    }
+    R, t = (np.repeat([poses[sight.pair][k] for sight in sights], count, axis=0) for k in (0, 1))
+    return Sight(pair=-1, camera=sights[0].camera, **parts), R, t
+
+
+def _turned(v: FloatArray, R: FloatArray) -> FloatArray:
+    """R v for each row, shape [n, 3]; R of shape [3, 3] or one a row."""
+    return np.asarray(v @ R.T if R.ndim == 2 else (R @ v[..., None])[..., 0])
+
+
 def seen(camera: Camera, sight: Sight, R: FloatArray, t: FloatArray, *, patches: bool = True) -> FloatArray:
     """Pixels of a target's points in a camera, shape [n, 2]; NaN behind it.
 
@@ -100,15 +125,15 @@ def seen(camera: Camera, sight: Sight, R: FloatArray, t: FloatArray, *, patches:
     sight
         Whose points.
     R, t
-        From the target's frame to the rig's.
+        From the target's frame to the rig's, shapes [3, 3] and [3], or one a point.
     patches
         Centroids of the patches, as they are measured; False: the points themselves.
     """
-    inside = camera.in_camera(sight.points @ R.T + t)
+    inside = camera.in_camera(_turned(sight.points, R) + t)
     inside = np.where(inside[:, 2:] > 0.0, inside, np.nan)
-    normals = sight.normals @ (camera.rotation @ R).T
+    normals = _turned(sight.normals, camera.rotation @ R)
     if patches and sight.bend.any():
-        inside = bent(inside, normals, sight.spread, sight.bend @ (camera.rotation @ R).T)
+        inside = bent(inside, normals, sight.spread, _turned(sight.bend, camera.rotation @ R))
     return camera.to_pixels(camera.distort(centroids(inside, normals, sight.spread * patches)))
 
 
@@ -125,13 +150,13 @@ def derivatives(camera: Camera, sight: Sight, R: FloatArray, t: FloatArray) -> t
         After a small rotation applied after R, and t, shape [n, 2, 6].
     """
     n = len(sight.points)
-    turned = sight.points @ R.T
+    turned = _turned(sight.points, R)
     first = turned + t
     inside = camera.in_camera(first)
-    normals = sight.normals @ (camera.rotation @ R).T
+    normals = _turned(sight.normals, camera.rotation @ R)
     patch = inside
     if sight.bend.any():
-        patch = bent(inside, normals, sight.spread, sight.bend @ (camera.rotation @ R).T)
+        patch = bent(inside, normals, sight.spread, _turned(sight.bend, camera.rotation @ R))
     ideal = centroids(patch, normals, sight.spread)
     plane = camera.distort(ideal)
     x, y = ideal.T

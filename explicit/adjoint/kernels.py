@@ -62,7 +62,7 @@ def phase_kernels(law: type, faces: str, side: str, element_name: str, valence: 
         e = wp.tid()
         i, j, m, n = quads[0, e], quads[1, e], quads[2, e], quads[3, e]
         f_r, f_y, omega_squared, _power, _artificial = forces(
-            read_shape(shapes, e),
+            read_shape(shapes, e, measure),
             solids[0],
             row,
             vec4(u_r[k, i], u_r[k, j], u_r[k, m], u_r[k, n]),

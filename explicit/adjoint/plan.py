@@ -124,7 +124,7 @@ class PhasePlan:
         return wp.launch(self.kernels.support, dim=1, inputs=inputs, device="cpu", record_cmd=prepare)
 
     def sweep_elements(self, k: int, measure: int = 0) -> None:
-        """The first phase of step k: corner forces, and the step's bound if it is measured."""
+        """The first phase of step k: corner forces, and the step's bound as `measure` asks for it."""
         self._elements.set_param_at_index(0, k)  # a prepared launch costs a fifth of a new one
         self._elements.set_param_at_index(1, measure)
         self._elements.launch()

@@ -15,6 +15,9 @@ from explicit.precision import Precision
 
 FloatArray = NDArray[np.float64]
 
+BY_TRACE, BY_EIGENVALUE = 1, 2
+"""How an element bounds the part of its stiffness and damping that is not volumetric, see
+`explicit.model.Stepping.bound`."""
 INVERTED = 1.0e30
 """Step bound that an element with J <= 0 reports; no real omega^2 comes near (1e14 at most)."""
 
@@ -27,13 +30,15 @@ class ElementFunctions:
     """Warp struct of real numbers and 4-vectors: reference-configuration constants of one element, `volume`
     [m^3] among them. `Element.shapes` fills an array of it."""
     read_shape: Any
-    """``read_shape(constants, e) -> Shape``: one element's constants from a grouped table
-    (`explicit.places.grouped`), which only `explicit.places.entry_function` reads."""
+    """``read_shape(constants, e, measure) -> Shape``: one element's constants from a grouped table
+    (`explicit.places.grouped`), which only `explicit.places.entry_function` and `entries_function` read; what
+    only the step bound needs is not read where `measure` is 0."""
     Solid: Any
     """Warp struct: moduli and viscosities of one sample."""
     forces: Any
     """``forces(shape, solid, row, ur, uy, vr, vy, measure) -> (f_r, f_y, omega_squared, power, artificial)``:
-    corner forces [N], the bound for the stable step [1/s^2] (0 unless `measure` is 1, `INVERTED` if the
+    corner forces [N], the bound for the stable step [1/s^2] (0 if `measure` is 0, else as it says, `BY_TRACE` or
+    `BY_EIGENVALUE`; `INVERTED` if the
     element has turned inside out), the powers dissipated by the solid's damping and by hourglass
     control [W], from the corners' displacements and velocities."""
     energies: Any

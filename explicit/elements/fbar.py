@@ -19,9 +19,14 @@ from numpy.typing import NDArray
 
 from explicit.elements.base import INVERTED, ElementFunctions, corner_inverse_mass
 from explicit.elements.gauss import gauss_points
-from explicit.elements.shared import four_numbers, isochoric_factor_function, solid_struct
+from explicit.elements.shared import (
+    gradient_bounds_function,
+    isochoric_factor_function,
+    shear_bound_function,
+    solid_struct,
+)
 from explicit.mesh import Mesh
-from explicit.places import entry_function
+from explicit.places import entries_function, entries_if_function, entry_function
 from explicit.precision import Precision
 
 
@@ -56,14 +61,15 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
     law_stress, law_tangent, law_energy = law.kernel_functions(precision)  # type: ignore[attr-defined]
     real, vec4 = precision.real, precision.vec4
     zero, half, one, two, three = real(0.0), real(0.5), real(1.0), real(2.0), real(3.0)
-    third, two_thirds = real(1.0 / 3.0), real(2.0 / 3.0)
+    third = real(1.0 / 3.0)
     inverted = real(INVERTED)
     isochoric_factor = isochoric_factor_function(precision)
+    gradient_bounds = gradient_bounds_function(precision)
+    shear_bound = shear_bound_function(law_tangent, precision)
     Solid = solid_struct(precision)
 
     @wp.struct
     class Shape:
-        volume: real
         weight: vec4
         gradient_r0: vec4
         gradient_r1: vec4
@@ -79,50 +85,30 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         hoop3: vec4
         inverse_mass_r: vec4
         inverse_mass_y: vec4
+        volume: real
 
-    four, number = four_numbers(precision), entry_function(real)
+    four, number, four_if = entries_function(real), entry_function(real), entries_if_function(real)
 
     @wp.func
-    def read_shape(constants: wp.array2d(dtype=real), e: int):
+    def read_shape(constants: wp.array2d(dtype=real), e: int, measure: int):
         return Shape(
-            number(constants, 0, e),
-            four(constants, 1, e),
-            four(constants, 5, e),
-            four(constants, 9, e),
-            four(constants, 13, e),
-            four(constants, 17, e),
-            four(constants, 21, e),
-            four(constants, 25, e),
-            four(constants, 29, e),
-            four(constants, 33, e),
-            four(constants, 37, e),
-            four(constants, 41, e),
-            four(constants, 45, e),
-            four(constants, 49, e),
-            four(constants, 53, e),
-            four(constants, 57, e),
+            four(constants, 0, e),
+            four(constants, 4, e),
+            four(constants, 8, e),
+            four(constants, 12, e),
+            four(constants, 16, e),
+            four(constants, 20, e),
+            four(constants, 24, e),
+            four(constants, 28, e),
+            four(constants, 32, e),
+            four(constants, 36, e),
+            four(constants, 40, e),
+            four(constants, 44, e),
+            four(constants, 48, e),
+            four_if(measure, constants, 52, e),
+            four_if(measure, constants, 56, e),
+            number(constants, 60, e),
         )
-
-    @wp.func
-    def traces(inverse_mass_r: vec4, inverse_mass_y: vec4, b_r: vec4, b_y: vec4, c: vec4):
-        """Traces of |grad v|^2 per mass, of radial and of axial motion: the two do not couple in it."""
-        radial, axial = real(0.0), real(0.0)
-        for a in range(4):
-            gradient = b_r[a] * b_r[a] + b_y[a] * b_y[a]
-            radial += inverse_mass_r[a] * (gradient + c[a] * c[a])
-            axial += inverse_mass_y[a] * gradient
-        return radial, axial
-
-    @wp.func
-    def shear_bound(rr: real, yy: real, ry: real, tt: real, row: wp.array(dtype=real)):
-        # The second variation of U(I1_bar) is 2U' [L b L + I1/3 tr L^2 - 4/3 tr L (dev b L) - 2/9 I1 tr^2 L]
-        # and a part with U''. The law bounds b and the latter; the rest, at its worst in tr L, comes here.
-        mean = (rr + yy + tt) * third
-        drr, dyy, dtt = rr - mean, yy - mean, tt - mean
-        squared = drr * drr + dyy * dyy + dtt * dtt + two * ry * ry
-        largest = wp.max(wp.max(rr, yy) + wp.abs(ry), tt)
-        factor = one + (mean + two_thirds * squared / mean) / largest
-        return factor * law_tangent(rr, yy, ry, tt, row)
 
     @wp.func
     def point(
@@ -180,8 +166,8 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
             g_r = deformed * (b_r + c)
             g_y = deformed * b_y
             power = weight * (s11 * d11 + s22 * d22 + s33 * d33 + two * s12 * d12)
-            if measure == 1:
-                radial, axial = traces(inverse_mass_r, inverse_mass_y, b_r, b_y, c)
+            if measure > 0:
+                radial, axial = gradient_bounds(inverse_mass_r, inverse_mass_y, b_r, b_y, c, measure)
                 shear = weight * solid.scale * shear_bound(rr, yy, ry, tt, row)
                 bounds = vec4(shear * radial, shear * axial, deformed * radial, deformed * axial)
         return f_r, f_y, g_r, g_y, weight * dilatation, upright, power, bounds
@@ -228,9 +214,9 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
             f_y = y0 + y1 + y2 + y3 + total * g_y
             power = w0 + w1 + w2 + w3 + viscosity * growth * growth
             omega_squared = real(0.0)
-            if measure == 1:
-                # The volumetric part is of rank one, so its bound is sharp. The rest is bounded by its
-                # trace; so is the pressure's work on the second variation of J, -|L|^2 J to 2 |L|^2 J.
+            if measure > 0:
+                # The volumetric part is of rank one, so its bound is sharp. The rest is bounded by
+                # that of |grad v|^2; so is the pressure's work on the second variation of J, -|L|^2 J to 2 |L|^2 J.
                 rank_one = real(0.0)
                 for a in range(4):
                     rank_one += m_r[a] * g_r[a] * g_r[a] + m_y[a] * g_y[a] * g_y[a]

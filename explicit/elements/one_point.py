@@ -11,11 +11,16 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from explicit.elements.base import INVERTED, ElementFunctions, corner_inverse_mass
-from explicit.elements.shared import four_numbers, isochoric_factor_function, solid_struct
+from explicit.elements.base import BY_TRACE, INVERTED, ElementFunctions, corner_inverse_mass
+from explicit.elements.shared import (
+    gradient_bounds_function,
+    isochoric_factor_function,
+    shear_bound_function,
+    solid_struct,
+)
 from explicit.geometry import element_geometry
 from explicit.mesh import Mesh
-from explicit.places import entry_function
+from explicit.places import entries_function, entries_if_function, entry_function
 from explicit.precision import Precision
 
 
@@ -52,37 +57,41 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
     third = real(1.0 / 3.0)
     inverted = real(INVERTED)
     isochoric_factor = isochoric_factor_function(precision)
+    gradient_bounds = gradient_bounds_function(precision)
+    shear_bound = shear_bound_function(law_tangent, precision)
+    by_trace = int(BY_TRACE)
     Solid = solid_struct(precision)
 
     @wp.struct
     class Shape:
-        volume: real
         gradient_r: vec4
         gradient_y: vec4
         hoop: vec4
         gamma: vec4
-        hourglass_r: real
-        hourglass_y: real
         inverse_mass_r: vec4
         inverse_mass_y: vec4
+        volume: real
+        hourglass_r: real
+        hourglass_y: real
         impedance_r: real
         impedance_y: real
 
-    four, number = four_numbers(precision), entry_function(real)
+    four, number, four_if = entries_function(real), entry_function(real), entries_if_function(real)
 
     @wp.func
-    def read_shape(constants: wp.array2d(dtype=real), e: int):
+    def read_shape(constants: wp.array2d(dtype=real), e: int, measure: int):
+        sizes = four(constants, 24, e)
         return Shape(
-            number(constants, 0, e),
-            four(constants, 1, e),
-            four(constants, 5, e),
-            four(constants, 9, e),
-            four(constants, 13, e),
-            number(constants, 17, e),
-            number(constants, 18, e),
-            four(constants, 19, e),
-            four(constants, 23, e),
-            number(constants, 27, e),
+            four(constants, 0, e),
+            four(constants, 4, e),
+            four(constants, 8, e),
+            four(constants, 12, e),
+            four_if(measure, constants, 16, e),
+            four_if(measure, constants, 20, e),
+            sizes[0],
+            sizes[1],
+            sizes[2],
+            sizes[3],
             number(constants, 28, e),
         )
 
@@ -94,23 +103,34 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         return radial, axial
 
     @wp.func
-    def step_bound(shape: Shape, solid: Solid, b_r: vec4, b_y: vec4, c: vec4, jacobian: real, tangent: real):
-        # The volumetric part is of rank one, so its bound is sharp; the rest is bounded by its trace.
-        rank_one, trace, hourglass, lost = real(0.0), real(0.0), real(0.0), real(0.0)
+    def step_bound(
+        shape: Shape,
+        solid: Solid,
+        b_r: vec4,
+        b_y: vec4,
+        c: vec4,
+        jacobian: real,
+        shear: real,
+        measure: int,
+    ):
+        # The volumetric part is of rank one, so its bound is sharp; the rest is bounded by that of |grad v|^2.
+        rank_one, hourglass, lost = real(0.0), real(0.0), real(0.0)
         viscous_r, viscous_y = pattern_viscosity(shape, solid)
         for a in range(4):
             w_r, w_y = shape.inverse_mass_r[a], shape.inverse_mass_y[a]
             dilating = b_r[a] + c[a]
-            gradient = b_r[a] * b_r[a] + b_y[a] * b_y[a]
             rank_one += w_r * dilating * dilating + w_y * b_y[a] * b_y[a]
-            trace += w_r * (gradient + c[a] * c[a]) + w_y * gradient
             squared = shape.gamma[a] * shape.gamma[a]
             hourglass += squared * (w_r * shape.hourglass_r + w_y * shape.hourglass_y)
             lost += squared * (w_r * viscous_r + w_y * viscous_y)
+        radial, axial = gradient_bounds(shape.inverse_mass_r, shape.inverse_mass_y, b_r, b_y, c, measure)
+        spread = wp.max(radial, axial)
+        if measure == by_trace:
+            spread = radial + axial
         bulk = solid.bulk * jacobian * wp.max(two * jacobian - one, half)
-        stiff = shape.volume * (bulk * rank_one + two * solid.scale * tangent * trace)
+        stiff = shape.volume * (bulk * rank_one + shear * spread)
         stiff += solid.hourglass * hourglass
-        viscous = solid.bulk_viscosity * rank_one + two * solid.shear_viscosity * trace
+        viscous = solid.bulk_viscosity * rank_one + two * solid.shear_viscosity * spread
         damp = shape.volume * jacobian * viscous
         damp += lost + solid.mass_damping
         # dt <= (2 / omega) (sqrt(1 + xi^2) - xi) with xi = damp / (2 omega); returned is the omega^2
@@ -179,8 +199,12 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         f_y = (volume * t12) * b_r + (volume * t22) * b_y + g_y * shape.gamma
         power = volume * (s11 * d11 + s22 * d22 + s33 * d33 + two * s12 * d12)
         artificial = viscous_r * p_r * p_r + viscous_y * p_y * p_y
-        if measure == 1 and omega_squared == zero:
-            omega_squared = step_bound(shape, solid, b_r, b_y, c, jacobian, law_tangent(rr, yy, ry, tt, row))
+        if measure > 0 and omega_squared == zero:
+            shear = two * solid.scale * law_tangent(rr, yy, ry, tt, row)
+            if measure != by_trace:  # with the pressure's work on rotations, for which a trace leaves room
+                pressure = wp.abs(solid.bulk * dilatation) * jacobian
+                shear = solid.scale * shear_bound(rr, yy, ry, tt, row) + pressure
+            omega_squared = step_bound(shape, solid, b_r, b_y, c, jacobian, shear, measure)
         return f_r, f_y, omega_squared, power, artificial
 
     @wp.func

@@ -16,6 +16,10 @@ class _Lanes(Control):
             return self.field(arguments, node)
         if name == "entry":
             return self.entry(arguments, node)
+        if name in ("entries", "entries_if"):
+            table, row, column = arguments[-3:]
+            rows = [self.arithmetic(ast.Add(), row, literal(k, "i32"), node) for k in range(4)]
+            return Vector(tuple(self.entry((table, k, column), node) for k in rows))
         if name == "four":
             return self.four(arguments, node)
         if name in ("sync", "all_read"):

@@ -38,6 +38,10 @@ def build(kind: FigureKind[Any], shown: Any) -> Figure:
         mosaic: list[Any] = kind.panels(shown)
         drawn = in_shown_units(shown) if isinstance(shown, Identification) else shown
         kind.draw(drawn, figure.subplot_mosaic(mosaic, **kind.mosaic))
+        layout = figure.get_layout_engine()
+        assert layout is not None
+        layout.execute(figure)  # once and for all: each saving would draw twice for it
+        figure.set_layout_engine(None)
     return figure
 
 

@@ -23,6 +23,8 @@ _HERE = Path(__file__).parent
 
 _VERDICTS = {
     Verdict.IDENTIFIED: "The optimum lies inside the design, and a simulation at it confirms the surrogate.",
+    Verdict.FORCE_ALONE: "The optimum lies inside the design, and a simulation at it confirms the surrogate. "
+    "No outline was measured, so that the force is not checked by the shape.",
     Verdict.AT_BOUND: "The optimum lies on a bound of the design: read the value as a limit, not as an "
     "estimate. Widen the design and run again.",
     Verdict.NOT_SEEN: "The data hardly change with this parameter: the interval says what can be "

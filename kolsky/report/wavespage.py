@@ -9,15 +9,15 @@ from markupsafe import Markup
 from kolsky.atomic import replacing
 from kolsky.report import numbers
 from kolsky.report.canvas import inline_svg
-from kolsky.report.figures import WAVES
-from kolsky.waves.result import WavesResult
+from kolsky.report.figures import FLYER_TESTS, WAVES, FigureKind
+from kolsky.waves.result import FlyerResult, ReducedTest
 
 _HERE = Path(__file__).parent
 SHOWN = {"Pa": (1e-6, "MPa"), "s": (1e6, "µs"), "m": (1e3, "mm"), "1/V": (1e6, "µm/m/V")}
 """SI unit -> factor and unit of the page; others are shown as they are."""
 
 
-def write_page(path: Path, result: WavesResult) -> None:
+def write_page(path: Path, result: ReducedTest) -> None:
     """Write the page as a single HTML file without scripts or outside resources.
 
     Raises
@@ -30,7 +30,7 @@ def write_page(path: Path, result: WavesResult) -> None:
         partial.write_bytes(html.encode("utf-8", errors="backslashreplace"))
 
 
-def render(result: WavesResult) -> str:
+def render(result: ReducedTest) -> str:
     """The page as HTML text; see `write_page`."""
     environment = Environment(
         loader=FileSystemLoader(_HERE),
@@ -47,7 +47,7 @@ def render(result: WavesResult) -> str:
             "caption": kind.caption(result),
             "width": kind.width,
         }
-        for number, kind in enumerate((k for k in WAVES.values() if k.applies(result)), start=1)
+        for number, kind in enumerate((k for k in figures_of(result).values() if k.applies(result)), start=1)
     ]
     quoted = list(result.budget.results)
     return environment.get_template("wavespage.html").render(
@@ -68,6 +68,19 @@ def render(result: WavesResult) -> str:
             for c in result.corrections
         ],
         quoted=quoted,
+        kind="Forces and motion of a flyer test, classical reduction"
+        if isinstance(result, FlyerResult)
+        else f"Bar signals, classical reduction in {result.load}",
+        flyer=result if isinstance(result, FlyerResult) else None,
+        events=[
+            {
+                "name": name,
+                "time": "not found" if at is None else f"{1e3 * at:.4f} ms",
+                "sigma": "" if sigma is None else f"{2e6 * sigma:.2g} µs",
+                "how": how,
+            }
+            for name, at, sigma, how in (result.events if isinstance(result, FlyerResult) else ())
+        ],
         budget=[
             {
                 "name": row.quantity.name,
@@ -83,7 +96,12 @@ def render(result: WavesResult) -> str:
     )
 
 
-def answers(result: WavesResult) -> list[dict[str, Any]]:
+def figures_of(result: ReducedTest) -> dict[str, FigureKind[Any]]:
+    """The figures that show this kind of test."""
+    return FLYER_TESTS if isinstance(result, FlyerResult) else WAVES
+
+
+def answers(result: ReducedTest) -> list[dict[str, Any]]:
     """The quoted numbers with their expanded uncertainties, in the units of a page."""
     rows = []
     for name, (value, sigma, unit) in result.budget.results.items():

@@ -39,16 +39,18 @@ def find_arrival(
     after: float = -inf,
     before: float = inf,
     threshold: float = THRESHOLD,
+    smallest: float = 0.0,
 ) -> Arrival:
     """Arrival of the first pulse of one sign.
 
-    The signal is averaged over `average`, which turns single counts and spikes into noise of the standard
-    deviation sigma / sqrt(m). The first average beyond `threshold` times that finds the pulse; the largest
-    average up to its end is its level. The onset minimises Maeda's form of Akaike's criterion over the
-    samples up to half the level [1]_; the time is the intersection of the baseline, 0, with the
-    least-squares line through the flank's samples between `FLANK` of the level, and its sigma is that of
-    the intersection. On a straight flank it has no bias. On a rounded foot it is late by a fixed share of
-    the rise, 0.18 of a raised cosine's, whatever the noise, while the onset comes later as noise grows.
+    The signal is averaged over `average`, m samples, which turns single counts and spikes into noise of the
+    standard deviation sigma sqrt(memory / m). The first average beyond `threshold` times that finds the
+    pulse; the largest average up to its end is its level. The onset minimises Maeda's form of Akaike's
+    criterion over the samples up to half the level [1]_; the time is the intersection of the baseline, 0,
+    with the least-squares line through the flank's samples between `FLANK` of the level, and its sigma is
+    that of the intersection. On a straight flank it has no bias. On a rounded foot it is late by a fixed
+    share of the rise, 0.17 of a raised cosine's, whatever the noise, while the onset comes later as noise
+    grows.
 
     Parameters
     ----------
@@ -63,6 +65,8 @@ def find_arrival(
         The pulse is looked for between these times [s].
     threshold
         Multiple of the averaged noise that counts as a pulse, > 0.
+    smallest
+        A pulse must exceed this too, in the signal's unit, >= 0.
 
     Returns
     -------
@@ -94,14 +98,15 @@ def find_arrival(
     unit = "" if signal.unit == "1" else f" {signal.unit}"
     time, value = time[inside], sign * signal.value[inside]
     smooth = moving_mean(value, width)
-    least = threshold * signal.sigma / sqrt(width)
+    noise = signal.sigma * sqrt(min(signal.memory / width, 1.0))
+    least = max(threshold * noise, smallest)
     first = _first_run(smooth > least, width)
     if first is None:
         raise ValueError(
             f"{signal.name}: no {'positive' if sign > 0 else 'negative'} pulse: the largest average over "
             f"{average:.3g} s is {sign * smooth.max():.3g}{unit}, and it takes more than "
-            f"{least:.3g} ({threshold:g} standard deviations of the noise). Cure: check the channel, its "
-            "declared sign and the clock"
+            f"{least:.3g} ({threshold:g} standard deviations of its noise, or what was asked for). Cure: "
+            "check the channel, its declared sign and the clock"
         )
     if first < width:
         raise ValueError(
@@ -179,7 +184,8 @@ def _foot(time: FloatArray, value: FloatArray, signal: Signal, count: float) -> 
             "windows by hand"
         )
     foot = centre - height / slope
-    variance = signal.sigma**2 * (1.0 / time.size + (centre - foot) ** 2 / spread) + count**2 / 12.0
+    noise = signal.sigma**2 * min(signal.memory, float(time.size))
+    variance = noise * (1.0 / time.size + (centre - foot) ** 2 / spread) + count**2 / 12.0
     return foot, slope, sqrt(variance / slope**2 + signal.interval**2 / (12.0 * time.size))
 
 

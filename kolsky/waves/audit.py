@@ -1,7 +1,7 @@
 """The audit log: every correction with its switch, its size and its reason, applied or not."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from types import MappingProxyType
 from typing import Any
@@ -22,6 +22,7 @@ CORRECTIONS: Mapping[str, tuple[bool, str]] = MappingProxyType(
         "punching": (True, "elastic indentation of the bars' faces by a smaller specimen"),
         "mass": (True, "inertia of what lies between sensor and specimen"),
         "radial inertia": (False, "pressure of the specimen's own radial acceleration"),
+        "axial inertia": (False, "momentum of the specimen itself"),
     }
 )
 """Every switch: its default and what it stands for. A new correction is one line here."""
@@ -41,15 +42,20 @@ class Switches(Mapping[str, bool]):
     """Keys that were stated."""
 
     def __post_init__(self) -> None:
+        stated: dict[str, bool] = {}
         for key, value in self.stated.items():
-            check_key(key)
             if not isinstance(value, bool):
                 raise ValueError(f"switch '{key}' must be true or false, got {value!r}")
-        object.__setattr__(self, "stated", MappingProxyType(dict(self.stated)))
+            if known_key(key) in stated:
+                raise ValueError(
+                    f"switch '{known_key(key)}' is stated twice, with blanks and with underscores"
+                )
+            stated[known_key(key)] = value
+        object.__setattr__(self, "stated", MappingProxyType(stated))
 
     def __getitem__(self, key: str) -> bool:
-        check_key(key)
-        return self.stated.get(key, CORRECTIONS[key][0])
+        known = known_key(key)
+        return self.stated.get(known, CORRECTIONS[known][0])
 
     def __iter__(self) -> Iterator[str]:
         return iter(CORRECTIONS)
@@ -60,21 +66,23 @@ class Switches(Mapping[str, bool]):
     def said(self, key: str) -> str:
         """Why a switch stands as it does: "on by default", "switched off", ..."""
         state = "on" if self[key] else "off"
-        return f"switched {state}" if key in self.stated else f"{state} by default"
+        return f"switched {state}" if known_key(key) in self.stated else f"{state} by default"
 
 
-def check_key(key: str) -> None:
-    """Refuse a switch that does not exist.
+def known_key(key: str) -> str:
+    """The switch of `CORRECTIONS` that a key means; underscores stand for blanks.
 
     Raises
     ------
     ValueError
         Naming the nearest one, and all.
     """
-    if key not in CORRECTIONS:
-        near = get_close_matches(str(key), CORRECTIONS, n=1)
+    known = str(key).replace("_", " ")
+    if known not in CORRECTIONS:
+        near = get_close_matches(known, CORRECTIONS, n=1)
         hint = f"; did you mean '{near[0]}'? Known are" if near else "; known are"
         raise ValueError(f"no correction is called {key!r}{hint} {', '.join(map(repr, CORRECTIONS))}")
+    return known
 
 
 def compare(
@@ -113,7 +121,7 @@ def compare(
         If the key is unknown, the shapes differ, no sample or a value that is not finite is compared, or
         the reason is missing.
     """
-    check_key(key)
+    key = known_key(key)
     a, b = np.asarray(before, dtype=float), np.asarray(after, dtype=float)
     if a.shape != b.shape:
         raise ValueError(
@@ -163,9 +171,7 @@ class AuditLog:
         ValueError
             If a key is unknown.
         """
-        for correction in corrections:
-            check_key(correction.key)
-        self._entries.extend(corrections)
+        self._entries.extend([replace(entry, key=known_key(entry.key)) for entry in corrections])
 
     def compare(self, name: str, key: str, before: ArrayLike, after: ArrayLike, **options: Any) -> Correction:
         """Measure a change as the function `compare` does and append it."""

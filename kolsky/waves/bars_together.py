@@ -5,11 +5,13 @@ from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import rfft, rfftfreq
 from scipy.optimize import least_squares
 
 from kolsky.apparatus import Bar
 from kolsky.waves.propagation import propagation
 from kolsky.waves.records import BarSignal, Signal
+from kolsky.waves.spectra import ROLL_OFF, windowed
 from kolsky.waves.waveguide import ElasticWaveguide, check_bar
 
 FloatArray = NDArray[np.float64]
@@ -31,8 +33,9 @@ class BarsTogether:
     gain: float
     """Fitted ratio of the later to the earlier pulse, as it should be 1 (-1 after one free end) [-]."""
     covariance: FloatArray
-    """Covariance of `wave_speed` and `gain`, shape [2, 2]: residual variance times the number of samples over
-    which residuals are alike. Distance and Poisson's ratio are not in it."""
+    """Covariance of `wave_speed` and `gain`, shape [2, 2], from the residual's variance times the number of
+    samples over which it is alike, or from the noise of both gauges if that is more. Distance and Poisson's
+    ratio are not in it."""
     distance: float
     """Way between the stations [m]; d(c0) / c0 = d(distance) / distance."""
     time: FloatArray
@@ -49,6 +52,8 @@ class BarsTogether:
     """The same rms for a plain shift with its own best speed and gain [-]."""
     plain_wave_speed: float
     """Speed of that plain shift [m/s]."""
+    band: float
+    """Frequency up to which the earlier pulse stands above its noise and is used [Hz]; inf without noise."""
     alike: float
     """Samples over which residuals are alike: their integrated correlation [-], >= 1."""
     by_poisson: float
@@ -164,6 +169,8 @@ def _fit(
         raise ValueError(f"the later window holds {measured.size} samples, needs 20 or more")
     stated = bar.wave_speed
     peak = float(np.abs(measured).max())
+    # Noise of the first pulse above that would steepen the model's slopes and feign a better known speed.
+    band = _above_noise(windowed(first, first_window))
 
     def model(speed: float, poisson: float | None) -> FloatArray:
         """The later pulse with gain `sign`; a plain shift without Poisson's ratio."""
@@ -174,7 +181,13 @@ def _fit(
         )
         guide = ElasticWaveguide(trial, dispersive=poisson is not None)
         carried = propagation(
-            first, guide, distance, window=first_window, start=float(time[0]), samples=time.size
+            first,
+            guide,
+            distance,
+            window=first_window,
+            band=band,
+            start=float(time[0]),
+            samples=time.size,
         )
         return sign * carried.signal.value
 
@@ -203,13 +216,15 @@ def _fit(
     plain = solve(None, float(trials[best]))
     speed, gain, residual, jacobian = solve(bar.poisson, plain[0])
     low, high = (
-        solve(nu, speed) for nu in (max(bar.poisson - POISSON_STEP, 0.0), min(bar.poisson + POISSON_STEP, 0.499))
+        solve(nu, speed)
+        for nu in (max(bar.poisson - POISSON_STEP, 0.0), min(bar.poisson + POISSON_STEP, 0.499))
     )
     width = min(bar.poisson + POISSON_STEP, 0.499) - max(bar.poisson - POISSON_STEP, 0.0)
     alike = _alike(residual)
-    variance = alike * float(residual @ residual) / (residual.size - 2)
+    noise = (gain * first.sigma) ** 2 + later.sigma**2  # all of the first pulse's noise is in the band
+    variance = max(alike * float(residual @ residual) / (residual.size - 2), noise / peak**2)
     scale = np.array([stated, 1.0])
-    covariance = variance * np.linalg.inv(jacobian.T @ jacobian) * np.outer(scale, scale)
+    covariance = np.asarray(variance * np.linalg.inv(jacobian.T @ jacobian) * np.outer(scale, scale))
     return BarsTogether(
         bar=replace(bar, youngs_modulus=bar.density * speed**2),
         wave_speed=speed,
@@ -223,10 +238,23 @@ def _fit(
         largest=float(np.abs(residual).max()),
         plain_rms=_rms(plain[2]),
         plain_wave_speed=plain[0],
+        band=np.inf if band is None else band,
         alike=alike,
         by_poisson=(high[0] - low[0]) / width,
         rms_by_poisson=(_rms(low[2]), _rms(high[2])),
     )
+
+
+def _above_noise(pulse: Signal) -> float | None:
+    """Frequency above which no component of a pulse is five times its noise, with room for an edge."""
+    if not pulse.sigma > 0.0:
+        return None
+    spectrum = np.abs(rfft(pulse.value))
+    noise = pulse.sigma * np.sqrt(np.count_nonzero(pulse.value))
+    above = np.flatnonzero(spectrum > 5.0 * noise)
+    if above.size == 0:
+        raise ValueError("the first window holds nothing above the noise. Cure: another window")
+    return float(rfftfreq(pulse.value.size, pulse.interval)[above[-1]] / (1.0 - ROLL_OFF))
 
 
 def _cosine(a: FloatArray, b: FloatArray) -> float:

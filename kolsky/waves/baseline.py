@@ -3,10 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from kolsky.waves.noise import Noise, estimate_noise
 from kolsky.waves.records import FloatArray
+
+IntArray = NDArray[np.int64]
 
 FEWEST_SAMPLES = 20
 """With 20 samples the noise is known to 16 %."""
@@ -111,7 +114,7 @@ def measure_baseline(
         slope_sigma=float(noise.sigma * np.sqrt(memory / (tc @ tc))),
         noise=noise,
         step=step,
-        longest_run=max(_runs(v)[1]),
+        longest_run=int(_runs(v)[1].max()),
     )
 
 
@@ -164,9 +167,9 @@ def check_clipping(value: FloatArray, baseline: Baseline, *, name: str, full_sca
     starts, lengths = _runs(value)
     limit = max(8, 3 * baseline.longest_run)
     for extreme in (value.max(), value.min()):
-        at = [(i, n) for i, n in zip(starts, lengths, strict=True) if value[i] == extreme and n >= limit]
-        if at:
-            i, n = at[0]
+        held = np.flatnonzero((value[starts] == extreme) & (lengths >= limit))
+        if held.size:
+            i, n = int(starts[held[0]]), int(lengths[held[0]])
             raise ValueError(
                 f"{name}: stays at its extreme {extreme:.6g} for {n} samples from sample {i} on, the baseline"
                 f" at no value for more than {baseline.longest_run}: it is clipped; choose a wider range on"
@@ -174,8 +177,7 @@ def check_clipping(value: FloatArray, baseline: Baseline, *, name: str, full_sca
             )
 
 
-def _runs(value: FloatArray) -> tuple[list[int], list[int]]:
+def _runs(value: FloatArray) -> tuple[IntArray, IntArray]:
     """First sample and length of every stretch of equal samples."""
-    edges = np.flatnonzero(np.diff(value) != 0.0) + 1
-    starts = np.concatenate([[0], edges])
-    return starts.tolist(), np.diff(np.concatenate([starts, [value.size]])).tolist()
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(value) != 0.0) + 1])
+    return starts, np.diff(starts, append=value.size)

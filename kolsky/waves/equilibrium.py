@@ -23,7 +23,7 @@ class Equilibrium:
     allowance: float
     """The allowance [-]."""
     ring_up: float | None
-    """Time from the first force at the front face to the span's beginning [s]."""
+    """Time from the arrival of the incident wave at the specimen to the span's beginning [s]."""
     transits: float | None
     """The same in transits of a wave through the specimen [-]; None without its wave speed."""
     worst: float | None
@@ -54,7 +54,8 @@ def imbalance(
     first, second = moving_mean(front, width), moving_mean(back, width)
     mean = 0.5 * (first + second)
     noise = 0.5 * hypot(sigma_front, sigma_back) / sqrt(width)
-    heard = np.abs(mean) > max(LEAST_FORCE * noise, 1e-9 * float(np.abs(mean).max(initial=0.0)))
+    least = max(LEAST_FORCE * noise, 1e-9 * float(np.abs(mean).max(initial=0.0)))
+    heard = np.abs(mean) > least
     result = np.full(front.size, np.inf)
     result[heard] = (first[heard] - second[heard]) / mean[heard]
     return result
@@ -149,7 +150,7 @@ def report_equilibrium(
     Parameters
     ----------
     reduction
-        The reduction, with its R and its span.
+        The reduction, with its R and its span; its time 0 is the arrival of the incident wave.
     specimen_length
         Length of the specimen [m].
     allowance
@@ -166,8 +167,7 @@ def report_equilibrium(
     Davies and Hunter (1963) ask for pi transits before a plastic specimen is taken as uniform; an elastic
     one takes longer the softer it is against the bars, Eq. (R.11).
     """
-    begin = _first_force(reduction)
-    if reduction.balanced is None or begin is None:
+    if reduction.balanced is None:
         finite = np.abs(reduction.imbalance[np.isfinite(reduction.imbalance)])
         least = f"the smallest is {finite.min():.3g}" if finite.size else "the forces stay within their noise"
         reason = f"|R| is nowhere within {allowance:g}: {least}"
@@ -176,21 +176,14 @@ def report_equilibrium(
     inside = (reduction.time >= first) & (reduction.time <= last)
     within = np.abs(reduction.imbalance[inside])
     worst = float(within[np.isfinite(within)].max())
-    ring_up = max(0.0, first - begin)
+    ring_up = max(0.0, first)
     transits = None if specimen_wave_speed is None else ring_up * specimen_wave_speed / specimen_length
     count = "" if transits is None else f", {transits:.1f} transits of the specimen"
     reason = (
         f"|R| within {allowance:g} from {first:.4g} s to {last:.4g} s, "
-        f"{ring_up:.3g} s after the first force at the front{count}"
+        f"{ring_up:.3g} s after the wave's arrival{count}"
     )
     return Equilibrium(reduction.balanced, allowance, ring_up, transits, worst, reason)
-
-
-def _first_force(reduction: Reduction) -> float | None:
-    """First time at which the front force stands out of its noise for good [s]."""
-    force = reduction.front_force
-    loud = np.abs(force.value) > np.maximum(LEAST_FORCE * force.sigma, 1e-6 * np.abs(force.value).max())
-    return float(reduction.time[loud.argmax()]) if loud.any() else None
 
 
 def _runs(flag: BoolArray) -> list[tuple[int, int]]:

@@ -1,10 +1,17 @@
 """From the gauges to the specimen: each wave cut, carried to the bar's face and put on one clock."""
 
+from dataclasses import replace
+from math import inf, pi, sqrt
+
 import numpy as np
 
+from kolsky.waves.propagation import propagate
 from kolsky.waves.records import BarSignal, FaceWaves, FloatArray, Signal, Windows
+from kolsky.waves.waveguide import Waveguide
 from kolsky.waves.windows import travel_time
 
+BAND = 2.0
+"""omega a / c0 up to which waves are kept under dispersion: a second mode travels above 2.3 or so."""
 GUARD = 256
 """Samples on either side of a window that take part in an interpolation."""
 
@@ -14,15 +21,18 @@ def face_waves(
     transmission: BarSignal,
     windows: Windows,
     *,
+    guides: tuple[Waveguide, Waveguide] | None = None,
+    band: float | None = None,
     arrival: float | None = None,
     follow_windows: bool = False,
     transit: float = 0.0,
 ) -> FaceWaves:
     """The three waves at the specimen's faces.
 
-    The incident wave is carried forward by its gauge's distance, the others back by theirs, Eq. (R.4).
-    Fractions of a sample are interpolated as for a band-limited signal, which changes neither its energy nor
-    its noise.
+    The incident wave is carried forward by its gauge's distance, the others back by theirs, Eq. (R.4), with
+    the dispersion and attenuation of the guides. Without guides a wave is only moved in time, by x / c0;
+    fractions of a sample are then interpolated as for a band-limited signal, which changes neither its
+    energy nor its noise.
 
     Parameters
     ----------
@@ -30,6 +40,12 @@ def face_waves(
         The strains at the two stations, on one clock, with equal sampling intervals.
     windows
         Where the waves lie at the gauges. The shortest decides how long the result is.
+    guides
+        The incident and the transmission bar as waveguides; None leaves dispersion out.
+    band
+        Frequency up to which the guides carry waves [Hz], inf for all. Without it the lower `BAND` of the
+        bars: above, a gauge sees several modes at once, and noise would be carried as if it were a wave of
+        the first.
     arrival
         When the incident wave arrives at its gauge [s]; carried to the face this is time 0 of the result.
         The beginning of the incident window if it is left out.
@@ -67,20 +83,51 @@ def face_waves(
         reflected = first + 2.0 * travel_time(incident)
         transmitted = first + travel_time(incident) + travel_time(transmission) + transit
     zero = first if arrival is None else arrival
+    stations = (incident, incident, transmission)
+    pairs_of = zip(
+        stations,
+        (first, reflected, transmitted),
+        pairs,
+        (incident.position, -incident.position, -transmission.position),
+        (None, None, None) if guides is None else (guides[0], guides[0], guides[1]),
+        strict=True,
+    )
+    limit = inf if guides is None else min(_band(s) for s in stations) if band is None else band
+    waves = [_at_face(s, start, pair, count, way, guide, limit) for s, start, pair, way, guide in pairs_of]
+    names = ("incident", "reflected", "transmitted")
     return FaceWaves(
         time=np.asarray(first - zero + interval * np.arange(count), dtype=np.float64),
-        incident=sampled_from(incident.strain, first, count),
-        reflected=sampled_from(incident.strain, reflected, count),
-        transmitted=sampled_from(transmission.strain, transmitted, count),
-        sigma={
-            "incident": incident.strain.sigma,
-            "reflected": incident.strain.sigma,
-            "transmitted": transmission.strain.sigma,
-        },
+        incident=waves[0].value,
+        reflected=waves[1].value,
+        transmitted=waves[2].value,
+        sigma={name: wave.sigma for name, wave in zip(names, waves, strict=True)},
         incident_bar=incident.bar,
         transmission_bar=transmission.bar,
         origin=zero + travel_time(incident),
+        white={name: s.strain.sigma * sqrt(s.strain.memory) for name, s in zip(names, stations, strict=True)},
+        band=limit,
     )
+
+
+def _band(signal: BarSignal) -> float:
+    return BAND * signal.bar.wave_speed / (pi * signal.bar.diameter)
+
+
+def _at_face(
+    signal: BarSignal,
+    start: float,
+    window: tuple[float, float],
+    count: int,
+    distance: float,
+    guide: Waveguide | None,
+    band: float,
+) -> Signal:
+    """`count` samples of one wave at the face; the first belongs to the time `start` at the gauge."""
+    strain = signal.strain
+    if guide is None:
+        return replace(strain, value=sampled_from(strain, start, count))
+    travelled = start + distance / signal.bar.wave_speed
+    return propagate(strain, guide, distance, window=window, band=band, start=travelled, samples=count)
 
 
 def sampled_from(signal: Signal, start: float, count: int) -> FloatArray:

@@ -78,7 +78,7 @@ class FlyerEvents:
             for event in self.events
             if event.time is not None and event.name in ("end of symmetry", "second impact")
         ]
-        return min([*found, (self.path.end, "the record")])
+        return min(found) if found else (self.path.end, "the record")
 
 
 def flyer_events(

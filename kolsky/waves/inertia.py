@@ -151,8 +151,8 @@ def compensate_mass(
         + (mass.value * jerk * sigma_time) ** 2
     )
     reason = (
-        f"{1e3 * mass.value:.4g} g between the {side} gauge and the specimen, acceleration from {source} up to"
-        f" {np.abs(a).max():.3g} m/s^2, clocks known to {1e6 * sigma_time:.2g} us"
+        f"{1e3 * mass.value:.4g} g between the {side} gauge and the specimen, acceleration from {source} up"
+        f" to {np.abs(a).max():.3g} m/s^2, clocks known to {1e6 * sigma_time:.2g} us"
     )
     log = _entry("mass compensation", f"mass_compensation_{side}", change, force.unit, apply, reason)
     return (History(force.value + change, sigma, force.unit) if apply else force), log

@@ -10,7 +10,7 @@ import numpy as np
 from kolsky.atomic import replacing
 from kolsky.csvtable import write_table
 from kolsky.waves.records import BarSignal, History
-from kolsky.waves.result import WavesResult
+from kolsky.waves.result import FlyerResult, ReducedTest, WavesResult
 
 FORMAT, VERSION = "kolsky-waves", 1
 HISTORIES = {
@@ -24,7 +24,7 @@ WAYS = {"one wave": "one_wave", "two waves": "two_waves", "three waves": "three_
 """Group names of the ways of analysis."""
 
 
-def write_hdf5(path: Path, result: WavesResult) -> None:
+def write_hdf5(path: Path, result: ReducedTest) -> None:
     """Write everything to one HDF5 file, atomically; text is fixed-length UTF-8, nothing is pickled.
 
     Raises
@@ -35,28 +35,16 @@ def write_hdf5(path: Path, result: WavesResult) -> None:
     with replacing(Path(path)) as partial, h5py.File(partial, "w") as file:
         file.attrs["format"], file.attrs["format_version"], file.attrs["default"] = FORMAT, VERSION, "entry"
         entry = _group(file, "entry", "NXentry", default="reduction")
-        for name, text in (
-            ("shot", result.name),
-            ("load", result.load),
-            ("windows_by", result.windows.source),
-        ):
-            entry[name] = _text([text])[0]
-        gauges = _group(entry, "gauges", "NXcollection")
-        for station in (result.incident, result.transmission):
-            _station(gauges, station)
-        windows = _group(entry, "windows", "NXcollection")
-        for name in ("incident", "reflected", "transmitted"):
-            _array(windows, name, getattr(result.windows, name), "s")
-        faces = _group(entry, "faces", "NXdata", signal="incident", axes=["time"])
-        for name in ("time", "incident", "reflected", "transmitted"):
-            _array(faces, name, getattr(result.faces, name), "s" if name == "time" else "1")
-        for name, sigma in result.faces.sigma.items():
-            faces[name].attrs["sigma"] = sigma
+        entry["shot"], entry["load"] = _text([result.name])[0], _text([result.load])[0]
+        if isinstance(result, WavesResult):
+            _waves(entry, result)
+        elif isinstance(result, FlyerResult):
+            _flyer(entry, result)
         _reduction(entry, result)
         _tables(entry, result)
 
 
-def write_csv(folder: Path, result: WavesResult) -> None:
+def write_csv(folder: Path, result: ReducedTest) -> None:
     """Write waves.csv (histories), waves_corrections.csv (audit log) and waves_budget.csv."""
     r = result.reduction
     columns: dict[str, Any] = {"time (s)": r.time}
@@ -106,6 +94,47 @@ def write_csv(folder: Path, result: WavesResult) -> None:
     )
 
 
+def _waves(entry: h5py.Group, result: WavesResult) -> None:
+    """Gauges, windows and the waves at the faces."""
+    gauges = _group(entry, "gauges", "NXcollection")
+    for station in (result.incident, result.transmission):
+        _station(gauges, station)
+    windows = _group(entry, "windows", "NXcollection")
+    windows["source"] = _text([result.windows.source])[0]
+    for name in ("incident", "reflected", "transmitted"):
+        _array(windows, name, getattr(result.windows, name), "s")
+    faces = _group(entry, "faces", "NXdata", signal="incident", axes=["time"])
+    for name in ("time", "incident", "reflected", "transmitted"):
+        _array(faces, name, getattr(result.faces, name), "s" if name == "time" else "1")
+    for name, sigma in result.faces.sigma.items():
+        faces[name].attrs["sigma"] = sigma
+
+
+def _flyer(entry: h5py.Group, result: FlyerResult) -> None:
+    """Transducers, events, validity."""
+    forces = _group(entry, "transducers", "NXcollection")
+    for signal in result.signals:
+        part = _group(forces, signal.name.replace(" ", "_"), "NXdata", signal="force", axes=["time"])
+        _array(part, "time", signal.time, "s")
+        _array(part, "force", signal.value, "N")
+        part["force"].attrs["sigma"] = signal.sigma
+    events = _group(entry, "events", "NXcollection")
+    for name, at, sigma, how in result.events:
+        part = _group(events, name.replace(" ", "_"), "NXcollection")
+        part["how"] = _text([how])[0]
+        if at is not None and sigma is not None:
+            _array(part, "time", at, "s")
+            _array(part, "sigma", sigma, "s")
+    window = _group(entry, "validity", "NXcollection")
+    window["sentence"] = _text([result.validity])[0]
+    if result.valid is not None:
+        _array(window, "window", result.valid, "s")
+    for name, values in result.inertia.items():
+        _array(window, name, values, "s" if name == "time" else "1")
+    if result.synchronisation is not None:
+        entry["synchronisation"] = _text([result.synchronisation])[0]
+
+
 def _station(parent: h5py.Group, station: BarSignal) -> None:
     signal = station.strain
     group = _group(parent, station.side, "NXdata", signal="strain", axes=["time"])
@@ -117,7 +146,7 @@ def _station(parent: h5py.Group, station: BarSignal) -> None:
     _array(group, "position", station.position, "m")
 
 
-def _reduction(entry: h5py.Group, result: WavesResult) -> None:
+def _reduction(entry: h5py.Group, result: ReducedTest) -> None:
     r = result.reduction
     group = _group(entry, "reduction", "NXcollection", default="three_waves")
     _array(group, "time", r.time, "s")
@@ -138,7 +167,7 @@ def _reduction(entry: h5py.Group, result: WavesResult) -> None:
         _array(group, words.replace(" ", "_"), values, unit.removesuffix(")"))
 
 
-def _tables(entry: h5py.Group, result: WavesResult) -> None:
+def _tables(entry: h5py.Group, result: ReducedTest) -> None:
     log = _group(entry, "corrections", "NXcollection")
     for name in ("name", "key", "unit", "reason"):
         log[name] = _text([getattr(c, name) for c in result.corrections])
@@ -190,17 +219,11 @@ def _text(texts: list[str]) -> np.ndarray:
     return np.array(encoded, dtype=h5py.string_dtype("utf-8", longest))
 
 
-def summary(result: WavesResult) -> Mapping[str, Any]:
+def summary(result: ReducedTest) -> Mapping[str, Any]:
     """The result as JSON types: quoted numbers with their intervals, facts, corrections, remarks."""
     return {
         "shot": result.name,
         "load": result.load,
-        "windows": {
-            **{
-                name: list(getattr(result.windows, name)) for name in ("incident", "reflected", "transmitted")
-            },
-            "source": result.windows.source,
-        },
         "balanced": None if result.reduction.balanced is None else list(result.reduction.balanced),
         "results": {
             name: {
@@ -214,4 +237,21 @@ def summary(result: WavesResult) -> Mapping[str, Any]:
         "facts": {name: {"value": value, "unit": unit} for name, (value, unit) in result.facts.items()},
         "corrections": [vars(c) for c in result.corrections],
         "remarks": list(result.remarks),
+        **_own(result),
+    }
+
+
+def _own(result: ReducedTest) -> dict[str, Any]:
+    """What only one kind of test has."""
+    if isinstance(result, WavesResult):
+        names = ("incident", "reflected", "transmitted")
+        spans = {name: list(getattr(result.windows, name)) for name in names}
+        return {"windows": {**spans, "source": result.windows.source}}
+    assert isinstance(result, FlyerResult)  # there is no third kind
+    keys = ("name", "time", "sigma", "how")
+    return {
+        "events": [dict(zip(keys, event, strict=True)) for event in result.events],
+        "valid": None if result.valid is None else list(result.valid),
+        "validity": result.validity,
+        "synchronisation": result.synchronisation,
     }

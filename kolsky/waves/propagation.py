@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 
 from kolsky.waves.records import Signal
+from kolsky.waves.spectra import edge_filter, faded, mean_square, windowed
 from kolsky.waves.waveguide import Waveguide
 
 FloatArray = NDArray[np.float64]
@@ -15,8 +16,8 @@ ComplexArray = NDArray[np.complex128]
 
 LARGEST_GAIN = 10.0
 """Amplification of a spectral component that propagation allows before it ends the band [-]."""
-ROLL_OFF = 0.2
-"""Width of a band's half-cosine edge, as a share of its limit; it ends at the limit."""
+_SLOPES = 1024
+"""Frequencies at which the delay of the slowest component is sought."""
 FEWEST_SAMPLES = 8
 """A signal with fewer samples has no spectrum worth the name."""
 
@@ -87,16 +88,16 @@ def propagation(
     Parameters
     ----------
     signal : Signal
-        One wave's signal (strain, force, velocity), in `window` at least free of waves in the other direction.
+        One wave's signal (strain, force, velocity), free of other waves within `window` at least.
     waveguide : Waveguide
         The bar.
     distance : float
         Way along the wave's direction [m]; negative goes back to where the wave came from.
     window : tuple of float, optional
-        First and last time that belong to the wave, on the shot's clock [s]; outside, the signal fades to zero
-        within a tenth of the window.
+        First and last time that belong to the wave, on the shot's clock [s]; outside, the signal fades to
+        zero within a fiftieth of the window.
     band : float, optional
-        Frequency at which a half-cosine edge, `ROLL_OFF` of it wide, ends the spectrum [Hz].
+        Frequency at which a half-cosine edge, `spectra.ROLL_OFF` of it wide, ends the spectrum [Hz].
     start : float, optional
         Time of the result's first sample [s], if it shall lie on a clock of its own; interpolated within the
         band of the sampling.
@@ -126,7 +127,7 @@ def propagation(
     limit = min(waveguide.largest_frequency, np.inf if band is None else band)
 
     fade = max(64, n // 4)
-    before = fade + _spread(waveguide, distance, n, step, limit) + max(0, -whole)
+    before = fade + _spread(waveguide, distance, step, limit) + max(0, -whole)
     after = before + max(0, whole + count - n)
     length = next_fast_len(before + n + after, real=True)
     frequency = rfftfreq(length, step)
@@ -140,19 +141,21 @@ def propagation(
         kept_again = frequency[kept] <= limit
         late, omega, gain = late[kept_again], omega[kept_again], gain[kept_again]
         kept = frequency <= limit
-    edge = _edge(frequency[kept], limit)
+    edge = edge_filter(frequency[kept], limit)
     turn[kept] = edge * np.exp(-1j * late * distance + 1j * omega * fraction * step)
     if not edge[1:].any():
         raise ValueError(f"nothing is left below {limit:g} Hz. Cure: a wider band or a longer record")
 
-    padded = _padded(value, before, length, fade)
+    padded = faded(value, before, length, fade=fade)
     carried = irfft(rfft(padded) * turn, length)
     result = carried[before + whole : before + whole + count]
     shifted = padded[before + whole : before + whole + count]
     there = Signal(first, step, result, 0.0, signal.unit, signal.name)
     total = float(value @ value)
-    noise = float(np.sqrt(_mean_square(turn, length)))
-    change = result - shifted if fraction == 0.0 else result - _shifted(padded, fraction, before + whole, count)
+    noise = float(np.sqrt(mean_square(turn, length)))
+    change = (
+        result - shifted if fraction == 0.0 else result - _shifted(padded, fraction, before + whole, count)
+    )
     return Propagation(
         signal=Signal(first, step, result, signal.sigma * noise, signal.unit, signal.name),
         band=float(limit),
@@ -162,37 +165,6 @@ def propagation(
         size=float(np.abs(change).max(initial=0.0)),
         rms=float(np.sqrt(np.mean(change**2))) if change.size else 0.0,
     )
-
-
-def windowed(signal: Signal, window: tuple[float, float], *, taper: float | None = None) -> Signal:
-    """The signal within a window, faded to zero by half-cosines outside.
-
-    Parameters
-    ----------
-    signal : Signal
-        The signal; samples inside the window stay what they are.
-    window : tuple of float
-        First and last time on the shot's clock [s].
-    taper : float, optional
-        Length of each fade [s]; without it a tenth of the window.
-
-    Raises
-    ------
-    ValueError
-        If the window is empty or outside the signal.
-    """
-    first, last = window
-    if not (signal.start - signal.interval <= first < last <= signal.end + signal.interval):
-        raise ValueError(
-            f"a window must be ascending and within [{signal.start:.6g}, {signal.end:.6g}] s, "
-            f"got [{first:.6g}, {last:.6g}] s"
-        )
-    length = 0.1 * (last - first) if taper is None else taper
-    outside = np.maximum(np.maximum(first - signal.time, signal.time - last), 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(outside > 0.0, np.minimum(outside / length, 1.0), 0.0)
-    value = signal.value * 0.5 * (1.0 + np.cos(pi * share))
-    return Signal(signal.start, signal.interval, value, signal.sigma, signal.unit, signal.name)
 
 
 def force_of(strain: Signal, waveguide: Waveguide, *, band: float | None = None) -> Signal:
@@ -215,28 +187,17 @@ def _multiplied(strain: Signal, waveguide: Waveguide, unit: str, band: float | N
     kept = frequency <= limit
     omega = 2.0 * pi * frequency[kept]
     factor = np.zeros(frequency.size, dtype=complex)
-    factor[kept] = waveguide.stiffness(omega) * _edge(frequency[kept], limit)
+    factor[kept] = waveguide.stiffness(omega) * edge_filter(frequency[kept], limit)
     if unit == "m/s":
         factor[kept] /= waveguide.impedance(omega)
-    value = irfft(rfft(_padded(strain.value, fade, length, fade)) * factor, length)[fade : fade + n]
-    sigma = strain.sigma * float(np.sqrt(_mean_square(factor, length)))
+    value = irfft(rfft(faded(strain.value, fade, length, fade=fade)) * factor, length)[fade : fade + n]
+    sigma = strain.sigma * float(np.sqrt(mean_square(factor, length)))
     return Signal(strain.start, strain.interval, value, sigma, unit, strain.name)
 
 
-def _padded(value: FloatArray, before: int, length: int, fade: int) -> FloatArray:
-    """The samples between half-cosines from their first and last value to zero, and zeros."""
-    padded = np.zeros(length)
-    n = value.size
-    padded[before : before + n] = value
-    falling = 0.5 * (1.0 + np.cos(pi * np.arange(1, fade + 1) / (fade + 1)))
-    padded[before + n : before + n + fade] = value[-1] * falling
-    padded[before - fade : before] = value[0] * falling[::-1]
-    return padded
-
-
-def _spread(waveguide: Waveguide, distance: float, n: int, step: float, limit: float) -> int:
+def _spread(waveguide: Waveguide, distance: float, step: float, limit: float) -> int:
     """Samples by which the slowest component is later than the arrival, from the slope of the phase."""
-    omega = 2.0 * pi * np.linspace(0.0, min(0.5 / step, limit), max(n, 512))
+    omega = 2.0 * pi * np.linspace(0.0, min(0.5 / step, limit), _SLOPES)
     late = waveguide.wavenumber(omega).real - omega / waveguide.wave_speed
     slowest = float(np.abs(np.diff(late) / np.diff(omega)).max()) * abs(distance)
     return int(np.ceil(slowest / step)) + 1
@@ -246,23 +207,6 @@ def _shifted(padded: FloatArray, fraction: float, first: int, count: int) -> Flo
     """A plain shift by a fraction of a sample, for the size of what dispersion adds."""
     omega = 2.0 * pi * rfftfreq(padded.size)
     return irfft(rfft(padded) * np.exp(1j * omega * fraction), padded.size)[first : first + count]
-
-
-def _edge(frequency: FloatArray, limit: float) -> FloatArray:
-    """Half-cosine from 1 to 0 that ends at the limit."""
-    if not isfinite(limit):
-        return np.ones(frequency.size)
-    share = np.clip((frequency / limit - 1.0 + ROLL_OFF) / ROLL_OFF, 0.0, 1.0)
-    return 0.5 * (1.0 + np.cos(pi * share))
-
-
-def _mean_square(factor: ComplexArray, length: int) -> float:
-    """Mean square of a filter's response over all frequencies: variance of white noise after over before."""
-    weight = np.full(factor.size, 2.0)
-    weight[0] = 1.0
-    if length % 2 == 0:
-        weight[-1] = 1.0
-    return float((weight * np.abs(factor) ** 2).sum() / length)
 
 
 def _check(
@@ -276,7 +220,9 @@ def _check(
         raise ValueError(f"a signal needs {FEWEST_SAMPLES} samples or more, got {signal.value.size}")
     if not np.isfinite(signal.value).all():
         bad = int(np.argmin(np.isfinite(signal.value)))
-        raise ValueError(f"sample {bad} of {signal.name or 'the signal'} is not finite, at {signal.time[bad]:g} s")
+        raise ValueError(
+            f"sample {bad} of {signal.name or 'the signal'} is not finite, at {signal.time[bad]:g} s"
+        )
     if not (isfinite(signal.interval) and signal.interval > 0.0):
         raise ValueError(f"the sampling interval must be > 0 s, got {signal.interval}")
     if not isfinite(distance):

@@ -11,15 +11,21 @@ from kolsky.waves.records import FloatArray, Quantity
 def merged(quantities: Iterable[Quantity]) -> list[Quantity]:
     """Quantities with those that were listed more than once, such as a bar's Poisson's ratio, listed once.
 
+    Where only one of them has an uncertainty, that one is taken.
+
     Raises
     ------
     ValueError
-        If two have the same name and differ otherwise.
+        If two have the same name and different values or uncertainties.
     """
     found: dict[str, Quantity] = {}
     for q in quantities:
-        if found.setdefault(q.name, q) != q:
-            raise ValueError(f"quantity '{q.name}' is stated twice: {found[q.name]} and {q}")
+        known = found.setdefault(q.name, q)
+        if known == q or (q.sigma == 0.0 and (q.value, q.unit) == (known.value, known.unit)):
+            continue
+        if known.sigma > 0.0 or (q.value, q.unit) != (known.value, known.unit):
+            raise ValueError(f"quantity '{q.name}' is stated twice: {known} and {q}")
+        found[q.name] = q
     return list(found.values())
 
 

@@ -28,11 +28,13 @@ class Signal:
     """Unit of `value`: "1" for strain, "N", "m/s", "V"."""
     name: str = ""
     """What it is, in words, e.g. "incident gauge"."""
+    memory: float = 1.0
+    """Samples that carry the information of one [-]: 1 for white noise, more where it is slow."""
 
     @property
     def time(self) -> FloatArray:
         """Sample times on the shot's clock [s], shape [n]."""
-        return self.start + self.interval * np.arange(self.value.size)
+        return np.asarray(self.start + self.interval * np.arange(self.value.size), dtype=np.float64)
 
     @property
     def end(self) -> float:
@@ -90,6 +92,11 @@ class FaceWaves:
     """The bar behind it."""
     origin: float = 0.0
     """Time 0 of `time` on the shot's clock: when the incident wave arrives at the specimen [s]."""
+    white: Mapping[str, float] | None = None
+    """Sigma of white noise as strong as each wave's at low frequencies [-], which integrals and means collect;
+    None if the noise is white, as `sigma`."""
+    band: float = float("inf")
+    """Frequency above which the waves were left out [Hz]."""
 
 
 @dataclass(frozen=True)

@@ -1,26 +1,24 @@
 """Strain, rate and stress by one, two and three waves, from the waves at the specimen's faces."""
 
-from math import pi
-
 import numpy as np
 
-from kolsky.apparatus import Bar, Specimen
+from kolsky.apparatus import Specimen
+from kolsky.waves.combine import BarWaves, stiffness
 from kolsky.waves.equilibrium import ALLOWANCE, balanced_span, imbalance
 from kolsky.waves.records import FaceWaves, FloatArray, History, Reduction
+from kolsky.waves.waveguide import Waveguide
 
 ANALYSES = ("one wave", "two waves", "three waves")
 """Keys of a `Reduction`."""
-WAVES = ("incident", "reflected", "transmitted")
-"""Keys of `FaceWaves.sigma`."""
 
-Weights = tuple[float, float, float]
-"""Factors of the incident, reflected and transmitted strain."""
+__all__ = ["ANALYSES", "cauchy_stress", "hencky_strain", "integrated", "reduce", "stiffness"]
 
 
 def reduce(
     faces: FaceWaves,
     specimen: Specimen,
     *,
+    guides: tuple[Waveguide, Waveguide] | None = None,
     allowance: float = ALLOWANCE,
     average: float | None = None,
 ) -> Reduction:
@@ -39,6 +37,9 @@ def reduce(
         The waves at the faces.
     specimen
         The specimen before the test.
+    guides
+        The incident and the transmission bar as waveguides: their stiffness and impedance then hold at each
+        frequency, as a viscoelastic bar needs. None takes E A and rho c0 A throughout.
     allowance
         |R| up to which it counts as in equilibrium [-].
     average
@@ -57,63 +58,55 @@ def reduce(
         If the specimen's sizes are not positive or it is wider than the bars.
     """
     _check(faces, specimen)
-    first, second = faces.incident_bar, faces.transmission_bar
-    c1, c2 = first.wave_speed, second.wave_speed
-    k1, k2 = stiffness(first), stiffness(second)
+    bars = BarWaves(faces, guides)
+    k1, k2, z1, z2 = bars.stiffness_1, bars.stiffness_2, bars.impedance_1, bars.impedance_2
     step = float(faces.time[1] - faces.time[0])
-    waves = np.stack([faces.incident, faces.reflected, faces.transmitted])
-    noise = np.array([faces.sigma[name] for name in WAVES])
-
-    def combined(weights: Weights, unit: str) -> History:
-        factor = np.array(weights)
-        sigma = float(np.linalg.norm(factor * noise))
-        return History(factor @ waves, np.full(faces.time.size, sigma), unit)
-
-    z = second.impedance / first.impedance
     L, area = specimen.length, specimen.area
-    rates: dict[str, Weights] = {
-        "one wave": (0.0, -2.0 * c1 / L, c2 * (z - 1.0) / L),  # Eq. (R.7)
-        "two waves": (2.0 * c1 / L, 0.0, -c2 * (z + 1.0) / L),  # Eq. (R.8)
-        "three waves": (c1 / L, -c1 / L, -c2 / L),  # Eq. (R.9)
+    rates = {
+        "one wave": (0.0, -2.0 * k1 / z1 / L, k2 * (1.0 / z1 - 1.0 / z2) / L),  # Eq. (R.7)
+        "two waves": (2.0 * k1 / z1 / L, 0.0, -k2 * (1.0 / z1 + 1.0 / z2) / L),  # Eq. (R.8)
+        "three waves": (k1 / z1 / L, -k1 / z1 / L, -k2 / z2 / L),  # Eq. (R.9)
     }
-    stresses: dict[str, Weights] = {
+    stresses = {
         "one wave": (0.0, 0.0, k2 / area),
         "two waves": (k1 / area, k1 / area, 0.0),
         "three waves": (0.5 * k1 / area, 0.5 * k1 / area, 0.5 * k2 / area),
     }
-    rate = {key: combined(rates[key], "1/s") for key in ANALYSES}
-    front, back = combined((k1, k1, 0.0), "N"), combined((0.0, 0.0, k2), "N")
-    time = average if average is not None else max(b.diameter / b.wave_speed for b in (first, second))
+    rate = {key: bars.combined(rates[key], "1/s") for key in ANALYSES}
+    front, back = bars.combined((k1, k1, 0.0), "N"), bars.combined((0.0, 0.0, k2), "N")
+    both = (faces.incident_bar, faces.transmission_bar)
+    time = average if average is not None else max(bar.diameter / bar.wave_speed for bar in both)
     width = max(1, round(time / step))
-    ratio = imbalance(front.value, back.value, front.sigma[0], back.sigma[0], width=width)
+    # Noise that lies below a band is averaged less than white noise: from its level at low frequencies.
+    loud = (bars.slow_sigma((k1, k1, 0.0)), bars.slow_sigma((0.0, 0.0, k2)))
+    noise = [min(s, width**0.5 * float(f.sigma[0])) for s, f in zip(loud, (front, back), strict=True)]
+    ratio = imbalance(front.value, back.value, *noise, width=width)
     return Reduction(
         time=faces.time,
-        strain={key: integrated(rate[key], step) for key in ANALYSES},
+        strain={key: integrated(rate[key], step, sigma=bars.slow_sigma(rates[key])) for key in ANALYSES},
         rate=rate,
-        stress={key: combined(stresses[key], "Pa") for key in ANALYSES},
+        stress={key: bars.combined(stresses[key], "Pa") for key in ANALYSES},
         front_force=front,
         back_force=back,
-        front_velocity=combined((c1, -c1, 0.0), "m/s"),
-        back_velocity=combined((0.0, 0.0, c2), "m/s"),
+        front_velocity=bars.combined((k1 / z1, -k1 / z1, 0.0), "m/s"),
+        back_velocity=bars.combined((0.0, 0.0, k2 / z2), "m/s"),
         imbalance=ratio,
         balanced=balanced_span(faces.time, ratio, allowance=allowance, bridge=width * step),
     )
 
 
-def stiffness(bar: Bar) -> float:
-    """Force per strain of a bar, E A [N]."""
-    return bar.youngs_modulus * pi * bar.diameter**2 / 4.0
-
-
-def integrated(history: History, step: float) -> History:
+def integrated(history: History, step: float, *, sigma: float | None = None) -> History:
     """Trapezoidal sum from the first sample on, and the sigma of it for white noise, Eq. (R.12).
 
     Parameters
     ----------
     history
-        A rate, its sigma constant.
+        A rate.
     step
         Sampling interval [s].
+    sigma
+        Standard deviation of white noise as strong as the rate's at low frequencies, where it differs from
+        the rate's own.
 
     Returns
     -------
@@ -123,8 +116,8 @@ def integrated(history: History, step: float) -> History:
     value = history.value
     total = np.concatenate([[0.0], np.cumsum(0.5 * step * (value[1:] + value[:-1]))])
     count = np.arange(value.size)
-    sigma = step * history.sigma * np.sqrt(np.maximum(count - 0.5, 0.0))
-    return History(total, sigma, "1")
+    white = history.sigma if sigma is None else np.full(value.size, sigma)
+    return History(total, step * white * np.sqrt(np.maximum(count - 0.5, 0.0)), "1")
 
 
 def hencky_strain(strain: History) -> History:

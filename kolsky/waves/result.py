@@ -4,7 +4,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from kolsky.apparatus import Specimen
-from kolsky.waves.records import BarSignal, Correction, FaceWaves, FloatArray, Quantity, Reduction, Windows
+from kolsky.waves.records import (
+    BarSignal,
+    Correction,
+    FaceWaves,
+    FloatArray,
+    Quantity,
+    Reduction,
+    Signal,
+    Windows,
+)
 
 
 @dataclass(frozen=True)
@@ -27,9 +36,9 @@ class BudgetTable:
     """One row an input, noise last."""
 
 
-@dataclass(frozen=True)
-class WavesResult:
-    """A classical reduction of one shot, with everything that it rests on."""
+@dataclass(frozen=True, kw_only=True)
+class ReducedTest:
+    """A reduced test, however it was measured, with everything that its numbers rest on."""
 
     name: str
     """Name of the shot."""
@@ -37,14 +46,6 @@ class WavesResult:
     """The specimen before the test."""
     load: str
     """"compression" or "tension"."""
-    incident: BarSignal
-    """Strain at the incident gauge."""
-    transmission: BarSignal
-    """Strain at the transmission gauge."""
-    windows: Windows
-    """Where the pulses lie."""
-    faces: FaceWaves
-    """The waves at the specimen."""
     reduction: Reduction
     """Strain, rate, stress and forces, with bands."""
     corrections: tuple[Correction, ...]
@@ -61,3 +62,35 @@ class WavesResult:
     """What was declared, and the versions."""
     extra: Mapping[str, FloatArray] = field(default_factory=dict)
     """Further histories on the reduction's times, "name (unit)" to values, shape [n]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WavesResult(ReducedTest):
+    """A test between bars, reduced from their gauges."""
+
+    incident: BarSignal
+    """Strain at the incident gauge."""
+    transmission: BarSignal
+    """Strain at the transmission gauge."""
+    windows: Windows
+    """Where the pulses lie."""
+    faces: FaceWaves
+    """The waves at the specimen."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlyerResult(ReducedTest):
+    """A test with a flyer, reduced from its transducers and its motion."""
+
+    signals: tuple[Signal, ...]
+    """Forces at the transducers over the whole record [N]."""
+    events: tuple[tuple[str, float | None, float | None, str], ...]
+    """Name, time [s], sigma [s] and how it was found, of every event that was looked for."""
+    valid: tuple[float, float] | None
+    """Span in which a classical curve may be read [s]; None if there is none."""
+    validity: str
+    """The same in words, with the share that was allowed."""
+    synchronisation: str | None
+    """What the cross-check of cameras and transducers says; None where there is no incident transducer."""
+    inertia: Mapping[str, FloatArray]
+    """Shares of the mean stress: "imbalance" and "inertia" at "time" [s], shape [n_intervals]."""

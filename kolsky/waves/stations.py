@@ -122,7 +122,9 @@ def bar_signal(
     axial, zero = _settled(axial, time, baseline, gauge, log, after, given)
     return Station(
         signal=BarSignal(
-            strain=Signal(start, interval, axial, zero[0].noise.sigma, "1", gauge),
+            strain=Signal(
+                start, interval, axial, zero[0].noise.sigma, "1", gauge, memory=zero[0].noise.memory
+            ),
             bar=bar,
             position=position,
             side=side,

@@ -7,8 +7,8 @@ from math import sqrt
 import numpy as np
 
 from kolsky.apparatus import Bar, Specimen
+from kolsky.waves.combine import noise_correlation, stiffness
 from kolsky.waves.records import FaceWaves, FloatArray, History, Quantity, Reduction
-from kolsky.waves.reduction import stiffness
 
 RISING_SHARE = 0.5
 """Share of the largest stress up to which a loading modulus is fitted."""
@@ -87,25 +87,41 @@ def summarise(
     strain, rate, stress = (m[analysis] for m in (reduction.strain, reduction.rate, reduction.stress))
     time = reduction.time
     last = int(np.abs(strain.value).argmax())
+    alike = noise_correlation(faces)
     plateau = _plateau(reduction.balanced, float(time[last]))
-    modulus, reason = _modulus(reduction, strain, stress, last, plateau)
+    modulus, reason = _modulus(reduction, strain, stress, last, plateau, alike)
     return Summary(
         analysis=analysis,
         maximum_strain=Quantity(
             "largest nominal strain", float(strain.value[last]), float(strain.sigma[last]), "1", "A"
         ),
         plateau=plateau,
-        mean_stress=None if plateau is None else mean_over(stress, time, plateau, "mean nominal stress"),
-        mean_rate=None if plateau is None else mean_over(rate, time, plateau, "mean nominal strain rate"),
-        absorbed=_absorbed(time, stress, rate, last),
+        mean_stress=_mean(stress, time, plateau, "mean nominal stress", alike),
+        mean_rate=_mean(rate, time, plateau, "mean nominal strain rate", alike),
+        absorbed=_absorbed(time, stress, rate, last, alike),
         modulus=modulus,
         modulus_reason=reason,
         energy=energy_balance(reduction, faces, specimen),
     )
 
 
-def mean_over(history: History, time: FloatArray, span: tuple[float, float], name: str) -> Quantity:
-    """Mean of a history over a time span, with the sigma of the mean for white noise.
+def mean_over(
+    history: History, time: FloatArray, span: tuple[float, float], name: str, *, alike: float = 1.0
+) -> Quantity:
+    """Mean of a history over a time span, with the sigma of the mean.
+
+    Parameters
+    ----------
+    history
+        The history; its noise is independent from one sample to the next, or from `alike` to the next.
+    time
+        Its times [s], shape [n].
+    span
+        First and last time [s].
+    name
+        Name of the result.
+    alike
+        Samples for each independent one [-], >= 1.
 
     Raises
     ------
@@ -116,7 +132,7 @@ def mean_over(history: History, time: FloatArray, span: tuple[float, float], nam
     n = int(inside.sum())
     if n == 0:
         raise ValueError(f"no sample between {span[0]:.6g} s and {span[1]:.6g} s")
-    sigma = sqrt(float((history.sigma[inside] ** 2).sum())) / n
+    sigma = sqrt(alike * float((history.sigma[inside] ** 2).sum())) / n
     return Quantity(name, float(history.value[inside].mean()), sigma, history.unit, "A")
 
 
@@ -151,12 +167,20 @@ def _plateau(balanced: tuple[float, float] | None, end: float) -> tuple[float, f
     return balanced[0], min(balanced[1], end)
 
 
-def _absorbed(time: FloatArray, stress: History, rate: History, last: int) -> Quantity:
+def _mean(
+    history: History, time: FloatArray, plateau: tuple[float, float] | None, name: str, alike: float
+) -> Quantity | None:
+    return None if plateau is None else mean_over(history, time, plateau, name, alike=alike)
+
+
+def _absorbed(time: FloatArray, stress: History, rate: History, last: int, alike: float) -> Quantity:
     step = float(time[1] - time[0])
     s, r = stress.value[: last + 1], rate.value[: last + 1]
     variance = (r * stress.sigma[: last + 1]) ** 2 + (s * rate.sigma[: last + 1]) ** 2
     value = float(np.trapezoid(s * r, dx=step))
-    return Quantity("energy absorbed per volume", value, step * sqrt(float(variance.sum())), "J/m^3", "A")
+    return Quantity(
+        "energy absorbed per volume", value, step * sqrt(alike * float(variance.sum())), "J/m^3", "A"
+    )
 
 
 def _modulus(
@@ -165,6 +189,7 @@ def _modulus(
     stress: History,
     last: int,
     plateau: tuple[float, float] | None,
+    alike: float,
 ) -> tuple[Quantity | None, str]:
     """Slope of the least-squares line through the rising stress in equilibrium."""
     if plateau is None:
@@ -186,6 +211,6 @@ def _modulus(
     centred = e - e.mean()
     spread = float(centred @ centred)
     slope = float(centred @ s) / spread
-    sigma = float(stress.sigma[begin]) / sqrt(spread)
+    sigma = float(stress.sigma[begin]) * sqrt(alike / spread)
     span = f"strains {e[0]:.3g} to {e[-1]:.3g}"
     return Quantity("loading modulus", slope, sigma, "Pa", "A"), f"{e.size} samples in equilibrium, {span}"

@@ -85,8 +85,8 @@ class Synchronisation:
             case Agreement.UNDECIDED:
                 return f"the cross-check does not decide: lag {found}, more than a frame interval"
         return (
-            f"the flyer's motion is not that of the signal: residuals of {self.chi2_per_dof**0.5:.3g} times the"
-            " cameras' sigma; is it the right channel, and the mass between transducer and specimen?"
+            f"the flyer's motion is not that of the signal: residuals of {self.chi2_per_dof**0.5:.3g} times"
+            " the cameras' sigma; is it the right channel, and the mass between transducer and specimen?"
         )
 
 
@@ -208,10 +208,10 @@ class _Fit:
         self.t, self.y, self.sigma = (
             array[:last] for array in (motion.time, motion.displacement, motion.sigma)
         )
-        if not (time[0] + reach < self.t[-1] + 2.0 * reach and self.t[-1] + reach <= time[-1]):
+        if not self.t[-1] + reach <= time[-1]:
             raise ValueError(
-                f"the signal spans {time[0]:.9g} to {time[-1]:.9g} s, the frames used with every lag looked for"
-                f" {self.t[0] - reach:.9g} to {self.t[-1] + reach:.9g} s; shorten reach or travel"
+                f"the signal ends at {time[-1]:.9g} s, the frames used end at {self.t[-1]:.9g} s and may lag by"
+                f" {reach:.3g} s; shorten reach or travel"
             )
         self.time, self.reach = time, reach
         scale = np.abs(curves).max(axis=1)

@@ -1,6 +1,6 @@
 """Where the three pulses lie at the gauges: dead reckoning from the incident pulse, and what it is worth."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, isfinite
 
 from kolsky.waves.arrival import Arrival, find_arrival
@@ -11,6 +11,9 @@ TAIL = 0.25
 
 OTHER_SIGN = 0.2
 """Share of the incident pulse's level from which a pulse of the other sign before it is no mere ripple."""
+
+VISIBLE = 0.05
+"""Share of the incident pulse's level that a reflected or transmitted one needs to be seen."""
 
 
 @dataclass(frozen=True)
@@ -207,16 +210,24 @@ def check_windows(
     reflected = arrival.time + 2.0 * travel_time(incident)
     transmitted = arrival.time + travel_time(incident) + travel_time(transmission) + transit
     return (
-        _seen(incident, reflected, limits[1].time, -sign),
-        _seen(transmission, transmitted, limits[2].time, sign),
+        _seen(incident, reflected, limits[1].time, -sign, VISIBLE * abs(arrival.level)),
+        _seen(transmission, transmitted, limits[2].time, sign, VISIBLE * abs(arrival.level)),
     )
 
 
-def _seen(signal: BarSignal, reckoned: float, length: float, sign: int) -> Reckoning:
+def _seen(signal: BarSignal, reckoned: float, length: float, sign: int, smallest: float) -> Reckoning:
     average = averaging_time(signal)
     before = reckoned - min(5.0 * average, 0.5 * travel_time(signal))
+    strain = signal.strain
+    # The incident pulse leaves a tail on which the reflected one sits; its level is taken off.
+    tail = (strain.time >= before) & (strain.time < before + 2.0 * average)
+    if not tail.any():
+        return Reckoning(reckoned, None, f"{strain.name}: the record ends before {before:.6g} s")
+    flat = replace(strain, value=strain.value - strain.value[tail].mean())
     try:
-        seen = find_arrival(signal.strain, sign=sign, average=average, after=before, before=reckoned + length)
+        seen = find_arrival(
+            flat, sign=sign, average=average, after=before, before=reckoned + length, smallest=smallest
+        )
     except ValueError as missing:
         return Reckoning(reckoned, None, str(missing))
     late = seen.time - reckoned

@@ -33,12 +33,14 @@ def test_operations_of_a_dot_product():
 
 
 def test_operations_by_hand():
-    """The series: 2 products, 2 sums; two Newton steps of 5 and 1; the square: 1. All sums have a product."""
+    """The series: 2 products, 2 sums; its error: 3 and 1; corrected: 4 and 3; square and cube: 1 and 2 products.
+    All sums have a product."""
     counter = counting.Counter()
     factor = counter.function(isochoric_factor_function(FP64))
-    value = factor(counter.number(0.98), counter.number(-0.02))
-    assert value.value == pytest.approx(0.98 ** (-2.0 / 3.0), rel=1e-13)  # Newton's error there, 1e-15, fp64
-    assert counter.tally == counting.Tally(additions=4, products=13, fused=4)
+    square, inverse = factor(counter.number(0.98), counter.number(-0.02))
+    assert square.value == pytest.approx(0.98 ** (-2.0 / 3.0), rel=1e-15)  # a few roundings of fp64
+    assert inverse.value == pytest.approx(1.0 / 0.98, rel=1e-15)  # the same
+    assert counter.tally == counting.Tally(additions=6, products=12, fused=6)
 
 
 def test_operations_of_the_law():

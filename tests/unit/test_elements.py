@@ -65,7 +65,7 @@ def test_every_element_reads_its_constants(name: str, precision: str) -> None:
 
     @wp.kernel(module="unique", enable_backward=False)
     def read(constants: wp.array2d(dtype=numbers.real), shapes: wp.array(dtype=Shape)):
-        shapes[wp.tid()] = read_shape(constants, wp.tid())
+        shapes[wp.tid()] = read_shape(constants, wp.tid(), 1)
 
     shapes = wp.zeros(mesh.n_elements, dtype=Shape, device=where)
     wp.launch(read, mesh.n_elements, [body.shapes, shapes], device=where)

@@ -1,5 +1,8 @@
 """The audit log: sizes by hand, switches, and what is refused."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -52,6 +55,10 @@ def test_switches_are_a_mapping_with_defaults():
     assert len(switches) == len(CORRECTIONS)
     assert (switches["dispersion"], switches["punching"], switches["baseline drift"]) == (False, True, False)
     assert Switches()["dispersion"]
+    bare = Switches({"radial_inertia": True})  # as a bare key of TOML
+    assert bare["radial inertia"]
+    assert bare["radial_inertia"]
+    assert bare.said("radial inertia") == "switched on"
 
 
 @pytest.mark.parametrize(
@@ -63,6 +70,7 @@ def test_switches_are_a_mapping_with_defaults():
         ),
         ({"gravity!": True}, r"no correction is called 'gravity!'; known are 'bridge nonlinearity'"),
         ({"mass": 1}, r"switch 'mass' must be true or false, got 1"),
+        ({"radial_inertia": True, "radial inertia": True}, r"'radial inertia' is stated twice"),
     ],
 )
 def test_unknown_switches_are_refused(stated, message):
@@ -88,5 +96,16 @@ def test_impossible_comparisons_are_refused(changes, message):
 
 
 def test_a_log_knows_its_keys():
+    log = AuditLog()
+    log.add(Correction("x", "radial_inertia", True, 0.0, 0.0, "Pa", "r"))
+    assert log.corrections[0].key == "radial inertia"
     with pytest.raises(ValueError, match="no correction is called 'x'"):
         AuditLog().add(Correction("x", "x", True, 0.0, 0.0, "1", "r"))
+
+
+def test_the_documented_switches_are_those_there_are():
+    page = (Path(__file__).parents[2] / "docs" / "theory" / "uncertainty.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `([^`]+)` \| (on|off) \| (.+) \|$", page, flags=re.MULTILINE)
+    assert [(key, state == "on", words) for key, state, words in rows] == [
+        (key, default, words) for key, (default, words) in CORRECTIONS.items()
+    ]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from explicit import Mesh
 from explicit.device import select_device
 from explicit.elements import element
+from explicit.elements.base import BY_TRACE
 from explicit.materials import MarlowLaw, bulk_modulus
 from explicit.precision import precision
 
@@ -52,10 +53,11 @@ def _kernel(element_name: str, precision_name: str) -> Any:
         v: wp.array2d(dtype=vec4),
         corner: wp.array2d(dtype=vec4),
         numbers: wp.array2d(dtype=real),
+        measure: int,
     ):
         e = wp.tid()
         f_r, f_y, omega_squared, lost, held = forces(
-            shapes[e], solids[0], row, u[e, 0], u[e, 1], v[e, 0], v[e, 1], 1
+            shapes[e], solids[0], row, u[e, 0], u[e, 1], v[e, 0], v[e, 1], measure
         )
         elastic, hourglass, _s = energies(shapes[e], solids[0], row, u[e, 0], u[e, 1])
         corner[e, 0] = f_r
@@ -83,6 +85,7 @@ def evaluate(
     hourglass_form: str = "stiffness",
     density: float = 1.0,
     precision_name: str = "fp64",
+    measure: int = BY_TRACE,
 ) -> Evaluated:
     """Ask every element; `motion` [m] and `velocity` [m/s] of its corners have shape [n_elements, 4, 2]."""
     numbers = precision(precision_name)
@@ -112,6 +115,7 @@ def evaluate(
         by_corner(np.zeros_like(motion) if velocity is None else velocity),
         corner,
         answers,
+        measure,
     ]
     wp.launch(kernel, dim=mesh.n_elements, inputs=inputs, device=device)
     found = answers.numpy().astype(float)

@@ -43,6 +43,7 @@ TOPICS = [
     "bar",
     "elastic_bar",
     "impact",
+    "soft_forces",
     "contact",
     "contact_limits",
     "friction",
@@ -59,6 +60,7 @@ TOPICS = [
     "dic_correlation",
     "dic_tracking",
     "dic_stereo",
+    "uncertainty",
 ]
 """Modules of the manual, in its order."""
 

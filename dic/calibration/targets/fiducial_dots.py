@@ -112,6 +112,8 @@ class FiducialDots:
         best: dict[Place, int] = {}
         for triple in permutations(candidates.tolist(), 3):
             best = max(best, self._places(dots, triple), key=len)
+            if len(best) == self.columns * self.rows:  # no other can have more
+                break
         least = max(8, self.columns * self.rows // 5)
         if len(best) < least:
             raise TargetNotFound(

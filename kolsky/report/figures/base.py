@@ -95,6 +95,8 @@ def weighted_chi2(result: Identification) -> NDArray[np.float64]:
     """
     c, design, quality = result.comparison, result.design, result.surrogate
     force = _share(c.force_sigma, quality.get("force_discrepancy", 0.0))
+    if not c.centre_line.time.size:
+        return force * design.chi2_force
     shape = _share(c.centre_line.sigma, quality.get("shape_discrepancy", 0.0))
     return force * design.chi2_force + shape * design.chi2_shape
 

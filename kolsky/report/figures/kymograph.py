@@ -1,6 +1,7 @@
 """The centre line through time: as the camera saw it, and as a radius."""
 
 import numpy as np
+from matplotlib.collections import PolyCollection
 
 from kolsky.report.figures.base import MM, MODEL, MS, PAGE, FigureKind, Panels, letter, smooth_bar
 from kolsky.report.view import SurfaceView
@@ -30,7 +31,7 @@ def draw(view: SurfaceView, panels: Panels) -> None:
         vmin=low,
         vmax=max(high, low + 1.0),
         aspect="auto",
-        interpolation="nearest",
+        interpolation="none",
         extent=(time[0] - half, time[-1] + half, rows - 0.5, -0.5),
     )
     middle = np.abs(body.surface.X[:, 0])
@@ -42,8 +43,7 @@ def draw(view: SurfaceView, panels: Panels) -> None:
     letter(ax, "a")
 
     ax, line = panels["radius"], result.centre
-    colours = None
-    limits = (MM * line.Z.min(), MM * line.Z.max()) if line.Z.size else (0.0, 1.0)
+    corners, radii = [], []
     for frame in np.unique(line.frame):
         of = line.frame == frame
         y, Z = MM * line.y[of], MM * line.Z[of]
@@ -52,12 +52,22 @@ def draw(view: SurfaceView, panels: Panels) -> None:
         # Each point stands for the height half-way to its neighbours.
         between = 0.5 * (y[1:] + y[:-1])
         edges = np.concatenate([[2.0 * y[0] - between[0]], between, [2.0 * y[-1] - between[-1]]])
-        sides = [time[frame] - half, time[frame] + half]
-        colours = ax.pcolormesh(
-            sides, edges, Z[:, None], vmin=limits[0], vmax=limits[1], cmap="viridis", rasterized=True
-        )
+        left, right = np.full((2, y.size), time[frame]) + [[-half], [half]]
+        low, high = edges[:-1], edges[1:]
+        corners.append(np.stack([left, low, right, low, right, high, left, high], axis=1).reshape(-1, 4, 2))
+        radii.append(Z)
     ax.set(xlabel="Time (ms)", ylabel="Height $y$ (mm)", xlim=(time[0] - half, time[-1] + half))
-    if colours is not None:
+    if corners:
+        colours = PolyCollection(
+            np.concatenate(corners),
+            array=np.concatenate(radii),
+            cmap="viridis",
+            lw=0.0,
+            antialiased=False,
+            rasterized=True,
+        )
+        ax.add_collection(colours)
+        ax.autoscale_view(scalex=False)
         bar = ax.figure.colorbar(colours, ax=ax, aspect=25, pad=0.02)  # type: ignore[union-attr]
         bar.set_label("Radius $Z$ (mm)")
         smooth_bar(bar)

@@ -60,13 +60,17 @@ def draw(view: SurfaceView, panels: Panels) -> None:
     half = 0.5 * float(np.median(np.diff(time)))
     for frame in np.flatnonzero(result.outcome != FrameOutcome.VALID):
         ax.axvspan(time[frame] - half, time[frame] + half, color=GREY, alpha=0.35, lw=0.0)
+    between = 0.5 * (time[1:] + time[:-1])
+    edges = np.concatenate([[time[0] - half], between, [time[-1] + half]])
     bottom, usable = np.zeros(time.size), result.outcome == FrameOutcome.VALID
     found = body.outcomes()
     for outcome, colour in COLOURS.items():
         if outcome not in found:
             continue
         count = np.where(usable, np.sum(body.surface.outcome == outcome, axis=1), 0.0)
-        ax.bar(time, count, 2.0 * half, bottom=bottom, color=colour, label=words(outcome), lw=0.0)
+        ax.stairs(
+            bottom + count, edges, baseline=bottom, fill=True, color=colour, label=words(outcome), lw=0.0
+        )
         bottom += count
     ax.set(
         xlabel="Time (ms)",

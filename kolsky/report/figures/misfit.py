@@ -100,6 +100,8 @@ def _draw_phi(ax: Axes, curve: SurrogateCurve, design: DesignTable) -> None:
         (r"$\Phi_S$", curve.phi_shape, design.phi_shape, SHAPE),
     )
     for label, along, runs, colour in terms:
+        if not np.isfinite(along).any():  # no outline was measured
+            continue
         smallest = np.nanmin(along)
         ax.plot(curve.x, along / smallest, color=colour)
         start = (curve.x[0], along[0] / smallest)

@@ -31,7 +31,7 @@ def frames_in(view: SurfaceView, panels: Panels) -> list[tuple[int, Axes]]:
     rates = {name: panel for name, panel in panels.items() if name.startswith("frame ")}
     for (frame, picture), ax, mark in zip(view.pictures.items(), rates.values(), "abcdefgh", strict=False):
         low, high = np.percentile(np.asarray(picture, dtype=np.float64), [0.5, 99.5])
-        ax.imshow(picture, cmap="gray", vmin=low, vmax=max(high, low + 1), interpolation="nearest")
+        ax.imshow(picture, cmap="gray", vmin=low, vmax=max(high, low + 1), interpolation="none")
         ax.set_xlim(-0.5, picture.shape[1] - 0.5)
         ax.set_ylim(picture.shape[0] - 0.5, -0.5)
         ax.set_xlabel("$x$ (px)")

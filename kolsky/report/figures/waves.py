@@ -100,7 +100,8 @@ def _signals(ax: Axes, result: WavesResult) -> None:
     ax.legend(loc="upper right", ncols=2)
 
 
-def _band(ax: Axes, x: np.ndarray, history: History, factor: float, colour: str) -> None:
+def band(ax: Axes, x: np.ndarray, history: History, factor: float, colour: str) -> None:
+    """Shade the k = 2 band of a history, in units of `factor`."""
     half = 2.0 * factor * history.sigma
     ax.fill_between(
         x, factor * history.value - half, factor * history.value + half, color=colour, alpha=0.25, lw=0.0
@@ -115,7 +116,7 @@ def _forces(ax: Axes, low: Axes, result: WavesResult) -> None:
         (r.front_force, MODEL, "-", "front $F_1$"),
         (r.back_force, SHAPE, "--", "back $F_2$"),
     ):
-        _band(ax, time, history, factor, colour)
+        band(ax, time, history, factor, colour)
         ax.plot(time, factor * history.value, dash, color=colour, label=label)
     ax.set_ylabel(f"Force ({unit})")
     ax.legend(loc="best")
@@ -141,8 +142,8 @@ def _strain(ax: Axes, low: Axes, result: WavesResult) -> None:
         if way not in r.strain:
             continue
         if way == "three waves":
-            _band(ax, time, r.strain[way], 1.0, BAND)
-            _band(low, time, r.rate[way], 1.0, BAND)
+            band(ax, time, r.strain[way], 1.0, BAND)
+            band(low, time, r.rate[way], 1.0, BAND)
         ax.plot(time, r.strain[way].value, dash, color=colour, label=way, lw=0.8)
         low.plot(time, r.rate[way].value, dash, color=colour, lw=0.8)
     ax.set_ylabel("Strain (–)")
@@ -160,7 +161,7 @@ def _curve(ax: Axes, result: WavesResult) -> None:
             continue
         strain = r.strain[way].value
         if way == "three waves":
-            _band(ax, strain, r.stress[way], factor, BAND)
+            band(ax, strain, r.stress[way], factor, BAND)
         ax.plot(strain, factor * r.stress[way].value, dash, color=colour, lw=0.8, label=way)
     balanced = r.balanced
     if balanced is not None and "three waves" in r.stress:

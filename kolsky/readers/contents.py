@@ -1,0 +1,136 @@
+"""What every recorder's reader returns: channels whose samples and clock are read when they are asked for."""
+
+import hashlib
+import stat
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kolsky.errors import InputError
+
+FloatArray = NDArray[np.float64]
+
+BINARY_LIMIT = 1_000_000_000
+"""Largest binary file that is read [bytes]."""
+SAMPLES_LIMIT = 50_000_000
+"""Most samples of one channel that are read; a compressed file may promise more than fits in memory."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Sample i was taken at ``start + i * interval``."""
+
+    start: float
+    """Time of the first sample [s]."""
+    interval: float
+    """Time from sample to sample [s]."""
+    source: str
+    """Where both come from, in words."""
+
+    def times(self, samples: int) -> FloatArray:
+        """Times of so many samples [s], shape [samples]."""
+        return self.start + self.interval * np.arange(samples, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One channel of a file."""
+
+    name: str
+    """Its name in the file."""
+    number: int
+    """Its number among the columns or channels, counted from 1."""
+    unit: str | None
+    """Unit as the file writes it, or None."""
+    samples: int
+    """Number of samples."""
+    values: Callable[[], FloatArray]
+    """Reads the samples in `unit`, shape [samples]; raises `InputError`."""
+    clock: Callable[[], Clock]
+    """Finds the clock; raises `InputError` if it is not known."""
+    place: Callable[[int], int | None] = lambda sample: None
+    """Line of the file on which a sample stands; None in a binary file."""
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What is in a recorder's file."""
+
+    path: Path
+    """The file."""
+    sha256: str
+    """SHA-256 of it, hex."""
+    channels: tuple[Channel, ...]
+    """Its channels, without the time columns."""
+    facts: Mapping[str, str]
+    """What was found: "format" and, of text, "encoding", "delimiter", "decimal", "header"."""
+    metadata: Mapping[str, str] = field(default_factory=dict)
+    """What else the file says, by its own keys."""
+
+
+def stated_clock(interval: float, start: float | None, source: str) -> Clock:
+    """A clock whose interval is known; a file without a start begins at 0."""
+    if start is None:
+        return Clock(0.0, interval, f"{source}; start 0, the file gives none")
+    return Clock(start, interval, source)
+
+
+def file_hash(path: Path, *, limit: int = BINARY_LIMIT) -> str:
+    """SHA-256 of a regular file of sensible size, hex.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, it is not a regular file, is empty, larger than `limit` bytes, or may not
+        be read.
+    """
+    try:
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):
+            raise InputError(path, "is not a file", cure="name the recorder's file")
+        if status.st_size == 0:
+            raise InputError(path, "is empty", cure="export it again")
+        if status.st_size > limit:
+            raise InputError(
+                path,
+                f"has {status.st_size / 1e6:.0f} MB, more than the {limit / 1e6:.0f} MB that are read",
+                cure="export the time span of the test only",
+            )
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except FileNotFoundError:
+        raise InputError(path, "there is no such file", cure="put it there or correct its name") from None
+    except OSError as error:
+        raise InputError(path, f"cannot be read ({error.strerror})") from None
+
+
+def head_of(path: Path, size: int = 4096) -> bytes:
+    """The first bytes of a file, for `sniff`; nothing if it cannot be read."""
+    try:
+        with path.open("rb") as stream:
+            return stream.read(size)
+    except OSError:
+        return b""
+
+
+def check_samples(path: Path, name: str, samples: int) -> None:
+    """Refuse a channel with more samples than are read, or fewer than two.
+
+    Raises
+    ------
+    InputError
+        With the number found.
+    """
+    if samples > SAMPLES_LIMIT:
+        raise InputError(
+            path,
+            f"channel '{name}' has {samples} samples, more than the {SAMPLES_LIMIT} that are read",
+            cure="export the time span of the test only",
+        )
+    if samples < 2:
+        raise InputError(
+            path, f"channel '{name}' has {samples} samples", cure="name a record, at least two samples long"
+        )

@@ -1,0 +1,103 @@
+"""Delimited text of any oscilloscope or recorder: metadata, names, units, samples."""
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+
+from kolsky.errors import InputError
+from kolsky.readers.contents import Contents, head_of
+from kolsky.readers.dialect import find_dialect
+from kolsky.readers.encoding import decode_text
+from kolsky.readers.layout import Layout
+from kolsky.readers.metalines import heading_keys, key_lines, names_by_key, uncommented
+from kolsky.readers.sheet import Sheet, first_samples, names_and_units
+from kolsky.readers.signaltable import signal_table
+from kolsky.readers.table import read_bytes
+
+SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".prn", "")
+
+
+def sniff(path: Path) -> bool:
+    """Whether a file may be delimited text: by its ending, and no zero bytes but those of UTF-16."""
+    head = head_of(path)
+    if path.suffix.lower() not in SUFFIXES or not head.strip():
+        return False
+    return head.count(0) == 0 or 0.4 < head.count(0) / len(head) < 0.6
+
+
+def read(path: Path, layout: Layout) -> Contents:
+    """Read a text file with any metadata above its samples.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, has no samples, or a stated layout does not fit.
+    """
+    data = read_bytes(path)
+    text, encoding = decode_text(path, data, layout.encoding)
+    facts = {"format": "delimited", "encoding": encoding}
+    return read_lines(path, hashlib.sha256(data).hexdigest(), lines_of(path, text), layout, facts)
+
+
+def lines_of(path: Path, text: str) -> list[str]:
+    """The lines of a text without empty ones at its end; lines end with LF, CR LF or CR.
+
+    Raises
+    ------
+    InputError
+        If there is nothing but blanks.
+    """
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    while lines and not lines[-1].strip():
+        lines.pop()
+    if not lines:
+        raise InputError(path, "is empty", cure="export it again")
+    return lines
+
+
+def read_lines(
+    path: Path,
+    sha256: str,
+    lines: list[str],
+    layout: Layout,
+    facts: Mapping[str, str],
+    *,
+    word: str = "line",
+) -> Contents:
+    """Channels and metadata of the lines of a text.
+
+    Parameters
+    ----------
+    path, sha256
+        The file and its hash.
+    lines
+        Its lines; a workbook's rows with tabs between their cells.
+    layout
+        What has been said of it.
+    facts
+        What has been found so far.
+    word
+        What a line is called in messages: "line" or "row".
+
+    Raises
+    ------
+    InputError
+        As `read`.
+    """
+    dialect = find_dialect(path, lines, delimiter=layout.delimiter, decimal=layout.decimal)
+    if dialect.delimiter == " ":
+        lines = [line.strip() for line in lines]
+    first = first_samples(path, lines, dialect, layout)
+    above = [uncommented(line, layout.comment) for line in lines[:first]]
+    names, units, found, headings = names_and_units(path, above, first, dialect, layout)
+    metadata = key_lines(dialect, [line for i, line in enumerate(above) if i not in headings])
+    metadata |= heading_keys(dialect, [above[i] for i in sorted(headings)])
+    names, units = names_by_key(metadata, dialect.numeric, names, units)
+    sheet = Sheet(path, dialect, lines[first:], first + 1, names, units, metadata, word)
+    return Contents(
+        path=path,
+        sha256=sha256,
+        channels=signal_table(sheet, layout).channels(),
+        facts={**facts, **dialect.facts, **found, "first samples": str(first + 1), "counted in": f"{word}s"},
+        metadata={key: ", ".join(fields) for key, fields in metadata.items()},
+    )

@@ -1,0 +1,154 @@
+"""How a text file of unknown make separates its columns, writes its numbers, and where its samples begin."""
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from kolsky.errors import InputError
+
+DELIMITERS = {"tab": "\t", "semicolon": ";", "comma": ",", "blanks": " "}
+"""Name -> character, in the order in which they are tried; "blanks" is any run of blanks and tabs."""
+
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
+_COMMA_NUMBER = re.compile(r"[+-]?(?:\d+,?\d*|,\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf)", re.IGNORECASE)
+_SAMPLED = 60
+"""Lines at the end of the file that the choice rests on."""
+_MOST = 0.8
+"""Share of them that must agree: one damaged line shall be named by its number, not change the choice."""
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How the lines of a file are to be taken apart."""
+
+    delimiter: str
+    """The character between columns; " " stands for any run of blanks and tabs."""
+    decimal: str
+    """"." or ","."""
+    fields: int
+    """Fields in a line of samples."""
+    numeric: tuple[int, ...]
+    """Which of them hold numbers, counted from 0."""
+    empty: tuple[int, ...] = ()
+    """Which of them hold nothing: behind a last delimiter, or below the keys of the header."""
+
+    def split(self, line: str) -> list[str]:
+        """The fields of a line, without quotes and outer blanks."""
+        if self.delimiter == " ":
+            return line.replace('"', "").split()
+        if '"' in line:
+            return [part.strip() for part in next(csv.reader([line], delimiter=self.delimiter), [])]
+        return [part.strip() for part in line.split(self.delimiter)]
+
+    def is_number(self, field: str) -> bool:
+        """Whether a field is a number in this dialect, NaN and infinity included."""
+        return bool((_NUMBER if self.decimal == "." else _COMMA_NUMBER).fullmatch(field))
+
+    def is_samples(self, line: str) -> bool:
+        """Whether a line has the form of a line of samples."""
+        parts = self.split(line)
+        if len(parts) != self.fields or any(parts[i] for i in self.empty):
+            return False
+        return all(self.is_number(parts[i]) for i in self.numeric)
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """Delimiter and decimal sign in words."""
+        name = next(name for name, character in DELIMITERS.items() if character == self.delimiter)
+        return {"delimiter": name, "decimal": self.decimal}
+
+
+def find_dialect(
+    path: Path, lines: Sequence[str], *, delimiter: str | None = None, decimal: str | None = None
+) -> Dialect:
+    """The dialect in which the most columns at the end of a file are numbers.
+
+    Parameters
+    ----------
+    path
+        The file, for messages.
+    lines
+        Its lines.
+    delimiter, decimal
+        What has been stated; the rest is found.
+
+    Raises
+    ------
+    InputError
+        If something stated is not allowed, or no column is numeric.
+    """
+    characters = _stated(path, "delimiter", delimiter, {**DELIMITERS, **{c: c for c in "\t;, "}})
+    decimals = _stated(path, "decimal", decimal, {".": ".", ",": ","})
+    filled = [line for line in lines[-4 * _SAMPLED :] if line.strip()][-_SAMPLED:]
+    found = [
+        dialect
+        for character in characters or DELIMITERS.values()
+        for sign in decimals or (".", ",")
+        if sign != character and (dialect := _columns(filled, character, sign)) is not None
+    ]
+    several = [d for d in found if d.fields > 1] or found
+    if delimiter is not None and found and found[0].fields == 1:
+        better = _other(filled, characters[0])
+        if better is not None:
+            name = better.facts["delimiter"]
+            raise InputError(
+                path,
+                f"has one field a line with the delimiter {delimiter!r}, {better.fields} with {name}",
+                line=len(lines),
+                cure=f'say delimiter = "{name}", or leave it out',
+            )
+    if not several:
+        raise InputError(
+            path,
+            "has no column of numbers"
+            + (f" with the delimiter {delimiter!r}" if delimiter is not None else "")
+            + (f" and the decimal sign {decimal!r}" if decimal is not None else ""),
+            line=len(lines),
+            cure="is it the recorder's file? if so, say delimiter and decimal in the layout",
+        )
+    # max() keeps the first of equals: the order of DELIMITERS.
+    return max(several, key=lambda d: (len(d.numeric) / d.fields, len(d.numeric)))
+
+
+def _columns(lines: Sequence[str], delimiter: str, decimal: str) -> Dialect | None:
+    """The columns that most of the lines have, if one of them is numeric."""
+    bare = Dialect(delimiter, decimal, 0, ())
+    rows = [bare.split(line) for line in lines]
+    counts = Counter(map(len, rows))
+    if not counts:
+        return None
+    fields, agreeing = counts.most_common(1)[0]
+    if agreeing < _MOST * len(rows):
+        return None
+    rows = [row for row in rows if len(row) == fields]
+    shares = [sum(bare.is_number(row[i]) for row in rows) / len(rows) for i in range(fields)]
+    filled = [sum(bool(row[i]) for row in rows) for i in range(fields)]
+    numeric = tuple(i for i, share in enumerate(shares) if share >= _MOST)
+    if not numeric:
+        return None
+    empty = tuple(i for i, count in enumerate(filled) if count == 0)
+    mostly = len(numeric) + len(empty) > fields / 2  # empty ones speak neither for nor against
+    return Dialect(delimiter, decimal, fields, numeric, empty) if mostly else None
+
+
+def _other(lines: Sequence[str], stated: str) -> Dialect | None:
+    """What the lines look like with another delimiter than the stated one."""
+    for character in DELIMITERS.values():
+        for decimal in (".", ","):
+            if character not in (stated, decimal):
+                dialect = _columns(lines, character, decimal)
+                if dialect is not None and dialect.fields > 1:
+                    return dialect
+    return None
+
+
+def _stated(path: Path, what: str, value: str | None, allowed: dict[str, str]) -> tuple[str, ...]:
+    if value is None:
+        return ()
+    if value not in allowed:
+        names = ", ".join(f'"{name}"' for name in allowed if name.strip())
+        raise InputError(path, f"is said to have the {what} {value!r}", allowed=f"one of {names}")
+    return (allowed[value],)

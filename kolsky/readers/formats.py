@@ -1,0 +1,43 @@
+"""The formats of recorders' files, in the order in which a file is tried."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Protocol
+
+from kolsky.readers import (
+    delimited,
+    excel,
+    hdf5,
+    labview_lvm,
+    lanl_raw,
+    matlab,
+    scope_binary,
+    tdms,
+    tektronix_csv,
+)
+from kolsky.readers.contents import Contents
+from kolsky.readers.layout import Layout
+
+
+class RecorderFormat(Protocol):
+    """What a module offers that reads one format."""
+
+    def sniff(self, path: Path) -> bool:
+        """Whether a file looks like this format, by its ending and first bytes."""
+
+    def read(self, path: Path, layout: Layout) -> Contents:
+        """Its channels; raises `InputError`."""
+
+
+FORMATS: Mapping[str, RecorderFormat] = {
+    "excel": excel,
+    "tdms": tdms,
+    "matlab": matlab,
+    "hdf5": hdf5,
+    "lvm": labview_lvm,
+    "tektronix": tektronix_csv,
+    "lanl": lanl_raw,
+    "scope": scope_binary,
+    "delimited": delimited,
+}
+"""Name -> module; text of any make comes last."""

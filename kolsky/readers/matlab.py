@@ -1,0 +1,118 @@
+"""MATLAB .mat: plain numeric arrays of versions 4 to 7 (SciPy) and 7.3 (an HDF5 file).
+
+Objects, functions, cells and structures are not opened: save the signals as plain arrays. The scalars of
+PicoScope and of most scripts give the clock: Tinterval and Tstart, dt and t0, fs.
+"""
+
+from pathlib import Path
+from typing import Any
+
+from kolsky.errors import InputError
+from kolsky.readers.arrays import NamedArray, array_channels, column_of, columns_of
+from kolsky.readers.contents import SAMPLES_LIMIT, Contents, FloatArray, file_hash, head_of
+from kolsky.readers.hdf5 import inside
+from kolsky.readers.layout import Layout
+
+_NUMERIC = (
+    "double", "single", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64",
+)  # fmt: skip
+_HDF5_OFFSET = 512
+"""A 7.3 file has its HDF5 signature behind a header of text."""
+
+
+def sniff(path: Path) -> bool:
+    """Whether a file says it is MATLAB's, or ends in .mat."""
+    return head_of(path, 10).startswith(b"MATLAB") or path.suffix.lower() == ".mat"
+
+
+def read(path: Path, layout: Layout) -> Contents:
+    """Read the numeric arrays of a file.
+
+    Raises
+    ------
+    InputError
+        If it is no .mat file or damaged, or holds nothing but objects, cells or structures.
+    """
+    sha256 = file_hash(path)
+    head = head_of(path, _HDF5_OFFSET + 8)
+    if head[_HDF5_OFFSET:].startswith(b"\x89HDF") or head.startswith(b"\x89HDF"):
+        arrays, scalars, _ = inside(path)
+        arrays = [
+            NamedArray(a.name.removeprefix("/"), a.samples, a.values, a.unit, a.keys)
+            for a in arrays
+            if a.name.count("/") == 1
+        ]
+        scalars = {name.removeprefix("/"): value for name, value in scalars.items()}
+        others: list[str] = []
+        version = "7.3"
+    else:
+        arrays, scalars, others = _old(path)
+        version = "4 to 7"
+    if not arrays:
+        raise InputError(
+            path,
+            "holds no numeric array" + (f", but {', '.join(others[:8])}" if others else ""),
+            cure="save the signals as plain arrays: save('shot.mat', 'time', 'ch1', 'ch2')",
+        )
+    return Contents(
+        path=path,
+        sha256=sha256,
+        channels=array_channels(path, arrays, scalars, layout),
+        facts={
+            "format": "matlab",
+            "version": version,
+            **({"not opened": ", ".join(others)} if others else {}),
+        },
+        metadata={name: f"{value:.12g}" for name, value in scalars.items()},
+    )
+
+
+def _old(path: Path) -> tuple[list[NamedArray], dict[str, float], list[str]]:
+    """Arrays, scalars, and what is neither with its class, of a file before 7.3."""
+    from scipy.io import whosmat
+
+    try:
+        variables = whosmat(str(path))
+    except Exception as error:  # SciPy lets whatever a damaged header leads to through
+        raise _damaged(path, error) from None
+    arrays, scalars, others = [], {}, []
+    for name, shape, kind in variables:
+        size = 1
+        for n in shape:
+            size *= int(n)
+        if kind not in _NUMERIC:
+            others.append(f"{name} ({kind})")
+        elif size > SAMPLES_LIMIT:
+            raise InputError(
+                path,
+                f"'{name}' has {size} numbers, more than the {SAMPLES_LIMIT} that are read",
+                cure="save the time span of the test only",
+            )
+        elif size == 1:
+            scalars[name] = float(_load(path, name).ravel()[0].real)
+        else:
+            for column_name, samples, column in columns_of(name, tuple(shape)):
+
+                def values(name: str = name, column: int | None = column) -> FloatArray:
+                    array = _load(path, name)
+                    if array.dtype.kind not in "fiu":
+                        raise InputError(path, f"'{name}' is not real", cure="save real arrays")
+                    return column_of(array, column)
+
+                arrays.append(NamedArray(column_name, samples, values))
+    return arrays, scalars, others
+
+
+def _load(path: Path, name: str) -> Any:
+    from scipy.io import loadmat
+
+    try:
+        return loadmat(str(path), variable_names=[name])[name]
+    except Exception as error:
+        raise _damaged(path, error) from None
+
+
+def _damaged(path: Path, error: Exception) -> InputError:
+    return InputError(
+        path, f"is not a .mat file that can be read ({error})", cure="copy it again; it may be cut off"
+    )

@@ -1,0 +1,167 @@
+"""Channels of a recorder's file, by name: found, judged, in SI units, on an exactly uniform clock."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from kolsky.errors import InputError
+from kolsky.readers import judge
+from kolsky.readers.contents import Channel, Contents
+from kolsky.readers.formats import FORMATS
+from kolsky.readers.layout import ChannelInfo, Layout
+from kolsky.readers.signalunits import si_unit
+from kolsky.records import Recording
+
+_FOUND = Layout()
+
+
+def read_recordings(path: Path, channels: Sequence[str], *, layout: Layout = _FOUND) -> dict[str, Recording]:
+    """Read channels of a recorder's file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    channels
+        Names of channels as the file has them, or their numbers ("2").
+    layout
+        What is said about the file; the rest is found in it.
+
+    Returns
+    -------
+    dict
+        A recording for each name asked for: samples in the SI unit that belongs to the file's or the stated
+        unit, at ``start + i * interval``.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is cut off, or a channel is missing, holds anything but finite numbers,
+        never changes or is clipped; if its unit or its times are not known, or its time column is rounded.
+    """
+    contents = read_contents(path, layout=layout)
+    return {name: _recording(contents, _find(contents, name), layout) for name in channels}
+
+
+def list_channels(path: Path, *, layout: Layout = _FOUND) -> list[ChannelInfo]:
+    """What a file has, without judging its samples; a channel without a known clock says why.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    contents = read_contents(path, layout=layout)
+    return [_info(contents, channel) for channel in contents.channels]
+
+
+def read_contents(path: Path, *, layout: Layout = _FOUND) -> Contents:
+    """The channels of a file before anything is asked of them, with facts and metadata.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or is of no known format.
+    """
+    _check_layout(path, layout)
+    if layout.format is not None:
+        return FORMATS[layout.format].read(path, layout)
+    if not path.is_file():
+        raise InputError(path, "there is no such file", cure="put it there or correct its name")
+    for form in FORMATS.values():
+        if form.sniff(path):
+            return form.read(path, layout)
+    raise InputError(
+        path, "is of no known format", cure=f"say its format in the layout: {', '.join(FORMATS)}"
+    )
+
+
+def _check_layout(path: Path, layout: Layout) -> None:
+    if layout.format is not None and layout.format not in FORMATS:
+        raise InputError(
+            path, f"is said to have the format '{layout.format}'", allowed=f"one of {', '.join(FORMATS)}"
+        )
+    if layout.interval is not None and not 0.0 < layout.interval < float("inf"):
+        raise InputError(path, f"is said to have the interval {layout.interval} s", allowed="> 0 s")
+    if layout.start is not None and not np.isfinite(layout.start):
+        raise InputError(path, f"is said to start at {layout.start} s", allowed="finite")
+    if layout.full_scale is not None and not 0.0 < layout.full_scale < float("inf"):
+        raise InputError(path, f"is said to have the full scale {layout.full_scale}", allowed="> 0")
+
+
+def _find(contents: Contents, wanted: str) -> Channel:
+    named = [channel for channel in contents.channels if channel.name == wanted]
+    if not named and wanted.isdecimal():
+        named = [channel for channel in contents.channels if channel.number == int(wanted)]
+    if len(named) == 1:
+        return named[0]
+    if named:
+        numbers = ", ".join(str(channel.number) for channel in named)
+        raise InputError(
+            contents.path, f"has {len(named)} channels '{wanted}'", cure=f"ask by number: {numbers}"
+        )
+    names = ", ".join(f"'{channel.name}'" for channel in contents.channels[:20])
+    raise InputError(
+        contents.path,
+        f"channel '{wanted}' is missing; the channels are {names}",
+        cure="correct the name, or give its number; `kolsky channels FILE` shows what was found",
+    )
+
+
+def _recording(contents: Contents, channel: Channel, layout: Layout) -> Recording:
+    unit, factor = _unit(contents, channel, layout)
+    raw = channel.values()
+    judge.finite(contents.path, channel, raw)
+    judge.changing(contents.path, channel, raw)
+    value = raw * factor
+    judge.unclipped(contents.path, channel, value, unit, layout.full_scale)
+    return Recording(
+        time=channel.clock().times(channel.samples),
+        value=value,
+        channel=channel.name,
+        unit=unit,
+        path=contents.path,
+        sha256=contents.sha256,
+    )
+
+
+def _unit(contents: Contents, channel: Channel, layout: Layout) -> tuple[str, float]:
+    """SI unit and factor of a channel."""
+    text = layout.unit if layout.unit is not None else channel.unit
+    if text is None:
+        raise InputError(
+            contents.path,
+            f"does not say the unit of channel '{channel.name}'",
+            cure='say it in the layout: unit = "V"',
+        )
+    known = si_unit(text)
+    if known is None:
+        raise InputError(
+            contents.path,
+            f"channel '{channel.name}' has the unit '{text}'",
+            allowed='a unit such as "V", "mV", "N", "Pa", "strain"',
+            cure='say it in the layout: unit = "mV"',
+        )
+    return known
+
+
+def _info(contents: Contents, channel: Channel) -> ChannelInfo:
+    try:
+        clock = channel.clock()
+    except InputError as error:
+        start, interval = None, None
+        words = error.message if error.cure is None else f"{error.message}. Cure: {error.cure}"
+    else:
+        start, interval, words = clock.start, clock.interval, clock.source
+    return ChannelInfo(
+        name=channel.name,
+        number=channel.number,
+        unit=channel.unit,
+        samples=channel.samples,
+        start=start,
+        interval=interval,
+        time=words,
+        facts=contents.facts,
+        metadata=contents.metadata,
+    )

@@ -1,0 +1,190 @@
+"""Binary files of oscilloscopes, through RigolWFM (https://github.com/scottprahl/RigolWFM).
+
+Tektronix .wfm and .isf, LeCroy .trc, Yokogawa .wfm and .hdr/.wvf, Rohde & Schwarz RTP .bin, Keysight .bin,
+Rigol .wfm and .bin, Siglent .bin; the make is told from the first bytes.
+"""
+
+import contextlib
+import gc
+import hashlib
+import io
+import re
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kolsky.errors import InputError
+from kolsky.readers.contents import Channel, Clock, Contents, check_samples, file_hash, head_of
+from kolsky.readers.layout import Layout
+
+SUFFIXES = (".wfm", ".isf", ".trc", ".hdr", ".wvf", ".bin")
+SCOPE_LIMIT = 400_000_000
+"""Largest file that is read [bytes]."""
+
+
+def sniff(path: Path) -> bool:
+    """Whether a file has the ending of a scope's binary file; `read` tells the make."""
+    return path.suffix.lower() in SUFFIXES
+
+
+def read(path: Path, layout: Layout) -> Contents:
+    """Read all channels of a file.
+
+    Raises
+    ------
+    InputError
+        If RigolWFM is missing, the make is not known, the file is damaged or cut off, or declares XML
+        entities.
+    """
+    sha256 = file_hash(path, limit=SCOPE_LIMIT)
+    companion = _companion(path)
+    if companion is not None:
+        sha256 = hashlib.sha256((sha256 + file_hash(companion, limit=SCOPE_LIMIT)).encode()).hexdigest()
+    _refuse_entities(path)
+    _check_curve(path)
+    _check_yokogawa(path)
+    waveform, problem = _parsed(path)
+    if problem:
+        raise InputError(
+            path,
+            f"is not a scope's file that can be read ({problem})",
+            cure="is it complete? if so, export the record as CSV",
+        )
+    if not waveform.channels:
+        raise InputError(path, "has no analogue channel", cure="export a channel")
+    facts = {
+        "format": "scope",
+        "make": str(waveform.header_name),
+        "parser": str(waveform.parser_name),
+        **({} if companion is None else {"samples in": companion.name, "sha256": "of both files' hashes"}),
+        **({"frames": f"1 of {waveform.frame_count}"} if waveform.frame_count > 1 else {}),
+    }
+    channels = tuple(_channel(path, channel, layout) for channel in waveform.channels)
+    return Contents(path, sha256, channels, facts)
+
+
+def _companion(path: Path) -> Path | None:
+    """The file beside a header that has the samples (Rohde & Schwarz, Yokogawa .hdr)."""
+    names = (path.with_suffix(".Wfm.bin"), path.with_suffix(".wvf"), path.with_suffix(".WVF"))
+    return next((name for name in names if name != path and name.is_file()), None)
+
+
+def _parsed(path: Path) -> tuple[Any, str]:
+    """What the library makes of a file, or why it does not."""
+    try:
+        from RigolWFM.wfm import Wfm
+    except ImportError:
+        raise InputError(path, "needs RigolWFM", cure="pip install 'kolsky[scopes]'") from None
+    said = io.StringIO()
+    waveform, problem = None, ""
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            waveform = Wfm.from_file(str(path))
+        except Exception as error:  # its parsers let whatever damaged bytes lead to through
+            problem = " ".join(str(error).split())[:200] or type(error).__name__
+        gc.collect()  # some of its parsers leave the file open
+    return waveform, problem
+
+
+def _channel(path: Path, channel: Any, layout: Layout) -> Channel:
+    header = channel.waveform.header
+    volts = np.asarray(channel.volts, dtype=np.float64)
+    name = str(channel.name).replace(" ", "")
+    samples = volts.size
+    check_samples(path, name, samples)
+    _check_count(path, name, header, samples)
+
+    def clock() -> Clock:
+        start = float(channel.times[0]) if layout.start is None else layout.start
+        if layout.interval is not None:
+            return Clock(start, layout.interval, "stated; start from the header")
+        shown = float(channel.times[1] - channel.times[0])
+        increments = getattr(header, "x_increments", None)
+        own = increments[channel.channel_number - 1] if isinstance(increments, list) else None
+        interval = _shortest(float(own if own is not None else header.seconds_per_point))
+        # RigolWFM stretches some makes' times over n - 1 steps where they have n.
+        if not interval > 0.0 or abs(shown - interval) > 1.5 / (samples - 1) * interval + 1e-9 * interval:
+            raise InputError(
+                path,
+                f"channel '{name}' has the interval {interval:.6g} s in its header and {shown:.6g} s in its"
+                " times",
+                cure='state it in the layout: interval = "10 ns"',
+            )
+        return Clock(start, interval, "header")
+
+    return Channel(
+        name=name,
+        number=channel.channel_number,
+        unit=_unit(channel),
+        samples=samples,
+        values=lambda: volts,
+        clock=clock,
+    )
+
+
+def _shortest(interval: float) -> float:
+    """An interval that the file holds in single precision, as the shortest number that it can mean."""
+    single = np.float32(interval)
+    return float(str(single)) if float(single) == interval else interval
+
+
+def _unit(channel: Any) -> str | None:
+    """The unit of a channel; the library tells volts, amperes, watts and "unknown"."""
+    name = str(getattr(channel.unit, "name", "")).upper()
+    return name if name in ("V", "A") else None
+
+
+def _check_count(path: Path, name: str, header: Any, samples: int) -> None:
+    """Refuse a record that is shorter than its header says; the library passes some of them on."""
+    promised = getattr(header, "n_pts", samples)
+    if isinstance(promised, int) and samples < promised:
+        raise InputError(
+            path,
+            f"channel '{name}' ends after {samples} of {promised} samples",
+            cure="the file is cut off; copy it again",
+        )
+
+
+def _check_curve(path: Path) -> None:
+    """Refuse an .isf file whose curve ("#510000..." and that many bytes) is cut off; the library does not."""
+    if path.suffix.lower() != ".isf":
+        return
+    head = head_of(path, 4096)
+    mark = head.find(b"#", head.find(b":CURV"))
+    digits = int(head[mark + 1 : mark + 2]) if head[mark + 1 : mark + 2].isdigit() else 0
+    count = head[mark + 2 : mark + 2 + digits]
+    if head.find(b":CURV") < 0 or mark < 0 or not digits or not count.isdigit():
+        raise InputError(path, "has no curve", cure="the file is cut off; copy or export it again")
+    there = path.stat().st_size - (mark + 2 + digits)
+    if there < int(count):
+        raise InputError(
+            path,
+            f"ends after {there} of {int(count)} bytes of its curve",
+            cure="it is cut off; copy it again",
+        )
+
+
+def _check_yokogawa(path: Path) -> None:
+    """Refuse a Yokogawa .wfm whose samples reach into its header: the library counts them from the end."""
+    head = head_of(path, 4096)
+    count, width = (re.search(rb"\b" + key + rb":\s*(\d+)", head) for key in (b"NR_PT", b"BYT"))
+    if path.suffix.lower() != ".wfm" or count is None or width is None:
+        return
+    second_line = head.find(b"\n", head.find(b"\n") + 1) + 1
+    missing = second_line + int(count[1]) * int(width[1]) - path.stat().st_size
+    if missing > 0:
+        raise InputError(path, f"lacks {missing} bytes of its samples", cure="it is cut off; copy it again")
+
+
+def _refuse_entities(path: Path) -> None:
+    """Rohde & Schwarz keep their header in XML; none of them declares an entity."""
+    if not head_of(path, 64).lstrip(b"\xef\xbb\xbf").startswith(b"<?xml"):
+        return
+    if path.stat().st_size > 20_000_000:
+        raise InputError(path, "is an XML header of more than 20 MB", cure="export the record as CSV")
+    data = path.read_bytes()
+    if b"<!DOCTYPE" in data or b"<!ENTITY" in data or b"\0" in data:
+        raise InputError(path, "declares XML entities", cure="export the record as CSV")

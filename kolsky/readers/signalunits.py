@@ -1,0 +1,67 @@
+"""Units as instruments write them."""
+
+import re
+from pathlib import Path
+
+from kolsky.errors import InputError
+
+_PREFIXES = {"": 1.0, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3, "M": 1e6}
+_WORDS = {
+    "volt": "V", "volts": "V", "millivolt": "mV", "millivolts": "mV", "microvolts": "uV",
+    "sec": "s", "secs": "s", "second": "s", "seconds": "s", "sekunden": "s", "sekunde": "s",
+    "msec": "ms", "millisecond": "ms", "milliseconds": "ms",
+    "usec": "us", "µsec": "us", "microsecond": "us", "microseconds": "us",
+    "nsec": "ns", "nanosecond": "ns", "nanoseconds": "ns",
+    "newton": "N", "newtons": "N", "pascal": "Pa", "ampere": "A", "amp": "A", "amps": "A",
+    "strain": "1", "m/m": "1", "ustrain": "uε", "microstrain": "uε", "µstrain": "uε", "me": "mε",
+    "με": "uε", "µε": "uε", "%": "%",
+}  # fmt: skip
+_BASES = {"V": "V", "s": "s", "N": "N", "Pa": "Pa", "A": "A", "C": "C", "ε": "1", "m/s": "m/s"}
+_PLAIN = {"1": ("1", 1.0), "-": ("1", 1.0), "%": ("1", 1e-2), "m/s^2": ("m/s^2", 1.0), "m/s²": ("m/s^2", 1.0)}
+_BRACKETS = re.compile(r"(.*?)\s*[(\[]\s*([^()\[\]]+?)\s*[)\]]\s*")
+_SLASH = re.compile(r"(.*\S)\s*/\s*(\S+)")
+
+
+def si_unit(text: str) -> tuple[str, float] | None:
+    """The SI unit and the factor to it of a unit as instruments write it; None if it is not known.
+
+    "mV" is ("V", 1e-3), "Volts" ("V", 1.0), "µs" ("s", 1e-6).
+    """
+    plain = text.strip().strip("()[]").strip()
+    plain = _WORDS.get(plain.lower(), plain)
+    if plain in _PLAIN:
+        return _PLAIN[plain]
+    for base, unit in _BASES.items():
+        prefix = plain.removesuffix(base)
+        if plain.endswith(base) and prefix in _PREFIXES:
+            return unit, _PREFIXES[prefix]
+    return None
+
+
+def split_unit(heading: str) -> tuple[str, str | None]:
+    """Name and unit of a column heading such as "CH1 (mV)", "Time [s]" or "Time/s"; None without a unit."""
+    match = _BRACKETS.fullmatch(heading) or _SLASH.fullmatch(heading)
+    if match is not None and si_unit(match.group(2)) is not None:
+        return match.group(1).strip(), match.group(2)
+    return heading.strip(), None
+
+
+def time_factor(path: Path, unit: str | None, what: str) -> float:
+    """Seconds per unit of a time.
+
+    Raises
+    ------
+    InputError
+        If the unit is not stated or is no unit of time.
+    """
+    if unit is None:
+        raise InputError(path, f"{what} has no unit", cure='say it in the layout: time_unit = "s"')
+    known = si_unit(unit)
+    if known is None or known[0] != "s":
+        raise InputError(
+            path,
+            f"{what} has the unit '{unit}'",
+            allowed='a unit of time: "s", "ms", "us", "ns"',
+            cure='say it in the layout: time_unit = "s"',
+        )
+    return known[1]

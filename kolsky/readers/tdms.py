@@ -1,0 +1,127 @@
+"""National Instruments TDMS, through npTDMS (https://github.com/adamreeve/npTDMS)."""
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kolsky.errors import InputError
+from kolsky.readers.contents import (
+    Channel,
+    Clock,
+    Contents,
+    FloatArray,
+    check_samples,
+    file_hash,
+    head_of,
+    stated_clock,
+)
+from kolsky.readers.layout import Layout
+from kolsky.readers.timecolumn import array_clock
+
+
+def sniff(path: Path) -> bool:
+    """Whether a file begins with the tag of a TDMS segment."""
+    return head_of(path, 4) == b"TDSm"
+
+
+def read(path: Path, layout: Layout) -> Contents:
+    """Read all numeric channels; a channel's name is "group/channel".
+
+    Raises
+    ------
+    InputError
+        If npTDMS is missing, the file is damaged or its last segment is cut off, or it has no channel of
+        numbers.
+    """
+    try:
+        from nptdms import TdmsFile
+    except ImportError:
+        raise InputError(path, "needs npTDMS", cure="pip install 'kolsky[tdms]'") from None
+    sha256 = file_hash(path)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            with TdmsFile.open(str(path)) as file:
+                incomplete = file.file_status.incomplete_final_segment
+                metadata = {str(k): str(v)[:500] for k, v in file.properties.items()}
+                found = [
+                    (f"{group.name}/{channel.name}", len(channel), dict(channel.properties), channel.dtype)
+                    for group in file.groups()
+                    for channel in group.channels()
+                ]
+    except Exception as error:  # npTDMS lets whatever damaged bytes lead to through
+        raise _damaged(path, error) from None
+    if incomplete:
+        raise InputError(path, "ends inside a segment", cure="the file is cut off; copy it again")
+    numeric = [entry for entry in found if np.dtype(entry[3]).kind in "fiu" and entry[1] > 0]
+    if not numeric:
+        raise InputError(
+            path,
+            f"has no numeric channel; it has {[name for name, *_ in found][:20]}",
+            cure="save the record again",
+        )
+    times = [name for name, *_ in numeric if name == layout.time]
+    if layout.time is not None and not times:
+        raise InputError(path, f"has no channel '{layout.time}'", cure="correct time in the layout")
+    channels = [
+        _channel(path, name, number, samples, properties, layout)
+        for number, (name, samples, properties, _) in enumerate(numeric, start=1)
+        if name not in times
+    ]
+    return Contents(path, sha256, tuple(channels), {"format": "tdms"}, metadata)
+
+
+def _channel(
+    path: Path, name: str, number: int, samples: int, properties: dict[str, Any], layout: Layout
+) -> Channel:
+    check_samples(path, name, samples)
+
+    def clock() -> Clock:
+        interval = layout.interval if layout.interval is not None else properties.get("wf_increment")
+        start = layout.start if layout.start is not None else properties.get("wf_start_offset")
+        if interval is None and layout.time is not None:
+            times = _values(path, str(layout.time))
+
+            def fault(message: str, sample: int | None, cure: str) -> InputError:
+                return InputError(path, message, cure=cure)
+
+            return array_clock(times, name=str(layout.time), fault=fault)
+        if interval is None:
+            raise InputError(
+                path, f"channel '{name}' has no wf_increment", cure='say in the layout interval = "100 ns"'
+            )
+        if not 0.0 < float(interval) < float("inf"):
+            raise InputError(path, f"channel '{name}' says wf_increment = {interval}", allowed="> 0 s")
+        source = "stated" if layout.interval is not None else "wf_increment, wf_start_offset"
+        return stated_clock(float(interval), None if start is None else float(start), source)
+
+    unit = properties.get("unit_string") or properties.get("NI_UnitDescription")
+    return Channel(
+        name=name,
+        number=number,
+        unit=str(unit) if unit else None,
+        samples=samples,
+        values=lambda: _values(path, name),
+        clock=clock,
+    )
+
+
+def _values(path: Path, name: str) -> FloatArray:
+    """Scaled samples of a channel."""
+    from nptdms import TdmsFile
+
+    try:
+        with TdmsFile.open(str(path)) as file:
+            for group in file.groups():
+                for channel in group.channels():
+                    if f"{group.name}/{channel.name}" == name:
+                        return np.asarray(channel[:], dtype=np.float64)
+    except Exception as error:
+        raise _damaged(path, error) from None
+    raise InputError(path, f"has no channel '{name}'", cure="correct its name")
+
+
+def _damaged(path: Path, error: Exception) -> InputError:
+    return InputError(path, f"is not a TDMS file that can be read ({error})", cure="copy it again")

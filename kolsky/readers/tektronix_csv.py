@@ -1,0 +1,72 @@
+"""CSV of Tektronix TDS, TPS and MDO oscilloscopes with keys in columns 1 to 3 beside time and volts.
+
+"Record Length,2.500000e+03,,-0.00050000,0.10400," and so on; the first lines have keys, the others begin with
+three empty fields. Several channels of one capture come as several such blocks side by side.
+"""
+
+from pathlib import Path
+
+from kolsky.readers.beside import check_width, keys_beside, read_text
+from kolsky.readers.contents import Channel, Contents, head_of
+from kolsky.readers.dialect import Dialect
+from kolsky.readers.headerclock import bare_key
+from kolsky.readers.layout import Layout
+from kolsky.readers.sheet import Sheet
+from kolsky.readers.signaltable import SignalTable
+
+_BLOCK = 5
+"""Columns of a block: key, value, unit, time, volts; exports end each line of a block with a comma or not."""
+
+_KEYED = 40
+"""Lines that may have keys."""
+
+
+def sniff(path: Path) -> bool:
+    """Whether the first line has the key "Record Length" and, beside it, time and volts."""
+    line = head_of(path, 1024).split(b"\n")[0].decode("latin-1")
+    named = line.lower().lstrip('"').startswith("record length")
+    return named and line.count(",") >= _BLOCK - 1 and _pair(line)
+
+
+def read(path: Path, layout: Layout) -> Contents:
+    """Read all blocks of a file.
+
+    Raises
+    ------
+    InputError
+        If a line has fewer fields than the first block needs.
+    """
+    sha256, lines, encoding = read_text(path, layout)
+    fields = lines[0].count(",") + 1
+    check_width(path, lines, ",", fields)
+    cells = [[part.strip() for part in line.split(",")] for line in lines[:_KEYED]]
+    channels: list[Channel] = []
+    metadata: dict[str, str] = {}
+    starts = [i for i, cell in enumerate(cells[0]) if bare_key(cell) == "recordlength"]
+    blocks = [start for start in starts if start + _BLOCK <= fields]
+    for number, start in enumerate(blocks):
+        keys = keys_beside([row[start : start + 3] for row in cells])
+        metadata |= {f"{key} [{number + 1}]" if number else key: ", ".join(v) for key, v in keys.items()}
+        bare = {bare_key(key): values[0] for key, values in keys.items() if values}
+        names = [str(i + 1) for i in range(fields)]
+        units: list[str | None] = [None] * fields
+        time, volts = start + 3, start + 4
+        names[volts] = bare.get("source", f"CH{number + 1}")
+        names[time] = f"{names[volts]} time"
+        units[time], units[volts] = bare.get("horizontalunits", "s"), bare.get("verticalunits")
+        dialect = Dialect(",", ".", fields, (time, volts))
+        sheet = Sheet(path, dialect, lines, 1, tuple(names), tuple(units), keys)
+        channels += SignalTable(sheet, layout, (time,)).channels()
+    facts = {
+        "format": "tektronix",
+        "encoding": encoding,
+        "delimiter": "comma",
+        "header": "beside samples",
+    }
+    return Contents(path=path, sha256=sha256, channels=tuple(channels), facts=facts, metadata=metadata)
+
+
+def _pair(line: str) -> bool:
+    """Whether fields 4 and 5 are numbers."""
+    cells = [part.strip() for part in line.split(",")]
+    return all(Dialect(",", ".", 0, ()).is_number(cell) for cell in cells[3:5])
