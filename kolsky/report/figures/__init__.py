@@ -42,7 +42,6 @@ SURFACES: dict[str, FigureKind[Any]] = {
         lost_points,
         kymograph,
         flyer_motion,
-    flyer_test,
         flight_of_view,
         speckle_overlay,
     )
