@@ -6,9 +6,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from barrecord import BAR, DAMPING, END, FACTOR, INTERVAL, MODULUS, POISSON, SPECIMEN, curve, truth
 from typer.testing import CliRunner
 
-from barrecord import BAR, DAMPING, END, FACTOR, INTERVAL, MODULUS, POISSON, SPECIMEN, curve, truth
 from kolsky.cli import app
 from kolsky.waves.propagation import propagate
 from kolsky.waves.records import Signal
