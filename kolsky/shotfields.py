@@ -39,6 +39,11 @@ def seconds(text: object) -> float:
     return _physical("s")(text)
 
 
+def length(text: object) -> float:
+    """A written-out length of any sign [m]; a validator to build others on."""
+    return _physical("m")(text)
+
+
 def _factor(unit: str) -> Callable[[object], float]:
     """A validator for the unit of a column."""
     words, example = DIMENSIONS[unit]

@@ -10,13 +10,30 @@ from elastic_layer import ALUMINIUM, Layer, elastic
 from kolsky.apparatus import Bar
 from kolsky.waves.combine import BarWaves
 from kolsky.waves.faces import face_waves
+from kolsky.waves.polymer_waveguide import PronyModulus, ViscoelasticWaveguide
 from kolsky.waves.propagation import propagate
 from kolsky.waves.records import BarSignal, FaceWaves, Signal
 from kolsky.waves.reduction import ANALYSES, reduce
-from kolsky.waves.waveguide import ElasticWaveguide, PronyModulus, ViscoelasticWaveguide
+from kolsky.waves.waveguide import ElasticWaveguide
 from kolsky.waves.windows import find_windows
 
-SCENE = Layer(first=ALUMINIUM, gauges=(0.7, 0.5), rise=30e-6)
+
+class Rounded(Layer):
+    """Flanks of a raised cosine: kinks would have to leave their gauge long before the pulse."""
+
+    def pulse(self, time):
+        up, down = (np.clip((time - at) / self.rise, 0, 1) for at in (0.0, self.rise + self.hold))
+        return self.sign * self.peak * 0.5 * (np.cos(pi * down) - np.cos(pi * up))
+
+    def impulse(self, time):
+        def flank(t):
+            u = np.clip(t / self.rise, 0, 1)
+            return self.rise * (0.5 * u - np.sin(pi * u) / (2 * pi)) + np.maximum(t - self.rise, 0)
+
+        return self.sign * self.peak * (flank(time) - flank(time - self.rise - self.hold))
+
+
+SCENE = Rounded(first=ALUMINIUM, gauges=(0.7, 0.5), rise=20e-6, modulus=20e9)
 GUIDES = (ElasticWaveguide(SCENE.first), ElasticWaveguide(SCENE.second))
 
 
@@ -33,7 +50,7 @@ def dispersed_signals(scene, guides, interval=0.1e-6):
         for wave, guide, way in parts:
             face = Signal(time[0], interval, wave(time) / elastic(bar), 0.0, "1")
             total += propagate(face, guide, way, start=time[0], samples=time.size).value
-        kept = (time > -270e-6) & (time < 270e-6)  # before the transmission bar's end answers
+        kept = (time > -270e-6) & (time < 340e-6)  # nothing returns from the far ends
         strain = Signal(float(time[kept][0]), interval, total[kept], 0.0, "1", f"{side} gauge")
         stations.append(BarSignal(strain, bar, x, side))
     return tuple(stations)
@@ -46,18 +63,18 @@ def test_dispersion_is_taken_out():
     arrival = -SCENE.gauges[0] / SCENE.first.wave_speed
     right = reduce(face_waves(*signals, windows, guides=GUIDES, arrival=arrival), SCENE.specimen)
     plain = reduce(face_waves(*signals, windows, arrival=arrival), SCENE.specimen)
-    inside = (right.time > 0.0) & (right.time < 150e-6)  # the pulse; windows fade beyond it
+    inside = (right.time > 0.0) & (right.time < 140e-6)  # the pulse
     t = right.time[inside]
     front = SCENE.pulse(t) + SCENE.reflected(t)
 
     def off(r):
         return np.abs(r.front_force.value[inside] - front).max() / SCENE.peak
 
-    # The band ends at omega a / c0 = 2, 180 kHz: a kink of the trapezoid is rounded over 2 us of 30 us.
-    assert off(right) < 0.015
-    assert off(plain) > 4 * off(right)
+    # What the band's end, omega a / c0 = 2, leaves out of flanks of 20 us, and the fades of the windows.
+    assert off(right) < 3e-3
+    assert off(plain) > 0.03
     strain, exact = right.strain["three waves"].value[inside], SCENE.strain(t)
-    assert np.abs(strain - exact).max() < 2e-3 * exact.max()
+    assert np.abs(strain - exact).max() < 1e-3 * exact.max()
 
 
 def test_guides_without_dispersion_change_nothing():
@@ -105,11 +122,12 @@ def test_forces_of_a_viscoelastic_bar():
     both = BarWaves(mirrored, (guide, guide))
     speed = both.combined((0.0, both.stiffness_1 / both.impedance_1, 0.0), "m/s").value
     reduced = reduce(mirrored, SCENE.specimen, guides=(guide, guide))
-    np.testing.assert_allclose(reduced.rate["one wave"].value, -2 * speed / SCENE.specimen.length)
+    np.testing.assert_allclose(reduced.rate["one wave"].value, -2 * speed / SCENE.specimen.length, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_noise_below_a_band():
-    """Scatter of 120 noisy records through dispersive bars: samples, strains and means against their sigmas."""
+    """Scatter of 120 noisy records through dispersive bars: samples and strains against their sigmas."""
     clean = dispersed_signals(replace(SCENE, hold=60e-6), GUIDES, interval=0.2e-6)
     windows = find_windows(*clean)
     rng = np.random.default_rng(4)

@@ -229,7 +229,7 @@ def test_what_dices_simulated_dots_differ_by(shared, challenge):
 
     gold = read_rig(folder / "sim_dot_cal_gold.xml")
     source = read_rig(challenge / "OpenCorr_camera_parameters.txt")
-    # The gold cameras are no solution of these pictures but those of the challenge: they were drawn with them.
+    # The gold cameras are no solution of these pictures but the challenge's: they were drawn with them.
     for one, other in zip(gold.cameras, source.cameras, strict=True):
         np.testing.assert_allclose(one.matrix, other.matrix, rtol=2e-6)
     np.testing.assert_allclose(gold.relative[1], source.relative[1], atol=1e-7)  # their digits
@@ -257,10 +257,11 @@ def test_what_dices_simulated_dots_differ_by(shared, challenge):
         "10 px along the light's slope": solved(DOTS, 10.0),
     }
     for name, one in found.items():
+        fx, tx = (rig.cameras[0].fx for rig in (one.rig, gold)), (r.relative[1][0] for r in (one.rig, gold))
         print(
             f"\n  {name}: residual {one.rms:.4f} px, clustering {one.clustering:.1f}, chi-square "
-            f"{chi_square(one, gold):.1f} of {len(NAMES)}, fx0 "
-            f"{one.rig.cameras[0].fx - gold.cameras[0].fx:+.3f} px, tx {1e6 * (one.rig.relative[1][0] - gold.relative[1][0]):+.1f} um",
+            f"{chi_square(one, gold):.1f} of {len(NAMES)}, fx0 {np.subtract(*fx):+.3f} px, "
+            f"tx {1e6 * np.subtract(*tx):+.1f} um",
             end="",
         )
     plain, flat, lit = found.values()
@@ -268,7 +269,10 @@ def test_what_dices_simulated_dots_differ_by(shared, challenge):
     assert abs(chi_square(flat, gold) - chi_square(plain, gold)) < 0.2 * chi_square(plain, gold)
     assert abs(flat.rig.cameras[0].fx - plain.rig.cameras[0].fx) < 0.1 * plain.sigma["fx0"]
     # The dots follow the slope of the light that was added to the drawn picture: taking that back takes away
-    # what clusters in the residuals.
+    # what clusters in the residuals, and with it the error of the base.
+    assert abs(lit.rig.relative[1][0] - gold.relative[1][0]) < 0.2 * abs(
+        plain.rig.relative[1][0] - gold.relative[1][0]
+    )
     assert lit.rms < 0.95 * plain.rms
     assert lit.clustering < 0.5 * plain.clustering
     # What is left is far below a pixel's digit of 8 bits: ratios of scales of 1e-5 to 2e-4.
