@@ -83,7 +83,7 @@ def test_axial_stress_is_the_mean_over_layers():
     corrected, log = correct_axial_inertia(stress, second, SPECIMEN)
     assert corrected.value[0] == pytest.approx(rho * L**2 * e2 / 6)
     assert corrected.sigma[0] == pytest.approx(np.hypot(1.0, rho * L**2 * 1e5 / 6))
-    assert log.key == "axial_inertia"
+    assert log.key == "axial inertia"
 
 
 def test_a_mass_before_and_behind_the_specimen():
