@@ -174,7 +174,10 @@ def prepare(reference: PictureStack, deformed: PictureStack, batch: Batch, setti
     # a CPU reads an array where it is; the job keeps it
     job.given = wp.array(given, dtype=wp.float64, device=device, copy=False)
     if batch.mask is not None:
-        job.mask, job.has_mask = wp.array(batch.mask.reshape(-1), dtype=wp.uint8, device=device, copy=False), 1
+        job.mask, job.has_mask = (
+            wp.array(batch.mask.reshape(-1), dtype=wp.uint8, device=device, copy=False),
+            1,
+        )
         job.mask_rows, job.mask_cols = batch.mask.shape
     job.subset, job.max_iterations = settings.subset, settings.max_iterations
     job.tolerance, job.least_zncc = settings.tolerance, settings.least_zncc
