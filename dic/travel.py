@@ -90,6 +90,10 @@ def flyer_travel(
             found.append(fit[0])
             sigma.append(fit[1])
             counts.append(fit[2])
+    if body.material in rows and len(rows) > 1:  # exact there, but not against all others
+        at = rows.index(body.material)
+        beside = [sigma[k] for k in (at - 1, at + 1) if 0 <= k < len(rows)]
+        sigma[at] = max(sigma[at], 0.5**0.5 * min(beside))  # half of their variance is this picture's
     common = 0.0
     by_rim = bool(rows) and not static[rows].any() and pictures is not None
     if by_rim and pictures is not None:

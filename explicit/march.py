@@ -17,6 +17,9 @@ from explicit.clock import (
     CLOCK,
     DAMPING,
     ELASTIC,
+    END_TIME,
+    ENDED_AS,
+    FAILED_ELEMENT,
     FLYER_NEXT,
     FRICTION,
     GOING,
@@ -25,6 +28,8 @@ from explicit.clock import (
     INTERVAL,
     KINETIC,
     LANDING,
+    LARGEST_S,
+    LEAST_STEP,
     LEDGER,
     LOWER_NEXT,
     LOWER_SPEED,
@@ -41,17 +46,19 @@ from explicit.clock import (
     STATUS,
     STEP,
     STEPS,
+    STEPS_TAKEN,
     STIFFEST,
     TIME,
     TURNED,
     UPPER_SPEED,
+    VOLUME_PAST_DATA,
     WORK,
     WORK_DONE,
 )
 from explicit.elements import ElementFunctions
 from explicit.elements import element as element_named
 from explicit.failure import WATCH_EVERY, failure_functions
-from explicit.lanes import BLOCK, SMALL_BLOCK, WARPS, lane_functions
+from explicit.lanes import BLOCK, SHARING, SMALL_BLOCK, WARPS, lane_functions
 from explicit.places import ON_CHIP_CLOCK, rooms
 from explicit.plan import plan_functions
 from explicit.precision import Precision
@@ -112,13 +119,14 @@ def march_kernel(
     lanes = lane_functions()
     sync, walks, tends, walkers = lanes.sync, lanes.walks, lanes.tends, lanes.walkers
     empty_sum, add_to, from_the_end = lanes.empty_sum, lanes.add_to, lanes.from_the_end
+    first_inside, walkers_inside = lanes.first_inside, lanes.walkers_inside
     put_total, put_largest, get_largest = lanes.put_total, lanes.put_largest, lanes.get_largest
     real = precision.real
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
     zero, half = real(0.0), real(0.5)
     ZERO, HALF = wp.float64(0.0), wp.float64(0.5)
     lower, upper = int(LOWER), int(UPPER)
-    residents = 2 if block <= SMALL_BLOCK else 1  # blocks that a multiprocessor must have registers for
+    residents = SHARING if block <= SMALL_BLOCK else 1  # blocks that a multiprocessor must have registers for
     clock_places, parts_places = int(CLOCK), int(HANDED * WARPS)
 
     @wp.kernel(module="unique", enable_backward=False, launch_bounds=(block, residents))
@@ -217,7 +225,7 @@ def march_kernel(
                 h, tau = real(dt), real(interval)
 
                 if walks(lane) == 1:
-                    n = lane
+                    n = first_inside(lane)
                     while n < body.n_inner:
                         old, new, mass = free_velocity(body, corner_r, corner_y, v_r, v_y, n, tau, alpha)
                         if ledger == 1:
@@ -225,7 +233,7 @@ def march_kernel(
                         if alpha > zero:
                             damp_step = add_to(damp_step, drag_loss(mass, old, new, tau, alpha), n)
                         move(u_r, u_y, v_r, v_y, n, new, h)
-                        n += walkers()
+                        n += walkers_inside()
 
                     b = from_the_end(lane)
                     while b < body.n_seats:
@@ -307,12 +315,12 @@ def march_kernel(
             sync()
             failed = int(-get_largest(parts, TURNED))
         if lane == 0:
-            output.failed_element[sample] = failed
-            output.outcome[sample] = int(clock[STATUS])
-            output.steps[sample] = int(clock[STEPS])
-            output.end_time[sample] = clock[TIME]
-            output.smallest_step[sample] = clock[SMALLEST_STEP]
-            output.past_data[sample] = clock[PAST_DATA]
-            output.strain_measure[sample] = clock[MOST_STRAINED]
+            output.ending[sample, ENDED_AS] = clock[STATUS]
+            output.ending[sample, FAILED_ELEMENT] = wp.float64(failed)
+            output.ending[sample, STEPS_TAKEN] = clock[STEPS]
+            output.ending[sample, END_TIME] = clock[TIME]
+            output.ending[sample, LEAST_STEP] = clock[SMALLEST_STEP]
+            output.ending[sample, VOLUME_PAST_DATA] = clock[PAST_DATA]
+            output.ending[sample, LARGEST_S] = clock[MOST_STRAINED]
 
     return MarchKernel(march, structs, element, block)

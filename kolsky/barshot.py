@@ -30,8 +30,7 @@ def driven_by_waves(
 ) -> Shot:
     """The shot whose front face moves with ``c0 (eps_i - eps_r)`` instead of with a flyer that cameras saw.
 
-    Everything is on the specimen's clock, that of the reduction; where the transmitted force is a
-    transducer's (`base.force`), its clock must have been brought to it.
+    Everything is on the shot's clock, also where the transmitted force is a transducer's (`base.force`).
 
     Parameters
     ----------
@@ -44,8 +43,8 @@ def driven_by_waves(
     centre_line
         The specimen's outline, where there is one; without it the force alone identifies.
     end
-        Last time that is simulated and compared [s], e.g. where the waves begin to overlap; the end of the
-        reduction if left out.
+        Last time that is simulated and compared, on the shot's clock [s], e.g. where the waves begin to
+        overlap; the end of the reduction if left out.
 
     Raises
     ------
@@ -56,18 +55,18 @@ def driven_by_waves(
     motion = front_velocity(reduction, waves, sigma_zero=sigma_zero)
     path = front_path(motion)
     last = path.end if end is None else end
-    first = float(reduction.time[0])
+    first = float(motion.time[0])
     if not first < last <= path.end:
         raise ValueError(
             f"the end is {last:.9g} s, must be after the wave's arrival at {first:.9g} s and not after the"
             f" reduction's last time {path.end:.9g} s"
         )
-    times = reduction.time[reduction.time <= last]
+    times = motion.time[motion.time <= last]
     reached, length = path.position(times), base.specimen.length
     if not (reached.max() > 0.0 and reached[-1] > 0.0):
         raise ValueError(
-            f"the front face moves away from the specimen, by {-reached[-1] * 1e3:.4g} mm: check the signs of the"
-            " gauges, compression is positive"
+            f"the front face moves away from the specimen, by {-reached[-1] * 1e3:.4g} mm: check the signs"
+            " of the gauges, compression is positive"
         )
     if reached.max() > REACH * length:
         raise ValueError(

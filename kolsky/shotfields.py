@@ -39,6 +39,11 @@ def seconds(text: object) -> float:
     return _physical("s")(text)
 
 
+def length(text: object) -> float:
+    """A written-out length of any sign [m]; a validator to build others on."""
+    return _physical("m")(text)
+
+
 def _factor(unit: str) -> Callable[[object], float]:
     """A validator for the unit of a column."""
     words, example = DIMENSIONS[unit]
@@ -208,6 +213,7 @@ def _text(name: object) -> str:
 Length = Annotated[float, BeforeValidator(_physical("m", "> 0"))]
 Offset = Annotated[float, BeforeValidator(_physical("m"))]
 Time = Annotated[float, BeforeValidator(_physical("s"))]
+PositiveTime = Annotated[float, BeforeValidator(_physical("s", "> 0"))]
 Damping = Annotated[float, BeforeValidator(_physical("s", ">= 0", "the damping time beta"))]
 Rate = Annotated[float, BeforeValidator(_physical("1/s", ">= 0", "the mass-proportional damping alpha"))]
 Density = Annotated[float, BeforeValidator(_physical("kg/m^3", "> 0", "the mass density"))]

@@ -9,6 +9,7 @@ from kolsky.layouttoml import LayoutSection
 from kolsky.readers.table import Column
 from kolsky.shotpictures import CalibrationSection, DicSection, PicturesSection, ReportingSection
 from kolsky.shotsection import Section
+from kolsky.surfacetoml import SurfaceSection
 from kolsky.wavesfile import (
     BarsSection,
     GaugesSection,
@@ -285,12 +286,13 @@ class ShotFile(Section):
     frames: FramesSection
     flyer: FlyerSection | None = None
     centre_line: CentreLineSection | None = None
+    surface: SurfaceSection | None = None
     pictures: PicturesSection | None = None
     calibration: CalibrationSection | None = None
     dic: DicSection | None = None
     reporting: ReportingSection | None = None
     bars: BarsSection | None = None
-    recorders: dict[str, RecorderSection] = {}
+    recorders: dict[str, RecorderSection] = Field(default_factory=dict)
     gauges: GaugesSection | None = None
     waves: WavesSection | None = None
     uncertainty: UncertaintySection | None = None
@@ -336,6 +338,26 @@ class ExportShotFile(ShotFile):
     centre_line: CentreLineSection
 
 
+class SurfaceShotFile(ShotFile):
+    """A shot with the whole surface as a DIC program exports it."""
+
+    surface: SurfaceSection
+
+    @model_validator(mode="after")
+    def _one_source_each(self) -> "SurfaceShotFile":
+        if self.centre_line is not None:
+            raise f.problem("is given, and so is [surface], which gives the outline too", key="centre_line")
+        if (self.flyer is None) == (self.surface.flyer is None):
+            raise f.problem(
+                "is missing; [surface] has no flyer"
+                if self.flyer is None
+                else "is given twice: [surface.flyer]",
+                key="flyer",
+                cure="give [flyer] with a file of displacements, or [surface.flyer] with a pattern",
+            )
+        return self
+
+
 class PictureShotFile(ShotFile):
     """A shot with pictures, to be correlated here."""
 
@@ -350,6 +372,8 @@ class FullShotFile(ExportShotFile, PictureShotFile):
 
 def schema(content: dict[str, Any]) -> type[ShotFile]:
     """The schema that a file must satisfy: by whether it has pictures, exports, or both."""
+    if "surface" in content:
+        return SurfaceShotFile
     exports = any(name in content for name in ("flyer", "centre_line"))
     if "pictures" not in content:
         return ExportShotFile

@@ -40,7 +40,8 @@ class Dialect:
         if self.delimiter == " ":
             return line.replace('"', "").split()
         if '"' in line:
-            return [part.strip() for part in next(csv.reader([line], delimiter=self.delimiter), [])]
+            cells = csv.reader([line], delimiter=self.delimiter, skipinitialspace=True)
+            return [part.strip() for part in next(cells, [])]
         return [part.strip() for part in line.split(self.delimiter)]
 
     def is_number(self, field: str) -> bool:

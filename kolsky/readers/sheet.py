@@ -35,8 +35,15 @@ class Sheet:
     word: str = "line"
     """What a row is called: "line", or "row" of a workbook."""
 
-    def values(self, column: int) -> FloatArray:
+    def values(self, column: int, *, gaps: bool = False) -> FloatArray:
         """The numbers of a column, counted from 0, as the file gives them, shape [n].
+
+        Parameters
+        ----------
+        column
+            Which column.
+        gaps
+            Whether NaN is allowed, as in tables of points of which some were lost.
 
         Raises
         ------
@@ -54,7 +61,7 @@ class Sheet:
             numbers = np.loadtxt(rows, delimiter=delimiter, usecols=column, comments=None, ndmin=1)
         except ValueError as error:
             raise self._first_bad_number(column, str(error)) from None
-        bad = np.flatnonzero(~np.isfinite(numbers))
+        bad = np.flatnonzero(np.isinf(numbers) if gaps else ~np.isfinite(numbers))
         if bad.size:
             row = int(bad[0])
             raise self.error(

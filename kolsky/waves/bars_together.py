@@ -246,7 +246,7 @@ def _fit(
 
 
 def _above_noise(pulse: Signal) -> float | None:
-    """Frequency above which no component of a pulse is five times its noise, with room for a filter's edge."""
+    """Frequency above which no component of a pulse is five times its noise, with room for an edge."""
     if not pulse.sigma > 0.0:
         return None
     spectrum = np.abs(rfft(pulse.value))

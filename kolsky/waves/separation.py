@@ -47,9 +47,9 @@ class SeparatedWaves:
     """Root mean square of each gauge's strain less that of the two waves there, over the gauge's sigma [-];
     0 within round-off with two gauges, which the waves fit whatever they are, about 1 with more."""
     singular: FloatArray
-    """Frequencies at which two gauges see the two waves alike [Hz]: half-waves fit between them. Noise there
-    grows with the square root of time, and only the quiet start tells the waves apart. Empty with more
-    gauges."""
+    """Frequencies at which the gauges see the two waves alike [Hz]: zero, and with two gauges all at which
+    half-waves fit between them. Noise there grows with the square root of time: only the quiet start tells
+    the waves apart."""
     noise_gain: float
     """Largest sigma of `toward` and `away` over that of the quietest gauge [-]."""
 
@@ -228,7 +228,7 @@ def _noise(response: FloatArray, decay: float, sigma: FloatArray, n: int, count:
 def _singular(waveguide: Waveguide, spacing: float, highest: float, n_gauges: int) -> FloatArray:
     """Frequencies at which n half-waves fit between two gauges, Re k * spacing = n pi [Hz]."""
     if n_gauges > 2:
-        return np.empty(0)
+        return np.zeros(1)
     frequency = np.linspace(0.0, highest, 4097)
     halves = waveguide.wavenumber(2.0 * pi * frequency).real * spacing / pi
     return np.asarray(np.interp(np.arange(0, int(halves[-1]) + 1), halves, frequency))

@@ -77,6 +77,7 @@ def test_shape_terms_are_absent_not_zero(found):
     json.dumps(said, allow_nan=False)
 
 
+@pytest.mark.slow
 def test_files_and_report_of_a_result_without_an_outline(found, tmp_path):
     path = tmp_path / "identification.h5"
     write_identification(path, found)

@@ -97,7 +97,7 @@ def test_three_gauges_fit_better_and_show_their_misfit():
     sigma = 1e-3
     two = separate(gauges([1.0, 0.3], sigma), ElasticWaveguide(STEEL))
     three = separate(gauges([1.0, 0.55, 0.3], sigma), ElasticWaveguide(STEEL))
-    assert three.singular.size == 0
+    assert three.singular.tolist() == [0.0]
     assert two.singular.size > 100
     n = three.time.size
     true_toward, _ = waves_at(0.0, three.time)

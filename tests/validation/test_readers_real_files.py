@@ -1,6 +1,7 @@
 """Recorders' files of other laboratories, against a parse by hand of the same bytes."""
 
 import csv
+import gzip
 import zipfile
 from xml.etree import ElementTree
 
@@ -9,6 +10,7 @@ import pytest
 
 from kolsky.errors import InputError
 from kolsky.readers import scope_csv
+from kolsky.readers.dic_export import PointState, read
 from kolsky.readers.layout import Layout
 from kolsky.readers.recordings import list_channels, read_contents, read_recordings
 from kolsky.readers.table import Column
@@ -100,3 +102,17 @@ def test_open_01_as_the_strict_reader_has_it(shared):
     # The printed times are exact to 1e-11 s.
     np.testing.assert_allclose(found.time, strict.time, rtol=0, atol=1e-11)
     assert found.sha256 == strict.sha256
+
+
+def test_opencorr_on_the_stereo_challenge(shared, tmp_path):
+    source = shared / "data/dic/stereo_challenge1_S3_dspecimen/OpenCorr_GT4-0273_result.csv.gz"
+    path = tmp_path / "OpenCorr_GT4-0273_result.csv"
+    path.write_bytes(gzip.decompress(source.read_bytes()))
+    export = read([path], "opencorr")
+    with path.open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert export.X.shape == (len(rows), 3) == (9997, 3)
+    assert (export.state == PointState.VALID).all()
+    here = np.array([[float(row[f"tar_{c}"]) for c in "xyz"] for row in rows]) * 1e-3
+    # The file prints positions to 1e-8 mm in single precision (4e2 mm: 3e-5 mm).
+    np.testing.assert_allclose(export.X + export.u[0], here, rtol=0, atol=5e-8)

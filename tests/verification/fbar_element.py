@@ -134,14 +134,15 @@ def inverse_mass(mesh: Mesh, element: str) -> FloatArray:
 
 
 def largest_frequency(stiffness: FloatArray, damping: FloatArray) -> FloatArray:
-    """omega^2 of the undamped element with the same largest step, shape [n_elements].
+    """omega^2 of the undamped element with the same largest step, shape [n_elements], from matrices per mass,
+    shape [n_elements, n, n].
 
     Central differences with damping at the old velocity are stable while K dt^2 / 4 + C dt / 2 < 1 (per unit
     mass); the limit s = 2 / dt is the largest eigenvalue of s^2 - s C - K.
     """
-    n = len(stiffness)
-    companion = np.zeros((n, 16, 16))
-    companion[:, :8, 8:] = np.eye(8)
-    companion[:, 8:, :8] = stiffness
-    companion[:, 8:, 8:] = damping
+    count, n = stiffness.shape[:2]
+    companion = np.zeros((count, 2 * n, 2 * n))
+    companion[:, :n, n:] = np.eye(n)
+    companion[:, n:, :n] = stiffness
+    companion[:, n:, n:] = damping
     return np.asarray(np.linalg.eigvals(companion).real.max(axis=1) ** 2)
