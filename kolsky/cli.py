@@ -103,13 +103,17 @@ def new(
     folder: Annotated[
         Path, typer.Argument(metavar="FOLDER", help="Where the shot's raw files are or will be.")
     ],
+    bars: Annotated[
+        bool, typer.Option("--bars", help="For a test between bars with strain gauges, without cameras.")
+    ] = False,
 ) -> None:
     """Write an annotated shot.toml to fill in; an existing one is left as it is."""
     from kolsky.newshot import write_template
 
     with refusing_bad_input():
-        path = write_template(folder)
-    typer.echo(f"wrote {path}; put the raw files beside it, fill it in, then: kolsky check {folder}")
+        path = write_template(folder, bars=bars)
+    then = "waves" if bars else "check"
+    typer.echo(f"wrote {path}; put the raw files beside it, fill it in, then: kolsky {then} {folder}")
 
 
 @app.command()

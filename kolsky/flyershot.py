@@ -8,7 +8,7 @@ from kolsky.apparatus import Transducer
 from kolsky.errors import InputError
 from kolsky.flyertest import FlyerInput
 from kolsky.forcefile import force_recording
-from kolsky.shotfile import IncidentForceSection
+from kolsky.shotfile import ForceSection
 from kolsky.shots import ForceChannel, Shot, find_shot_file
 from kolsky.shottoml import ShotToml, read_shot_toml
 from kolsky.waves.audit import Switches
@@ -35,7 +35,7 @@ def load_flyer_test(folder_or_toml: str | Path, shot: Shot) -> FlyerInput:
     toml = read_shot_toml(find_shot_file(Path(folder_or_toml)))
     declared = toml.declared
     section = declared.incident_force
-    incident = None if section is None else _channel(toml, section)
+    incident = None if section is None else _channel(toml, section.completed(declared.force))
     waves = declared.waves or WavesSection()
     return FlyerInput(
         shot=shot,
@@ -52,7 +52,7 @@ def load_flyer_test(folder_or_toml: str | Path, shot: Shot) -> FlyerInput:
     )
 
 
-def _channel(toml: ShotToml, section: IncidentForceSection) -> ForceChannel:
+def _channel(toml: ShotToml, section: ForceSection) -> ForceChannel:
     recording = force_recording(toml.path.parent / section.file, section)
     clipped = np.flatnonzero(np.abs(recording.value) >= section.full_scale)
     if clipped.size:

@@ -6,13 +6,21 @@ from pathlib import Path
 from kolsky.errors import InputError
 
 
-def template() -> str:
-    """The annotated shot.toml that every new shot begins with."""
-    return files("kolsky").joinpath("templates", "shot.toml").read_text(encoding="utf-8")
+def template(*, bars: bool = False) -> str:
+    """The annotated shot.toml that every new shot begins with; `bars`: that of a test between bars."""
+    name = "bars.toml" if bars else "shot.toml"
+    return files("kolsky").joinpath("templates", name).read_text(encoding="utf-8")
 
 
-def write_template(folder: Path) -> Path:
+def write_template(folder: Path, *, bars: bool = False) -> Path:
     """Write the template into a folder, which is made if it is not there.
+
+    Parameters
+    ----------
+    folder
+        Where to.
+    bars
+        Whether the test is one between bars with strain gauges, without cameras.
 
     Returns
     -------
@@ -28,7 +36,7 @@ def write_template(folder: Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with path.open("x", encoding="utf-8") as file:
-            file.write(template())
+            file.write(template(bars=bars))
     except FileExistsError as error:
         at_fault = path if folder.is_dir() else Path(error.filename)
         raise InputError(

@@ -176,10 +176,32 @@ class ForceSection(Section):
         return self
 
 
-class IncidentForceSection(ForceSection):
-    """[incident_force]: the flyer's own transducer, behind a mass that moves with the flyer."""
+class IncidentForceSection(Section):
+    """[incident_force]: the flyer's own transducer, behind a mass that moves with the flyer.
 
+    What is left out is as in [force]: both are usually channels of one recorder.
+    """
+
+    voltage: VoltageColumn
+    sensitivity: f.Sensitivity
     mass: f.Mass
+    file: f.FileName | None = None
+    layout: LayoutSection | None = None
+    time: TimeColumn | None = None
+    compression: Literal["positive", "negative"] | None = None
+    full_scale: f.Voltage | None = None
+    baseline: f.Interval | None = None
+    clock_offset: f.Time | None = None
+
+    def completed(self, force: ForceSection) -> ForceSection:
+        """The channel with what [force] says of the rest; another file has its own layout or time column."""
+        given = {
+            name: value
+            for name in IncidentForceSection.model_fields
+            if name != "mass" and (value := getattr(self, name)) is not None
+        }
+        rest = {} if self.file is None else {"layout": self.layout, "time": self.time}
+        return force.model_copy(update={"bits": None, **rest, **given})
 
 
 class FramesSection(Section):

@@ -126,7 +126,7 @@ def remarks(
     elif abs(reflected.late) > LATE * reflected.seen.sigma + 2.0 * interval:
         found.append(
             f"the reflected pulse is seen {1e6 * reflected.late:+.2f} us from where the gauge's distance and "
-            "the wave speed put it; cure: check both, or fire a shot with the bars together (kolsky wavespeed)"
+            "the wave speed put it; cure: check both, or measure the wave speed (kolsky wavespeed)"
         )
     bent = [name for name in UNITS if name in budget.value and budget.nonlinearity(name) > BEND]
     if bent:
