@@ -118,10 +118,10 @@ def _dataset(
         None,
     )
     for name, samples, column in columns_of(full, item.shape):
-        if samples > SAMPLES_LIMIT:
+        if item.size > SAMPLES_LIMIT:
             raise InputError(
                 path,
-                f"'{name}' has {samples} samples, more than the {SAMPLES_LIMIT} that are read",
+                f"'{full}' has {item.size} samples, more than the {SAMPLES_LIMIT} that are read",
                 cure="export the time span of the test only",
             )
 

@@ -7,11 +7,13 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from scipy.io import whosmat
 
 from kolsky.errors import InputError
 from kolsky.readers import scope_csv
 from kolsky.readers.dic_export import PointState, read
 from kolsky.readers.layout import Layout
+from kolsky.readers.matlab5 import variables
 from kolsky.readers.recordings import list_channels, read_contents, read_recordings
 from kolsky.readers.table import Column
 
@@ -116,3 +118,14 @@ def test_opencorr_on_the_stereo_challenge(shared, tmp_path):
     here = np.array([[float(row[f"tar_{c}"]) for c in "xyz"] for row in rows]) * 1e-3
     # The file prints positions to 1e-8 mm in single precision (4e2 mm: 3e-5 mm).
     np.testing.assert_allclose(export.X + export.u[0], here, rtol=0, atol=5e-8)
+
+
+def test_files_that_matlab_wrote(shared):
+    files = sorted((shared / "data/dic/multidic_cylinder/calib_cylinder").glob("*.mat"))
+    assert files
+    for path in files:
+        found = list(variables(path.read_bytes(), 10**8))
+        listed = [(name, shape) for name, shape, _ in whosmat(str(path))]
+        assert [v.name for v in found] == [name for name, _ in listed]
+        shapes = [v.values.shape for v in found if v.values is not None]
+        assert shapes == [s for v, (_, s) in zip(found, listed, strict=True) if v.values is not None]
