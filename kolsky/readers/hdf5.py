@@ -80,6 +80,8 @@ def _walk(
 
     keys = {**above, **_numbers(group.attrs)}
     for name in group:
+        if not isinstance(name, str):
+            raise InputError(path, f"has the name {name!r}, which is no text", cure="export it again")
         full = f"{prefix}/{name}"
         if name.startswith("#"):  # MATLAB's store of references
             continue

@@ -77,8 +77,8 @@ def _plain(path: Path) -> tuple[list[NamedArray], dict[str, float], list[str]]:
         ) from None
     for variable in found:
         name, array = variable.name, variable.values
-        if array is None:
-            others.append(f"{name} ({variable.kind})")
+        if array is None or not name:  # without a name: MATLAB's own, beside objects and functions
+            others.extend([f"{name} ({variable.kind})"] if name else [])
         elif array.size == 1:
             scalars[name] = float(array.ravel()[0])
         else:
