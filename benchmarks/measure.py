@@ -7,6 +7,7 @@ import numpy as np
 
 import explicit
 from benchmarks.problem import SAMPLING, model, samples
+from explicit import Stepping
 
 
 @dataclass(frozen=True)
@@ -32,11 +33,17 @@ class Measurement:
 
 
 def measure(
-    mesh: tuple[int, int], contact: str, runs: int, precision: str, device: str, repeats: int
+    mesh: tuple[int, int],
+    contact: str,
+    runs: int,
+    precision: str,
+    device: str,
+    repeats: int,
+    bound: str = Stepping.bound,
 ) -> Measurement:
-    """Run a batch `repeats` times; the best time counts."""
+    """Run a batch `repeats` times, with the step bound of `explicit.Stepping`; the best time counts."""
     problem, batch = model(mesh, contact), samples(runs)
-    stepping = explicit.Stepping(precision=precision)  # type: ignore[arg-type]
+    stepping = Stepping(precision=precision, bound=bound)  # type: ignore[arg-type]
     seconds, results = [], []
     for _ in range(repeats):
         started = time.perf_counter()

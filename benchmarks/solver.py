@@ -41,6 +41,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--runs", type=int, nargs="+", default=[1, 100])
     parser.add_argument("--mesh", default="16x22")
+    parser.add_argument(
+        "--bound", choices=("trace", "eigenvalue"), default="trace", help="see Stepping.bound"
+    )
     parser.add_argument("--repeats", type=int, default=3, help="timed repeats after a first that compiles")
     parser.add_argument("--peer-time", type=float, default=WINDOW, help="simulated by CalculiX [s]; 0: none")
     parser.add_argument("--json", type=Path, help="write the table here")
@@ -63,7 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for name in NUMBERS:
             first = measure(mesh, contact, 1, name, options.device, 1).first_call
             for runs in options.runs:
-                found = measure(mesh, contact, runs, name, options.device, options.repeats)
+                found = measure(mesh, contact, runs, name, options.device, options.repeats, options.bound)
                 measurements.append(replace(found, first_call=first))
                 print(table.line(measurements[-1], most[name]), flush=True)
     peer = None
@@ -78,6 +81,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         text = table.as_json(
             device=device.name,
             mesh=options.mesh,
+            bound=options.bound,
             measurements=measurements,
             cost=work,
             limits=most,

@@ -65,6 +65,7 @@ def as_json(
     *,
     device: str,
     mesh: str,
+    bound: str,
     measurements: list[Measurement],
     cost: Cost,
     limits: dict[str, list[Limit]],
@@ -76,6 +77,7 @@ def as_json(
     text: dict[str, Any] = {
         "machine": {"device": device, "processor": platform.machine(), "cores": cores},
         "mesh": mesh,
+        "step_bound": bound,
         "element_update": {name: round(value, 1) for name, value in asdict(cost).items()},
         "limits": {
             precision: [
@@ -115,6 +117,7 @@ def _row(m: Measurement, limits: list[Limit], kept: Histories) -> dict[str, Any]
         "contact": m.contact,
         "precision": m.precision,
         "runs": m.runs,
+        "steps": round(float(m.response.steps.mean()), 1),
         "seconds": round(m.seconds, 5),
         "million_element_updates_per_s": round(m.updates / 1e6, 2),
         "fraction_of": {item.name: round(m.updates / item.updates, 4) for item in limits},

@@ -5,6 +5,7 @@ Schur's complement; what remains has six unknowns a frame, and six combinations 
 frame of the body is chosen.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,8 +19,10 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-MOST_ROUNDS = 10
+MOST_ROUNDS = 12
 MOST_STEPS = 50
+ROUGH, FINE = 1e-2, 1e-4
+"""Largest change at which poses have settled, in sigmas: to find sights that are far off, and in the end."""
 FLATTEST = 1e-10
 """Least eigenvalue of a frame's normal matrix, its diagonal 1, that counts as a known pose."""
 
@@ -101,15 +104,16 @@ def adjust(sights: Sights, habits: Habits, reject: float) -> Poses:
     ValueError
         If no frame sees enough points, or the iteration does not settle.
     """
+    frames, points, R, p, X = _chain(sights)
+    tolerance = ROUGH
     for _ in range(MOST_ROUNDS):
-        frames, points, R, p, X = _chain(sights)
         now = sights.part(frames, points)
         # Lengths in the body's size and in typical sigmas keep the normal matrix well conditioned.
         size = float(np.sqrt(np.mean(X**2)))
         sigma = float(np.sqrt(3.0 / np.median(np.trace(now.W[now.valid], axis1=1, axis2=2))))
         for _ in range(MOST_STEPS):
             R, p, X, step, covariance = _step(now, R, p, X, habits, frames, size, sigma)
-            if step < 1e-4:
+            if step < tolerance:
                 break
         else:
             raise ValueError(f"the body's poses did not settle in {MOST_STEPS} steps; check its points")
@@ -118,19 +122,26 @@ def adjust(sights: Sights, habits: Habits, reject: float) -> Poses:
         far = np.sqrt(squared / np.where(now.single, 2.0, 3.0))
         limit = reject * max(1.0, 1.4826 * float(np.median(far[now.valid])))
         if not np.any(now.valid & (far > limit)):
-            break
+            if tolerance == FINE:
+                break
+            tolerance = FINE
+            continue
         valid = sights.valid.copy()
         valid[np.ix_(frames, points)] &= far <= limit
         sights = replace(sights, valid=valid & (valid.sum(axis=0) >= 2))
+        again = _chain(sights)
+        if not (np.array_equal(again[0], frames) and np.array_equal(again[1], points)):
+            frames, points, R, p, X = again
     dof = int(now.components.sum()) - 3 * len(points) - 6 * len(frames) + 6
     chi2 = float(np.sum(squared[now.valid])) / dof if dof > 0 else 1.0
-    return Poses(frames, R, p, covariance, now.valid.sum(axis=1), chi2)
+    return Poses(frames, R, p, covariance(), now.valid.sum(axis=1), chi2)
 
 
 def _chain(sights: Sights) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
     """Frames and points that hang together, rough poses, places on the body about their centroid."""
     n_frames, n_points = sights.valid.shape
-    weight = np.trace(sights.weights, axis1=2, axis2=3)
+    weights = sights.weights
+    weight = np.trace(weights, axis1=2, axis2=3)
     full = sights.valid & ~sights.single
     R, p = np.tile(np.eye(3), (n_frames, 1, 1)), np.zeros((n_frames, 3))
     X = np.zeros((n_points, 3))
@@ -143,7 +154,7 @@ def _chain(sights: Sights) -> tuple[IntArray, IntArray, FloatArray, FloatArray, 
         if count[k] < FEWEST_POINTS:
             break
         who = common[k]
-        if not _determined(sights.x[k, who], sights.weights[k, who]):
+        if not _determined(sights.x[k, who], weights[k, who]):
             barred[k] = True
             continue
         if solved.any():
@@ -188,8 +199,9 @@ def _step(
     frames: IntArray,
     size: float,
     sigma: float,
-) -> tuple[FloatArray, FloatArray, FloatArray, float, FloatArray]:
-    """One Gauss-Newton step: poses, points, largest change in sigmas, covariance of the poses."""
+) -> tuple[FloatArray, FloatArray, FloatArray, float, Callable[[], FloatArray]]:
+    """One Gauss-Newton step: poses, points, largest change in sigmas, and what gives the poses' covariance,
+    which takes as long as several steps."""
     n, m = len(R), len(X)
     unit = sigma * np.repeat([1.0 / size, 1.0], 3)  # rad and m
     W = sights.weights * sigma**2
@@ -217,8 +229,11 @@ def _step(
     factor = cho_factor(S + float(np.trace(S)) / (6 * n) ** 2 * (N @ N.T), check_finite=False)
     change = cho_solve(factor, right).reshape(n, 6)
     moved = np.einsum("iab,ib->ia", D, point - (change.ravel() @ B).reshape(m, 3)) * sigma
-    covariance = cho_solve(factor, np.eye(6 * n)).reshape(n, 6, n, 6)
-    covariance = covariance * unit[:, None, None] * unit
+
+    def covariance() -> FloatArray:
+        inverse = cho_solve(factor, np.eye(6 * n), overwrite_b=True, check_finite=False)
+        return np.asarray(inverse.reshape(n, 6, n, 6) * unit[:, None, None] * unit)
+
     return (
         Rotation.from_rotvec(change[:, :3] * unit[0]).as_matrix() @ R,
         p + change[:, 3:] * sigma,
@@ -241,13 +256,17 @@ def _add_habit(
     """Add the prior of small changes between neighbouring frames; `scaled` in `unit`s."""
     at = slice(0, 3) if what == "turn" else slice(3, 6)
     across = np.eye(3) if what == "turn" else np.diag([1.0, 0.0, 1.0])
-    for a, b in zip(range(len(R) - 1), range(1, len(R)), strict=True):
-        w = across / (scaled**2 * (frames[b] - frames[a]))
-        r = Rotation.from_matrix(R[b] @ R[a].T).as_rotvec() if what == "turn" else p[b] - p[a]
-        r = r / unit[at]
-        S[a, at, a, at] += w
-        S[b, at, b, at] += w
-        S[a, at, b, at] -= w
-        S[b, at, a, at] -= w
-        right[a, at] += w @ r
-        right[b, at] -= w @ r
+    if len(R) < 2:
+        return
+    a, b = np.arange(len(R) - 1), np.arange(1, len(R))
+    w = across / (scaled**2 * np.diff(frames))[:, None, None]
+    r = p[1:] - p[:-1]
+    if what == "turn":
+        r = Rotation.from_matrix(R[1:] @ np.swapaxes(R[:-1], 1, 2)).as_rotvec()
+    pull = (w @ (r / unit[at])[..., None])[..., 0]
+    S[a, at, a, at] += w
+    S[b, at, b, at] += w
+    S[a, at, b, at] -= w
+    S[b, at, a, at] -= w
+    right[:-1, at] += pull
+    right[1:, at] -= pull

@@ -1,7 +1,9 @@
 """From two series of pictures and their cameras to surfaces: the whole way, in the order of the work."""
 
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import partial
 from time import perf_counter
 from typing import Any
 
@@ -10,13 +12,14 @@ from numpy.typing import NDArray
 
 from dic import remarks
 from dic.bodies import Followed, Progress, Region, follow_body
+from dic.body_motion import BodyMotion
 from dic.camera import StereoRig
 from dic.correlation import Correlation, Noise
 from dic.correlation.warp import Shape
 from dic.ends import past_the_ends, refined_end
 from dic.images import PictureError, Pictures
 from dic.images.health import frame_health
-from dic.images.kept import KeptPictures
+from dic.images.kept import kept
 from dic.images.noise import GreyNoise, grey_noise
 from dic.noise import noise_floor
 from dic.outcome import FrameOutcome, PointOutcome
@@ -173,7 +176,7 @@ def measure(
         lie on no cylinder.
     """
     clock = _Clock()
-    pictures = (KeptPictures(pictures[0]), KeptPictures(pictures[1]))
+    pictures = (kept(pictures[0]), kept(pictures[1]))
     health, grey = clock("look at the pictures", lambda: _look(pictures, static))
     noise = (_noise(grey[0]), _noise(grey[1]))
 
@@ -195,45 +198,42 @@ def measure(
         )
 
     findings = clock("cameras", lambda: _check(pictures, rig, specimen, settings, noise, health))
-    try:
-        body = clock("specimen", lambda: follow(specimen, "specimen", settings.tracking))
-        placement, rest, edges = clock("test frame", lambda: _place(body, pictures, rig, settings, static))
-    except ChainError as error:
-        raise ChainError("; ".join([*(f"{f.what} ({f.cure})" for f in findings), str(error)])) from error
-    in_time = check_setup(rig, *body.reconstruction.pixels)
-    followed, flyer_body, travel = None, None, None
-    if flyer is not None:
-        followed = clock("flyer", lambda: follow(flyer, "flyer", settings.rigid, rigid=True))
-        flyer_body, _ = _surface(followed, placement, t, [followed.material])
-        travel = flyer_travel(
-            followed,
-            rig,
-            placement.frame,
-            t,
-            static,
-            subset=settings.rigid.correlation.subset,
-            pictures=pictures,
+    with ThreadPoolExecutor(1) as beside:  # the flyer's work waits for the specimen in two places only
+        moving = None
+        if flyer is not None:
+            moving = beside.submit(
+                clock, "flyer", partial(follow, flyer, "flyer", settings.rigid, rigid=True)
+            )
+        try:
+            body = clock("specimen", lambda: follow(specimen, "specimen", settings.tracking))
+            placement, rest, edges = clock(
+                "test frame", lambda: _place(body, pictures, rig, settings, static)
+            )
+        except ChainError as error:
+            said = [*(f"{f.what} ({f.cure})" for f in findings), str(error)]
+            raise ChainError("; ".join(said)) from error
+        followed = None if moving is None else moving.result()
+        flying = beside.submit(
+            clock,
+            "flyer's travel",
+            lambda: _travel(followed, pictures, rig, placement, settings, t, static),
         )
-    motion, unposed = None, []
-    if followed is not None and travel is not None:
-        motion, unposed = clock(
+        in_time = clock("steps of the cameras", lambda: check_setup(rig, *body.reconstruction.pixels))
+        gated = _gated(body, rig, rest)
+        flyer_body = None if followed is None else _surface(followed, placement, t, [followed.material])[0]
+        travel = flying.result()
+        posing = beside.submit(
+            clock,
             "flyer's poses",
-            lambda: flyer_poses(
-                followed,
-                rig,
-                placement.frame,
-                travel,
-                static,
-                subset=settings.rigid.correlation.subset,
-                length=settings.length,
-            ),
+            lambda: _poses(followed, rig, placement, settings, travel, static),
         )
-    body = _inside(_gated(body, rig, rest), rig, placement, settings, t, travel, rest)
-    surface, left_out = _surface(body, placement, t, rest)
-    subset = settings.tracking.correlation.subset
-    centre = outline(surface.surface, surface.points, half_width=settings.strip_half_width, subset=subset)
-    centre, uncertain = _certain(centre, settings.largest_sigma)
-    strain = clock("strains", lambda: _strains(surface, settings))
+        body = _inside(gated, rig, placement, settings, t, travel, rest)
+        surface, left_out = _surface(body, placement, t, rest)
+        subset = settings.tracking.correlation.subset
+        centre = outline(surface.surface, surface.points, half_width=settings.strip_half_width, subset=subset)
+        centre, uncertain = _certain(centre, settings.largest_sigma)
+        strain = clock("strains", lambda: _strains(surface, settings))
+        motion, unposed = posing.result()
     found = {finding.fault: finding for finding in (*in_time, *findings)}
     return StereoResult(
         t=t,
@@ -287,6 +287,44 @@ def _speckles(
         else:
             found.append(speckle_facts(judged.quality))
     return found
+
+
+def _travel(
+    body: Followed | None,
+    pictures: tuple[Pictures, Pictures],
+    rig: StereoRig,
+    placement: Placement,
+    settings: ChainSettings,
+    t: FloatArray,
+    static: BoolArray,
+) -> Travel | None:
+    """How far the flyer went, if there is one."""
+    if body is None:
+        return None
+    subset = settings.rigid.correlation.subset
+    return flyer_travel(body, rig, placement.frame, t, static, subset=subset, pictures=pictures)
+
+
+def _poses(
+    body: Followed | None,
+    rig: StereoRig,
+    placement: Placement,
+    settings: ChainSettings,
+    travel: Travel | None,
+    static: BoolArray,
+) -> tuple[BodyMotion | None, list[remarks.Remark]]:
+    """The flyer's rigid motion, if there is a flyer and its travel is known."""
+    if body is None or travel is None:
+        return None, []
+    return flyer_poses(
+        body,
+        rig,
+        placement.frame,
+        travel,
+        static,
+        subset=settings.rigid.correlation.subset,
+        length=settings.length,
+    )
 
 
 def _check(

@@ -8,7 +8,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from explicit.boundary import BAR_HISTORY, INTERIOR, LOWER, SIDE, UPPER
-from explicit.clock import CLOCK, HANDED
+from explicit.clock import CLOCK, ENDING, HANDED
 from explicit.contact import contact_law
 from explicit.elements import element
 from explicit.failure import STRAY_ENERGY
@@ -191,7 +191,6 @@ def batch_of(
     batch.start, batch.safety, batch.floor = model.start, stepping.safety, stepping.floor
     batch.largest_step = min(stepping.largest_step, 1.0)
     batch.measure_every, batch.max_steps = stepping.measure_every, stepping.max_steps
-    batch.bound = stepping.measure
     batch.ledger_every = sampling.ledger_every
     bar = model.support if isinstance(model.support, CharacteristicBar) else RIGID
     batch.impedance, batch.round_trip = min(bar.impedance, 1e300), min(bar.round_trip, 1e300)
@@ -268,9 +267,5 @@ def output_of(kernel: MarchKernel, mesh: Mesh, n: int, sampling: Sampling, nodes
         ("energy", (n, n_surface, 8)),
     ):
         setattr(output, name, wp.full(shape, nan, dtype=wp.float64, device=where))
-    output.outcome = wp.zeros(n, dtype=int, device=where)
-    output.failed_element = wp.full(n, -1, dtype=int, device=where)
-    output.steps = wp.zeros(n, dtype=int, device=where)
-    for name in ("end_time", "smallest_step", "past_data", "strain_measure"):
-        setattr(output, name, wp.zeros(n, dtype=wp.float64, device=where))
+    output.ending = wp.zeros((n, ENDING), dtype=wp.float64, device=where)
     return output

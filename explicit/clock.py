@@ -24,5 +24,8 @@ omega^2."""
 HANDED = 16
 """How many numbers they hand over."""
 
+ENDED_AS, FAILED_ELEMENT, STEPS_TAKEN, END_TIME, LEAST_STEP, VOLUME_PAST_DATA, LARGEST_S, ENDING = range(8)
+"""What is known of a simulation at its end, and how many numbers that are."""
+
 NO_TIME = 1.0e300
 """Time [s] of a record that never comes."""

@@ -1,6 +1,6 @@
 """Where the time loops of a batch run: packs of SIMD lanes on the cores of a CPU, thread blocks on a GPU."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from typing import Any
@@ -115,9 +115,16 @@ def run_in_lanes(plan: Plan, threads: int, progress: Progress | None) -> dict[st
         wp.launch(kernels[mapping], dim=1, inputs=inputs, device=plan.where, block_dim=1)
         return count
 
-    with ThreadPoolExecutor(min(threads, len(jobs))) as pool:
-        for done in as_completed([pool.submit(one, *job) for job in jobs]):
-            count = done.result()
-            if progress:
-                progress(count)
+    if len(jobs) == 1:  # a thread takes longer to start than a tenth of a run
+        _report([one(*jobs[0])], progress)
+    else:
+        with ThreadPoolExecutor(min(threads, len(jobs))) as pool:
+            done = as_completed([pool.submit(one, *job) for job in jobs])
+            _report((future.result() for future in done), progress)
     return {name: getattr(plan.output, name).numpy().copy() for name in HISTORIES}
+
+
+def _report(counts: Iterable[int], progress: Progress | None) -> None:
+    for count in counts:
+        if progress:
+            progress(count)

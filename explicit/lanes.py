@@ -65,11 +65,15 @@ _SEAT_TOTALS = """
 """
 BLOCK = 384
 """Threads that share one simulation on a GPU; among them its registers are shared out."""
-SMALL_BLOCK = 160
-"""The same where there are more simulations than multiprocessors: two share one, and while the threads of
-one wait for each other those of the other go on."""
+SMALL_BLOCK = 96
+"""The same where there are more simulations than multiprocessors: four share one, and while the threads of
+one wait for each other those of the others go on."""
+SHARING = 4
+"""How many those are."""
 WARPS = BLOCK // 32
 """Most warps of a block; its last one is the clerk."""
+
+_INSIDE = f"((signed)blockDim.x - (blockDim.x < {BLOCK} ? 32 : 96))"
 
 
 def block_for(n_samples: int, device: Any, on_chip: bool) -> int:
@@ -112,8 +116,12 @@ class LaneFunctions:
     all_read: Any
     """``all_read()``: the clerk's lanes have read what they are about to write."""
     from_the_end: Any
-    """``from_the_end(lane)``: the seat of the boundary at which a walker begins: the last walkers have less
-    of the interior."""
+    """``from_the_end(lane)``: the seat of the boundary at which a walker begins."""
+    first_inside: Any
+    """``first_inside(lane)``: the node of the interior at which a walker begins. A whole block keeps its last
+    walkers for the boundary, where a node takes several times as long."""
+    walkers_inside: Any
+    """``walkers_inside()``: how far a walker goes on there."""
     clerk_first: Any
     """``clerk_first(lane)``: where a lane of the clerk begins a walk."""
     clerk_step: Any
@@ -177,6 +185,12 @@ def lane_functions() -> LaneFunctions:
     @wp.func_native(snippet=_either("return blockDim.x - 33 - lane;", "return lane;"))
     def from_the_end(lane: int) -> int: ...
 
+    @wp.func_native(snippet=_either(f"return lane < {_INSIDE} ? lane : 0x40000000;", "return lane;"))
+    def first_inside(lane: int) -> int: ...
+
+    @wp.func_native(snippet=_either(f"return {_INSIDE};", "return 1;"))
+    def walkers_inside() -> int: ...
+
     @wp.func_native(snippet=_either("return lane & 31;", "return lane;"))
     def clerk_first(lane: int) -> int: ...
 
@@ -187,5 +201,6 @@ def lane_functions() -> LaneFunctions:
         sync=sync, empty_sum=empty_sum, add_to=add_to, walks=walks, walkers=walkers, tends=tends, alone=alone,
         put_total=put_total, put_largest=put_largest, get_total=get_total, get_largest=get_largest,
         seat_totals=seat_totals, all_read=all_read,
-        from_the_end=from_the_end, clerk_first=clerk_first, clerk_step=clerk_step,
+        from_the_end=from_the_end, first_inside=first_inside, walkers_inside=walkers_inside,
+        clerk_first=clerk_first, clerk_step=clerk_step,
     )  # fmt: skip

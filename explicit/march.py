@@ -17,6 +17,9 @@ from explicit.clock import (
     CLOCK,
     DAMPING,
     ELASTIC,
+    END_TIME,
+    ENDED_AS,
+    FAILED_ELEMENT,
     FLYER_NEXT,
     FRICTION,
     GOING,
@@ -25,6 +28,8 @@ from explicit.clock import (
     INTERVAL,
     KINETIC,
     LANDING,
+    LARGEST_S,
+    LEAST_STEP,
     LEDGER,
     LOWER_NEXT,
     LOWER_SPEED,
@@ -41,17 +46,19 @@ from explicit.clock import (
     STATUS,
     STEP,
     STEPS,
+    STEPS_TAKEN,
     STIFFEST,
     TIME,
     TURNED,
     UPPER_SPEED,
+    VOLUME_PAST_DATA,
     WORK,
     WORK_DONE,
 )
 from explicit.elements import ElementFunctions
 from explicit.elements import element as element_named
 from explicit.failure import WATCH_EVERY, failure_functions
-from explicit.lanes import BLOCK, SMALL_BLOCK, WARPS, lane_functions
+from explicit.lanes import BLOCK, SHARING, SMALL_BLOCK, WARPS, lane_functions
 from explicit.places import ON_CHIP_CLOCK, rooms
 from explicit.plan import plan_functions
 from explicit.precision import Precision
@@ -85,13 +92,15 @@ def march_kernel(
     element_name: str = "one_point",
     on_chip: bool = False,
     block: int = BLOCK,
+    bound: str = "trace",
 ) -> MarchKernel:
     """Generate the time loop for a material law, two contact laws, a precision and an element.
 
     With `on_chip` a GPU keeps the state of a simulation in shared memory, where it must fit
-    (`explicit.places.fits`). `block` is the number of threads it is compiled for there.
+    (`explicit.places.fits`). `block` is the number of threads it is compiled for there; `bound` is that of
+    `explicit.model.Stepping`.
     """
-    element = element_named(element_name).functions(law, precision)
+    element = element_named(element_name).functions(law, precision, bound)
     structs = batch_structs(precision, element.Shape, element.Solid)
     place = rooms(precision, on_chip)
     field, sums, marks = place.field, place.sums, place.marks
@@ -112,13 +121,14 @@ def march_kernel(
     lanes = lane_functions()
     sync, walks, tends, walkers = lanes.sync, lanes.walks, lanes.tends, lanes.walkers
     empty_sum, add_to, from_the_end = lanes.empty_sum, lanes.add_to, lanes.from_the_end
+    first_inside, walkers_inside = lanes.first_inside, lanes.walkers_inside
     put_total, put_largest, get_largest = lanes.put_total, lanes.put_largest, lanes.get_largest
     real = precision.real
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
     zero, half = real(0.0), real(0.5)
     ZERO, HALF = wp.float64(0.0), wp.float64(0.5)
     lower, upper = int(LOWER), int(UPPER)
-    residents = 2 if block <= SMALL_BLOCK else 1  # blocks that a multiprocessor must have registers for
+    residents = SHARING if block <= SMALL_BLOCK else 1  # blocks that a multiprocessor must have registers for
     clock_places, parts_places = int(CLOCK), int(HANDED * WARPS)
 
     @wp.kernel(module="unique", enable_backward=False, launch_bounds=(block, residents))
@@ -171,7 +181,7 @@ def march_kernel(
             if walks(lane) == 1:
                 measure = int(0)
                 if until_measured == 0:
-                    measure = batch.bound
+                    measure = 1
                     until_measured = batch.measure_every
                 until_measured -= 1
                 worst, power, artificial = sweep_elements(
@@ -184,7 +194,7 @@ def march_kernel(
                     put_largest(parts, TURNED, latched)
                 if batch.stop_past_data == 1:
                     put_largest(parts, BEYOND, strain(body, limit_s, u_r, u_y, lane))
-                if measure > 0:
+                if measure == 1:
                     put_largest(parts, STIFFEST + (step + 1) % 2, latched)
                     latched = wp.float64(0.0)
             if tends(lane) == 1 and step == 0:
@@ -217,7 +227,7 @@ def march_kernel(
                 h, tau = real(dt), real(interval)
 
                 if walks(lane) == 1:
-                    n = lane
+                    n = first_inside(lane)
                     while n < body.n_inner:
                         old, new, mass = free_velocity(body, corner_r, corner_y, v_r, v_y, n, tau, alpha)
                         if ledger == 1:
@@ -225,7 +235,7 @@ def march_kernel(
                         if alpha > zero:
                             damp_step = add_to(damp_step, drag_loss(mass, old, new, tau, alpha), n)
                         move(u_r, u_y, v_r, v_y, n, new, h)
-                        n += walkers()
+                        n += walkers_inside()
 
                     b = from_the_end(lane)
                     while b < body.n_seats:
@@ -307,12 +317,12 @@ def march_kernel(
             sync()
             failed = int(-get_largest(parts, TURNED))
         if lane == 0:
-            output.failed_element[sample] = failed
-            output.outcome[sample] = int(clock[STATUS])
-            output.steps[sample] = int(clock[STEPS])
-            output.end_time[sample] = clock[TIME]
-            output.smallest_step[sample] = clock[SMALLEST_STEP]
-            output.past_data[sample] = clock[PAST_DATA]
-            output.strain_measure[sample] = clock[MOST_STRAINED]
+            output.ending[sample, ENDED_AS] = clock[STATUS]
+            output.ending[sample, FAILED_ELEMENT] = wp.float64(failed)
+            output.ending[sample, STEPS_TAKEN] = clock[STEPS]
+            output.ending[sample, END_TIME] = clock[TIME]
+            output.ending[sample, LEAST_STEP] = clock[SMALLEST_STEP]
+            output.ending[sample, VOLUME_PAST_DATA] = clock[PAST_DATA]
+            output.ending[sample, LARGEST_S] = clock[MOST_STRAINED]
 
     return MarchKernel(march, structs, element, block)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +44,7 @@ class PlatenMotion:
         """Time of the last knot [s]."""
         return self.start + self.step * (len(self.position) - 1)
 
-    @property
+    @cached_property
     def cubics(self) -> FloatArray:
         """Coefficients of the position's cubic in the share of an interval that has passed, constant first
         [m], shape [n_knots, 4]; the last row is the straight line past the last knot."""

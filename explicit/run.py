@@ -9,6 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explicit.arguments import batch_of, fits_on_chip, output_of
+from explicit.clock import (
+    END_TIME,
+    ENDED_AS,
+    FAILED_ELEMENT,
+    LARGEST_S,
+    LEAST_STEP,
+    STEPS_TAKEN,
+    VOLUME_PAST_DATA,
+)
 from explicit.device import select_device
 from explicit.drivers import Plan, run_in_lanes, run_on_gpu
 from explicit.energy import EnergyLedger
@@ -76,7 +85,7 @@ def run(
     on_chip = where.is_cuda and fits_on_chip(model.mesh, numbers)
     kernel = march_kernel(
         type(model.materials[0]), model.faces, model.side, numbers, model.element, on_chip,
-        block_for(len(samples), where, on_chip),
+        block_for(len(samples), where, on_chip), stepping.bound,
     )  # fmt: skip
     output = output_of(kernel, model.mesh, len(samples), sampling, nodes, where)
     batch = batch_of(kernel, model, samples, sampling, stepping, numbers, where)
@@ -111,7 +120,8 @@ def _response(
     model: Model, sampling: Sampling, output: Any, histories: dict[str, FloatArray], nodes: Any
 ) -> Response:
     force, impulse, position, energy = (histories[name] for name in HISTORIES)
-    failed = output.failed_element.numpy().astype(np.int64)
+    ending = output.ending.numpy().T
+    failed = ending[FAILED_ELEMENT].astype(np.int64)
     side = np.searchsorted(nodes, model.mesh.side) if sampling.all_nodes else slice(None)
     return Response(
         force_times=sampling.force_times.copy(),
@@ -123,13 +133,13 @@ def _response(
         surface_r=position[:, :, side, 0],
         surface_y=position[:, :, side, 1],
         energy=EnergyLedger(*(energy[:, :, k] for k in range(8))),
-        outcomes=tuple(Outcome(int(code)) for code in output.outcome.numpy()),
+        outcomes=tuple(Outcome(int(code)) for code in ending[ENDED_AS]),
         failed_elements=failed,
         failed_places=np.where(failed[:, None] >= 0, model.mesh.centres[failed], np.nan),
-        end_times=output.end_time.numpy().copy(),
-        steps=output.steps.numpy().astype(np.int64),
-        smallest_step=output.smallest_step.numpy().copy(),
-        extrapolated_share=output.past_data.numpy() / element_geometry(model.mesh).volume.sum(),
-        largest_strain_measure=output.strain_measure.numpy().copy(),
+        end_times=ending[END_TIME].copy(),
+        steps=ending[STEPS_TAKEN].astype(np.int64),
+        smallest_step=ending[LEAST_STEP].copy(),
+        extrapolated_share=ending[VOLUME_PAST_DATA] / element_geometry(model.mesh).volume.sum(),
+        largest_strain_measure=ending[LARGEST_S].copy(),
         nodes=position if sampling.all_nodes else None,
     )

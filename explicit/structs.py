@@ -20,7 +20,7 @@ class Structs:
     State: Any
     """Fields that vary, each `[sample, node]`."""
     Output: Any
-    """Recorded histories, each `[sample, time, ...]`."""
+    """Recorded histories, each `[sample, time, ...]`, and how each simulation ended, `[sample, ENDING]`."""
 
 
 @cache
@@ -53,7 +53,6 @@ def batch_structs(precision: Precision, Shape: Any, Solid: Any) -> Structs:
         largest_step: wp.float64
         floor: wp.float64
         measure_every: int
-        bound: int
         ledger_every: int
         max_steps: int
         impedance: wp.float64
@@ -100,12 +99,6 @@ def batch_structs(precision: Precision, Shape: Any, Solid: Any) -> Structs:
         impulse: wp.array3d(dtype=wp.float64)
         position: wp.array4d(dtype=wp.float64)
         energy: wp.array3d(dtype=wp.float64)
-        outcome: wp.array(dtype=int)
-        failed_element: wp.array(dtype=int)
-        steps: wp.array(dtype=int)
-        end_time: wp.array(dtype=wp.float64)
-        smallest_step: wp.array(dtype=wp.float64)
-        past_data: wp.array(dtype=wp.float64)
-        strain_measure: wp.array(dtype=wp.float64)
+        ending: wp.array2d(dtype=wp.float64)
 
     return Structs(Body, Batch, State, Output)

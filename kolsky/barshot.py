@@ -3,6 +3,8 @@
 from dataclasses import fields
 from typing import Any
 
+import numpy as np
+
 from kolsky.barforce import BarForce
 from kolsky.records import CentreLine
 from kolsky.shots import Shot, ShotBase
@@ -10,7 +12,7 @@ from kolsky.waves.frontpath import back_force, front_path, front_velocity
 from kolsky.waves.records import FaceWaves, Reduction
 
 REACH = 0.9
-"""Largest displacement of the front face over the specimen's length that is simulated [-]."""
+"""Largest approach of the faces over the specimen's length that is simulated [-]."""
 
 
 def bar_force(reduction: Reduction, waves: FaceWaves) -> BarForce:
@@ -30,8 +32,7 @@ def driven_by_waves(
 ) -> Shot:
     """The shot whose front face moves with ``c0 (eps_i - eps_r)`` instead of with a flyer that cameras saw.
 
-    Everything is on the specimen's clock, that of the reduction; where the transmitted force is a
-    transducer's (`base.force`), its clock must have been brought to it.
+    Everything is on the shot's clock, also where the transmitted force is a transducer's (`base.force`).
 
     Parameters
     ----------
@@ -44,8 +45,8 @@ def driven_by_waves(
     centre_line
         The specimen's outline, where there is one; without it the force alone identifies.
     end
-        Last time that is simulated and compared [s], e.g. where the waves begin to overlap; the end of the
-        reduction if left out.
+        Last time that is simulated and compared, on the shot's clock [s], e.g. where the waves begin to
+        overlap; the end of the reduction if left out.
 
     Raises
     ------
@@ -56,22 +57,26 @@ def driven_by_waves(
     motion = front_velocity(reduction, waves, sigma_zero=sigma_zero)
     path = front_path(motion)
     last = path.end if end is None else end
-    first = float(reduction.time[0])
+    first = float(motion.time[0])
     if not first < last <= path.end:
         raise ValueError(
             f"the end is {last:.9g} s, must be after the wave's arrival at {first:.9g} s and not after the"
             f" reduction's last time {path.end:.9g} s"
         )
-    times = reduction.time[reduction.time <= last]
+    times = motion.time[motion.time <= last]
     reached, length = path.position(times), base.specimen.length
+    if base.support == "bar":
+        step = float(times[1] - times[0])
+        back = reduction.back_velocity.value[: times.size]
+        reached = reached - step * (np.cumsum(back) - 0.5 * (back + back[0]))
     if not (reached.max() > 0.0 and reached[-1] > 0.0):
         raise ValueError(
-            f"the front face moves away from the specimen, by {-reached[-1] * 1e3:.4g} mm: check the signs of the"
-            " gauges, compression is positive"
+            f"the front face moves away from the specimen, by {-reached[-1] * 1e3:.4g} mm: check the signs"
+            " of the gauges, compression is positive"
         )
     if reached.max() > REACH * length:
         raise ValueError(
-            f"the front face moves by {reached.max() * 1e3:.4g} mm, allowed are {REACH:g} of the specimen's"
+            f"the faces approach by {reached.max() * 1e3:.4g} mm, allowed are {REACH:g} of the specimen's"
             f" length of {length * 1e3:.4g} mm: end the window earlier, or check the gauge factors"
         )
     declared: dict[str, Any] = {field.name: getattr(base, field.name) for field in fields(ShotBase)}

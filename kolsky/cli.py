@@ -233,6 +233,30 @@ def waves(
 
 
 @app.command()
+def wavespeed(
+    shot: ShotPath,
+    out: Out = None,
+    figures: Annotated[
+        str, typer.Option(metavar="FORMATS", help="Also save the figure, e.g. pdf,svg,png.")
+    ] = "",
+    as_json: AsJson = False,
+) -> None:
+    """Find the bars' wave speed and the gauges' relative gain from a shot with the bars together.
+
+    Needs [bars], [recorders] and [gauges] in shot.toml, no specimen. Writes wavespeed.csv into SHOT/results.
+    """
+    with refusing_bad_input():
+        from kolsky.wavespeedcommand import wavespeed as run
+
+        run(
+            shot,
+            out=out,
+            formats=tuple(part.strip() for part in figures.split(",") if part.strip()),
+            as_json=as_json,
+        )
+
+
+@app.command()
 def calibrate(
     source: Annotated[
         Path,

@@ -12,6 +12,8 @@ from kolsky.records import FloatArray
 
 ZERO_PRIOR = 100.0
 """Prior standard deviation of the zero about the static frames' mean, in sigmas: practically free."""
+MOST_STARTS, SETTLED = 5, 1e-6
+"""Starts of the search for the smoothness, and the relative gain of a start that ends it."""
 CHANGE_PER_OCTAVE = 2.0
 """Prior standard deviation of the change of log tau from one control point to the next."""
 
@@ -85,16 +87,23 @@ def most_likely(
     # Highest tau: the whole travel within a frame; lowest: no effect on the last frame.
     highest, lowest = np.log(max(np.ptp(y), 10.0)), np.log(0.06 / hats.shape[0] ** 3)
     n = hats.shape[1]
-    best = minimize(
-        evidence,
-        np.concatenate([[0.0], np.linspace(0.0, 0.5 * lowest, n)]),
-        args=(y, weight, spans, hats),
-        jac=True,
-        method="L-BFGS-B",
-        bounds=[(0.0, None)] + [(lowest, highest)] * n,
-        options={"ftol": 1e-8},
-    )
-    if not best.success:
+    x, value = np.concatenate([[0.0], np.linspace(0.0, 0.5 * lowest, n)]), np.inf
+    for _ in range(MOST_STARTS):
+        best = minimize(
+            evidence,
+            x,
+            args=(y, weight, spans, hats),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=[(0.0, None)] + [(lowest, highest)] * n,
+            options={"ftol": 1e-8},
+        )
+        # A line search that round-off ends has arrived if a new start from there gains nothing.
+        settled = bool(best.success) or abs(value - best.fun) < SETTLED * max(abs(best.fun), 1.0)
+        x, value = best.x, float(best.fun)
+        if settled:
+            break
+    else:
         raise ValueError(f"the smoothness of the flyer's motion could not be found: {best.message}")
     return float(best.x[0]), best.x[1:]
 

@@ -57,11 +57,12 @@ class FrontVelocity:
     """The velocity of the incident bar's face toward the specimen, from the waves in the bar."""
 
     time: FloatArray
-    """Sample times on the specimen's clock, uniform, from the wave's arrival on [s], shape [n]."""
+    """Sample times on the shot's clock, uniform, from the wave's arrival there on [s], shape [n]."""
     velocity: FloatArray
     """Velocity toward the specimen [m/s], shape [n]."""
     noise: float
-    """Standard deviation of one sample's noise, independent of the others' [m/s]."""
+    """Standard deviation of one sample's noise; of white noise as strong at low frequencies, if it is slow
+    [m/s]."""
     sigma_gain: float = 0.0
     """Standard uncertainty of the scale, common to all samples [-]."""
     sigma_zero: float = 0.0

@@ -213,6 +213,7 @@ def _text(name: object) -> str:
 Length = Annotated[float, BeforeValidator(_physical("m", "> 0"))]
 Offset = Annotated[float, BeforeValidator(_physical("m"))]
 Time = Annotated[float, BeforeValidator(_physical("s"))]
+PositiveTime = Annotated[float, BeforeValidator(_physical("s", "> 0"))]
 Damping = Annotated[float, BeforeValidator(_physical("s", ">= 0", "the damping time beta"))]
 Rate = Annotated[float, BeforeValidator(_physical("1/s", ">= 0", "the mass-proportional damping alpha"))]
 Density = Annotated[float, BeforeValidator(_physical("kg/m^3", "> 0", "the mass density"))]

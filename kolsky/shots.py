@@ -25,10 +25,11 @@ from kolsky.records import (
     MaterialCurve,
     Recording,
 )
-from kolsky.shotfile import CentreLineSection, FlyerSection
-from kolsky.shottoml import ShotToml, read_shot_toml
+from kolsky.shotfile import CentreLineSection, CurveSection, FlyerSection
+from kolsky.shottoml import ShotToml, read_declared, read_shot_toml
 from kolsky.shotwindow import window
 from kolsky.transducers import force_history, noise_correlation
+from kolsky.wavesfile import AnyFile
 
 SHOT_FILE = "shot.toml"
 
@@ -182,6 +183,10 @@ def load_shot(folder_or_toml: str | Path, *, measure: Callable[[Seen], Measured]
         If a file is missing or damaged, a declaration is unknown, incomplete or impossible, or
         declarations and recordings contradict each other.
     """
+    if is_bar_driven(folder_or_toml):
+        from kolsky.bardriven import load_bar_driven
+
+        return load_bar_driven(folder_or_toml)
     toml, frames = _opened(folder_or_toml)
     declared, folder = toml.declared, toml.path.parent
     frame_time = frames.time + declared.frames.clock_offset
@@ -196,7 +201,7 @@ def load_shot(folder_or_toml: str | Path, *, measure: Callable[[Seen], Measured]
     forcechecks.force_sign(force.raw_force(), force.time, span, flyer, toml)
     centre_line, outline_hash = _centre_line(folder, frames, declared.centre_line, toml)
     shapechecks.outline(centre_line, folder / declared.centre_line.file, rest, span, toml)
-    curve, curve_hash = _curve(folder, toml)
+    curve, curve_hash = read_curve(folder, declared.curve)
     exports = {declared.flyer.file: flyer_hash, declared.centre_line.file: outline_hash}
     base = _base(toml, frames, force, curve, curve_hash, exports)
     return Shot(**base, flyer=flyer, centre_line=centre_line, window=span)
@@ -226,6 +231,8 @@ def check_shot(folder_or_toml: str | Path) -> ShotBase:
     InputError
         As `load_shot`.
     """
+    if is_bar_driven(folder_or_toml):
+        return load_shot(folder_or_toml)
     toml, _ = _opened(folder_or_toml)
     if toml.declared.flyer is None and toml.declared.surface is None:
         return load_pictures(folder_or_toml)
@@ -252,7 +259,7 @@ def _with_surface(toml: ShotToml, frames: FrameTimes, rest: float) -> Shot:
     span = window(toml, frame_time, float(flyer.time[-1]), force.recording, force.time)
     forcechecks.force_sign(force.raw_force(), force.time, span, flyer, toml)
     shapechecks.outline(centre_line, source, rest, span, toml)
-    curve, curve_hash = _curve(folder, toml)
+    curve, curve_hash = read_curve(folder, declared.curve)
     base = _base(toml, frames, force, curve, curve_hash, inputs)
     return Shot(**base, flyer=flyer, centre_line=centre_line, window=span)
 
@@ -267,6 +274,7 @@ def _with_pictures(
 
         measure = measured
     found = measure(shot.seen)
+    assert isinstance(shot.force, ForceChannel)  # `_pictured` made it so
     frame_time = frames.time + toml.declared.frames.clock_offset
     framechecks.body_moves(found.flyer, rest, found.source, toml)
     span = window(
@@ -293,7 +301,7 @@ def _pictured(toml: ShotToml, frames: FrameTimes, seen: Seen) -> PicturedShot:
     folder, declared = toml.path.parent, toml.declared
     rest = float(frames.time[declared.frames.static - 1] + declared.frames.clock_offset)
     force = _force(folder, rest, toml)
-    curve, curve_hash = _curve(folder, toml)
+    curve, curve_hash = read_curve(folder, declared.curve)
     return PicturedShot(**_base(toml, frames, force, curve, curve_hash, seen.inputs), seen=seen)
 
 
@@ -345,6 +353,18 @@ def _base(
             declared.curve.file: curve_hash,
         },
     }
+
+
+def is_bar_driven(folder_or_toml: str | Path) -> bool:
+    """Whether a shot's motion and force come from the gauges of its bars: [gauges] and no cameras.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is no TOML.
+    """
+    content = read_declared(find_shot_file(Path(folder_or_toml)), lambda content: AnyFile)[0].content
+    return "gauges" in content and not {"flyer", "pictures", "frames"} & set(content)
 
 
 def folder_of(folder_or_toml: str | Path) -> Path:
@@ -438,14 +458,20 @@ def _centre_line(
     return line, table.sha256
 
 
-def _curve(folder: Path, toml: ShotToml) -> tuple[MaterialCurve, str]:
-    section = toml.declared.curve
+def read_curve(folder: Path, section: CurveSection) -> tuple[MaterialCurve, str]:
+    """The quasi-static curve from rest outward, and the hash of its file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or holds no such curve.
+    """
     table = uniaxial_csv.read(
         folder / section.file, strain=section.strain.as_column(), stress=section.stress.as_column()
     )
     sign = 1.0 if section.convention == "tension positive" else -1.0
     strain, stress = sign * table.strain, sign * table.stress
-    shapechecks.curve(strain, stress, table.path, toml)
+    shapechecks.curve(strain, stress, table.path, section)
     order = np.argsort(np.abs(strain))
     strain, stress = strain[order], stress[order]
     curve = MaterialCurve(

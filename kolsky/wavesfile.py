@@ -19,8 +19,27 @@ class WaveSpecimenSection(Section):
     density: f.Density
 
 
+class PronySection(Section):
+    """[bars.NAME.prony]: the complex modulus of a polymer bar, a spring and Maxwell elements."""
+
+    long_term: f.Modulus
+    moduli: Annotated[list[f.Modulus], Field(min_length=1, max_length=50)]
+    times: Annotated[list[f.PositiveTime], Field(min_length=1, max_length=50)]
+
+    @model_validator(mode="after")
+    def _one_time_each(self) -> "PronySection":
+        if len(self.moduli) != len(self.times):
+            raise f.problem(
+                f"has {len(self.times)} entries, moduli has {len(self.moduli)}",
+                key="times",
+                cure="give one relaxation time for each modulus",
+            )
+        return self
+
+
 class WaveBarSection(Section):
-    """[bars.incident] or [bars.transmission]: a round bar, by its modulus or by its measured wave speed."""
+    """[bars.incident] or [bars.transmission]: a round bar, by its modulus, its measured wave speed or, for a
+    polymer, its Prony series."""
 
     diameter: f.Length
     length: f.Length
@@ -28,21 +47,26 @@ class WaveBarSection(Section):
     poisson: f.Poisson
     youngs_modulus: f.Modulus | None = None
     wave_speed: f.Velocity | None = None
+    prony: PronySection | None = None
 
     @model_validator(mode="after")
     def _one_stiffness(self) -> "WaveBarSection":
-        if (self.youngs_modulus is None) == (self.wave_speed is None):
+        ways = ("youngs_modulus", "wave_speed", "prony")
+        given = [key for key in ways if getattr(self, key) is not None]
+        if len(given) != 1:
             raise f.problem(
-                "is missing" if self.wave_speed is None else "is given beside youngs_modulus",
-                key="wave_speed",
-                cure='give either wave_speed = "5188 m/s" (E follows from it and the density) or '
-                'youngs_modulus = "210 GPa"',
+                f"is given beside {given[0]}" if given else "is missing",
+                key=given[1] if given else "wave_speed",
+                cure='give one of wave_speed = "5188 m/s" (E follows from it and the density), '
+                'youngs_modulus = "210 GPa" and, for a polymer, a table prony',
             )
         return self
 
     @property
     def modulus(self) -> float:
-        """Young's modulus [Pa], from the wave speed where that is given."""
+        """Young's modulus [Pa]; from the wave speed, or that of the fastest wave, where those are given."""
+        if self.prony is not None:
+            return self.prony.long_term + sum(self.prony.moduli)
         if self.youngs_modulus is not None:
             return self.youngs_modulus
         assert self.wave_speed is not None  # the validator saw to it
@@ -65,7 +89,7 @@ class WavesSection(Section):
     transmitted: f.Interval | None = None
     balance: f.Share = 0.05
     share: f.Share = 0.05
-    corrections: dict[str, bool] = {}
+    corrections: dict[str, bool] = Field(default_factory=dict)
 
     @field_validator("corrections")
     @classmethod
@@ -165,25 +189,32 @@ class GaugeSection(Section):
 
 
 class GaugesSection(Section):
-    """[gauges]: one station on each bar."""
+    """[gauges]: one station on each bar; a second one, farther from the specimen, tells overlapping pulses
+    of the incident bar apart."""
 
     incident: GaugeSection
+    incident_far: GaugeSection | None = None
     transmission: GaugeSection
 
 
-class WavesShotFile(Section):
-    """A shot.toml for `kolsky waves`: bars and gauges are needed, what `identify` reads is left alone."""
+class BarsShotFile(Section):
+    """A shot.toml for `kolsky wavespeed`: bars and gauges, no specimen between them."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
 
     format: Literal[1]
     name: f.Name | None = None
-    specimen: WaveSpecimenSection
     bars: BarsSection
     recorders: Annotated[dict[str, RecorderSection], Field(min_length=1)]
     gauges: GaugesSection
     waves: WavesSection = WavesSection()
     uncertainty: UncertaintySection = UncertaintySection()
+
+
+class WavesShotFile(BarsShotFile):
+    """A shot.toml for `kolsky waves`: bars and gauges are needed, what `identify` reads is left alone."""
+
+    specimen: WaveSpecimenSection
 
 
 class AnyFile(Section):

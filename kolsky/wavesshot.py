@@ -14,9 +14,13 @@ from kolsky.shots import find_shot_file
 from kolsky.shottoml import TomlFile, read_declared
 from kolsky.waves.audit import Switches
 from kolsky.waves.bridge import Bridge, Calibration, Linear
-from kolsky.waves.chain import SIDES, StationInput, WavesInput
+from kolsky.waves.chain import FAR, SIDES, StationInput, WavesInput
+from kolsky.waves.polymer_waveguide import PronyModulus
 from kolsky.waves.records import Windows
-from kolsky.wavesfile import GaugeSection, WaveBarSection, WavesShotFile
+from kolsky.wavesfile import BarsShotFile, GaugeSection, WaveBarSection, WavesShotFile
+
+NOTHING = Specimen(diameter=0.0, length=0.0, density=0.0)
+"""No specimen: the bars touch."""
 
 
 def load_waves(folder_or_toml: str | Path) -> WavesInput:
@@ -33,12 +37,9 @@ def load_waves(folder_or_toml: str | Path) -> WavesInput:
         If a file is missing or damaged, or a declaration is unknown, incomplete or impossible.
     """
     file, declared = read_declared(find_shot_file(Path(folder_or_toml)), lambda content: WavesShotFile)
-    folder = file.path.parent
-    _all_there(file, declared, folder)
-    recordings, hashes = _recordings(file, declared, folder)
-    bars = {side: _bar(getattr(declared.bars, side)) for side in SIDES}
+    bars, stations, hashes = _record(file, declared)
     specimen = Specimen(**declared.specimen.model_dump())
-    _fits(file, declared, bars, specimen)
+    _narrower(file, bars, specimen)
     waves = declared.waves
     windows = None
     if waves.incident is not None:
@@ -46,12 +47,14 @@ def load_waves(folder_or_toml: str | Path) -> WavesInput:
     uncertainty = declared.uncertainty.model_dump()
     alike = bool(uncertainty.pop("bars_alike"))
     return WavesInput(
-        name=declared.name or folder.resolve().name,
+        name=declared.name or file.path.parent.resolve().name,
         specimen=specimen,
         bars=bars,
-        stations={
-            side: _station(getattr(declared.gauges, side), recordings[side], bars[side], declared)
+        stations=stations,
+        polymers={
+            side: PronyModulus(prony.long_term, tuple(prony.moduli), tuple(prony.times))
             for side in SIDES
+            if (prony := getattr(declared.bars, side).prony) is not None
         },
         load=waves.load,
         windows=windows,
@@ -62,6 +65,53 @@ def load_waves(folder_or_toml: str | Path) -> WavesInput:
         inputs={file.path.name: file.sha256, **hashes},
         settings=declared_settings(file.content),
     )
+
+
+def load_bars(folder_or_toml: str | Path) -> WavesInput:
+    """Load and check what `kolsky wavespeed` needs: bars and gauges, no specimen.
+
+    The specimen of the result has no length and must not be used.
+
+    Raises
+    ------
+    InputError
+        As `load_waves`.
+    """
+    file, declared = read_declared(find_shot_file(Path(folder_or_toml)), lambda content: BarsShotFile)
+    bars, stations, hashes = _record(file, declared)
+    return WavesInput(
+        name=declared.name or file.path.parent.resolve().name,
+        specimen=NOTHING,
+        bars=bars,
+        stations=stations,
+        load=declared.waves.load,
+        switches=Switches(declared.waves.corrections),
+        inputs={file.path.name: file.sha256, **hashes},
+        settings=declared_settings(file.content),
+    )
+
+
+def _record(
+    file: TomlFile, declared: BarsShotFile
+) -> tuple[dict[str, Bar], dict[str, StationInput], dict[str, str]]:
+    """Bars, stations and the hashes of their files."""
+    folder = file.path.parent
+    gauges = _gauges(declared)
+    _all_there(file, declared, gauges, folder)
+    bars = {side: _bar(getattr(declared.bars, side)) for side in SIDES}
+    _on_its_bar(file, gauges, bars)
+    recordings, hashes = _recordings(file, declared, gauges, folder)
+    stations = {
+        key: _station(gauge, recordings[key], bars[key.removesuffix(" far")], declared)
+        for key, gauge in gauges.items()
+    }
+    return bars, stations, hashes
+
+
+def _gauges(declared: BarsShotFile) -> dict[str, GaugeSection]:
+    """The declared stations by the chain's keys."""
+    found = {side: getattr(declared.gauges, side) for side in SIDES}
+    return found if declared.gauges.incident_far is None else found | {FAR: declared.gauges.incident_far}
 
 
 def _bar(section: WaveBarSection) -> Bar:
@@ -75,32 +125,35 @@ def _bar(section: WaveBarSection) -> Bar:
 
 
 def _recordings(
-    file: TomlFile, declared: WavesShotFile, folder: Path
+    file: TomlFile, declared: BarsShotFile, gauges: Mapping[str, GaugeSection], folder: Path
 ) -> tuple[dict[str, tuple[Recording, ...]], dict[str, str]]:
-    """The channels of both stations, and the hashes of their files."""
+    """The channels of all stations, and the hashes of their files."""
     found, hashes = {}, {}
-    for side in SIDES:
-        gauge: GaugeSection = getattr(declared.gauges, side)
+    for key, gauge in gauges.items():
         recorder = declared.recorders[gauge.recorder]
-        unit = recorder.unit or ("1" if gauge.strain else "V")
-        layout = recorder.as_layout(full_scale=gauge.full_scale, unit=unit)
+        wanted = "1" if gauge.strain else "V"
+        layout = recorder.as_layout(full_scale=gauge.full_scale, unit=recorder.unit or wanted)
         names = [str(channel) for channel in gauge.channels]
         read = read_recordings(folder / recorder.file, names, layout=layout)
-        found[side] = tuple(read[name] for name in names)
-        wanted = "1" if gauge.strain else "V"
-        for recording in found[side]:
+        found[key] = tuple(read[name] for name in names)
+        for recording in found[key]:
             hashes[recorder.file] = recording.sha256
             if recording.unit != wanted:
                 raise file.error(
-                    f"gauges.{side}",
+                    _table(key),
                     f"needs a signal in {wanted!r}, channel {recording.channel!r} is in {recording.unit!r}",
                     cure="state the unit of the samples in the recorder's table, or strain = true",
                 )
     return found, hashes
 
 
+def _table(key: str) -> str:
+    """The table of a station in the shot file."""
+    return "gauges." + key.replace(" ", "_")
+
+
 def _station(
-    gauge: GaugeSection, recordings: tuple[Recording, ...], bar: Bar, declared: WavesShotFile
+    gauge: GaugeSection, recordings: tuple[Recording, ...], bar: Bar, declared: BarsShotFile
 ) -> StationInput:
     return StationInput(
         recordings=recordings,
@@ -123,53 +176,59 @@ def _calibration(gauge: GaugeSection, bar: Bar) -> Calibration:
     return Bridge(**gauge.bridge.model_dump(), poisson=bar.poisson if across else None)
 
 
-def _all_there(file: TomlFile, declared: WavesShotFile, folder: Path) -> None:
+def _all_there(
+    file: TomlFile, declared: BarsShotFile, gauges: Mapping[str, GaugeSection], folder: Path
+) -> None:
     """Unknown recorders and missing files, all at once."""
-    problems: list[InputError] = []
-    for side in SIDES:
-        name = getattr(declared.gauges, side).recorder
-        if name not in declared.recorders:
-            problems.append(
-                file.error(
-                    f"gauges.{side}.recorder",
-                    f"names no recorder; there are {', '.join(declared.recorders)}",
-                    cure=f"add a table [recorders.{name}], or correct the name",
-                )
-            )
-    for name, recorder in declared.recorders.items():
-        if not (folder / recorder.file).exists():
-            problems.append(
-                file.error(
-                    f"recorders.{name}.file",
-                    f"names a missing file: {folder / recorder.file}",
-                    cure="put it there or correct its name",
-                )
-            )
+    problems: list[InputError] = [
+        file.error(
+            f"{_table(key)}.recorder",
+            f"names no recorder; there are {', '.join(declared.recorders)}",
+            cure=f"add a table [recorders.{gauge.recorder}], or correct the name",
+        )
+        for key, gauge in gauges.items()
+        if gauge.recorder not in declared.recorders
+    ]
+    problems += [
+        file.error(
+            f"recorders.{name}.file",
+            f"names a missing file: {folder / recorder.file}",
+            cure="put it there or correct its name",
+        )
+        for name, recorder in declared.recorders.items()
+        if not (folder / recorder.file).exists()
+    ]
     refuse(problems)
 
 
-def _fits(file: TomlFile, declared: WavesShotFile, bars: Mapping[str, Bar], specimen: Specimen) -> None:
-    """What the tables say together must be possible."""
-    problems = []
-    for side, bar in bars.items():
-        gauge: GaugeSection = getattr(declared.gauges, side)
-        if gauge.distance >= bar.length:
-            problems.append(
-                file.error(
-                    f"gauges.{side}.distance",
-                    "lies beyond the bar's other end",
-                    allowed=f"below the bar's length, {1e3 * bar.length:.6g} mm",
-                )
+def _on_its_bar(file: TomlFile, gauges: Mapping[str, GaugeSection], bars: Mapping[str, Bar]) -> None:
+    """Every gauge must sit on its bar."""
+    refuse(
+        [
+            file.error(
+                f"{_table(key)}.distance",
+                "lies beyond the bar's other end",
+                allowed=f"below the bar's length, {1e3 * bar.length:.6g} mm",
             )
-        if specimen.diameter > bar.diameter:
-            problems.append(
-                file.error(
-                    "specimen.diameter",
-                    "is wider than a bar, which cannot press on what lies beside it",
-                    allowed=f"up to the {side} bar's diameter, {1e3 * bar.diameter:.6g} mm",
-                )
+            for key, gauge in gauges.items()
+            if gauge.distance >= (bar := bars[key.removesuffix(" far")]).length
+        ]
+    )
+
+
+def _narrower(file: TomlFile, bars: Mapping[str, Bar], specimen: Specimen) -> None:
+    """The specimen must not be wider than a bar."""
+    refuse(
+        [
+            file.error(
+                "specimen.diameter",
+                "is wider than a bar, which cannot press on what lies beside it",
+                allowed=f"up to the {side} bar's diameter, {1e3 * bar.diameter:.6g} mm",
             )
-    refuse(problems)
+            for side, bar in bars.items()
+            if specimen.diameter > bar.diameter
+        ][:1]
+    )
 
 
 def declared_settings(content: Mapping[str, Any]) -> dict[str, str]:

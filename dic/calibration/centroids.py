@@ -52,7 +52,10 @@ def _together(image: FloatArray, ellipses: FloatArray, reach: int, noise: float)
     """`centroids` of dots with windows of one size, shape [n, 5]."""
     result = np.full((len(ellipses), 5), np.nan)
     rows, x0, y0 = np.arange(len(ellipses)), ellipses[:, 0].copy(), ellipses[:, 1].copy()
-    for last in (False, True):  # a second time about the centre found, so that the window is centred on the dot
+    for last in (
+        False,
+        True,
+    ):  # a second time about the centre found, so that the window is centred on the dot
         part = _Window.around(image, x0[rows], y0[rows], ellipses[rows, 2:], reach)
         plane, fine = _plane(part)
         around = plane[:, :1] + plane[:, 1:2] * part.inner_x + plane[:, 2:] * part.inner_y

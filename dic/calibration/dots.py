@@ -96,9 +96,7 @@ def _outlines(
     eight: NDArray[np.uint8], size: int, step: float, round_dots: bool
 ) -> list[tuple[FloatArray, bool]]:
     """Ellipses (x, y, major, minor diameter, angle in degrees) of dark patches, and whether hollow."""
-    mask = cv2.adaptiveThreshold(
-        eight, 255, cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY_INV, size, step
-    )
+    mask = cv2.adaptiveThreshold(eight, 255, cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY_INV, size, step)
     contours, tree = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     if tree is None or len(contours) > MOST_DOTS:
         return []

@@ -58,7 +58,9 @@ def noise_level(picture: NDArray[np.generic]) -> float:
     bands = [grey(image[k : k + BAND]) for k in starts]
     kernel = np.array([[1.0, -2.0, 1.0], [-2.0, 4.0, -2.0], [1.0, -2.0, 1.0]])
     responses = [np.abs(cv2.filter2D(band, cv2.CV_64F, kernel)) for band in bands]
-    limit = 0.5 * float(np.sum(quantiles(np.concatenate([image[k : k + BAND] for k in starts]), (0.02, 0.98))))
+    limit = 0.5 * float(
+        np.sum(quantiles(np.concatenate([image[k : k + BAND] for k in starts]), (0.02, 0.98)))
+    )
     bright = [(band > limit).astype(np.uint8) for band in bands]
     part = np.concatenate([response[1:-1, 1:-1].ravel() for response in responses])
     for size in (9, 5, 3):  # as far from dots and corners as leaves enough pixels

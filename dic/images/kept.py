@@ -12,6 +12,11 @@ MOST_KEPT = 512 * 2**20
 """Pictures of one series that are kept in memory [bytes]; those beyond are read again when asked for."""
 
 
+def kept(pictures: Pictures) -> "KeptPictures":
+    """A series with its pictures kept; itself if they are already."""
+    return pictures if isinstance(pictures, KeptPictures) else KeptPictures(pictures)
+
+
 class KeptPictures:
     """The same series, for those who look at its pictures more than once; see `dic.images.Pictures`.
 

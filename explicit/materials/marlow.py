@@ -72,7 +72,7 @@ class MarlowLaw:
         s = (np.arange(len(self.quotient) - 1)[:, None] + x) * self.step
         return np.concatenate([[0.0], np.cumsum((q * s * 0.5 * weights).sum(axis=1) * self.step)])
 
-    @property
+    @cached_property
     def cubics(self) -> FloatArray:
         """Coefficients of 2 U' in the share of an interval that has passed, constant first [Pa], shape
         [n_knots, 4]; the last row is the straight line past the data."""

@@ -26,9 +26,9 @@ class _Lanes(Control):
             return Known(None)
         if name in ("walks", "tends", "alone"):
             return literal(1, "i32")
-        if name in ("walkers", "clerk_step"):
+        if name in ("walkers", "walkers_inside", "clerk_step"):
             return self.wp_block_dim()
-        if name in ("from_the_end", "clerk_first", "places"):
+        if name in ("from_the_end", "first_inside", "clerk_first", "places"):
             return arguments[0]
         if name in ("get_total", "get_largest"):
             parts, k = arguments

@@ -12,6 +12,9 @@ THRESHOLD = 6.0
 FLANK = (0.2, 0.6)
 """Shares of the pulse's level between which the rising flank is fitted by a straight line."""
 
+FLOOR = 0.01
+"""Share of the largest average that a pulse must exceed, however small the noise."""
+
 
 @dataclass(frozen=True)
 class Arrival:
@@ -43,13 +46,14 @@ def find_arrival(
 ) -> Arrival:
     """Arrival of the first pulse of one sign.
 
-    The signal is averaged over `average`, which turns single counts and spikes into noise of the standard
-    deviation sigma sqrt(memory / m). The first average beyond `threshold` times that finds the pulse; the largest
-    average up to its end is its level. The onset minimises Maeda's form of Akaike's criterion over the
-    samples up to half the level [1]_; the time is the intersection of the baseline, 0, with the
-    least-squares line through the flank's samples between `FLANK` of the level, and its sigma is that of
-    the intersection. On a straight flank it has no bias. On a rounded foot it is late by a fixed share of
-    the rise, 0.18 of a raised cosine's, whatever the noise, while the onset comes later as noise grows.
+    The signal is averaged over `average`, m samples, which turns single counts and spikes into noise of the
+    standard deviation sigma sqrt(memory / m). The first average beyond `threshold` times that, and beyond
+    `FLOOR` of the largest, finds the pulse; the largest average up to its end is its level. The onset
+    minimises Maeda's form of Akaike's criterion over the samples up to half the level [1]_; the time is the
+    intersection of the baseline, 0, with the least-squares line through the flank's samples between `FLANK`
+    of the level, and its sigma is that of the intersection. On a straight flank it has no bias. On a rounded
+    foot it is late by a fixed share of the rise, 0.17 of a raised cosine's, whatever the noise, while the
+    onset comes later as noise grows.
 
     Parameters
     ----------
@@ -98,7 +102,7 @@ def find_arrival(
     time, value = time[inside], sign * signal.value[inside]
     smooth = moving_mean(value, width)
     noise = signal.sigma * sqrt(min(signal.memory / width, 1.0))
-    least = max(threshold * noise, smallest)
+    least = max(threshold * noise, FLOOR * float(smooth.max()), smallest)
     first = _first_run(smooth > least, width)
     if first is None:
         raise ValueError(

@@ -21,7 +21,7 @@ KINDS: Mapping[str, tuple[str, str, str, str]] = {
 """What arms 1 to 4 see, in their order round the bridge: 1 and 3 face each other.
 
 "half, opposed" and "full, Poisson" have the gauges of arms 1 and 3 on opposite sides of the bar, which takes
-bending out; the others see it.
+bending out; the others see it. Gauges in series in one arm count as one that sees their mean.
 """
 
 

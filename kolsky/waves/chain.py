@@ -1,6 +1,6 @@
 """The chain: gauges to strain, windows, waves at the faces, reduction, corrections, budget."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,12 +11,13 @@ from kolsky.waves import quoted
 from kolsky.waves.audit import AuditLog, Switches
 from kolsky.waves.bridge import Calibration
 from kolsky.waves.budget import Budget, propagate
-from kolsky.waves.carried import dispersed
 from kolsky.waves.equilibrium import ALLOWANCE
 from kolsky.waves.faces import face_waves
+from kolsky.waves.overlap import overlapping_windows, separated
+from kolsky.waves.polymer_waveguide import PronyModulus, ViscoelasticWaveguide
 from kolsky.waves.punching import correct_punching
 from kolsky.waves.quantities import merged
-from kolsky.waves.records import Correction, FaceWaves, History, Quantity, Reduction, Windows
+from kolsky.waves.records import BarSignal, Correction, FaceWaves, History, Quantity, Reduction, Windows
 from kolsky.waves.reduction import ANALYSES, reduce
 from kolsky.waves.result import WavesResult
 from kolsky.waves.stations import Station, bar_signal
@@ -28,9 +29,12 @@ from kolsky.waves.varied import (
     varied_position,
     varied_specimen,
 )
+from kolsky.waves.waveguide import ElasticWaveguide, Waveguide
 from kolsky.waves.windows import check_windows, find_windows, incident_arrival
 
 SIDES = ("incident", "transmission")
+FAR = "incident far"
+"""Key of the incident bar's second station."""
 LARGEST_BEND = 1.0
 """Disagreement of the budget's two steps that ends the work, in combined standard uncertainties: steep fronts
 that a wave speed moves bend more than any straight line; `quoted.remarks` says where it matters."""
@@ -68,9 +72,11 @@ class WavesInput:
     bars: Mapping[str, Bar]
     """Bars by side, "incident" and "transmission"."""
     stations: Mapping[str, StationInput]
-    """Gauge stations by side."""
+    """Gauge stations by side; "incident far" is a second one on the incident bar, for overlapping pulses."""
     load: str = "compression"
     """"compression" or "tension"."""
+    polymers: Mapping[str, PronyModulus] = field(default_factory=dict)
+    """Complex moduli of the bars that are not elastic, by side."""
     windows: Windows | None = None
     """Windows given by hand; None to have the pulses found."""
     allowance: float = ALLOWANCE
@@ -108,7 +114,7 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
     best = {side: _station(given, side, {}) for side in SIDES}
     incident, transmission = (best[side].signal for side in SIDES)
     arrival = incident_arrival(incident, tension=tension)
-    windows = find_windows(incident, transmission, tension=tension, manual=given.windows)
+    windows = _windows(given, incident, transmission, tension)
     seen = check_windows(incident, transmission, tension=tension)
     progress("waves", 1, 3)
 
@@ -116,9 +122,9 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
     for side in SIDES:
         log.add(*best[side].corrections)
     state = _State(given, windows, arrival.time)
-    plain, carried = state.faces({}, dispersive=False), state.faces({}, dispersive=True)
+    plain, carried = state.carried({}, dispersive=False), state.carried({}, dispersive=True)
     _log_dispersion(log, plain, carried, given)
-    faces = carried if given.switches["dispersion"] else plain
+    faces = state.faces({}, log)
     reduction, punching = state.reduced(faces, {})
     log.add(punching)
     summary = summarise(reduction, faces, given.specimen)
@@ -154,17 +160,44 @@ class _State:
     windows: Windows
     arrival: float
 
-    def faces(self, values: Mapping[str, float], *, dispersive: bool) -> FaceWaves:
-        """The waves at the specimen."""
+    def guides(self, values: Mapping[str, float]) -> tuple[Waveguide, Waveguide]:
+        """Both bars as waveguides."""
+        first, second = (self._guide(side, varied_bar(self.given.bars[side], side, values)) for side in SIDES)
+        return first, second
+
+    def _guide(self, side: str, bar: Bar) -> Waveguide:
+        dispersive = self.given.switches["dispersion"]
+        prony = self.given.polymers.get(side)
+        if prony is None:
+            return ElasticWaveguide(bar, dispersive=dispersive)
+        return ViscoelasticWaveguide(bar, prony.scaled(bar.youngs_modulus / prony.instantaneous), dispersive)
+
+    def carried(self, values: Mapping[str, float], *, dispersive: bool) -> FaceWaves:
+        """The waves at the specimen by windows, with or without what the bars do to them on the way."""
         incident, transmission = (_station(self.given, side, values).signal for side in SIDES)
-        plain = face_waves(incident, transmission, self.windows, arrival=self.arrival)
-        return dispersed(plain, incident, transmission, self.windows) if dispersive else plain
+        return face_waves(
+            incident,
+            transmission,
+            self.windows,
+            guides=self.guides(values) if dispersive or self.given.polymers else None,
+            arrival=self.arrival,
+        )
+
+    def faces(self, values: Mapping[str, float], log: AuditLog) -> FaceWaves:
+        """The waves at the specimen as they are reduced; overlapping ones told apart."""
+        found = self.carried(values, dispersive=self.given.switches["dispersion"])
+        if FAR not in self.given.stations:
+            return found
+        near, far = (_station(self.given, key, values).signal for key in ("incident", FAR))
+        return separated(found, near, far, self.guides(values)[0], log)
 
     def reduced(self, faces: FaceWaves, values: Mapping[str, float]) -> tuple[Reduction, Correction]:
         """Reduction with the punching of the faces taken out, if that is on."""
         specimen = varied_specimen(self.given.specimen, values)
+        dispersive = self.given.switches["dispersion"] or self.given.polymers
+        guides = self.guides(values) if dispersive else None
         return correct_punching(
-            reduce(faces, specimen, allowance=self.given.allowance),
+            reduce(faces, specimen, guides=guides, allowance=self.given.allowance),
             specimen,
             faces.incident_bar,
             faces.transmission_bar,
@@ -173,7 +206,7 @@ class _State:
 
     def outputs(self, values: Mapping[str, float], summary: Summary) -> dict[str, np.ndarray]:
         """All histories and quoted numbers, for the budget."""
-        faces = self.faces(values, dispersive=self.given.switches["dispersion"])
+        faces = self.faces(values, AuditLog(self.given.switches))
         reduction, _ = self.reduced(faces, values)
         return {**histories(reduction), **quoted.numbers(reduction, summary)}
 
@@ -219,14 +252,32 @@ def turned(reduction: Reduction) -> Reduction:
     return each(reduction, lambda name, history: History(-history.value, history.sigma, history.unit))
 
 
-def _station(given: WavesInput, side: str, values: Mapping[str, float]) -> Station:
+def _windows(given: WavesInput, incident: BarSignal, transmission: BarSignal, tension: bool) -> Windows:
+    """Windows by hand, by dead reckoning or, with two stations on a bar, in spite of an overlap."""
+    if given.windows is None and FAR in given.stations and given.switches["separation"]:
+        return overlapping_windows(incident, _station(given, FAR, {}).signal, transmission, tension=tension)
+    return find_windows(incident, transmission, tension=tension, manual=given.windows)
+
+
+def station_of(given: WavesInput, side: str) -> Station:
+    """The strain at one station as it was declared.
+
+    Raises
+    ------
+    ValueError
+        As `kolsky.waves.stations.bar_signal`.
+    """
+    return _station(given, side, {})
+
+
+def _station(given: WavesInput, key: str, values: Mapping[str, float]) -> Station:
     """The strain at one station, its bar and place with other values."""
-    station = given.stations[side]
+    station, side = given.stations[key], key.removesuffix(" far")
     return bar_signal(
         station.recordings,
         station.calibration,
         varied_bar(given.bars[side], side, values),
-        varied_position(station.position, side, values),
+        varied_position(station.position, key, values),
         side,
         baseline=station.baseline,
         clock_offset=station.clock_offset,
@@ -264,7 +315,7 @@ def _budget(state: _State, best: Mapping[str, Station], reduction: Reduction, su
         quantities += best[side].quantities
         quantities += bar_quantities(given.bars[side], side, given.uncertainty)
     quantities += length_quantities(
-        given.specimen, {side: given.stations[side].position for side in SIDES}, given.uncertainty
+        given.specimen, {key: station.position for key, station in given.stations.items()}, given.uncertainty
     )
     known = merged(quantities)
     noise = {

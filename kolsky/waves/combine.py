@@ -51,7 +51,8 @@ class BarWaves:
             return
         n = faces.time.size
         self._fade = max(64, n // 4)
-        self._length = next_fast_len(n + 2 * self._fade, real=True)
+        # What a viscoelastic bar remembers dies away over the padding instead of coming round.
+        self._length = next_fast_len(6 * n + 2 * self._fade, real=True)
         frequency = rfftfreq(self._length, float(faces.time[1] - faces.time[0]))
         limit = min(guide.largest_frequency for guide in guides)
         kept = frequency <= limit
@@ -102,7 +103,7 @@ class BarWaves:
 
 
 def noise_correlation(faces: FaceWaves) -> float:
-    """Samples for each independent one in the waves' noise [-]: 1 if it is white, more where a band was cut."""
+    """Samples for each independent one in the waves' noise [-]: 1 if white, more where a band was cut."""
     if faces.white is None:
         return 1.0
     return max(

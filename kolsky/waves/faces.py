@@ -8,7 +8,7 @@ import numpy as np
 from kolsky.waves.propagation import propagate
 from kolsky.waves.records import BarSignal, FaceWaves, FloatArray, Signal, Windows
 from kolsky.waves.waveguide import Waveguide
-from kolsky.waves.windows import travel_time
+from kolsky.waves.windows import travel_time, usable_limits
 
 BAND = 2.0
 """omega a / c0 up to which waves are kept under dispersion: a second mode travels above 2.3 or so."""
@@ -43,8 +43,9 @@ def face_waves(
     guides
         The incident and the transmission bar as waveguides; None leaves dispersion out.
     band
-        Frequency up to which the guides carry waves [Hz], inf for all. Without it the lower `BAND` of the bars: above,
-        a gauge sees several modes at once, and noise would be carried as if it were a wave of the first.
+        Frequency up to which the guides carry waves [Hz], inf for all. Without it the lower `BAND` of the
+        bars: above, a gauge sees several modes at once, and noise would be carried as if it were a wave of
+        the first.
     arrival
         When the incident wave arrives at its gauge [s]; carried to the face this is time 0 of the result.
         The beginning of the incident window if it is left out.
@@ -86,7 +87,7 @@ def face_waves(
     pairs_of = zip(
         stations,
         (first, reflected, transmitted),
-        pairs,
+        pairs if follow_windows else _widened(pairs, incident, transmission),
         (incident.position, -incident.position, -transmission.position),
         (None, None, None) if guides is None else (guides[0], guides[0], guides[1]),
         strict=True,
@@ -106,6 +107,28 @@ def face_waves(
         white={name: s.strain.sigma * sqrt(s.strain.memory) for name, s in zip(names, stations, strict=True)},
         band=limit,
     )
+
+
+def _widened(
+    pairs: tuple[tuple[float, float], ...], incident: BarSignal, transmission: BarSignal
+) -> tuple[tuple[float, float], ...]:
+    """The windows, longer where the gauge shows the same wave alone, or rest before it.
+
+    A wave that is cut off while it still presses has an edge there, and what is fast in an edge is carried
+    into the window by dispersion. The fade of a tenth beyond the window must not touch the next wave.
+    """
+    before = (incident.strain.start, pairs[1][0], transmission.strain.start)
+    widened = []
+    for (begin, end), start, limit, signal in zip(
+        pairs,
+        before,
+        usable_limits(incident, transmission),
+        (incident, incident, transmission),
+        strict=True,
+    ):
+        clean = min(begin + limit.time, signal.strain.end)
+        widened.append((start, max(end, (clean + 0.1 * start) / 1.1)))
+    return tuple(widened)
 
 
 def _band(signal: BarSignal) -> float:

@@ -363,7 +363,8 @@ def _averaged(signal: Signal, span: float) -> tuple[FloatArray, FloatArray, floa
             f"{signal.name or 'the signal'} has {signal.value.size} samples, an average over {span:.3g} s {n}"
         )
     value = np.convolve(signal.value, np.full(n, 1.0 / n), mode="valid")
-    return signal.time[n // 2 : n // 2 + value.size], value, signal.sigma / np.sqrt(n)
+    noise = signal.sigma * min(1.0, float(np.sqrt(signal.memory / n)))
+    return signal.time[n // 2 : n // 2 + value.size], value, noise
 
 
 def found(events: FlyerEvents) -> Iterator[Event]:

@@ -4,8 +4,10 @@ The face moves with ``c0 (eps_i - eps_r)``. Its path is the cubic spline of `kol
 with jerks that have a prior N(0, tau^2); tau and the noise are those of largest marginal likelihood, the
 noise not below the declared one. It differs from a flyer's (`kolsky.flyer`) in what is observed, velocities
 at many samples rather than positions at few frames, and in the prior: a bar's waves go on for the whole
-record, so tau is one number. Scale and zero of the velocity are common to all samples and are carried as such.
+record, so tau is one number. Scale and zero of the velocity are common to all samples and carried as such.
 """
+
+from collections.abc import Mapping
 
 import numpy as np
 from scipy.optimize import minimize
@@ -23,7 +25,7 @@ FEWEST_SAMPLES = 20
 
 
 def front_velocity(reduction: Reduction, waves: FaceWaves, *, sigma_zero: float = 0.0) -> FrontVelocity:
-    """The face's velocity, with its uncertainty split into noise and scale.
+    """The face's velocity on the shot's clock, with its uncertainty split into noise and scale.
 
     Parameters
     ----------
@@ -34,17 +36,21 @@ def front_velocity(reduction: Reduction, waves: FaceWaves, *, sigma_zero: float 
     sigma_zero
         Standard uncertainty of the velocity's zero [m/s].
     """
-    noise = waves.incident_bar.wave_speed * float(np.hypot(waves.sigma["incident"], waves.sigma["reflected"]))
-    v = reduction.front_velocity
-    return FrontVelocity(reduction.time, v.value, noise, _scale(v, noise), sigma_zero)
+    speed, v = waves.incident_bar.wave_speed, reduction.front_velocity
+    own, slow = (speed * float(np.hypot(s["incident"], s["reflected"])) for s in _sigmas(waves))
+    time = waves.origin + reduction.time
+    return FrontVelocity(time, v.value, slow, _scale(v, own), sigma_zero)
 
 
 def back_force(reduction: Reduction, waves: FaceWaves) -> tuple[ForceHistory, float]:
-    """The force on the transmission bar with its noise, and the standard uncertainty of its scale [-]."""
-    bar = waves.transmission_bar
-    noise = bar.impedance * bar.wave_speed * waves.sigma["transmitted"]
-    F = reduction.back_force
-    return ForceHistory(reduction.time, F.value, np.full(F.value.shape, noise)), _scale(F, noise)
+    """The force on the transmission bar on the shot's clock, with its noise; its scale's sigma [-].
+
+    The noise is that which means and integrals collect.
+    """
+    bar, F = waves.transmission_bar, reduction.back_force
+    own, slow = (bar.impedance * bar.wave_speed * s["transmitted"] for s in _sigmas(waves))
+    time = waves.origin + reduction.time
+    return ForceHistory(time, F.value, np.full(F.value.shape, slow)), _scale(F, own)
 
 
 def front_path(motion: FrontVelocity) -> FlyerPath:
@@ -130,6 +136,11 @@ def _most_likely(y: FloatArray, G: FloatArray) -> tuple[float, float]:
             "the smoothness of the face's motion could not be found: is its noise far too small?"
         )
     return float(best.x[0]), float(best.x[1])
+
+
+def _sigmas(waves: FaceWaves) -> tuple[Mapping[str, float], Mapping[str, float]]:
+    """Noise of a sample, and that of white noise as strong where it matters here, at low frequencies."""
+    return waves.sigma, waves.sigma if waves.white is None else waves.white
 
 
 def _scale(history: History, noise: float) -> float:

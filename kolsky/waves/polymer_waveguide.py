@@ -48,6 +48,12 @@ class PronyModulus:
             modulus += part * 1j * w * time / (1.0 + 1j * w * time)
         return modulus
 
+    def scaled(self, factor: float) -> "PronyModulus":
+        """The same with all moduli times `factor`."""
+        if factor == 1.0:
+            return self
+        return PronyModulus(self.long_term * factor, tuple(factor * part for part in self.moduli), self.times)
+
     @property
     def instantaneous(self) -> float:
         """Modulus at infinite frequency [Pa]: what the fastest wave feels."""

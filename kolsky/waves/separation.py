@@ -47,9 +47,9 @@ class SeparatedWaves:
     """Root mean square of each gauge's strain less that of the two waves there, over the gauge's sigma [-];
     0 within round-off with two gauges, which the waves fit whatever they are, about 1 with more."""
     singular: FloatArray
-    """Frequencies at which two gauges see the two waves alike [Hz]: half-waves fit between them. Noise there
-    grows with the square root of time, and only the quiet start tells the waves apart. Empty with more
-    gauges."""
+    """Frequencies at which the gauges see the two waves alike [Hz]: zero, and with two gauges all at which
+    half-waves fit between them. Noise there grows with the square root of time: only the quiet start tells
+    the waves apart."""
     noise_gain: float
     """Largest sigma of `toward` and `away` over that of the quietest gauge [-]."""
 
@@ -89,7 +89,7 @@ def separate(
     ValueError
         If there are fewer than two stations, two share a place, records differ in sampling or do not overlap.
     """
-    interval, begin, values, sigma = _common(gauges)
+    interval, begin, values, sigma, memory = _common(gauges)
     position = np.array([gauge.position for gauge in gauges])
     n = values.shape[1]
     far, near = float(position.max()), float(position.min())
@@ -128,11 +128,12 @@ def separate(
         "velocity": (edge * speed, -edge * speed),
     }
     count = int(np.floor((last - begin) / interval)) + 1
+    slow = frequency[kept] * memory[:, None] <= 0.5 / interval  # where there is noise: even up to there
     found = {}
     for name, (first, second) in sums.items():
         response = first * inverse[:, 0, :].T + second * inverse[:, 1, :].T  # of each gauge, shape [j, f]
         value = _back((response * spectra).sum(axis=0), kept, length) / falling
-        noise = _noise(_back(response, kept, length), decay * interval, sigma, n, count)
+        noise = _noise(_back(response * slow, kept, length), decay * interval, sigma * memory**0.5, n, count)
         unit = {"force": "N", "velocity": "m/s"}.get(name, "1")
         found[name] = History(value[lead : lead + count], noise, unit)
     there = np.einsum("fjw,wf->jf", matrix, waves)
@@ -151,8 +152,8 @@ def separate(
     )
 
 
-def _common(gauges: Sequence[BarSignal]) -> tuple[float, float, FloatArray, FloatArray]:
-    """Interval, first time, strains over the common span and sigmas of the gauges."""
+def _common(gauges: Sequence[BarSignal]) -> tuple[float, float, FloatArray, FloatArray, FloatArray]:
+    """Interval, first time, strains over the common span, sigmas and memories of the gauges' noise."""
     if len(gauges) < 2:
         raise ValueError(f"wave separation needs two gauges or more on a bar, got {len(gauges)}")
     first = gauges[0].strain
@@ -180,7 +181,8 @@ def _common(gauges: Sequence[BarSignal]) -> tuple[float, float, FloatArray, Floa
     if n < 8:
         raise ValueError(f"the gauges' records overlap in {max(n, 0)} samples, need 8 or more")
     values = np.array([_from(gauge, begin, n) for gauge in gauges])
-    return first.interval, begin, values, np.array([gauge.strain.sigma for gauge in gauges])
+    sigma, memory = ([getattr(g.strain, name) for g in gauges] for name in ("sigma", "memory"))
+    return first.interval, begin, values, np.array(sigma), np.maximum(memory, 1.0)
 
 
 def _from(gauge: BarSignal, begin: float, n: int) -> FloatArray:
@@ -228,7 +230,7 @@ def _noise(response: FloatArray, decay: float, sigma: FloatArray, n: int, count:
 def _singular(waveguide: Waveguide, spacing: float, highest: float, n_gauges: int) -> FloatArray:
     """Frequencies at which n half-waves fit between two gauges, Re k * spacing = n pi [Hz]."""
     if n_gauges > 2:
-        return np.empty(0)
+        return np.zeros(1)
     frequency = np.linspace(0.0, highest, 4097)
     halves = waveguide.wavenumber(2.0 * pi * frequency).real * spacing / pi
     return np.asarray(np.interp(np.arange(0, int(halves[-1]) + 1), halves, frequency))

@@ -39,7 +39,7 @@ class Validity:
     window: tuple[float, float] | None
     """First and last time [s]; None if no time counts."""
     strain: tuple[float, float] | None
-    """Nominal compression there [-]."""
+    """Smallest and largest nominal compression there [-]."""
     start_reason: Reason
     """What keeps the times before the window out, or all of them if there is no window."""
     end_reason: Reason
@@ -169,14 +169,14 @@ def _window(
         worst = max(names[:3], key=lambda name: counts[name])
         return Validity(None, None, worst, worst, share, 0.0, counts, time, imbalance, inertia, reasons)
     first, last = span
-    low, high = float(strain[first]), float(strain[last])
+    low, high = float(strain[first : last + 1].min()), float(strain[first : last + 1].max())
     return Validity(
         window=(float(time[first]), float(time[last])),
         strain=(low, high),
         start_reason=reasons[first - 1] if first else Reason.RECORD,
         end_reason=reasons[last + 1] if last + 1 < time.size else Reason.RECORD,
         share=share,
-        covered=max(0.0, high - low) / float(strain.max()) if strain.max() > 0.0 else 0.0,
+        covered=(high - low) / float(strain.max()) if strain.max() > 0.0 else 0.0,
         counts=counts,
         time=time,
         imbalance=imbalance,

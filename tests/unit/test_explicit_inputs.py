@@ -253,6 +253,7 @@ def test_sampling_ends_with_its_last_time() -> None:
         ({"floor": -1.0}, r"floor must be in \[0, 1\), got -1.0"),
         ({"floor": float("nan")}, r"floor must be in \[0, 1\), got nan"),
         ({"max_steps": 0}, "max_steps must be >= 1, got 0"),
+        ({"bound": "guess"}, "bound must be 'trace' or 'eigenvalue', got 'guess'"),
         ({"precision": "fp16"}, "precision must be 'fp32' or 'fp64', got 'fp16'"),
     ],
 )

@@ -108,6 +108,12 @@ def test_noise_and_scale_are_told_apart():
     force, scale = back_force(reduction, waves)
     assert scale == pytest.approx(SCALE, rel=1e-6)
     assert force.sigma[0] == pytest.approx(NOISE * BAR.youngs_modulus * np.pi * BAR.diameter**2 / 4)
+    slow = replace(waves, white={name: 3.0 * sigma for name, sigma in waves.sigma.items()}, origin=2e-3)
+    late = front_velocity(reduction, slow)
+    assert late.noise == pytest.approx(3.0 * motion.noise)
+    assert late.sigma_gain == motion.sigma_gain
+    assert late.time[0] == pytest.approx(2e-3)
+    assert back_force(reduction, slow)[0].sigma[0] == pytest.approx(3.0 * force.sigma[0])
     bare = replace(
         reduction,
         front_velocity=replace(reduction.front_velocity, sigma=np.full(truth().time.size, motion.noise)),

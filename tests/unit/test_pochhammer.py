@@ -1,5 +1,7 @@
 """The first longitudinal mode: roots against an independent equation, limits, mode shapes, broken input."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from bar_pulses import printed_equation
@@ -10,9 +12,11 @@ from kolsky.waves import pochhammer
 from kolsky.waves.dispersion_table import TABLE_ERROR, dispersion_table
 from kolsky.waves.frequency_equation import frequency_equation, onoe, rayleigh_speed
 
+REFERENCE = Path(__file__).resolve().parent.parent / "reference" / "F_pochhammer_nu0.29.csv"
 
-def test_reference_table(shared):
-    data = np.loadtxt(shared / "reference" / "F_pochhammer_nu0.29.csv", delimiter=",")
+
+def test_reference_table():
+    data = np.loadtxt(REFERENCE, delimiter=",")
     found = pochhammer.phase_velocity(data[:, 0], 0.29)
     np.testing.assert_allclose(found, data[:, 1], rtol=0.0, atol=1e-8)  # it has eight decimals
     # Its group velocities are finite differences: 2e-3 where the curve bends between its steps.

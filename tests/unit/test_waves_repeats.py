@@ -3,6 +3,10 @@
 import numpy as np
 import pytest
 
+from kolsky.apparatus import Bar, Specimen
+from kolsky.waves.records import FaceWaves
+from kolsky.waves.reduction import reduce
+from kolsky.waves.repeated import repeated_tests, rising
 from kolsky.waves.repeats import Curve, average
 
 X = np.linspace(0.0, 0.4, 81)
@@ -89,3 +93,86 @@ def test_impossible_options_are_refused():
         average(pair, points=1)
     with pytest.raises(ValueError, match=r"inside \(0, 1\), got 95"):
         average(pair).band(95)
+
+
+@pytest.mark.parametrize(
+    ("value", "first", "last"),
+    [
+        ([0, 1, 2, 3], 0, 3),
+        ([3, 1, 0, 1, 2, 2], 2, 4),
+        ([0, 1, 0, 1, 2, 1], 2, 4),
+        ([0, 1, 0, 1], 0, 1),
+    ],
+)
+def test_the_longest_rise(value, first, last):
+    found = rising(np.array(value, dtype=float))
+    assert (found.start, found.stop - 1) == (first, last)
+
+
+def test_a_strain_without_rise_is_refused():
+    with pytest.raises(ValueError, match="does not increase anywhere"):
+        rising(np.array([2.0, 1.0, 1.0]))
+
+
+BAR = Bar(diameter=20e-3, length=2.0, youngs_modulus=210e9, density=7800.0)
+SPECIMEN = Specimen(diameter=10e-3, length=4e-3, density=1180.0)
+TIME = 1e-6 * np.arange(200)
+
+
+def reduction(strength, rate):
+    """Balanced test at one rate after a ramp, unloaded at the end."""
+    shape = np.interp(TIME, [10e-6, 30e-6, 150e-6, 170e-6, 199e-6], [0.0, 1.0, 1.0, -0.1, -0.1])
+    reflected = -rate * shape * SPECIMEN.length / (2.0 * BAR.wave_speed)
+    area = np.pi / 4.0 * BAR.diameter**2
+    transmitted = strength * shape * SPECIMEN.area / (BAR.youngs_modulus * area)
+    return reduce(
+        FaceWaves(
+            TIME,
+            incident=transmitted - reflected,
+            reflected=reflected,
+            transmitted=transmitted,
+            sigma={"incident": 1e-7, "reflected": 1e-7, "transmitted": 1e-7},
+            incident_bar=BAR,
+            transmission_bar=BAR,
+        ),
+        SPECIMEN,
+    )
+
+
+def test_reductions_of_repeated_tests():
+    made = repeated_tests({"a": reduction(100e6, 1000.0), "b": reduction(120e6, 1200.0)})
+    assert (made.unit, made.over) == ("Pa", "strain")
+    flat = (made.repeats.axis > 0.05) & (made.repeats.axis < 0.11)
+    np.testing.assert_allclose(made.repeats.mean[flat], 110e6, rtol=1e-9)
+    np.testing.assert_allclose(made.repeats.scatter[flat], 20e6 / np.sqrt(2.0), rtol=1e-9)
+    single = reduction(100e6, 1000.0).stress["three waves"].sigma[0]
+    np.testing.assert_allclose(made.shared, single, rtol=1e-12)
+    np.testing.assert_allclose(made.history().sigma[flat], np.hypot(10e6, single), rtol=1e-9)
+    # t_95 = 12.706 with one degree of freedom; what is shared raises the degrees by 1e-6 here.
+    np.testing.assert_allclose(made.band()[1][flat] - 110e6, 12.706 * 10e6, rtol=1e-3)
+    # Constant rate from 30 to 150 us, ramps half of 20 us: 0.130 and 0.156; the strain falls behind 168 us.
+    assert made.repeats.axis[-1] == pytest.approx(
+        0.5 * 1000 * 20e-6 + 1000 * 120e-6 + 0.5 * 1000 * 18.2e-6, rel=2e-3
+    )
+    assert [remark[:20] for remark in made.repeats.remarks] == [
+        "a: loading from stra",
+        "b: loading from stra",
+        "b: 0 to 0.1669 cut t",
+    ]
+
+
+def test_histories_over_time_and_other_ways():
+    tests = {"a": reduction(100e6, 1000.0), "b": reduction(120e6, 1200.0)}
+    made = repeated_tests(tests, quantity="rate", over="time", way="one wave")
+    np.testing.assert_allclose(made.repeats.axis, TIME, atol=1e-15)
+    assert made.repeats.mean[100] == pytest.approx(1100.0)
+    assert made.repeats.remarks == ()
+    for options, message in (
+        ({"quantity": "force"}, "got 'force' over 'strain'"),
+        ({"quantity": "strain"}, "got 'strain' over 'strain'"),
+        ({"way": "four waves"}, "a: no analysis is called 'four waves'; there are one wave"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            repeated_tests(tests, **options)
+    with pytest.raises(ValueError, match="at least 2 tests, got 1"):
+        repeated_tests({"a": tests["a"]})

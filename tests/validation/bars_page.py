@@ -18,12 +18,14 @@ from matplotlib.figure import Figure  # noqa: E402
 from pages import ON_SCREEN, PAGE_WIDTH, STYLE  # noqa: E402
 from real_bars import (  # noqa: E402
     SHEET,
+    Reduced,
     by_hand,
     compared,
     copper,
     copper_facts,
     epoxy,
     flow_stress,
+    imbalance_left,
     johnson_cook,
     preston_tonks_wallace,
 )
@@ -32,6 +34,7 @@ from kolsky.waves.baseline import quantisation_step  # noqa: E402
 from kolsky.waves.combine import stiffness  # noqa: E402
 from kolsky.waves.equilibrium import ALLOWANCE  # noqa: E402
 from kolsky.waves.reduction import cauchy_stress, hencky_strain  # noqa: E402
+from kolsky.waves.windows import travel_time  # noqa: E402
 
 DOCS = TESTS.parent / "docs" / "validation"
 BLUE, RED, GREEN, BLACK = "#0072B2", "#D55E00", "#009E73", "black"
@@ -127,98 +130,135 @@ def table_of_copper() -> str:
 
 
 def page() -> str:
-    """The page, with every number from the run that draws the figures."""
+    """The page, with every number from the runs that draw the figures."""
+    return "\n".join((HEAD, epoxy_text(), copper_text(), HOPPYBAR))
+
+
+HEAD = """# Real bar signals
+
+Two laboratories' published records, read from their own files and reduced without a window, a delay or
+a shift taken over from them. `python tests/validation/bars_page.py` writes this page; `pytest
+tests/validation/test_real_bars.py` asserts what it says. The records are not part of the project.
+"""
+
+HOPPYBAR = """## HopPyBar's method
+
+HopPyBar solves the first Pochhammer–Chree mode too (after Bragov and others), and reduces by the same
+one, two and three waves and the same true quantities, after Gray (2000). The differences: there a
+person marks where the pulses begin and slides the reflected and the transmitted wave until they look
+aligned; here distances and wave speeds do that, and are checked against the arrivals that are seen.
+Sums are rectangular there. R(t) and its span, sigmas, punching and an energy balance are not part of
+it.
+
+## Sources
+
+- G. T. Gray III, "Classic split-Hopkinson pressure bar testing", ASM Handbook 8, 2000.
+- D. L. Preston, D. L. Tonks and D. C. Wallace, "Model of plastic deformation for extreme loading conditions",
+  J. Appl. Phys. 93, 2003.
+- G. R. Johnson and W. H. Cook, "A constitutive model and data for metals subjected to large strains, high
+  strain rates and high temperatures", 7th International Symposium on Ballistics, 1983.
+"""
+
+
+def span_of(test: Reduced) -> str:
+    """The span of equilibrium, in words."""
+    first, last = (1e6 * t for t in test.reduction.balanced)
+    return f"{first:.0f} µs to {last:.0f} µs"
+
+
+def epoxy_text() -> str:
+    """The section on epoxy."""
     one, two = (epoxy(sample, dispersion=False) for sample in (1, 2))
-    said, cu = copper_facts(), copper(dispersion=True)
-    as_said = copper(dispersion=False, calibrated=False)
-    counts = [1e6 * quantisation_step(signal.strain.value) for test in (one, two) for signal in test.signals]
+    counts = [1e6 * quantisation_step(s.strain.value) for test in (one, two) for s in test.signals]
     zero = float(one.signals[0].strain.value[:500].mean())
-    shift = stiffness(one.signals[0].bar) * zero / one.specimen.area
-    back = 2e6 * said["gauge"] / said["speed"]
+    shift = 1e-6 * stiffness(one.signals[0].bar) * zero / one.specimen.area
+    late = [1e6 * test.seen[0].late for test in (one, two)]
+    share = 100 * max(late) / (2e6 * travel_time(one.signals[0]))
+    gap = 1e6 * one.seen[1].late
+    return f"""## Epoxy, against the authors' hand processing
 
-    def span(test):
-        first, last = (1e6 * t for t in test.reduction.balanced)
-        return f"{first:.0f} µs to {last:.0f} µs"
+Yao's data (github.com/arialolita000111/shpb-shtb-data-processor, MIT licence): two epoxy cylinders, 10
+mm by 4 mm, between steel bars of 20 mm, gauges 1018 mm and 741 mm from the specimen, 80 ns a sample,
+one count of {min(counts):.1f} to {max(counts):.1f} µε. The authors' sheet holds their aligned waves,
+and strain and stress by what they call "3w" and "2w". Read column by column, "3w" is the analysis by
+three waves of [the theory page](../theory/reduction.md), and "2w" takes the rate from the reflected and
+the stress from the transmitted wave: one wave, here. Their strain is the rectangular sum of the rate.
+Their waves are the raw ones less the mean of the first 500 samples, 328 µs long, aligned by 2 x/c0 and
+(x + x)/c0 and nothing else.
 
-    def worst(test):
-        r = test.reduction
-        inside = (r.time >= 10e-6) & (r.time <= test.reduction.balanced[0])
-        return f"{np.abs(r.imbalance[inside]).max():.2f}"
-
-    return f"""# Real bar signals
-
-Two laboratories' published records, read from their own files and reduced without a window, a delay or a
-shift taken over from them. `python tests/validation/bars_page.py` writes this page;
-`pytest tests/validation/test_real_bars.py` asserts what it says. The records are not part of the project.
-
-## Epoxy, against the authors' hand processing
-
-Yao's data (github.com/arialolita000111/shpb-shtb-data-processor, MIT licence): two epoxy cylinders, 10 mm by
-4 mm, between steel bars of 20 mm, gauges 1018 mm and 741 mm from the specimen, 80 ns a sample, one count of
-{min(counts):.1f} to {max(counts):.1f} µε. The authors' sheet holds their aligned waves, and strain and stress by what
-they call "3w" and "2w". Read column by column, "3w" is the analysis by three waves of {{doc}}`../theory/reduction`,
-and "2w" takes the rate from the reflected and the stress from the transmitted wave: one wave, here. Their
-strain is the rectangular sum of the rate; their waves are the raw ones less the mean of the first 500 samples,
-cut 26 µs before the arrival and 328 µs long, aligned by 2 x/c0 and nothing else. The sheet quotes no mean
-stress, so that "mean" has to be said: it is taken here over time, for both over the same stretch after the
-arrival of the incident wave (in the sheet the arrival of its own first column), once over the whole test as far
-as the windows reach and once over the plateau, from equilibrium to its end. Their true stress has a wrong sign
-in it and is not compared.
+The sheet quotes no mean stress, so that "mean" has to be said. It is taken over time, for both over the
+same stretch after the arrival of the incident wave (in the sheet, of its own first column): once over
+the whole test, from the arrival as far as both reach, and once over the plateau, from equilibrium to
+its end. Their true stress has a wrong sign in it and is not compared.
 
 | sample | analysis (theirs) | quantity | by hand | automatic | off | off, dispersed |
 | --- | --- | --- | --- | --- | --- | --- |
 {table_of_epoxy()}
 
-![](images/bars-epoxy.png)
+```{{figure}} images/bars-epoxy.png
+:width: 100%
+:alt: Forces and stress over strain of two epoxy specimens
 
-*Left: forces at both faces; grey, the longest span with |R| within {100 * ALLOWANCE:.0f} %. Right: stress over
-strain beside the authors' columns ("2w"). Sample 1 carries no force for the first
-{1e6 * one.seen[1].late:.0f} µs: a gap, or a bad face.*
+Left: forces at both faces; grey, the longest span with |R| within {100 * ALLOWANCE:.0f} %. Right:
+stress over strain beside the authors' columns ("2w"). The transmitted pulse of sample 1 comes {gap:.0f}
+µs late: a gap, or a bad face. Data: Yao.
+```
 
-What is left is the baseline. The incident gauge of sample 1 drifts: the mean of its first 500 samples, the
-authors' zero, lies {1e6 * zero:.1f} µε from the mean up to 25 µs before the pulse, the zero here. At the front face
-the incident and the reflected wave carry it twice, {1e-6 * shift:.1f} MPa of the three waves' stress. The reflected pulses are seen {1e6 * one.seen[0].late:.1f} and
-{1e6 * two.seen[0].late:.1f} µs later than reckoned, 0.3 % of their way.
+What is left is the baseline. The incident gauge of sample 1 drifts: the authors' zero, the mean of its
+first 500 samples, lies {zero * 1e6:.1f} µε from the mean up to 25 µs before the pulse, the zero here.
+At the front face the incident and the reflected wave both carry it, {shift:.1f} MPa of the three waves'
+stress. The reflected pulses are seen {late[0]:.1f} and {late[1]:.1f} µs later than reckoned,
+{share:.1f} % of their way.
 
-Equilibrium holds from {span(one)} (sample 1) and {span(two)} (sample 2) after the arrival. It begins at so high
-a stress that no loading modulus is claimed: "{two.summary.modulus_reason}". The bars' faces give way by
-{100 * two.punching.size:.2f} % of strain (sample 2) under the specimen; the authors do not take it off, and
-neither does the table.
+Equilibrium holds from {span_of(one)} (sample 1) and from {span_of(two)} (sample 2). It begins at so
+high a stress that no loading modulus is claimed: "{two.summary.modulus_reason}". The bars' faces sink
+in by up to {100 * two.punching.size:.2f} % of strain (sample 2); the authors leave that in, and so does
+the table.
+"""
 
-## OFE copper, no result beside it
+
+def copper_text() -> str:
+    """The section on copper."""
+    said, test = copper_facts(), copper(dispersion=True)
+    as_said = copper(dispersion=False, calibrated=False)
+    way, listed = 2e6 * said["gauge"] / said["speed"], 1e6 * said["reflected time"]
+    late, rest = 1e6 * as_said.seen[0].late, 1e6 * abs(test.seen[0].late)
+    unrest = {
+        (dispersion, calibrated): imbalance_left(copper(dispersion=dispersion, calibrated=calibrated))
+        for dispersion in (False, True)
+        for calibrated in (False, True)
+    }
+    return f"""## OFE copper, no result beside it
 
 Los Alamos's example of HopPyBar (github.com/lanl/HopPyBar, BSD-3 licence): annealed copper, 6.34 mm by
-3.204 mm, Ti-6Al-4V bars of 9.47 mm. Everything comes from the file's own metadata. Two things in it do not go
-together: gauges {1e3 * said["gauge"]:.0f} mm from the specimen and a rod speed of {said["speed"]:.0f} m/s make a
-way back of {back:.1f} µs, while the laboratory's calibration lists {1e6 * said["reflected time"]:.1f} µs. The record
-decides: the reflected pulse is seen {1e6 * as_said.seen[0].late:.2f} µs later than reckoned, at
-{back + 1e6 * as_said.seen[0].late:.1f} µs. With the incident gauge where the calibrated time puts it, it is seen
-within {1e6 * abs(cu.seen[0].late):.2f} µs. The largest |R| between 10 µs and equilibrium falls from
-{worst(as_said)} to {worst(cu)}, dispersion taken out.
+3.204 mm, Ti-6Al-4V bars of 9.47 mm. All but the bars' length comes from the file's own metadata. Two
+things in it do not go together: gauges {1e3 * said["gauge"]:.0f} mm from the specimen and a rod speed
+of {said["speed"]:.0f} m/s make a way back of {way:.1f} µs, while the laboratory's calibration lists
+{listed:.1f} µs. The record decides: the reflected pulse is seen {late:.2f} µs later than reckoned, at
+{way + late:.1f} µs. With the incident gauge where the calibrated time puts it, it is seen within
+{rest:.2f} µs of where it should be. The root mean square of R from 10 µs to 50 µs is
+{unrest[False, False]:.3f} with the distance as written and waves that are only shifted,
+{unrest[False, True]:.3f} with the calibrated one, {unrest[True, False]:.3f} with dispersion alone, and
+{unrest[True, True]:.3f} with both: two errors had hidden each other.
 
-![](images/bars-copper.png)
+```{{figure}} images/bars-copper.png
+:width: 100%
+:alt: Forces, equilibrium and true stress over true strain of a copper specimen
 
-*Left: forces at both faces, dispersion taken out. Middle: R(t) with the gauge's distance as written and waves
-only shifted, and with the calibrated distance and dispersion; dotted, the allowance. Right: true stress over
-true strain.*
+Left: forces at both faces, dispersion taken out. Middle: R(t) with the gauge's distance as written and
+waves only shifted, and with the calibrated distance and dispersion; dotted, the allowance; grey, the
+span of equilibrium. Right: true stress over true strain. Data: Los Alamos National Laboratory.
+```
 
-Equilibrium holds from {span(cu)}. Beside two models of copper, Preston, Tonks and
-Wallace (2003) and Johnson and Cook (1983), with the parameters of those papers, isothermal at 300 K:
+Equilibrium holds from {span_of(test)}. Beside two models of copper, Preston, Tonks and Wallace (2003)
+and Johnson and Cook (1983), isothermal at 300 K (in brackets: one wave against the model):
 
 | true strain | true rate, 1/s | one wave, MPa | three waves, MPa | PTW, MPa | Johnson–Cook, MPa |
 | --- | --- | --- | --- | --- | --- |
 {table_of_copper()}
 
-The second was fitted to copper of another state; the two models are farther from each other than the test from
-the first. It is a check of the level, not a validation.
-
-## HopPyBar's method
-
-HopPyBar solves the first Pochhammer–Chree mode too (after Bragov and others), and reduces by the same one, two
-and three waves and the same true quantities, after Gray (2000). The differences: there a person marks where pulses
-begin and slides the reflected and the transmitted wave until they look aligned, which here distances and wave
-speeds do, checked against the arrival that is seen; sums are rectangular there; R(t) and its span, sigmas,
-punching and an energy balance are not part of it.
+The second was fitted to copper of another state; the two models are farther from each other than the
+test is from the first. It is a check of the level, not a validation.
 """
 
 

@@ -190,6 +190,13 @@ def copper(*, dispersion: bool, calibrated: bool = True) -> Reduced:
     return reduced(signals, COPPER, dispersion=dispersion)
 
 
+def imbalance_left(test: Reduced) -> float:
+    """Root mean square of R from 10 us to 50 us after the arrival [-]."""
+    r = test.reduction
+    inside = (r.time > 10e-6) & (r.time < 50e-6)
+    return float(np.sqrt(np.mean(r.imbalance[inside] ** 2)))
+
+
 def johnson_cook(strain: float, rate: float) -> float:
     """Flow stress of OFHC copper at room temperature, isothermal [Pa] (Johnson and Cook 1983)."""
     return (90e6 + 292e6 * strain**0.31) * (1.0 + 0.025 * log(rate))

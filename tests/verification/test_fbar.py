@@ -62,6 +62,19 @@ def test_the_step_bound_is_one(element: str, poisson: float, beta: float, kind: 
     assert found.least >= checks.BOUND_FLOOR[element]
 
 
+@pytest.mark.parametrize("element", list(ELEMENTS))
+@pytest.mark.parametrize("poisson", checks.POISSON)
+@pytest.mark.parametrize(("beta", "kind"), [(0.0, "deviatoric"), (2.5e-5, "deviatoric"), (2.5e-5, "full")])
+def test_the_bound_by_eigenvalue_is_a_sharper_one(
+    element: str, poisson: float, beta: float, kind: str
+) -> None:
+    found = fbar_element.bound_quality(element, poisson, beta=beta, kind=kind, by="eigenvalue")
+    by_trace = fbar_element.bound_quality(element, poisson, beta=beta, kind=kind)
+    assert found.least >= 1.0  # a bound, with nothing left out
+    # Undamped and nearly incompressible both are the volumetric part's, and this one holds the pressure's work.
+    assert found.median <= max(by_trace.median, 1.05)
+
+
 def test_one_gauss_point_inside_out_is_reported() -> None:
     mesh = cylinder(RADIUS, LENGTH, n_radial=2, n_axial=2)
     size = np.array([RADIUS, LENGTH]) / 2.0

@@ -3,6 +3,7 @@
 from typing import Any
 
 from kolsky.report.figures import (
+    bars_together,
     calibration_pairs,
     calibration_residuals,
     contour,
@@ -26,7 +27,16 @@ from kolsky.report.figures import (
 )
 from kolsky.report.figures.base import FigureKind
 
-__all__ = ["CALIBRATION", "FLYER_TESTS", "REGISTRY", "SPECKLES", "SURFACES", "WAVES", "FigureKind"]
+__all__ = [
+    "BARS_TOGETHER",
+    "CALIBRATION",
+    "FLYER_TESTS",
+    "REGISTRY",
+    "SPECKLES",
+    "SURFACES",
+    "WAVES",
+    "FigureKind",
+]
 
 REGISTRY: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND
@@ -41,7 +51,6 @@ SURFACES: dict[str, FigureKind[Any]] = {
         lost_points,
         kymograph,
         flyer_motion,
-    flyer_test,
         flight_of_view,
         speckle_overlay,
     )
@@ -57,3 +66,5 @@ WAVES: dict[str, FigureKind[Any]] = {waves.KIND.name: waves.KIND}
 """Every figure of a reduction of bar signals, likewise."""
 FLYER_TESTS: dict[str, FigureKind[Any]] = {flyer_test.KIND.name: flyer_test.KIND}
 """Every figure of a flyer test that was reduced by classical means, likewise."""
+BARS_TOGETHER: dict[str, FigureKind[Any]] = {bars_together.KIND.name: bars_together.KIND}
+"""Every figure of a shot with the bars together, likewise."""

@@ -1,0 +1,83 @@
+"""A shot whose bars are its only instruments: bar waves drive the simulation, and the force identifies."""
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import ConfigDict
+
+from kolsky import shotfields as f
+from kolsky.apparatus import Bar, Interface, Specimen
+from kolsky.barshot import bar_force, driven_by_waves
+from kolsky.errors import InputError
+from kolsky.shotfile import CurveSection, InterfaceSection, ModelSection, SpecimenSection, WindowSection
+from kolsky.shots import ModelSettings, Shot, ShotBase, find_shot_file, read_curve
+from kolsky.shotsection import Section
+from kolsky.shottoml import read_declared
+from kolsky.waves.chain import analyse
+from kolsky.wavesshot import load_waves
+
+
+class BarDrivenShotFile(Section):
+    """What `identify` needs of a shot.toml beside bars and gauges; those are `kolsky.wavesfile`'s."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
+
+    format: Literal[1]
+    name: f.Name | None = None
+    specimen: SpecimenSection
+    interface: InterfaceSection
+    curve: CurveSection
+    model: ModelSection
+    window: WindowSection = WindowSection()
+
+
+def load_bar_driven(folder_or_toml: str | Path) -> Shot:
+    """Reduce the gauges of a shot and make it ready for `identify`.
+
+    Parameters
+    ----------
+    folder_or_toml
+        The shot's folder with its shot.toml, or the path of such a file.
+
+    Returns
+    -------
+    Shot
+        Without a centre line: the force alone identifies.
+
+    Raises
+    ------
+    InputError
+        If a file is missing or damaged, a declaration is impossible, or the signals hold no such test.
+    """
+    file, declared = read_declared(find_shot_file(Path(folder_or_toml)), lambda content: BarDrivenShotFile)
+    given = load_waves(folder_or_toml)
+    folder = file.path.parent
+    curve, curve_hash = read_curve(folder, declared.curve)
+    if declared.window.start is not None:
+        raise file.error(
+            "window.start",
+            "has no effect where bar waves drive the test: it begins with their arrival",
+            cure="remove it",
+        )
+    try:
+        result = analyse(given)
+        base = ShotBase(
+            name=given.name,
+            folder=folder,
+            specimen=Specimen(**declared.specimen.model_dump()),
+            interface=Interface(
+                faces=declared.interface.faces,
+                side=declared.interface.side,
+                friction=declared.interface.friction or 0.0,
+                release_stress=declared.interface.release_stress or 0.0,
+            ),
+            support="bar",
+            transmission_bar=Bar(**vars(given.bars["transmission"])),
+            model=ModelSettings(**declared.model.model_dump()),
+            force=bar_force(result.reduction, result.faces),
+            curve=curve,
+            inputs={**given.inputs, declared.curve.file: curve_hash},
+        )
+        return driven_by_waves(base, result.reduction, result.faces, end=declared.window.end)
+    except ValueError as error:
+        raise InputError(folder, str(error)) from error
