@@ -110,9 +110,11 @@ def array_channels(
 
 def _array_clock(path: Path, array: NamedArray, layout: Layout, interval: float | None, source: str) -> Clock:
     unit = layout.time_unit or array.unit or "s"
-    values = array.values() * time_factor(path, unit, f"the array '{array.name}'")
+    factor = time_factor(path, unit, f"the array '{array.name}'")
+    values = array.values()
     if not np.isfinite(values).all():
         raise InputError(path, f"'{array.name}' holds NaN or infinity", cure="state the interval")
+    values = values * factor
 
     def fault(message: str, sample: int | None, cure: str) -> InputError:
         return InputError(path, message, cure=cure)

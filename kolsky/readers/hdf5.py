@@ -80,6 +80,8 @@ def _walk(
 
     keys = {**above, **_numbers(group.attrs)}
     for name in group:
+        if not isinstance(name, str):
+            raise InputError(path, f"has the name {name!r}, which is no text", cure="export it again")
         full = f"{prefix}/{name}"
         if name.startswith("#"):  # MATLAB's store of references
             continue
@@ -118,10 +120,10 @@ def _dataset(
         None,
     )
     for name, samples, column in columns_of(full, item.shape):
-        if samples > SAMPLES_LIMIT:
+        if item.size > SAMPLES_LIMIT:
             raise InputError(
                 path,
-                f"'{name}' has {samples} samples, more than the {SAMPLES_LIMIT} that are read",
+                f"'{full}' has {item.size} samples, more than the {SAMPLES_LIMIT} that are read",
                 cure="export the time span of the test only",
             )
 

@@ -1,21 +1,20 @@
-"""MATLAB .mat: plain numeric arrays of versions 4 to 7 (SciPy) and 7.3 (an HDF5 file).
+"""MATLAB .mat: plain numeric arrays of versions 5 to 7, and of 7.3 (an HDF5 file).
 
 Objects, functions, cells and structures are not opened: save the signals as plain arrays. The scalars of
 PicoScope and of most scripts give the clock: Tinterval and Tstart, dt and t0, fs.
 """
 
 from pathlib import Path
-from typing import Any
+
+import numpy as np
 
 from kolsky.errors import InputError
 from kolsky.readers.arrays import NamedArray, array_channels, column_of, columns_of
 from kolsky.readers.contents import SAMPLES_LIMIT, Contents, FloatArray, file_hash, head_of
 from kolsky.readers.hdf5 import inside
 from kolsky.readers.layout import Layout
+from kolsky.readers.matlab5 import DamagedError, variables
 
-_NUMERIC = (
-    "double", "single", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64",
-)  # fmt: skip
 _HDF5_OFFSET = 512
 """A 7.3 file has its HDF5 signature behind a header of text."""
 
@@ -46,8 +45,8 @@ def read(path: Path, layout: Layout) -> Contents:
         others: list[str] = []
         version = "7.3"
     else:
-        arrays, scalars, others = _old(path)
-        version = "4 to 7"
+        arrays, scalars, others = _plain(path)
+        version = "5 to 7"
     if not arrays:
         raise InputError(
             path,
@@ -67,52 +66,26 @@ def read(path: Path, layout: Layout) -> Contents:
     )
 
 
-def _old(path: Path) -> tuple[list[NamedArray], dict[str, float], list[str]]:
+def _plain(path: Path) -> tuple[list[NamedArray], dict[str, float], list[str]]:
     """Arrays, scalars, and what is neither with its class, of a file before 7.3."""
-    from scipy.io import whosmat
-
-    try:
-        variables = whosmat(str(path))
-    except Exception as error:  # SciPy lets whatever a damaged header leads to through
-        raise _damaged(path, error) from None
     arrays, scalars, others = [], {}, []
-    for name, shape, kind in variables:
-        size = 1
-        for n in shape:
-            size *= int(n)
-        if kind not in _NUMERIC:
-            others.append(f"{name} ({kind})")
-        elif size > SAMPLES_LIMIT:
-            raise InputError(
-                path,
-                f"'{name}' has {size} numbers, more than the {SAMPLES_LIMIT} that are read",
-                cure="save the time span of the test only",
-            )
-        elif size == 1:
-            scalars[name] = float(_load(path, name).ravel()[0].real)
+    try:
+        found = list(variables(path.read_bytes(), 8 * SAMPLES_LIMIT))
+    except DamagedError as error:
+        raise InputError(
+            path, f"is not a .mat file that can be read ({error})", cure="copy it again; it may be cut off"
+        ) from None
+    for variable in found:
+        name, array = variable.name, variable.values
+        if array is None or not name:  # without a name: MATLAB's own, beside objects and functions
+            others.extend([f"{name} ({variable.kind})"] if name else [])
+        elif array.size == 1:
+            scalars[name] = float(array.ravel()[0])
         else:
-            for column_name, samples, column in columns_of(name, tuple(shape)):
+            for column_name, samples, column in columns_of(name, array.shape):
 
-                def values(name: str = name, column: int | None = column) -> FloatArray:
-                    array = _load(path, name)
-                    if array.dtype.kind not in "fiu":
-                        raise InputError(path, f"'{name}' is not real", cure="save real arrays")
+                def values(array: np.ndarray = array, column: int | None = column) -> FloatArray:
                     return column_of(array, column)
 
                 arrays.append(NamedArray(column_name, samples, values))
     return arrays, scalars, others
-
-
-def _load(path: Path, name: str) -> Any:
-    from scipy.io import loadmat
-
-    try:
-        return loadmat(str(path), variable_names=[name])[name]
-    except Exception as error:
-        raise _damaged(path, error) from None
-
-
-def _damaged(path: Path, error: Exception) -> InputError:
-    return InputError(
-        path, f"is not a .mat file that can be read ({error})", cure="copy it again; it may be cut off"
-    )

@@ -242,7 +242,7 @@ def _check_heading(path: Path, dialect: Dialect, line: str, number: int) -> None
     cells = _cells(dialect, line)
     numbers = [cells[i] for i in dialect.numeric if dialect.is_number(cells[i])]
     if numbers and not all(text.isdecimal() for text in numbers):
-        wrong = next(cells[i] for i in dialect.numeric if not dialect.is_number(cells[i]))
+        wrong = next((cell for cell in cells if not dialect.is_number(cell)), "")
         raise InputError(
             path,
             f"is neither a header nor samples: '{wrong[:60]}' beside the number {numbers[0]}",

@@ -1,6 +1,9 @@
 """National Instruments TDMS, through npTDMS (https://github.com/adamreeve/npTDMS)."""
 
+import logging
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -41,16 +44,14 @@ def read(path: Path, layout: Layout) -> Contents:
         raise InputError(path, "needs npTDMS", cure="pip install 'kolsky[tdms]'") from None
     sha256 = file_hash(path)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            with TdmsFile.open(str(path)) as file:
-                incomplete = file.file_status.incomplete_final_segment
-                metadata = {str(k): str(v)[:500] for k, v in file.properties.items()}
-                found = [
-                    (f"{group.name}/{channel.name}", len(channel), dict(channel.properties), channel.dtype)
-                    for group in file.groups()
-                    for channel in group.channels()
-                ]
+        with _strict(), path.open("rb") as stream, TdmsFile.open(stream) as file:
+            incomplete = file.file_status.incomplete_final_segment
+            metadata = {str(k): str(v)[:500] for k, v in file.properties.items()}
+            found = [
+                (f"{group.name}/{channel.name}", len(channel), dict(channel.properties), channel.dtype)
+                for group in file.groups()
+                for channel in group.channels()
+            ]
     except Exception as error:  # npTDMS lets whatever damaged bytes lead to through
         raise _damaged(path, error) from None
     if incomplete:
@@ -113,7 +114,7 @@ def _values(path: Path, name: str) -> FloatArray:
     from nptdms import TdmsFile
 
     try:
-        with TdmsFile.open(str(path)) as file:
+        with _strict(), path.open("rb") as stream, TdmsFile.open(stream) as file:
             for group in file.groups():
                 for channel in group.channels():
                     if f"{group.name}/{channel.name}" == name:
@@ -121,6 +122,31 @@ def _values(path: Path, name: str) -> FloatArray:
     except Exception as error:
         raise _damaged(path, error) from None
     raise InputError(path, f"has no channel '{name}'", cure="correct its name")
+
+
+class _Refusal(logging.Handler):
+    """Makes errors of what npTDMS only remarks on: bytes that are no text, data that do not fill a chunk."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        raise ValueError(record.getMessage()[:200])
+
+
+@contextmanager
+def _strict() -> Iterator[None]:
+    """Make remarks and warnings of npTDMS errors, and keep them off the terminal."""
+    from nptdms.log import log_manager
+
+    loggers = list(log_manager.loggers.values())
+    before = [(logger.handlers, logger.propagate) for logger in loggers]
+    for logger in loggers:
+        logger.handlers, logger.propagate = [_Refusal(logging.WARNING)], False
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", RuntimeWarning)
+            yield
+    finally:
+        for logger, (handlers, propagate) in zip(loggers, before, strict=True):
+            logger.handlers, logger.propagate = handlers, propagate
 
 
 def _damaged(path: Path, error: Exception) -> InputError:

@@ -7,9 +7,11 @@ import numpy as np
 import openpyxl
 import pytest
 import readerfiles as files
+from scipy.io import loadmat, savemat
 
 from kolsky.errors import InputError
 from kolsky.readers.layout import Layout
+from kolsky.readers.matlab5 import variables
 from kolsky.readers.recordings import list_channels, read_contents, read_recordings
 
 ALL = {**files.FILES, **files.UNITLESS}
@@ -195,3 +197,35 @@ def test_the_columns_of_a_matrix_are_channels(tmp_path):
     np.testing.assert_allclose(
         found.time, files.TIME, atol=1e-9 * files.INTERVAL
     )  # float round-off of the times
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_matlab_arrays_are_those_that_scipy_reads(compressed, tmp_path):
+    path = tmp_path / "a.mat"
+    random = np.random.default_rng(5)
+    written = {
+        "double": random.normal(size=300),
+        "single": random.normal(size=(1, 300)).astype(np.float32),
+        "codes": random.integers(-3000, 3000, 300).astype(np.int16),
+        "a_long_name_of_a_variable": random.integers(0, 255, (300, 1)).astype(np.uint8),
+        "table": random.normal(size=(300, 3)),
+        "fs": 1e7,
+        "few": np.array([1, 2, 3], dtype=np.int8),
+        "waves": random.normal(size=300) + 1j,
+        "text": "shot 7",
+        "settings": {"gain": 10.0},
+    }
+    savemat(path, written, do_compression=compressed)
+    found = {v.name: v for v in variables(path.read_bytes(), 10**6)}
+    plain = loadmat(path)
+    assert set(found) == set(written)
+    for name, variable in found.items():
+        if variable.values is not None:
+            np.testing.assert_array_equal(variable.values, plain[name])
+            assert variable.values.dtype == plain[name].dtype
+    assert {n: v.kind for n, v in found.items() if v.values is None} == {
+        "waves": "complex", "text": "char", "settings": "struct"
+    }  # fmt: skip
+    recording = read_recordings(path, ["table[2]"], layout=Layout(unit="V"))["table[2]"]
+    np.testing.assert_array_equal(recording.value, written["table"][:, 1])
+    np.testing.assert_array_equal(recording.time, 1e-7 * np.arange(300))

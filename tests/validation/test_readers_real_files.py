@@ -7,11 +7,13 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from scipy.io import whosmat
 
 from kolsky.errors import InputError
 from kolsky.readers import scope_csv
 from kolsky.readers.dic_export import PointState, read
 from kolsky.readers.layout import Layout
+from kolsky.readers.matlab5 import variables
 from kolsky.readers.recordings import list_channels, read_contents, read_recordings
 from kolsky.readers.table import Column
 
@@ -116,3 +118,15 @@ def test_opencorr_on_the_stereo_challenge(shared, tmp_path):
     here = np.array([[float(row[f"tar_{c}"]) for c in "xyz"] for row in rows]) * 1e-3
     # The file prints positions to 1e-8 mm in single precision (4e2 mm: 3e-5 mm).
     np.testing.assert_allclose(export.X + export.u[0], here, rtol=0, atol=5e-8)
+
+
+def test_files_that_matlab_wrote(shared):
+    files = sorted((shared / "data/dic/multidic_cylinder/calib_cylinder").glob("*.mat"))
+    assert files
+    for path in files:
+        found = list(variables(path.read_bytes(), 10**8))
+        named = {v.name: v for v in found if v.name}  # MATLAB's own workspace of functions has none
+        listed = {n: shape for n, shape, _ in whosmat(str(path)) if n != "__function_workspace__"}
+        assert set(named) == set(listed)
+        arrays = {n: v.values.shape for n, v in named.items() if v.values is not None}
+        assert arrays == {n: listed[n] for n in arrays}
