@@ -34,8 +34,6 @@ class BarDrivenShotFile(Section):
 def load_bar_driven(folder_or_toml: str | Path) -> Shot:
     """Reduce the gauges of a shot and make it ready for `identify`.
 
-    Times of the shot, its window among them, count from the incident wave's arrival at the specimen.
-
     Parameters
     ----------
     folder_or_toml
@@ -54,7 +52,7 @@ def load_bar_driven(folder_or_toml: str | Path) -> Shot:
     file, declared = read_declared(find_shot_file(Path(folder_or_toml)), lambda content: BarDrivenShotFile)
     given = load_waves(folder_or_toml)
     folder = file.path.parent
-    curve, curve_hash = read_curve(folder, declared.curve, file)
+    curve, curve_hash = read_curve(folder, declared.curve)
     if declared.window.start is not None:
         raise file.error(
             "window.start",

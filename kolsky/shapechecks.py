@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from kolsky.errors import InputError
 from kolsky.records import CentreLine, FloatArray
-from kolsky.shottoml import ShotToml, TomlFile
+from kolsky.shotfile import CurveSection
+from kolsky.shottoml import ShotToml
 
 RADIUS_TOLERANCE = 0.2
 """Largest disagreement of the outline at rest with the specimen's radius, relative to it."""
@@ -71,7 +72,7 @@ def outline(line: CentreLine, path: Path, rest: float, span: tuple[float, float]
         raise InputError(path, "no point is inside the window", cure="export the frames of the test")
 
 
-def curve(strain: FloatArray, stress: FloatArray, path: Path, toml: TomlFile) -> None:
+def curve(strain: FloatArray, stress: FloatArray, path: Path, section: CurveSection) -> None:
     """One branch, one sign, from rest outward.
 
     Parameters
@@ -82,15 +83,14 @@ def curve(strain: FloatArray, stress: FloatArray, path: Path, toml: TomlFile) ->
         Nominal stress, likewise [Pa], shape [n].
     path
         The file it came from.
-    toml
-        The shot file.
+    section
+        What the shot file says of it.
 
     Raises
     ------
     InputError
         For the first row that cannot belong to such a curve.
     """
-    section = toml.declared.curve
     branch = 1.0 if section.branch == "tension" else -1.0
     other = "tension" if section.branch == "compression" else "compression"
     _rows(

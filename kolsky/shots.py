@@ -26,7 +26,7 @@ from kolsky.records import (
     Recording,
 )
 from kolsky.shotfile import CentreLineSection, CurveSection, FlyerSection
-from kolsky.shottoml import ShotToml, TomlFile, read_declared, read_shot_toml
+from kolsky.shottoml import ShotToml, read_declared, read_shot_toml
 from kolsky.shotwindow import window
 from kolsky.wavesfile import AnyFile
 from kolsky.transducers import force_history, noise_correlation
@@ -201,7 +201,7 @@ def load_shot(folder_or_toml: str | Path, *, measure: Callable[[Seen], Measured]
     forcechecks.force_sign(force.raw_force(), force.time, span, flyer, toml)
     centre_line, outline_hash = _centre_line(folder, frames, declared.centre_line, toml)
     shapechecks.outline(centre_line, folder / declared.centre_line.file, rest, span, toml)
-    curve, curve_hash = read_curve(folder, declared.curve, toml)
+    curve, curve_hash = read_curve(folder, declared.curve)
     exports = {declared.flyer.file: flyer_hash, declared.centre_line.file: outline_hash}
     base = _base(toml, frames, force, curve, curve_hash, exports)
     return Shot(**base, flyer=flyer, centre_line=centre_line, window=span)
@@ -259,7 +259,7 @@ def _with_surface(toml: ShotToml, frames: FrameTimes, rest: float) -> Shot:
     span = window(toml, frame_time, float(flyer.time[-1]), force.recording, force.time)
     forcechecks.force_sign(force.raw_force(), force.time, span, flyer, toml)
     shapechecks.outline(centre_line, source, rest, span, toml)
-    curve, curve_hash = _curve(folder, toml)
+    curve, curve_hash = read_curve(folder, declared.curve)
     base = _base(toml, frames, force, curve, curve_hash, inputs)
     return Shot(**base, flyer=flyer, centre_line=centre_line, window=span)
 
@@ -301,7 +301,7 @@ def _pictured(toml: ShotToml, frames: FrameTimes, seen: Seen) -> PicturedShot:
     folder, declared = toml.path.parent, toml.declared
     rest = float(frames.time[declared.frames.static - 1] + declared.frames.clock_offset)
     force = _force(folder, rest, toml)
-    curve, curve_hash = read_curve(folder, declared.curve, toml)
+    curve, curve_hash = read_curve(folder, declared.curve)
     return PicturedShot(**_base(toml, frames, force, curve, curve_hash, seen.inputs), seen=seen)
 
 
@@ -458,7 +458,7 @@ def _centre_line(
     return line, table.sha256
 
 
-def read_curve(folder: Path, section: CurveSection, toml: TomlFile) -> tuple[MaterialCurve, str]:
+def read_curve(folder: Path, section: CurveSection) -> tuple[MaterialCurve, str]:
     """The quasi-static curve from rest outward, and the hash of its file.
 
     Raises
@@ -471,7 +471,7 @@ def read_curve(folder: Path, section: CurveSection, toml: TomlFile) -> tuple[Mat
     )
     sign = 1.0 if section.convention == "tension positive" else -1.0
     strain, stress = sign * table.strain, sign * table.stress
-    shapechecks.curve(strain, stress, table.path, toml)
+    shapechecks.curve(strain, stress, table.path, section)
     order = np.argsort(np.abs(strain))
     strain, stress = strain[order], stress[order]
     curve = MaterialCurve(

@@ -135,7 +135,7 @@ class Reduction:
     back_velocity: History
     """Velocity of the transmission bar's face, in the same direction [m/s]."""
     imbalance: FloatArray
-    """Equilibrium R(t) = 2 (F1 - F2) / (F1 + F2) [-], shape [n]; where the forces are within their noise, inf."""
+    """Equilibrium R(t) = 2 (F1 - F2) / (F1 + F2) [-], shape [n]; inf where the forces are within their noise."""
     balanced: tuple[float, float] | None
     """Longest time span in which R stays within its allowance [s]; None if there is none."""
 

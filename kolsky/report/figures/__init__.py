@@ -27,7 +27,16 @@ from kolsky.report.figures import (
 )
 from kolsky.report.figures.base import FigureKind
 
-__all__ = ["BARS_TOGETHER", "CALIBRATION", "FLYER_TESTS", "REGISTRY", "SPECKLES", "SURFACES", "WAVES", "FigureKind"]
+__all__ = [
+    "BARS_TOGETHER",
+    "CALIBRATION",
+    "FLYER_TESTS",
+    "REGISTRY",
+    "SPECKLES",
+    "SURFACES",
+    "WAVES",
+    "FigureKind",
+]
 
 REGISTRY: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND
