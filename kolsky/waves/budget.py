@@ -1,6 +1,6 @@
 """Uncertainty budgets after the GUM (JCGM 100:2008): quantities propagated through any model to histories."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,12 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import t as student
 
+from kolsky.waves.differences import Model, moved, outputs, refuse_steps
 from kolsky.waves.quantities import check_quantities, correlated_groups, correlation_matrix
 from kolsky.waves.records import FloatArray, History, Quantity
 from kolsky.waves.result import BudgetTable, Contribution
-
-Model = Callable[[Mapping[str, float]], Mapping[str, ArrayLike]]
-"""From values of the quantities, by name, to named outputs: scalars or arrays of fixed shapes."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +31,8 @@ class Budget:
     curvature: Mapping[str, FloatArray]
     """Second differences (y+ + y- - 2 y) / 2 over one standard uncertainty, shape [n_quantities, ...]: what a
     straight line misses, and the bias of the best estimate."""
+    interaction: Mapping[str, FloatArray]
+    """What products of quantities add, sum of +-u_i u_j d2y/dx_i dx_j over all pairs, shape [...]."""
 
     def sigma(self, output: str) -> FloatArray:
         """Combined standard uncertainty u_c, Eq. (U.10), shape [...]."""
@@ -94,14 +94,14 @@ class Budget:
         return np.asarray(np.einsum("i...,ij,j...->...", a, self.correlation, b))
 
     def nonlinearity(self, output: str) -> float:
-        """Largest curvature of any quantity over the combined standard uncertainty at the same sample [-].
+        """Largest term of second order over the combined standard uncertainty at the same sample [-].
 
-        Where it is not small the budget is not to be trusted, and `kolsky.waves.montecarlo` is.
+        That is the curvature of any one quantity, or the interaction of all. Where it is not small the budget
+        is not to be trusted, and `kolsky.waves.montecarlo` is.
         """
-        u, bend = self.sigma(output), np.abs(self.curvature[output])
-        if not bend.size or not bend.any():
-            return 0.0
-        return float(np.max(bend / np.where(u > 0.0, u, np.inf)))
+        u = self.sigma(output)
+        second = np.concatenate([self.curvature[output], self.interaction[output][None]])
+        return float(np.max(np.abs(second) / np.where(u > 0.0, u, np.inf), initial=0.0))
 
     def peak(self, output: str) -> int:
         """Flat index of the sample with the largest magnitude."""
@@ -178,9 +178,9 @@ def propagate(
 ) -> Budget:
     """Propagate standard uncertainties through a model, Eq. (U.10).
 
-    Sensitivities are central differences over one standard uncertainty to either side (GUM 5.1.3, note 2),
-    repeated over half of it. Both must agree, which excludes a step in the round-off of the model, a jump
-    (of a window by a sample, say) and a strong nonlinearity.
+    Sensitivities are central differences over one standard uncertainty to either side (GUM 5.1.3, note 2).
+    Half a step of all quantities at once must agree with them, which excludes a step in the round-off of the
+    model, a jump (of a window by a sample, say) and a strong nonlinearity. The model is run 2 n + 3 times.
 
     Parameters
     ----------
@@ -193,8 +193,8 @@ def propagate(
     correlations
         Coefficients of pairs of quantities.
     tolerance
-        Largest difference of the contributions by both steps over the combined standard uncertainty, in the
-        root mean square over the samples [-].
+        Largest difference of the half step from what the contributions say, over the combined standard
+        uncertainty, in the root mean square over the samples [-].
 
     Raises
     ------
@@ -205,55 +205,44 @@ def propagate(
     check_quantities(quantities)
     R = correlation_matrix(quantities, correlations or {})
     best = {q.name: q.value for q in quantities}
-    value = _outputs(model, best, "the best estimates", None)
+    value = outputs(model, best, "the best estimates", None)
     noises = _noises(noise or {}, value)
     whole: dict[str, list[FloatArray]] = {name: [] for name in value}
-    half: dict[str, list[FloatArray]] = {name: [] for name in value}
     bend: dict[str, list[FloatArray]] = {name: [] for name in value}
     for q in quantities:
-        for steps, scale in ((whole, 1.0), (half, 0.5)):
-            sides = []
-            for sign in (1.0, -1.0):
-                if q.sigma == 0.0:
-                    sides.append(value)
-                    continue
-                at = q.value + sign * scale * q.sigma
-                sides.append(_outputs(model, best | {q.name: at}, f"{q.name} = {at:.6g} {q.unit}", value))
-            for name in value:
-                steps[name].append((sides[0][name] - sides[1][name]) / (2.0 * scale))
-                if scale == 1.0:
-                    bend[name].append(0.5 * (sides[0][name] + sides[1][name]) - value[name])
-    budget = Budget(
+        plus, minus = moved(model, value, best, {q: 1.0})
+        for name in value:
+            whole[name].append(0.5 * (plus[name] - minus[name]))
+            bend[name].append(0.5 * (plus[name] + minus[name]) - value[name])
+    contribution = {name: _stack(whole[name], value[name]) for name in value}
+    curvature = {name: _stack(bend[name], value[name]) for name in value}
+    # All at once over half a step, with alternating signs so that equal contributions do not hide.
+    share = {q: 0.5 * (-1) ** k for k, q in enumerate(quantities)}
+    plus, minus = moved(model, value, best, share)
+    steps = np.array(list(share.values()))
+    interaction = {}
+    for name in value:
+        together = 0.5 * (plus[name] - minus[name])
+        straight = np.tensordot(steps, contribution[name], 1)
+        scale = _size(contribution[name], noises[name])
+        if float(np.sqrt(np.mean((together - straight) ** 2))) > tolerance * scale:
+            refuse_steps(model, value, best, quantities, name, contribution[name], tolerance * scale)
+        mean = 0.5 * (plus[name] + minus[name]) - value[name]
+        interaction[name] = 4.0 * (mean - np.tensordot(steps**2, curvature[name], 1))
+    return Budget(
         quantities=tuple(quantities),
         correlation=R,
         value=value,
-        contribution={name: _stack(whole[name], value[name]) for name in value},
+        contribution=contribution,
         noise=noises,
-        curvature={name: _stack(bend[name], value[name]) for name in value},
+        curvature=curvature,
+        interaction=interaction,
     )
-    for name in value:
-        _check_steps(budget, name, _stack(half[name], value[name]), tolerance)
-    return budget
 
 
-def _outputs(
-    model: Model, values: Mapping[str, float], where: str, like: Mapping[str, FloatArray] | None
-) -> dict[str, FloatArray]:
-    try:
-        found = {name: np.asarray(value, dtype=float) for name, value in model(values).items()}
-    except ValueError as error:
-        raise ValueError(f"the model fails at {where}: {error}") from error
-    for name, value in found.items():
-        if not np.isfinite(value).all():
-            at = int(np.argmin(np.isfinite(value)))
-            raise ValueError(
-                f"output {name} is not finite at sample {at} with {where}; leave such samples out"
-            )
-    if like is not None and {n: v.shape for n, v in found.items()} != {n: v.shape for n, v in like.items()}:
-        raise ValueError(
-            f"outputs change their names or shapes with {where}; fix grid and windows in the model"
-        )
-    return found
+def _size(contribution: FloatArray, noise: FloatArray) -> float:
+    """Combined standard uncertainty without correlations, by which the whole may cancel to nothing."""
+    return float(np.sqrt(np.mean(np.sum(contribution**2, axis=0) + noise**2)))
 
 
 def _noises(noise: Mapping[str, ArrayLike], value: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
@@ -271,21 +260,6 @@ def _noises(noise: Mapping[str, ArrayLike], value: Mapping[str, FloatArray]) -> 
 
 def _stack(rows: list[FloatArray], like: FloatArray) -> FloatArray:
     return np.stack(rows) if rows else np.zeros((0, *like.shape))
-
-
-def _check_steps(budget: Budget, output: str, half: FloatArray, tolerance: float) -> None:
-    """Both steps must tell the same contribution, within a share of what it is added to."""
-    Z = budget.contribution[output]
-    # Without correlations, by which the whole may cancel to nothing.
-    combined = float(np.sqrt(np.mean(np.sum(Z**2, axis=0) + budget.noise[output] ** 2)))
-    for q, one, other in zip(budget.quantities, Z, half, strict=True):
-        off = float(np.sqrt(np.mean((one - other) ** 2)))
-        if off > tolerance * combined:
-            raise ValueError(
-                f"{output}: differences over +-{q.sigma:.3g} and +-{0.5 * q.sigma:.3g} {q.unit} of {q.name}"
-                f" disagree by {off:.3g}, {off / combined:.2g} of the combined standard uncertainty, allowed"
-                f" is {tolerance:g}: the model jumps or bends there; fix its windows, or use Monte Carlo"
-            )
 
 
 def quoted(budget: Budget, results: Mapping[str, tuple[str, int | None, str]]) -> BudgetTable:

@@ -137,7 +137,7 @@ def _draws(
                 f"{name}: distribution must be 't' or one of {', '.join(DISTRIBUTIONS)}, got {kind!r}"
             )
     R = correlation_matrix(quantities, correlations)
-    # A square root by eigenvectors: correlations of 1 make the matrix singular, rounded ones indefinite.
+    # A square root by eigenvectors, since correlations of 1 make the matrix singular.
     eigenvalue, vector = np.linalg.eigh(R)
     together = rng.standard_normal((trials, len(names))) @ (vector * np.sqrt(np.maximum(eigenvalue, 0.0))).T
     found = {}

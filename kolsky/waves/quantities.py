@@ -71,9 +71,12 @@ def correlation_matrix(
         if one == other or not -1.0 <= r <= 1.0:
             raise ValueError(f"correlation of '{one}' and '{other}' must be of two, in [-1, 1], got {r}")
         R[place[one], place[other]] = R[place[other], place[one]] = r
-    # Coefficients rounded to two digits can leave a matrix slightly indefinite.
-    if R.size and np.linalg.eigvalsh(R)[0] < -0.02:
-        raise ValueError("the correlations contradict each other: their matrix has a negative eigenvalue")
+    lowest = float(np.linalg.eigvalsh(R)[0]) if R.size else 0.0
+    if lowest < -1e-9:  # round-off
+        raise ValueError(
+            f"the correlations contradict each other: their matrix has the eigenvalue {lowest:.3g}, all must"
+            " be >= 0; if they were rounded, state more digits"
+        )
     return R
 
 

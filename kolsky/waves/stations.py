@@ -112,12 +112,10 @@ def bar_signal(
         name = gauge if len(recordings) == 1 else f"{gauge} {i + 1}"
         if not (shared and i):
             quantities += calibrated.quantities(label, uncertainty or {}, bar=wave)
-        strains.append(
-            _strain(
-                recording, calibrated.with_values(label, given, bar=wave), time, baseline, sign,
-                name=name, full_scale=full_scale, log=log, after=after,
-            )
-        )  # fmt: skip
+        known = calibrated.with_values(label, given, bar=wave)
+        rest = measure_baseline(time, recording.value, baseline, name=name)
+        check_clipping(recording.value, rest, name=name, full_scale=full_scale)
+        strains.append(_strain(recording, known, rest, sign, name=name, log=log, after=after))
     axial, bending = _axial(strains, gauge, log, after)
     axial, zero = _settled(axial, time, baseline, gauge, log, after, given)
     return Station(
@@ -138,12 +136,10 @@ def bar_signal(
 def _strain(
     recording: Recording,
     calibration: Calibration,
-    time: FloatArray,
-    baseline: tuple[float, float],
+    rest: Baseline,
     sign: int,
     *,
     name: str,
-    full_scale: float | None,
     log: AuditLog,
     after: BoolArray,
 ) -> FloatArray:
@@ -154,8 +150,6 @@ def _strain(
         raise ValueError(
             f"{name}: the calibration is for {calibration.UNIT!r}, the recording is in {recording.unit!r}"
         )
-    rest = measure_baseline(time, recording.value, baseline, name=name)
-    check_clipping(recording.value, rest, name=name, full_scale=full_scale)
     volts = -sign * (recording.value - rest.mean)  # rises in tension, as a gauge does
     exact = calibration.strain(volts)
     if not isinstance(calibration, Bridge):

@@ -81,8 +81,17 @@ def test_a_model_that_jumps_is_refused():
     def model(v):
         return {"y": np.array([np.round(v["a"])])}
 
-    with pytest.raises(ValueError, match=r"y: differences over \+-0.6 and \+-0.3 1 of a disagree"):
-        propagate(model, [q("a", 3.0, 0.6)])
+    with pytest.raises(ValueError, match=r"y: differences .* disagree by .* most with a, 0\.6 1, by 1"):
+        propagate(model, [q("b", 1.0, 0.1), q("a", 3.0, 0.6)])
+
+
+def test_products_of_quantities_are_seen():
+    # GUM 5.1.2, note: where the slopes are zero the second order is all there is.
+    inputs = [q("a", 0.0, 0.2), q("b", 0.0, 3.0), q("c", 1.0, 0.1)]
+    budget = propagate(lambda v: {"y": v["a"] * v["b"] + v["c"]}, inputs)
+    assert budget.sigma("y") == pytest.approx(0.1)
+    assert abs(budget.interaction["y"]) == pytest.approx(0.2 * 3.0)
+    assert budget.nonlinearity("y") == pytest.approx(6.0)
 
 
 def test_a_model_at_the_round_off_is_refused():
