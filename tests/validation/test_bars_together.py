@@ -1,7 +1,7 @@
 """Bars together of another laboratory: the transmitted pulse is the incident one, carried along the bars.
 
-Data: github snkhaderi/IITH_split_hopkinson_bar_data_processing, a steel bar of 20 mm, gauges 0.589 m either side
-of the interface.
+Data: github snkhaderi/IITH_split_hopkinson_bar_data_processing, a steel bar of 20 mm, gauges 0.589 m either
+side of the interface.
 """
 
 import numpy as np
