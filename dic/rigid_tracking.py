@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.correlation import Correlation, Noise, PictureStack, Shape, correlate
+from dic.correlation import Correlation, Noise, PictureStack, Shape, Templates, correlate
 from dic.correlation.warp import identity
 from dic.images import PictureError, Pictures
 from dic.outcome import FrameOutcome, PointOutcome
@@ -84,7 +84,7 @@ def track_rigid(
     common = np.zeros((n, 2, 2)) if start_covariance is None else np.asarray(start_covariance)
     settings = replace(settings, shape=Shape.RIGID)
     inner, within = points - BORDER, None if mask is None else mask[BORDER:-BORDER, BORDER:-BORDER]
-    stack = _prepared(pictures, first, settings, noise, device)
+    stack, templates = _prepared(pictures, first, settings, noise, device), Templates.of(n, settings)
     found = Track(
         points=points,
         warp=np.full((n_frames, n, 12), np.nan),
@@ -109,8 +109,9 @@ def track_rigid(
                 here = _prepared(pictures, frame, settings, noise, device)
             except PictureError:
                 continue
+            expected = _predicted(history, frame)
             move = _step(
-                found, frame, stack, here, inner, root, common, settings, within, _predicted(history, frame)
+                found, frame, stack, here, inner, root, common, settings, within, templates, expected
             )
             if move is not None:
                 history = [*history[-1:], (frame, move)]
@@ -143,6 +144,7 @@ def _step(
     common: FloatArray,
     settings: Correlation,
     mask: BoolArray | None,
+    templates: Templates | None,
     predicted: FloatArray,
 ) -> FloatArray | None:
     """Find the points in one frame; the body's motion since the reference, None if they agree on none."""
@@ -151,7 +153,9 @@ def _step(
         for axis in (1, 0) if off else (0,):
             guess = root.copy()
             guess[:, :2] += predicted + off * np.eye(2)[axis]
-            match = correlate(stack, here, points, guess, settings, reference_warp=root, mask=mask)
+            match = correlate(
+                stack, here, points, guess, settings, reference_warp=root, mask=mask, templates=templates
+            )
             fine = match.outcome == PointOutcome.VALID
             move = match.warp[:, :2] - root[:, :2]
             if fine.any():

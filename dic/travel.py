@@ -12,7 +12,9 @@ from dic.images import PictureError, Pictures
 from dic.outcome import PointOutcome
 from dic.result import Travel
 from dic.rim import STRIDE, Rim, RimSearch
-from dic.surfaces import SpecimenFrame, overlap_factor
+from dic.stereo.sight import projection_slope
+from dic.surfaces import SpecimenFrame
+from dic.surfaces.overlap import overlap_correlation
 from dic.tracking import Track
 
 FloatArray = NDArray[np.float64]
@@ -78,10 +80,11 @@ def flyer_travel(
     known = np.asarray(np.isfinite(places).all(axis=1))
     rows, found, sigma, counts = [], [], [], []
     twice = np.flatnonzero(np.isfinite(moves).all(axis=1))
+    overlap = overlap_correlation(body.points, body.points, subset)
     for k in range(len(t)):
         near = moves[twice[np.argmin(np.abs(twice - k))]]
         both = bool(np.isfinite(moves[k]).all())
-        fit = _translation(body, rig, frame, k, places, known, near, both, subset)
+        fit = _translation(body, rig, frame, k, places, known, near, both, overlap)
         if fit is not None:
             rows.append(k)
             found.append(fit[0])
@@ -202,7 +205,7 @@ def _translation(
     known: BoolArray,
     near: FloatArray,
     both: bool,
-    subset: int,
+    overlap: FloatArray,
 ) -> tuple[float, float, int] | None:
     """Translation along y in frame `k` [m], its standard deviation and the number of points; None if not
     seen."""
@@ -219,14 +222,16 @@ def _translation(
         for camera, track, points in zip(rig.cameras, body.tracks, keep, strict=True):
             if not points.any():
                 continue
-            off, J = _sight(camera, frame, track, k, places[points] + move, points)
-            factor = overlap_factor(body.points[points], subset)
-            weight = np.linalg.inv(track.covariance[k, points] * factor[:, None, None])
-            H += np.einsum("nji,njk,nkl->il", J, weight, J)
-            g += np.einsum("nji,njk,nk->i", J, weight, off)
+            x = frame.in_rig(places[points] + move)
+            off = _off(camera, track, k, x, points)
+            J = projection_slope(camera, x) @ frame.rotation.T
+            factor = overlap[points] @ points
+            weighted = np.linalg.solve(track.covariance[k, points] * factor[:, None, None], J)
+            H += np.tensordot(J, weighted, axes=([0, 1], [0, 1]))
+            g += np.tensordot(weighted, off, axes=([0, 1], [0, 1]))
         move = move + np.linalg.solve(H, g)
         keep = [
-            points & _near_enough(camera, frame, track, k, places + move, points)
+            points & _near_enough(camera, track, k, frame.in_rig(places + move), points)
             for camera, track, points in zip(rig.cameras, body.tracks, used, strict=True)
         ]
         if not any(points.any() for points in keep):
@@ -234,23 +239,16 @@ def _translation(
     return float(move[1]), float(np.sqrt(np.linalg.inv(H)[1, 1])), int((keep[0] | keep[1]).sum())
 
 
-def _sight(
-    camera: Camera, frame: SpecimenFrame, track: Track, k: int, x: FloatArray, points: BoolArray
-) -> tuple[FloatArray, FloatArray]:
-    """What a camera saw less what it should have seen [px], and its derivative by the translation."""
-    h = 1e-6
-    at = camera.project(frame.in_rig(x))
-    J = np.stack([(camera.project(frame.in_rig(x + h * np.eye(3)[i])) - at) / h for i in range(3)], axis=-1)
-    return apply(track.points[points], track.warp[k, points]) - at, J
+def _off(camera: Camera, track: Track, k: int, X: FloatArray, points: BoolArray) -> FloatArray:
+    """What a camera saw in frame `k` less what it should have seen of points at X [px], shape [n, 2]."""
+    return np.asarray(apply(track.points[points], track.warp[k, points]) - camera.project(X))
 
 
-def _near_enough(
-    camera: Camera, frame: SpecimenFrame, track: Track, k: int, x: FloatArray, points: BoolArray
-) -> BoolArray:
+def _near_enough(camera: Camera, track: Track, k: int, X: FloatArray, points: BoolArray) -> BoolArray:
     """Points whose pixel agrees with the body's motion, shape [n_points]."""
     fine = np.zeros(len(points), dtype=bool)
     if points.any():
-        off, _ = _sight(camera, frame, track, k, x[points], points)
+        off = _off(camera, track, k, X[points], points)
         size = np.linalg.norm(off - np.median(off, axis=0), axis=1)
         noise = np.sqrt(0.5 * np.trace(track.covariance[k, points], axis1=1, axis2=2))
         spread = max(1.0, float(np.median(size / noise)) / 1.18)

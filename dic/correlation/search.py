@@ -9,6 +9,7 @@ from dic.correlation.kernels.launch import Batch, search
 from dic.correlation.match import Match
 from dic.correlation.settings import Correlation
 from dic.correlation.stack import PictureStack
+from dic.correlation.templates import Templates
 
 FloatArray = NDArray[np.float64]
 
@@ -27,6 +28,8 @@ def correlate(
     deformed_picture: ArrayLike = 0,
     reference_warp: ArrayLike | None = None,
     mask: ArrayLike | None = None,
+    templates: Templates | None = None,
+    template_rows: ArrayLike | None = None,
     threads: int | None = None,
 ) -> Match:
     """Find subsets of one picture in another.
@@ -52,6 +55,10 @@ def correlate(
         Total warps to the reference pictures, shape [n, 12]; None: those are the material picture itself.
     mask
         Pixels of the material picture that belong to the specimen, shape [rows, columns]; None: all.
+    templates
+        Keeps the templates for calls to come, and gives those of calls before; on a GPU it is not used.
+    template_rows
+        Whose templates in it the points' are, shape [n]; None: those in their order.
     threads
         CPU threads; default all cores. A result does not depend on it.
 
@@ -64,7 +71,7 @@ def correlate(
     ------
     ValueError
         Shapes that do not fit, pictures that the stacks do not have, stacks of two devices or of another
-        prefilter than `settings`.
+        prefilter than `settings`, templates for other settings or with no such rows.
     """
     points = np.ascontiguousarray(points, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 2:
@@ -88,6 +95,8 @@ def correlate(
         reference_picture=_pictures("reference_picture", reference_picture, n, reference.n_pictures),
         deformed_picture=_pictures("deformed_picture", deformed_picture, n, deformed.n_pictures),
         mask=None if mask is None else _mask(mask),
+        templates=templates,
+        place=_places(templates, template_rows, n, settings),
     )
     return search(reference, deformed, batch, settings, threads or THREADS)
 
@@ -106,6 +115,20 @@ def _pictures(name: str, index: ArrayLike, n: int, available: int) -> NDArray[np
     if n and not (found.min() >= 0 and found.max() < available):
         raise ValueError(f"{name} must be from 0 to {available - 1}, got {found.min()} to {found.max()}")
     return np.ascontiguousarray(np.broadcast_to(found, n), dtype=np.int32)
+
+
+def _places(
+    templates: Templates | None, rows: ArrayLike | None, n: int, settings: Correlation
+) -> NDArray[np.int64]:
+    places = np.arange(n) if rows is None else np.asarray(rows, dtype=np.int64)
+    if templates is None:
+        return places
+    if templates.settings != settings:
+        raise ValueError(f"templates are for {templates.settings}, not for {settings}")
+    room = len(templates.known)
+    if places.shape != (n,) or (n and not (places.min() >= 0 and places.max() < room)):
+        raise ValueError(f"template_rows must be {n} whole numbers from 0 to {room - 1}")
+    return places
 
 
 def _mask(mask: ArrayLike) -> NDArray[np.uint8]:

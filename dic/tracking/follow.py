@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.correlation import Noise, PictureStack
+from dic.correlation import Noise, PictureStack, Templates
 from dic.correlation.warp import identity
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.tracking.frame_match import FrameMatch
@@ -150,7 +150,9 @@ class _Run:
         self.pictures, self.points, self.settings = pictures, points, settings
         self.noise, self.device = noise, device
         self.declared = frame_outcome
-        self.references = References(n)
+        # a subset that grows has no template of one size
+        kept = Templates.of(n, settings.correlation) if settings.growth == 1.0 else None
+        self.references = References(n, kept)
         self.matcher = Matcher(
             points,
             settings.correlation,
@@ -219,7 +221,7 @@ class _Run:
         for frame in range(min(first + 2, len(self.track.warp) - 1), first - 1, -1):
             valid = found[self.track.outcome[frame, found] == int(PointOutcome.VALID)]
             self.predictor.add(frame, valid, self.track.warp[frame, valid])
-        self.references.level[:] = 0
+        self.references.restart()
         self.updates = Updates(self.references, self.settings)
         self.last = None
 

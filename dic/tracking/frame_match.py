@@ -100,7 +100,7 @@ class FrameMatch:
         if len(rows) == 0:
             return rows
         own = self.template.take(rows) if template is None else template
-        match = self.matcher.match(self.stack, rows, guess, own)
+        match = self.matcher.match(self.stack, rows, guess, own, current=template is None)
         self.warp[rows], self.zncc[rows], self.outcome[rows] = match.warp, match.zncc, match.outcome
         self.covariance[rows] = match.covariance
         found = rows[self.valid[rows]]

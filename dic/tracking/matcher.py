@@ -52,7 +52,15 @@ class Matcher:
         grey = float(np.mean(self.references.pictures[int(template.frame[0])])) if len(zncc) else 0.0
         return excess(zncc, template.variance, self.noise, grey)
 
-    def match(self, deformed: PictureStack, rows: IntArray, guess: FloatArray, template: Template) -> Match:
+    def match(
+        self,
+        deformed: PictureStack,
+        rows: IntArray,
+        guess: FloatArray,
+        template: Template,
+        *,
+        current: bool = False,
+    ) -> Match:
         """Find points `rows` in a picture.
 
         Parameters
@@ -65,6 +73,8 @@ class Matcher:
             Total warps to start from, shape [m, 12].
         template
             Their references.
+        current
+            Whether those are the ones that the points have now, whose templates are kept.
         """
         m = len(rows)
         result = Match(
@@ -82,6 +92,8 @@ class Matcher:
                 reference_picture=picture[part],
                 reference_warp=template.warp[part],
                 mask=self.mask,
+                templates=self.references.templates if current else None,
+                template_rows=rows[part],
             )
             for name in ("warp", "covariance", "zncc", "iterations", "outcome"):
                 getattr(result, name)[part] = getattr(found, name)

@@ -19,7 +19,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.correlation import PictureStack
+from dic.correlation import PictureStack, Templates
 from dic.correlation.warp import gradient
 from dic.tracking.frames import Picture
 
@@ -90,7 +90,9 @@ class Template:
 class References:
     """The chains of n points and the pictures that they use."""
 
-    def __init__(self, n: int) -> None:
+    def __init__(self, n: int, templates: Templates | None = None) -> None:
+        self.templates = templates
+        """What the points look like in their current references, if it is kept."""
         self.level = np.zeros(n, dtype=np.int64)
         """Place of the current reference in the chain, 0 the root, shape [n]."""
         self._chain = Template(
@@ -117,9 +119,18 @@ class References:
 
     def start(self, template: Template) -> None:
         """Give all points the root of their chains."""
-        self.level[:] = 0
+        self.restart()
         for field in fields(template):
             getattr(self._chain, field.name)[0] = getattr(template, field.name)
+
+    def restart(self) -> None:
+        """Return all points to the root of their chains."""
+        self.level[:] = 0
+        self._changed(slice(None))
+
+    def _changed(self, rows: IntArray | slice) -> None:
+        if self.templates is not None:
+            self.templates.forget(rows)
 
     def template(self, rows: IntArray, back: int = 0) -> Template:
         """References of points `rows`, or those `back` steps earlier in their chains."""
@@ -131,6 +142,7 @@ class References:
         full = rows[self.level[rows] == DEPTH - 1]
         self.level[full] -= 1
         self.level[rows] += 1
+        self._changed(rows)
         for field in fields(template):
             kept = getattr(self._chain, field.name)
             kept[1:-1, full] = kept[2:, full]
@@ -139,6 +151,7 @@ class References:
     def go_back(self, rows: IntArray) -> None:
         """Return points `rows` to the reference before."""
         self.level[rows] -= 1
+        self._changed(rows)
 
     def tidy(self, keep: int) -> None:
         """Let go of the pictures that no chain uses any more, other than frame `keep`."""

@@ -17,6 +17,7 @@ from dic.correlation.kernels.spline import PAD
 from dic.correlation.match import Match
 from dic.correlation.settings import Correlation
 from dic.correlation.stack import Noise, PictureStack
+from dic.correlation.templates import Templates
 
 FLAGS = "-march=native -ffp-contract=fast -mprefer-vector-width=512 -mstackrealign"
 SHARE = 512
@@ -41,6 +42,9 @@ class Batch:
     """[n]"""
     mask: NDArray[np.uint8] | None
     """[rows, columns]"""
+    templates: Templates | None
+    place: NDArray[np.int64]
+    """In the templates, [n]"""
 
 
 @wp.struct
@@ -64,6 +68,10 @@ class Job:
     mask_rows: int
     mask_cols: int
     given: wp.array(dtype=wp.float64)
+    has_kept: int
+    known: wp.array(dtype=wp.int32)
+    kept_pixels: wp.array(dtype=wp.float32)
+    kept_sums: wp.array(dtype=wp.float64)
     has_reference: int
     subset: int
     room: int
@@ -166,7 +174,8 @@ def prepare(reference: PictureStack, deformed: PictureStack, batch: Batch, setti
         setattr(job, f"{name}_cols", stack.shape[1])
         setattr(job, f"{name}_stride", stride)
         setattr(job, f"{name}_noise", grey_noise(stack.noise, stack.device))
-    columns = [batch.reference_picture[:, None], batch.deformed_picture[:, None], batch.points, batch.guess]
+    which = (batch.reference_picture, batch.deformed_picture, batch.place)
+    columns = [*(column[:, None] for column in which), batch.points, batch.guess]
     if batch.reference is not None:
         columns.append(batch.reference)
         job.has_reference = 1
@@ -179,6 +188,11 @@ def prepare(reference: PictureStack, deformed: PictureStack, batch: Batch, setti
             1,
         )
         job.mask_rows, job.mask_cols = batch.mask.shape
+    if batch.templates is not None and not device.is_cuda:
+        kept, job.has_kept = batch.templates, 1
+        job.known = wp.array(kept.known, dtype=wp.int32, device=device, copy=False)
+        job.kept_pixels = wp.array(kept.pixels.reshape(-1), dtype=wp.float32, device=device, copy=False)
+        job.kept_sums = wp.array(kept.sums.reshape(-1), dtype=wp.float64, device=device, copy=False)
     job.subset, job.max_iterations = settings.subset, settings.max_iterations
     job.tolerance, job.least_zncc = settings.tolerance, settings.least_zncc
     job.least_pixels = settings.least_pixels

@@ -18,8 +18,6 @@ _SEARCH = """
     const double h = 0.5 * (job.subset - 1);
     const int square = job.subset * job.subset, room = job.room;
     float* W = job.scratch.data + (long long)slot * ARRAYS * room;
-    float* T = W + room; float* GX = T + room; float* GY = GX + room;
-    float* B = GY + room;  // what W is where the other picture shows the whole subset
     const float* X = job.offsets.data;
     const float* Y = X + room;
     const float* U = Y + room;  // 1 for a pixel of the subset, 0 for what fills the last pack
@@ -27,14 +25,19 @@ _SEARCH = """
     SHARED(normal, N);
 
     for (int i = first + slot; i < first + count; i += slots) {
-        const double* given = job.given.data + (long long)i * (job.has_reference ? 28 : 16);
-        const double cx = given[2], cy = given[3];
+        const double* given = job.given.data + (long long)i * (job.has_reference ? 29 : 17);
+        const double cx = given[3], cy = given[4];
         double w[12], reference[12];
         for (int k = 0; k < 12; ++k) {
-            w[k] = given[4 + k];
-            reference[k] = job.has_reference ? given[16 + k] : 0.0;
+            w[k] = given[5 + k];
+            reference[k] = job.has_reference ? given[17 + k] : 0.0;
         }
         const long long a = (long long)given[0], b = (long long)given[1];  // which pictures
+        // The template, in memory that lasts if its point has some: B is W where the whole subset is in view.
+        const long long place = job.has_kept ? (long long)given[2] : -1;
+        const bool ready = place >= 0 && job.known.data[place];
+        float* T = place >= 0 ? job.kept_pixels.data + place * 4 * room : W + room;
+        float* GX = T + room; float* GY = GX + room; float* B = GY + room;
         const view f = {(const float*)job.f.data[a] + job.f_first, job.f_rows, job.f_cols, job.f_stride};
         const view g = {(const float*)job.g.data[b] + job.g_first, job.g_rows, job.g_cols, job.g_stride};
         const material body = {job.mask.data, job.mask_rows, job.mask_cols, cx, cy, h};
@@ -54,10 +57,19 @@ _SEARCH = """
                    && to.seen(X, Y, U, room, start) < job.least_pixels * square) {
             outcome = OUT_OF_VIEW;  // as it would be found after the template's work
         } else {
+            double level = 0.0, between_f = 0.0, drift[K];
+            bool enough = true;
+            monomials at;
+            if (ready) {
+                const double* kept = job.kept_sums.data + place * SUMS;
+                N.load(kept);
+                level = kept[SUMS - K - 2]; between_f = kept[SUMS - K - 1];
+                for (int j = 0; j < K; ++j) drift[j] = kept[SUMS - K + j];
+                for (int k = start; k < room; k += STEP) op::store(W + k, op::load(B + k));
+            } else {
             // The template and its gradient by the offset in the subset.
             pack counted = op::all(0.0f), total = counted, grit = counted, tilt[K];
             for (int j = 0; j < K; ++j) tilt[j] = op::all(0.0f);
-            monomials at;
             #pragma unroll 1
             for (int k = start; k < room; k += STEP) {
                 const pack x = op::load(X + k), y = op::load(Y + k);
@@ -80,17 +92,28 @@ _SEARCH = """
                 }
             }
             const double n = op::sum(counted);
-            if (n < job.least_pixels * square) {
+            enough = n >= job.least_pixels * square;
+            if (enough) {
+                const float mean = (float)(op::sum(total) / n);  // sums of small numbers
+                #pragma unroll 1
+                for (int k = start; k < room; k += STEP) op::store(T + k, op::load(T + k) - mean);
+                N.sum(W, T, GX, GY, X, Y, room, start);
+                level = mean;
+                for (int j = 0; j < K; ++j) drift[j] = op::sum(tilt[j]);
+                between_f = op::sum(grit) / n;
+                if (place >= 0) {
+                    double* kept = job.kept_sums.data + place * SUMS;
+                    N.save(kept);
+                    kept[SUMS - K - 2] = level; kept[SUMS - K - 1] = between_f;
+                    for (int j = 0; j < K; ++j) kept[SUMS - K + j] = drift[j];
+                    job.known.data[place] = 1;
+                }
+            }
+            }
+            if (!enough) {
                 outcome = OUT_OF_VIEW;
             } else {
-                const float level = (float)(op::sum(total) / n);  // sums of small numbers
-                #pragma unroll 1
-                for (int k = start; k < room; k += STEP) op::store(T + k, op::load(T + k) - level);
-                N.sum(W, T, GX, GY, X, Y, room, start);
                 bool whole = true;  // N holds the whole template
-                double drift[K];
-                for (int j = 0; j < K; ++j) drift[j] = op::sum(tilt[j]);
-                const double between_f = op::sum(grit) / n;
                 double offset = level, contrast = 1.0, brightness = level;
                 double noise_f = 0.0, noise_g = 0.0, share = 0.0;
                 double least = 1e30, earlier[PACE];  // smallest update so far, now and up to PACE ago

@@ -113,6 +113,8 @@ SUBSET = """
     constexpr int K = 2 * ORDER;  // numbers searched for
     // What the template contributes to the match; sums over the pixels that count. On a GPU the lanes of a
     // warp share one, and all write the same numbers, each once.
+    constexpr int NUMBERS = 6 + 2 * K + 2 * K * K;  // of a normal matrix and its sums
+    constexpr int SUMS = NUMBERS + 3 + K;           // and what else is kept of a template
     struct normal {
         double n, mean, energy, gradient[3];  // pixels, mean of T, sum of (T - mean)^2, tensor of gradients
         double S[K], q[K];                    // sums of steepest descents, and of them times T - mean
@@ -165,6 +167,14 @@ SUBSET = """
             op::meet();
             factor();
             op::meet();
+        }
+        inline void save(double* to) const {
+            for (int k = 0; k < NUMBERS; ++k) to[k] = (&n)[k];
+            to[NUMBERS] = definite;
+        }
+        inline void load(const double* from) {
+            for (int k = 0; k < NUMBERS; ++k) (&n)[k] = from[k];
+            definite = from[NUMBERS] != 0.0;
         }
         // Below the diagonal: a sum of products without what offset and contrast take up.
         inline void put(int i, int j, double x) {
