@@ -76,8 +76,8 @@ def driven_by_waves(
         )
     if reached.max() > REACH * length:
         raise ValueError(
-            f"the faces approach by {reached.max() * 1e3:.4g} mm, allowed are {REACH:g} of the specimen's length"
-            f" of {length * 1e3:.4g} mm: end the window earlier, or check the gauge factors"
+            f"the faces approach by {reached.max() * 1e3:.4g} mm, allowed are {REACH:g} of the specimen's"
+            f" length of {length * 1e3:.4g} mm: end the window earlier, or check the gauge factors"
         )
     declared: dict[str, Any] = {field.name: getattr(base, field.name) for field in fields(ShotBase)}
     return Shot(**declared, flyer=motion, centre_line=centre_line, window=(path.start, last))

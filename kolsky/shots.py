@@ -28,8 +28,8 @@ from kolsky.records import (
 from kolsky.shotfile import CentreLineSection, CurveSection, FlyerSection
 from kolsky.shottoml import ShotToml, read_declared, read_shot_toml
 from kolsky.shotwindow import window
-from kolsky.wavesfile import AnyFile
 from kolsky.transducers import force_history, noise_correlation
+from kolsky.wavesfile import AnyFile
 
 SHOT_FILE = "shot.toml"
 

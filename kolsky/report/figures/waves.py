@@ -57,8 +57,8 @@ def caption(result: WavesResult) -> str:
         f"Bar signals and their reduction; {result.load} is shown positive, bands are k = 2. (a) Strain at "
         f"the gauges with the windows of the pulses (by {result.windows.source}). (b) Forces on the front "
         f"and the back of the specimen, and their imbalance R = 2 (F₁ − F₂)/(F₁ + F₂); {held}. (c) Nominal "
-        "strain and strain rate. (d) Nominal stress against nominal strain by one-, two- and three-wave analysis, the "
-        "band belongs to three waves."
+        "strain and strain rate. (d) Nominal stress against nominal strain by one-, two- and three-wave "
+        "analysis, the band belongs to three waves."
     )
 
 
