@@ -1,6 +1,6 @@
 """Linear combinations of the waves at the faces, by constants or by what the bars are at each frequency."""
 
-from math import isfinite, pi
+from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +8,7 @@ from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 
 from kolsky.apparatus import Bar
 from kolsky.waves.records import FaceWaves, FloatArray, History
+from kolsky.waves.spectra import edge_filter, faded, mean_square
 from kolsky.waves.waveguide import Waveguide
 
 WAVES = ("incident", "reflected", "transmitted")
@@ -58,11 +59,11 @@ class BarWaves:
         kept = frequency <= limit
         omega = 2.0 * pi * frequency[kept]
         self._edge = np.zeros(frequency.size)
-        self._edge[kept] = _edge(frequency[kept], limit)
+        self._edge[kept] = edge_filter(frequency[kept], limit)
 
         heard = frequency <= min(limit, faces.band)  # where the waves have noise at all
         self._heard = np.zeros(frequency.size)
-        self._heard[heard] = _edge(frequency[heard], min(limit, faces.band))
+        self._heard[heard] = edge_filter(frequency[heard], min(limit, faces.band))
 
         def whole(factor: NDArray[np.complex128]) -> NDArray[np.complex128]:
             spread = np.ones(frequency.size, dtype=complex)  # beyond the band the edge makes it 0
@@ -71,7 +72,7 @@ class BarWaves:
 
         self.stiffness_1, self.stiffness_2 = (whole(guide.stiffness(omega)) for guide in guides)
         self.impedance_1, self.impedance_2 = (whole(guide.impedance(omega)) for guide in guides)
-        padded = [_faded(wave, self._fade, self._length) for wave in self._waves]
+        padded = [faded(wave, self._fade, self._length, fade=self._fade) for wave in self._waves]
         self._spectra = np.asarray(rfft(np.stack(padded), axis=1))
 
     def combined(self, weights: Weights, unit: str) -> History:
@@ -95,11 +96,7 @@ class BarWaves:
 
     def _gain(self, factor: NDArray[np.complex128]) -> float:
         """Root mean square of a factor over all frequencies: sigma after over sigma before."""
-        count = np.full(factor.size, 2.0)
-        count[0] = 1.0
-        if self._length % 2 == 0:
-            count[-1] = 1.0
-        return float(np.sqrt((count * np.abs(factor) ** 2).sum() / self._length))
+        return float(np.sqrt(mean_square(factor, self._length)))
 
 
 def noise_correlation(faces: FaceWaves) -> float:
@@ -115,21 +112,3 @@ def noise_correlation(faces: FaceWaves) -> float:
 def stiffness(bar: Bar) -> float:
     """Force per strain of a bar, E A [N]."""
     return bar.youngs_modulus * pi * bar.diameter**2 / 4.0
-
-
-def _edge(frequency: FloatArray, limit: float) -> FloatArray:
-    """Low-pass that falls over the last fifth below a limit, which may be inf."""
-    if not isfinite(limit):
-        return np.ones(frequency.size)
-    share = np.clip((frequency / limit - 0.8) / 0.2, 0.0, 1.0)
-    return 0.5 * (1.0 + np.cos(pi * share))
-
-
-def _faded(value: FloatArray, fade: int, length: int) -> FloatArray:
-    """Samples between half-cosines from their ends to zero, so that there is no jump; shape [length]."""
-    falling = 0.5 * (1.0 + np.cos(pi * np.arange(1, fade + 1) / (fade + 1)))
-    padded = np.zeros(length)
-    padded[:fade] = value[0] * falling[::-1]
-    padded[fade : fade + value.size] = value
-    padded[fade + value.size : fade + value.size + fade] = value[-1] * falling
-    return padded
