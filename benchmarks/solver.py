@@ -41,7 +41,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--runs", type=int, nargs="+", default=[1, 100])
     parser.add_argument("--mesh", default="16x22")
-    parser.add_argument("--bound", choices=("trace", "eigenvalue"), default="trace", help="see Stepping.bound")
+    parser.add_argument(
+        "--bound", choices=("trace", "eigenvalue"), default="trace", help="see Stepping.bound"
+    )
     parser.add_argument("--repeats", type=int, default=3, help="timed repeats after a first that compiles")
     parser.add_argument("--peer-time", type=float, default=WINDOW, help="simulated by CalculiX [s]; 0: none")
     parser.add_argument("--json", type=Path, help="write the table here")

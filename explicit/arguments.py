@@ -191,7 +191,6 @@ def batch_of(
     batch.start, batch.safety, batch.floor = model.start, stepping.safety, stepping.floor
     batch.largest_step = min(stepping.largest_step, 1.0)
     batch.measure_every, batch.max_steps = stepping.measure_every, stepping.max_steps
-    batch.bound = stepping.measure
     batch.ledger_every = sampling.ledger_every
     bar = model.support if isinstance(model.support, CharacteristicBar) else RIGID
     batch.impedance, batch.round_trip = min(bar.impedance, 1e300), min(bar.round_trip, 1e300)

@@ -92,13 +92,15 @@ def march_kernel(
     element_name: str = "one_point",
     on_chip: bool = False,
     block: int = BLOCK,
+    bound: str = "trace",
 ) -> MarchKernel:
     """Generate the time loop for a material law, two contact laws, a precision and an element.
 
     With `on_chip` a GPU keeps the state of a simulation in shared memory, where it must fit
-    (`explicit.places.fits`). `block` is the number of threads it is compiled for there.
+    (`explicit.places.fits`). `block` is the number of threads it is compiled for there; `bound` is that of
+    `explicit.model.Stepping`.
     """
-    element = element_named(element_name).functions(law, precision)
+    element = element_named(element_name).functions(law, precision, bound)
     structs = batch_structs(precision, element.Shape, element.Solid)
     place = rooms(precision, on_chip)
     field, sums, marks = place.field, place.sums, place.marks
@@ -179,7 +181,7 @@ def march_kernel(
             if walks(lane) == 1:
                 measure = int(0)
                 if until_measured == 0:
-                    measure = batch.bound
+                    measure = 1
                     until_measured = batch.measure_every
                 until_measured -= 1
                 worst, power, artificial = sweep_elements(
@@ -192,7 +194,7 @@ def march_kernel(
                     put_largest(parts, TURNED, latched)
                 if batch.stop_past_data == 1:
                     put_largest(parts, BEYOND, strain(body, limit_s, u_r, u_y, lane))
-                if measure > 0:
+                if measure == 1:
                     put_largest(parts, STIFFEST + (step + 1) % 2, latched)
                     latched = wp.float64(0.0)
             if tends(lane) == 1 and step == 0:

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from explicit.contact import contact_law
 from explicit.elements import element
-from explicit.elements.base import BY_EIGENVALUE, BY_TRACE
 from explicit.materials import MaterialLaw, bulk_modulus
 from explicit.mesh import Mesh
 from explicit.motion import PlatenMotion
@@ -210,8 +209,3 @@ class Stepping:
             raise ValueError(f"bound must be 'trace' or 'eigenvalue', got {self.bound!r}")
         if self.precision not in ("fp32", "fp64"):
             raise ValueError(f"precision must be 'fp32' or 'fp64', got {self.precision!r}")
-
-    @property
-    def measure(self) -> int:
-        """What asks an element for this bound, see `explicit.elements.base.ElementFunctions.forces`."""
-        return {"trace": BY_TRACE, "eigenvalue": BY_EIGENVALUE}[self.bound]

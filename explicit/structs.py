@@ -53,7 +53,6 @@ def batch_structs(precision: Precision, Shape: Any, Solid: Any) -> Structs:
         largest_step: wp.float64
         floor: wp.float64
         measure_every: int
-        bound: int
         ledger_every: int
         max_steps: int
         impedance: wp.float64

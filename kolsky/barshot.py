@@ -3,6 +3,8 @@
 from dataclasses import fields
 from typing import Any
 
+import numpy as np
+
 from kolsky.barforce import BarForce
 from kolsky.records import CentreLine
 from kolsky.shots import Shot, ShotBase
@@ -10,7 +12,7 @@ from kolsky.waves.frontpath import back_force, front_path, front_velocity
 from kolsky.waves.records import FaceWaves, Reduction
 
 REACH = 0.9
-"""Largest displacement of the front face over the specimen's length that is simulated [-]."""
+"""Largest approach of the faces over the specimen's length that is simulated [-]."""
 
 
 def bar_force(reduction: Reduction, waves: FaceWaves) -> BarForce:
@@ -63,6 +65,10 @@ def driven_by_waves(
         )
     times = motion.time[motion.time <= last]
     reached, length = path.position(times), base.specimen.length
+    if base.support == "bar":
+        step = float(times[1] - times[0])
+        back = reduction.back_velocity.value[: times.size]
+        reached = reached - step * (np.cumsum(back) - 0.5 * (back + back[0]))
     if not (reached.max() > 0.0 and reached[-1] > 0.0):
         raise ValueError(
             f"the front face moves away from the specimen, by {-reached[-1] * 1e3:.4g} mm: check the signs"
@@ -70,7 +76,7 @@ def driven_by_waves(
         )
     if reached.max() > REACH * length:
         raise ValueError(
-            f"the front face moves by {reached.max() * 1e3:.4g} mm, allowed are {REACH:g} of the specimen's"
+            f"the faces approach by {reached.max() * 1e3:.4g} mm, allowed are {REACH:g} of the specimen's"
             f" length of {length * 1e3:.4g} mm: end the window earlier, or check the gauge factors"
         )
     declared: dict[str, Any] = {field.name: getattr(base, field.name) for field in fields(ShotBase)}

@@ -179,11 +179,15 @@ def _fit(stages: Stages, box: Box, runs: Runs) -> tuple[Objective, ResponseSurro
     return objective, surrogate
 
 
-def _input_noise(stages: Stages, fine: _Refined) -> tuple[dict[str, FloatArray], int]:
+def _input_noise(stages: Stages, coarse: _Coarse, fine: _Refined) -> tuple[dict[str, FloatArray], int]:
     """Stage 4: standard uncertainties from the inputs' noise, and how many replicates were lost."""
     scale = {}
+    # A scale is one number, which nothing averages: of two slopes of the model, that between two runs on the
+    # refined mesh and that of the last design, the one with the larger shift counts.
+    wide = jacobian(CorrectedSurrogate(coarse.surrogate).predict, coarse.box, fine.x)
+    gains = [fine.objective.gain(slope) for slope in (fine.jacobian, wide)]
     if stages.observations.force_sigma_gain > 0.0:
-        scale["force scale"] = np.abs(fine.objective.scale_shift(fine.jacobian))
+        scale["force scale"] = _largest_shift(gains, fine.objective.scale_error)
     if stages.settings.replicates == 0:
         return scale, 0
     replicates = stages.replicate(fine.x)
@@ -191,7 +195,7 @@ def _input_noise(stages: Stages, fine: _Refined) -> tuple[dict[str, FloatArray],
     change = np.nan_to_num(vectors - vectors[0])  # a point that one replicate leaves adds nothing
     moves = change @ fine.objective.gain(fine.jacobian).T
     if replicates.scale.any():
-        scale["motion scale"] = np.abs(moves[replicates.scale][0])
+        scale["motion scale"] = _largest_shift(gains, change[replicates.scale][0])
     return {
         **scale,
         "flyer motion": np.sqrt((moves[replicates.flyer] ** 2).mean(axis=0)),
@@ -199,11 +203,15 @@ def _input_noise(stages: Stages, fine: _Refined) -> tuple[dict[str, FloatArray],
     }, replicates.lost
 
 
+def _largest_shift(gains: list[FloatArray], change: FloatArray) -> FloatArray:
+    return np.max([np.abs(gain @ change) for gain in gains], axis=0)
+
+
 def _report(shot: Shot, stages: Stages, coarse: _Coarse, fine: _Refined) -> Identification:
     """Everything the stages found, with the warnings it deserves."""
     settings, n_force = stages.settings, fine.objective.n_force
     shape = stages.observations.has_shape
-    input_noise, lost = _input_noise(stages, fine)
+    input_noise, lost = _input_noise(stages, coarse, fine)
     mesh_shift = fine.x - coarse.x
     ratio = settings.refined_mesh[0] / settings.numerics.mesh[0]
     held = {name: p.held(shot) for name, p in PARAMETERS.items() if name not in stages.box.names}

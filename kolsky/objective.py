@@ -95,13 +95,13 @@ class Objective:
         change: FloatArray = np.linalg.solve(jacobian.T @ weighted, weighted.T).astype(np.float64)
         return change
 
-    def scale_shift(self, jacobian: FloatArray) -> FloatArray:
-        """Change of the optimum by one standard uncertainty of the force's scale, shape [d].
+    @property
+    def scale_error(self) -> FloatArray:
+        """Change of the data vector by one standard uncertainty of the force's scale, shape [k].
 
         A wrong scale is no noise: it bends every force alike, and the residuals need not show it.
         """
-        change = np.where(self.mask("force"), self.observations.force_sigma_gain * self.data, 0.0)
-        return np.asarray(self.gain(jacobian) @ change)
+        return np.where(self.mask("force"), self.observations.force_sigma_gain * self.data, 0.0)
 
     def covariance(self, jacobian: FloatArray, vector: FloatArray, part: Part = "joint") -> FloatArray:
         """Covariance of the optimum from the residuals, correlated in time or not, shape [d, d].

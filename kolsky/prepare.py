@@ -14,8 +14,9 @@ from kolsky.records import FlyerMotion, ForceHistory
 from kolsky.shots import Shot
 from kolsky.waves.frontpath import front_path
 
-BINS = 150
-"""Bins of the force where no camera's frames give their width."""
+BINS = 30
+"""Bins of the force where no camera's frames give their width: some ten a transit of a soft specimen, and few
+enough that what rings in a mesh is averaged."""
 OUTLINES = 65
 """Times at which the simulated outline is kept where none was measured, first and last included."""
 

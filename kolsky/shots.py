@@ -28,8 +28,8 @@ from kolsky.records import (
 from kolsky.shotfile import CentreLineSection, CurveSection, FlyerSection
 from kolsky.shottoml import ShotToml, read_declared, read_shot_toml
 from kolsky.shotwindow import window
-from kolsky.wavesfile import AnyFile
 from kolsky.transducers import force_history, noise_correlation
+from kolsky.wavesfile import AnyFile
 
 SHOT_FILE = "shot.toml"
 
@@ -259,7 +259,7 @@ def _with_surface(toml: ShotToml, frames: FrameTimes, rest: float) -> Shot:
     span = window(toml, frame_time, float(flyer.time[-1]), force.recording, force.time)
     forcechecks.force_sign(force.raw_force(), force.time, span, flyer, toml)
     shapechecks.outline(centre_line, source, rest, span, toml)
-    curve, curve_hash = _curve(folder, toml)
+    curve, curve_hash = read_curve(folder, declared.curve)
     base = _base(toml, frames, force, curve, curve_hash, inputs)
     return Shot(**base, flyer=flyer, centre_line=centre_line, window=span)
 

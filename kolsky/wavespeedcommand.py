@@ -66,7 +66,7 @@ def wavespeed(shot: Path, *, out: Path | None, formats: Sequence[str], as_json: 
             "gain, transmission over incident": f"{found.gain:.5f} ± {2.0 * found.gain_sigma:.5f} (k = 2)",
             "residual, rms of peak": f"{100.0 * found.rms:.2f} %",
             "residual, largest of peak": f"{100.0 * found.largest:.2f} %",
-            "plain shift, rms of peak": f"{100.0 * found.plain_rms:.2f} % at {found.plain_wave_speed:.2f} m/s",
+            "plain shift, rms": f"{100.0 * found.plain_rms:.2f} % at {found.plain_wave_speed:.1f} m/s",
             "by Poisson's ratio": f"{found.by_poisson:.3g} m/s per unit",
             "by distance": f"{found.wave_speed / found.distance * 1e-3:.3g} m/s per mm",
         },

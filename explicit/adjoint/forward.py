@@ -81,12 +81,12 @@ def march(plan: PhasePlan, sampling: Sampling, steps: StepSequence | None = None
             k = 0
         step = len(taken)
         if steps is None and step == 0:
-            plan.sweep_elements(k, plan.stepping.measure)
+            plan.sweep_elements(k, 1)
             next_dt = first = _measured_step(plan)
             _check(plan, window.view["worst"][0], next_dt, first, step, time)
             window.view["worst"][0] = 0.0
         measured = steps is None and (step + 1) % plan.stepping.measure_every == 0  # for the step after
-        plan.sweep_elements(k, plan.stepping.measure if measured else 0)
+        plan.sweep_elements(k, int(measured))
         if steps is not None:
             if step == len(steps):
                 raise ValueError(f"the {len(steps)} recorded steps end at {time:.6g} s, before the last time")

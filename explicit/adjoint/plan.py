@@ -124,7 +124,7 @@ class PhasePlan:
         return wp.launch(self.kernels.support, dim=1, inputs=inputs, device="cpu", record_cmd=prepare)
 
     def sweep_elements(self, k: int, measure: int = 0) -> None:
-        """The first phase of step k: corner forces, and the step's bound as `measure` asks for it."""
+        """The first phase of step k: corner forces, and the step's bound if it is measured."""
         self._elements.set_param_at_index(0, k)  # a prepared launch costs a fifth of a new one
         self._elements.set_param_at_index(1, measure)
         self._elements.launch()
@@ -180,7 +180,7 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
     device = select_device("cpu")
     mesh, numbers = model.mesh, PRECISIONS["fp64"]
     law = type(model.materials[0])
-    loop = march_kernel(law, model.faces, model.side, numbers, model.element)
+    loop = march_kernel(law, model.faces, model.side, numbers, model.element, bound=stepping.bound)
     body = body_of(loop, model, numbers, device)
     batch = batch_of(loop, model, samples, _nothing(model), stepping, numbers, device)
     state = state_of(loop, model, numbers, device, 1, 1)
@@ -211,7 +211,7 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
         model=model,
         samples=samples,
         stepping=stepping,
-        kernels=phase_kernels(law, model.faces, model.side, model.element, len(element_of)),
+        kernels=phase_kernels(law, model.faces, model.side, model.element, len(element_of), stepping.bound),
         window=window,
         element_inputs=(
             *(integers(mesh.quads.T), body.shapes, a["solids"], a["row"]),

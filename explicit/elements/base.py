@@ -15,9 +15,6 @@ from explicit.precision import Precision
 
 FloatArray = NDArray[np.float64]
 
-BY_TRACE, BY_EIGENVALUE = 1, 2
-"""How an element bounds the part of its stiffness and damping that is not volumetric, see
-`explicit.model.Stepping.bound`."""
 INVERTED = 1.0e30
 """Step bound that an element with J <= 0 reports; no real omega^2 comes near (1e14 at most)."""
 
@@ -32,13 +29,12 @@ class ElementFunctions:
     read_shape: Any
     """``read_shape(constants, e, measure) -> Shape``: one element's constants from a grouped table
     (`explicit.places.grouped`), which only `explicit.places.entry_function` and `entries_function` read; what
-    only the step bound needs is not read where `measure` is 0."""
+    only the step bound needs is not read unless `measure` is 1."""
     Solid: Any
     """Warp struct: moduli and viscosities of one sample."""
     forces: Any
     """``forces(shape, solid, row, ur, uy, vr, vy, measure) -> (f_r, f_y, omega_squared, power, artificial)``:
-    corner forces [N], the bound for the stable step [1/s^2] (0 if `measure` is 0, else as it says, `BY_TRACE` or
-    `BY_EIGENVALUE`; `INVERTED` if the
+    corner forces [N], the bound for the stable step [1/s^2] (0 unless `measure` is 1, `INVERTED` if the
     element has turned inside out), the powers dissipated by the solid's damping and by hourglass
     control [W], from the corners' displacements and velocities."""
     energies: Any
@@ -57,8 +53,9 @@ class Element(Protocol):
         """The name that `explicit.Model.element` chooses it by."""
         ...
 
-    def functions(self, law: type, precision: Precision) -> ElementFunctions:
-        """Generate the functions for a material law (a class with `kernel_functions`) and a precision."""
+    def functions(self, law: type, precision: Precision, bound: str = "trace") -> ElementFunctions:
+        """Generate the functions for a material law (a class with `kernel_functions`), a precision and a step
+        bound (`explicit.model.Stepping.bound`)."""
         ...
 
     def shapes(self, mesh: Mesh, density: float, dtype: np.dtype[Any]) -> NDArray[Any]:

@@ -19,12 +19,8 @@ from numpy.typing import NDArray
 
 from explicit.elements.base import INVERTED, ElementFunctions, corner_inverse_mass
 from explicit.elements.gauss import gauss_points
-from explicit.elements.shared import (
-    gradient_bounds_function,
-    isochoric_factor_function,
-    shear_bound_function,
-    solid_struct,
-)
+from explicit.elements.bounds import gradient_bounds_function, shear_bound_function
+from explicit.elements.shared import isochoric_factor_function, solid_struct
 from explicit.mesh import Mesh
 from explicit.places import entries_function, entries_if_function, entry_function
 from explicit.precision import Precision
@@ -36,9 +32,9 @@ class FBar:
 
     name: str = "fbar"
 
-    def functions(self, law: type, precision: Precision) -> ElementFunctions:
+    def functions(self, law: type, precision: Precision, bound: str = "trace") -> ElementFunctions:
         """See `explicit.elements.base.Element.functions`."""
-        return element_functions(law, precision)
+        return element_functions(law, precision, bound)
 
     def shapes(self, mesh: Mesh, density: float, dtype: np.dtype[Any]) -> NDArray[Any]:
         """See `explicit.elements.base.Element.shapes`; the constants are `explicit.elements.gauss`'s."""
@@ -56,7 +52,7 @@ class FBar:
 
 
 @cache
-def element_functions(law: type, precision: Precision) -> ElementFunctions:
+def element_functions(law: type, precision: Precision, bound: str) -> ElementFunctions:
     """Generate the element for a material law (a class with `kernel_functions`) and a precision."""
     law_stress, law_tangent, law_energy = law.kernel_functions(precision)  # type: ignore[attr-defined]
     real, vec4 = precision.real, precision.vec4
@@ -64,7 +60,7 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
     third = real(1.0 / 3.0)
     inverted = real(INVERTED)
     isochoric_factor = isochoric_factor_function(precision)
-    gradient_bounds = gradient_bounds_function(precision)
+    gradient_bounds = gradient_bounds_function(precision, bound)
     shear_bound = shear_bound_function(law_tangent, precision)
     Solid = solid_struct(precision)
 
@@ -166,8 +162,8 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
             g_r = deformed * (b_r + c)
             g_y = deformed * b_y
             power = weight * (s11 * d11 + s22 * d22 + s33 * d33 + two * s12 * d12)
-            if measure > 0:
-                radial, axial = gradient_bounds(inverse_mass_r, inverse_mass_y, b_r, b_y, c, measure)
+            if measure == 1:
+                radial, axial = gradient_bounds(inverse_mass_r, inverse_mass_y, b_r, b_y, c)
                 shear = weight * solid.scale * shear_bound(rr, yy, ry, tt, row)
                 bounds = vec4(shear * radial, shear * axial, deformed * radial, deformed * axial)
         return f_r, f_y, g_r, g_y, weight * dilatation, upright, power, bounds
@@ -214,7 +210,7 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
             f_y = y0 + y1 + y2 + y3 + total * g_y
             power = w0 + w1 + w2 + w3 + viscosity * growth * growth
             omega_squared = real(0.0)
-            if measure > 0:
+            if measure == 1:
                 # The volumetric part is of rank one, so its bound is sharp. The rest is bounded by
                 # that of |grad v|^2; so is the pressure's work on the second variation of J, -|L|^2 J to 2 |L|^2 J.
                 rank_one = real(0.0)

@@ -11,13 +11,9 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from explicit.elements.base import BY_TRACE, INVERTED, ElementFunctions, corner_inverse_mass
-from explicit.elements.shared import (
-    gradient_bounds_function,
-    isochoric_factor_function,
-    shear_bound_function,
-    solid_struct,
-)
+from explicit.elements.base import INVERTED, ElementFunctions, corner_inverse_mass
+from explicit.elements.bounds import gradient_bounds_function, shear_bound_function
+from explicit.elements.shared import isochoric_factor_function, solid_struct
 from explicit.geometry import element_geometry
 from explicit.mesh import Mesh
 from explicit.places import entries_function, entries_if_function, entry_function
@@ -30,9 +26,9 @@ class OnePoint:
 
     name: str = "one_point"
 
-    def functions(self, law: type, precision: Precision) -> ElementFunctions:
+    def functions(self, law: type, precision: Precision, bound: str = "trace") -> ElementFunctions:
         """See `explicit.elements.base.Element.functions`."""
-        return element_functions(law, precision)
+        return element_functions(law, precision, bound)
 
     def shapes(self, mesh: Mesh, density: float, dtype: np.dtype[Any]) -> NDArray[Any]:
         """See `explicit.elements.base.Element.shapes`; the constants are those of `explicit.geometry`."""
@@ -49,7 +45,7 @@ class OnePoint:
 
 
 @cache
-def element_functions(law: type, precision: Precision) -> ElementFunctions:
+def element_functions(law: type, precision: Precision, bound: str) -> ElementFunctions:
     """Generate the element for a material law (a class with `kernel_functions`) and a precision."""
     law_stress, law_tangent, law_energy = law.kernel_functions(precision)  # type: ignore[attr-defined]
     real, vec4 = precision.real, precision.vec4
@@ -57,9 +53,8 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
     third = real(1.0 / 3.0)
     inverted = real(INVERTED)
     isochoric_factor = isochoric_factor_function(precision)
-    gradient_bounds = gradient_bounds_function(precision)
+    gradient_bounds = gradient_bounds_function(precision, bound)
     shear_bound = shear_bound_function(law_tangent, precision)
-    by_trace = int(BY_TRACE)
     Solid = solid_struct(precision)
 
     @wp.struct
@@ -103,16 +98,47 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         return radial, axial
 
     @wp.func
-    def step_bound(
-        shape: Shape,
+    def twice_the_tangent(
+        rr: real,
+        yy: real,
+        ry: real,
+        tt: real,
+        row: wp.array(dtype=real),
         solid: Solid,
-        b_r: vec4,
-        b_y: vec4,
-        c: vec4,
         jacobian: real,
-        shear: real,
-        measure: int,
+        dilatation: real,
     ):
+        return two * solid.scale * law_tangent(rr, yy, ry, tt, row)
+
+    @wp.func
+    def shear_and_pressure(
+        rr: real,
+        yy: real,
+        ry: real,
+        tt: real,
+        row: wp.array(dtype=real),
+        solid: Solid,
+        jacobian: real,
+        dilatation: real,
+    ):
+        """With the pressure's work on rotations, for which the trace leaves room."""
+        return solid.scale * shear_bound(rr, yy, ry, tt, row) + wp.abs(solid.bulk * dilatation) * jacobian
+
+    @wp.func
+    def both(radial: real, axial: real):
+        return radial + axial
+
+    @wp.func
+    def larger(radial: real, axial: real):
+        return wp.max(radial, axial)
+
+    shear_of, spread_of = {
+        "trace": (twice_the_tangent, both),
+        "eigenvalue": (shear_and_pressure, larger),
+    }[bound]
+
+    @wp.func
+    def step_bound(shape: Shape, solid: Solid, b_r: vec4, b_y: vec4, c: vec4, jacobian: real, shear: real):
         # The volumetric part is of rank one, so its bound is sharp; the rest is bounded by that of |grad v|^2.
         rank_one, hourglass, lost = real(0.0), real(0.0), real(0.0)
         viscous_r, viscous_y = pattern_viscosity(shape, solid)
@@ -123,10 +149,8 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
             squared = shape.gamma[a] * shape.gamma[a]
             hourglass += squared * (w_r * shape.hourglass_r + w_y * shape.hourglass_y)
             lost += squared * (w_r * viscous_r + w_y * viscous_y)
-        radial, axial = gradient_bounds(shape.inverse_mass_r, shape.inverse_mass_y, b_r, b_y, c, measure)
-        spread = wp.max(radial, axial)
-        if measure == by_trace:
-            spread = radial + axial
+        radial, axial = gradient_bounds(shape.inverse_mass_r, shape.inverse_mass_y, b_r, b_y, c)
+        spread = spread_of(radial, axial)
         bulk = solid.bulk * jacobian * wp.max(two * jacobian - one, half)
         stiff = shape.volume * (bulk * rank_one + shear * spread)
         stiff += solid.hourglass * hourglass
@@ -199,12 +223,9 @@ def element_functions(law: type, precision: Precision) -> ElementFunctions:
         f_y = (volume * t12) * b_r + (volume * t22) * b_y + g_y * shape.gamma
         power = volume * (s11 * d11 + s22 * d22 + s33 * d33 + two * s12 * d12)
         artificial = viscous_r * p_r * p_r + viscous_y * p_y * p_y
-        if measure > 0 and omega_squared == zero:
-            shear = two * solid.scale * law_tangent(rr, yy, ry, tt, row)
-            if measure != by_trace:  # with the pressure's work on rotations, for which a trace leaves room
-                pressure = wp.abs(solid.bulk * dilatation) * jacobian
-                shear = solid.scale * shear_bound(rr, yy, ry, tt, row) + pressure
-            omega_squared = step_bound(shape, solid, b_r, b_y, c, jacobian, shear, measure)
+        if measure == 1 and omega_squared == zero:
+            shear = shear_of(rr, yy, ry, tt, row, solid, jacobian, dilatation)
+            omega_squared = step_bound(shape, solid, b_r, b_y, c, jacobian, shear)
         return f_r, f_y, omega_squared, power, artificial
 
     @wp.func

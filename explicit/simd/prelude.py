@@ -76,4 +76,10 @@ def prelude(lanes: int, kind: str) -> str:
     numbers = ", ".join(str(lane) for lane in range(lanes))
     gathers = [_GATHER.format(pack=PACK[k], real=SCALAR[k], numbers=numbers) for k in ("f64", "f32", "i32")]
     mask = "i64v" if kind == "f64" else "i32v"
-    return _PRELUDE.format(lanes=lanes, mask=mask, numbers=numbers, gathers="".join(gathers),bits={8:'unsigned char',16:'unsigned short',32:'unsigned',4:'unsigned char'}[lanes])
+    return _PRELUDE.format(
+        lanes=lanes,
+        mask=mask,
+        numbers=numbers,
+        gathers="".join(gathers),
+        bits={8: "unsigned char", 16: "unsigned short", 32: "unsigned", 4: "unsigned char"}[lanes],
+    )

@@ -1,1 +1,1 @@
-"""Bar signals: from volts to waves, forces, strain and stress, each with its uncertainty and its corrections."""
+"""Bar signals: from volts to waves, forces, strain and stress, each with uncertainty and corrections."""

@@ -221,7 +221,8 @@ def _fit(
     )
     width = min(bar.poisson + POISSON_STEP, 0.499) - max(bar.poisson - POISSON_STEP, 0.0)
     alike = _alike(residual)
-    noise = (gain * first.sigma) ** 2 + later.sigma**2  # all of the first pulse's noise is in the band
+    # Slow noise alone moves speed and gain, and all of the first pulse's is in the band.
+    noise = (gain * first.sigma) ** 2 * first.memory + later.sigma**2 * later.memory
     variance = max(alike * float(residual @ residual) / (residual.size - 2), noise / peak**2)
     scale = np.array([stated, 1.0])
     covariance = np.asarray(variance * np.linalg.inv(jacobian.T @ jacobian) * np.outer(scale, scale))
@@ -250,7 +251,7 @@ def _above_noise(pulse: Signal) -> float | None:
     if not pulse.sigma > 0.0:
         return None
     spectrum = np.abs(rfft(pulse.value))
-    noise = pulse.sigma * np.sqrt(np.count_nonzero(pulse.value))
+    noise = pulse.sigma * np.sqrt(pulse.memory * np.count_nonzero(pulse.value))
     above = np.flatnonzero(spectrum > 5.0 * noise)
     if above.size == 0:
         raise ValueError("the first window holds nothing above the noise. Cure: another window")

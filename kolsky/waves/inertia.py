@@ -154,7 +154,7 @@ def compensate_mass(
         f"{1e3 * mass.value:.4g} g between the {side} gauge and the specimen, acceleration from {source} up"
         f" to {np.abs(a).max():.3g} m/s^2, clocks known to {1e6 * sigma_time:.2g} us"
     )
-    log = _entry("mass compensation", f"mass_compensation_{side}", change, force.unit, apply, reason)
+    log = _entry(f"mass compensation, {side}", "mass", change, force.unit, apply, reason)
     return (History(force.value + change, sigma, force.unit) if apply else force), log
 
 
@@ -242,7 +242,7 @@ def correct_radial_inertia(
         f" {np.abs(rate.value).max():.3g} 1/s, its derivative up to {np.abs(second.value).max():.3g} 1/s^2"
     )
     change = -p / left
-    log = _entry("radial inertia", "radial_inertia", change, "Pa", apply, reason)
+    log = _entry("radial inertia", "radial inertia", change, "Pa", apply, reason)
     return (History(stress.value + change, sigma, "Pa") if apply else stress), log
 
 
@@ -315,7 +315,7 @@ def correct_axial_inertia(
         f"{1e3 * length:.4g} mm of {rho:.4g} kg/m^3, second derivative of the strain up to"
         f" {np.abs(second.value).max():.3g} 1/s^2"
     )
-    log = _entry("axial inertia", "axial_inertia", change, "Pa", apply, reason)
+    log = _entry("axial inertia", "axial inertia", change, "Pa", apply, reason)
     return (History(back_stress.value + change, sigma, "Pa") if apply else back_stress), log
 
 

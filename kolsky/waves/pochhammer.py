@@ -152,7 +152,7 @@ def mean_over_surface(frequency: ArrayLike, poisson: float) -> Array:
 def _polished(k: Array, w: Array, poisson: float) -> Array:
     """A few Newton steps in the complex plane, from a start that is already close."""
     result = np.array(k)
-    moving = np.flatnonzero(np.abs(np.ravel(w)) > 1e-4)  # below, K - W is some 1e-13 and the residual is round-off
+    moving = np.flatnonzero(np.abs(np.ravel(w)) > 1e-4)  # below, the residual is round-off
     if poisson == 0.0:
         return result
     result, at = result.ravel(), np.ravel(w)
@@ -165,6 +165,6 @@ def _polished(k: Array, w: Array, poisson: float) -> Array:
         # Newton's method doubles the digits: the next step would change round-off.
         moving = moving[np.abs(change) > 1e-8 * np.abs(result[moving])]
     raise ValueError(
-        f"no wavenumber found at omega a / c0 = {at[moving[0]]:.6g}; the damping must be small: the imaginary "
-        "part below a third of the real one. Cure: limit the band"
+        f"no wavenumber found at omega a / c0 = {at[moving[0]]:.6g}; the damping must be small, the "
+        "imaginary part below a third of the real one. Cure: limit the band"
     )

@@ -1,6 +1,6 @@
 """A signal carried along a bar: forward or back, dispersed or shifted, without wrap-around."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite, pi
 
 import numpy as np
@@ -34,7 +34,7 @@ class Propagation:
     """Sum of squares of the result over that of the signal (windowed, if there is a window) [-]: 1 in a bar
     without loss, less what lies outside the result's times."""
     noise_gain: float
-    """Sigma of a sample after over before [-], for white noise."""
+    """Sigma of a sample after over before [-]."""
     largest_gain: float
     """Largest amplification of a spectral component in the band [-]."""
     size: float
@@ -150,16 +150,15 @@ def propagation(
     carried = irfft(rfft(padded) * turn, length)
     result = carried[before + whole : before + whole + count]
     shifted = padded[before + whole : before + whole + count]
-    there = Signal(first, step, result, 0.0, signal.unit, signal.name)
     total = float(value @ value)
-    noise = float(np.sqrt(mean_square(turn, length)))
+    noise = float(np.sqrt(mean_square(turn, length, signal.memory)))
     change = (
         result - shifted if fraction == 0.0 else result - _shifted(padded, fraction, before + whole, count)
     )
     return Propagation(
-        signal=Signal(first, step, result, signal.sigma * noise, signal.unit, signal.name),
+        signal=_told(signal, first, result, noise, abs(turn[0]), signal.unit),
         band=float(limit),
-        energy=float(there.value @ there.value) / total if total > 0.0 else 1.0,
+        energy=float(result @ result) / total if total > 0.0 else 1.0,
         noise_gain=noise,
         largest_gain=float((edge * gain).max()),
         size=float(np.abs(change).max(initial=0.0)),
@@ -191,8 +190,14 @@ def _multiplied(strain: Signal, waveguide: Waveguide, unit: str, band: float | N
     if unit == "m/s":
         factor[kept] /= waveguide.impedance(omega)
     value = irfft(rfft(faded(strain.value, fade, length, fade=fade)) * factor, length)[fade : fade + n]
-    sigma = strain.sigma * float(np.sqrt(mean_square(factor, length)))
-    return Signal(strain.start, strain.interval, value, sigma, unit, strain.name)
+    noise = float(np.sqrt(mean_square(factor, length, strain.memory)))
+    return _told(strain, strain.start, value, noise, abs(factor[0]), unit)
+
+
+def _told(signal: Signal, start: float, value: FloatArray, noise: float, at_rest: float, unit: str) -> Signal:
+    """What a signal became, with the sigma and the memory of its noise: slow noise is passed by `at_rest`."""
+    memory = max(1.0, signal.memory * (at_rest / noise) ** 2) if noise > 0.0 else signal.memory
+    return replace(signal, start=start, value=value, sigma=signal.sigma * noise, unit=unit, memory=memory)
 
 
 def _spread(waveguide: Waveguide, distance: float, step: float, limit: float) -> int:

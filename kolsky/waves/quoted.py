@@ -23,7 +23,7 @@ WAY = "three waves"
 """The analysis whose numbers are quoted."""
 UNITS = {"largest strain": "1", "peak stress": "Pa", "mean stress": "Pa", "mean rate": "1/s"}
 BEND = 0.2
-"""Curvature over the standard uncertainty from which a quoted number's band is called a first estimate [-]."""
+"""Curvature over the standard uncertainty from which a number's band is called a first estimate [-]."""
 LATE = 3.0
 """A pulse this many of its own sigmas (and two samples) from where it is reckoned is worth a remark."""
 
@@ -125,14 +125,14 @@ def remarks(
         found.append(f"no reflected pulse is seen: {reflected.reason}")
     elif abs(reflected.late) > LATE * reflected.seen.sigma + 2.0 * interval:
         found.append(
-            f"the reflected pulse is seen {1e6 * reflected.late:+.2f} us from where the gauge's distance and the "
-            "wave speed put it; cure: check both, or take the wave speed from a shot with the bars together"
+            f"the reflected pulse is seen {1e6 * reflected.late:+.2f} us from where the gauge's distance and "
+            "the wave speed put it; cure: check both, or fire a shot with the bars together (kolsky wavespeed)"
         )
     bent = [name for name in UNITS if name in budget.value and budget.nonlinearity(name) > BEND]
     if bent:
         found.append(
-            f"the {', the '.join(bent)} does not follow its inputs on a straight line within their uncertainty, "
-            "so that the band is a first estimate; cure: a better wave speed (bars together, an echo)"
+            f"the {', the '.join(bent)} does not follow its inputs on a straight line within their "
+            "uncertainty, so that the band is a first estimate; cure: a better wave speed (kolsky wavespeed)"
         )
     systematic = {key: value for key, value in given.uncertainty.items() if value > 0.0}
     if not systematic:

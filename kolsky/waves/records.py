@@ -93,7 +93,7 @@ class FaceWaves:
     origin: float = 0.0
     """Time 0 of `time` on the shot's clock: when the incident wave arrives at the specimen [s]."""
     white: Mapping[str, float] | None = None
-    """Sigma of white noise as strong as each wave's at low frequencies [-], which integrals and means collect;
+    """Sigma of white noise as strong as each wave's at low frequencies [-], which integrals and means keep;
     None if the noise is white, as `sigma`."""
     band: float = float("inf")
     """Frequency above which the waves were left out [Hz]."""
@@ -135,7 +135,7 @@ class Reduction:
     back_velocity: History
     """Velocity of the transmission bar's face, in the same direction [m/s]."""
     imbalance: FloatArray
-    """Equilibrium R(t) = 2 (F1 - F2) / (F1 + F2) [-], shape [n]; where the forces are within their noise, inf."""
+    """Equilibrium R(t) = 2 (F1 - F2) / (F1 + F2) [-], shape [n]; inf where forces are within their noise."""
     balanced: tuple[float, float] | None
     """Longest time span in which R stays within its allowance [s]; None if there is none."""
 

@@ -89,7 +89,7 @@ def separate(
     ValueError
         If there are fewer than two stations, two share a place, records differ in sampling or do not overlap.
     """
-    interval, begin, values, sigma = _common(gauges)
+    interval, begin, values, sigma, memory = _common(gauges)
     position = np.array([gauge.position for gauge in gauges])
     n = values.shape[1]
     far, near = float(position.max()), float(position.min())
@@ -128,11 +128,12 @@ def separate(
         "velocity": (edge * speed, -edge * speed),
     }
     count = int(np.floor((last - begin) / interval)) + 1
+    slow = frequency[kept] * memory[:, None] <= 0.5 / interval  # where there is noise: even up to there
     found = {}
     for name, (first, second) in sums.items():
         response = first * inverse[:, 0, :].T + second * inverse[:, 1, :].T  # of each gauge, shape [j, f]
         value = _back((response * spectra).sum(axis=0), kept, length) / falling
-        noise = _noise(_back(response, kept, length), decay * interval, sigma, n, count)
+        noise = _noise(_back(response * slow, kept, length), decay * interval, sigma * memory**0.5, n, count)
         unit = {"force": "N", "velocity": "m/s"}.get(name, "1")
         found[name] = History(value[lead : lead + count], noise, unit)
     there = np.einsum("fjw,wf->jf", matrix, waves)
@@ -151,8 +152,8 @@ def separate(
     )
 
 
-def _common(gauges: Sequence[BarSignal]) -> tuple[float, float, FloatArray, FloatArray]:
-    """Interval, first time, strains over the common span and sigmas of the gauges."""
+def _common(gauges: Sequence[BarSignal]) -> tuple[float, float, FloatArray, FloatArray, FloatArray]:
+    """Interval, first time, strains over the common span, sigmas and memories of the gauges' noise."""
     if len(gauges) < 2:
         raise ValueError(f"wave separation needs two gauges or more on a bar, got {len(gauges)}")
     first = gauges[0].strain
@@ -180,7 +181,8 @@ def _common(gauges: Sequence[BarSignal]) -> tuple[float, float, FloatArray, Floa
     if n < 8:
         raise ValueError(f"the gauges' records overlap in {max(n, 0)} samples, need 8 or more")
     values = np.array([_from(gauge, begin, n) for gauge in gauges])
-    return first.interval, begin, values, np.array([gauge.strain.sigma for gauge in gauges])
+    sigma, memory = ([getattr(g.strain, name) for g in gauges] for name in ("sigma", "memory"))
+    return first.interval, begin, values, np.array(sigma), np.maximum(memory, 1.0)
 
 
 def _from(gauge: BarSignal, begin: float, n: int) -> FloatArray:

@@ -1,5 +1,6 @@
 """What transforms of a record need: windows, ends that fade, the edge of a band, the noise that it leaves."""
 
+from dataclasses import replace
 from math import isfinite, pi
 
 import numpy as np
@@ -42,7 +43,7 @@ def windowed(signal: Signal, window: tuple[float, float], *, taper: float | None
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(outside > 0.0, np.minimum(outside / length, 1.0), 0.0)
     value = signal.value * 0.5 * (1.0 + np.cos(pi * share))
-    return Signal(signal.start, signal.interval, value, signal.sigma, signal.unit, signal.name)
+    return replace(signal, value=value)
 
 
 def faded(value: FloatArray, before: int, length: int, *, fade: int, rising: bool = True) -> FloatArray:
@@ -68,10 +69,15 @@ def edge_filter(frequency: FloatArray, limit: float) -> FloatArray:
     return 0.5 * (1.0 + np.cos(pi * share))
 
 
-def mean_square(factor: ComplexArray, length: int) -> float:
-    """Mean square of a filter's response over all frequencies: variance of white noise after over before."""
+def mean_square(factor: ComplexArray, length: int, memory: float = 1.0) -> float:
+    """Mean square of a filter's response [-]: variance of noise after over before.
+
+    Noise of which `memory` samples carry the information of one is even up to that part of the band, and
+    nothing above.
+    """
     weight = np.full(factor.size, 2.0)
     weight[0] = 1.0
     if length % 2 == 0:
         weight[-1] = 1.0
-    return float((weight * np.abs(factor) ** 2).sum() / length)
+    weight[max(8, round(factor.size / max(memory, 1.0))) :] = 0.0
+    return float((weight * np.abs(factor) ** 2).sum() / weight.sum())

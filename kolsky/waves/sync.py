@@ -210,7 +210,7 @@ class _Fit:
         )
         if not self.t[-1] + reach <= time[-1]:
             raise ValueError(
-                f"the signal ends at {time[-1]:.9g} s, the frames used end at {self.t[-1]:.9g} s and may lag by"
+                f"the signal ends at {time[-1]:.9g} s, the frames used at {self.t[-1]:.9g} s and may lag by"
                 f" {reach:.3g} s; shorten reach or travel"
             )
         self.time, self.reach = time, reach

@@ -10,7 +10,7 @@ from kolsky.waves.records import Quantity
 def bar_quantities(bar: Bar, side: str, uncertainty: Mapping[str, float]) -> list[Quantity]:
     """What a bar contributes: modulus or measured wave speed, density, diameter, Poisson's ratio.
 
-    With an uncertainty of the wave speed that is the quantity, and the modulus follows from it and the density.
+    With an uncertainty of the wave speed, that is the quantity; the modulus follows from it and the density.
 
     Parameters
     ----------

@@ -146,7 +146,7 @@ def propagation_coefficient(
         last = inside[-max(1, inside.size // 20) :]
         tail = max(tail, abs(float(last.mean())) / max(float(np.abs(inside).max()), 1e-300))
         in_window = (item.window[1] - item.window[0]) / signal.interval
-        noise.append(signal.sigma * np.sqrt(max(in_window, 1.0)))
+        noise.append(signal.sigma * np.sqrt(signal.memory * max(in_window, 1.0)))
     amplitude = np.abs(spectra)
     weight = (amplitude / np.array(noise)[:, None]) ** 2 if signal.sigma > 0.0 else amplitude**2
     shortest = min(item.window[1] - item.window[0] for item in passes)

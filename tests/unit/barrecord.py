@@ -1,6 +1,6 @@
 """A made-up classical record of a rubber between aluminium bars, computed with the package's own solver."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -11,8 +11,10 @@ from explicit.materials import marlow_from_curve
 from kolsky.apparatus import Bar, Interface, Specimen
 from kolsky.barforce import BarForce
 from kolsky.barshot import bar_force, driven_by_waves
-from kolsky.records import FloatArray, ForceHistory, MaterialCurve
+from kolsky.records import FloatArray, ForceHistory, MaterialCurve, Recording
 from kolsky.shots import ModelSettings, Shot, ShotBase
+from kolsky.waves.bridge import Linear
+from kolsky.waves.chain import StationInput, WavesInput
 from kolsky.waves.records import FaceWaves, History, Reduction
 
 BAR = Bar(diameter=12.7e-3, length=1.5, youngs_modulus=70e9, density=2700.0)
@@ -21,6 +23,8 @@ MODULUS, POISSON, DAMPING = 2e6, 0.495, 5e-6
 FACTOR = 1.2
 SPEED, RISE, PULSE = 9.0, 40e-6, 200e-6
 END, INTERVAL = 260e-6, 0.5e-6
+GAUGES, ARRIVAL = {"incident": 0.75, "transmission": 0.5}, 400e-6
+"""Distances of the gauges from the specimen [m]; when the wave arrives there on the shot's clock [s]."""
 NOISE = 2e-7
 """Noise of a strain; the transmitted pulse is of 2e-5."""
 SCALE = 0.01
@@ -89,18 +93,53 @@ def truth(mesh: tuple[int, int] = (20, 20)) -> Truth:
     )
 
 
+def strains() -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Incident, reflected and transmitted strain at the specimen, without noise."""
+    true, c0, stiffness = truth(), BAR.wave_speed, BAR.impedance * BAR.wave_speed
+    return (
+        0.5 * (true.front_force / stiffness + true.front_velocity / c0),
+        0.5 * (true.front_force / stiffness - true.front_velocity / c0),
+        true.back_force / stiffness,
+    )
+
+
+def gauges(seed: int) -> WavesInput:
+    """What gauges on bars without dispersion record of the test; its last strains die out after the truth."""
+    bar = replace(BAR, poisson=0.0)
+    t, rng = INTERVAL * np.arange(3000), np.random.default_rng(seed)
+
+    def wave(strain: FloatArray, delay: float) -> FloatArray:
+        since = t - ARRIVAL - delay
+        after = strain[-1] * np.exp(-np.maximum(since - END, 0.0) / 200e-6)
+        return np.where(since <= END, np.interp(since, truth().time, strain, left=0.0), after)
+
+    incident, reflected, transmitted = strains()
+    seen = {side: distance / bar.wave_speed for side, distance in GAUGES.items()}
+    signals = {
+        "incident": wave(incident, -seen["incident"]) + wave(reflected, seen["incident"]),
+        "transmission": wave(transmitted, seen["transmission"]),
+    }
+    stations = {}
+    for side, signal in signals.items():
+        noisy = signal + NOISE * rng.standard_normal(t.size)
+        recording = Recording(t, noisy, side, "1", Path("scope.csv"), "0" * 64)
+        stations[side] = StationInput((recording,), Linear(1.0, "1"), GAUGES[side], (10e-6, 200e-6), 0.0, 1)
+    return WavesInput(
+        "made-up bars",
+        SPECIMEN,
+        {"incident": bar, "transmission": bar},
+        stations,
+        uncertainty={"gauge_calibration": SCALE},
+    )
+
+
 def record(seed: int, *, scale: float = SCALE) -> tuple[Reduction, FaceWaves]:
     """The waves at the specimen with noise and a wrong scale, and what a reduction makes of them."""
     rng, true = np.random.default_rng(seed), truth()
     c0, stiffness = BAR.wave_speed, BAR.impedance * BAR.wave_speed  # E A = Z c0
     gain = 1.0 + scale * rng.standard_normal(2)
-    clean = (
-        0.5 * (true.front_force / stiffness + true.front_velocity / c0),
-        0.5 * (true.front_force / stiffness - true.front_velocity / c0),
-        true.back_force / stiffness,
-    )
     incident, reflected, transmitted = (
-        wave * gain[k // 2] + NOISE * rng.standard_normal(wave.size) for k, wave in enumerate(clean)
+        wave * gain[k // 2] + NOISE * rng.standard_normal(wave.size) for k, wave in enumerate(strains())
     )
     time = true.time
 
@@ -156,8 +195,6 @@ def base() -> ShotBase:
 
 def classical_shot(seed: int, *, scale: float = SCALE, end: float | None = None) -> Shot:
     """The record as a shot for the inverse method."""
-    from dataclasses import replace
-
     reduction, waves = record(seed, scale=scale)
     whole = replace(base(), force=bar_force(reduction, waves))
     return driven_by_waves(whole, reduction, waves, end=end)

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from barrecord import FACTOR, SPECIMEN, base, classical_shot, record, truth
+from barrecord import ARRIVAL, END, FACTOR, SCALE, SPECIMEN, base, classical_shot, gauges, record, truth
 
-from kolsky.barshot import driven_by_waves
+from kolsky.barshot import bar_force, driven_by_waves
 from kolsky.forward import Numerics
 from kolsky.identification import Verdict
 from kolsky.identify import identify
@@ -21,6 +21,7 @@ from kolsky.results_write import write_identification
 from kolsky.settings import Settings
 from kolsky.shotsummary import summarise
 from kolsky.simulate import simulate, write_simulation
+from kolsky.waves.chain import analyse
 
 SETTINGS = Settings(
     numerics=Numerics(mesh=(8, 8)), refined_mesh=(16, 16), replicates=6, replicate_mesh=(8, 8)
@@ -37,8 +38,8 @@ def test_the_factor_comes_back_within_its_interval(found):
     e = found.estimates["stiffness_factor"]
     low, high = e.interval
     assert low < FACTOR < high
-    # 1 % of motion moves m by 0.013, 1 % of force by 0.005 (central differences of the forward model).
-    assert e.sigma == pytest.approx(0.0145, rel=0.5)
+    # The optima of 24 such records, each with scales of its own, scatter by 0.020 (14 % of it).
+    assert e.sigma == pytest.approx(0.020, rel=0.4)
     assert {"force scale", "motion scale", "flyer motion", "material curve"} < set(e.noise_parts)
 
 
@@ -50,6 +51,21 @@ def test_the_interval_covers():
         e = identify(classical_shot(seed), SETTINGS).estimates["stiffness_factor"]
         inside += e.interval[0] < FACTOR < e.interval[1]
     assert inside >= 10
+
+
+@pytest.mark.slow
+def test_from_gauge_signals_to_a_stiffness():
+    """The whole way: strains at two gauges, the chain of `kolsky waves`, the inverse method."""
+    reduced = analyse(gauges(1))
+    force = bar_force(reduced.reduction, reduced.faces)
+    # The budget's one input is the calibration; what is beyond the noise is its scale.
+    assert force.sigma_gain == pytest.approx(SCALE, rel=0.05)
+    shot = driven_by_waves(
+        replace(base(), force=force), reduced.reduction, reduced.faces, end=ARRIVAL + 0.97 * END
+    )
+    assert shot.window[0] == pytest.approx(ARRIVAL, abs=15e-6)  # on the shot's clock
+    e = identify(shot, SETTINGS).estimates["stiffness_factor"]
+    assert e.interval[0] < FACTOR < e.interval[1]
 
 
 def test_the_answer_says_that_the_force_decides_alone(found):
@@ -104,8 +120,8 @@ def test_simulating_such_a_shot(tmp_path):
     assert run.terms is not None
     assert np.isnan(run.terms.phi_shape)
     assert [path.name for path in write_simulation(tmp_path, run)] == ["force.csv"]
-    # The mesh of 8 against that of 20 which made the record: 6 % of the largest force, rms.
-    assert np.sqrt(run.terms.chi2_force / run.terms.n_force) < 8.0
+    # Mean |F - F| at the samples: the mesh of 8 rings against that of 20 which made the record, 2 % of 230 N.
+    assert run.terms.phi_force / run.prepared.observations.force.time.size < 8.0
 
 
 def test_an_outline_is_used_where_there_is_one():

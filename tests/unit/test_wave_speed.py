@@ -45,6 +45,7 @@ def test_known_speed_and_gain_through_dispersion():
     assert found.plain_wave_speed < found.wave_speed  # the bulk of a dispersed pulse is late
 
 
+@pytest.mark.slow
 def test_sigma_is_the_scatter_of_repeats():
     runs = [wave_speed(*together(5e-3, seed), **WINDOWS) for seed in range(6)]
     errors = np.array([(run.wave_speed - TRUE.wave_speed, run.gain - 0.97) for run in runs])

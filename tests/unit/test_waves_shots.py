@@ -1,4 +1,4 @@
-"""Kinds of shots that `kolsky waves` and `wavespeed` take beside the plain one: overlap, bars together, bar-driven."""
+"""Kinds of shots beside the plain one: overlapping pulses, bars together, driven by bars alone."""
 
 import json
 from pathlib import Path
@@ -6,9 +6,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from barrecord import BAR, DAMPING, END, FACTOR, INTERVAL, MODULUS, POISSON, SPECIMEN, curve, truth
 from typer.testing import CliRunner
 
-from barrecord import BAR, DAMPING, END, FACTOR, INTERVAL, MODULUS, POISSON, SPECIMEN, curve, truth
 from kolsky.cli import app
 from kolsky.waves.propagation import propagate
 from kolsky.waves.records import Signal
@@ -93,7 +93,8 @@ def shot(folder: Path, *, near: float, far: float | None, extra: str = "") -> Pa
     """The record's folder with its shot.toml."""
     record(folder, near=near, far=far, behind=0.4)
     text = (
-        f'format = 1\n[specimen]\ndiameter = "{SPECIMEN.diameter * 1e3} mm"\nlength = "{SPECIMEN.length * 1e3} mm"\n'
+        f'format = 1\n[specimen]\ndiameter = "{SPECIMEN.diameter * 1e3} mm"\n'
+        f'length = "{SPECIMEN.length * 1e3} mm"\n'
         f'density = "{SPECIMEN.density} kg/m^3"\n' + bars(BAR)
     )
     text += GAUGE.format(name="incident", channel="near", distance=1e3 * near)
@@ -123,7 +124,9 @@ def test_a_second_station_tells_overlapping_pulses_apart(tmp_path):
     """The pulse lasts 240 us; a gauge 0.3 m from the specimen sees 118 us of it before its reflection."""
     alone = shot(tmp_path / "alone", near=0.3, far=None)
     refused = CliRunner().invoke(app, ["waves", str(alone)])
-    assert refused.exit_code == 2 and "overlap" in refused.stderr and "second gauge" in refused.stderr
+    assert refused.exit_code == 2
+    assert "overlap" in refused.stderr
+    assert "second gauge" in refused.stderr
     folder = shot(tmp_path / "two", near=0.3, far=0.7)
     said = run("waves", str(folder))
     assert said["windows"]["source"] == "separation"

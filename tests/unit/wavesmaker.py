@@ -28,7 +28,8 @@ def made_result(name: str = "made up", *, balanced: bool = True) -> WavesResult:
         return height * x
 
     noise = np.random.default_rng(1).normal(0.0, 4e-6, (2, n))
-    incident = Signal(0.0, interval, pulse(100e-6, 1e-3) + pulse(500e-6, -0.7e-3) + noise[0], 4e-6, "1", "incident")
+    seen = pulse(100e-6, 1e-3) + pulse(500e-6, -0.7e-3) + noise[0]
+    incident = Signal(0.0, interval, seen, 4e-6, "1", "incident")
     transmitted = Signal(0.0, interval, pulse(440e-6, 0.3e-3) + noise[1], 4e-6, "1", "transmission")
     m = 800
     time = interval * np.arange(m)
@@ -72,7 +73,7 @@ def made_result(name: str = "made up", *, balanced: bool = True) -> WavesResult:
         ),
         reduction=reduction,
         corrections=(
-            Correction("dispersion, incident wave", "dispersion", True, 4e-5, 1e-5, "1", "first mode, nu = 0.29"),
+            Correction("dispersion, incident wave", "dispersion", True, 4e-5, 1e-5, "1", "nu = 0.29"),
             Correction("punching", "punching", False, 2e-6, 1e-6, "m", "switched off in the shot file"),
         ),
         budget=BudgetTable(

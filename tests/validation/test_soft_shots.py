@@ -147,7 +147,7 @@ def test_radial_inertia_is_a_correction_with_its_size(shot):
     by_hand = 870.0 * 4.75e-3**2 / 8 * (e2 / (1 - e) ** 3 + 1.5 * e1**2 / (1 - e) ** 4)
     # The path's second derivative is known to some 30 m/s^2 of 150: 4 % of the whole early on.
     np.testing.assert_allclose(stress.value[late] - found.value[late], by_hand, rtol=0.06)
-    assert log.key == "radial_inertia"
+    assert log.key == "radial inertia"
     assert log.size > 1e4  # in the ramp, where nobody reads a curve
 
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from explicit import Mesh
 from explicit.device import select_device
 from explicit.elements import element
-from explicit.elements.base import BY_TRACE
 from explicit.materials import MarlowLaw, bulk_modulus
 from explicit.precision import precision
 
@@ -37,9 +36,9 @@ class Evaluated:
 
 
 @cache
-def _kernel(element_name: str, precision_name: str) -> Any:
+def _kernel(element_name: str, precision_name: str, bound: str) -> Any:
     numbers = precision(precision_name)
-    functions = element(element_name).functions(MarlowLaw, numbers)
+    functions = element(element_name).functions(MarlowLaw, numbers, bound)
     forces, energies = functions.forces, functions.energies
     real, vec4 = numbers.real, numbers.vec4
     Shape, Solid = functions.Shape, functions.Solid
@@ -53,11 +52,10 @@ def _kernel(element_name: str, precision_name: str) -> Any:
         v: wp.array2d(dtype=vec4),
         corner: wp.array2d(dtype=vec4),
         numbers: wp.array2d(dtype=real),
-        measure: int,
     ):
         e = wp.tid()
         f_r, f_y, omega_squared, lost, held = forces(
-            shapes[e], solids[0], row, u[e, 0], u[e, 1], v[e, 0], v[e, 1], measure
+            shapes[e], solids[0], row, u[e, 0], u[e, 1], v[e, 0], v[e, 1], 1
         )
         elastic, hourglass, _s = energies(shapes[e], solids[0], row, u[e, 0], u[e, 1])
         corner[e, 0] = f_r
@@ -85,12 +83,12 @@ def evaluate(
     hourglass_form: str = "stiffness",
     density: float = 1.0,
     precision_name: str = "fp64",
-    measure: int = BY_TRACE,
+    bound: str = "trace",
 ) -> Evaluated:
     """Ask every element; `motion` [m] and `velocity` [m/s] of its corners have shape [n_elements, 4, 2]."""
     numbers = precision(precision_name)
     device = select_device("cpu")
-    kernel, functions = _kernel(element_name, precision_name)
+    kernel, functions = _kernel(element_name, precision_name, bound)
     mu = law.initial_shear_modulus
     bulk = float(bulk_modulus(mu, poisson))
     solid = np.zeros(1, dtype=functions.Solid.numpy_dtype())
@@ -115,7 +113,6 @@ def evaluate(
         by_corner(np.zeros_like(motion) if velocity is None else velocity),
         corner,
         answers,
-        measure,
     ]
     wp.launch(kernel, dim=mesh.n_elements, inputs=inputs, device=device)
     found = answers.numpy().astype(float)

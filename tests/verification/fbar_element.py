@@ -11,7 +11,6 @@ from scene import DENSITY, LENGTH, RADIUS, shear_modulus, speed_after_rise
 
 from explicit import Mesh, Model, Samples, Sampling, cylinder, run
 from explicit.elements import element as element_named
-from explicit.elements.base import BY_TRACE
 from explicit.materials import MarlowLaw, neo_hookean
 from explicit.precision import precision
 
@@ -81,7 +80,7 @@ def _slopes(mesh: Mesh, ask: "list[Evaluated]", difference: float) -> FloatArray
 
 
 def bound_quality(
-    element: str, poisson: float, *, beta: float = 0.0, kind: str = "deviatoric", measure: int = BY_TRACE
+    element: str, poisson: float, *, beta: float = 0.0, kind: str = "deviatoric", by: str = "trace"
 ) -> Bound:
     """Compare the step bound with the element's own largest frequency in the states of a bonded impact."""
     mesh, states = impact_states(element, poisson)
@@ -99,7 +98,7 @@ def bound_quality(
             for signed in (shift, -shift):
                 push.append(evaluate(element, mesh, law, motion + signed, **given))  # type: ignore[arg-type]
                 pull.append(evaluate(element, mesh, law, motion, velocity=signed, **given))  # type: ignore[arg-type]
-        bound = evaluate(element, mesh, law, motion, measure=measure, **given)  # type: ignore[arg-type]
+        bound = evaluate(element, mesh, law, motion, bound=by, **given)  # type: ignore[arg-type]
         stiffness = _slopes(mesh, push, difference) * scale
         damping = _slopes(mesh, pull, difference) * scale
         quotients.append(bound.omega_squared / largest_frequency(stiffness, damping))

@@ -15,7 +15,7 @@ from scene import DENSITY, LENGTH, RADIUS, shear_modulus, smooth_stroke
 
 from explicit import Model, Samples, Sampling, cylinder, run
 from explicit.elements import ELEMENTS
-from explicit.elements.base import BY_EIGENVALUE, INVERTED
+from explicit.elements.base import INVERTED
 from explicit.materials import neo_hookean
 
 
@@ -68,7 +68,7 @@ def test_the_step_bound_is_one(element: str, poisson: float, beta: float, kind: 
 def test_the_bound_by_eigenvalue_is_a_sharper_one(
     element: str, poisson: float, beta: float, kind: str
 ) -> None:
-    found = fbar_element.bound_quality(element, poisson, beta=beta, kind=kind, measure=BY_EIGENVALUE)
+    found = fbar_element.bound_quality(element, poisson, beta=beta, kind=kind, by="eigenvalue")
     by_trace = fbar_element.bound_quality(element, poisson, beta=beta, kind=kind)
     assert found.least >= 1.0  # a bound, with nothing left out
     # Undamped and nearly incompressible both are the volumetric part's, and this one holds the pressure's work.

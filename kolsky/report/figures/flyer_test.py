@@ -1,4 +1,4 @@
-"""A flyer test by classical means: transducers, forces on the specimen, strain and rate, stress and strain."""
+"""A flyer test by classical means: transducers, forces on the faces, strain and rate, stress and strain."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -22,16 +22,15 @@ from kolsky.waves.result import FlyerResult
 
 def caption(result: FlyerResult) -> str:
     """What is seen."""
-    valid = (
-        "no time span is valid for a classical curve"
-        if result.valid is None
-        else f"a classical curve is valid from {MS * result.valid[0]:.4g} to {MS * result.valid[1]:.4g} ms (shaded)"
-    )
+    valid = "no time span is valid for a classical curve"
+    if result.valid is not None:
+        first, last = (MS * t for t in result.valid)
+        valid = f"a classical curve is valid from {first:.4g} to {last:.4g} ms (shaded)"
     return (
-        "Flyer test; compression is positive, bands are k = 2. (a) Forces at the transducers with the events "
-        "that were found. (b) Forces on the specimen's faces after mass compensation, and the shares of the "
-        f"mean stress that inertia and the faces' difference have; {valid}. (c) Nominal strain and strain rate "
-        "from the flyer's motion. (d) Nominal stress against nominal strain by either force."
+        "Flyer test; compression is positive, bands are k = 2. (a) Forces at the transducers, with the "
+        "events found. (b) Forces on the specimen's faces after mass compensation, and the shares of the "
+        f"mean stress that inertia and the faces' difference have; {valid}. (c) Nominal strain and strain "
+        "rate from the flyer's motion. (d) Nominal stress against nominal strain by either force."
     )
 
 

@@ -1,4 +1,4 @@
-"""A classical Kolsky test on one page: signals, forces and equilibrium, strain and rate, stress and strain."""
+"""A classical Kolsky test: signals, forces and equilibrium, strain and rate, stress and strain."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -54,11 +54,11 @@ def caption(result: WavesResult) -> str:
         else "the forces are never balanced"
     )
     return (
-        f"Bar signals and their reduction; {result.load} is shown positive, bands are k = 2. (a) Strain at the "
-        f"gauges with the windows of the pulses (by {result.windows.source}). (b) Forces on the front and the "
-        f"back of the specimen, and their imbalance R = 2 (F₁ − F₂)/(F₁ + F₂); {held}. (c) Nominal strain and "
-        "strain rate. (d) Nominal stress against nominal strain by one-, two- and three-wave analysis, the "
-        "band belongs to three waves."
+        f"Bar signals and their reduction; {result.load} is shown positive, bands are k = 2. (a) Strain at "
+        f"the gauges with the windows of the pulses (by {result.windows.source}). (b) Forces on the front "
+        f"and the back of the specimen, and their imbalance R = 2 (F₁ − F₂)/(F₁ + F₂); {held}. (c) Nominal "
+        "strain and strain rate. (d) Nominal stress against nominal strain by one-, two- and three-wave "
+        "analysis, the band belongs to three waves."
     )
 
 
