@@ -3,6 +3,7 @@
     python -m benchmarks.dic                                    # one core, and OpenCV's PyrLK
     python -m benchmarks.dic --peer ../peer/bin/python          # pyvale too, in its own environment
     python -m benchmarks.dic --device cuda --points 1000000     # a GPU
+    python -m benchmarks.dic --whole ../shared/data/shots/open-01    # a whole shot, stage by stage
 
 The pictures are those of `benchmarks.dic_problem`: 512² px, speckles of 5 px, noise of 2 grey levels, subsets
 of 21 px, guesses 0.3 px off. Pictures are prepared before; what a call of `correlate` does is timed, its
@@ -22,12 +23,15 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks import dic_whole
 from benchmarks.dic_peers import PeerError, Row, pyramid_lk, pyvale
 from benchmarks.dic_problem import OFF, PAIRS, SIGMA, Problem, errors, problems
 from benchmarks.table import is_busy
 from dic.correlation import Correlation, Match, PictureStack, Shape, correlate
 
 HEAD = "program                          motion             points/s   bias, mpx  std, mpx  found"
+WHOLE = 3
+"""Runs of a whole shot."""
 CHOSEN = (
     Correlation(shape=Shape.RIGID),
     Correlation(shape=Shape.AFFINE),
@@ -48,9 +52,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--repeats", type=int, default=7, help="timed calls; the quickest counts")
     parser.add_argument("--peer", type=Path, help="the Python of an environment with pyvale")
     parser.add_argument("--json", type=Path, help="write the table here")
+    parser.add_argument("--whole", type=Path, help="time `kolsky dic` on this shot's raw files instead")
     options = parser.parse_args(arguments)
     if is_busy():
         print("This machine has other work: rates are too low.\n")
+    if options.whole:
+        found = dic_whole.runs(options.whole, min(options.repeats, WHOLE))
+        if options.json:
+            dic_whole.merged(options.json, found)
+        return
     rows, calls = [], []
     print(HEAD)
     for problem in problems():
@@ -68,7 +78,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 parser.exit(1, f"{trouble}\n")
             print(line(rows[-1]), flush=True)
     if options.json:
-        options.json.write_text(json.dumps(as_json(options.device, rows, calls), indent=1) + "\n")
+        kept = json.loads(options.json.read_text()) if options.json.exists() else {}
+        whole = {"whole": kept["whole"]} if "whole" in kept else {}
+        table = {**as_json(options.device, rows, calls), **whole}
+        options.json.write_text(json.dumps(table, indent=1) + "\n")
 
 
 def measure(

@@ -15,6 +15,7 @@ from kolsky.errors import InputError
 from kolsky.outfolder import filling, usable_folder
 from kolsky.progress import bars
 from kolsky.rig import calibration_of
+from kolsky.threads import opencv_alone
 
 RIG_FILE = "rig.yml"
 """The cameras with their covariance, in OpenCV's storage format."""
@@ -51,7 +52,7 @@ def calibrate(
         options.one_of("--figures", name, ("pdf", "svg", "png"))
     toml, section = read_calibration_toml(source)
     folder = usable_folder(out or toml.path.parent / "results")
-    with bars() as progress:
+    with bars() as progress, opencv_alone():
         found = calibration_of(toml, section, progress)
     from kolsky.report.calibrationpage import write_page
     from kolsky.report.canvas import save_figures

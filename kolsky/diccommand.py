@@ -58,8 +58,11 @@ def correlate(
     loaded = load_pictures(shot)
     folder = usable_folder(out or loaded.folder / "results")
     with bars() as progress:
+        began = perf_counter()
         found = surfaces(loaded.seen, folder, device=device, again=again, progress=progress)
-    result = found.result
+    result, now = found.result, perf_counter()
+    times = {name: result.seconds[name] for name in ("calibration", "correlation")} if found.fresh else {}
+    times["surfaces file"] = now - began - sum(times.values())
     from kolsky.report.canvas import save_figures
     from kolsky.report.dicpage import write_page
     from kolsky.report.figures import SURFACES
@@ -71,7 +74,9 @@ def correlate(
         _tables(partial, result, loaded.seen.frames.frame)
         if not isinstance(found.flight, str):
             write_history(partial / "flight.csv", flightreport.columns(found.flight))
+        now = perf_counter()
         write_page(partial / "dic.html", shown, loaded.inputs)
+        times["page"] = perf_counter() - now
         if formats:
             save_figures(partial / "figures", shown, formats=tuple(formats), registry=SURFACES)
         if csv:
@@ -94,6 +99,7 @@ def correlate(
         rest={
             "result": f"{folder / RESULT_FILE}" + ("" if found.fresh else " (as it was)"),
             "page": folder / "dic.html",
+            "stages": ", ".join(f"{name} {value:.1f} s" for name, value in times.items()),
             "wall time": f"{perf_counter() - started:.1f} s",
         },
         warnings=dicsummary.warnings(result),

@@ -4,9 +4,10 @@ after."""
 import hashlib
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,7 @@ from kolsky.rig import calibrated
 from kolsky.shotfile import SpecimenSection
 from kolsky.shotpictures import DicSection, RegionSection
 from kolsky.shots import Measured
+from kolsky.threads import opencv_alone
 
 RESULT_FILE = "dic.h5"
 Progress = Callable[[str, int, int], None]
@@ -85,7 +87,8 @@ def surfaces(
             return Surfaces(result=result, path=path, fresh=False, flight=flight_of(result, length))
         except ResultFileError:
             pass  # damaged since it was written: made anew
-    result = _correlated(seen, device, progress)
+    with opencv_alone():
+        result = _correlated(seen, device, progress)
     flight = flight_of(result, length)
     with filling(folder) as partial:
         write_result(partial / RESULT_FILE, result, key=key)
@@ -254,12 +257,15 @@ def _correlated(seen: Seen, device: str, progress: Progress) -> StereoResult:
     toml, declared = seen.toml, seen.toml.declared
     section = declared.dic
     assert section is not None  # shots with pictures have it
+    started = perf_counter()
     cameras = calibrated(seen, progress)
+    calibrating = perf_counter() - started
     places = places_of(seen)
     static = np.arange(seen.time.size) < declared.frames.static
     reporting = {} if declared.reporting is None else declared.reporting.model_dump(exclude_none=True)
     try:
-        return measure(
+        started = perf_counter()
+        result = measure(
             seen.pictures,
             cameras.rig,
             chain_settings(section, declared.specimen, places.edge, device),
@@ -275,6 +281,8 @@ def _correlated(seen: Seen, device: str, progress: Progress) -> StereoResult:
             },
             progress=progress,
         )
+        whole = {"calibration": calibrating, "correlation": perf_counter() - started}
+        return replace(result, seconds={**whole, **result.seconds})
     except ChainError as error:
         raise InputError(toml.path, f"its pictures give no surface: {error}") from error
     except ValueError as error:

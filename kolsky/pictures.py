@@ -61,6 +61,7 @@ def open_pictures(toml: ShotToml, frames: FrameTimes) -> Seen:
         is not the one its file states, or the cameras' pictures differ in size.
     """
     from dic.images import open_pictures as open_series
+    from dic.images.kept import kept
 
     section = toml.declared.pictures
     assert section is not None  # the caller chose shots with pictures
@@ -89,7 +90,7 @@ def open_pictures(toml: ShotToml, frames: FrameTimes) -> Seen:
             f"{second.shape[0]} px in camera 1",
             cure="export both with one crop size, or declare a pair that belongs together",
         )
-    return Seen(toml=toml, frames=frames, pictures=(first, second))
+    return Seen(toml=toml, frames=frames, pictures=(kept(first), kept(second)))
 
 
 def fits_sensor(pictures: Pictures, sensor: tuple[int, int] | None) -> str | None:

@@ -41,9 +41,7 @@ class Templates:
         sums = 9 + 3 * k + 2 * k * k
         if n * (4 * pixels + 8 * sums) > MOST_KEPT:
             return None
-        return cls(
-            np.empty((n, pixels), np.float32), np.empty((n, sums)), np.zeros(n, np.int32), settings
-        )
+        return cls(np.empty((n, pixels), np.float32), np.empty((n, sums)), np.zeros(n, np.int32), settings)
 
     def forget(self, rows: IntArray | slice) -> None:
         """These points have changed."""

@@ -1,5 +1,6 @@
 """The benchmark of `dic`: how errors are summed up, how a peer's files are read; no speeds."""
 
+import json
 import stat
 import sys
 from pathlib import Path
@@ -12,9 +13,10 @@ if str(ROOT) not in sys.path:
     sys.path.append(str(ROOT))  # the benchmarks are not installed
 
 from benchmarks import dic as benchmark  # noqa: E402
-from benchmarks import dic_peers  # noqa: E402
+from benchmarks import dic_peers, dic_whole  # noqa: E402
 from benchmarks.dic_problem import PAIRS, Problem, errors, problems  # noqa: E402
 from dic.correlation import Correlation  # noqa: E402
+from kolsky.shottoml import read_shot_toml  # noqa: E402
 
 TABLE = """\
 "subset_x","subset_y","disp_u","disp_v","disp_mag","converged","cost_zncc","ftol","xtol",
@@ -84,3 +86,28 @@ def test_rows_of_one_problem():
     assert [line["program"] for line in text["rows"]] == [row.program, peer.program]
     assert text["rows"][0]["iterations"] == call["iterations"]
     assert "8." in benchmark.line(row)
+
+
+def test_the_shot_of_the_whole_chain_can_be_read(tmp_path):
+    raw, folder = tmp_path / "raw", tmp_path / "shot"
+    raw.mkdir()
+    folder.mkdir()
+    (raw / "cam0.tif").write_bytes(b"nobody looks")
+    shot = dic_whole.shot_of(folder, raw)
+    assert (shot / "cam0.tif").read_bytes() == b"nobody looks"
+    declared = read_shot_toml(shot).declared
+    assert declared.pictures is not None
+    assert declared.flyer is None
+    assert declared.dic.subset == 25
+
+
+def test_the_quickest_run_is_kept_beside_the_table(tmp_path):
+    stages = {"calibration": 2.0, "correlation": 5.0}
+    found = [dic_whole.Whole(9.0, 14.0, stages), dic_whole.Whole(8.0, 15.0, stages)]
+    path = tmp_path / "dic.json"
+    path.write_text('{"rows": [1]}')
+    dic_whole.merged(path, found)
+    kept = json.loads(path.read_text())
+    assert kept["rows"] == [1]
+    assert (kept["whole"]["wall_seconds"], kept["whole"]["runs"]) == (8.0, 2)
+    assert "files and page 1.00" in dic_whole.line(found[1])

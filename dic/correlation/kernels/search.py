@@ -40,6 +40,8 @@ _SEARCH = """
         float* GX = T + room; float* GY = GX + room; float* B = GY + room;
         const view f = {(const float*)job.f.data[a] + job.f_first, job.f_rows, job.f_cols, job.f_stride};
         const view g = {(const float*)job.g.data[b] + job.g_first, job.g_rows, job.g_cols, job.g_stride};
+        const double* grey_f = job.f_noise.data + 2 * a;  // variance in the dark, gain
+        const double* grey_g = job.g_noise.data + 2 * b;
         const material body = {job.mask.data, job.mask_rows, job.mask_cols, cx, cy, h};
         int outcome = NOT_CONVERGED, iterations = 0;
         double zncc = 0.0, covariance[3] = {0.0, 0.0, 0.0}, odd = 0.0;
@@ -67,48 +69,48 @@ _SEARCH = """
                 for (int j = 0; j < K; ++j) drift[j] = kept[SUMS - K + j];
                 for (int k = start; k < room; k += STEP) op::store(W + k, op::load(B + k));
             } else {
-            // The template and its gradient by the offset in the subset.
-            pack counted = op::all(0.0f), total = counted, grit = counted, tilt[K];
-            for (int j = 0; j < K; ++j) tilt[j] = op::all(0.0f);
-            #pragma unroll 1
-            for (int k = start; k < room; k += STEP) {
-                const pack x = op::load(X + k), y = op::load(Y + k);
-                pack u = op::load(U + k), px, py, gx, gy;
-                if (job.has_mask) u = u * body.at(x, y);
-                from.of(x, y, &px, &py);
-                if (!from.within) u = u * from.held(&px, &py);
-                const pack t = spline::slope(from.origin, from.stride, px, py, &gx, &gy);
-                from.turn(x, y, &gx, &gy);
-                op::store(W + k, u); op::store(B + k, u); op::store(T + k, t);
-                op::store(GX + k, gx); op::store(GY + k, gy);
-                counted += u; total += u * t;
-                pack dx, dy;
-                grit += u * grain::drift(&job.spread[0], &job.slope[0], px, py, &dx, &dy);
-                from.turn(x, y, &dx, &dy);
-                at.set(x, y);
-                for (int j = 0; j < ORDER; ++j) {
-                    tilt[j] += u * dx * at.m[j];
-                    tilt[ORDER + j] += u * dy * at.m[j];
-                }
-            }
-            const double n = op::sum(counted);
-            enough = n >= job.least_pixels * square;
-            if (enough) {
-                const float mean = (float)(op::sum(total) / n);  // sums of small numbers
+                // The template and its gradient by the offset in the subset.
+                pack counted = op::all(0.0f), total = counted, grit = counted, tilt[K];
+                for (int j = 0; j < K; ++j) tilt[j] = op::all(0.0f);
                 #pragma unroll 1
-                for (int k = start; k < room; k += STEP) op::store(T + k, op::load(T + k) - mean);
-                N.sum(W, T, GX, GY, X, Y, room, start);
-                level = mean;
-                for (int j = 0; j < K; ++j) drift[j] = op::sum(tilt[j]);
-                between_f = op::sum(grit) / n;
-                if (place >= 0) {
-                    double* kept = job.kept_sums.data + place * SUMS;
-                    N.save(kept);
-                    kept[SUMS - K - 2] = level; kept[SUMS - K - 1] = between_f;
-                    for (int j = 0; j < K; ++j) kept[SUMS - K + j] = drift[j];
-                    job.known.data[place] = 1;
+                for (int k = start; k < room; k += STEP) {
+                    const pack x = op::load(X + k), y = op::load(Y + k);
+                    pack u = op::load(U + k), px, py, gx, gy;
+                    if (job.has_mask) u = u * body.at(x, y);
+                    from.of(x, y, &px, &py);
+                    if (!from.within) u = u * from.held(&px, &py);
+                    const pack t = spline::slope(from.origin, from.stride, px, py, &gx, &gy);
+                    from.turn(x, y, &gx, &gy);
+                    op::store(W + k, u); op::store(B + k, u); op::store(T + k, t);
+                    op::store(GX + k, gx); op::store(GY + k, gy);
+                    counted += u; total += u * t;
+                    pack dx, dy;
+                    grit += u * grain::drift(&job.spread[0], &job.slope[0], px, py, &dx, &dy);
+                    from.turn(x, y, &dx, &dy);
+                    at.set(x, y);
+                    for (int j = 0; j < ORDER; ++j) {
+                        tilt[j] += u * dx * at.m[j];
+                        tilt[ORDER + j] += u * dy * at.m[j];
+                    }
                 }
-            }
+                const double n = op::sum(counted);
+                enough = n >= job.least_pixels * square;
+                if (enough) {
+                    const float mean = (float)(op::sum(total) / n);  // sums of small numbers
+                    #pragma unroll 1
+                    for (int k = start; k < room; k += STEP) op::store(T + k, op::load(T + k) - mean);
+                    N.sum(W, T, GX, GY, X, Y, room, start);
+                    level = mean;
+                    for (int j = 0; j < K; ++j) drift[j] = op::sum(tilt[j]);
+                    between_f = op::sum(grit) / n;
+                    if (place >= 0) {
+                        double* kept = job.kept_sums.data + place * SUMS;
+                        N.save(kept);
+                        kept[SUMS - K - 2] = level; kept[SUMS - K - 1] = between_f;
+                        for (int j = 0; j < K; ++j) kept[SUMS - K + j] = drift[j];
+                        job.known.data[place] = 1;
+                    }
+                }
             }
             if (!enough) {
                 outcome = OUT_OF_VIEW;
@@ -120,7 +122,7 @@ _SEARCH = """
                 for (int k = 0; k < PACE; ++k) earlier[k] = 1e30;
                 while (true) {
                     // Gradients must hold more of the pattern than of the reference's noise.
-                    noise_f = job.f_noise.data[2 * a] + job.f_noise.data[2 * a + 1] * op::positive(N.mean + level);
+                    noise_f = grey_f[0] + grey_f[1] * op::positive(N.mean + level);
                     const double added = job.grit * noise_f * N.n;
                     const double xx = N.gradient[0] - 2.0 * added * (F0[0] * F0[0] + F0[2] * F0[2]);
                     const double xy = N.gradient[1] - 2.0 * added * (F0[0] * F0[1] + F0[2] * F0[3]);
@@ -172,7 +174,7 @@ _SEARCH = """
                     const double sum = op::sum(g1), mean = sum / N.n;
                     const double energy = op::sum(g2) - mean * sum, cross = op::sum(tg) - N.mean * sum;
                     brightness = mean + zero;
-                    noise_g = job.g_noise.data[2 * b] + job.g_noise.data[2 * b + 1] * op::positive(brightness);
+                    noise_g = grey_g[0] + grey_g[1] * op::positive(brightness);
                     // Little more than noise, or than what fp32 leaves of a grey value.
                     if (!(energy > N.n * (1.5 * job.between * noise_g + 1e-10 * brightness * brightness))) {
                         outcome = LOW_CONTRAST;

@@ -52,14 +52,14 @@ def draw(view: SurfaceView, panels: Panels) -> None:
         # Each point stands for the height half-way to its neighbours.
         between = 0.5 * (y[1:] + y[:-1])
         edges = np.concatenate([[2.0 * y[0] - between[0]], between, [2.0 * y[-1] - between[-1]]])
-        left, right = np.full((2, y.size), time[frame]) + [[-half], [half]]
+        left, right = (np.full(y.size, time[frame] + side) for side in (-half, half))
         low, high = edges[:-1], edges[1:]
         corners.append(np.stack([left, low, right, low, right, high, left, high], axis=1).reshape(-1, 4, 2))
         radii.append(Z)
     ax.set(xlabel="Time (ms)", ylabel="Height $y$ (mm)", xlim=(time[0] - half, time[-1] + half))
     if corners:
         colours = PolyCollection(
-            np.concatenate(corners),
+            list(np.concatenate(corners)),
             array=np.concatenate(radii),
             cmap="viridis",
             lw=0.0,

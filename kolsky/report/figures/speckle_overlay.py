@@ -50,9 +50,9 @@ def draw(view: SurfaceView, panels: Panels) -> None:
     for (camera, found), values, mark in zip(shown, worst, "ab", strict=False):
         ax = panels[f"camera {camera}"]
         dark, bright = np.percentile(found.picture, [0.5, 99.5])
-        ax.imshow(found.picture, cmap="gray", vmin=dark, vmax=max(bright, dark + 1), interpolation="nearest")
+        ax.imshow(found.picture, cmap="gray", vmin=dark, vmax=max(bright, dark + 1), interpolation="none")
         drawn = ax.imshow(
-            values, cmap="viridis", vmin=low, vmax=max(high, 1.01 * low), alpha=0.65, interpolation="nearest"
+            values, cmap="viridis", vmin=low, vmax=max(high, 1.01 * low), alpha=0.65, interpolation="none"
         )
         small = found.quality.too_small
         if small.any() and not small.all():

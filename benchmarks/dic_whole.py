@@ -1,0 +1,154 @@
+"""`kolsky dic` on a shot of pictures, stage by stage: what a user waits for.
+
+The shot is open-01 or one like it: 2 x 186 pictures of 128² px and 20 pairs of a dot grid. What is timed is
+the command's own work in one process, on as many cores as there are; the start of Python and the imports come
+before, what Warp compiles on its first run too.
+"""
+
+import json
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+PICTURES = """
+[pictures]
+camera_0 = { file = "cam0.tif", crop_offset = [192, 192] }
+camera_1 = { file = "cam1.tif", crop_offset = [192, 192] }
+bits = 12
+
+[calibration]
+camera_0 = "calibration/cam0_*.png"
+camera_1 = "calibration/cam1_*.png"
+distortion = "k1"
+square_pixels = true
+
+[calibration.target]
+kind = "fiducial_dots"
+columns = 14
+rows = 10
+pitch = "1.2 mm"
+diameter = "0.6 mm"
+hollow = [[2, 2], [11, 2], [2, 7]]
+
+[dic]
+specimen = { x = [0, 127], y = [6, 121] }
+flyer = { x = [0, 127], y = [0, 69], frame = 185 }
+flyer_side = "up"
+transmission_edge = [60, 122]
+strip_half_width = "0.6 mm"
+largest_sigma = "10 um"
+subset = 25
+step = 6
+shape = "quadratic"
+
+"""
+
+
+@dataclass(frozen=True)
+class Whole:
+    """One run of the command."""
+
+    wall: float
+    """From its beginning to its end [s]."""
+    processor: float
+    """Processor time of all threads [s]."""
+    stages: dict[str, float]
+    """Wall time of the stages of the correlation and of what is around it [s]; those of the correlation
+    overlap."""
+
+
+def shot_of(folder: Path, raw: Path) -> Path:
+    """A shot folder with open-01's pictures in place of its exports.
+
+    Parameters
+    ----------
+    folder
+        Where to; it must exist.
+    raw
+        The folder with the raw files; they are linked.
+    """
+    for path in raw.iterdir():
+        (folder / path.name).symlink_to(path.resolve())
+    text = (ROOT / "runs" / "open-01" / "shot.toml").read_text()
+    before, after = text[: text.index("[flyer]")], text[text.index("[curve]") :]
+    (folder / "shot.toml").write_text(before + PICTURES + after)
+    return folder
+
+
+def runs(raw: Path, repeats: int, *, say: Callable[[str], Any] = print) -> list[Whole]:
+    """Run the command several times, once more before to compile and to warm up.
+
+    Parameters
+    ----------
+    raw
+        The folder with open-01's raw files.
+    repeats
+        Runs that count.
+    say
+        Told of each run.
+    """
+    from dic.output import read_result
+    from kolsky.diccommand import correlate
+
+    found = []
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for sub in ("shot", "out"):
+            (folder / sub).mkdir()
+        shot = shot_of(folder / "shot", raw)
+        for run in range(repeats + 1):
+            wall, processor = time.perf_counter(), time.process_time()
+            told = StringIO()
+            with redirect_stdout(told), redirect_stderr(StringIO()):
+                correlate(
+                    shot, out=folder / "out", device="cpu", again=True, csv=False, vtp=False, formats=(),
+                    as_json=False,
+                )  # fmt: skip
+            whole = Whole(
+                wall=time.perf_counter() - wall,
+                processor=time.process_time() - processor,
+                stages=read_result(folder / "out" / "dic.h5").seconds,
+            )
+            shutil.rmtree(folder / "out")
+            (folder / "out").mkdir()
+            if run:
+                found.append(whole)
+                say(line(whole))
+    return found
+
+
+def line(whole: Whole) -> str:
+    """One run as text."""
+    parts = ", ".join(f"{name} {seconds:.2f}" for name, seconds in whole.stages.items())
+    rest = whole.wall - whole.stages["calibration"] - whole.stages["correlation"]
+    return (
+        f"wall {whole.wall:.2f} s, processor {whole.processor:.2f} s: {parts}, files and page {rest:.2f} "
+        f"(on {os.cpu_count() or 1} cores)"
+    )
+
+
+def as_json(found: list[Whole]) -> dict[str, Any]:
+    """The quickest run, for `benchmarks/results`."""
+    best = min(found, key=lambda whole: whole.wall)
+    return {
+        "shot": "open-01, 2 x 186 pictures of 128 x 128 px, 20 pairs of a dot grid",
+        "cores": os.cpu_count() or 1,
+        "runs": len(found),
+        "wall_seconds": round(best.wall, 2),
+        "processor_seconds": round(best.processor, 2),
+        "stages": {name: round(seconds, 2) for name, seconds in best.stages.items()},
+    }
+
+
+def merged(path: Path, found: list[Whole]) -> None:
+    """Put the quickest run into a file of results, beside what else it holds."""
+    kept = json.loads(path.read_text()) if path.exists() else {}
+    path.write_text(json.dumps({**kept, "whole": as_json(found)}, indent=1) + "\n")

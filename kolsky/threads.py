@@ -1,0 +1,17 @@
+"""Threads of the libraries, while pictures are worked on in threads of our own."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+
+@contextmanager
+def opencv_alone() -> Iterator[None]:
+    """One thread for each call of OpenCV: its own ones wait for work by spinning, on cores that have some."""
+    import cv2
+
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before)
