@@ -1,7 +1,7 @@
 """A laboratory's script for a shot from pictures: `python runs/from_pictures.py SHOT`.
 
-Surfaces first, so that a look at them costs no simulation; then the stiffness, from the same surfaces. Regions
-that shot.toml leaves out are found in the pictures.
+Surfaces first, so that a look at them costs no simulation; then the stiffness, from the same surfaces.
+Regions that shot.toml leaves out are found in the pictures.
 """
 
 import sys
