@@ -74,7 +74,7 @@ def find_regions(pictures: Pictures, static: BoolArray, usable: BoolArray, *, to
     moving = np.flatnonzero(~static & usable)
     if not rest.size or not moving.size:
         raise ValueError("regions need a usable static picture and one of the motion")
-    mean = _turned(np.mean([pictures.frame(k).astype(np.float64) for k in rest], axis=0), toward)
+    mean = _turned(np.mean([pictures.frame(k).astype(np.float64) for k in rest.tolist()], axis=0), toward)
     third = len(mean) // 3
     inner = _inner(_columns(mean[third:-third], "specimen"))  # what lies beside a body is alike in all rows
     top, bottom, edge = _ends(mean[:, inner])

@@ -24,6 +24,8 @@ SIDEWAYS = 50e-6
 """How far the flyer may have moved across the axis since the nearest frame that both cameras saw [m]."""
 NEAR = 50e-6
 """How far from where it is expected the rim of the body is looked for [m]."""
+OWN = 0.5
+"""Share of the variance of a match that is the frame's own; the rest is the reference's, common to all."""
 LEARNT = 40
 """Frames from which the rows at the border of the picture are learnt."""
 ROUNDS = 4
@@ -93,7 +95,7 @@ def flyer_travel(
     if body.material in rows and len(rows) > 1:  # exact there, but not against all others
         at = rows.index(body.material)
         beside = [sigma[k] for k in (at - 1, at + 1) if 0 <= k < len(rows)]
-        sigma[at] = max(sigma[at], 0.5**0.5 * min(beside))  # half of their variance is this picture's
+        sigma[at] = max(sigma[at], min(beside))
     common = 0.0
     by_rim = bool(rows) and not static[rows].any() and pictures is not None
     if by_rim and pictures is not None:
@@ -113,12 +115,9 @@ def flyer_travel(
         t=t[index],
         frame=index,
         displacement=rest - y,
-        sigma=np.array(sigma),
+        sigma=np.array(sigma) * OWN**0.5,
         n_points=np.array(counts, dtype=np.int64),
-        # The static frames show the same rows of a rim, with the same interpolation of the same noise.
-        rest_sigma=float(np.hypot(np.mean(np.array(sigma)[at_rest]), common))
-        if by_rim
-        else _of_mean(np.array(sigma)[at_rest]),
+        rest_sigma=float(np.hypot(_of_mean(np.array(sigma)[at_rest]), common)),
     )
 
 
@@ -172,8 +171,8 @@ def _in_view(
 
 
 def _of_mean(sigma: FloatArray) -> float:
-    """Sigma of the mean of static frames: half of their variance is the reference's, common to all."""
-    return float(np.sqrt(np.mean(sigma**2) * (0.5 + 0.5 / sigma.size)))
+    """Sigma of the mean of static frames, in which the reference's part does not average out."""
+    return float(np.sqrt(np.mean(sigma**2) * (1.0 - OWN + OWN / sigma.size)))
 
 
 def _places(position: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -3,6 +3,8 @@
 import json
 import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -216,7 +218,7 @@ def test_dic_writes_what_it_says(short, correlated):
     assert header.startswith("X,Y,Z,U,V,W,x,y,Sigma,sigma_X,sigma_Y,sigma_Z,e,exx,eyy,exy,outcome")
     assert first.endswith(",VALID")
     page = (out / "dic.html").read_text()
-    assert page.count("<figure") == 5
+    assert page.count("<figure") == 7  # the flight and the speckles too
     assert "a &lt;virtual&gt; lens &amp; no other" in page  # texts of a shot are not markup
     assert "not stated" in page
     assert not re.search(r"(?:src|href)=.https?:", page)  # nothing from outside
@@ -267,3 +269,22 @@ def test_a_truncated_file_costs_the_frames_after_the_cut(copy, correlated):
     _, a, b = np.intersect1d(*(body.cell @ [1, 1000] for body in (whole, cut)), return_indices=True)
     both = whole.surface.valid[upto, a] & cut.surface.valid[upto, b]
     assert both.sum() > 0.98 * whole.surface.valid[upto].sum()
+
+
+@pytest.mark.slow
+def test_the_script_for_a_shot_from_pictures(short, correlated):
+    """From the surfaces that are there to the stiffness; 64 frames know it to a few per cent."""
+    out, _ = correlated
+    script = ROOT / "runs" / "from_pictures.py"
+    assert len(script.read_text().splitlines()) < 60
+    done = subprocess.run(
+        [sys.executable, str(script), str(short), str(out)],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=ROOT,
+    )
+    assert "flyer's velocity" in done.stdout
+    m = float(re.search(r"m = ([\d.]+) ±", done.stdout).group(1))
+    assert m == pytest.approx(1.12, rel=0.05)  # of truth.json; the window ends at a strain of 0.16
+    assert (out / "report.html").exists()
