@@ -117,7 +117,7 @@ def node_kinds(mesh: Mesh) -> IntArray:
 
 def _corner_table(mesh: Mesh, slots: int, place: IntArray, zeros: int) -> IntArray:
     """Where each node gathers its forces, shape [VALENCE, n_nodes]: corner by corner with so many slots each,
-    elements side by side; the entry past the last one holds zero.
+    elements side by side; so many entries past the last one hold zero, and neighbours read neighbouring ones.
 
     A node finds the element whose k-th corner it is at its k-th place, if no other element took that place,
     so that neighbours find neighbours.
@@ -132,8 +132,9 @@ def _corner_table(mesh: Mesh, slots: int, place: IntArray, zeros: int) -> IntArr
     nothing = 4 * slots + place % zeros
     table = np.tile(nothing, (VALENCE, 1))
     table[np.arange(len(corner)) - start[node], node] = corner % 4 * slots + corner // 4
-    regular = (np.bincount(4 * node + corner % 4, minlength=4 * mesh.n_nodes) <= 1).reshape(-1, 4).all(axis=1)
-    here = regular[node]
+    taken = np.bincount(4 * node + corner % 4, minlength=4 * mesh.n_nodes).reshape(-1, 4)
+    regular = np.asarray(taken.max(axis=1) <= 1)
+    here = np.asarray(regular[node])
     table[:, regular] = nothing[regular]
     table[(corner % 4)[here], node[here]] = (corner % 4 * slots + corner // 4)[here]
     return table

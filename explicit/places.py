@@ -154,8 +154,8 @@ def entries_function(dtype: Any) -> Any:
 
 @cache
 def entries_if_function(dtype: Any) -> Any:
-    """Generate ``entries_if(wanted, table, k, e) -> vec4``: the same where `wanted` is 1; elsewhere they may be
-    anything, and a GPU does not load them."""
+    """Generate ``entries_if(wanted, table, k, e) -> vec4``: the same where `wanted` is 1; elsewhere they may
+    be anything, and a GPU does not load them."""
     Four = wp.types.vector(4, dtype)
     unwanted = f"if (wanted != 1) return wp::vec_t<4, wp::{dtype.__name__}>();"
 
@@ -194,7 +194,7 @@ def four_function(precision: Precision) -> Any:
 
 
 def grouped(table: NDArray[Any], *, loaded: int = 0) -> NDArray[Any]:
-    """A table as `entry` and `entries` read it: from shape [constants, n] to shape [groups, constants * GROUP].
+    """A table as `entry` and `entries` read it: from shape [constants, n] to [groups, constants * GROUP].
 
     In a group every constant has those of its elements side by side, so that a pack is one load. A GPU's
     thread loads `LOADED_BYTES` at once: with `loaded` bytes an element's next constants lie beside one.

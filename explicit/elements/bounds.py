@@ -1,9 +1,9 @@
-"""What the stable step needs of an element beside its volumetric part, which is of rank one and bounded sharply.
+"""What the stable step needs of an element beside its volumetric part, whose bound is sharp (rank one).
 
-Stiffness and damping of the rest are bounded by moduli times |grad v|^2, and this form over the corners' masses
-is a sum of squares (b . v)^2 of a few vectors b. Its largest eigenvalue is that of their Gram matrix: below the
-trace, and below the largest sum of a row's absolute values (Gershgorin), which is the eigenvalue itself where
-an element is a rectangle far from the axis.
+Stiffness and damping of the rest are bounded by moduli times |grad v|^2, and this form over the corners'
+masses is a sum of squares (b . v)^2 of a few vectors b. Its largest eigenvalue is that of their Gram matrix:
+below the trace, and below the largest sum of a row's absolute values (Gershgorin), which is the eigenvalue
+itself where an element is a rectangle far from the axis.
 """
 
 from functools import cache

@@ -18,8 +18,8 @@ import warp as wp
 from numpy.typing import NDArray
 
 from explicit.elements.base import INVERTED, ElementFunctions, corner_inverse_mass
-from explicit.elements.gauss import gauss_points
 from explicit.elements.bounds import gradient_bounds_function, shear_bound_function
+from explicit.elements.gauss import gauss_points
 from explicit.elements.shared import isochoric_factor_function, solid_struct
 from explicit.mesh import Mesh
 from explicit.places import entries_function, entries_if_function, entry_function
@@ -212,7 +212,8 @@ def element_functions(law: type, precision: Precision, bound: str) -> ElementFun
             omega_squared = real(0.0)
             if measure == 1:
                 # The volumetric part is of rank one, so its bound is sharp. The rest is bounded by
-                # that of |grad v|^2; so is the pressure's work on the second variation of J, -|L|^2 J to 2 |L|^2 J.
+                # that of |grad v|^2; so is the pressure's work on the second variation of J,
+                # -|L|^2 J to 2 |L|^2 J.
                 rank_one = real(0.0)
                 for a in range(4):
                     rank_one += m_r[a] * g_r[a] * g_r[a] + m_y[a] * g_y[a] * g_y[a]

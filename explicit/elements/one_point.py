@@ -139,7 +139,7 @@ def element_functions(law: type, precision: Precision, bound: str) -> ElementFun
 
     @wp.func
     def step_bound(shape: Shape, solid: Solid, b_r: vec4, b_y: vec4, c: vec4, jacobian: real, shear: real):
-        # The volumetric part is of rank one, so its bound is sharp; the rest is bounded by that of |grad v|^2.
+        # The volumetric part is of rank one, so its bound is sharp; the rest has that of |grad v|^2.
         rank_one, hourglass, lost = real(0.0), real(0.0), real(0.0)
         viscous_r, viscous_y = pattern_viscosity(shape, solid)
         for a in range(4):

@@ -187,8 +187,8 @@ class Expressions(Arithmetic):
         if first.const is not None:
             return self.truth(node) if first.const == both else first
         if first.varying and _is_harmless(node):
-            second = self.pack(self.truth(node))
-            return self.temporary("bool", f"{first.code} {'&' if both else '|'} {second}", True)
+            also = self.pack(self.truth(node))
+            return self.temporary("bool", f"{first.code} {'&' if both else '|'} {also}", True)
         result = self.name("both" if both else "either")
         if not first.varying:
             start, outer = len(self.lines), self.lines

@@ -81,5 +81,5 @@ def prelude(lanes: int, kind: str) -> str:
         mask=mask,
         numbers=numbers,
         gathers="".join(gathers),
-        bits={8: "unsigned char", 16: "unsigned short", 32: "unsigned", 4: "unsigned char"}[lanes],
+        bits="unsigned short" if lanes == 16 else "unsigned char",
     )

@@ -33,8 +33,8 @@ def test_operations_of_a_dot_product():
 
 
 def test_operations_by_hand():
-    """The series: 2 products, 2 sums; its error: 3 and 1; corrected: 4 and 3; square and cube: 1 and 2 products.
-    All sums have a product."""
+    """The series: 2 products, 2 sums; its error: 3 and 1; corrected: 4 and 3; square and cube: 1 and 2
+    products. All sums have a product."""
     counter = counting.Counter()
     factor = counter.function(isochoric_factor_function(FP64))
     square, inverse = factor(counter.number(0.98), counter.number(-0.02))

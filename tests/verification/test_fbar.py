@@ -71,7 +71,7 @@ def test_the_bound_by_eigenvalue_is_a_sharper_one(
     found = fbar_element.bound_quality(element, poisson, beta=beta, kind=kind, by="eigenvalue")
     by_trace = fbar_element.bound_quality(element, poisson, beta=beta, kind=kind)
     assert found.least >= 1.0  # a bound, with nothing left out
-    # Undamped and nearly incompressible both are the volumetric part's, and this one holds the pressure's work.
+    # Undamped and nearly incompressible both are the volumetric part's; this one holds the pressure's work.
     assert found.median <= max(by_trace.median, 1.05)
 
 
