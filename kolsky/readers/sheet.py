@@ -34,6 +34,8 @@ class Sheet:
     """Key -> the fields behind it."""
     word: str = "line"
     """What a row is called: "line", or "row" of a workbook."""
+    _checked: list[bool] = field(default_factory=list, compare=False, repr=False)
+    """Not empty once the fields of all rows have been counted."""
 
     def values(self, column: int, *, gaps: bool = False) -> FloatArray:
         """The numbers of a column, counted from 0, as the file gives them, shape [n].
@@ -116,6 +118,11 @@ class Sheet:
     def _check_fields(self) -> None:
         count = self.dialect.fields
         character = self.dialect.delimiter
+        # The usual case in one pass: delimiters alone, no quotes, more than one column.
+        plain = character != " " and count > 1 and '"' not in self.rows[0]
+        if self._checked or (plain and all(row.count(character) == count - 1 for row in self.rows)):
+            self._checked.append(True)
+            return
         for number, row in enumerate(self.rows):
             if character == " ":
                 fields = len(row.split())
@@ -134,6 +141,7 @@ class Sheet:
                 number,
                 "copy or export the file again" if last else "correct the line or export again",
             )
+        self._checked.append(True)
 
     def _first_bad_number(self, column: int, fallback: str) -> InputError:
         """Slow, line by line; only after the fast path has failed."""

@@ -2,14 +2,14 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from kolsky.readers.contents import Channel, Clock, FloatArray, check_samples, stated_clock
 from kolsky.readers.headerclock import header_clock, stated_samples, time_unit
 from kolsky.readers.layout import Layout
 from kolsky.readers.sheet import Sheet
 from kolsky.readers.signalunits import si_unit, split_unit, time_factor
-from kolsky.readers.timecolumn import column_clock, printed_digits
+from kolsky.readers.timecolumn import column_clock, column_digits
 
 _TIME_NAME = re.compile(
     r"(time|zeit|temps|tiempo|tempo|t|x_?value|x-axis|x axis|seconds?|secs?)\b.*", re.IGNORECASE
@@ -26,6 +26,8 @@ class SignalTable:
     """What has been said of it."""
     times: tuple[int, ...]
     """The time columns, counted from 0."""
+    _read: dict[int, tuple[FloatArray, FloatArray]] = field(default_factory=dict, compare=False, repr=False)
+    """Time columns that were read already: channels share them."""
 
     def channels(self) -> tuple[Channel, ...]:
         """The columns of numbers that are no times.
@@ -102,14 +104,18 @@ class SignalTable:
 
     def _times(self, number: int) -> tuple[FloatArray, FloatArray]:
         """Times and their last digits [s]."""
+        if number in self._read:
+            return self._read[number]
         sheet = self.sheet
         what = f"the time column '{sheet.names[number]}'"
         factor = time_factor(sheet.path, self._time_unit(number), what)
         values = sheet.values(number)
-        digits = printed_digits([sheet.field(number, row) for row in range(len(sheet.rows))])
+        digits = column_digits(values, lambda row: sheet.field(number, row))
         # Dividing by 1e6 rounds once where multiplying by 1e-6 rounds twice: 25 us is 2.5e-5 s.
         inverse = round(1.0 / factor)
-        return (values / inverse if factor < 1.0 else values * factor), digits * factor
+        seconds = values / inverse if factor < 1.0 else values * factor
+        self._read[number] = seconds, digits * factor
+        return self._read[number]
 
     def _time_unit(self, number: int) -> str | None:
         """The unit of a time column: stated, in the header, or its very name ("seconds")."""

@@ -10,6 +10,8 @@ from kolsky.readers.contents import Clock, FloatArray
 
 LARGEST_JITTER = 0.1
 """Largest spread of the steps of a time column that still gives the interval, as a share of the step [-]."""
+SAMPLED = 5000
+"""Rows of a column whose printed digits are looked at one by one."""
 SINGLE = 2.0**-23
 """Resolution of single precision, in which many recorders compute the times that they print."""
 
@@ -35,6 +37,35 @@ def printed_digits(fields: Sequence[str]) -> FloatArray:
         finest[kind] = min(int(number.as_tuple().exponent), finest.get(kind, 1000))
     least = min(finest.values())
     return np.array([10.0 ** (least if kind[0] is None else finest[kind]) for kind in kinds])
+
+
+def column_digits(values: FloatArray, field_of: Callable[[int], str]) -> FloatArray:
+    """The last digit printed of each number of a long column: of `SAMPLED` rows as they are, of the others by
+    their decade.
+
+    Parameters
+    ----------
+    values
+        The numbers, shape [n].
+    field_of
+        The text of a row.
+
+    Returns
+    -------
+    NDArray
+        In the unit of `values`, shape [n].
+    """
+    if values.size <= SAMPLED:
+        return printed_digits([field_of(row) for row in range(values.size)])
+    with np.errstate(divide="ignore"):
+        decade = np.floor(np.log10(np.abs(values)))  # -inf for 0
+    rows = np.linspace(0, values.size - 1, SAMPLED).astype(int)
+    found = np.unique(decade)
+    # A decade near 0 has few rows, which an even choice may miss.
+    rows = np.unique(np.concatenate([rows, *(np.flatnonzero(decade == d)[:20] for d in found)]))
+    digits = printed_digits([field_of(int(row)) for row in rows])
+    coarsest = {d: float(digits[decade[rows] == d].max()) for d in found}
+    return np.array([coarsest[d] for d in found])[np.searchsorted(found, decade)]
 
 
 def column_clock(
