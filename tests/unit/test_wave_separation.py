@@ -78,6 +78,7 @@ def test_force_and_velocity_of_the_face_are_those_of_the_bar_wave():
     assert (found.force.unit, found.velocity.unit, found.toward.unit) == ("N", "m/s", "1")
 
 
+@pytest.mark.slow
 def test_sigma_is_the_scatter_and_grows():
     sigma, places = 1e-3, [0.9, 0.3]
     exact_found = separate(gauges(places), ElasticWaveguide(STEEL))
