@@ -16,12 +16,8 @@ from kolsky.waves.budget import propagate, quoted
 from kolsky.waves.equilibrium import balanced_span, imbalance
 from kolsky.waves.flyer_events import FlyerEvents, flyer_events
 from kolsky.waves.forces import ForceSignal, force_signal
-from kolsky.waves.inertia import (
-    compensate_mass,
-    correct_axial_inertia,
-    correct_radial_inertia,
-    path_acceleration,
-)
+from kolsky.waves.inertia import correct_axial_inertia, correct_radial_inertia
+from kolsky.waves.mass import compensate_mass, path_acceleration
 from kolsky.waves.nominal import path_strain
 from kolsky.waves.quantities import merged
 from kolsky.waves.records import Correction, History, Quantity, Reduction, Signal

@@ -6,7 +6,6 @@ pushed back, and meets the bar again (second impact): Mates et al. (2012), Fig. 
 the motion; joint and impact show best in the flyer's transducer, the push-back in the transmitted force.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -17,19 +16,22 @@ from kolsky.apparatus import Bar
 from kolsky.flyer import fit_flyer
 from kolsky.flyerpath import FlyerPath
 from kolsky.records import FlyerMotion
+from kolsky.waves.flyer_signals import (
+    CERTAIN,
+    RINGING,
+    Event,
+    back_velocity,
+    end_of_dip,
+    jump,
+    push_back,
+)
 from kolsky.waves.kink import Kink, find_kink
 from kolsky.waves.records import FloatArray, Signal
 
-RINGING = 20e-6
-"""Default span over which transducer signals are averaged [s]: longer than a flyer of 25 mm rings."""
-CERTAIN = 25.0
-"""Fall of chi-square from which on a kink is one: five standard deviations."""
 JOINT_SPAN = 200e-6
 """Longest time from full speed to separation that is looked for [s]."""
 AFTER_IMPACT = 8
 """Frames after a second impact from which its time is taken, where only the displacement shows it."""
-EXCURSION = 3.0
-"""A jump of the transducer's signal is an impact when it is so many times the largest of the flight."""
 
 
 class Ending(Protocol):
@@ -38,20 +40,6 @@ class Ending(Protocol):
     @property
     def row(self) -> int | None:
         """First frame at which symmetry has ended."""
-
-
-@dataclass(frozen=True)
-class Event:
-    """One event, found or not."""
-
-    name: str
-    """"full speed", "separation", "arrest", "push-back", "second impact" or "end of symmetry"."""
-    time: float | None
-    """Its time on the shot's clock [s]; None if it was not found."""
-    sigma: float | None
-    """Standard uncertainty of the time [s]; None if it was not found."""
-    how: str
-    """How it was found, or why not."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +57,12 @@ class FlyerEvents:
             if event.name == name:
                 return event
         raise KeyError(f"{name!r} is none of {', '.join(event.name for event in self.events)}")
+
+    @property
+    def in_order(self) -> tuple[Event, ...]:
+        """The events that were found, in order of time."""
+        found = [event for event in self.events if event.time is not None]
+        return tuple(sorted(found, key=lambda event: event.time or 0.0))
 
     @property
     def usable(self) -> tuple[float, str]:
@@ -140,7 +134,7 @@ def flyer_events(
         speed,
         _separation(kept, speed, arrest, incident, ringing),
         arrest,
-        _push_back(arrest, impact, transmitted, ringing),
+        push_back(arrest, impact, transmitted, ringing),
         impact,
         _symmetry(symmetry),
     ]
@@ -179,7 +173,7 @@ def _separation(
         return Event(name, None, None, speed.how)
     last = speed.time + JOINT_SPAN if arrest.time is None else min(speed.time + JOINT_SPAN, arrest.time)
     if incident is not None:
-        found = _end_of_dip(incident, speed.time, last, ringing)
+        found = end_of_dip(incident, speed.time, last, ringing)
         if found is not None:
             return replace(found, name=name)
     near = (motion.time >= speed.time) & (motion.time <= last + JOINT_SPAN)
@@ -196,36 +190,6 @@ def _separation(
     return Event(name, None, None, f"{seen} pull of a joint after full speed; take full speed for it")
 
 
-def _end_of_dip(signal: Signal, after: float, before: float, ringing: float) -> Event | None:
-    """The kink at the end of the tensile dip of a transducer's signal."""
-    t, force, sigma = _averaged(signal, ringing)
-    near = np.flatnonzero((t >= after - ringing) & (t <= before))
-    driven = force[(t >= signal.start) & (t <= after)]
-    if near.size < 12 or not driven.size:
-        return None
-    bottom = int(near[np.argmin(force[near])])
-    if not force[bottom] < -max(5.0 * sigma, 0.05 * float(driven.max())):
-        return None
-    end = min(before, t[bottom] + 4.0 * max(t[bottom] - after, 2.0 * ringing))
-    use = (t >= t[bottom] + 0.5 * ringing) & (t <= end)
-    if use.sum() < 8:
-        return None
-    kink = find_kink(
-        t[use],
-        force[use],
-        np.full(int(use.sum()), sigma),
-        (t[use][2], t[use][-3]),
-        degree=0,
-        power=1,
-        begins=False,
-    )
-    if kink.gain < CERTAIN or kink.change > 0.0:
-        return None
-    # The average rounds a corner over its span: known to that span's standard deviation at best.
-    spread = float(np.hypot(kink.sigma, ringing / np.sqrt(12.0)))
-    return Event("", kink.time, spread, "the tensile dip of the flyer's transducer ends")
-
-
 def _arrest(path: FlyerPath, speed: Event, force: Signal | None, bar: Bar | None, ringing: float) -> Event:
     """Zero of the velocity relative to the back face."""
     name = "arrest"
@@ -234,7 +198,7 @@ def _arrest(path: FlyerPath, speed: Event, force: Signal | None, bar: Bar | None
     t = np.linspace(speed.time, path.end, 8 * path.knots.size)
     v, seen = path.velocity(t), "the velocity of the flyer's path falls through zero"
     if force is not None and bar is not None:
-        v = v - _back_velocity(t, force, bar, ringing)
+        v = v - back_velocity(t, force, bar, ringing)
         seen = "the velocity of the flyer's path falls to that of the back face"
     below = np.flatnonzero(v <= 0.0)
     if not below.size or below[0] == 0:
@@ -250,40 +214,6 @@ def _arrest(path: FlyerPath, speed: Event, force: Signal | None, bar: Bar | None
     return Event(name, time, sigma, seen)
 
 
-def _back_velocity(time: FloatArray, force: Signal, bar: Bar, ringing: float) -> FloatArray:
-    """Velocity of the bar's face under a force: what it sends, and twice what comes back from a free end."""
-    at, F, _ = _averaged(force, ringing)
-    returns = range(1, int((time[-1] - at[0]) / bar.round_trip) + 1)
-    echoes = [np.interp(time - k * bar.round_trip, at, F, left=0.0) for k in returns]
-    return np.asarray(
-        (np.interp(time, at, F, left=0.0) + 2.0 * sum(echoes, np.zeros(time.size))) / bar.impedance
-    )
-
-
-def _push_back(arrest: Event, impact: Event, transmitted: Signal | None, ringing: float) -> Event:
-    """The transmitted force falls to half its peak after the arrest."""
-    name = "push-back"
-    if arrest.time is None:
-        return Event(name, None, None, "the flyer was not seen to stand still")
-    if transmitted is None:
-        return Event(name, None, None, "needs the transmitted force")
-    t, force, sigma = _averaged(transmitted, ringing)
-    use = t <= (t[-1] if impact.time is None else impact.time - 0.5 * ringing)
-    t, force = t[use], force[use]
-    half = 0.5 * float(force.max())
-    below = np.flatnonzero((t > arrest.time) & (force <= half))
-    if not below.size or below[0] == 0:
-        return Event(name, None, None, "the transmitted force does not fall to half its peak in the record")
-    i = int(below[0])
-    around = (t >= t[i] - 2.0 * ringing) & (t <= t[i] + 2.0 * ringing)
-    slope, level = np.polyfit(t[around] - t[i], force[around], 1)
-    scatter = max(sigma, float(np.std(force[around] - np.polyval([slope, level], t[around] - t[i]))))
-    time = float(t[i] + (half - level) / slope)
-    return Event(
-        name, time, float(scatter / abs(slope)), "transmitted force falls to half its peak after the arrest"
-    )
-
-
 def _second_impact(
     motion: FlyerMotion, turn: int | None, incident: Signal | None, rest: float, ringing: float
 ) -> Event:
@@ -292,7 +222,7 @@ def _second_impact(
     if turn is None:
         return Event(name, None, None, "the flyer does not turn back in the record")
     if incident is not None:
-        found = _jump(incident, motion.time[turn], rest, ringing)
+        found = jump(incident, motion.time[turn], rest, ringing)
         if found is not None:
             return replace(found, name=name)
     kink = _slope_jump(motion, turn, motion.time.size)
@@ -317,30 +247,6 @@ def _slope_jump(motion: FlyerMotion, turn: int, last: int) -> Kink | None:
     return kink if kink.gain > CERTAIN and kink.change > 0.0 else None
 
 
-def _jump(signal: Signal, after: float, rest: float, ringing: float) -> Event | None:
-    """First jump of a signal against its own past average, far beyond those of the flight."""
-    n = max(2, round(ringing / signal.interval))
-    total = np.cumsum(np.concatenate([[0.0], signal.value]))
-    past = (total[n:-1] - total[: -n - 1]) / n  # the mean of the n samples before each
-    t, jump = signal.time[n:], signal.value[n:] - past
-    calm = (t > after - 0.4 * (after - rest)) & (t < after)
-    if not calm.any():
-        return None
-    limit = max(EXCURSION * float(np.abs(jump[calm]).max()), 8.0 * signal.sigma)
-    beyond = np.flatnonzero((t > after) & (np.abs(jump) > limit))
-    if not beyond.size:
-        return None
-    i = int(beyond[0])
-    # It began between the last sample within the flight's own excursions and this one.
-    calm_before = np.flatnonzero(np.abs(jump[:i]) <= limit / EXCURSION)
-    start = float(t[calm_before[-1]]) if calm_before.size else float(t[i])
-    width = max(float(t[i]) - start, signal.interval)
-    time = float(t[i]) - 0.5 * width
-    return Event(
-        "", time, width / np.sqrt(12.0), "the flyer's transducer jumps beyond three times its flight"
-    )
-
-
 def _symmetry(symmetry: tuple[FloatArray, Ending] | None) -> Event:
     name = "end of symmetry"
     if symmetry is None:
@@ -352,23 +258,4 @@ def _symmetry(symmetry: tuple[FloatArray, Ending] | None) -> Event:
     frame = float(time[row] - time[row - 1]) if row else float(time[1] - time[0])
     return Event(
         name, float(time[row]), frame / np.sqrt(12.0), "the velocity leaves its direction after separation"
-    )
-
-
-def _averaged(signal: Signal, span: float) -> tuple[FloatArray, FloatArray, float]:
-    """Times and centred moving averages of a signal over a span, and the noise of one."""
-    n = 2 * round(0.5 * span / signal.interval) + 1
-    if n >= signal.value.size:
-        raise ValueError(
-            f"{signal.name or 'the signal'} has {signal.value.size} samples, an average over {span:.3g} s {n}"
-        )
-    value = np.convolve(signal.value, np.full(n, 1.0 / n), mode="valid")
-    noise = signal.sigma * min(1.0, float(np.sqrt(signal.memory / n)))
-    return signal.time[n // 2 : n // 2 + value.size], value, noise
-
-
-def found(events: FlyerEvents) -> Iterator[Event]:
-    """The events that were found, in order of time."""
-    yield from sorted(
-        (event for event in events.events if event.time is not None), key=lambda event: event.time or 0.0
     )

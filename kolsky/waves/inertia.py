@@ -1,7 +1,7 @@
-"""What inertia adds to a measured force or stress: the mass before a gauge, the specimen's radius and length.
+"""What a specimen's own inertia adds to its stress: radially and along its axis.
 
-Compression is positive, and so is motion in the direction of the incident wave. A function returns the
-corrected history and a `Correction`; a correction that is switched off is measured all the same.
+Compression is positive. A function returns the corrected history and a `Correction`; a correction that is
+switched off is measured all the same.
 """
 
 from collections.abc import Sequence
@@ -10,152 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kolsky.apparatus import Specimen
-from kolsky.flyerpath import FlyerPath
-from kolsky.waves.records import BarSignal, Correction, FloatArray, History, Quantity
-
-SIDES = ("incident", "transmission")
-
-
-def path_acceleration(path: FlyerPath, time: ArrayLike) -> History:
-    """Acceleration of a face whose path is known, by image correlation or from bar waves.
-
-    Parameters
-    ----------
-    path
-        Smooth path from rest: `kolsky.flyer.fit_flyer`, or `kolsky.waves.frontpath.front_path` for the
-        interface velocity of bar waves.
-    time
-        Times, not after the path's end; before its start the face rests [s], shape [n].
-
-    Returns
-    -------
-    History
-        Acceleration and its standard uncertainty [m/s^2].
-
-    Raises
-    ------
-    ValueError
-        If a time is after the path's end.
-    """
-    t = np.asarray(time, dtype=np.float64)
-    moving = t >= path.start
-    value, sigma = np.zeros(t.shape), np.zeros(t.shape)
-    value[moving], sigma[moving] = path.acceleration(t[moving]), path.sigma_acceleration(t[moving])
-    return History(value, sigma, "m/s^2")
-
-
-def gradient_acceleration(
-    near: BarSignal, far: BarSignal, time: ArrayLike, *, sigma_gain: float, sigma_distance: float = 0.0
-) -> History:
-    """Acceleration of a bar midway between two gauges, from the gradient of its strain.
-
-    Newton's second law for the piece of bar between them: ``rho A d dv/dt = E A (eps_up - eps_down)``, so
-    ``a = c0^2 (eps_up - eps_down) / d``, upstream minus downstream. The difference stands for the gradient
-    up to ``(omega d / c0)^2 / 24`` of it.
-
-    Parameters
-    ----------
-    near, far
-        Strains at two stations of one bar, `near` closer to the specimen.
-    time
-        Times that both signals cover [s], shape [n].
-    sigma_gain
-        Standard uncertainty of the ratio of the two gauges' gains [-].
-    sigma_distance
-        Standard uncertainty of the distance between the stations [m].
-
-    Raises
-    ------
-    ValueError
-        If the stations are not on one bar with `near` nearer, a time is not covered, or a sigma is negative.
-    """
-    t = np.asarray(time, dtype=np.float64)
-    d = far.position - near.position
-    if near.side != far.side or near.bar != far.bar or not d > 0.0:
-        raise ValueError(
-            f"the two gauges must be on one bar, `near` nearer to the specimen; got {near.side} bar at"
-            f" {near.position:g} m and {far.side} bar at {far.position:g} m"
-        )
-    _not_negative(sigma_gain=sigma_gain, sigma_distance=sigma_distance)
-    values = []
-    for signal in (near, far):
-        s = signal.strain
-        if t.size and not (s.start <= t.min() and t.max() <= s.end):
-            raise ValueError(
-                f"{s.name or 'a gauge'} spans {s.start:.9g} to {s.end:.9g} s, asked for {t.min():.9g} to"
-                f" {t.max():.9g} s; keep the times inside both records"
-            )
-        values.append(np.interp(t, s.time, s.value))
-    speed2 = near.bar.wave_speed**2
-    sign = 1.0 if near.side == "incident" else -1.0
-    a = sign * speed2 * (values[1] - values[0]) / d
-    noise = speed2 / d * np.hypot(near.strain.sigma, far.strain.sigma)
-    gain = speed2 / d * sigma_gain * 0.5 * np.abs(values[0] + values[1])
-    return History(a, np.sqrt(noise**2 + gain**2 + (a * sigma_distance / d) ** 2), "m/s^2")
-
-
-def compensate_mass(
-    time: ArrayLike,
-    force: History,
-    acceleration: History,
-    mass: Quantity,
-    *,
-    side: str = "incident",
-    sigma_time: float = 0.0,
-    apply: bool = True,
-    source: str = "the face's motion",
-) -> tuple[History, Correction]:
-    """Force on the specimen from that at a gauge, with a moving mass between the two.
-
-    ``F = F_gauge - m a`` before the specimen and ``F = F_gauge + m a`` behind it, where the mass is pushed
-    by the specimen.
-
-    Parameters
-    ----------
-    time
-        Times of the histories on one clock [s], shape [n], increasing.
-    force
-        Force at the gauge [N].
-    acceleration
-        Acceleration of the mass in the direction of the incident wave [m/s^2].
-    mass
-        Mass between the sensing plane and the specimen [kg].
-    side
-        Where the gauge is: "incident" or "transmission".
-    sigma_time
-        Standard uncertainty of the acceleration's clock against the force's [s].
-    apply
-        False leaves the force as it is; the correction is measured all the same.
-    source
-        Where the acceleration is from, for the audit log.
-
-    Raises
-    ------
-    ValueError
-        If shapes differ, the mass is not positive, a sigma is negative, or the side is unknown.
-    """
-    t = np.asarray(time, dtype=np.float64)
-    _one_shape(t, (force, acceleration))
-    _not_negative(sigma_time=sigma_time, sigma_mass=mass.sigma)
-    if not mass.value > 0.0:
-        raise ValueError(f"{mass.name} is {mass.value:g} kg, must be > 0 kg")
-    if side not in SIDES:
-        raise ValueError(f"side is {side!r}, must be one of {', '.join(SIDES)}")
-    a = acceleration.value
-    change = -mass.value * a if side == "incident" else mass.value * a
-    jerk = np.gradient(a, t)
-    sigma = np.sqrt(
-        force.sigma**2
-        + (mass.value * acceleration.sigma) ** 2
-        + (mass.sigma * a) ** 2
-        + (mass.value * jerk * sigma_time) ** 2
-    )
-    reason = (
-        f"{1e3 * mass.value:.4g} g between the {side} gauge and the specimen, acceleration from {source} up"
-        f" to {np.abs(a).max():.3g} m/s^2, clocks known to {1e6 * sigma_time:.2g} us"
-    )
-    log = _entry(f"mass compensation, {side}", "mass", change, force.unit, apply, reason)
-    return (History(force.value + change, sigma, force.unit) if apply else force), log
+from kolsky.waves.records import Correction, FloatArray, History
 
 
 def radial_pressure(
@@ -224,7 +79,7 @@ def correct_radial_inertia(
     ValueError
         As `radial_pressure`, and if shapes differ.
     """
-    _one_shape(stress.value, (strain, rate, second))
+    one_shape(stress.value, (strain, rate, second))
     rho, a0 = specimen.density, specimen.radius
     left = 1.0 - strain.value
     p = radial_pressure(strain.value, rate.value, second.value, density=rho, radius=a0)
@@ -242,7 +97,7 @@ def correct_radial_inertia(
         f" {np.abs(rate.value).max():.3g} 1/s, its derivative up to {np.abs(second.value).max():.3g} 1/s^2"
     )
     change = -p / left
-    log = _entry("radial inertia", "radial inertia", change, "Pa", apply, reason)
+    log = audited("radial inertia", "radial inertia", change, "Pa", apply, reason)
     return (History(stress.value + change, sigma, "Pa") if apply else stress), log
 
 
@@ -303,7 +158,7 @@ def correct_axial_inertia(
     """
     rest = History(np.zeros_like(second.value), np.zeros_like(second.value), "m/s^2")
     a = rest if back_acceleration is None else back_acceleration
-    _one_shape(back_stress.value, (second, a))
+    one_shape(back_stress.value, (second, a))
     rho, length = specimen.density, specimen.length
     change = axial_stress(second.value, density=rho, length=length, back_acceleration=a.value)
     sigma = np.sqrt(
@@ -315,11 +170,12 @@ def correct_axial_inertia(
         f"{1e3 * length:.4g} mm of {rho:.4g} kg/m^3, second derivative of the strain up to"
         f" {np.abs(second.value).max():.3g} 1/s^2"
     )
-    log = _entry("axial inertia", "axial inertia", change, "Pa", apply, reason)
+    log = audited("axial inertia", "axial inertia", change, "Pa", apply, reason)
     return (History(back_stress.value + change, sigma, "Pa") if apply else back_stress), log
 
 
-def _entry(name: str, key: str, change: FloatArray, unit: str, apply: bool, reason: str) -> Correction:
+def audited(name: str, key: str, change: FloatArray, unit: str, apply: bool, reason: str) -> Correction:
+    """The audit log's entry of a change over all samples, applied or not."""
     return Correction(
         name=name,
         key=key,
@@ -331,16 +187,17 @@ def _entry(name: str, key: str, change: FloatArray, unit: str, apply: bool, reas
     )
 
 
-def _one_shape(like: FloatArray, histories: Sequence[History]) -> None:
+def one_shape(like: FloatArray, histories: Sequence[History]) -> None:
+    """Refuse histories that have not one value at each of the times of an array.
+
+    Raises
+    ------
+    ValueError
+        Naming the count and the unit.
+    """
     for history in histories:
         if history.value.shape != like.shape or history.sigma.shape != like.shape:
             raise ValueError(
                 f"every history needs one value at each of {like.size} times, got {history.value.size}"
                 f" in {history.unit}"
             )
-
-
-def _not_negative(**values: float) -> None:
-    for name, value in values.items():
-        if not (np.isfinite(value) and value >= 0.0):
-            raise ValueError(f"{name} is {value:g}, must be finite and >= 0")

@@ -1,4 +1,4 @@
-"""A made-up flyer in closed form: pushed, pulled by its joint, stopped by a specimen, thrown back, hit again."""
+"""A made-up flyer in closed form: pushed, pulled by its joint, stopped by a specimen, thrown back, hit."""
 
 from dataclasses import dataclass
 

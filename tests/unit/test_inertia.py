@@ -6,12 +6,11 @@ import pytest
 from kolsky.apparatus import Bar, Specimen
 from kolsky.waves.inertia import (
     axial_stress,
-    compensate_mass,
     correct_axial_inertia,
     correct_radial_inertia,
-    gradient_acceleration,
     radial_pressure,
 )
+from kolsky.waves.mass import compensate_mass, gradient_acceleration
 from kolsky.waves.records import BarSignal, History, Quantity, Signal
 
 SPECIMEN = Specimen(diameter=9.5e-3, length=6.5e-3, density=870.0)

@@ -30,7 +30,8 @@ def test_the_window_ends_where_the_faces_differ_and_begins_where_inertia_fades()
     assert found.window == pytest.approx((80e-6, 299e-6))
     assert (found.start_reason, found.end_reason) == (Reason.INERTIA, Reason.BALANCE)
     assert found.covered == pytest.approx(219 / 399)
-    assert not found.nearly_empty and "inverse method" not in found.sentence
+    assert not found.nearly_empty
+    assert "inverse method" not in found.sentence
     assert "80.0 us to 299.0 us" in found.sentence
     assert found.counts[Reason.INERTIA] == pytest.approx(80 / 400)
 
@@ -40,12 +41,15 @@ def test_the_share_is_the_users():
     assert validity(T, **case(104.0, 96.0)).window is None
     found = validity(T, **case(104.0, 96.0), share=0.1)
     assert found.window == pytest.approx((0.0, T[-1]))
-    assert found.start_reason is Reason.RECORD and found.end_reason is Reason.RECORD
+    assert found.start_reason is Reason.RECORD
+    assert found.end_reason is Reason.RECORD
 
 
 def test_no_time_counts_and_the_message_says_what_to_do():
     found = validity(T, **case(130.0, 70.0))
-    assert found.window is None and found.start_reason is Reason.BALANCE and found.nearly_empty
+    assert found.window is None
+    assert found.start_reason is Reason.BALANCE
+    assert found.nearly_empty
     assert "kolsky identify" in found.sentence
 
 
@@ -55,7 +59,8 @@ def test_noise_is_told_from_imbalance_and_averaged_away():
     front, back = (50.0 + 2.0 * rng.standard_normal(T.size) for _ in range(2))
     single = validity(T, **case(front, back, noise=2.0))
     # Two sigmas are left out by 4.6 % of pairs of samples; the rest is the noise's.
-    assert single.counts[Reason.BALANCE] < 0.09 and single.counts[Reason.NOISE] > 0.9
+    assert single.counts[Reason.BALANCE] < 0.09
+    assert single.counts[Reason.NOISE] > 0.9
     averaged = validity(T, **case(front, back, noise=2.0), average=20e-6)
     # 2 N sqrt(2) / sqrt(20) = 0.63 N, 1.3 % of the stress: three intervals in a thousand miss 5 %.
     assert averaged.covered > 0.9

@@ -8,13 +8,8 @@ from softshots import RAMP, SoftShot, soft_shot
 
 from kolsky.records import FlyerMotion
 from kolsky.waves.flyer_events import flyer_events
-from kolsky.waves.inertia import (
-    axial_stress,
-    compensate_mass,
-    correct_radial_inertia,
-    path_acceleration,
-    radial_pressure,
-)
+from kolsky.waves.inertia import axial_stress, correct_radial_inertia, radial_pressure
+from kolsky.waves.mass import compensate_mass, path_acceleration
 from kolsky.waves.nominal import path_strain
 from kolsky.waves.records import History
 from kolsky.waves.sync import Agreement, synchronise

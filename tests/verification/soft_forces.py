@@ -13,7 +13,8 @@ from scene import DENSITY, LENGTH, RADIUS, rms, table
 from kolsky.apparatus import Bar, Specimen
 from kolsky.records import FlyerMotion
 from kolsky.waves.flyer_events import Event, FlyerEvents, flyer_events
-from kolsky.waves.inertia import axial_stress, compensate_mass, path_acceleration, radial_pressure
+from kolsky.waves.inertia import axial_stress, radial_pressure
+from kolsky.waves.mass import compensate_mass, path_acceleration
 from kolsky.waves.nominal import path_strain
 from kolsky.waves.records import History, Quantity, Signal
 from kolsky.waves.sync import Synchronisation, synchronise
