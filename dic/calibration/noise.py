@@ -36,7 +36,7 @@ def grey(picture: NDArray[np.generic]) -> FloatArray:
 def quantiles(values: NDArray[np.generic], shares: Sequence[float]) -> FloatArray:
     """`numpy.quantile`, of few-bit grey values by counting them."""
     if values.dtype not in (np.uint8, np.uint16):
-        return np.asarray(np.quantile(values, shares))
+        return np.asarray(np.quantile(values.astype(np.float64), shares))
     rank = np.asarray(shares, dtype=np.float64) * (values.size - 1)
     below = np.cumsum(np.bincount(values.reshape(-1)))
     low, high = (np.searchsorted(below, k(rank), side="right") for k in (np.floor, np.ceil))

@@ -75,7 +75,7 @@ class KeptPictures:
         if found is None:
             found = self.pictures.frame(index)
             if self._size + found.nbytes <= self.most:
-                found = np.array(found)  # a memory map may change under the hand
+                found = found.copy()  # a memory map may change under the hand
                 found.flags.writeable = False
                 self._size += found.nbytes
                 self._kept[index] = found

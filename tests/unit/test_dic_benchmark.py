@@ -95,7 +95,7 @@ def test_the_shot_of_the_whole_chain_can_be_read(tmp_path):
     (raw / "cam0.tif").write_bytes(b"nobody looks")
     shot = dic_whole.shot_of(folder, raw)
     assert (shot / "cam0.tif").read_bytes() == b"nobody looks"
-    declared = read_shot_toml(shot).declared
+    declared = read_shot_toml(shot / "shot.toml").declared
     assert declared.pictures is not None
     assert declared.flyer is None
     assert declared.dic.subset == 25
