@@ -206,6 +206,7 @@ def _result(
     names = {"largest strain": "1", "back stress": "Pa"} | (
         {} if given.incident is None else {"front stress": "Pa"}
     )
+    last = int(np.argmax(np.abs(r.strain["three waves"].value)))
     progress("waves", 3, 3)
     facts: dict[str, tuple[float, str]] = {
         "largest strain rate": (float(np.abs(r.rate["three waves"].value).max()), "1/s"),
@@ -228,14 +229,20 @@ def _result(
         load="compression",
         reduction=r,
         corrections=log.corrections,
-        budget=quoted(budget, {name: (name, None, unit) for name, unit in names.items()}),
+        budget=quoted(
+            budget,
+            {
+                name if name == "largest strain" else f"{name} there": (name, last, unit)
+                for name, unit in names.items()
+            },
+        ),
         facts=facts,
         remarks=tuple(remarks),
         inputs=shot.inputs,
         settings=given.settings,
         signals=tuple(force.signal for force in forces if force is not None),
         events=tuple((e.name, e.time, e.sigma, e.how) for e in events.events),
-        valid=found.validity.window,
+        valid=_span(found.validity),
         validity=found.validity.sentence,
         synchronisation=None if sync is None else sync.sentence,
         inertia={
@@ -244,6 +251,12 @@ def _result(
             "inertia": found.validity.inertia,
         },
     )
+
+
+def _span(found: Validity) -> tuple[float, float] | None:
+    """The validity window, if it is more than one averaging interval."""
+    window = found.window
+    return window if window is not None and window[1] > window[0] else None
 
 
 def _force(name: str, channel: ForceChannel, given: FlyerInput, values: Mapping[str, float]) -> ForceSignal:

@@ -68,7 +68,7 @@ class Validity:
     def sentence(self) -> str:
         """The window in words, with what to do about an empty one."""
         limit = f"{100.0 * self.share:g} % of the stress"
-        if self.window is None or self.strain is None:
+        if self.window is None or self.strain is None or self.window[0] == self.window[1]:
             text = f"at no time are inertia and the faces' difference within {limit} ({self.start_reason})"
         else:
             (start, end), (low, high) = self.window, self.strain
