@@ -261,6 +261,32 @@ def wavespeed(
 
 
 @app.command()
+def repeats(
+    shots: Annotated[
+        list[Path], typer.Argument(metavar="SHOT...", help="Two or more shots with bars and gauges.")
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Where results go.")] = Path("repeats"),
+    figures: Annotated[
+        str, typer.Option(metavar="FORMATS", help="Also save the figure, e.g. pdf,svg,png.")
+    ] = "",
+    as_json: AsJson = False,
+) -> None:
+    """Average the stress-strain curves of repeated tests between bars, with a confidence band.
+
+    Writes repeats.csv: the mean, its 95 % band (scatter and shared uncertainties), every test.
+    """
+    with refusing_bad_input():
+        from kolsky.repeatscommand import repeats as run
+
+        run(
+            shots,
+            out=out,
+            formats=tuple(part.strip() for part in figures.split(",") if part.strip()),
+            as_json=as_json,
+        )
+
+
+@app.command()
 def calibrate(
     source: Annotated[
         Path,

@@ -14,6 +14,8 @@ STAGES = {
     "specimen, camera 1": "specimen in camera 1",
     "flyer, camera 0": "flyer in camera 0",
     "flyer, camera 1": "flyer in camera 1",
+    "waves": "waves",
+    "repeats": "tests",
 }
 """Stages of the work."""
 

@@ -20,6 +20,7 @@ from kolsky.report.figures import (
     overlay_epipolar,
     overlay_sigma,
     profiles,
+    repeats,
     shape_residual,
     speckle_floor,
     speckle_overlay,
@@ -68,3 +69,5 @@ FLYER_TESTS: dict[str, FigureKind[Any]] = {flyer_test.KIND.name: flyer_test.KIND
 """Every figure of a flyer test that was reduced by classical means, likewise."""
 BARS_TOGETHER: dict[str, FigureKind[Any]] = {bars_together.KIND.name: bars_together.KIND}
 """Every figure of a shot with the bars together, likewise."""
+REPEATS: dict[str, FigureKind[Any]] = {repeats.KIND.name: repeats.KIND}
+"""Every figure of repeated tests, likewise."""
