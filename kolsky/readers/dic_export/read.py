@@ -246,7 +246,7 @@ def _point_index(files: Sequence[_File]) -> dict[object, int]:
 
 def _reference(path: Path, coordinates: FloatArray, u: FloatArray) -> FloatArray:
     """Reference positions of all points, NaN where a point is never valid."""
-    valid = np.isfinite(u).all(axis=2)
+    valid = np.asarray(np.isfinite(u).all(axis=2))
     first = np.argmax(valid, axis=0)
     points = np.arange(valid.shape[1])
     still, moving = coordinates, coordinates - u
