@@ -160,7 +160,8 @@ def results(case: Case, mapping: Mapping | None) -> dict[str, np.ndarray]:
 
 
 def read(output: Any) -> dict[str, np.ndarray]:
-    return {name: getattr(output, name).numpy() for name in (*HISTORIES, *NUMBERS)}
+    histories = {name: getattr(output, name).numpy() for name in HISTORIES}
+    return {**histories, **dict(zip(NUMBERS, output.ending.numpy().T, strict=True))}
 
 
 @EVERY
