@@ -177,8 +177,8 @@ def test_a_flyer_without_tilt_keeps_its_direction(flight):
 
 
 if __name__ == "__main__":
-    from kolsky.report.canvas import build
     from kolsky.flightreport import FlightOfSpecimen
+    from kolsky.report.canvas import build
     from kolsky.report.figures.flight import KIND
 
     root = Path(__file__).resolve().parents[2]
