@@ -74,9 +74,7 @@ def test_a_clipped_incident_channel_is_refused(tmp_path):
     folder = tmp_path / "shot"
     shutil.copytree(ROOT / "runs" / "open-01", folder, ignore=shutil.ignore_patterns("results"))
     text = (folder / "shot.toml").read_text()
-    (folder / "shot.toml").write_text(
-        text.replace('mass = "7.1 g"', 'full_scale = "0.5 V" \nmass = "7.1 g"')
-    )
+    (folder / "shot.toml").write_text(text.replace('mass = "7.1 g"', 'full_scale = "0.5 V" \nmass = "7.1 g"'))
     result = CliRunner().invoke(app, ["waves", str(folder)])
     assert result.exit_code == 2
     assert "CH1 incident (V)" in result.stderr
