@@ -5,7 +5,7 @@ may be read as a curve of the material, and `kolsky identify` is what does not n
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -28,6 +28,12 @@ from kolsky.waves.varied import varied_specimen
 
 EARLY = 0.05
 """Share of the specimen's length up to which the flyer's travel serves to compare the clocks [-]."""
+UNJUDGED = (
+    "whether the forces on the faces are balanced is not known, as only the one behind the specimen was "
+    "measured; cure: declare the flyer's own transducer in [incident_force], or use the inverse method "
+    "(kolsky identify), which needs no balance"
+)
+"""What is said of the validity window where the force on the front face is not known."""
 AVERAGE = 10e-6
 """Span over which forces are averaged before they are judged [s]."""
 
@@ -144,7 +150,10 @@ class _State:
         everything, _ = correct_radial_inertia(plain, strain, rate, second, specimen, apply=True)
         interval = float(time[1] - time[0])
         width = max(1, round(AVERAGE / interval))
-        ratio = imbalance(front.value, back.value, front.sigma[0], back.sigma[0], width=width)
+        known = given.incident is not None  # with one force nothing is known of their balance
+        ratio = np.full(time.size, np.inf)
+        if known:
+            ratio = imbalance(front.value, back.value, front.sigma[0], back.sigma[0], width=width)
         still = History(np.zeros(time.size), np.zeros(time.size), "m/s")
         reduction = Reduction(
             time=time,
@@ -162,6 +171,9 @@ class _State:
             time, front, back, strain,
             inertial_stress=plain.value - everything.value, area=area, share=given.share, average=AVERAGE,
         )  # fmt: skip
+        if not known:
+            unknown = np.full(window.imbalance.shape, np.inf)
+            window = replace(window, window=None, strain=None, covered=0.0, imbalance=unknown)
         return _Reduced(reduction, window, acceleration)
 
     def outputs(self, values: Mapping[str, float]) -> dict[str, FloatArray]:
@@ -215,7 +227,8 @@ def _result(
     }
     if sync is not None:
         facts |= {"lag of the cameras": (sync.lag, "s"), "its standard uncertainty": (sync.sigma, "s")}
-    remarks = [found.validity.sentence] if found.validity.nearly_empty else []
+    judged = found.validity.sentence if given.incident is not None else UNJUDGED
+    remarks = [judged] if found.validity.nearly_empty else []
     if sync is not None and sync.agreement is not Agreement.AGREES:
         remarks.append(sync.sentence)
     elif sync is not None and abs(sync.gain - 1.0) > 2.0 * sync.sigma_gain:
@@ -243,7 +256,7 @@ def _result(
         signals=tuple(force.signal for force in forces if force is not None),
         events=tuple((e.name, e.time, e.sigma, e.how) for e in events.events),
         valid=_span(found.validity),
-        validity=found.validity.sentence,
+        validity=judged,
         synchronisation=None if sync is None else sync.sentence,
         inertia={
             "time": found.validity.time,

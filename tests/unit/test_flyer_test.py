@@ -66,6 +66,9 @@ def test_without_the_flyers_transducer_there_is_one_force(tmp_path):
     assert result.exit_code == 0, result.stderr
     said = json.loads(result.stdout)
     assert said["synchronisation"] is None
+    assert said["valid"] is None
+    assert said["balanced"] is None
+    assert "not known" in said["validity"]
     assert set(said["results"]) == {"largest strain", "back stress there"}
     assert not any(c["key"] == "mass" for c in said["corrections"])
 
