@@ -42,6 +42,7 @@ def load_flyer_test(folder_or_toml: str | Path, shot: Shot) -> FlyerInput:
         shot=shot,
         incident=incident,
         mass=0.0 if section is None else section.mass,
+        pictured=declared.flyer is None and declared.pictures is not None,
         share=waves.share,
         switches=Switches(waves.corrections),
         uncertainty={

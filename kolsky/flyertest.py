@@ -6,6 +6,7 @@ may be read as a curve of the material, and `kolsky identify` is what does not n
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from math import inf, sqrt
 
 import numpy as np
 
@@ -48,6 +49,8 @@ class FlyerInput:
     """The flyer's own transducer; None where there is none."""
     mass: float = 0.0
     """Mass between its sensing plane and the specimen [kg]."""
+    pictured: bool = False
+    """Whether the flyer's motion is from pictures, which see its direction too."""
     share: float = SHARE
     """Share of the stress that inertia or the forces' difference may have [-]."""
     switches: Switches = field(default_factory=Switches)
@@ -84,7 +87,8 @@ def analyse_flyer(
     )
     sync = _synchronised(given, motion, incident, rest)
     progress("waves", 1, 3)
-    time = _times(transmitted.signal, rest, min(events.path.end, events.usable[0]))
+    last = min(events.path.end, events.usable[0], inf if shot.symmetry_end is None else shot.symmetry_end)
+    time = _times(transmitted.signal, rest, last)
     state = _State(given, events, time)
     log = AuditLog(given.switches)
     for force in (incident, transmitted):
@@ -254,7 +258,7 @@ def _result(
         inputs=shot.inputs,
         settings=given.settings,
         signals=tuple(force.signal for force in forces if force is not None),
-        events=tuple((e.name, e.time, e.sigma, e.how) for e in events.events),
+        events=_events(events, shot, pictured=given.pictured),
         valid=_span(found.validity),
         validity=judged,
         synchronisation=None if sync is None else sync.sentence,
@@ -264,6 +268,21 @@ def _result(
             "inertia": found.validity.inertia,
         },
     )
+
+
+def _events(
+    found: FlyerEvents, shot: Shot, *, pictured: bool
+) -> tuple[tuple[str, float | None, float | None, str], ...]:
+    """The events; the end of symmetry from the flyer's flight, where there are pictures."""
+    rows = [(e.name, e.time, e.sigma, e.how) for e in found.events if e.name != "end of symmetry"]
+    if not pictured or not isinstance(shot.flyer, FlyerMotion):
+        return tuple((e.name, e.time, e.sigma, e.how) for e in found.events)
+    if shot.symmetry_end is None:
+        kept = "the flyer keeps its first direction to the last frame"
+        return (*rows, ("end of symmetry", None, None, kept))
+    frame = float(np.median(np.diff(shot.flyer.time)))
+    how = "the flyer leaves its first direction, by its flight in the pictures"
+    return (*rows, ("end of symmetry", shot.symmetry_end, frame / sqrt(12.0), how))
 
 
 def _span(found: Validity) -> tuple[float, float] | None:
