@@ -22,7 +22,11 @@ velocity turns by so much [rad]."""
 MOST_FRAMES = 400
 """Frames whose poses are solved for together; of more, evenly chosen ones."""
 WIDE = 0.25
-"""Share of the points of the best frame that a frame must see to give the zero of a body not seen at rest."""
+"""Share of the points of the best frame that a frame must see.
+
+A rim of a few rows at the border of the picture has a lever too short for a rotation: what the border does to its
+places, 0.1 px alike in all frames, turns it by several mrad.
+"""
 ZERO_FRAMES = 6
 """Frames that give it."""
 
@@ -59,7 +63,7 @@ def flyer_poses(
     -------
     motion : BodyMotion or None
         Its zero is the mean at rest, or that of the first frames with a wide view if too little of the body
-        is in view at rest. LOST frames: too few points. None if no poses can be had.
+        is in view at rest. LOST frames: too little of it is in view. None if no poses can be had.
     remarks : list of Remark
         Why there are none.
     """
@@ -68,11 +72,13 @@ def flyer_poses(
     kept = np.zeros(len(static), dtype=bool)
     kept[:: -(-len(static) // MOST_FRAMES)] = True
     outcome = np.where(kept[:, None], r.outcome, int(PointOutcome.NO_PICTURE))
-    tracks = (_kept(body.tracks[0], kept), _kept(body.tracks[1], kept))
     both = (outcome == PointOutcome.VALID).sum(axis=1)
-    rest = np.flatnonzero(static & (both >= max(WIDE * both.max(initial=0), 3)))
+    kept &= both >= max(WIDE * both.max(initial=0), 3)
+    outcome = np.where(kept[:, None], outcome, int(PointOutcome.NO_PICTURE))
+    tracks = (_kept(body.tracks[0], kept), _kept(body.tracks[1], kept))
+    rest = np.flatnonzero(static & kept)
     if not rest.size:
-        rest = np.flatnonzero(both >= max(WIDE * both.max(initial=0), 3))[:ZERO_FRAMES]
+        rest = np.flatnonzero(kept)[:ZERO_FRAMES]
     step = float(np.median(np.abs(np.diff(travel.displacement[~static[travel.frame]])), axis=0))
     radius = float(np.nanmedian(np.hypot(*frame.positions(r.position)[..., [0, 2]].reshape(-1, 2).T)))
     try:
