@@ -447,6 +447,21 @@ def sweep(
     threads: Threads = None,
     past_data: PastData = "continue",
     seed: Annotated[int, typer.Option(min=0, help="Seed of a random design.")] = 1,
+    ledger: Annotated[
+        str,
+        typer.Option(
+            help="File that keeps every run as it is made, so that nothing is run twice, or none.",
+            show_default="sweep.sqlite among the results",
+        ),
+    ] = "",
+    retry: Annotated[bool, typer.Option("--retry", help="Run again what did not complete before.")] = False,
+    shard: Annotated[
+        str, typer.Option(metavar="I/N", help="Run the I-th of N parts of the design.", show_default="all")
+    ] = "1/1",
+    merge: Annotated[
+        list[Path] | None,
+        typer.Option("--merge", metavar="LEDGER", help="Take over another ledger's runs; repeat for more."),
+    ] = None,
     out: Out = None,
     as_json: AsJson = False,
 ) -> None:
@@ -472,6 +487,9 @@ def sweep(
                 precision, device, threads, past_data, element, hourglass, nearly_incompressible
             ),
             seed=seed,
+            records=commands.Records(
+                ledger, retry=retry, shard=options.shard("--shard", shard), merge=tuple(merge or ())
+            ),
             out=out,
             as_json=as_json,
         )

@@ -16,8 +16,9 @@ from kolsky import options, printed
 from kolsky.errors import InputError
 from kolsky.outfolder import filling, usable_folder
 from kolsky.pictures import Seen
-from kolsky.progress import bars, counted
+from kolsky.progress import bars, paced
 from kolsky.shots import Measured, Shot, folder_of, load_shot
+from kolsky.sweeprecords import Records
 
 
 @dataclass(frozen=True)
@@ -186,28 +187,36 @@ def sweep(
     mesh: tuple[int, int],
     arithmetic: Arithmetic,
     seed: int,
+    records: Records,
     out: Path | None,
     as_json: bool,
 ) -> None:
     """`kolsky sweep`."""
     started = perf_counter()
     options.apart("--vary", bounds, "--parameter", held)
-    points = _design(design, bounds, counts, runs, seed)
+    points = records.part(_design(design, bounds, counts, runs, seed))
     loaded, folder = _load(shot, out)
     numerics = arithmetic.numerics(mesh)
+    ledger = records.place(folder)
     import numpy as np
 
     from kolsky import cautions, misfit
     from kolsky import sweep as factorial
     from kolsky.results_text import failed_runs, jsonable
 
-    with _usable(loaded), bars() as progress:
-        progress("sweep", 0, len(points))
+    with _usable(loaded), records.usable(), paced() as progress:
         result = factorial.sweep(
-            loaded, points, held=held, numerics=numerics, progress=counted(progress, "sweep", len(points))
+            loaded,
+            points,
+            held=held,
+            numerics=numerics,
+            ledger=ledger,
+            merge=records.merge,
+            retry=records.retry,
+            progress=progress,
         )
     with filling(folder) as partial:
-        factorial.write_sweep(partial / "sweep.csv", result)
+        factorial.write_sweep(partial / f"{records.stem}.csv", result)
     table = result.table
     completed = len(table.outcomes) - len(table.lost)
     phi = table.phi_force / misfit.SCALE_FORCE + table.phi_shape / misfit.SCALE_SHAPE  # Eq. (M.5)
@@ -220,7 +229,8 @@ def sweep(
         "smallest_phi": float(phi[best]) if best is not None and seen else None,
         **({} if seen or best is None else {"smallest_phi_force": float(table.phi_force[best])}),
         "at": None if best is None else dict(zip(table.names, table.points[best].tolist(), strict=True)),
-        "file": str(folder / "sweep.csv"),
+        "file": str(folder / f"{records.stem}.csv"),
+        **({} if ledger is None else {"ledger": str(ledger)}),
     }
     failed = {"failed_runs": failed_runs(table)}
     warnings = [

@@ -97,6 +97,14 @@ def spans(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float]]:
     return found
 
 
+def shard(option: str, text: str) -> tuple[int, int]:
+    """ "2/8" as the second of eight parts."""
+    part, slash, parts = text.partition("/")
+    if not slash or not part.isdecimal() or not parts.isdecimal() or not 1 <= int(part) <= int(parts):
+        raise _refuse(option, text, "I/N with I from 1 to N, e.g. 2/8")
+    return int(part), int(parts)
+
+
 def one_of(option: str, text: str, choices: Sequence[str]) -> str:
     """The text, if it is one of the choices."""
     if text not in choices:
