@@ -170,7 +170,9 @@ def _through(
             with factory() as pool:
                 while waiting or flying:
                     while waiting and len(flying) < AHEAD:
-                        flying[pool.submit(_timed, function, points[waiting[-1]])] = waiting.pop()
+                        rows = waiting[-1]
+                        flying[pool.submit(_timed, function, points[rows])] = rows
+                        waiting.pop()  # only now: a broken executor refuses it
                     for future in wait(flying, return_when=FIRST_COMPLETED).done:
                         back: Any = future.result()
                         keep(flying.pop(future), back)
