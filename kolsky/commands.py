@@ -18,7 +18,7 @@ from kolsky.outfolder import filling, usable_folder
 from kolsky.pictures import Seen
 from kolsky.progress import bars, paced
 from kolsky.shots import Measured, Shot, folder_of, load_shot
-from kolsky.sweeprecords import Records
+from kolsky.sweeprecords import DesignExtras, Records
 
 
 @dataclass(frozen=True)
@@ -184,6 +184,7 @@ def sweep(
     held: Mapping[str, float],
     design: str,
     runs: int,
+    extra: DesignExtras,
     mesh: tuple[int, int],
     arithmetic: Arithmetic,
     seed: int,
@@ -193,8 +194,9 @@ def sweep(
 ) -> None:
     """`kolsky sweep`."""
     started = perf_counter()
-    options.apart("--vary", bounds, "--parameter", held)
-    points = records.part(_design(design, bounds, counts, runs, seed))
+    chosen = _design(design, bounds, counts, runs, seed, extra)
+    options.apart("--points" if extra.points else "--vary", chosen.box.names, "--parameter", held)
+    points = records.part(chosen)
     loaded, folder = _load(shot, out)
     numerics = arithmetic.numerics(mesh)
     ledger = records.place(folder)
@@ -235,7 +237,7 @@ def sweep(
     failed = {"failed_runs": failed_runs(table)}
     warnings = [
         *cautions.lost_runs(table),
-        *cautions.sliding(loaded.interface, [*bounds, *held]),
+        *cautions.sliding(loaded.interface, [*table.names, *held]),
     ]
     said = jsonable({**summary, **failed, "warnings": warnings}, "sweep") if as_json else None
     tell([], summary, said, rest={"wall time": _since(started)}, warnings=warnings)
@@ -254,16 +256,34 @@ def _failure(ending: Any) -> dict[str, Any]:
 
 
 def _design(
-    kind: str, bounds: Mapping[str, tuple[float, float]], counts: Sequence[int], runs: int, seed: int
+    kind: str,
+    bounds: Mapping[str, tuple[float, float]],
+    counts: Sequence[int],
+    runs: int,
+    seed: int,
+    extra: DesignExtras,
 ) -> Any:
-    from doe import full_factorial, latin_hypercube, sobol
     from kolsky.parameters import design_box
+
+    extra.check(kind)
+    if extra.points is not None:
+        from kolsky.designfile import read_design
+
+        return read_design(extra.points)
+    from doe import DESIGNS
 
     box = design_box(bounds)
     try:
-        if kind == "factorial":
-            return full_factorial(box, counts)
-        return (latin_hypercube if kind == "lhs" else sobol)(box, runs, rng=seed)
+        match kind:
+            case "factorial":
+                return DESIGNS["full_factorial"](box, counts)
+            case "fractional":
+                return DESIGNS["fractional_factorial"](box, extra.generators)
+            case "composite" | "box-behnken":
+                return DESIGNS["central_composite" if kind == "composite" else "box_behnken"](box)
+            case _:
+                random = {"lhs": "latin_hypercube", "d-optimal": "d_optimal"}.get(kind, kind)
+                return DESIGNS[random](box, runs, rng=seed)
     except ValueError as error:
         raise InputError(options.COMMAND_LINE, f"--design {kind}: {error}") from None
 
