@@ -92,6 +92,9 @@ def flyer_travel(
             found.append(fit[0])
             sigma.append(fit[1])
             counts.append(fit[2])
+    fine = np.flatnonzero(_on_their_way(rows, found, counts, static)).tolist()
+    rows, found = [rows[i] for i in fine], [found[i] for i in fine]
+    sigma, counts = [sigma[i] for i in fine], [counts[i] for i in fine]
     if body.material in rows and len(rows) > 1:  # exact there, but not against all others
         at = rows.index(body.material)
         beside = [sigma[k] for k in (at - 1, at + 1) if 0 <= k < len(rows)]
@@ -142,19 +145,49 @@ def _rims(
     search = RimSearch(chosen, body.mask, rig, frame, places, moves[m])
     search.learn(_in_view(pictures, moves, rows, found))
     result: list[tuple[int, Rim]] = []
-    past = [found[0], found[min(1, len(found) - 1)]]
+    # The first points to come into view are few: the motion is that of the first ten frames together.
+    at, y = np.array(rows[:10], dtype=np.float64), np.array(found[:10])
+    speed = float(np.median(np.diff(y) / np.diff(at))) if at.size > 1 else 0.0
+    start = float(np.median(y - speed * (at - first)))
+    past = [(first, start), (first + 1, start + speed)]
     for k in range(first - 1, -1, -1):
         try:
             pair = (pictures[0].frame(k).astype(np.float64), pictures[1].frame(k).astype(np.float64))
         except PictureError:
             continue  # its frame has an outcome that says so (`dic.images.frame_health`)
-        expected = past[0] if static[k] else 2.0 * past[0] - past[1]
-        around = STRIDE if static[k] and static[min(k + 1, len(static) - 1)] and result else NEAR
+        (last, there), (before, earlier) = past
+        speed = 0.0 if static[k] else (there - earlier) / (last - before)
+        expected = there + speed * (k - last)
+        settled = static[k] and static[min(k + 1, len(static) - 1)] and last == k + 1
+        around = STRIDE if settled else NEAR * (last - k)
         rim = search.find(pair, near, expected + np.arange(-around, around + 0.5 * STRIDE, STRIDE))
         if rim is not None:
             result.append((k, rim))
-            past = [rim.y, past[0]]
+            past = [(k, rim.y), past[0]]
     return result
+
+
+def _on_their_way(rows: list[int], found: list[float], counts: list[int], static: BoolArray) -> list[bool]:
+    """Which frames lie on the way of those after them.
+
+    As a body comes into view a few of its points may agree on a wrong place. From the frame with most points
+    back to rest, a frame farther than `NEAR`, or half a step, from the line through the next is left out.
+    """
+    fine = [True] * len(rows)
+    if not rows:
+        return fine
+    best = int(np.argmax(counts))
+    kept = [best]
+    for i in range(best - 1, -1, -1):
+        after = kept[-6:]
+        if len(after) >= 3 and not static[rows[i]]:
+            at, y = np.array([rows[k] for k in after]), np.array([found[k] for k in after])
+            speed = float(np.median(np.diff(y) / np.diff(at)))
+            off = found[i] - float(np.median(y + speed * (rows[i] - at)))
+            fine[i] = abs(off) <= max(NEAR, 0.5 * abs(speed))
+        if fine[i]:
+            kept.append(i)
+    return fine
 
 
 def _in_view(

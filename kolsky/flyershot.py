@@ -1,5 +1,6 @@
 """A shot with a flyer for `kolsky waves`: the shot as `identify` loads it, and the flyer's own transducer."""
 
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,7 @@ def load_flyer_test(folder_or_toml: str | Path, shot: Shot) -> FlyerInput:
         shot=shot,
         incident=incident,
         mass=0.0 if section is None else section.mass,
+        pictured=declared.flyer is None and declared.pictures is not None,
         share=waves.share,
         switches=Switches(waves.corrections),
         uncertainty={
@@ -69,6 +71,7 @@ def _channel(toml: ShotToml, section: ForceSection) -> ForceChannel:
             sensitivity=section.sensitivity,
             compression_sign=1 if section.compression == "positive" else -1,
             full_scale=section.full_scale,
+            time_constant=inf if section.time_constant is None else section.time_constant,
         ),
         baseline=section.baseline,
         clock_offset=section.clock_offset,

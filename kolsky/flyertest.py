@@ -5,7 +5,8 @@ may be read as a curve of the material, and `kolsky identify` is what does not n
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from math import inf, sqrt
 
 import numpy as np
 
@@ -28,6 +29,12 @@ from kolsky.waves.varied import varied_specimen
 
 EARLY = 0.05
 """Share of the specimen's length up to which the flyer's travel serves to compare the clocks [-]."""
+UNJUDGED = (
+    "whether the forces on the faces are balanced is not known, as only the one behind the specimen was "
+    "measured; cure: declare the flyer's own transducer in [incident_force], or use the inverse method "
+    "(kolsky identify), which needs no balance"
+)
+"""What is said of the validity window where the force on the front face is not known."""
 AVERAGE = 10e-6
 """Span over which forces are averaged before they are judged [s]."""
 
@@ -42,6 +49,8 @@ class FlyerInput:
     """The flyer's own transducer; None where there is none."""
     mass: float = 0.0
     """Mass between its sensing plane and the specimen [kg]."""
+    pictured: bool = False
+    """Whether the flyer's motion is from pictures, which see its direction too."""
     share: float = SHARE
     """Share of the stress that inertia or the forces' difference may have [-]."""
     switches: Switches = field(default_factory=Switches)
@@ -78,7 +87,8 @@ def analyse_flyer(
     )
     sync = _synchronised(given, motion, incident, rest)
     progress("waves", 1, 3)
-    time = _times(transmitted.signal, rest, min(events.path.end, events.usable[0]))
+    last = min(events.path.end, events.usable[0], inf if shot.symmetry_end is None else shot.symmetry_end)
+    time = _times(transmitted.signal, rest, last)
     state = _State(given, events, time)
     log = AuditLog(given.switches)
     for force in (incident, transmitted):
@@ -144,7 +154,10 @@ class _State:
         everything, _ = correct_radial_inertia(plain, strain, rate, second, specimen, apply=True)
         interval = float(time[1] - time[0])
         width = max(1, round(AVERAGE / interval))
-        ratio = imbalance(front.value, back.value, front.sigma[0], back.sigma[0], width=width)
+        known = given.incident is not None  # with one force nothing is known of their balance
+        ratio = np.full(time.size, np.inf)
+        if known:
+            ratio = imbalance(front.value, back.value, front.sigma[0], back.sigma[0], width=width)
         still = History(np.zeros(time.size), np.zeros(time.size), "m/s")
         reduction = Reduction(
             time=time,
@@ -162,6 +175,9 @@ class _State:
             time, front, back, strain,
             inertial_stress=plain.value - everything.value, area=area, share=given.share, average=AVERAGE,
         )  # fmt: skip
+        if not known:
+            unknown = np.full(window.imbalance.shape, np.inf)
+            window = replace(window, window=None, strain=None, covered=0.0, imbalance=unknown)
         return _Reduced(reduction, window, acceleration)
 
     def outputs(self, values: Mapping[str, float]) -> dict[str, FloatArray]:
@@ -215,7 +231,8 @@ def _result(
     }
     if sync is not None:
         facts |= {"lag of the cameras": (sync.lag, "s"), "its standard uncertainty": (sync.sigma, "s")}
-    remarks = [found.validity.sentence] if found.validity.nearly_empty else []
+    judged = found.validity.sentence if given.incident is not None else UNJUDGED
+    remarks = [judged] if found.validity.nearly_empty else []
     if sync is not None and sync.agreement is not Agreement.AGREES:
         remarks.append(sync.sentence)
     elif sync is not None and abs(sync.gain - 1.0) > 2.0 * sync.sigma_gain:
@@ -241,9 +258,9 @@ def _result(
         inputs=shot.inputs,
         settings=given.settings,
         signals=tuple(force.signal for force in forces if force is not None),
-        events=tuple((e.name, e.time, e.sigma, e.how) for e in events.events),
+        events=_events(events, shot, pictured=given.pictured),
         valid=_span(found.validity),
-        validity=found.validity.sentence,
+        validity=judged,
         synchronisation=None if sync is None else sync.sentence,
         inertia={
             "time": found.validity.time,
@@ -251,6 +268,21 @@ def _result(
             "inertia": found.validity.inertia,
         },
     )
+
+
+def _events(
+    found: FlyerEvents, shot: Shot, *, pictured: bool
+) -> tuple[tuple[str, float | None, float | None, str], ...]:
+    """The events; the end of symmetry from the flyer's flight, where there are pictures."""
+    rows = [(e.name, e.time, e.sigma, e.how) for e in found.events if e.name != "end of symmetry"]
+    if not pictured or not isinstance(shot.flyer, FlyerMotion):
+        return tuple((e.name, e.time, e.sigma, e.how) for e in found.events)
+    if shot.symmetry_end is None:
+        kept = "the flyer keeps its first direction to the last frame"
+        return (*rows, ("end of symmetry", None, None, kept))
+    frame = float(np.median(np.diff(shot.flyer.time)))
+    how = "the flyer leaves its first direction, by its flight in the pictures"
+    return (*rows, ("end of symmetry", shot.symmetry_end, frame / sqrt(12.0), how))
 
 
 def _span(found: Validity) -> tuple[float, float] | None:

@@ -91,7 +91,7 @@ def prepare(shot: Shot) -> Prepared:
             "curve_last_s": law.data_limit,
             "curve_last_strain": float(shot.curve.stretch[-1] - 1.0),
             "window_end": shot.window[1],
-            "symmetry_end": float("inf") if shot.symmetry_end is None else shot.symmetry_end,
+            **({} if shot.symmetry_end is None else {"symmetry_end": shot.symmetry_end}),
         },
         motion_sigma_gain=scale,
     )

@@ -223,6 +223,7 @@ ReleaseStress = Annotated[
     float, BeforeValidator(_physical("Pa", ">= 0", "the tensile stress at which a bonded face lets go"))
 ]
 Voltage = Annotated[float, BeforeValidator(_physical("V", "> 0", "the largest voltage the recorder shows"))]
+SignedVoltage = Annotated[float, BeforeValidator(_physical("V"))]
 Sensitivity = Annotated[
     float,
     BeforeValidator(_physical("V/N", "> 0", 'the size of the sensitivity (its sign is "compression")')),

@@ -152,6 +152,7 @@ class ForceSection(Section):
     sensitivity: f.Sensitivity
     compression: Literal["positive", "negative"]
     full_scale: f.Voltage
+    time_constant: f.PositiveTime | None = None
     bits: Annotated[int, Field(ge=4, le=32)] | None = None
     baseline: f.Interval
     clock_offset: f.Time
@@ -190,6 +191,7 @@ class IncidentForceSection(Section):
     time: TimeColumn | None = None
     compression: Literal["positive", "negative"] | None = None
     full_scale: f.Voltage | None = None
+    time_constant: f.PositiveTime | None = None
     baseline: f.Interval | None = None
     clock_offset: f.Time | None = None
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -427,6 +428,7 @@ def _force(folder: Path, rest: float, toml: ShotToml) -> ForceChannel:
             sensitivity=section.sensitivity,
             compression_sign=1 if section.compression == "positive" else -1,
             full_scale=section.full_scale,
+            time_constant=inf if section.time_constant is None else section.time_constant,
         ),
         baseline=section.baseline,
         clock_offset=section.clock_offset,

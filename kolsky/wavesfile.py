@@ -150,6 +150,16 @@ class RecorderSection(LayoutSection):
     clock_offset: f.Time
 
 
+class ShuntSection(Section):
+    """[gauges.NAME.bridge.shunt]: a known resistance across one arm, and the step that was recorded."""
+
+    resistance: f.Resistance
+    step: f.SignedVoltage
+    arm: Annotated[int, Field(ge=1, le=4)] = 1
+    at_gauge: bool = False
+    resistance_sigma: f.LeadResistance = 0.0
+
+
 class BridgeSection(Section):
     """[gauges.NAME.bridge]: a Wheatstone bridge with its supply and amplifier."""
 
@@ -159,6 +169,7 @@ class BridgeSection(Section):
     gain: f.Number = 1.0
     gauge_resistance: f.Resistance = 120.0
     lead_resistance: f.LeadResistance = 0.0
+    shunt: ShuntSection | None = None
 
 
 class GaugeSection(Section):

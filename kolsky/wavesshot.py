@@ -17,6 +17,7 @@ from kolsky.waves.bridge import Bridge, Calibration, Linear
 from kolsky.waves.chain import FAR, SIDES, StationInput, WavesInput
 from kolsky.waves.polymer_waveguide import PronyModulus
 from kolsky.waves.records import Windows
+from kolsky.waves.shunt import Shunt, with_shunt
 from kolsky.wavesfile import BarsShotFile, GaugeSection, WaveBarSection, WavesShotFile
 
 NOTHING = Specimen(diameter=0.0, length=0.0, density=0.0)
@@ -101,10 +102,12 @@ def _record(
     bars = {side: _bar(getattr(declared.bars, side)) for side in SIDES}
     _on_its_bar(file, gauges, bars)
     recordings, hashes = _recordings(file, declared, gauges, folder)
-    stations = {
-        key: _station(gauge, recordings[key], bars[key.removesuffix(" far")], declared)
-        for key, gauge in gauges.items()
-    }
+    stations = {}
+    for key, gauge in gauges.items():
+        try:
+            stations[key] = _station(gauge, recordings[key], bars[key.removesuffix(" far")], declared)
+        except ValueError as error:
+            raise file.error(f"{_table(key)}.bridge", str(error)) from error
     return bars, stations, hashes
 
 
@@ -173,7 +176,18 @@ def _calibration(gauge: GaugeSection, bar: Bar) -> Calibration:
         return Linear(gauge.strain_per_volt)
     assert gauge.bridge is not None  # the validator saw to it
     across = "Poisson" in gauge.bridge.kind
-    return Bridge(**gauge.bridge.model_dump(), poisson=bar.poisson if across else None)
+    stated = gauge.bridge.model_dump(exclude={"shunt"})
+    bridge = Bridge(**stated, poisson=bar.poisson if across else None)
+    if gauge.bridge.shunt is None:
+        return bridge
+    found, check = with_shunt(bridge, Shunt(**gauge.bridge.shunt.model_dump()))
+    if check.compression_sign != (1 if gauge.compression == "positive" else -1):
+        raise ValueError(
+            f"the shunt's step of {gauge.bridge.shunt.step:g} V says that compression gives "
+            f"{'positive' if check.compression_sign > 0 else 'negative'} volts, declared is "
+            f"{gauge.compression!r}; correct the sign of the step or of compression"
+        )
+    return found
 
 
 def _all_there(

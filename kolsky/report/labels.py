@@ -36,6 +36,8 @@ LABELS = {
     "front_sigma_gain": "front face’s velocity, standard uncertainty of its scale",
     "force_noise_correlation": "force noise, correlation of neighbouring samples",
     "force_baseline_samples": "force noise, samples it is from",
+    "window_end": "end of the window, s",
+    "symmetry_end": "end of symmetry by the flyer’s flight, s",
     "curve_last_s": "quasi-static curve, last √(Ī₁ − 3)",
     "curve_last_strain": "quasi-static curve, last nominal strain",
     "numerics.mesh": "mesh of the surrogate",

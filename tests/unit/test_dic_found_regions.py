@@ -126,12 +126,14 @@ def test_a_missing_last_picture_is_passed_over(plain):
 
 def test_what_is_not_clear_is_refused_with_a_cure(plain):
     no_flyer = Memory(tuple(scene(k, top=-60.0) for k in range(FRAMES)))
-    with pytest.raises(ValueError, match="no clear edge is seen where the flyer meets the specimen.*declare"):
+    with pytest.raises(
+        ValueError, match=r"no clear edge is seen where the flyer meets the specimen.*declare"
+    ):
         search(no_flyer)
     blank = Memory(tuple(frame * 0.0 + 50.0 for frame in plain.frames))
     with pytest.raises(ValueError, match="declare"):
         search(blank)
     with pytest.raises(ValueError, match="toward must be one of up"):
         search(plain, "north")
-    with pytest.raises(ValueError, match="needs? a usable static picture"):
+    with pytest.raises(ValueError, match=r"needs? a usable static picture"):
         search(plain, usable=np.zeros(FRAMES, dtype=bool))

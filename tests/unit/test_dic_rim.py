@@ -8,6 +8,7 @@ from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, rig
 from dic.render import Speckles
 from dic.rim import EDGE, RimSearch
 from dic.surfaces import SpecimenFrame
+from dic.travel import _on_their_way
 
 SCALE = 5400.0 / 0.295  # pixels per metre where the cylinder faces the cameras
 TOP = 0.5 * (SHAPE[0] - 1) / SCALE  # height that the first row shows
@@ -98,3 +99,13 @@ def test_another_pattern_is_not_found():
     rng = np.random.default_rng(3)
     other = (rng.uniform(size=SHAPE), rng.uniform(size=SHAPE))
     assert search(edge).find(other, np.zeros(3), np.arange(-40e-6, 45e-6, 10e-6)) is None
+
+
+def test_a_wrong_place_agreed_on_by_few_points_is_left_out():
+    rows, static = list(range(5, 30)), np.arange(30) < 3
+    found = [-19e-6 * k for k in rows]
+    wrong = [k + (300e-6 if i < 6 else 0.0) for i, k in enumerate(found)]
+    counts = [8 if i < 6 else 30 + i for i in range(len(rows))]
+    assert _on_their_way(rows, found, counts, static) == [True] * len(rows)
+    assert _on_their_way(rows, wrong, counts, static) == [False] * 6 + [True] * (len(rows) - 6)
+    assert _on_their_way([], [], [], static) == []

@@ -66,6 +66,9 @@ def test_without_the_flyers_transducer_there_is_one_force(tmp_path):
     assert result.exit_code == 0, result.stderr
     said = json.loads(result.stdout)
     assert said["synchronisation"] is None
+    assert said["valid"] is None
+    assert said["balanced"] is None
+    assert "not known" in said["validity"]
     assert set(said["results"]) == {"largest strain", "back stress there"}
     assert not any(c["key"] == "mass" for c in said["corrections"])
 
@@ -74,9 +77,7 @@ def test_a_clipped_incident_channel_is_refused(tmp_path):
     folder = tmp_path / "shot"
     shutil.copytree(ROOT / "runs" / "open-01", folder, ignore=shutil.ignore_patterns("results"))
     text = (folder / "shot.toml").read_text()
-    (folder / "shot.toml").write_text(
-        text.replace('mass = "7.1 g"', 'full_scale = "0.5 V" \nmass = "7.1 g"')
-    )
+    (folder / "shot.toml").write_text(text.replace('mass = "7.1 g"', 'full_scale = "0.5 V" \nmass = "7.1 g"'))
     result = CliRunner().invoke(app, ["waves", str(folder)])
     assert result.exit_code == 2
     assert "CH1 incident (V)" in result.stderr

@@ -265,3 +265,37 @@ def test_one_shot_is_no_repeat(tmp_path):
     result = CliRunner().invoke(app, ["repeats", str(shot(tmp_path / "a")), "--out", str(tmp_path / "mean")])
     assert result.exit_code == 2
     assert "2 or more" in result.stderr
+
+
+SHUNT = 'gain = 100, shunt = {{ resistance = "100 kohm", step = "{step} V" }}'
+STEP = 100.0 * 5.0 * (120.0 / 100120.0) / (2.0 * (2.0 - 120.0 / 100120.0))
+"""100 kohm across one arm of 120 ohm, times gain and excitation, in a bridge of equal arms."""
+
+
+@pytest.mark.parametrize(
+    ("step", "named"), [(-STEP, "correct the sign"), (2.0 * STEP, "ratio of 2"), (0.0, "not 0 V")]
+)
+def test_a_shunt_that_contradicts_is_refused(tmp_path, step, named):
+    folder = shot(tmp_path / "shot")
+    text = (folder / "shot.toml").read_text()
+    (folder / "shot.toml").write_text(text.replace("gain = 100", SHUNT.format(step=step)))
+    code, _, err = run(str(folder))
+    assert code == 2
+    assert named in err
+    assert "gauges.transmission.bridge" in err
+
+
+def test_a_shunt_gives_the_gain(tmp_path):
+    """A step 1 % larger than stated gain and excitation make it lowers every strain by 1 %."""
+    stresses = []
+    for scale in (1.0, 1.01):
+        folder = shot(tmp_path / f"shot{scale}")
+        text = (folder / "shot.toml").read_text()
+        (folder / "shot.toml").write_text(text.replace("gain = 100", SHUNT.format(step=scale * STEP)))
+        code, _, err = run(str(folder), "--json")
+        assert code == 0, err
+        with h5py.File(folder / "results" / "waves.h5") as file:
+            stresses.append(file["entry/reduction/one_wave/stress"][()].max())
+    assert stresses[0] / stresses[1] == pytest.approx(
+        1.01, rel=1e-5
+    )  # a half bridge bends by its strain, 3e-4

@@ -22,7 +22,7 @@ from kolsky.waves.result import FlyerResult
 
 def caption(result: FlyerResult) -> str:
     """What is seen."""
-    valid = "no time span is valid for a classical curve"
+    valid = "no time span is known to be valid for a classical curve"
     if result.valid is not None:
         first, last = (MS * t for t in result.valid)
         valid = f"a classical curve is valid from {first:.4g} to {last:.4g} ms (shaded)"
