@@ -1,6 +1,7 @@
 """`kolsky sweep` with its ledger: resumed, sharded, merged, killed; and the designs it offers."""
 
 import os
+import pickle
 import shutil
 import signal
 import sqlite3
@@ -210,3 +211,13 @@ def test_a_sweep_killed_three_times_on_the_real_solver(shot: Path) -> None:
     with Ledger(results / "sweep.sqlite", bytes(32)) as one, Ledger(plain, bytes(32)) as other:
         assert len(one) == 1000
         assert one.digest() == other.digest()
+
+
+def test_a_worker_elsewhere_gets_the_whole_shot(shot: Path) -> None:
+    runs = ShotRuns(prepare(load_shot(shot)), ("stiffness_factor",), {}, Numerics(mesh=(8, 11), threads=1))
+    points = np.array([[0.9], [1.0], [1.1]])
+    here, there = runs(points), pickle.loads(pickle.dumps(runs))
+    # One at a time, as if each were another worker's chunk.
+    away = [there(point[None])[0] for point in points]
+    assert [run.results.tobytes() for run in away] == [run.results.tobytes() for run in here]
+    assert there.model_hash() == runs.model_hash()
