@@ -2,58 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
 from operator import index
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+from scipy.spatial import KDTree
 from scipy.stats import qmc
 
 from doe.box import Box
-
-FloatArray = NDArray[np.float64]
-Rng = int | np.random.Generator
-
-
-@dataclass(frozen=True)
-class Design:
-    """Points of a box and how they were chosen.
-
-    Raises
-    ------
-    ValueError
-        If the points are not of shape [n, d] with n >= 1, not finite, or outside the box.
-    """
-
-    points: FloatArray
-    """Parameter values, shape [n, d]."""
-    box: Box
-    """The box they were drawn in."""
-    kind: str
-    """The design's name in `DESIGNS`."""
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    """The options that reproduce it; "rng" is an integer seed also if a generator was given."""
-
-    def __post_init__(self) -> None:
-        points = np.array(self.box.require(self.points, what=f"{self.kind} point"))
-        if len(points) == 0:
-            raise ValueError(f"a design needs at least one point, got none ({self.kind})")
-        points.flags.writeable = False
-        object.__setattr__(self, "points", points)
-
-    def __len__(self) -> int:
-        return len(self.points)
-
-    @property
-    def unit_points(self) -> FloatArray:
-        """The points in the unit box [-], shape [n, d]."""
-        return self.box.unit(self.points)
-
-    def as_dicts(self) -> list[dict[str, float]]:
-        """The points as values by parameter name, length n."""
-        return [self.box.as_dict(point) for point in self.points]
+from doe.design import Design, FloatArray, Rng, count_of, seed_of
+from doe.optimal import d_optimal
+from doe.response_designs import box_behnken, central_composite, fractional_factorial
 
 
 def full_factorial(box: Box, levels: int | Sequence[int]) -> Design:
@@ -107,8 +67,8 @@ def latin_hypercube(box: Box, n: int, *, rng: Rng, optimise: bool = False) -> De
     TypeError
         If `rng` is neither an integer nor a generator.
     """
-    n = _count(n)
-    seed = _seed(rng)
+    n = count_of(n)
+    seed = seed_of(rng)
     sampler = qmc.LatinHypercube(box.dimension, optimization="random-cd" if optimise else None, rng=seed)
     settings = {"n": n, "optimise": optimise, "rng": seed}
     return Design(box.scale(sampler.random(n)), box, "latin_hypercube", settings)
@@ -135,14 +95,14 @@ def sobol(box: Box, n: int, *, rng: Rng, scramble: bool = True) -> Design:
     TypeError
         If `rng` is neither an integer nor a generator.
     """
-    n = _count(n)
+    n = count_of(n)
     exponent = (n - 1).bit_length()
     if n != 2**exponent:
         raise ValueError(
             f"a Sobol' design needs a power of two, got n = {n}: "
             f"take {2**exponent} (or {2 ** (exponent - 1)})"
         )
-    seed = _seed(rng)
+    seed = seed_of(rng)
     sampler = qmc.Sobol(box.dimension, scramble=scramble, rng=seed)
     settings = {"n": n, "scramble": scramble, "rng": seed}
     return Design(box.scale(sampler.random_base2(exponent)), box, "sobol", settings)
@@ -166,31 +126,67 @@ def from_points(box: Box, points: ArrayLike) -> Design:
     return Design(np.asarray(points, dtype=np.float64), box, "from_points")
 
 
+def halton(box: Box, n: int, *, rng: Rng, scramble: bool = True) -> Design:
+    """The first n points of a Halton sequence, any n; more points can follow without moving these.
+
+    Parameters
+    ----------
+    box, n, rng, scramble
+        As of `sobol`, n >= 2; unscrambled it is the radical inverse in the first d primes.
+
+    Raises
+    ------
+    ValueError
+        If n is below 2.
+    TypeError
+        If `rng` is neither an integer nor a generator.
+    """
+    n, seed = count_of(n), seed_of(rng)
+    sampler = qmc.Halton(box.dimension, scramble=scramble, rng=seed)
+    settings = {"n": n, "scramble": scramble, "rng": seed}
+    return Design(box.scale(sampler.random(n)), box, "halton", settings)
+
+
+def maximin(box: Box, n: int, *, rng: Rng, tries: int = 200) -> Design:
+    """Of many Latin hypercubes the one whose two nearest points are farthest apart in the unit box.
+
+    Parameters
+    ----------
+    box, n, rng
+        As of `latin_hypercube`.
+    tries
+        Number of hypercubes drawn.
+
+    Raises
+    ------
+    ValueError
+        If n is below 2 or `tries` below 1.
+    TypeError
+        If `rng` is neither an integer nor a generator.
+    """
+    n, seed = count_of(n), seed_of(rng)
+    if tries < 1:
+        raise ValueError(f"tries must be at least 1, got {tries}")
+    sampler = qmc.LatinHypercube(box.dimension, rng=seed)
+    best = max((sampler.random(n) for _ in range(tries)), key=_nearest)
+    return Design(box.scale(best), box, "maximin", {"n": n, "tries": tries, "rng": seed})
+
+
+def _nearest(unit_points: FloatArray) -> float:
+    """Distance of the two nearest points."""
+    return float(KDTree(unit_points).query(unit_points, k=2)[0][:, 1].min())
+
+
 DESIGNS: dict[str, Callable[..., Design]] = {
     "full_factorial": full_factorial,
     "latin_hypercube": latin_hypercube,
     "sobol": sobol,
     "from_points": from_points,
+    "halton": halton,
+    "maximin": maximin,
+    "fractional_factorial": fractional_factorial,
+    "central_composite": central_composite,
+    "box_behnken": box_behnken,
+    "d_optimal": d_optimal,
 }
 """Designs by name. Each takes the box first; a new design is one function and one line here."""
-
-
-def _count(n: int) -> int:
-    count = index(n)
-    if count < 2:
-        raise ValueError(f"a design needs n >= 2 points, got {count}")
-    return count
-
-
-def _seed(rng: Rng) -> int:
-    """The integer that reproduces the draw.
-
-    From a generator one is drawn: SciPy's samplers spawn a child of a generator, which its recorded
-    state would not reproduce.
-    """
-    if isinstance(rng, np.random.Generator):
-        return int(rng.integers(2**63))
-    try:
-        return index(rng)
-    except TypeError:
-        raise TypeError(f"rng must be an integer seed or a numpy Generator, got {rng!r}") from None

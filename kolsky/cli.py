@@ -435,9 +435,21 @@ def sweep(
     ] = None,
     parameter: Numbers = None,
     design: Annotated[
-        str, typer.Option(help="factorial, lhs or sobol; the last two take --runs points.")
+        str,
+        typer.Option(
+            help="factorial, fractional, composite, box-behnken or csv; with --runs points lhs, maximin, "
+            "sobol, halton or d-optimal."
+        ),
     ] = "factorial",
-    runs: Annotated[int, typer.Option(min=2, max=1_000_000, help="Points of a lhs or sobol design.")] = 64,
+    runs: Annotated[
+        int, typer.Option(min=2, max=1_000_000, help="Points of a design that takes any number.")
+    ] = 64,
+    generators: Annotated[
+        str, typer.Option(metavar="WORDS", help='Of a fractional design, a word a parameter, e.g. "a b ab".')
+    ] = "",
+    points: Annotated[
+        Path | None, typer.Option(metavar="CSV", help="File of a csv design; columns NAME (UNIT).")
+    ] = None,
     mesh: Mesh = "16x22",
     element: Element = "one_point",
     hourglass: Hourglass = "stiffness",
@@ -447,6 +459,21 @@ def sweep(
     threads: Threads = None,
     past_data: PastData = "continue",
     seed: Annotated[int, typer.Option(min=0, help="Seed of a random design.")] = 1,
+    ledger: Annotated[
+        str,
+        typer.Option(
+            help="File that keeps every run as it is made, so that nothing is run twice, or none.",
+            show_default="sweep.sqlite among the results",
+        ),
+    ] = "",
+    retry: Annotated[bool, typer.Option("--retry", help="Run again what did not complete before.")] = False,
+    shard: Annotated[
+        str, typer.Option(metavar="I/N", help="Run the I-th of N parts of the design.", show_default="all")
+    ] = "1/1",
+    merge: Annotated[
+        list[Path] | None,
+        typer.Option("--merge", metavar="LEDGER", help="Take over another ledger's runs; repeat for more."),
+    ] = None,
     out: Out = None,
     as_json: AsJson = False,
 ) -> None:
@@ -457,6 +484,9 @@ def sweep(
         if options.one_of("--design", design, options.DESIGNS) == "factorial":
             factors = vary or ["friction=0:2:10", "stiffness_factor=0.75:1.25:10"]
             bounds, counts = options.levels("--vary", factors)
+        elif design == "csv":
+            options.none("--vary", vary or [], "--design csv, whose file names the parameters")
+            bounds, counts = {}, []
         else:
             bounds = options.spans("--vary", vary or ["friction=0:2", "stiffness_factor=0.75:1.25"])
             counts = []
@@ -467,11 +497,15 @@ def sweep(
             held=options.values("--parameter", parameter or []),
             design=design,
             runs=runs,
+            extra=commands.DesignExtras(generators, points),
             mesh=options.mesh("--mesh", mesh),
             arithmetic=commands.Arithmetic(
                 precision, device, threads, past_data, element, hourglass, nearly_incompressible
             ),
             seed=seed,
+            records=commands.Records(
+                ledger, retry=retry, shard=options.shard("--shard", shard), merge=tuple(merge or ())
+            ),
             out=out,
             as_json=as_json,
         )

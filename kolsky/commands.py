@@ -16,8 +16,9 @@ from kolsky import options, printed
 from kolsky.errors import InputError
 from kolsky.outfolder import filling, usable_folder
 from kolsky.pictures import Seen
-from kolsky.progress import bars, counted
+from kolsky.progress import bars, paced
 from kolsky.shots import Measured, Shot, folder_of, load_shot
+from kolsky.sweeprecords import DesignExtras, Records
 
 
 @dataclass(frozen=True)
@@ -183,31 +184,41 @@ def sweep(
     held: Mapping[str, float],
     design: str,
     runs: int,
+    extra: DesignExtras,
     mesh: tuple[int, int],
     arithmetic: Arithmetic,
     seed: int,
+    records: Records,
     out: Path | None,
     as_json: bool,
 ) -> None:
     """`kolsky sweep`."""
     started = perf_counter()
-    options.apart("--vary", bounds, "--parameter", held)
-    points = _design(design, bounds, counts, runs, seed)
+    chosen = _design(design, bounds, counts, runs, seed, extra)
+    options.apart("--points" if extra.points else "--vary", chosen.box.names, "--parameter", held)
+    points = records.part(chosen)
     loaded, folder = _load(shot, out)
     numerics = arithmetic.numerics(mesh)
+    ledger = records.place(folder)
     import numpy as np
 
     from kolsky import cautions, misfit
     from kolsky import sweep as factorial
     from kolsky.results_text import failed_runs, jsonable
 
-    with _usable(loaded), bars() as progress:
-        progress("sweep", 0, len(points))
+    with _usable(loaded), records.usable(), paced() as progress:
         result = factorial.sweep(
-            loaded, points, held=held, numerics=numerics, progress=counted(progress, "sweep", len(points))
+            loaded,
+            points,
+            held=held,
+            numerics=numerics,
+            ledger=ledger,
+            merge=records.merge,
+            retry=records.retry,
+            progress=progress,
         )
     with filling(folder) as partial:
-        factorial.write_sweep(partial / "sweep.csv", result)
+        factorial.write_sweep(partial / f"{records.stem}.csv", result)
     table = result.table
     completed = len(table.outcomes) - len(table.lost)
     phi = table.phi_force / misfit.SCALE_FORCE + table.phi_shape / misfit.SCALE_SHAPE  # Eq. (M.5)
@@ -220,12 +231,13 @@ def sweep(
         "smallest_phi": float(phi[best]) if best is not None and seen else None,
         **({} if seen or best is None else {"smallest_phi_force": float(table.phi_force[best])}),
         "at": None if best is None else dict(zip(table.names, table.points[best].tolist(), strict=True)),
-        "file": str(folder / "sweep.csv"),
+        "file": str(folder / f"{records.stem}.csv"),
+        **({} if ledger is None else {"ledger": str(ledger)}),
     }
     failed = {"failed_runs": failed_runs(table)}
     warnings = [
         *cautions.lost_runs(table),
-        *cautions.sliding(loaded.interface, [*bounds, *held]),
+        *cautions.sliding(loaded.interface, [*table.names, *held]),
     ]
     said = jsonable({**summary, **failed, "warnings": warnings}, "sweep") if as_json else None
     tell([], summary, said, rest={"wall time": _since(started)}, warnings=warnings)
@@ -244,16 +256,34 @@ def _failure(ending: Any) -> dict[str, Any]:
 
 
 def _design(
-    kind: str, bounds: Mapping[str, tuple[float, float]], counts: Sequence[int], runs: int, seed: int
+    kind: str,
+    bounds: Mapping[str, tuple[float, float]],
+    counts: Sequence[int],
+    runs: int,
+    seed: int,
+    extra: DesignExtras,
 ) -> Any:
-    from doe import full_factorial, latin_hypercube, sobol
     from kolsky.parameters import design_box
+
+    extra.check(kind)
+    if extra.points is not None:
+        from kolsky.designfile import read_design
+
+        return read_design(extra.points)
+    from doe import DESIGNS
 
     box = design_box(bounds)
     try:
-        if kind == "factorial":
-            return full_factorial(box, counts)
-        return (latin_hypercube if kind == "lhs" else sobol)(box, runs, rng=seed)
+        match kind:
+            case "factorial":
+                return DESIGNS["full_factorial"](box, counts)
+            case "fractional":
+                return DESIGNS["fractional_factorial"](box, extra.generators)
+            case "composite" | "box-behnken":
+                return DESIGNS["central_composite" if kind == "composite" else "box_behnken"](box)
+            case _:
+                random = {"lhs": "latin_hypercube", "d-optimal": "d_optimal"}.get(kind, kind)
+                return DESIGNS[random](box, runs, rng=seed)
     except ValueError as error:
         raise InputError(options.COMMAND_LINE, f"--design {kind}: {error}") from None
 

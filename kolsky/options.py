@@ -7,7 +7,18 @@ from pathlib import Path
 from kolsky.errors import InputError
 
 COMMAND_LINE = Path("command line")
-DESIGNS = ("factorial", "lhs", "sobol")
+DESIGNS = (
+    "factorial",
+    "lhs",
+    "maximin",
+    "sobol",
+    "halton",
+    "fractional",
+    "composite",
+    "box-behnken",
+    "d-optimal",
+    "csv",
+)
 MOST_RUNS = 1_000_000
 """Most runs of a sweep; their histories must fit into memory."""
 
@@ -95,6 +106,20 @@ def spans(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float]]:
                 raise _refuse(option, text, f"{name} once")
             found[name] = pair
     return found
+
+
+def none(option: str, texts: Sequence[str], other: str) -> None:
+    """Refuse an option beside another that excludes it."""
+    if texts:
+        raise InputError(COMMAND_LINE, f"{option} excludes {other}", cure=f"leave out {option}")
+
+
+def shard(option: str, text: str) -> tuple[int, int]:
+    """ "2/8" as the second of eight parts."""
+    part, slash, parts = text.partition("/")
+    if not slash or not part.isdecimal() or not parts.isdecimal() or not 1 <= int(part) <= int(parts):
+        raise _refuse(option, text, "I/N with I from 1 to N, e.g. 2/8")
+    return int(part), int(parts)
 
 
 def one_of(option: str, text: str, choices: Sequence[str]) -> str:

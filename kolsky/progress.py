@@ -1,11 +1,15 @@
 """Progress on a terminal: a bar for every stage of the work."""
 
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from kolsky.report.labels import STAGES
+
+EVERY = 60.0
+"""Least time between two lines of a sweep that writes to no terminal [s]."""
 
 
 @contextmanager
@@ -45,3 +49,39 @@ def counted(progress: Callable[[str, int, int], None], stage: str, total: int) -
         progress(stage, done, total)
 
     return report
+
+
+@contextmanager
+def paced() -> Iterator[Callable[[Any], None]]:
+    """A sweep's bar with its rate and the time left on stderr; a line a minute if that is no terminal.
+
+    Yields
+    ------
+    callable
+        Called with a `doe.executors.Pace`.
+    """
+    if not sys.stderr.isatty():
+        last = time.monotonic()
+
+        def say(pace: Any) -> None:
+            nonlocal last
+            if time.monotonic() - last >= EVERY:
+                last = time.monotonic()
+                print(f"{pace.done} of {pace.total} runs, {_pace(pace)}", file=sys.stderr, flush=True)
+
+        yield say
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    columns = (TextColumn("sweep"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[pace]}"))
+    with Progress(*columns, console=Console(stderr=True)) as progress:
+        task = progress.add_task("sweep", total=None, pace="")
+        yield lambda pace: progress.update(task, completed=pace.done, total=pace.total, pace=_pace(pace))
+
+
+def _pace(pace: Any) -> str:
+    if pace.rate <= 0.0:
+        return ""
+    minutes, seconds = divmod(round(pace.seconds_left), 60)
+    return f"{pace.rate:.3g} runs/s, {minutes // 60}:{minutes % 60:02d}:{seconds:02d} left"

@@ -341,7 +341,7 @@ OPTIONS: dict[str, tuple[list[str], str]] = {
     "simulated parameter": (["simulate", "-p", "m=1.1"], "there is no parameter 'm'"),
     "simulated value": (["simulate", "-p", "poisson=0.5"], "must be in [0, 0.4999]"),
     "no value": (["simulate", "-p", "friction"], "NAME=VALUE"),
-    "design": (["sweep", "--design", "grid"], "it must be factorial, lhs or sobol"),
+    "design": (["sweep", "--design", "grid"], "it must be factorial, lhs, maximin, sobol, "),
     "Sobol' runs": (["sweep", "--design", "sobol", "--runs", "100"], "needs a power of two, got n = 100"),
     "levels": (["sweep", "--vary", "friction=0:2"], "NAME=LOW:HIGH:LEVELS"),
     "levels of a random design": (["sweep", "--design", "lhs", "--vary", "friction=0:2:9"], "NAME=LOW:HIGH"),

@@ -16,6 +16,12 @@ EXAMPLES: dict[str, Callable[[Box], Design]] = {
     "latin_hypercube": lambda box: latin_hypercube(box, 12, rng=1),
     "sobol": lambda box: sobol(box, 16, rng=1),
     "from_points": lambda box: from_points(box, [box.lower, box.upper]),
+    "halton": lambda box: DESIGNS["halton"](box, 12, rng=1),
+    "maximin": lambda box: DESIGNS["maximin"](box, 12, rng=1, tries=20),
+    "fractional_factorial": lambda box: DESIGNS["fractional_factorial"](box, "a b ab"),
+    "central_composite": lambda box: DESIGNS["central_composite"](box),
+    "box_behnken": lambda box: DESIGNS["box_behnken"](box),
+    "d_optimal": lambda box: DESIGNS["d_optimal"](box, 12, rng=1, starts=2),
 }
 
 

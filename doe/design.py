@@ -1,0 +1,88 @@
+"""A design: points of a box and how they were chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from operator import index
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.box import Box
+
+FloatArray = NDArray[np.float64]
+Rng = int | np.random.Generator
+
+
+@dataclass(frozen=True)
+class Design:
+    """Points of a box and how they were chosen.
+
+    Raises
+    ------
+    ValueError
+        If the points are not of shape [n, d] with n >= 1, not finite, or outside the box.
+    """
+
+    points: FloatArray
+    """Parameter values, shape [n, d]."""
+    box: Box
+    """The box they were drawn in."""
+    kind: str
+    """The design's name in `DESIGNS`."""
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    """The options that reproduce it; "rng" is an integer seed also if a generator was given."""
+
+    def __post_init__(self) -> None:
+        points = np.array(self.box.require(self.points, what=f"{self.kind} point"))
+        if len(points) == 0:
+            raise ValueError(f"a design needs at least one point, got none ({self.kind})")
+        points.flags.writeable = False
+        object.__setattr__(self, "points", points)
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @property
+    def unit_points(self) -> FloatArray:
+        """The points in the unit box [-], shape [n, d]."""
+        return self.box.unit(self.points)
+
+    def as_dicts(self) -> list[dict[str, float]]:
+        """The points as values by parameter name, length n."""
+        return [self.box.as_dict(point) for point in self.points]
+
+
+def count_of(n: int) -> int:
+    """A number of points.
+
+    Raises
+    ------
+    ValueError
+        If it is below 2.
+    """
+    count = index(n)
+    if count < 2:
+        raise ValueError(f"a design needs n >= 2 points, got {count}")
+    return count
+
+
+def seed_of(rng: Rng) -> int:
+    """The integer that reproduces the draw.
+
+    From a generator one is drawn: SciPy's samplers spawn a child of a generator, which its recorded
+    state would not reproduce.
+
+    Raises
+    ------
+    TypeError
+        If `rng` is neither an integer nor a generator.
+    """
+    if isinstance(rng, np.random.Generator):
+        return int(rng.integers(2**63))
+    try:
+        return index(rng)
+    except TypeError:
+        raise TypeError(f"rng must be an integer seed or a numpy Generator, got {rng!r}") from None

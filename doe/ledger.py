@@ -1,0 +1,287 @@
+"""The ledger of a sweep: every run on disk as soon as its chunk is done, found again by what was asked.
+
+A run's key is the SHA-256 of the model's hash and the parameters' bytes, so the same question has the same
+key in every process and on every machine, and two ledgers can be merged without asking anything else.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sqlite3
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+
+APPLICATION = 0x6B6F6C73
+"""SQLite's application id of a ledger: "kols"."""
+VERSION = 1
+"""Version of the table."""
+TABLE = """CREATE TABLE runs (
+  key BLOB PRIMARY KEY NOT NULL CHECK (length(key) = 32),
+  model BLOB NOT NULL CHECK (length(model) = 32),
+  parameters BLOB NOT NULL,
+  completed INTEGER NOT NULL CHECK (completed IN (0, 1)),
+  outcome TEXT NOT NULL,
+  reason TEXT NOT NULL,
+  results BLOB NOT NULL,
+  seconds REAL NOT NULL
+) STRICT, WITHOUT ROWID"""
+OLDEST = (3, 37, 0)
+"""The first SQLite with STRICT tables."""
+LITTLE = np.dtype("<f8")
+"""Floats on disk, whatever the machine's byte order."""
+
+
+class LedgerError(Exception):
+    """A file that is no ledger, is damaged, or is in use."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """What became of one run."""
+
+    completed: bool
+    """Whether it ended as it should."""
+    outcome: str
+    """How it ended, one word."""
+    results: FloatArray
+    """Its numbers, shape [k]; NaN is kept."""
+    reason: str = ""
+    """Why it did not complete; empty if it did."""
+    seconds: float = 0.0
+    """Its share of the time of the chunk it was run in [s]; the only field that a repeat may change."""
+
+
+def run_key(model: bytes, point: ArrayLike) -> bytes:
+    """SHA-256 of a model's hash and a point's float64 bytes, 32 bytes; -0.0 and 0.0 are one value."""
+    return hashlib.sha256(model + _floats(np.asarray(point, dtype=np.float64) + 0.0)).digest()
+
+
+class Ledger:
+    """A SQLite file of runs, held by one process at a time; a context manager.
+
+    The file is in WAL mode and every `record` is one transaction with a sync: a process killed at any
+    moment leaves the chunks recorded before, whole. Nothing in the file is believed before it is checked.
+
+    Parameters
+    ----------
+    path
+        The file; it is made if there is none.
+    model
+        Hash of everything but the parameters that a run's result depends on, 32 bytes.
+
+    Raises
+    ------
+    LedgerError
+        If the file is no ledger, is damaged, or another process holds it.
+    ValueError
+        If `model` is not 32 bytes.
+    """
+
+    def __init__(self, path: Path, model: bytes) -> None:
+        if len(model) != 32:
+            raise ValueError(f"model must be a SHA-256, 32 bytes, got {len(model)}")
+        if sqlite3.sqlite_version_info < OLDEST:
+            raise LedgerError(f"a ledger needs SQLite 3.37 or newer, this is {sqlite3.sqlite_version}")
+        self.path, self.model = Path(path), bytes(model)
+        with self._refusing():
+            self._sql = sqlite3.connect(self.path, isolation_level=None, timeout=0.0)
+        try:
+            with self._refusing():
+                self._open()
+        except BaseException:
+            self._sql.close()
+            raise
+
+    def __enter__(self) -> Ledger:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._sql.close()
+
+    def __len__(self) -> int:
+        """Number of runs of every model in the file."""
+        with self._refusing():
+            return int(self._sql.execute("SELECT count(*) FROM runs").fetchone()[0])
+
+    def find(self, points: ArrayLike) -> list[Run | None]:
+        """The runs at some points of this model, None where there is none.
+
+        Parameters
+        ----------
+        points
+            Parameter values, shape [n, d].
+
+        Raises
+        ------
+        LedgerError
+            If a row found is not what was recorded under that key.
+        """
+        found: list[Run | None] = []
+        with self._refusing():
+            for point in np.asarray(points, dtype=np.float64):
+                key = run_key(self.model, point)
+                row = self._sql.execute(f"SELECT {_COLUMNS} FROM runs WHERE key = ?", (key,)).fetchone()
+                found.append(None if row is None else self._checked(row))
+        return found
+
+    def record(self, points: ArrayLike, runs: Sequence[Run]) -> None:
+        """Write a chunk of runs, all or none; a run recorded before at the same point is replaced.
+
+        Parameters
+        ----------
+        points
+            Parameter values, shape [n, d].
+        runs
+            What became of them, length n.
+
+        Raises
+        ------
+        LedgerError
+            If the file cannot be written.
+        """
+        rows = [
+            (
+                run_key(self.model, point),
+                self.model,
+                _floats(point + 0.0),
+                int(run.completed),
+                run.outcome,
+                run.reason,
+                _floats(run.results),
+                float(run.seconds),
+            )
+            for point, run in zip(np.asarray(points, dtype=np.float64), runs, strict=True)
+        ]
+        with self._transaction():
+            self._sql.executemany(f"INSERT OR REPLACE INTO runs ({_COLUMNS}) VALUES ({_MARKS})", rows)
+
+    def merge(self, path: Path) -> int:
+        """Take over the runs of another ledger, of every model in it, all or none.
+
+        A completed run replaces one that did not complete, and nothing replaces a completed one.
+
+        Returns
+        -------
+        int
+            Number of runs taken over.
+
+        Raises
+        ------
+        LedgerError
+            If the other file does not exist, is no ledger or holds a damaged row, or if the two hold
+            different results of one completed run.
+        """
+        if not Path(path).is_file():
+            raise LedgerError(f"{path}: there is no such ledger")
+        taken = 0
+        with Ledger(path, self.model) as other, self._transaction():
+            for row in other._rows():
+                theirs = other._checked(row)
+                mine = self._sql.execute(f"SELECT {_COLUMNS} FROM runs WHERE key = ?", (row[0],)).fetchone()
+                if mine is not None:
+                    ours = self._checked(mine)
+                    if ours.completed and theirs.completed and mine[:-1] != row[:-1]:
+                        raise LedgerError(
+                            f"{path}: run {row[0].hex()[:12]} has other results than in {self.path}; "
+                            "the two were not made by the same program on machines of one kind"
+                        )
+                    if ours.completed or not theirs.completed:
+                        continue
+                self._sql.execute(f"INSERT OR REPLACE INTO runs ({_COLUMNS}) VALUES ({_MARKS})", row)
+                taken += 1
+        return taken
+
+    def digest(self) -> str:
+        """SHA-256 of every row but its seconds, in the order of the keys: equal for equal contents."""
+        total = hashlib.sha256()
+        for row in self._rows():
+            for entry in row[:-1]:
+                data = entry if isinstance(entry, bytes) else str(entry).encode()
+                total.update(len(data).to_bytes(8, "little") + data)
+        return total.hexdigest()
+
+    def _rows(self) -> Iterator[tuple[Any, ...]]:
+        with self._refusing():
+            yield from self._sql.execute(f"SELECT {_COLUMNS} FROM runs ORDER BY key")
+
+    def _open(self) -> None:
+        # Exclusive before WAL: no shared memory, so the file may lie on a network drive, and a second
+        # process is refused instead of repeating the first one's runs.
+        self._sql.execute("PRAGMA trusted_schema = OFF")
+        self._sql.execute("PRAGMA locking_mode = EXCLUSIVE")
+        schema = self._sql.execute("SELECT type, name, sql FROM sqlite_master").fetchall()
+        stamp = tuple(
+            self._sql.execute(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version")
+        )
+        empty = not schema and stamp == (0, 0)
+        if not empty and (stamp != (APPLICATION, VERSION) or schema != [("table", "runs", TABLE)]):
+            raise LedgerError(
+                f"{self.path}: is not a ledger of version {VERSION}; give another place for the ledger"
+            )
+        mode = self._sql.execute("PRAGMA journal_mode = WAL").fetchone()[0]
+        self._sql.execute("PRAGMA synchronous = FULL")
+        self._sql.execute("BEGIN IMMEDIATE")
+        if empty:
+            self._sql.execute(TABLE)
+            self._sql.execute(f"PRAGMA application_id = {APPLICATION}")
+            self._sql.execute(f"PRAGMA user_version = {VERSION}")
+        self._sql.execute("COMMIT")
+        health = self._sql.execute("PRAGMA quick_check(1)").fetchone()[0]
+        if health != "ok" or mode != "wal":
+            raise LedgerError(f"{self.path}: is damaged ({health}, journal {mode}); restore it or remove it")
+
+    def _checked(self, row: tuple[Any, ...]) -> Run:
+        """A row as a run, if its types and lengths are right and its key is that of its contents."""
+        key, model, parameters, completed, outcome, reason, results, seconds = row
+        if (
+            key != hashlib.sha256(model + parameters).digest()
+            or len(parameters) % 8
+            or len(results) % 8
+            or not seconds >= 0.0
+        ):
+            raise LedgerError(f"{self.path}: run {key.hex()[:12]} is damaged; remove the file and run again")
+        numbers = np.frombuffer(results, dtype=LITTLE).astype(np.float64)
+        return Run(bool(completed), outcome, numbers, reason, seconds)
+
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        with self._refusing():
+            self._sql.execute("BEGIN IMMEDIATE")
+            try:
+                yield
+            except BaseException:
+                self._sql.execute("ROLLBACK")
+                raise
+            self._sql.execute("COMMIT")
+
+    @contextmanager
+    def _refusing(self) -> Iterator[None]:
+        try:
+            yield
+        except sqlite3.Error as error:
+            busy = "locked" in str(error)
+            cure = "another sweep is using it; wait, or give this one a ledger of its own"
+            raise LedgerError(f"{self.path}: {cure if busy else error}") from error
+
+
+_COLUMNS = "key, model, parameters, completed, outcome, reason, results, seconds"
+_MARKS = ", ".join("?" * 8)
+
+
+def _floats(values: ArrayLike) -> bytes:
+    return np.ascontiguousarray(values, dtype=LITTLE).tobytes()

@@ -1,0 +1,49 @@
+"""A sweep of 10 000 quick runs into a ledger, as a process of its own that can be killed.
+
+    python ledger_sweep.py LEDGER LOG
+
+Every run that is made is written to LOG, 4 bytes a run, before its chunk comes back.
+"""
+
+import os
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import Box, latin_hypercube
+from doe.executors import run_chunks
+from doe.ledger import Ledger, Run
+
+N, CHUNK, KEEPS = 10_000, 25, 3
+MODEL = b"\x07" * 32
+POINTS = latin_hypercube(Box(("a", "b"), (0.1, 1e-6), (2.0, 1e-4), (False, True)), N, rng=5).points
+ROW = {point.tobytes(): i for i, point in enumerate(POINTS)}
+
+
+def oscillator(points: NDArray[np.float64]) -> list[Run]:
+    """A damped oscillation at three times; a run with much damping "fails"."""
+    runs = []
+    for a, b in points:
+        fails = b > 9e-5
+        results = np.array([np.nan] * KEEPS) if fails else np.exp(-b * 1e4) * np.sin(a * np.arange(1.0, 4.0))
+        runs.append(Run(not fails, "LOST" if fails else "DONE", results, "too much damping" if fails else ""))
+    return runs
+
+
+def main(ledger: Path, log: Path) -> None:
+    with log.open("ab", buffering=0) as file, Ledger(ledger, MODEL) as book:
+
+        def logged(points: NDArray[np.float64]) -> list[Run]:
+            rows = np.array([ROW[point.tobytes()] for point in points], dtype="<i4")
+            os.write(file.fileno(), rows.tobytes())
+            time.sleep(0.002)  # a sweep of about two seconds, so that it can be hit in the middle
+            return oscillator(points)
+
+        run_chunks(logged, POINTS, chunk=CHUNK, ledger=book)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(sys.argv[2]))
