@@ -131,9 +131,11 @@ def block_bootstrap(
     gain = inverse_information(jacobian) @ jacobian.T
     # Least squares with d parameters leaves residuals smaller than the noise by (k - d) / k.
     pool = (residual - residual.mean()) * np.sqrt(k / (k - d))
-    starts = generator.integers(0, k, size=(n_draws, n_blocks))
-    places = (starts[:, :, None] + np.arange(block)).reshape(n_draws, -1)[:, :k] % k
-    moves = pool[places] @ gain.T
+    moves = np.empty((n_draws, d))
+    for draw in range(n_draws):  # one at a time: all together would not fit in memory for a long record
+        starts = generator.integers(0, k, size=n_blocks)
+        places = (starts[:, None] + np.arange(block)).ravel()[:k] % k
+        moves[draw] = gain @ pool[places]
     return np.atleast_2d(np.cov(moves, rowvar=False))
 
 

@@ -190,8 +190,8 @@ class _Walk:
             def excess(u: float, warm: tuple[Fit, Fit] = (inside, outside)) -> float:
                 return min(self.rise(self.at(u, fit)) for fit in warm) - level
 
-            if excess(b) <= 0.0:
-                return b, i
+            if excess(b) <= 0.0:  # the other warm start found a better fit there
+                continue
             return float(brentq(excess, a, b, xtol=1e-9, rtol=1e-9)), i
         return None, len(fits)
 

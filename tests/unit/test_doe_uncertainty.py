@@ -5,13 +5,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from doe import Box
+from doe import Box, ResponseSurrogate, full_factorial
 from doe.uncertainty import (
     AutoRegression,
     Channel,
     Likelihood,
     VerdictKind,
     block_bootstrap,
+    fit_noise,
     gauss_newton,
     profile_likelihoods,
     sample_posterior,
@@ -118,7 +119,7 @@ def test_a_bound_on_one_side() -> None:
     exact = np.arctanh(1.0 - SIGMA * np.sqrt(LEVEL) / 2.0)
     assert verdict.interval[0] == pytest.approx(exact, abs=1e-5)
     assert verdict.interval[1] is None
-    assert "at least 1.47" in verdict.text
+    assert f"at least {exact:.4f}" in verdict.text
 
 
 def test_a_parameter_that_the_data_do_not_see() -> None:
@@ -181,10 +182,12 @@ def test_corrections_for_correlated_residuals() -> None:
     # 500 blocks: 6 % of a variance; blocks of 40 miss 2 a / (1 - a^2) / 40 = 5 %. Three of the one, one
     # of the other.
     assert sandwich(J, r, block=40)[0, 0] == pytest.approx(inflation * white, rel=0.23)
-    assert block_bootstrap(J, r, block=40, rng=1)[0, 0] == pytest.approx(inflation * white, rel=0.23)
-    # With blocks of one both are white again: 20 000 squares, and 2000 draws (3 % of a variance).
+    assert block_bootstrap(J, r, block=40, rng=1, n_draws=800)[0, 0] == pytest.approx(
+        inflation * white, rel=0.23
+    )
+    # With blocks of one both are white again: 20 000 squares, and 800 draws (5 % of a variance).
     assert sandwich(J, r, block=1)[0, 0] == pytest.approx(white, rel=1e-3)
-    assert block_bootstrap(J, r, block=1, rng=1)[0, 0] == pytest.approx(white, rel=0.1)
+    assert block_bootstrap(J, r, block=1, rng=1, n_draws=800)[0, 0] == pytest.approx(white, rel=0.15)
     with pytest.raises(ValueError, match="shorter blocks"):
         sandwich(J, r, block=10_000)
 
@@ -206,18 +209,17 @@ def test_posterior_of_a_linear_model_is_the_profile() -> None:
     pytest.importorskip("emcee", reason="the extra [bayes] is not installed")
     data = A @ TRUTH
     likelihood = of(linear, data)
-    posterior = sample_posterior(likelihood, (0.0, 0.0), rng=5, max_steps=4000)
+    posterior = sample_posterior(likelihood, (0.0, 0.0), rng=5, max_steps=2500)
     assert posterior.converged
     C = SIGMA**2 * np.linalg.inv(A.T @ A)
     sigma = np.sqrt(np.diag(C))
-    # Some 2000 independent samples: means to 0.022 sigma, deviations to 1.6 %; four of each.
+    # More than 50 autocorrelation times of 32 walkers, 1600 independent samples: means to 0.025 sigma,
+    # deviations to 1.8 %; four of each.
     np.testing.assert_allclose((posterior.samples.mean(axis=0) - TRUTH) / sigma, 0.0, atol=0.1)
-    np.testing.assert_allclose(posterior.samples.std(axis=0) / sigma, 1.0, atol=0.065)
+    np.testing.assert_allclose(posterior.samples.std(axis=0) / sigma, 1.0, atol=0.072)
     low, high = posterior.interval("x")
     assert (high - low) / (2 * 1.96 * sigma[0]) == pytest.approx(1.0, abs=0.1)
     assert posterior.prior == "x: uniform in [-2, 3]; y: uniform in [-2, 4]"
-    again = sample_posterior(likelihood, (0.0, 0.0), rng=5, max_steps=4000)
-    np.testing.assert_array_equal(again.samples, posterior.samples)
 
 
 def test_posterior_of_a_discrepancy() -> None:
@@ -241,6 +243,8 @@ def test_a_chain_that_is_too_short_says_so() -> None:
     pytest.importorskip("emcee", reason="the extra [bayes] is not installed")
     posterior = sample_posterior(of(linear, A @ TRUTH), (0.0, 0.0), rng=5, max_steps=100)
     assert not posterior.converged
+    again = sample_posterior(of(linear, A @ TRUTH), (0.0, 0.0), rng=5, max_steps=100)
+    np.testing.assert_array_equal(again.samples, posterior.samples)
 
 
 def test_what_is_wrong_is_refused() -> None:
@@ -256,3 +260,49 @@ def test_what_is_wrong_is_refused() -> None:
         profile_likelihoods(of(linear, np.zeros(4)), (9.0, 0.0))
     with pytest.raises(ValueError, match="more data are needed"):
         gauss_newton(np.ones((1, 1)), np.ones(1))
+
+
+def decay(p: np.ndarray) -> np.ndarray:
+    """Amplitude x, rate y, 60 times."""
+    return p[:, :1] * np.exp(-p[:, 1:] * np.linspace(0.0, 2.0, 60))
+
+
+DECAY_BOX = Box(("x", "y"), (0.5, 0.2), (1.5, 2.0))
+
+
+def test_a_surrogate_gives_the_interval_of_what_it_stands_for() -> None:
+    points = full_factorial(DECAY_BOX, 7).points
+    surrogate = ResponseSurrogate.fit(DECAY_BOX, points, decay(points))
+    data = decay(np.array([[1.0, 0.9]]))[0] + 0.02 * np.random.default_rng(0).standard_normal(60)
+    channel = Channel("all", np.full(60, 0.02))
+    exact, replaced = (
+        profile_likelihoods(Likelihood(DECAY_BOX, model, data, [channel]), (1.1, 1.0))
+        for model in (decay, surrogate.predict)
+    )
+    for name, edge in (("x", 1.0), ("y", 1.8)):
+        # Leave-one-out error over the noise of a single entry, as a share of the interval, times the box.
+        allowed = surrogate.loo_rms * edge
+        np.testing.assert_allclose(replaced[name].interval, exact[name].interval, atol=allowed)
+        assert allowed < 0.1 * np.ptp(exact[name].interval)
+
+
+@pytest.mark.slow
+def test_coverage_with_a_noise_that_is_fitted_too() -> None:
+    # 60 experiments with AR(1) noise, its size and correlation from 200 samples before the signal.
+    truth, a, n = np.array([[1.0, 0.9]]), 0.5, 60
+    rng = np.random.default_rng(11)
+    covered = np.zeros(2)
+    for _ in range(n):
+        e = 0.05 * rng.standard_normal(300)
+        z = np.zeros(300)
+        for i in range(1, 300):
+            z[i] = a * z[i - 1] + e[i]
+        noise = fit_noise(z[40:240], order=1)
+        channel = Channel("all", np.full(60, noise.sigma), noise.correlation)
+        likelihood = Likelihood(DECAY_BOX, decay, decay(truth)[0] + z[240:], [channel])
+        for j, profile in enumerate(profile_likelihoods(likelihood, (1.1, 1.0)).profiles):
+            low, high = profile.interval
+            covered[j] += (low is None or low <= truth[0, j]) and (high is None or truth[0, j] <= high)
+    # Binomial(60, 0.95): 50 or fewer once in 1000; the fitted noise, itself uncertain, costs about 1 %.
+    assert np.all(covered >= 51), covered
+    assert covered.sum() < 120, covered  # 60 of 60 for one parameter once in 20: for both, too wide
