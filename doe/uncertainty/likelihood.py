@@ -207,7 +207,7 @@ class Likelihood:
             gain = value - lower
             if gain > 0.0:
                 u, tau, value = trial, trial_tau, lower
-            # A thousandth of 0.001 in the deviance moves no interval that anybody reads.
+            # 1e-6 of the deviance is nothing beside the 3.84 of an interval.
             if not moving or gain < 1e-6:
                 converged = ok
                 break

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -185,14 +186,14 @@ def _first(
     return np.concatenate([places, np.abs(ratio)], axis=1)
 
 
-def _run(sampler: object, first: FloatArray, max_steps: int) -> tuple[bool, FloatArray]:
+def _run(sampler: Any, first: FloatArray, max_steps: int) -> tuple[bool, FloatArray]:
     before = np.full(first.shape[1], np.inf)
-    place: object = first
-    while sampler.iteration < max_steps:  # type: ignore[attr-defined]
-        steps = min(CHECK, max_steps - sampler.iteration)  # type: ignore[attr-defined]
-        place = sampler.run_mcmc(place, steps)  # type: ignore[attr-defined]
-        times = np.asarray(sampler.get_autocorr_time(tol=0))  # type: ignore[attr-defined]
-        long_enough = sampler.iteration >= LENGTHS * np.max(times)  # type: ignore[attr-defined]
+    place: Any = first
+    while sampler.iteration < max_steps:
+        steps = min(CHECK, max_steps - sampler.iteration)
+        place = sampler.run_mcmc(place, steps)
+        times = np.asarray(sampler.get_autocorr_time(tol=0))
+        long_enough = sampler.iteration >= LENGTHS * np.max(times)
         if long_enough and np.max(np.abs(before - times) / times) < STEADY:
             return True, times
         before = times

@@ -122,6 +122,17 @@ def test_a_bound_on_one_side() -> None:
     assert f"at least {exact:.4f}" in verdict.text
 
 
+def test_an_optimum_on_a_face_of_the_box() -> None:
+    # The data ask for -0.05, the box begins at 0: the rise is that over the face, in closed form.
+    likelihood = of(lambda p: p, np.array([-0.05]), Box(("x",), (0.0,), (1.0,)))
+    profiles = profile_likelihoods(likelihood, (0.5,))
+    assert profiles.optimum.point[0] == 0.0
+    (verdict,) = verdicts(likelihood, profiles)
+    assert verdict.kind is VerdictKind.ONE_SIDED
+    assert verdict.interval[0] is None
+    assert verdict.interval[1] == pytest.approx(-0.05 + np.sqrt(0.05**2 + LEVEL * SIGMA**2), abs=1e-6)
+
+
 def test_a_parameter_that_the_data_do_not_see() -> None:
     likelihood = of(lambda p: np.outer(p[:, 0], np.ones(3)), np.full(3, 0.5))
     profiles = profile_likelihoods(likelihood, (1.0, 0.3))
@@ -135,7 +146,7 @@ def test_a_parameter_that_the_data_do_not_see() -> None:
 
 
 def test_a_second_optimum_is_told_and_a_better_one_is_taken() -> None:
-    # Deviance ((x^2 - 1) / 0.1)^2 / ... with a small preference for x = +1, started at -1.
+    # Two valleys, at -1 and +1, with a small preference for the second; started in the first.
     def model(p: np.ndarray) -> np.ndarray:
         return np.concatenate([p**2 - 1.0, 0.05 * (p - 1.0)], axis=1)
 
