@@ -24,8 +24,8 @@ MOST_FRAMES = 400
 WIDE = 0.25
 """Share of the points of the best frame that a frame must see.
 
-A rim of a few rows at the border of the picture has a lever too short for a rotation: what the border does to its
-places, 0.1 px alike in all frames, turns it by several mrad.
+A rim of a few rows at the border of the picture has a lever too short for a rotation: what the border does to
+its places, 0.1 px alike in all frames, turns it by several mrad.
 """
 ZERO_FRAMES = 6
 """Frames that give it."""

@@ -1,0 +1,26 @@
+"""What data say about a model's parameters: noise, intervals, ridges, posterior, verdicts; no physics."""
+
+from doe.uncertainty.covariance import block_bootstrap, gauss_newton, sandwich
+from doe.uncertainty.likelihood import Channel, Likelihood
+from doe.uncertainty.noise import AutoRegression, Noise, fit_noise
+from doe.uncertainty.posterior import Posterior, sample_posterior
+from doe.uncertainty.profile import Profiles, profile_likelihoods
+from doe.uncertainty.verdict import Verdict, VerdictKind, verdicts
+
+__all__ = [
+    "AutoRegression",
+    "Channel",
+    "Likelihood",
+    "Noise",
+    "Posterior",
+    "Profiles",
+    "Verdict",
+    "VerdictKind",
+    "block_bootstrap",
+    "fit_noise",
+    "gauss_newton",
+    "profile_likelihoods",
+    "sample_posterior",
+    "sandwich",
+    "verdicts",
+]

@@ -1,0 +1,214 @@
+"""Posterior by Markov chains (emcee, the extra [bayes]), with priors stated and convergence judged."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from doe.uncertainty.likelihood import Likelihood
+
+FloatArray = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+LENGTHS = 50.0
+"""Steps over the longest autocorrelation time from which on that time is trusted (Sokal; emcee)."""
+STEADY = 0.05
+"""Largest relative change of the autocorrelation times since the check before."""
+CHECK = 250
+"""Steps between two checks of convergence."""
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Samples of the posterior, what they rest on and whether to trust them."""
+
+    names: tuple[str, ...]
+    """Parameter names, length d."""
+    samples: FloatArray
+    """After burn-in, thinned by half an autocorrelation time, in parameter units, shape [n, d]."""
+    discrepancies: FloatArray
+    """tau of the channels that have a prior, shape [n, number of priors]; empty without."""
+    discrepancy_names: tuple[str, ...]
+    """Those channels."""
+    converged: bool
+    """Long enough against the autocorrelation time, and that time steady."""
+    autocorrelation: FloatArray
+    """Integrated autocorrelation time of each coordinate [steps], parameters first."""
+    steps: int
+    """Steps of each walker."""
+    acceptance: float
+    """Share of accepted moves [-]."""
+    prior: str
+    """The priors, in words."""
+
+    def interval(self, name: str, *, probability: float = 0.95) -> tuple[float, float]:
+        """Equal-tailed credible interval of a parameter, in its units.
+
+        Raises
+        ------
+        ValueError
+            If the name is unknown or the probability outside (0, 1).
+        """
+        if name not in self.names or not 0.0 < probability < 1.0:
+            raise ValueError(
+                f"name must be one of {self.names} and probability in (0, 1), got {name!r}, {probability}"
+            )
+        tail = 50.0 * (1.0 - probability)
+        low, high = np.percentile(self.samples[:, self.names.index(name)], [tail, 100.0 - tail])
+        return float(low), float(high)
+
+
+def sample_posterior(
+    likelihood: Likelihood,
+    start: ArrayLike,
+    *,
+    rng: int,
+    discrepancy_priors: Sequence[float] | None = None,
+    n_walkers: int = 32,
+    max_steps: int = 20_000,
+) -> Posterior:
+    """Sample the posterior with Goodman and Weare's ensemble of walkers.
+
+    The prior is uniform in the unit box: in the parameter between its bounds, in its logarithm if it is
+    logarithmic. A channel's discrepancy may be sampled too, with a half-normal prior.
+
+    Parameters
+    ----------
+    likelihood
+        Of the data; a channel with a "profiled" discrepancy needs a prior.
+    start
+        About where the walkers start, in parameter units, shape [d].
+    rng
+        Seed.
+    discrepancy_priors
+        Scale of the half-normal prior of each channel's tau, in the channel's units; 0 keeps the
+        channel's fixed discrepancy. Left out, every channel keeps its own.
+    n_walkers
+        Walkers, even and at least twice the number of coordinates.
+    max_steps
+        Most steps of each walker; the result says whether they were enough.
+
+    Raises
+    ------
+    ValueError
+        If the start is outside the box, a prior is negative or missing, or the walkers are too few.
+    ImportError
+        If emcee is not installed: `pip install 'kolsky[bayes]'`.
+    """
+    try:
+        import emcee
+    except ImportError as error:
+        raise ImportError("the posterior needs emcee: pip install 'kolsky[bayes]'") from error
+    scales = _scales(likelihood, discrepancy_priors)
+    sampled = np.flatnonzero(scales > 0.0)
+    d, n = likelihood.box.dimension, likelihood.box.dimension + len(sampled)
+    if n_walkers < 2 * n or n_walkers % 2:
+        raise ValueError(f"n_walkers must be even and at least {2 * n} for {n} coordinates, got {n_walkers}")
+    x = likelihood.box.require(np.atleast_2d(np.asarray(start, dtype=np.float64)), what="start")[0]
+    best = likelihood.maximise(likelihood.box.unit(x))
+
+    def log_probability(places: FloatArray) -> FloatArray:
+        inside = np.all((places[:, :d] >= 0.0) & (places[:, :d] <= 1.0), axis=1)
+        inside &= np.all(places[:, d:] >= 0.0, axis=1)
+        value = np.full(len(places), -np.inf)
+        if inside.any():
+            residuals = likelihood.residuals(places[inside, :d])
+            for row, residual in zip(np.flatnonzero(inside), residuals, strict=True):
+                tau = _taus(likelihood, scales, sampled, places[row, d:])
+                ratio = places[row, d:]  # tau over the prior's scale
+                value[row] = -0.5 * (likelihood.deviance(residual, tau) + float(ratio @ ratio))
+        return value
+
+    sampler = emcee.EnsembleSampler(n_walkers, n, log_probability, vectorize=True)
+    sampler.random_state = np.random.RandomState(rng).get_state()
+    first = _first(likelihood, best.unit_point, best.discrepancies, scales[sampled], sampled, n_walkers, rng)
+    converged, times = _run(sampler, first, max_steps)
+    longest = float(np.nanmax(times)) if np.isfinite(times).any() else sampler.iteration / LENGTHS
+    burn = min(int(5.0 * longest), sampler.iteration // 2)
+    chain = sampler.get_chain(discard=burn, thin=max(int(0.5 * longest), 1), flat=True)
+    return Posterior(
+        names=likelihood.box.names,
+        samples=likelihood.box.scale(chain[:, :d]),
+        discrepancies=chain[:, d:] * scales[sampled],
+        discrepancy_names=tuple(likelihood.channels[int(c)].name for c in sampled),
+        converged=converged,
+        autocorrelation=times,
+        steps=int(sampler.iteration),
+        acceptance=float(np.mean(sampler.acceptance_fraction)),
+        prior=_prior(likelihood, scales),
+    )
+
+
+def _scales(likelihood: Likelihood, priors: Sequence[float] | None) -> FloatArray:
+    channels = likelihood.channels
+    scales = np.zeros(len(channels)) if priors is None else np.asarray(priors, dtype=np.float64)
+    if scales.shape != (len(channels),) or not np.all(np.isfinite(scales) & (scales >= 0.0)):
+        raise ValueError(
+            f"discrepancy_priors must be {len(channels)} numbers >= 0, one a channel, got {priors}"
+        )
+    for channel, scale in zip(channels, scales, strict=True):
+        if channel.discrepancy == "profiled" and scale == 0.0:
+            raise ValueError(
+                f"the discrepancy of channel {channel.name!r} is unknown: give the scale of its prior"
+            )
+    return scales
+
+
+def _taus(likelihood: Likelihood, scales: FloatArray, sampled: Indices, ratio: FloatArray) -> FloatArray:
+    tau = np.array([0.0 if c.discrepancy == "profiled" else c.discrepancy for c in likelihood.channels])
+    tau[sampled] = scales[sampled] * ratio
+    return tau
+
+
+def _first(
+    likelihood: Likelihood,
+    unit_point: FloatArray,
+    discrepancies: FloatArray,
+    scales: FloatArray,
+    sampled: Indices,
+    n_walkers: int,
+    rng: int,
+) -> FloatArray:
+    """Walkers about the optimum, as wide as the data alone allow each coordinate to move."""
+    generator = np.random.default_rng(rng)
+    jacobian = likelihood.jacobian(unit_point, discrepancies)
+    information = (jacobian**2).sum(axis=0)
+    width = np.minimum(1.0 / np.sqrt(np.maximum(information, 1.0)), 0.1)
+    places = unit_point + width * generator.standard_normal((n_walkers, len(unit_point)))
+    # Reflected at the faces: a walker outside would never be accepted.
+    places = np.abs(places)
+    places = np.where(places > 1.0, 2.0 - places, places)
+    ratio = discrepancies[sampled] / scales + 0.05 * generator.standard_normal((n_walkers, len(scales)))
+    return np.concatenate([places, np.abs(ratio)], axis=1)
+
+
+def _run(sampler: Any, first: FloatArray, max_steps: int) -> tuple[bool, FloatArray]:
+    before = np.full(first.shape[1], np.inf)
+    place: Any = first
+    while sampler.iteration < max_steps:
+        steps = min(CHECK, max_steps - sampler.iteration)
+        place = sampler.run_mcmc(place, steps)
+        times = np.asarray(sampler.get_autocorr_time(tol=0))
+        long_enough = sampler.iteration >= LENGTHS * np.max(times)
+        if long_enough and np.max(np.abs(before - times) / times) < STEADY:
+            return True, times
+        before = times
+    return False, before
+
+
+def _prior(likelihood: Likelihood, scales: FloatArray) -> str:
+    box = likelihood.box
+    lines = [
+        f"{name}: uniform in {'its logarithm in ' if logarithmic else ''}[{a:.6g}, {b:.6g}]"
+        for name, a, b, logarithmic in zip(box.names, box.lower, box.upper, box.logarithmic, strict=True)
+    ]
+    lines += [
+        f"discrepancy of {channel.name}: half-normal, scale {scale:.6g}"
+        for channel, scale in zip(likelihood.channels, scales, strict=True)
+        if scale > 0.0
+    ]
+    return "; ".join(lines)

@@ -1,0 +1,319 @@
+"""Intervals, ridges, posterior and verdicts on functions whose answers are known."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from doe import Box, ResponseSurrogate, full_factorial
+from doe.uncertainty import (
+    AutoRegression,
+    Channel,
+    Likelihood,
+    VerdictKind,
+    block_bootstrap,
+    fit_noise,
+    gauss_newton,
+    profile_likelihoods,
+    sample_posterior,
+    sandwich,
+    verdicts,
+)
+from doe.uncertainty.covariance import SingularInformationError
+from doe.uncertainty.ridge import directions
+
+LEVEL = 3.841458820694124  # 95 % point of chi-square with one degree of freedom, tables
+BOX = Box(("x", "y"), (-2.0, -2.0), (3.0, 4.0))
+A = np.array([[1.0, 0.3], [0.2, 1.5], [0.5, -0.4], [0.9, 0.1]])
+SIGMA = 0.1
+TRUTH = np.array([0.4, 1.2])
+
+
+def of(model: Callable[[np.ndarray], np.ndarray], data: np.ndarray, box: Box = BOX) -> Likelihood:
+    return Likelihood(box, model, data, [Channel("all", np.full(len(data), SIGMA))])
+
+
+def linear(p: np.ndarray) -> np.ndarray:
+    return p @ A.T
+
+
+def test_quadratic_profile_is_gauss_newton() -> None:
+    data = A @ TRUTH + SIGMA * np.array([0.5, -1.0, 0.3, 0.7])
+    likelihood = of(linear, data)
+    profiles = profile_likelihoods(likelihood, (0.0, 0.0))
+    best, *_ = np.linalg.lstsq(A, data, rcond=None)
+    # The search ends at 1e-10 of the box; differences of a linear model are exact to 1e-12.
+    np.testing.assert_allclose(profiles.optimum.point, best, atol=1e-7)
+    C = SIGMA**2 * np.linalg.inv(A.T @ A)
+    alone = SIGMA / np.linalg.norm(A, axis=0)
+    for j, profile in enumerate(profiles.profiles):
+        half = np.sqrt(LEVEL * C[j, j])
+        np.testing.assert_allclose(profile.interval, best[j] + half * np.array([-1, 1]), atol=1e-6)
+        np.testing.assert_allclose(
+            profile.alone, best[j] + np.sqrt(LEVEL) * alone[j] * np.array([-1, 1]), atol=1e-6
+        )
+        exact = (profile.values - best[j]) ** 2 / C[j, j]
+        np.testing.assert_allclose(profile.rise, exact, rtol=1e-6, atol=1e-6)
+        assert profile.elsewhere == ()
+        assert profile.not_converged == 0
+    assert [v.kind for v in verdicts(likelihood, profiles)] == [VerdictKind.IDENTIFIED] * 2
+    unit = likelihood.jacobian(profiles.optimum.unit_point, profiles.optimum.discrepancies)
+    edges = np.array([5.0, 6.0])
+    cov = gauss_newton(unit / edges, np.zeros(4), scaled=False)
+    np.testing.assert_allclose(cov, C, rtol=1e-8)
+
+
+def test_a_linear_ridge_that_runs_out_of_the_box() -> None:
+    # Only x + y is seen: the profile of either never rises while the other can make up for it.
+    likelihood = of(lambda p: np.outer(p.sum(axis=1), np.arange(1.0, 6.0)), np.arange(1.0, 6.0))
+    profiles = profile_likelihoods(likelihood, (0.5, 0.5))
+    x, y = verdicts(likelihood, profiles)
+    assert x.kind is y.kind is VerdictKind.RIDGE
+    assert [p.name for p in x.partners] == ["y"]
+    # Along the ridge y falls by what x rises.
+    assert x.partners[0].change == pytest.approx(-x.partners[0].per, abs=0.1)  # within 1.96 sigma of x + y
+    assert "ridge with y" in x.text
+    # Along x + y = 1 x may be anything in its box; y ends where x is -2, with 1.96 sigma of x + y more.
+    assert x.interval == (None, None)
+    assert y.interval[0] is None
+    assert y.interval[1] == pytest.approx(3.0 + np.sqrt(LEVEL) * SIGMA / np.sqrt(55.0), abs=1e-6)
+    assert "at most 3.0264" in y.text
+    flat = directions(likelihood, profiles)[0]
+    # d(x + y) = 0 in edges of 5 and 6: (6, -5) / sqrt(61).
+    np.testing.assert_allclose(np.abs(flat.vector), np.array([6.0, 5.0]) / np.sqrt(61.0), atol=1e-6)
+    assert flat.vector[0] * flat.vector[1] < 0.0
+    assert flat.reach == np.inf
+    assert "x up, y down by 0.83 times" in flat.words
+
+
+def test_a_banana_is_followed_round_its_bend() -> None:
+    # Deviance ((y - x^2) / 0.1)^2 + ((x - 1) / 0.5)^2: the profile of x is the second term alone.
+    def banana(p: np.ndarray) -> np.ndarray:
+        return np.stack([p[:, 1] - p[:, 0] ** 2, (p[:, 0] - 1.0) * SIGMA / 0.5], axis=1)
+
+    box = Box(("x", "y"), (-2.0, -1.0), (3.0, 10.0))
+    likelihood = of(banana, np.zeros(2), box)
+    profiles = profile_likelihoods(likelihood, (-1.0, 5.0))
+    x = profiles["x"]
+    half = 0.5 * np.sqrt(LEVEL)
+    np.testing.assert_allclose(x.interval, [1.0 - half, 1.0 + half], atol=1e-5)
+    np.testing.assert_allclose(x.rise, ((x.values - 1.0) / 0.5) ** 2, atol=1e-4)  # floor of the search
+    np.testing.assert_allclose(x.points[:, 1], x.values**2, atol=1e-4)
+    verdict = verdicts(likelihood, profiles)[0]
+    assert verdict.kind is VerdictKind.IDENTIFIED
+    # With y known to be 1: 4 x^2 / 0.01 + 4 gives a sigma of 0.05; ten times less than 0.5.
+    assert verdict.inflation == pytest.approx(10.0, rel=0.05)
+    assert [p.name for p in verdict.partners] == ["y"]
+    assert "times longer" in verdict.text
+
+
+def test_a_bound_on_one_side() -> None:
+    # tanh saturates: data at the plateau say "at least", nothing more.
+    data = np.full(4, 1.0)
+    box = Box(("x",), (0.0,), (10.0,))
+    likelihood = of(lambda p: np.repeat(np.tanh(p), 4, axis=1), data, box)
+    profiles = profile_likelihoods(likelihood, (3.0,))
+    (verdict,) = verdicts(likelihood, profiles)
+    assert verdict.kind is VerdictKind.ONE_SIDED
+    # 4 ((1 - tanh x) / 0.1)^2 = 3.84; the best fit at the plateau has a deviance of 1e-9 or less.
+    exact = np.arctanh(1.0 - SIGMA * np.sqrt(LEVEL) / 2.0)
+    assert verdict.interval[0] == pytest.approx(exact, abs=1e-5)
+    assert verdict.interval[1] is None
+    assert f"at least {exact:.4f}" in verdict.text
+
+
+def test_an_optimum_on_a_face_of_the_box() -> None:
+    # The data ask for -0.05, the box begins at 0: the rise is that over the face, in closed form.
+    likelihood = of(lambda p: p, np.array([-0.05]), Box(("x",), (0.0,), (1.0,)))
+    profiles = profile_likelihoods(likelihood, (0.5,))
+    assert profiles.optimum.point[0] == 0.0
+    (verdict,) = verdicts(likelihood, profiles)
+    assert verdict.kind is VerdictKind.ONE_SIDED
+    assert verdict.interval[0] is None
+    assert verdict.interval[1] == pytest.approx(-0.05 + np.sqrt(0.05**2 + LEVEL * SIGMA**2), abs=1e-6)
+
+
+def test_a_parameter_that_the_data_do_not_see() -> None:
+    likelihood = of(lambda p: np.outer(p[:, 0], np.ones(3)), np.full(3, 0.5))
+    profiles = profile_likelihoods(likelihood, (1.0, 0.3))
+    x, y = verdicts(likelihood, profiles)
+    assert (x.kind, y.kind) == (VerdictKind.IDENTIFIED, VerdictKind.NOT_SEEN)
+    assert x.partners == y.partners == ()
+    assert "y alone" in directions(likelihood, profiles)[0].words
+    jacobian = likelihood.jacobian(profiles.optimum.unit_point, profiles.optimum.discrepancies)
+    with pytest.raises(SingularInformationError, match="do not move along"):
+        gauss_newton(jacobian, np.zeros(3))
+
+
+def test_a_second_optimum_is_told_and_a_better_one_is_taken() -> None:
+    # Two valleys, at -1 and +1, with a small preference for the second; started in the first.
+    def model(p: np.ndarray) -> np.ndarray:
+        return np.concatenate([p**2 - 1.0, 0.05 * (p - 1.0)], axis=1)
+
+    likelihood = of(model, np.zeros(2), Box(("x",), (-2.0,), (2.0,)))
+    profiles = profile_likelihoods(likelihood, (-1.0,))
+    assert profiles.restarts == 1
+    assert profiles.optimum.point[0] == pytest.approx(1.0, abs=1e-6)
+    # At -1 the second entry alone costs (0.05 * 2 / 0.1)^2 = 1 < 3.84: it fits as well.
+    assert min(abs(value + 1.0) for value in profiles["x"].elsewhere) < 0.05
+    (verdict,) = verdicts(likelihood, profiles)
+    assert "fit as well" in verdict.text
+
+
+def test_profiled_discrepancy_is_the_closed_form() -> None:
+    # Mean of k values with an unknown spread: -2 ln L rises by k ln(1 + (x - mean)^2 / s^2).
+    k = 40
+    data = 0.3 + 0.5 * np.random.default_rng(3).standard_normal(k)
+    channel = Channel("all", np.full(k, 0.01), discrepancy="profiled")
+    box = Box(("x",), (-2.0,), (3.0,))
+    likelihood = Likelihood(box, lambda p: np.repeat(p, k, axis=1), data, [channel])
+    profiles = profile_likelihoods(likelihood, (0.0,))
+    half = data.std() * np.sqrt(np.expm1(LEVEL / k))
+    np.testing.assert_allclose(profiles["x"].interval, data.mean() + half * np.array([-1, 1]), atol=1e-6)
+    tau = profiles.optimum.discrepancies[0]
+    assert np.hypot(tau, 0.01) == pytest.approx(data.std(), rel=1e-6)
+    # The general search for tau, taken where sigmas differ, agrees where they differ by nothing.
+    sigma = np.full(k, 0.01) * (1.0 + 1e-9 * np.arange(k))
+    general = Channel("all", sigma, discrepancy="profiled").best_discrepancy(data - data.mean())
+    assert general == pytest.approx(tau, rel=1e-5)
+
+
+def test_corrections_for_correlated_residuals() -> None:
+    # The mean of AR(1) noise: its variance is (1 + a) / (1 - a) times that of white noise.
+    k, a = 20_000, 0.6
+    e = np.random.default_rng(7).standard_normal(k)
+    r = np.empty(k)
+    r[0] = e[0] / np.sqrt(1.0 - a**2)
+    for i in range(1, k):
+        r[i] = a * r[i - 1] + e[i]
+    r -= r.mean()
+    J = np.ones((k, 1))
+    white = gauss_newton(J, r)[0, 0]
+    inflation = (1.0 + a) / (1.0 - a)  # 4
+    # 500 blocks: 6 % of a variance; blocks of 40 miss 2 a / (1 - a^2) / 40 = 5 %. Three of the one, one
+    # of the other.
+    assert sandwich(J, r, block=40)[0, 0] == pytest.approx(inflation * white, rel=0.23)
+    assert block_bootstrap(J, r, block=40, rng=1, n_draws=800)[0, 0] == pytest.approx(
+        inflation * white, rel=0.23
+    )
+    # With blocks of one both are white again: 20 000 squares, and 800 draws (5 % of a variance).
+    assert sandwich(J, r, block=1)[0, 0] == pytest.approx(white, rel=1e-3)
+    assert block_bootstrap(J, r, block=1, rng=1, n_draws=800)[0, 0] == pytest.approx(white, rel=0.15)
+    with pytest.raises(ValueError, match="shorter blocks"):
+        sandwich(J, r, block=10_000)
+
+
+def test_correlated_noise_widens_the_interval_of_a_mean() -> None:
+    k, a = 400, 0.6
+    model = AutoRegression((a,))
+    channel = Channel("all", np.full(k, SIGMA), model)
+    likelihood = Likelihood(
+        Box(("x",), (-1.0,), (1.0,)), lambda p: np.repeat(p, k, axis=1), np.zeros(k), [channel]
+    )
+    low, high = profile_likelihoods(likelihood, (0.1,))["x"].interval
+    # 1^T R^-1 1 of AR(1) in closed form: (k - (k - 2) a) / (1 + a).
+    half = SIGMA * np.sqrt(LEVEL * (1.0 + a) / (k - (k - 2) * a))
+    np.testing.assert_allclose([low, high], [-half, half], atol=1e-6)
+
+
+def test_posterior_of_a_linear_model_is_the_profile() -> None:
+    pytest.importorskip("emcee", reason="the extra [bayes] is not installed")
+    data = A @ TRUTH
+    likelihood = of(linear, data)
+    posterior = sample_posterior(likelihood, (0.0, 0.0), rng=5, max_steps=2500)
+    assert posterior.converged
+    C = SIGMA**2 * np.linalg.inv(A.T @ A)
+    sigma = np.sqrt(np.diag(C))
+    # More than 50 autocorrelation times of 32 walkers, 1600 independent samples: means to 0.025 sigma,
+    # deviations to 1.8 %; four of each.
+    np.testing.assert_allclose((posterior.samples.mean(axis=0) - TRUTH) / sigma, 0.0, atol=0.1)
+    np.testing.assert_allclose(posterior.samples.std(axis=0) / sigma, 1.0, atol=0.072)
+    low, high = posterior.interval("x")
+    assert (high - low) / (2 * 1.96 * sigma[0]) == pytest.approx(1.0, abs=0.1)
+    assert posterior.prior == "x: uniform in [-2, 3]; y: uniform in [-2, 4]"
+
+
+def test_posterior_of_a_discrepancy() -> None:
+    pytest.importorskip("emcee", reason="the extra [bayes] is not installed")
+    k = 400
+    data = np.random.default_rng(9).normal(0.3, 0.5, k)
+    channel = Channel("force", np.full(k, 0.1), discrepancy="profiled")
+    likelihood = Likelihood(Box(("x",), (-2.0,), (3.0,)), lambda p: np.repeat(p, k, axis=1), data, [channel])
+    posterior = sample_posterior(likelihood, (0.0,), rng=5, discrepancy_priors=[10.0], max_steps=1500)
+    tau = np.sqrt(data.var() - 0.1**2)
+    # Standard deviation of tau 0.5 / sqrt(800) = 0.018; the wide prior moves it by far less. Half of it.
+    assert posterior.discrepancies.mean() == pytest.approx(tau, abs=0.009)
+    assert posterior.samples.std() == pytest.approx(data.std() / np.sqrt(k), rel=0.1)
+    assert posterior.discrepancy_names == ("force",)
+    assert "half-normal, scale 10" in posterior.prior
+    with pytest.raises(ValueError, match="give the scale of its prior"):
+        sample_posterior(likelihood, (0.0,), rng=5)
+
+
+def test_a_chain_that_is_too_short_says_so() -> None:
+    pytest.importorskip("emcee", reason="the extra [bayes] is not installed")
+    posterior = sample_posterior(of(linear, A @ TRUTH), (0.0, 0.0), rng=5, max_steps=100)
+    assert not posterior.converged
+    again = sample_posterior(of(linear, A @ TRUTH), (0.0, 0.0), rng=5, max_steps=100)
+    np.testing.assert_array_equal(again.samples, posterior.samples)
+
+
+def test_what_is_wrong_is_refused() -> None:
+    with pytest.raises(ValueError, match="finite and > 0"):
+        Channel("force", np.array([0.1, 0.0]))
+    with pytest.raises(ValueError, match="hold 3 entries"):
+        Likelihood(BOX, linear, np.zeros(4), [Channel("all", np.ones(3))])
+    with pytest.raises(ValueError, match="must return shape"):
+        profile_likelihoods(of(lambda p: np.zeros((len(p), 3)), np.zeros(4)), (0.0, 0.0))
+    with pytest.raises(ValueError, match="not finite at"):
+        profile_likelihoods(of(lambda p: np.full((len(p), 4), np.nan), np.zeros(4)), (0.0, 0.0))
+    with pytest.raises(ValueError, match="outside"):
+        profile_likelihoods(of(linear, np.zeros(4)), (9.0, 0.0))
+    with pytest.raises(ValueError, match="more data are needed"):
+        gauss_newton(np.ones((1, 1)), np.ones(1))
+
+
+def decay(p: np.ndarray) -> np.ndarray:
+    """Amplitude x, rate y, 60 times."""
+    return p[:, :1] * np.exp(-p[:, 1:] * np.linspace(0.0, 2.0, 60))
+
+
+DECAY_BOX = Box(("x", "y"), (0.5, 0.2), (1.5, 2.0))
+
+
+def test_a_surrogate_gives_the_interval_of_what_it_stands_for() -> None:
+    points = full_factorial(DECAY_BOX, 7).points
+    surrogate = ResponseSurrogate.fit(DECAY_BOX, points, decay(points))
+    data = decay(np.array([[1.0, 0.9]]))[0] + 0.02 * np.random.default_rng(0).standard_normal(60)
+    channel = Channel("all", np.full(60, 0.02))
+    exact, replaced = (
+        profile_likelihoods(Likelihood(DECAY_BOX, model, data, [channel]), (1.1, 1.0))
+        for model in (decay, surrogate.predict)
+    )
+    for name, edge in (("x", 1.0), ("y", 1.8)):
+        # Leave-one-out error over the noise of a single entry, as a share of the interval, times the box.
+        allowed = surrogate.loo_rms * edge
+        np.testing.assert_allclose(replaced[name].interval, exact[name].interval, atol=allowed)
+        assert allowed < 0.1 * np.ptp(exact[name].interval)
+
+
+@pytest.mark.slow
+def test_coverage_with_a_noise_that_is_fitted_too() -> None:
+    # 60 experiments with AR(1) noise, its size and correlation from 200 samples before the signal.
+    truth, a, n = np.array([[1.0, 0.9]]), 0.5, 60
+    rng = np.random.default_rng(11)
+    covered = np.zeros(2)
+    for _ in range(n):
+        e = 0.05 * rng.standard_normal(300)
+        z = np.zeros(300)
+        for i in range(1, 300):
+            z[i] = a * z[i - 1] + e[i]
+        noise = fit_noise(z[40:240], order=1)
+        channel = Channel("all", np.full(60, noise.sigma), noise.correlation)
+        likelihood = Likelihood(DECAY_BOX, decay, decay(truth)[0] + z[240:], [channel])
+        for j, profile in enumerate(profile_likelihoods(likelihood, (1.1, 1.0)).profiles):
+            low, high = profile.interval
+            covered[j] += (low is None or low <= truth[0, j]) and (high is None or truth[0, j] <= high)
+    # Binomial(60, 0.95): 50 or fewer once in 1000; the fitted noise, itself uncertain, costs about 1 %.
+    assert np.all(covered >= 51), covered
+    assert covered.sum() < 120, covered  # 60 of 60 for one parameter once in 20: for both, too wide
