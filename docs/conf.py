@@ -40,7 +40,7 @@ napoleon_use_rtype = False
 
 # A nitpicky build (-n) checks references to our own names; types of others have no page here.
 _OTHERS = (
-    r"ast|np|numpy|wp|warp|pathlib|collections|concurrent|enum|typing|h5py|matplotlib|pyvista|pydantic\w*"
+    r"ast|np|numpy|wp|warp|pathlib|collections|concurrent|enum|typing|h5py|matplotlib|pyvista|pydantic\w*|contextlib"
     r"|scipy"
 )
 nitpick_ignore_regex = [

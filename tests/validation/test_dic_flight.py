@@ -183,6 +183,9 @@ def test_a_flyer_without_tilt_keeps_its_direction(flight):
     assert (angle < np.radians(0.3) + 4.0 * sigma).all()
     assert said.symmetry is not None
     assert said.end is None
+    tilt, _ = said.flight.tilt(said.time[said.known])
+    # What the border of the picture does to the flyer's rows turns it by some mrad (howto/from_pictures.md).
+    assert np.abs(tilt).max() < 5e-3
 
 
 if __name__ == "__main__":
