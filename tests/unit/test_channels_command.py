@@ -122,8 +122,8 @@ def test_bad_layouts_are_told_with_their_key(layout, words, shot):
 
 def test_force_needs_a_time_column_or_a_layout(shot):
     path = shot / "shot.toml"
-    before, force = path.read_text().split("[force]")
-    path.write_text(before + "[force]" + force.replace(TIME, "", 1))
+    before, force = path.read_text().split("\n[force]")
+    path.write_text(before + "\n[force]" + force.replace(TIME, "", 1))
     with pytest.raises(InputError, match=r"force.time is missing"):
         load_shot(shot)
 

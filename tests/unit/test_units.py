@@ -51,7 +51,8 @@ def test_powers_of_ten_round_once() -> None:
     ("text", "unit", "fragments"),
     [
         ("9.5", "m", ["'9.5'", "has no unit", "a length", "'9.5 mm'"]),
-        ("9.5 kg", "m", ["'9.5 kg'", "is in kg", "a length"]),
+        ("9.5 kg", "m", ["'9.5 kg'", "is a mass", "a length"]),
+        ("9.5 A", "m", ["'9.5 A'", "is in A", "a length"]),
         ("9.5 us", "m", ["is a time", "expected a length"]),
         ("9,5 mm", "m", ["has the unit ',5 mm', which is not a unit"]),
         ("9.5 qq", "m", ["'qq'", "not a known unit"]),
