@@ -276,8 +276,10 @@ def test_frame_273_moves_as_opencorr_says() -> None:
     right = apply(points, at[0].warp) - theirs["right"]
     assert np.all(np.abs(np.median(right, axis=0)) < 0.01)  # their interpolation is off by 4 mpx by itself
     assert np.all(right.std(axis=0) < 0.02)
-    some = at[0].valid & at[1].valid & (theirs["zncc"].min(axis=1) > 0.8)
-    assert some.mean() > 0.99
+    # a point that was not followed has no warp to be matched with
+    there = (followed.outcome == PointOutcome.VALID).all(axis=0)
+    some = there & at[0].valid & at[1].valid & (theirs["zncc"].min(axis=1) > 0.8)
+    assert some.mean() > 0.98
     X = [
         triangulate(
             rig,
