@@ -77,6 +77,11 @@ def refusing_bad_input() -> Iterator[None]:
         raise typer.Exit(2) from None
 
 
+def _listed(names: str) -> tuple[str, ...]:
+    """The names of a comma-separated option."""
+    return tuple(part.strip() for part in names.split(",") if part.strip())
+
+
 def _show_version(wanted: bool) -> None:
     if wanted:
         from importlib.metadata import PackageNotFoundError, version
@@ -206,7 +211,7 @@ def dic(
             again=again,
             csv=csv,
             vtp=vtp,
-            formats=tuple(part.strip() for part in figures.split(",") if part.strip()),
+            formats=_listed(figures),
             as_json=as_json,
         )
 
@@ -222,8 +227,8 @@ def waves(
 ) -> None:
     """Reduce a shot's bar signals: forces, equilibrium, strain, rate and stress, each with its uncertainty.
 
-    Needs [bars], [recorders] and [gauges] in shot.toml. Writes waves.h5, waves.html and CSV tables into
-    SHOT/results.
+    A test between bars needs the tables bars, recorders and gauges in shot.toml; without gauges it is a
+    flyer test. Writes waves.h5, waves.html and CSV tables into SHOT/results.
     """
     with refusing_bad_input():
         from kolsky.wavescommand import waves as run
@@ -231,7 +236,7 @@ def waves(
         run(
             shot,
             out=out,
-            formats=tuple(part.strip() for part in figures.split(",") if part.strip()),
+            formats=_listed(figures),
             as_json=as_json,
         )
 
@@ -247,7 +252,8 @@ def wavespeed(
 ) -> None:
     """Find the bars' wave speed and the gauges' relative gain from a shot with the bars together.
 
-    Needs [bars], [recorders] and [gauges] in shot.toml, no specimen. Writes wavespeed.csv into SHOT/results.
+    Needs the tables bars, recorders and gauges in shot.toml, no specimen. Writes wavespeed.csv into
+    SHOT/results.
     """
     with refusing_bad_input():
         from kolsky.wavespeedcommand import wavespeed as run
@@ -255,7 +261,7 @@ def wavespeed(
         run(
             shot,
             out=out,
-            formats=tuple(part.strip() for part in figures.split(",") if part.strip()),
+            formats=_listed(figures),
             as_json=as_json,
         )
 
@@ -281,7 +287,7 @@ def repeats(
         run(
             shots,
             out=out,
-            formats=tuple(part.strip() for part in figures.split(",") if part.strip()),
+            formats=_listed(figures),
             as_json=as_json,
         )
 
@@ -291,7 +297,8 @@ def calibrate(
     source: Annotated[
         Path,
         typer.Argument(
-            metavar="SOURCE", help="A calibration.toml, a shot.toml with [calibration], or the folder of one."
+            metavar="SOURCE",
+            help="A calibration.toml, a shot.toml with a table calibration, or the folder of one.",
         ),
     ],
     out: Annotated[
@@ -318,8 +325,8 @@ def calibrate(
         run(
             source,
             out=out,
-            exports=tuple(part.strip() for part in export.split(",") if part.strip()),
-            formats=tuple(part.strip() for part in figures.split(",") if part.strip()),
+            exports=_listed(export),
+            formats=_listed(figures),
             as_json=as_json,
         )
 
@@ -378,7 +385,7 @@ def identify(
             ),
             seed=seed,
             out=out,
-            formats=tuple(part.strip() for part in figures.split(",") if part.strip()),
+            formats=_listed(figures),
             as_json=as_json,
         )
 
