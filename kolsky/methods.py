@@ -10,7 +10,7 @@ PROFILE = "profile likelihood"
 POSTERIOR = "posterior median"
 
 AGREEMENT = 0.25
-"""Methods agree while none ends further from the answer than this share of the k = 2 interval's half width."""
+"""Methods agree while none ends further from the answer than this share of the k = 2 half width."""
 
 
 @dataclass(frozen=True)
