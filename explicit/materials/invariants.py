@@ -24,15 +24,15 @@ class InvariantLaw(ClosedFormLaw):
     SECOND_INVARIANT: ClassVar[bool] = False
     """Whether W depends on I2_bar; if not, the kernels leave it out."""
 
-    def W(self, I1: ArrayLike, I2: ArrayLike) -> FloatArray:  # noqa: N802, N803 (the field's symbols)
+    def W(self, I1: ArrayLike, I2: ArrayLike) -> FloatArray:
         """Strain energy per reference volume [Pa], shape [...]."""
         raise NotImplementedError
 
-    def dW_dI(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray]:  # noqa: N802, N803
+    def dW_dI(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """(W_1, W_2): derivatives by the invariants [Pa], each of shape [...]."""
         raise NotImplementedError
 
-    def d2W_dI2(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:  # noqa: N802, N803
+    def d2W_dI2(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(W_11, W_12, W_22): second derivatives [Pa], each of shape [...]."""
         raise NotImplementedError
 

@@ -7,17 +7,18 @@ To add a law write one file in this package with
    field for each entry of its ``PARAMETERS``, in that order;
 2. its energy and derivatives in NumPy (``W``, ``dW_dI``, ``d2W_dI2``, or the three of a `StretchLaw`), which
    are the twin that tests and fits use;
-3. the same as Warp functions of ``(..., row)``, where ``row`` holds the parameters in their order;
+3. the same as Warp functions of ``(..., row)``, where ``row`` holds what its ``parameters`` returns;
 4. one line in `explicit.materials.laws.LAWS`.
 
-The class then has all of `explicit.materials.base.MaterialLaw`: stress, energy, the bound of the tangent for the
-stable step, in NumPy and in Warp, for every driver, element and precision. `tests/unit/test_material_laws.py`
-goes over `LAWS` and holds every member to its own energy. A law gives the isochoric part alone; the volumetric
-part is `explicit.materials.volumetric`'s, and the solver's stiffness factor multiplies both.
+The class then has all of `explicit.materials.base.MaterialLaw`: stress, energy, the bound of the tangent for
+the stable step, in NumPy and in Warp, for every driver, element and precision.
+`tests/unit/test_material_laws.py` goes over `LAWS` and holds every member to its own energy. A law gives the
+isochoric part alone; the volumetric part is `explicit.materials.volumetric`'s, and the solver's stiffness
+factor multiplies both.
 """
 
-from dataclasses import dataclass, fields
-from typing import Any, ClassVar, Protocol, Self
+from dataclasses import dataclass
+from typing import ClassVar, Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,9 +30,9 @@ FloatArray = NDArray[np.float64]
 class ParameterSpec:
     """One constant of a law.
 
-    Inside ``[lower, upper]`` for all constants of a law its energy is positive at any deformation. The interval
-    is sufficient and, unless `strict`, not necessary: a fit without bounds may leave it (a Yeoh C20 is often
-    negative), and `ClosedFormLaw.outside` then says so.
+    Inside ``[lower, upper]`` for all constants of a law its energy is positive at any deformation. The
+    interval is sufficient and, unless `strict`, not necessary: a fit without bounds may leave it (a Yeoh C20
+    is often negative), and `ClosedFormLaw.outside` then says so.
     """
 
     name: str
@@ -78,10 +79,10 @@ class ClosedFormLaw:
     NAME: ClassVar[str]
     """The name in `explicit.materials.laws.LAWS` and in a shot file."""
     PARAMETERS: ClassVar[tuple[ParameterSpec, ...]]
-    """The constants, in the order of the fields and of the kernels' row."""
+    """The constants, in the order of the fields."""
 
     def __post_init__(self) -> None:
-        for spec, value in zip(self.PARAMETERS, self.parameters(), strict=True):
+        for spec, value in zip(self.PARAMETERS, self.constants(), strict=True):
             if not np.isfinite(value):
                 raise ValueError(f"{self.NAME}: {spec.name} must be finite, got {value}")
             if spec.strict and not spec.lower <= value <= spec.upper:
@@ -110,9 +111,13 @@ class ClosedFormLaw:
         """Largest s = sqrt(I1_bar - 3) the law is defined for [-]; infinity unless it locks."""
         return float("inf")
 
-    def parameters(self) -> FloatArray:
+    def constants(self) -> FloatArray:
         """The constants in the order of `PARAMETERS`, shape [n_parameters]."""
         return np.array([getattr(self, spec.name) for spec in self.PARAMETERS], dtype=np.float64)
+
+    def parameters(self) -> FloatArray:
+        """The kernels' row: the constants, unless a law prepares others from them."""
+        return self.constants()
 
     @classmethod
     def of(cls, values: ArrayLike) -> Self:
@@ -137,17 +142,12 @@ class ClosedFormLaw:
     def scaled(self, factor: float) -> Self:
         """The law with every stress multiplied by a factor: moduli scale, pure numbers stay."""
         scales = [factor if spec.unit == "Pa" else 1.0 for spec in self.PARAMETERS]
-        return self.of(self.parameters() * scales)
+        return self.of(self.constants() * scales)
 
     def outside(self) -> tuple[str, ...]:
         """Which constants lie outside the intervals that keep the energy positive, in words."""
         return tuple(
             f"{spec.name} = {value:g} {spec.unit} is outside [{spec.lower:g}, {spec.upper:g}]"
-            for spec, value in zip(self.PARAMETERS, self.parameters(), strict=True)
+            for spec, value in zip(self.PARAMETERS, self.constants(), strict=True)
             if not spec.lower <= value <= spec.upper
         )
-
-
-def field_names(law: type[Any]) -> tuple[str, ...]:
-    """The fields of a law's dataclass, which are the names of its `PARAMETERS`."""
-    return tuple(item.name for item in fields(law))
