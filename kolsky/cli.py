@@ -324,6 +324,7 @@ def identify(
     device: Device = "cpu",
     threads: Threads = None,
     past_data: PastData = "continue",
+    bayes: Annotated[bool, typer.Option("--bayes", help="Sample the posterior too; needs emcee.")] = False,
     seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 1,
     out: Out = None,
     figures: Annotated[
@@ -349,6 +350,7 @@ def identify(
             arithmetic=Arithmetic(
                 precision, device, threads, past_data, element, hourglass, nearly_incompressible
             ),
+            bayes=bayes,
             seed=seed,
             out=out,
             formats=_listed(figures),

@@ -20,6 +20,7 @@ def identify(
     refined_mesh: tuple[int, int],
     replicates: int,
     arithmetic: Arithmetic,
+    bayes: bool = False,
     seed: int,
     out: Path | None,
     formats: Sequence[str],
@@ -31,6 +32,8 @@ def identify(
     for name in formats:
         options.one_of("--figures", name, ("pdf", "svg", "png"))
     options.apart("--free", free, "--parameter", held)
+    if bayes:
+        options.installed("--bayes", "emcee", "bayes")
     loaded, folder = load(shot, out)
     numerics = arithmetic.numerics(mesh)
     from kolsky import identify as inverse
@@ -41,7 +44,13 @@ def identify(
     from kolsky.settings import Settings
 
     settings = Settings(
-        free=free, held=held, numerics=numerics, refined_mesh=refined_mesh, replicates=replicates, seed=seed
+        free=free,
+        held=held,
+        numerics=numerics,
+        refined_mesh=refined_mesh,
+        replicates=replicates,
+        bayes=bayes,
+        seed=seed,
     )
     with usable(loaded), bars() as progress:
         found = inverse.identify(loaded, settings, progress=progress)

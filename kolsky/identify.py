@@ -20,6 +20,8 @@ from doe import Box, ResponseSurrogate, from_points
 from doe.surrogates import SurrogateError
 from kolsky.cautions import cautions
 from kolsky.identification import Identification
+from kolsky.knowledge.gather import gather
+from kolsky.knowledge.profiles import Answer
 from kolsky.misfit import terms
 from kolsky.objective import Objective
 from kolsky.optimum import CorrectedSurrogate, Model, jacobian, on_edge, search
@@ -216,6 +218,7 @@ def _report(shot: Shot, stages: Stages, coarse: _Coarse, fine: _Refined) -> Iden
     ratio = settings.refined_mesh[0] / settings.numerics.mesh[0]
     held = {name: p.held(shot) for name, p in PARAMETERS.items() if name not in stages.box.names}
     loo = coarse.surrogate.loo_residuals
+    known = gather(stages, Answer.of(fine.x, coarse.box, fine.objective, fine.model), bayes=settings.bayes)
     found = Identification(
         shot=shot.name,
         estimates=estimates(
@@ -251,10 +254,10 @@ def _report(shot: Shot, stages: Stages, coarse: _Coarse, fine: _Refined) -> Iden
             shot, settings, stages.prepared, sliding="friction" in {*settings.free, *settings.held}
         ),
     )
+    found = known.added_to(found)
     checks = stages.prepared.checks
-    return replace(
-        found, warnings=cautions(found, checks=checks, interface=shot.interface, lost_replicates=lost)
-    )
+    said = cautions(found, checks=checks, interface=shot.interface, lost_replicates=lost)
+    return replace(found, warnings=(*said, *known.warnings))
 
 
 def _rms(x: FloatArray) -> float:

@@ -22,6 +22,8 @@ class Settings:
     """Draws of the flyer's motion and of the curve, each; 0 leaves their noise out of the interval."""
     replicate_mesh: tuple[int, int] = (16, 22)
     """The mesh of the replicates: a difference of two runs needs no fine one."""
+    bayes: bool = False
+    """Whether the posterior is sampled too (emcee, the extra [bayes])."""
     seed: int = 1
     """Seed of every random draw."""
 
