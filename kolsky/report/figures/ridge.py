@@ -28,8 +28,9 @@ def caption(result: Identification) -> str:
     return (
         "Rise of −2 ln L over the plane of the two free parameters, over the factor by which correlated "
         f"residuals raise the variance of {first}; its square root is a distance in standard deviations. "
-        f"Lines: the paths of the profiles of {first} and {second}, on which the other parameter makes up for "
-        "the change as well as it can, and where each reaches the end of its 95 % interval. Star: the answer."
+        f"Dashed: the profiles of {first} and {second}, on which the other parameter makes up for the change "
+        "as well as it can; in the same colour the rise at which each has its 95 % interval. Star: the "
+        "answer."
     )
 
 
