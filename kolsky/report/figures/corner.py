@@ -4,7 +4,7 @@ import numpy as np
 
 from kolsky.identification import Identification
 from kolsky.report.figures.base import GREY, MEASURED, MODEL, PAGE, FigureKind, Panels
-from kolsky.report.nomenclature import axis_label
+from kolsky.report.nomenclature import name_of
 
 BINS = 30
 DOTS = 800
@@ -30,7 +30,6 @@ def draw(result: Identification, panels: Panels) -> None:
     assert chains is not None
     every = max(1, -(-len(chains.samples) // DOTS))
     for i, row in enumerate(chains.names):
-        unit = result.estimates[row].unit if row in result.estimates else None
         for j, column in enumerate(chains.names[: i + 1]):
             ax = panels[f"{row} {column}"]
             x, y = chains.samples[:, j], chains.samples[:, i]
@@ -41,23 +40,27 @@ def draw(result: Identification, panels: Panels) -> None:
                     ax.axvline(end, color=GREY, lw=0.7, ls=":")
                 ax.set_yticks([])
             else:
-                ax.plot(x[::every], y[::every], ".", color=MODEL, ms=0.8, mew=0.0, alpha=0.5)
+                ax.plot(x[::every], y[::every], ".", color=MODEL, ms=2.0, mew=0.0, alpha=0.6)
                 for name, line in ((column, ax.axvline), (row, ax.axhline)):
                     if name in result.estimates:
                         line(result.estimates[name].value, color=MEASURED, lw=0.5)
             if i == len(chains.names) - 1:
-                own = result.estimates[column].unit if column in result.estimates else None
-                ax.set_xlabel(axis_label(column, own))
+                ax.set_xlabel(_label(column))
             else:
                 ax.tick_params(labelbottom=False)
             if j == 0 and i:
-                ax.set_ylabel(axis_label(row, unit))
+                ax.set_ylabel(_label(row))
             elif i != j:
                 ax.tick_params(labelleft=False)
             ax.locator_params(axis="x", nbins=4)
             ax.set_xlim(np.min(x), np.max(x))
             if i != j:
                 ax.set_ylim(np.min(y), np.max(y))
+
+
+def _label(name: str) -> str:
+    shown = name_of(name)
+    return f"${shown.tex}$ ({'–' if shown.unit == '1' else shown.unit})"
 
 
 def panels(result: Identification) -> list[list[str]]:
