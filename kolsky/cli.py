@@ -157,7 +157,7 @@ def dic(
     csv: Annotated[bool, typer.Option("--csv", help="Also write the points of every frame as CSV.")] = False,
     vtp: Annotated[bool, typer.Option("--vtp", help="Also write the surfaces for ParaView.")] = False,
     figures: Annotated[
-        str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png.")
+        str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png,csv.")
     ] = "",
     as_json: AsJson = False,
 ) -> None:
@@ -186,7 +186,7 @@ def waves(
     shot: ShotPath,
     out: Out = None,
     figures: Annotated[
-        str, typer.Option(metavar="FORMATS", help="Also save the figure alone, e.g. pdf,svg,png.")
+        str, typer.Option(metavar="FORMATS", help="Also save the figure alone, e.g. pdf,svg,png,csv.")
     ] = "",
     as_json: AsJson = False,
 ) -> None:
@@ -211,7 +211,7 @@ def wavespeed(
     shot: ShotPath,
     out: Out = None,
     figures: Annotated[
-        str, typer.Option(metavar="FORMATS", help="Also save the figure, e.g. pdf,svg,png.")
+        str, typer.Option(metavar="FORMATS", help="Also save the figure, e.g. pdf,svg,png,csv.")
     ] = "",
     as_json: AsJson = False,
 ) -> None:
@@ -238,7 +238,7 @@ def repeats(
     ],
     out: Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Where results go.")] = Path("repeats"),
     figures: Annotated[
-        str, typer.Option(metavar="FORMATS", help="Also save the figure, e.g. pdf,svg,png.")
+        str, typer.Option(metavar="FORMATS", help="Also save the figure, e.g. pdf,svg,png,csv.")
     ] = "",
     as_json: AsJson = False,
 ) -> None:
@@ -276,7 +276,7 @@ def calibrate(
         ),
     ] = "",
     figures: Annotated[
-        str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png.")
+        str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png,csv.")
     ] = "",
     as_json: AsJson = False,
 ) -> None:
@@ -327,7 +327,7 @@ def identify(
     seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 1,
     out: Out = None,
     figures: Annotated[
-        str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png.")
+        str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png,csv.")
     ] = "",
     as_json: AsJson = False,
 ) -> None:
