@@ -16,6 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from explicit.relaxation.pronykernels import PronyKind
+
 FloatArray = NDArray[np.float64]
 
 
@@ -67,6 +69,17 @@ class PronySeries:
     def instantaneous_shares(self) -> FloatArray:
         """g_i = c_i G_inf / G_0, as several finite element programs ask for [-], shape [n_branches]."""
         return np.asarray(self.strengths) / self.instantaneous
+
+    def row(self, n_branches: int) -> FloatArray:
+        """Kernel row: g_i, tau_i, 1 - sum g_i; branches that are missing have g = 0."""
+        g, times = np.zeros(n_branches), np.ones(n_branches)
+        g[: len(self)], times[: len(self)] = self.instantaneous_shares, self.times
+        return np.concatenate([g, times, [1.0 / self.instantaneous]])
+
+    @staticmethod
+    def kind(n_branches: int) -> PronyKind:
+        """See `explicit.relaxation.base.RateDependence`."""
+        return PronyKind(n_branches)
 
     def relaxation(self, time: ArrayLike) -> FloatArray:
         """G(t) / G_inf after a step of strain, Eq. (V.2) [-], shape of `time` [s]."""
