@@ -157,7 +157,7 @@ def dic(
     csv: Annotated[bool, typer.Option("--csv", help="Also write the points of every frame as CSV.")] = False,
     vtp: Annotated[bool, typer.Option("--vtp", help="Also write the surfaces for ParaView.")] = False,
     figures: Annotated[
-        str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png.")
+        str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png,csv.")
     ] = "",
     as_json: AsJson = False,
 ) -> None:
@@ -186,7 +186,7 @@ def waves(
     shot: ShotPath,
     out: Out = None,
     figures: Annotated[
-        str, typer.Option(metavar="FORMATS", help="Also save the figure alone, e.g. pdf,svg,png.")
+        str, typer.Option(metavar="FORMATS", help="Also save the figure alone, e.g. pdf,svg,png,csv.")
     ] = "",
     as_json: AsJson = False,
 ) -> None:
@@ -211,7 +211,7 @@ def wavespeed(
     shot: ShotPath,
     out: Out = None,
     figures: Annotated[
-        str, typer.Option(metavar="FORMATS", help="Also save the figure, e.g. pdf,svg,png.")
+        str, typer.Option(metavar="FORMATS", help="Also save the figure, e.g. pdf,svg,png,csv.")
     ] = "",
     as_json: AsJson = False,
 ) -> None:
@@ -238,7 +238,7 @@ def repeats(
     ],
     out: Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Where results go.")] = Path("repeats"),
     figures: Annotated[
-        str, typer.Option(metavar="FORMATS", help="Also save the figure, e.g. pdf,svg,png.")
+        str, typer.Option(metavar="FORMATS", help="Also save the figure, e.g. pdf,svg,png,csv.")
     ] = "",
     as_json: AsJson = False,
 ) -> None:
@@ -251,6 +251,48 @@ def repeats(
 
         run(
             shots,
+            out=out,
+            formats=_listed(figures),
+            as_json=as_json,
+        )
+
+
+@app.command()
+def rate(
+    shots: Annotated[list[Path], typer.Argument(metavar="SHOT...", help="Shots that were identified.")],
+    group: Annotated[
+        str,
+        typer.Option(
+            metavar="KEY", help="Compare shots with one value of this key of shot.toml, e.g. interface.faces."
+        ),
+    ] = "",
+    strains: Annotated[str, typer.Option(metavar="NUMBERS", help="Nominal strains.")] = "0.1,0.3,0.5",
+    shared: Annotated[
+        float, typer.Option(min=0.0, help="Relative standard uncertainty that all m have in common.")
+    ] = 0.0,
+    identify: Annotated[bool, typer.Option("--identify", help="Identify shots without a result.")] = False,
+    out: Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Where results go.")] = Path("rates"),
+    figures: Annotated[
+        str, typer.Option(metavar="FORMATS", help="Also save each figure, e.g. pdf,svg,png.")
+    ] = "",
+    as_json: AsJson = False,
+) -> None:
+    """Compare the stiffness of identified shots over their strain rates: mean, scatter, slope.
+
+    Writes rates.h5, rates.html and CSV tables. A slope that the rates cannot carry is refused.
+    """
+    from kolsky import options
+
+    with refusing_bad_input():
+        at = options.strains("--strains", strains)
+        from kolsky.ratecommand import rate as run
+
+        run(
+            shots,
+            group=group,
+            strains=at,
+            shared=shared,
+            identify=identify,
             out=out,
             formats=_listed(figures),
             as_json=as_json,
@@ -276,7 +318,7 @@ def calibrate(
         ),
     ] = "",
     figures: Annotated[
-        str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png.")
+        str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png,csv.")
     ] = "",
     as_json: AsJson = False,
 ) -> None:
@@ -328,7 +370,7 @@ def identify(
     seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 1,
     out: Out = None,
     figures: Annotated[
-        str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png.")
+        str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png,csv.")
     ] = "",
     as_json: AsJson = False,
 ) -> None:

@@ -30,7 +30,7 @@ from kolsky.quasistatic.modes import FloatArray, Mode, check_deformation
 class VolumetricPart(Protocol):
     """What the compressible solution needs of a volumetric energy."""
 
-    def dU_dJ(self, J: ArrayLike, /) -> FloatArray:  # noqa: N802, N803 (the field's symbols)
+    def dU_dJ(self, J: ArrayLike, /) -> FloatArray:
         """U'(J) [Pa], shape [...]."""
         ...
 
