@@ -26,6 +26,8 @@ class Runs:
 
     points: FloatArray
     """Parameters, shape [n, d]."""
+    rows: NDArray[np.intp]
+    """Their rows in the design, shape [n]."""
     prediction: Prediction
     """What the instruments would have seen."""
     response: Response
@@ -90,7 +92,7 @@ class Stages:
         kept = response.select(rows)
         prediction = predict(kept, self.observations)
         self.table.add(stage, design.points, response.endings, rows, prediction, self.observations)
-        return Runs(design.points[rows], prediction, kept, _lost(design, response))
+        return Runs(design.points[rows], rows, prediction, kept, _lost(design, response))
 
     def replicate(self, point: FloatArray) -> Replicates:
         """Run the point again under `settings.replicates` other motions, and as many other curves.
