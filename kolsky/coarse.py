@@ -126,7 +126,7 @@ def _adaptive(stages: Stages, wide: Runs) -> Coarse:
 def _with_all_points(
     stages: Stages, surrogate: ProcessSurrogate, seen: list[tuple[FloatArray, Prediction]]
 ) -> tuple[Objective, ProcessSurrogate]:
-    """The surrogate over the outline points that its own runs reach, which are more than the first design's."""
+    """The surrogate over the outline points that its own runs reach: more than the first design's."""
     points = np.concatenate([x for x, _ in seen])
     known = {tuple(x) for x in surrogate.points}
     used = np.array([tuple(x) in known for x in points])

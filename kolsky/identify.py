@@ -39,7 +39,7 @@ SAFETY_FACTOR = 1.25
 """Factor on the extrapolated mesh error (Roache's grid convergence index with a fitted order)."""
 CONFIRMED = 0.2
 """An optimum is confirmed when the check run moves it by less than this share of the residuals' sigma."""
-MOST_CHECKS = 4
+MOST_CHECKS = 6
 """Most rounds on the refined mesh."""
 COMPANION = 0.05
 """Distance of the first check's companion run over the second design's edge."""

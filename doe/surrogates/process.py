@@ -15,7 +15,7 @@ from doe.surrogates.protocol import checked_runs, unit_points
 FloatArray = NDArray[np.float64]
 
 OWN = 4
-"""Leading components with hyperparameters of their own; the others, which are many and small, share theirs."""
+"""Leading components with hyperparameters of their own; the others, many and small, share theirs."""
 
 
 @dataclass(frozen=True)
