@@ -151,7 +151,7 @@ def refine(
     for number in range(max_rounds):
         new = _choose(surrogate, region, best, misfit, size, np.random.default_rng([rng, number]))
         given = np.asarray(run(new), dtype=np.float64)
-        kept = np.isfinite(given).all(axis=1)
+        kept = np.asarray(np.isfinite(given).all(axis=1), dtype=np.bool_)
         x, y = np.concatenate([x, new[kept]]), np.concatenate([y, given[kept]])
         values = np.append(values, misfit(given[kept]))
         foretold = float(misfit(surrogate.predict(best[None]))[0])

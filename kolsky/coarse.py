@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from doe import Box, ResponseSurrogate, Surrogate, from_points
 from doe.refine import refine
 from doe.surrogates import ProcessSurrogate, SurrogateError
-from kolsky.misfit import Prediction
 from kolsky.objective import Objective
 from kolsky.optimum import CorrectedSurrogate, jacobian, leaves, search
 from kolsky.stages import Runs, Stages
@@ -89,11 +88,9 @@ def _fit(stages: Stages, box: Box, runs: Runs) -> tuple[Objective, ResponseSurro
 def _adaptive(stages: Stages, wide: Runs) -> Coarse:
     """Batches of runs about the optimum until it stays."""
     objective = Objective(stages.observations, _reached(wide.prediction.inside))
-    seen: list[tuple[FloatArray, Prediction]] = [(wide.points, wide.prediction)]
 
     def run(points: FloatArray) -> FloatArray:
         done = stages.simulate("refinement", from_points(stages.box, points), stages.settings.numerics)
-        seen.append((done.points, done.prediction))
         vectors = np.full((len(points), len(objective.data)), np.nan)
         vectors[done.rows] = objective.vectors(done.prediction)
         return vectors
@@ -118,21 +115,18 @@ def _adaptive(stages: Stages, wide: Runs) -> Coarse:
         )
     except SurrogateError as error:
         raise _no_surrogate(error, wide) from error
-    objective, surrogate = _with_all_points(stages, found.surrogate, seen)
+    objective, surrogate = _with_all_points(stages, found.surrogate)
     best = search(found.region, objective, CorrectedSurrogate(surrogate).predict, start=found.x)
     return Coarse(found.region, surrogate, best.objective, best.x, settled=found.converged)
 
 
-def _with_all_points(
-    stages: Stages, surrogate: ProcessSurrogate, seen: list[tuple[FloatArray, Prediction]]
-) -> tuple[Objective, ProcessSurrogate]:
+def _with_all_points(stages: Stages, surrogate: ProcessSurrogate) -> tuple[Objective, ProcessSurrogate]:
     """The surrogate over the outline points that its own runs reach: more than the first design's."""
-    points = np.concatenate([x for x, _ in seen])
+    points, prediction = stages.on_surrogate_mesh()
     known = {tuple(x) for x in surrogate.points}
     used = np.array([tuple(x) in known for x in points])
-    inside = np.concatenate([prediction.inside for _, prediction in seen])[used]
-    objective = Objective(stages.observations, _reached(inside))
-    vectors = np.concatenate([objective.vectors(prediction) for _, prediction in seen])[used]
+    objective = Objective(stages.observations, _reached(prediction.inside[used]))
+    vectors = objective.vectors(prediction)[used]
     fitted = ProcessSurrogate.fit(surrogate.box, points[used], vectors, scale=objective.noise, like=surrogate)
     return objective, fitted
 

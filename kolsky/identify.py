@@ -26,6 +26,7 @@ from kolsky.optimum import CorrectedSurrogate, Model, jacobian, leaves, search
 from kolsky.parameters import PARAMETERS, design_box
 from kolsky.prepare import prepare
 from kolsky.provenance import provenance
+from kolsky.searches import with_methods
 from kolsky.settings import Settings
 from kolsky.shots import Shot
 from kolsky.stages import Progress, Runs, Stages
@@ -202,6 +203,7 @@ def _report(shot: Shot, stages: Stages, coarse: Coarse, fine: _Refined) -> Ident
             shot, settings, stages.prepared, sliding="friction" in {*settings.free, *settings.held}
         ),
     )
+    found = with_methods(found, stages, fine.objective)
     checks = stages.prepared.checks
     return replace(
         found, warnings=cautions(found, checks=checks, interface=shot.interface, lost_replicates=lost)
