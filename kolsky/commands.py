@@ -19,6 +19,7 @@ def identify(
     mesh: tuple[int, int],
     refined_mesh: tuple[int, int],
     replicates: int,
+    methods: str,
     arithmetic: Arithmetic,
     seed: int,
     out: Path | None,
@@ -30,6 +31,7 @@ def identify(
     options.finer("--refined-mesh", refined_mesh, "--mesh", mesh)
     for name in formats:
         options.one_of("--figures", name, ("pdf", "svg", "png"))
+    options.one_of("--methods", methods, ("surrogate", "all"))
     options.apart("--free", free, "--parameter", held)
     loaded, folder = load(shot, out)
     numerics = arithmetic.numerics(mesh)
@@ -38,7 +40,13 @@ def identify(
     from kolsky.settings import Settings
 
     settings = Settings(
-        free=free, held=held, numerics=numerics, refined_mesh=refined_mesh, replicates=replicates, seed=seed
+        free=free,
+        held=held,
+        numerics=numerics,
+        refined_mesh=refined_mesh,
+        replicates=replicates,
+        methods="all" if methods == "all" else "surrogate",
+        seed=seed,
     )
     with usable(loaded), bars() as progress:
         found = inverse.identify(loaded, settings, progress=progress)
