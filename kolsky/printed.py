@@ -42,13 +42,7 @@ def details(found: Identification) -> dict[str, str]:
             for route in found.routes
             if route.name in ROUTES
         ]
-        rows += [
-            (
-                f"{symbol}, {method.name}",
-                f"{plain(numbers.like(method.values[name], U))}, {_away(method, name)}",
-            )
-            for method in found.methods[1:]
-        ]
+        rows += [(f"{symbol}, {method.name}", _distant(method, name, U)) for method in found.methods[1:]]
     return dict(rows)
 
 
@@ -58,9 +52,11 @@ def columns(rows: Mapping[str, Any]) -> list[str]:
     return [f"  {name:<{width}}  {_shown(value)}" for name, value in rows.items()]
 
 
-def _away(method: Method, name: str) -> str:
-    distance = plain(numbers.plain(method.distances[name], 2))
-    return f"{distance} of the half width away" + ("" if method.converged else ", not at rest")
+def _distant(method: Method, name: str, U: float) -> str:
+    value, distance = numbers.like(method.values[name], U), numbers.plain(method.distances[name], 2)
+    return f"{plain(value)}, {plain(distance)} U from the answer" + (
+        "" if method.converged else ", not at rest"
+    )
 
 
 def _route(route: Route, name: str, U: float) -> str:
