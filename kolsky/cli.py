@@ -359,6 +359,10 @@ def identify(
     replicates: Annotated[
         int, typer.Option(min=0, help="Draws of the flyer's and the curve's noise; 0 leaves them out.")
     ] = 16,
+    methods: Annotated[
+        str,
+        typer.Option(metavar="WHICH", help="surrogate, or all: least squares on the solver too (dear)."),
+    ] = "surrogate",
     element: Element = "one_point",
     hourglass: Hourglass = "stiffness",
     nearly_incompressible: Corrected = False,
@@ -389,6 +393,7 @@ def identify(
             mesh=options.mesh("--mesh", mesh),
             refined_mesh=options.mesh("--refined-mesh", refined_mesh),
             replicates=replicates,
+            methods=methods,
             arithmetic=Arithmetic(
                 precision, device, threads, past_data, element, hourglass, nearly_incompressible
             ),

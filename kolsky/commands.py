@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 from kolsky import options, printed
 from kolsky.commandparts import Arithmetic, failure, load, since, tell, usable
@@ -19,6 +20,7 @@ def identify(
     mesh: tuple[int, int],
     refined_mesh: tuple[int, int],
     replicates: int,
+    methods: str,
     arithmetic: Arithmetic,
     bayes: bool = False,
     seed: int,
@@ -31,6 +33,7 @@ def identify(
     options.finer("--refined-mesh", refined_mesh, "--mesh", mesh)
     for name in formats:
         options.one_of("--figures", name, ("pdf", "svg", "png"))
+    options.one_of("--methods", methods, ("surrogate", "all"))
     options.apart("--free", free, "--parameter", held)
     if bayes:
         options.installed("--bayes", "emcee", "bayes")
@@ -46,6 +49,7 @@ def identify(
         numerics=numerics,
         refined_mesh=refined_mesh,
         replicates=replicates,
+        methods="all" if methods == "all" else "surrogate",
         bayes=bayes,
         seed=seed,
     )

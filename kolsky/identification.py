@@ -26,6 +26,11 @@ class Verdict(StrEnum):
     DISAGREEING = "the check run disagrees with the surrogate"
     FAILED = "no simulation of the design completed"
 
+    @property
+    def confirmed(self) -> bool:
+        """Whether the search came to rest: a run on the refined mesh left the optimum where it was."""
+        return self not in (Verdict.DISAGREEING, Verdict.FAILED)
+
 
 @dataclass(frozen=True)
 class Estimate:

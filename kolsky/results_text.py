@@ -37,6 +37,7 @@ def to_json(identification: Identification) -> dict[str, Any]:
         "shot": result.shot,
         "warnings": result.warnings,
         "routes": [vars(route) for route in result.routes],
+        "methods": [vars(method) for method in result.methods],
         "terms": terms,
         "fixed": result.fixed,
         "mesh": {"default": result.mesh, "refined": result.refined_mesh},

@@ -31,6 +31,7 @@ def in_shown_units(result: Identification) -> Identification:
             replace(route, parameters=_scaled(route.parameters), sigma=_scaled(route.sigma))
             for route in result.routes
         ),
+        methods=tuple(replace(method, values=_scaled(method.values)) for method in result.methods),
         design=design,
         curves=tuple(replace(c, x=c.x * factor_of(c.parameter)) for c in result.curves),
         profiles=tuple(_profile(p, factors) for p in result.profiles),
