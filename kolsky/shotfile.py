@@ -271,6 +271,7 @@ class CurveSection(Section):
     sigma: StressColumn | None = None
     modes: ModeColumns | None = None
     conditioned: f.FileName | None = None
+    strain_rate: f.StrainRate | None = None
 
     @model_validator(mode="after")
     def _some_sigma(self) -> "CurveSection":
@@ -319,6 +320,9 @@ class ShotFile(Section):
 
     format: Literal[1]
     name: f.Name | None = None
+    material: f.Name | None = None
+    group: f.Name | None = None
+    rig: f.Name | None = None
     specimen: SpecimenSection
     interface: InterfaceSection
     transmission: TransmissionSection

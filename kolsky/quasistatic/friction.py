@@ -9,8 +9,8 @@ with a first-invariant law :math:`\theta` (2U' at a few knots of s, in logarithm
 :math:`S_{\theta, f}` is fitted to the measured one by Levenberg and Marquardt's method. Only the *ratio*,
 which hardly depends on the law, is taken from the fit, so no detail of the curve is lost in the knots.
 
-A force alone does not tell friction from the curve's shape: with enough knots every coefficient fits. Friction
-can be free where the radius at mid-height was measured too; else it is declared, with its uncertainty.
+A force alone does not tell friction from the curve's shape: with enough knots every coefficient fits. It can
+be free where the radius at mid-height was measured too; else it is declared, with its uncertainty.
 """
 
 from dataclasses import dataclass, replace

@@ -1,10 +1,10 @@
 r"""A compression test between platens, run slowly by the explicit solver.
 
 A static answer does not depend on the mass, so the specimen's density and the test's duration are chosen
-together (mass scaling): the platen's speed rises smoothly over the first half of a duration of many passages of
-a wave, and a drag on the nodes takes away what still swings. The force is the mean of both faces, in which the
-drag's resultant cancels. What is left of inertia is in the answer: the share of the kinetic energy, and how
-far the two faces differ.
+together (mass scaling): the platen's speed rises smoothly over the first half of a duration of many passages
+of a wave, and a drag on the nodes takes away what still swings. The force is the mean of both faces, in which
+the drag's resultant cancels. What is left of inertia is in the answer: the share of the kinetic energy, and
+how far the two faces differ.
 """
 
 from collections.abc import Sequence
