@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from doe import Box, from_points
 from kolsky.cautions import cautions
 from kolsky.coarse import Coarse, search_coarse
+from kolsky.curvefile import with_pull
 from kolsky.identification import Identification
 from kolsky.knowledge.gather import gather
 from kolsky.knowledge.profiles import Answer
@@ -74,6 +75,7 @@ def identify(
         message says how, when and where the first one failed.
     """
     settings = settings or Settings()
+    shot = with_pull(shot, settings.pull)
     whole = design_box(settings.free)
     stages = Stages(prepare(shot), settings, whole, progress or (lambda stage, done, total: None))
     coarse = search_coarse(stages)
