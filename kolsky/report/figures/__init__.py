@@ -28,6 +28,7 @@ from kolsky.report.figures import (
     rate_stiffness,
     repeats,
     ridge,
+    scene,
     shape_residual,
     speckle_floor,
     speckle_overlay,
@@ -61,6 +62,7 @@ REGISTRY: dict[str, FigureKind[Any]] = {
         corner,
         energy,
         meshes,
+        scene,
     )
 }
 """Every figure of an identification by name, in the order of its report."""
