@@ -41,8 +41,8 @@ ORDER = 2.0
 SAFETY_FACTOR = 1.25
 """Factor on the extrapolated mesh error (Roache's grid convergence index with a fitted order)."""
 ONE_SIDED = 1.15
-"""The index over its standard uncertainty: the mesh errs to one side, by about as much as is extrapolated, and
-not evenly about zero, where it would be 2 (ASME V&V 20-2009)."""
+"""The index over its standard uncertainty: the mesh errs to one side, by about as much as is extrapolated,
+and not evenly about zero, where it would be 2 (ASME V&V 20-2009)."""
 CONFIRMED = 0.2
 """An optimum is confirmed when the check run moves it by less than this share of the residuals' sigma."""
 MOST_CHECKS = 6
