@@ -9,6 +9,7 @@ STAGES = {
     "noise": "replicates of the input noise",
     "simulation": "simulation",
     "sweep": "sweep",
+    "rates": "speeds of the flyer",
     "calibration": "calibration pictures",
     "specimen, camera 0": "specimen in camera 0",
     "specimen, camera 1": "specimen in camera 1",

@@ -19,6 +19,9 @@ from kolsky.report.figures import (
     misfit,
     overlay_epipolar,
     overlay_sigma,
+    plan_choices,
+    plan_information,
+    plan_slopes,
     profiles,
     repeats,
     shape_residual,
@@ -32,6 +35,7 @@ __all__ = [
     "BARS_TOGETHER",
     "CALIBRATION",
     "FLYER_TESTS",
+    "PLANS",
     "REGISTRY",
     "SPECKLES",
     "SURFACES",
@@ -71,3 +75,7 @@ BARS_TOGETHER: dict[str, FigureKind[Any]] = {bars_together.KIND.name: bars_toget
 """Every figure of a shot with the bars together, likewise."""
 REPEATS: dict[str, FigureKind[Any]] = {repeats.KIND.name: repeats.KIND}
 """Every figure of repeated tests, likewise."""
+PLANS: dict[str, FigureKind[Any]] = {
+    module.KIND.name: module.KIND for module in (plan_information, plan_slopes, plan_choices)
+}
+"""Every figure of a plan, likewise."""
