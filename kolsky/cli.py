@@ -445,8 +445,8 @@ def plan(
     threads: Threads = None,
     out: Out = None,
     figures: Annotated[
-        str, typer.Option(metavar="FORMATS", help="Of the figures, e.g. pdf,svg.", show_default="png")
-    ] = "",
+        str, typer.Option(metavar="FORMATS", help="Of the figures, e.g. pdf,svg; empty: no figures.")
+    ] = "png",
     as_json: AsJson = False,
 ) -> None:
     """Foretell what a test like this shot would tell: where, when and how fast to measure.

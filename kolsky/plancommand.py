@@ -144,12 +144,13 @@ def plan(
         planfile.write_hdf5(partial / "plan.h5", found)
         planfile.write_csv(partial, found)
         (partial / "plan.json").write_text(json.dumps(said, indent=2, allow_nan=False), encoding="utf-8")
-        save_figures(partial / "figures", found, formats=tuple(formats) or ("png",), registry=PLANS)
+        if formats:
+            save_figures(partial / "figures", found, formats=tuple(formats), registry=PLANS)
     tell(
         [],
         planfile.rows(found),
         said if as_json else None,
-        rest={"figures": folder / "figures", "wall time": f"{perf_counter() - started:.1f} s"},
+        rest={"folder": folder, "wall time": f"{perf_counter() - started:.1f} s"},
         warnings=[f"{part}: {e.unseen}" for part, e in found.expected.items() if e.unseen],
     )
 

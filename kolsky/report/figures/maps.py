@@ -2,6 +2,7 @@
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from kolsky.localsensitivity import Look
@@ -39,6 +40,8 @@ def draw_map(
         rasterized=True,
     )
     ax.set(xlabel="Time (ms)", ylabel="Height $y$ (mm)", ylim=(0.0, MM * look.heights[-1]))
-    bar = ax.figure.colorbar(drawn, ax=ax, aspect=25, pad=0.02)  # type: ignore[union-attr]
+    # Few ticks: more of them as the axes shrink would have longer labels than the layout reckoned with.
+    ticks = MaxNLocator(4)
+    bar = ax.figure.colorbar(drawn, ax=ax, aspect=25, pad=0.02, ticks=ticks)  # type: ignore[union-attr]
     bar.set_label(label)
     smooth_bar(bar)

@@ -1,5 +1,6 @@
 """What a longer window and another speed of the flyer would bring."""
 
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -37,13 +38,11 @@ def draw(plan: Plan, panels: Panels) -> None:
         line: dict[str, Any] = {"color": colour, "marker": marker, "ms": 3.2}
         panels["rate"].plot(speeds, 100.0 * _finite(together[:, j]), label=symbol, **line)
         panels["rate"].plot(speeds, 100.0 * _finite(alone[:, j]), ls=":", mfc="white", lw=0.7, **line)
-    for i, j in zip(*np.triu_indices(len(plan.names), 1), strict=True):
-        first, second = (name_of(plan.names[k]).tex for k in (int(i), int(j)))
-        r = [np.nan if R is None else R[i, j] for R in (rate.expected.correlation for rate in plan.rates)]
-        place = (i + j - 1) % 5
-        panels["correlation"].plot(
-            speeds, r, color=COLOURS[place], marker=MARKERS[place], ms=3.2, label=f"${first}$, ${second}$"
-        )
+    for number, (i, k) in enumerate(combinations(range(len(plan.names)), 2)):
+        first, second = name_of(plan.names[i]).tex, name_of(plan.names[k]).tex
+        r = [np.nan if R is None else R[i, k] for R in (rate.expected.correlation for rate in plan.rates)]
+        style: dict[str, Any] = {"color": COLOURS[number % 5], "marker": MARKERS[number % 5], "ms": 3.2}
+        panels["correlation"].plot(speeds, r, label=f"${first}$, ${second}$", **style)
     panels["end"].set(xlabel="End of the data (ms)", ylabel="Standard deviation over scale (%)")
     panels["rate"].set_ylabel("Standard deviation over scale (%)")
     panels["correlation"].set_ylabel("Correlation (–)")

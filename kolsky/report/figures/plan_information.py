@@ -61,6 +61,8 @@ def draw(plan: Plan, panels: Panels) -> None:
         low.set_ylim(bottom=0.0)
         low.set_ylabel(f"Share on ${symbol}$ (1/ms)")
         letter(low, next(letters))
+        if j > 0:
+            top.set_ylabel("")
         if j == 0 and len(plan.names) > 1:
             low.legend(loc="upper left")
 

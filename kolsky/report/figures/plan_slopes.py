@@ -15,11 +15,12 @@ LETTERS = "abcdefghijklmnop"
 def caption(plan: Plan) -> str:
     """What is seen."""
     changes = ", ".join(_said(plan, j) for j in range(len(plan.names)))
+    reach = 100.0 * plan.information.sensitivity.reach
     return (
         "Change of the transmitted force (top) and of the outline (bottom) with each parameter, for "
-        f"{changes}: slopes of straight lines through runs within {100 * plan.information.sensitivity.reach:g} % of the "
-        "parameter’s scale. Band: ± what the lines leave out of the force, over that change; ringing is most "
-        "of it. White: no free surface at that height."
+        f"{changes}: straight lines through runs within {reach:g} % of the parameter’s scale. Band: "
+        "± what the lines leave out of the force, over that change; ringing is most of it. White: no free "
+        "surface at that height."
     )
 
 
@@ -49,6 +50,8 @@ def draw(plan: Plan, panels: Panels) -> None:
         draw_map(low, slopes.look, shown, rf"$\Delta Z$ with $\Delta {name_of(name).tex}$ (µm)")
         top.set_xlim(low.get_xlim())
         letter(low, next(letters))
+        if j > 0:
+            low.set_ylabel("")
 
 
 KIND: FigureKind[Plan] = FigureKind(
