@@ -23,6 +23,10 @@ from kolsky.report.figures import (
     plan_information,
     plan_slopes,
     profiles,
+    rate_equal_strain,
+    rate_forest,
+    rate_slope,
+    rate_stiffness,
     repeats,
     shape_residual,
     speckle_floor,
@@ -36,6 +40,7 @@ __all__ = [
     "CALIBRATION",
     "FLYER_TESTS",
     "PLANS",
+    "RATES",
     "REGISTRY",
     "SPECKLES",
     "SURFACES",
@@ -79,3 +84,7 @@ PLANS: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND for module in (plan_information, plan_slopes, plan_choices)
 }
 """Every figure of a plan, likewise."""
+RATES: dict[str, FigureKind[Any]] = {
+    module.KIND.name: module.KIND for module in (rate_slope, rate_forest, rate_stiffness, rate_equal_strain)
+}
+"""Every figure of a group of shots whose rates are compared, likewise."""
