@@ -8,11 +8,10 @@ from time import perf_counter
 from typing import Any
 
 from kolsky import options
-from kolsky.commands import Arithmetic, tell
+from kolsky.commandparts import Arithmetic, load, since, tell, usable
 from kolsky.errors import InputError
-from kolsky.outfolder import filling, usable_folder
+from kolsky.outfolder import filling
 from kolsky.progress import bars
-from kolsky.shots import Shot, folder_of, load_shot
 from kolsky.units import UnitError, quantity
 
 
@@ -114,8 +113,7 @@ def plan(
         raise InputError(
             options.COMMAND_LINE, "must be whole numbers from 1", key="--heights", value=wishes.heights
         )
-    folder = usable_folder(out or folder_of(shot) / "results")
-    loaded = _loaded(shot, folder)
+    loaded, folder = load(shot, out)
     numerics = arithmetic.numerics(mesh)
     from kolsky import plan as planned
     from kolsky import planfile
@@ -123,22 +121,19 @@ def plan(
     from kolsky.report.canvas import save_figures
     from kolsky.report.figures import PLANS
 
-    try:
-        with bars() as progress:
-            found = planned.plan(
-                loaded,
-                names=names or planned.NAMES,
-                held=held,
-                instruments=lambda prepared: replace(instruments_of(prepared), **changes),
-                rates=rates or planned.RATES,
-                heights=[int(count) for count in counts] or (1, 2, 3),
-                reach=reach,
-                discrepancy=(0.0, 0.0) if wishes.discrepancy == "none" else None,
-                numerics=numerics,
-                progress=progress,
-            )
-    except ValueError as error:
-        raise InputError(loaded.folder, str(error)) from error
+    with usable(loaded), bars() as progress:
+        found = planned.plan(
+            loaded,
+            names=names or planned.NAMES,
+            held=held,
+            instruments=lambda prepared: replace(instruments_of(prepared), **changes),
+            rates=rates or planned.RATES,
+            heights=[int(count) for count in counts] or (1, 2, 3),
+            reach=reach,
+            discrepancy=(0.0, 0.0) if wishes.discrepancy == "none" else None,
+            numerics=numerics,
+            progress=progress,
+        )
     said = planfile.to_json(found)
     with filling(folder) as partial:
         planfile.write_hdf5(partial / "plan.h5", found)
@@ -150,19 +145,9 @@ def plan(
         [],
         planfile.rows(found),
         said if as_json else None,
-        rest={"folder": folder, "wall time": f"{perf_counter() - started:.1f} s"},
+        rest={"folder": folder, "wall time": since(started)},
         warnings=[f"{part}: {e.unseen}" for part, e in found.expected.items() if e.unseen],
     )
-
-
-def _loaded(shot: Path, folder: Path) -> Shot:
-    def measure(seen: Any) -> Any:
-        from kolsky.measure import measured
-
-        with bars() as progress:
-            return measured(seen, folder, progress=progress)
-
-    return load_shot(shot, measure=measure)
 
 
 def _bare(text: str) -> str:
