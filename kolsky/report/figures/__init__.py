@@ -31,6 +31,10 @@ from kolsky.report.figures import (
     shape_residual,
     speckle_floor,
     speckle_overlay,
+    trend_damping,
+    trend_friction,
+    trend_poisson,
+    trend_stiffness,
     waves,
 )
 from kolsky.report.figures.base import FigureKind
@@ -44,6 +48,7 @@ __all__ = [
     "REGISTRY",
     "SPECKLES",
     "SURFACES",
+    "TRENDS",
     "WAVES",
     "FigureKind",
 ]
@@ -88,3 +93,8 @@ RATES: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND for module in (rate_slope, rate_forest, rate_stiffness, rate_equal_strain)
 }
 """Every figure of a group of shots whose rates are compared, likewise."""
+TRENDS: dict[str, FigureKind[Any]] = {
+    module.KIND.name: module.KIND
+    for module in (trend_poisson, trend_damping, trend_friction, trend_stiffness)
+}
+"""Every figure of a shot's trends, Figs. 7 to 10 of Mates et al. (2012), likewise."""
