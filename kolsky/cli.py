@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from kolsky import sweepcli
+from kolsky import plancli, sweepcli
 from kolsky.clitypes import (
     AsJson,
     Corrected,
@@ -444,6 +444,7 @@ def simulate(
         raise typer.Exit(1)
 
 
+app.command()(plancli.plan)
 app.command()(sweepcli.sweep)
 
 

@@ -12,6 +12,7 @@ STAGES = {
     "systematic": "declared uncertainties",
     "simulation": "simulation",
     "sweep": "sweep",
+    "rates": "speeds of the flyer",
     "calibration": "calibration pictures",
     "specimen, camera 0": "specimen in camera 0",
     "specimen, camera 1": "specimen in camera 1",
