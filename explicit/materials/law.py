@@ -87,7 +87,7 @@ class ClosedFormLaw:
                 raise ValueError(f"{self.NAME}: {spec.name} must be finite, got {value}")
             if spec.strict and not spec.lower <= value <= spec.upper:
                 raise ValueError(
-                    f"{self.NAME}: {spec.name} must be in [{spec.lower:g}, {spec.upper:g}] {spec.unit}, got "
+                    f"{self.NAME}: {spec.name} must be in [{spec.lower:g}, {spec.upper:g}]{_unit(spec)}, got "
                     f"{value:g}: {spec.meaning}"
                 )
         if not self.shear_modulus > 0.0:
@@ -147,7 +147,11 @@ class ClosedFormLaw:
     def outside(self) -> tuple[str, ...]:
         """Which constants lie outside the intervals that keep the energy positive, in words."""
         return tuple(
-            f"{spec.name} = {value:g} {spec.unit} is outside [{spec.lower:g}, {spec.upper:g}]"
+            f"{spec.name} = {value:g}{_unit(spec)} is outside [{spec.lower:g}, {spec.upper:g}]"
             for spec, value in zip(self.PARAMETERS, self.constants(), strict=True)
             if not spec.lower <= value <= spec.upper
         )
+
+
+def _unit(spec: ParameterSpec) -> str:
+    return "" if spec.unit == "1" else f" {spec.unit}"
