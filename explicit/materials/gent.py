@@ -33,8 +33,8 @@ class Gent(InvariantLaw):
 
     @property
     def data_limit(self) -> float:
-        """s where the law locks, sqrt(Jm) [-]."""
-        return float(np.sqrt(self.Jm))
+        """s where the data end or the law locks, at sqrt(Jm) [-]."""
+        return min(self.fitted_s, float(np.sqrt(self.Jm)))
 
     def _room(self, I1: ArrayLike) -> FloatArray:
         """Jm - (I1 - 3), not a number past locking."""

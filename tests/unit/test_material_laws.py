@@ -29,7 +29,8 @@ def shifted(lam: np.ndarray, axis: int, step: float) -> np.ndarray:
 @EVERY
 def test_its_constants_are_its_fields(law: AnyLaw) -> None:
     assert type(law).of(law.constants()) == law
-    assert [spec.name for spec in law.PARAMETERS] == [field.name for field in fields(law)]
+    named = [field.name for field in fields(law) if not field.kw_only]
+    assert [spec.name for spec in law.PARAMETERS] == named
     assert law.outside() == ()
     assert law_class(law.NAME) is type(law)
 
@@ -92,6 +93,13 @@ def test_a_factor_scales_every_stress(law: AnyLaw) -> None:
     # rounding of components of 1e5 Pa, of which some are differences
     np.testing.assert_allclose(law.scaled(1.7).stress(b_bar), 1.7 * law.stress(b_bar), rtol=1e-13, atol=1e-9)
     np.testing.assert_allclose(law.scaled(1.7).energy(b_bar), 1.7 * law.energy(b_bar), rtol=1e-13)
+
+
+def test_a_law_knows_how_far_its_data_went() -> None:
+    assert Yeoh(12e3, 0.0, 0.0, fitted_s=1.2).scaled(2.0).data_limit == 1.2
+    assert LAWS["gent"].of([25e3, 4.0]).data_limit == 2.0  # it locks there
+    with pytest.raises(ValueError, match="yeoh: fitted_s must be > 0, got 0"):
+        Yeoh(12e3, 0.0, 0.0, fitted_s=0.0)
 
 
 @EVERY
