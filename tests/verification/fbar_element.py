@@ -89,13 +89,21 @@ def _slopes(mesh: Mesh, ask: "list[Evaluated]", difference: float) -> FloatArray
 
 
 def bound_quality(
-    element: str, poisson: float, *, beta: float = 0.0, kind: str = "deviatoric", by: str = "trace"
+    element: str,
+    poisson: float,
+    *,
+    beta: float = 0.0,
+    kind: str = "deviatoric",
+    by: str = "trace",
+    law: MaterialLaw | None = None,
+    volumetric: str = "quadratic",
 ) -> Bound:
     """Compare the step bound with the element's own largest frequency in the states of a bonded impact."""
     mesh, states = impact_states(element, poisson)
-    law = neo_hookean(shear_modulus(poisson))
+    law = law or neo_hookean(shear_modulus(poisson))
     difference = 1e-6 * RADIUS
     given = {"poisson": poisson, "beta": beta, "damping_kind": kind, "hourglass": 0.3, "density": DENSITY}
+    given["volumetric"] = volumetric
     inverse = inverse_mass(mesh, element)
     scale = np.sqrt(inverse[:, :, None] * inverse[:, None, :])
     quotients = []
