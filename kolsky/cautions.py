@@ -53,6 +53,7 @@ def cautions(
             *_routes(result),
             *_bounds(result),
             *_past_curve(result, checks),
+            *_conditioned(checks),
             *_energy(result),
             *hourglass(result.response),
             *_lost(result, lost_replicates),
@@ -199,6 +200,15 @@ def _bounds(result: Identification) -> Iterator[str]:
                 f"the k = 2 interval of {name} reaches past the bounds of its design ({low:g} to {high:g}); "
                 f"widen them with --free {name}=LOW:HIGH, if a value beyond is possible"
             )
+
+
+def _conditioned(checks: Mapping[str, float]) -> Iterator[str]:
+    if "conditioned_ratio" in checks:
+        ratio = checks["conditioned_ratio"]
+        yield (
+            f"m refers to the first pull; the conditioned curve's stress is {ratio:.3g} times that, so m "
+            f"would be about {1.0 / ratio:.3g} times as large against it: --pull conditioned identifies it"
+        )
 
 
 def _past_curve(result: Identification, checks: Mapping[str, float]) -> Iterator[str]:

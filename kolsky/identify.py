@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from doe import Box, ResponseSurrogate, from_points
 from doe.surrogates import SurrogateError
 from kolsky.cautions import cautions
+from kolsky.curvefile import with_pull
 from kolsky.identification import Identification
 from kolsky.misfit import terms
 from kolsky.objective import Objective
@@ -75,6 +76,7 @@ def identify(
         message says how, when and where the first one failed.
     """
     settings = settings or Settings()
+    shot = with_pull(shot, settings.pull)
     whole = design_box(settings.free)
     stages = Stages(prepare(shot), settings, whole, progress or (lambda stage, done, total: None))
     coarse = _search_coarse(stages)
