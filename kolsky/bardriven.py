@@ -22,6 +22,7 @@ from kolsky.shotfile import (
 from kolsky.shots import ModelSettings, Shot, ShotBase, find_shot_file
 from kolsky.shotsection import Section
 from kolsky.shottoml import read_declared
+from kolsky.uncertaintytoml import UncertaintySection
 from kolsky.waves.chain import analyse
 from kolsky.wavesshot import load_waves
 
@@ -39,6 +40,7 @@ class BarDrivenShotFile(Section):
     law: LawSection | None = None
     model: ModelSection
     window: WindowSection = WindowSection()
+    uncertainty: UncertaintySection = UncertaintySection()
 
     @model_validator(mode="after")
     def _one_baseline(self) -> "BarDrivenShotFile":
@@ -92,6 +94,7 @@ def load_bar_driven(folder_or_toml: str | Path) -> Shot:
             force=bar_force(result.reduction, result.faces),
             curve=curve,
             inputs={**given.inputs, **curve_hashes},
+            uncertainty=declared.uncertainty.for_identify(),
         )
         return driven_by_waves(base, result.reduction, result.faces, end=declared.window.end)
     except ValueError as error:

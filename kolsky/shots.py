@@ -1,7 +1,7 @@
 """A shot: one test, its apparatus and its measurements, loaded from a folder and checked."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -125,6 +125,8 @@ class ShotBase(ShotInNotebook):
     """The quasi-static curve, from rest outward."""
     inputs: dict[str, str]
     """SHA-256 of every file that was read: name in the folder -> hex digest."""
+    uncertainty: Mapping[str, float] = field(default_factory=dict)
+    """Declared standard uncertainties by their keys, SI or relative; an absent one was not declared."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -348,6 +350,7 @@ def _base(
         "model": ModelSettings(**declared.model.model_dump()),
         "force": force,
         "curve": curve,
+        "uncertainty": {} if declared.uncertainty is None else declared.uncertainty.for_identify(),
         "inputs": {
             toml.path.name: toml.sha256,
             declared.force.file: force.recording.sha256,
