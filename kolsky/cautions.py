@@ -88,7 +88,7 @@ def past_curve(share: float, reached: float, checks: Mapping[str, float]) -> Ite
         yield (
             f"{100.0 * share:.0f} % of the specimen's volume was strained past the quasi-static curve: "
             f"s = sqrt(I1 - 3) reached {reached:.3g}, the curve ends at {last:.3g} (nominal strain "
-            f"{strain:+.2g}); from there the law continues on its end tangent, which no test supports. "
+            f"{strain:+.2g}); from there the law goes on without a test that supports it. "
             f"A curve to a nominal strain of {_equivalent_strain(reached, strain):+.2g} would cover it"
         )
 
