@@ -6,15 +6,16 @@ face 3 has tau_3 = 0, so p = beta_3 and the nominal stress is
     T = (beta_1 - beta_3) / lam,                        uniaxial, equibiaxial, planar,         (Q.2)
     T = (beta_1 - beta_3) / (lam_1 + 1 / lam_1),        simple shear, gamma = lam_1 - 1 / lam_1,   (Q.3)
 
-both dW/d(deformation) (half of it in equibiaxial tension, where two pairs of faces work). A compressible solid
-has W(lam_i / J^(1/3)) + U(J) and
+both dW/d(deformation) (half of it in equibiaxial tension, where two pairs of faces work). A compressible
+solid has W(lam_i / J^(1/3)) + U(J) and
 
     tau_i = beta_i - (beta_1 + beta_2 + beta_3) / 3 + J U'(J),                                 (Q.4)
 
-and the stretch of the free faces is the root of tau_3 = 0, found here to the last digits. Simple shear keeps the
-volume: its shear stress is Eq. (Q.3) for any U.
+and the stretch of the free faces is the root of tau_3 = 0, found here to the last digits. Simple shear keeps
+the volume: its shear stress is Eq. (Q.3) for any U.
 
-References: Ogden, Non-linear Elastic Deformations, 1984, ch. 7; Treloar, The Physics of Rubber Elasticity, 1975.
+References: Ogden, Non-linear Elastic Deformations, 1984, ch. 7; Treloar, The Physics of Rubber Elasticity,
+1975.
 """
 
 from typing import Protocol
@@ -30,7 +31,7 @@ from kolsky.quasistatic.modes import FloatArray, Mode, check_deformation
 class VolumetricPart(Protocol):
     """What the compressible solution needs of a volumetric energy."""
 
-    def dU_dJ(self, J: ArrayLike, /) -> FloatArray:  # noqa: N802, N803 (the field's symbols)
+    def dU_dJ(self, J: ArrayLike, /) -> FloatArray:
         """U'(J) [Pa], shape [...]."""
         ...
 
@@ -121,15 +122,15 @@ def free_stretch(law: Stretches, volume: VolumetricPart, mode: Mode, deformation
             side_stress,
             bracket.bracket,
             args=(d,),
-            # Absolute in ln(lam_3) and so relative in lam_3; a stiff volume makes the stress itself no measure.
+            # In ln(lam_3), so relative in lam_3; under a stiff volume the stress itself is no measure.
             tolerances={"xatol": 1e-15, "xrtol": 0.0, "fatol": 0.0, "frtol": 0.0},
         )
     failed = ~np.asarray(bracket.success & found.success)
     if failed.any():
         worst = np.broadcast_to(d, failed.shape)[failed].flat[0]
         raise ValueError(
-            f"{mode.value} at stretch {worst:.6g}: no stretch of the free faces leaves them without stress; the "
-            "law is not stable there"
+            f"{mode.value} at stretch {worst:.6g}: no stretch of the free faces leaves them without "
+            "stress; the law is not stable there"
         )
     return np.asarray(np.exp(found.x))
 
