@@ -6,14 +6,12 @@ from kolsky.quasistatic.modes import Mode, mode_named
 from kolsky.quasistatic.residuals import Weighting
 from kolsky.quasistatic.stability import Stability, drucker
 from kolsky.quasistatic.testdata import HomogeneousTest, mean_test
-from kolsky.quasistatic.volume import QuadraticVolume
 
 __all__ = [
     "Fit",
     "FitOutcome",
     "HomogeneousTest",
     "Mode",
-    "QuadraticVolume",
     "Stability",
     "Weighting",
     "compressible_stress",

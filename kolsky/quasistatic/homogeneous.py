@@ -18,22 +18,13 @@ References: Ogden, Non-linear Elastic Deformations, 1984, ch. 7; Treloar, The Ph
 1975.
 """
 
-from typing import Protocol
-
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import elementwise
 
 from explicit.materials.law import Stretches
+from explicit.materials.volumetric import VolumetricLaw
 from kolsky.quasistatic.modes import FloatArray, Mode, check_deformation
-
-
-class VolumetricPart(Protocol):
-    """What the compressible solution needs of a volumetric energy."""
-
-    def dU_dJ(self, J: ArrayLike, /) -> FloatArray:
-        """U'(J) [Pa], shape [...]."""
-        ...
 
 
 def incompressible_stress(law: Stretches, mode: Mode, deformation: ArrayLike) -> FloatArray:
@@ -67,7 +58,7 @@ def incompressible_stress(law: Stretches, mode: Mode, deformation: ArrayLike) ->
 
 
 def compressible_stress(
-    law: Stretches, volume: VolumetricPart, mode: Mode, deformation: ArrayLike
+    law: Stretches, volume: VolumetricLaw, mode: Mode, deformation: ArrayLike
 ) -> FloatArray:
     """Nominal stress of a compressible solid with stress-free free faces, Eq. (Q.4).
 
@@ -99,7 +90,7 @@ def compressible_stress(
     return np.asarray(_kirchhoff(law, volume, lam)[0] / d)
 
 
-def free_stretch(law: Stretches, volume: VolumetricPart, mode: Mode, deformation: ArrayLike) -> FloatArray:
+def free_stretch(law: Stretches, volume: VolumetricLaw, mode: Mode, deformation: ArrayLike) -> FloatArray:
     """Stretch of the free faces of a compressible solid [-], shape [...]: the root of tau_3 = 0.
 
     Raises
@@ -142,12 +133,12 @@ def _stretches(mode: Mode, load: FloatArray, free: FloatArray) -> tuple[FloatArr
 
 
 def _kirchhoff(
-    law: Stretches, volume: VolumetricPart, lam: tuple[FloatArray, FloatArray, FloatArray]
+    law: Stretches, volume: VolumetricLaw, lam: tuple[FloatArray, FloatArray, FloatArray]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Principal Kirchhoff stresses [Pa], Eq. (Q.4)."""
     J = lam[0] * lam[1] * lam[2]
     bar = tuple(x / np.cbrt(J) for x in lam)
     beta = [x * slope for x, slope in zip(bar, law.principal(*bar), strict=True)]
     mean = (beta[0] + beta[1] + beta[2]) / 3.0
-    pressure = J * volume.dU_dJ(J)
+    pressure = J * volume.pressure(J)
     return beta[0] - mean + pressure, beta[1] - mean + pressure, beta[2] - mean + pressure

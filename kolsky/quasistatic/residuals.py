@@ -7,12 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
-from explicit.materials import AnyLaw
+from explicit.materials import AnyLaw, bulk_modulus
 from explicit.materials.law import ParameterSpec
+from explicit.materials.volumetric import VolumetricLaw
 from kolsky.quasistatic.homogeneous import compressible_stress, incompressible_stress
 from kolsky.quasistatic.modes import FloatArray
 from kolsky.quasistatic.testdata import HomogeneousTest
-from kolsky.quasistatic.volume import QuadraticVolume
 
 REFUSED = 1e8
 """Residual, in units of the largest stress, of constants that make no law or no stress."""
@@ -106,7 +106,7 @@ class Residuals:
         """
         if self.poisson is None:
             return tuple(incompressible_stress(law, test.mode, test.deformation) for test in self.tests)
-        volume = QuadraticVolume.of_poisson(law.shear_modulus, self.poisson)
+        volume = VolumetricLaw(float(bulk_modulus(law.shear_modulus, self.poisson)))
         return tuple(compressible_stress(law, volume, test.mode, test.deformation) for test in self.tests)
 
     def __call__(self, unknowns: FloatArray) -> FloatArray:

@@ -3,13 +3,14 @@
 A stress is linear in the moduli of every law here. So only the other constants (exponents, locking stretches)
 are drawn, over decades; for each draw the best moduli are one linear least-squares problem (variable
 projection, Golub and Pereyra 1973). The best draws are then polished in all constants by a trust-region
-method within the bounds (Branch, Coleman and Li 1999; `scipy.optimize.least_squares`), which assumes nothing of
-the law.
+method within the bounds (Branch, Coleman and Li 1999; `scipy.optimize.least_squares`), which assumes nothing
+of the law.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import least_squares, lsq_linear
 from scipy.stats import qmc
 
@@ -132,7 +133,7 @@ def _drawn(spec: ParameterSpec, u: FloatArray) -> FloatArray:
 
 
 def _with_best_moduli(
-    residuals: Residuals, x: FloatArray, linear: np.ndarray, lower: FloatArray, upper: FloatArray
+    residuals: Residuals, x: FloatArray, linear: NDArray[np.bool_], lower: FloatArray, upper: FloatArray
 ) -> FloatArray:
     """The same pure numbers with the moduli of least squares, the stress taken as linear in them."""
     if not linear.any():
@@ -174,7 +175,7 @@ def _polished(
 
 def _settled(
     residuals: Residuals, chi2: float, x: FloatArray, lower: FloatArray, upper: FloatArray
-) -> tuple[float, FloatArray, FloatArray]:
+) -> tuple[float, FloatArray, NDArray[np.bool_]]:
     """The minimum with what is next to a bound put on it: a trust region only comes near."""
     size = np.maximum(np.abs(x), 1.0)
     low, high = x - lower < NEAR_BOUND * size, upper - x < NEAR_BOUND * size
