@@ -168,6 +168,11 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
             raise ValueError(f"the sample names {name} {index}, the model has 0 to {count - 1}")
     if stepping.precision != "fp64":
         raise ValueError(f"the adjoint runs in 'fp64', got precision {stepping.precision!r}")
+    if model.relaxation:
+        raise ValueError(
+            "the adjoint knows no branches that relax, got a model with relaxation; use "
+            "explicit.derivatives.jacobian"
+        )
     if isinstance(model.support, MovingSupport):
         raise ValueError(
             "the adjoint knows a rigid support and a bar, got a support with a motion of its own"

@@ -290,6 +290,18 @@ def element_functions(law: type, precision: Precision, bound: str, volumetric: s
         measure = wp.sqrt(wp.max(wp.max(wp.max(i0, i1), wp.max(i2, i3)), zero))
         return wp.min(wp.min(j0, j1), wp.min(j2, j3)), measure
 
+    @wp.func
+    def stress_point(shape: Shape, g: int):
+        weight, b_r, b_y, c = shape.weight[0], shape.gradient_r0, shape.gradient_y0, shape.hoop0
+        if g == 1:
+            weight, b_r, b_y, c = shape.weight[1], shape.gradient_r1, shape.gradient_y1, shape.hoop1
+        if g == 2:
+            weight, b_r, b_y, c = shape.weight[2], shape.gradient_r2, shape.gradient_y2, shape.hoop2
+        if g == 3:
+            weight, b_r, b_y, c = shape.weight[3], shape.gradient_r3, shape.gradient_y3, shape.hoop3
+        return weight, b_r, b_y, c
+
     return ElementFunctions(
-        Shape=Shape, read_shape=read_shape, Solid=Solid, forces=forces, energies=energies, strains=strains
-    )
+        Shape=Shape, read_shape=read_shape, Solid=Solid, forces=forces, energies=energies, strains=strains,
+        stress_point=stress_point, n_points=4,
+    )  # fmt: skip

@@ -278,6 +278,11 @@ def element_functions(law: type, precision: Precision, bound: str, volumetric: s
         iso, _inverse = isochoric_factor(one + dilatation, dilatation)
         return one + wp.min(dilatation, plane), wp.sqrt(wp.max(iso * squared - three, zero))
 
+    @wp.func
+    def stress_point(shape: Shape, g: int):
+        return shape.volume, shape.gradient_r, shape.gradient_y, shape.hoop
+
     return ElementFunctions(
-        Shape=Shape, read_shape=read_shape, Solid=Solid, forces=forces, energies=energies, strains=strains
-    )
+        Shape=Shape, read_shape=read_shape, Solid=Solid, forces=forces, energies=energies, strains=strains,
+        stress_point=stress_point, n_points=1,
+    )  # fmt: skip
