@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from kolsky import sweepcli
+from kolsky import materialcli, sweepcli
 from kolsky.clitypes import (
     AsJson,
     Corrected,
@@ -438,6 +438,7 @@ def simulate(
 
 
 app.command()(sweepcli.sweep)
+app.add_typer(materialcli.material)
 
 if __name__ == "__main__":
     main()

@@ -103,7 +103,9 @@ def _factor(
         return 1.0  # a column of strains or stretches without a unit is a pure number
     if text is None:
         raise InputError(
-            contents.path, f"does not say the unit of column '{column.name}'", cure=f"say it: {option} {allowed}"
+            contents.path,
+            f"does not say the unit of column '{column.name}'",
+            cure=f"say it: {option} {allowed}",
         )
     known = si_unit(text)
     if known is None or known[0] != base:

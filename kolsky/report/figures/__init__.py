@@ -15,6 +15,9 @@ from kolsky.report.figures import (
     force_residual,
     kymograph,
     lost_points,
+    material_fits,
+    material_residuals,
+    material_stability,
     meshes,
     misfit,
     overlay_epipolar,
@@ -36,6 +39,7 @@ __all__ = [
     "BARS_TOGETHER",
     "CALIBRATION",
     "FLYER_TESTS",
+    "MATERIALS",
     "RATES",
     "REGISTRY",
     "SPECKLES",
@@ -80,3 +84,7 @@ RATES: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND for module in (rate_slope, rate_forest, rate_stiffness, rate_equal_strain)
 }
 """Every figure of a group of shots whose rates are compared, likewise."""
+MATERIALS: dict[str, FigureKind[Any]] = {
+    module.KIND.name: module.KIND for module in (material_fits, material_residuals, material_stability)
+}
+"""Every figure of laws fitted to homogeneous tests, likewise."""
