@@ -7,7 +7,7 @@ from time import perf_counter
 
 from kolsky import options
 from kolsky.atomic import replacing
-from kolsky.commands import tell
+from kolsky.commandparts import since, tell
 from kolsky.csvtable import write_table
 from kolsky.errors import InputError
 from kolsky.materialfiles import Columns, read_tests
@@ -109,7 +109,7 @@ def fit_laws(
         _lines(found),
         {},
         said if as_json else None,
-        rest={"report": folder / "material.html", "wall time": f"{perf_counter() - started:.1f} s"},
+        rest={"report": folder / "material.html", "wall time": since(started)},
         warnings=remarks(found),
     )
 
@@ -129,8 +129,8 @@ def remarks(found: Comparison) -> list[str]:
     if best.fit.durbin_watson < CORRELATED:
         said.append(
             f"residuals of {best.candidate.name} follow each other (Durbin-Watson "
-            f"{best.fit.durbin_watson:.2g}): it misses the curve's shape, and the u of its constants, which take "
-            "every point as new, are too small"
+            f"{best.fit.durbin_watson:.2g}): it misses the curve's shape, and the u of its constants, which "
+            "take every point as new, are too small"
         )
     first_failure = best.first_failure
     if first_failure is not None:

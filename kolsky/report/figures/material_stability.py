@@ -19,8 +19,8 @@ PATHS = (
 def caption(comparison: Comparison) -> str:
     """What is seen."""
     return (
-        "Stretch to which each law meets Drucker's criterion. A bar that ends in a cross: unstable from there; "
-        "in a vertical stroke: the law locks; in nothing: stable as far as it was followed. Blue: the "
+        "Stretch to which each law meets Drucker's criterion. A bar that ends in a cross: unstable from "
+        "there; in a vertical stroke: the law locks; in nothing: stable as far as it was followed. Blue: the "
         "stretches of the tests in this mode."
     )
 
