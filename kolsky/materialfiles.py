@@ -1,7 +1,7 @@
 """Files of homogeneous tests, as the command line names them, turned into tests."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -62,7 +62,7 @@ def read_tests(
         tests.append(_of_file(mode, path, columns, hashes))
     if mean:
         tests = _averaged(tests, mean)
-    return tuple(tests), hashes
+    return _told_apart(tests), hashes
 
 
 def _named(text: str) -> tuple[Mode, Path]:
@@ -121,6 +121,20 @@ def _checked(path: Path, *, name: str, mode: Mode, **data: np.ndarray | None) ->
         return HomogeneousTest(name=name, mode=mode, **data)
     except ValueError as error:
         raise InputError(path, str(error), cure="check columns, units and --convention") from None
+
+
+def _told_apart(tests: Sequence[HomogeneousTest]) -> tuple[HomogeneousTest, ...]:
+    """The tests with names of their own: files of one name are told apart by mode and number."""
+    made: list[HomogeneousTest] = []
+    for test in tests:
+        name = test.name
+        if sum(other.name == name for other in tests) > 1:
+            name = f"{test.mode.value} {name}"
+            twins = [t for t in tests if t.name == test.name and t.mode is test.mode]
+            if len(twins) > 1:
+                name += f" ({1 + sum(t.name.startswith(name) for t in made)})"
+        made.append(replace(test, name=name))
+    return tuple(made)
 
 
 def _averaged(tests: Sequence[HomogeneousTest], points: int) -> list[HomogeneousTest]:

@@ -30,6 +30,12 @@ TIGHT = 1e-14
 """Relative change of sum, constants or gradient at which a search ends: the last digits."""
 SAME = 1e-6
 """Relative difference of sums of squares below which two searches have found one minimum."""
+NO_MODULUS = 1e-6
+"""Initial shear modulus over the largest stress below which a search has run to the edge of what is a law."""
+_NO_LAW = (
+    "{}: least squares lead to constants that are no law (the initial shear modulus would not be > 0, or "
+    "there is no stress at a point); keep the bounds of a positive energy, or take a law with fewer constants"
+)
 NEAR_BOUND = 1e-7
 """Distance from a bound, relative to the constant's size, within which a constant lies at it."""
 
@@ -67,17 +73,20 @@ def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> Fo
     Raises
     ------
     ValueError
-        If no start has a finite sum of squares.
+        If the least squares lie where there is no law: its initial shear modulus would not be > 0, or it
+        has no stress at a point.
     """
     lower, upper = _bounds(residuals, bounded)
     begun = _starts(residuals, lower, upper, starts, seed)
     ends = [_polished(residuals, start, lower, upper, ROUGH, "2-point") for start in begun]
     ends = sorted((end for end in ends if end[0] < REFUSED), key=lambda end: end[0])
     if not ends:
-        raise ValueError(f"{residuals.law.NAME}: no constants within the bounds give a stress at every point")
+        raise ValueError(_NO_LAW.format(residuals.law.NAME))
     ends[:BEST] = [_polished(residuals, x, lower, upper, FINE, "3-point") for _, x in ends[:BEST]]
     ends.sort(key=lambda end: end[0])
     chi2, x = ends[0]
+    if residuals.build(x).shear_modulus < NO_MODULUS * residuals.stress_scale:
+        raise ValueError(_NO_LAW.format(residuals.law.NAME))
     chi2, x, at = _settled(residuals, chi2, x, lower, upper)
     jacobian = least_squares(residuals, x, jac="3-point", max_nfev=1, x_scale="jac").jac
     return Found(x, chi2, np.asarray(jacobian), tuple(bool(a) for a in at), tuple(end[0] for end in ends))

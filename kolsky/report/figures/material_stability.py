@@ -11,7 +11,7 @@ PATHS = (
     (Mode.UNIAXIAL, "tension", "Uniaxial tension"),
     (Mode.UNIAXIAL, "compression", "Uniaxial compression"),
     (Mode.EQUIBIAXIAL, "tension", "Equibiaxial tension"),
-    (Mode.PLANAR, "tension", "Planar tension, simple shear"),
+    (Mode.PLANAR, "tension", "Planar, simple shear"),
 )
 """Equibiaxial tension is uniaxial compression with another stretch; both are drawn, each in its own."""
 
