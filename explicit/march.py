@@ -47,6 +47,7 @@ from explicit.clock import (
     STEP,
     STEPS,
     STEPS_TAKEN,
+    STIFFER,
     STIFFEST,
     TIME,
     TURNED,
@@ -197,9 +198,9 @@ def march_kernel(
                 worst, power, artificial = sweep_elements(
                     body, solid, row, u_r, u_y, v_r, v_y, corner_r, corner_y, lane, measure
                 )
-                worst = relax(
+                stiffer = relax(
                     body, solid, row, branches, memory, clock, step,
-                    u_r, u_y, v_r, v_y, corner_r, corner_y, lane, measure, worst,
+                    u_r, u_y, v_r, v_y, corner_r, corner_y, lane, measure,
                 )  # fmt: skip
                 latched = wp.max(latched, worst)  # an element that turns between two measurements stays known
                 if step % watch_every == 0:
@@ -210,6 +211,7 @@ def march_kernel(
                     put_largest(parts, BEYOND, strain(body, limit_s, u_r, u_y, lane))
                 if measure == 1:
                     put_largest(parts, STIFFEST + (step + 1) % 2, latched)
+                    put_largest(parts, STIFFER + (step + 1) % 2, stiffer)
                     latched = wp.float64(0.0)
             if tends(lane) == 1 and step == 0:
                 depart(clock)

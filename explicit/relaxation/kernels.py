@@ -29,8 +29,8 @@ class RelaxationFunctions:
 
     sweep: Any
     """``sweep(body, solid, row, branches, memory, clock, step, u_r, u_y, v_r, v_y, corner_r, corner_y, lane,
-    measure, worst)``: subtract the forces of what has relaxed from the corners; returns the largest omega^2
-    with theirs."""
+    measure)``: subtract the forces of what has relaxed from the corners; returns the largest omega^2 of
+    theirs [1/s^2], 0 unless `measure` is 1."""
     energies: Any
     """``energies(body, solid, row, limit_s, branches, memory, u_r, u_y, lane)``: as of the sweep over
     energies, of the long-term law, and what was done on the branches [J]."""
@@ -83,7 +83,6 @@ def relaxation_functions(
         corner_y: wp.array(dtype=real),
         lane: int,
         measure: int,
-        worst: wp.float64,
     ):
         # The step that led here, and the time between the velocities before and after.
         moved, interval = real(0.0), real(0.0)
@@ -114,7 +113,7 @@ def relaxation_functions(
             memory[worth * places + e] = memory[worth * places + e] + done
             most = wp.max(most, stiffer)
             e += walkers()
-        return worst + wp.float64(most)
+        return wp.float64(most)
 
     @wp.func
     def energies(
@@ -178,9 +177,8 @@ def _nothing(
         corner_y: wp.array(dtype=real),
         lane: int,
         measure: int,
-        worst: wp.float64,
     ):
-        return worst
+        return wp.float64(0.0)
 
     @wp.func
     def energies(
