@@ -29,6 +29,8 @@ GRID = (0.1, 0.5, 2.0)
 """Strengths a further branch is looked for with [-]."""
 GRID_TIMES = 7
 """Relaxation times it is looked for at."""
+REFUSED = 1e6
+"""Residual of every value of a model that cannot be simulated [-]."""
 DIFFERENCE = 3e-3
 """Half of the central difference in a logarithm: its error is of the square, 1e-5."""
 SIGNIFICANT = 0.01
@@ -230,11 +232,18 @@ class _Problem:
         return np.concatenate(parts, axis=1)[:, self.known]
 
     def residuals(self, x: FloatArray) -> FloatArray:
-        return np.asarray(self.of_many(x[None])[0])
+        rows = self.of_many(x[None])[0]
+        # A model that cannot be simulated is worse than any that can: the search turns back.
+        return rows if np.isfinite(rows).all() else np.full_like(rows, REFUSED)
 
     def jacobian(self, x: FloatArray) -> FloatArray:
         shifts = DIFFERENCE * np.eye(len(x))
         both = self.of_many(np.concatenate([x + shifts, x - shifts]))
+        if not np.isfinite(both).all():
+            raise ValueError(
+                f"the evidence cannot be predicted beside {_model(x)}: a simulation did not complete; end its "
+                "window before the specimen is crushed"
+            )
         return np.asarray((both[: len(x)] - both[len(x) :]).T / (2.0 * DIFFERENCE))
 
     def bounds(self, n_branches: int) -> tuple[FloatArray, FloatArray]:
@@ -256,7 +265,8 @@ class _Problem:
                 factor = x[0] - 0.5 * np.log1p(strength)
                 points.append([factor, *x[1 : n + 1], np.log(strength), *x[n + 1 :], time])
         grid = np.array(points)
-        return np.asarray(grid[np.argmin((self.of_many(grid) ** 2).sum(axis=1))])
+        squares = (self.of_many(grid) ** 2).sum(axis=1)
+        return np.asarray(grid[np.argmin(np.where(np.isfinite(squares), squares, np.inf))])
 
     def fit(self, x: FloatArray, jacobian: FloatArray, lower: FloatArray, upper: FloatArray) -> RateFit:
         n = len(x) // 2
