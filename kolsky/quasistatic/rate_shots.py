@@ -69,7 +69,7 @@ class ShotEvidence:
             stepping=explicit.Stepping(safety=numerics.safety, precision=numerics.precision),
             device=numerics.device,
             threads=numerics.threads,
-            label=f"shot {shot.name}" if hasattr(shot, "name") else "shot",
+            label=f"shot {shot.name}",
         )
 
     @property
