@@ -99,15 +99,16 @@ def march_kernel(
     on_chip: bool = False,
     block: int = BLOCK,
     bound: str = "trace",
+    volumetric: str = "quadratic",
     relaxation: Relaxation | None = None,
 ) -> MarchKernel:
     """Generate the time loop for a material law, two contact laws, a precision and an element.
 
     With `on_chip` a GPU keeps the state of a simulation in shared memory, where it must fit
     (`explicit.places.fits`). `block` is the number of threads it is compiled for there; `bound` is that of
-    `explicit.model.Stepping`, `relaxation` that of `explicit.model.Model.relaxation_kind`.
+    `explicit.model.Stepping`, `volumetric` that of `explicit.Model`, `relaxation` its `relaxation_kind`.
     """
-    element = element_named(element_name).functions(law, precision, bound)
+    element = element_named(element_name).functions(law, precision, bound, volumetric)
     structs = batch_structs(precision, element.Shape, element.Solid)
     place = rooms(precision, on_chip)
     field, sums, marks = place.field, place.sums, place.marks

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from explicit.contact import contact_law
 from explicit.elements import element
 from explicit.materials import MaterialLaw, bulk_modulus
+from explicit.materials.volumetric import Form, checked_form
 from explicit.mesh import Mesh
 from explicit.motion import PlatenMotion
 from explicit.relaxation.base import RateDependence, Relaxation
@@ -48,6 +49,8 @@ class Model:
     past_data: Literal["continue", "stop"] = "continue"
     """What happens when an element is strained past the data of its material law: the law continues on its
     end tangent and `Response.extrapolated_share` counts it, or the simulation ends as TABLE_EXCEEDED."""
+    volumetric: Form = "quadratic"
+    """Form of the volumetric law, see `explicit.materials.volumetric`."""
 
     relaxation: tuple[RateDependence, ...] = ()
     """What relaxes beside the material law, which is then the long-term one; a sample chooses one of these
@@ -74,6 +77,7 @@ class Model:
             raise ValueError(f"hourglass must be >= 0, got {self.hourglass}")
         if self.hourglass_form not in ("stiffness", "viscous"):
             raise ValueError(f"hourglass_form must be 'stiffness' or 'viscous', got {self.hourglass_form!r}")
+        checked_form(self.volumetric)
         contact_law(self.faces)
         contact_law(self.side)
         element(self.element)

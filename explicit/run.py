@@ -85,7 +85,7 @@ def run(
     on_chip = where.is_cuda and fits_on_chip(model.mesh, numbers)
     kernel = march_kernel(
         type(model.materials[0]), model.faces, model.side, numbers, model.element, on_chip,
-        block_for(len(samples), where, on_chip), stepping.bound, model.relaxation_kind,
+        block_for(len(samples), where, on_chip), stepping.bound, model.volumetric, model.relaxation_kind,
     )  # fmt: skip
     output = output_of(kernel, model.mesh, len(samples), sampling, nodes, where)
     batch = batch_of(kernel, model, samples, sampling, stepping, numbers, where)

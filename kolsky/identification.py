@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explicit import Ending, Outcome, Response
+from kolsky.methods import Method
 from kolsky.records import CentreLine, ForceHistory
 
 FloatArray = NDArray[np.float64]
@@ -230,5 +231,7 @@ class Identification:
     """Wall time by stage [s]."""
     warnings: tuple[str, ...] = ()
     """What a user must know before using the answer, one sentence each; see `kolsky.cautions`."""
+    methods: tuple[Method, ...] = ()
+    """What other methods find from the same data; the answer's own is the first."""
     provenance: dict[str, Any] = field(default_factory=dict)
     """Input hashes, settings, versions, seed, machine class, precision."""

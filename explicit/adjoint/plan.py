@@ -185,7 +185,8 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
     device = select_device("cpu")
     mesh, numbers = model.mesh, PRECISIONS["fp64"]
     law = type(model.materials[0])
-    loop = march_kernel(law, model.faces, model.side, numbers, model.element, bound=stepping.bound)
+    choices = {"bound": stepping.bound, "volumetric": model.volumetric}
+    loop = march_kernel(law, model.faces, model.side, numbers, model.element, **choices)
     body = body_of(loop, model, numbers, device)
     batch = batch_of(loop, model, samples, _nothing(model), stepping, numbers, device)
     state = state_of(loop, model, numbers, device, 1, 1)
@@ -216,7 +217,7 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
         model=model,
         samples=samples,
         stepping=stepping,
-        kernels=phase_kernels(law, model.faces, model.side, model.element, len(element_of), stepping.bound),
+        kernels=phase_kernels(law, model.faces, model.side, model.element, len(element_of), **choices),
         window=window,
         element_inputs=(
             *(integers(mesh.quads.T), body.shapes, a["solids"], a["row"]),

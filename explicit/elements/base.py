@@ -58,9 +58,11 @@ class Element(Protocol):
         """The name that `explicit.Model.element` chooses it by."""
         ...
 
-    def functions(self, law: type, precision: Precision, bound: str = "trace") -> ElementFunctions:
-        """Generate the functions for a material law (a class with `kernel_functions`), a precision and a step
-        bound (`explicit.model.Stepping.bound`)."""
+    def functions(
+        self, law: type, precision: Precision, bound: str = "trace", volumetric: str = "quadratic"
+    ) -> ElementFunctions:
+        """Generate the functions for a material law (a class with `kernel_functions`), a precision, a step
+        bound (`explicit.model.Stepping.bound`) and a volumetric form (`explicit.Model.volumetric`)."""
         ...
 
     def shapes(self, mesh: Mesh, density: float, dtype: np.dtype[Any]) -> NDArray[Any]:
