@@ -1,8 +1,8 @@
 """What relaxes, in the time loop: the stress that branches have given up, and the energy they took.
 
 The law's own stress enters at its instantaneous stiffness, through the element's forces and its step bound;
-the functions here subtract what the branches have relaxed since. Every stress point remembers a few numbers a
-branch, every element what its branches were worth so far, in rows of the state side by side over the elements.
+the functions here subtract what the branches have relaxed since. Every stress point remembers a few numbers
+a branch, every element what its branches were worth so far, side by side over the elements.
 A sample without rate dependence runs none of this.
 """
 
@@ -59,8 +59,8 @@ def relaxation_functions(
     corner = corner_functions(precision, structs)
     nodes, values = corner.nodes, corner.values
     read_shape, corner_places = element.read_shape, place.corner_places
-    stress_point, element_energies = element.stress_point, element.energies
-    sweep_energies, point = sweeps.energies, kind.point(law, precision, bound)
+    stress_point, sweep_energies = element.stress_point, sweeps.energies
+    point = kind.point(law, precision, bound)
     relax, held = point.relax, point.held
     n_points, per_point = int(element.n_points), int(point.memory)
     worth, place_of_rest = int(n_points * per_point), int(kind.place_of_rest)
@@ -128,9 +128,7 @@ def relaxation_functions(
         lane: int,
     ):
         rest = branches[place_of_rest]
-        lasting = Solid(
-            solid.scale * rest, solid.bulk, solid.hourglass, zero, zero, zero, zero, zero
-        )
+        lasting = Solid(solid.scale * rest, solid.bulk, solid.hourglass, zero, zero, zero, zero, zero)
         elastic, hourglass, past, most = sweep_energies(body, lasting, row, limit_s, u_r, u_y, lane)
         taken = empty_sum()
         places = body.n_elements

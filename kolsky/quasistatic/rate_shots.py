@@ -1,4 +1,4 @@
-"""A shot as evidence of rate dependence: its transmitted force, simulated for many rate models in one batch."""
+"""A shot as evidence of rate dependence: its transmitted force, simulated for many rate models at once."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -57,7 +57,7 @@ class ShotEvidence:
 
     @classmethod
     def of(cls, prepared: Prepared, numerics: Numerics) -> "ShotEvidence":
-        """The evidence of a prepared shot, with the shot's own values of everything but rate and stiffness."""
+        """The evidence of a prepared shot, with its own values of everything but rate and stiffness."""
         shot, bins = prepared.forward.shot, prepared.observations.bins
         held = {name: float(p.held(shot)) for name, p in PARAMETERS.items() if name != "stiffness_factor"}
         return cls(

@@ -7,6 +7,7 @@ evaluated in one batch, which suits evidence that is expensive one by one, such 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -48,7 +49,7 @@ class RateFit:
     values: FloatArray
     """Their values, shape [n_parameters]."""
     covariance: FloatArray
-    """Covariance of their logarithms, already widened by `scatter` [-], shape [n_parameters, n_parameters]."""
+    """Covariance of their logarithms, already widened by `scatter` [-], shape [n_parameters] * 2."""
     chi_square: float
     """Weighted sum of squared residuals [-]."""
     n_data: int
@@ -210,7 +211,7 @@ def branches_asked_for(
     for n in range(1, at_most + 1):
         fits.append(fit_prony(law, evidence, n, start=fits[-1].model, max_evaluations=max_evaluations))
     scatter = fits[-1].scatter
-    gains = [max(a.chi_square - b.chi_square, 0.0) / scatter for a, b in zip(fits, fits[1:], strict=False)]
+    gains = [max(a.chi_square - b.chi_square, 0.0) / scatter for a, b in pairwise(fits)]
     return RateVerdict(tuple(fits), tuple(float(chi2.sf(gain, 2)) for gain in gains))
 
 
@@ -241,8 +242,8 @@ class _Problem:
         both = self.of_many(np.concatenate([x + shifts, x - shifts]))
         if not np.isfinite(both).all():
             raise ValueError(
-                f"the evidence cannot be predicted beside {_model(x)}: a simulation did not complete; end its "
-                "window before the specimen is crushed"
+                f"the evidence cannot be predicted beside {_model(x)}: a simulation did not complete; end "
+                "its window before the specimen is crushed"
             )
         return np.asarray((both[: len(x)] - both[len(x) :]).T / (2.0 * DIFFERENCE))
 
@@ -283,7 +284,7 @@ class _Problem:
             model=_model(x),
             names=names,
             values=np.exp(x),
-            covariance=covariance,
+            covariance=np.asarray(covariance, dtype=np.float64),
             chi_square=chi_square,
             n_data=len(rows),
             residuals=tuple(np.split(rows, np.cumsum(counts)[:-1])),

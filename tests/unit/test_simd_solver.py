@@ -27,7 +27,8 @@ from explicit.drivers import LARGE_MESH, packs
 from explicit.march import march_kernel
 from explicit.materials import MarlowLaw, neo_hookean
 from explicit.precision import PRECISIONS
-from explicit.relaxation import PronySeries
+from explicit.relaxation import BergstromBoyce, PronySeries
+from explicit.relaxation.base import RateDependence
 from explicit.simd import PACK_BYTES, Mapping, lane_kernel
 from explicit.support import Support
 
@@ -52,7 +53,7 @@ class Case:
     bar: bool = False
     moving: bool = False
     contact: str = "coulomb"
-    relaxes: bool = False
+    relaxes: str = ""
 
 
 CASES = [
@@ -67,12 +68,18 @@ CASES = [
     Case("release", contact="bonded_release"),
     Case("penalty", contact="penalty"),
     Case("fp32-penalty", precision="fp32", contact="penalty"),
-    Case("relaxes", relaxes=True),
-    Case("fbar-relaxes", element="fbar", relaxes=True),
-    Case("fp32-relaxes", precision="fp32", relaxes=True),
+    Case("prony", relaxes="prony"),
+    Case("fbar-prony", element="fbar", relaxes="prony"),
+    Case("fp32-prony", precision="fp32", relaxes="prony"),
+    Case("creep", relaxes="creep"),
+    Case("fp32-fbar-creep", precision="fp32", element="fbar", relaxes="creep"),
 ]
-BRANCHES = (PronySeries((0.5,), (1e-4,)), PronySeries((0.3, 0.8), (5e-5, 4e-4)))
-"""One branch and two, whose times are those of the window."""
+BRANCHES: dict[str, tuple[RateDependence, ...]] = {
+    "": (),
+    "prony": (PronySeries((0.5,), (1e-4,)), PronySeries((0.3, 0.8), (5e-5, 4e-4))),
+    "creep": (BergstromBoyce(0.5, 3e3), BergstromBoyce(1.5, 1e3, exponent=3.0, chain_exponent=-0.6)),
+}
+"""What relaxes within the window; one branch and two."""
 EVERY = pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 
 
@@ -108,7 +115,7 @@ def model_of(case: Case) -> Model:
         damping_kind=case.damping_kind,
         element=case.element,
         support=support_of(case),
-        relaxation=BRANCHES if case.relaxes else (),
+        relaxation=BRANCHES[case.relaxes],
     )
 
 
