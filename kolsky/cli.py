@@ -258,6 +258,48 @@ def repeats(
 
 
 @app.command()
+def rate(
+    shots: Annotated[list[Path], typer.Argument(metavar="SHOT...", help="Shots that were identified.")],
+    group: Annotated[
+        str,
+        typer.Option(
+            metavar="KEY", help="Compare shots with one value of this key of shot.toml, e.g. interface.faces."
+        ),
+    ] = "",
+    strains: Annotated[str, typer.Option(metavar="NUMBERS", help="Nominal strains.")] = "0.1,0.3,0.5",
+    shared: Annotated[
+        float, typer.Option(min=0.0, help="Relative standard uncertainty that all m have in common.")
+    ] = 0.0,
+    identify: Annotated[bool, typer.Option("--identify", help="Identify shots without a result.")] = False,
+    out: Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Where results go.")] = Path("rates"),
+    figures: Annotated[
+        str, typer.Option(metavar="FORMATS", help="Also save each figure, e.g. pdf,svg,png.")
+    ] = "",
+    as_json: AsJson = False,
+) -> None:
+    """Compare the stiffness of identified shots over their strain rates: mean, scatter, slope.
+
+    Writes rates.h5, rates.html and CSV tables. A slope that the rates cannot carry is refused.
+    """
+    from kolsky import options
+
+    with refusing_bad_input():
+        at = options.strains("--strains", strains)
+        from kolsky.ratecommand import rate as run
+
+        run(
+            shots,
+            group=group,
+            strains=at,
+            shared=shared,
+            identify=identify,
+            out=out,
+            formats=_listed(figures),
+            as_json=as_json,
+        )
+
+
+@app.command()
 def calibrate(
     source: Annotated[
         Path,

@@ -34,10 +34,7 @@ def identify(
     loaded, folder = load(shot, out)
     numerics = arithmetic.numerics(mesh)
     from kolsky import identify as inverse
-    from kolsky.report.canvas import save_figures
-    from kolsky.report.page import write_report
-    from kolsky.results_text import to_json, write_csv
-    from kolsky.results_write import write_identification
+    from kolsky.results_text import to_json
     from kolsky.settings import Settings
 
     settings = Settings(
@@ -45,12 +42,7 @@ def identify(
     )
     with usable(loaded), bars() as progress:
         found = inverse.identify(loaded, settings, progress=progress)
-    with filling(folder) as partial:
-        write_identification(partial / "identification.h5", found)
-        write_csv(partial, found)
-        write_report(partial / "report.html", found)
-        if formats:
-            save_figures(partial / "figures", found, formats=tuple(formats))
+    write_identified(folder, found, formats)
     tell(
         [printed.answer(e) for e in found.estimates.values()],
         printed.details(found),
@@ -58,6 +50,21 @@ def identify(
         rest={"report": folder / "report.html", "wall time": since(started)},
         warnings=found.warnings,
     )
+
+
+def write_identified(folder: Path, found: Any, formats: Sequence[str] = ()) -> None:
+    """Write what `kolsky identify` leaves: result, tables, report and, if asked for, figures."""
+    from kolsky.report.canvas import save_figures
+    from kolsky.report.page import write_report
+    from kolsky.results_text import write_csv
+    from kolsky.results_write import write_identification
+
+    with filling(folder) as partial:
+        write_identification(partial / "identification.h5", found)
+        write_csv(partial, found)
+        write_report(partial / "report.html", found)
+        if formats:
+            save_figures(partial / "figures", found, formats=tuple(formats))
 
 
 def simulate(

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from explicit import Ending, Outcome, Response
 from kolsky.methods import Method
+from kolsky.notebook import IdentificationInNotebook
 from kolsky.records import CentreLine, ForceHistory
 
 FloatArray = NDArray[np.float64]
@@ -198,8 +199,8 @@ class SurrogateCurve:
     """Phi_F [N], shape [n]."""
 
 
-@dataclass(frozen=True)
-class Identification:
+@dataclass(frozen=True, repr=False)
+class Identification(IdentificationInNotebook):
     """What `kolsky identify` returns."""
 
     shot: str

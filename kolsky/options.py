@@ -27,6 +27,17 @@ def _refuse(option: str, text: str, expected: str) -> InputError:
     return InputError(COMMAND_LINE, f"{option} {text!r} cannot be read", cure=f"write {expected}")
 
 
+def strains(option: str, text: str) -> tuple[float, ...]:
+    """ "0.1,0.3" as nominal compressive strains."""
+    try:
+        found = tuple(float(part) for part in text.split(",") if part.strip())
+    except ValueError:
+        found = ()
+    if not found or not all(0.0 < strain < 1.0 for strain in found):
+        raise _refuse(option, text, "numbers between 0 and 1, e.g. 0.1,0.3")
+    return found
+
+
 def mesh(option: str, text: str) -> tuple[int, int]:
     """ "24x32" as elements across the radius and along the length."""
     parts = text.lower().split("x")

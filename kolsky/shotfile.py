@@ -261,6 +261,7 @@ class CurveSection(Section):
     branch: Literal["compression", "tension"]
     relative_sigma: f.Share
     sigma_floor: f.Stress = 0.0
+    strain_rate: f.StrainRate | None = None
 
     @model_validator(mode="after")
     def _some_sigma(self) -> "CurveSection":
@@ -302,6 +303,9 @@ class ShotFile(Section):
 
     format: Literal[1]
     name: f.Name | None = None
+    material: f.Name | None = None
+    group: f.Name | None = None
+    rig: f.Name | None = None
     specimen: SpecimenSection
     interface: InterfaceSection
     transmission: TransmissionSection

@@ -83,7 +83,7 @@ def _points(artist: Any, ax: Axes) -> Iterator[Points]:
             yield "points", x, y, None if values is None else _flat(values)
         case Collection() if artist.get_transform() == ax.transData:
             values = artist.get_array()
-            colours = [] if values is None else _flat(values)
+            colours = _flat([] if values is None else values)
             for number, path in enumerate(artist.get_paths()):
                 x, y = np.asarray(path.vertices).reshape(-1, 2).T
                 yield "outline", x, y, np.full(len(x), colours[number]) if number < len(colours) else None

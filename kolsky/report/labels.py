@@ -16,6 +16,7 @@ STAGES = {
     "flyer, camera 1": "flyer in camera 1",
     "waves": "waves",
     "repeats": "tests",
+    "rate": "shots",
 }
 """Stages of the work."""
 
@@ -115,3 +116,14 @@ def written(key: str) -> tuple[float, str, str, str, int]:
         unit = "" if name_of(name).unit in ("1", "SI") else name_of(name).unit
         return factor_of(name), unit, " to ", "default bounds", 6
     return factor, unit, JOINED.get(key, ", "), DEFAULTS.get(key, "default"), DIGITS.get(key, 6)
+
+
+def shortened(text: str, most: int) -> str:
+    """A name that fits a figure: one line of printable characters, its middle left out if it is long.
+
+    A dollar sign is escaped, so that it starts no formula.
+    """
+    line = "".join(c if c.isprintable() else " " for c in text)
+    if len(line) > most:
+        line = f"{line[: most - most // 2 - 1]}…{line[-(most // 2) :]}"
+    return line.replace("$", r"\$")

@@ -20,6 +20,10 @@ from kolsky.report.figures import (
     overlay_epipolar,
     overlay_sigma,
     profiles,
+    rate_equal_strain,
+    rate_forest,
+    rate_slope,
+    rate_stiffness,
     repeats,
     shape_residual,
     speckle_floor,
@@ -32,6 +36,7 @@ __all__ = [
     "BARS_TOGETHER",
     "CALIBRATION",
     "FLYER_TESTS",
+    "RATES",
     "REGISTRY",
     "SPECKLES",
     "SURFACES",
@@ -71,3 +76,7 @@ BARS_TOGETHER: dict[str, FigureKind[Any]] = {bars_together.KIND.name: bars_toget
 """Every figure of a shot with the bars together, likewise."""
 REPEATS: dict[str, FigureKind[Any]] = {repeats.KIND.name: repeats.KIND}
 """Every figure of repeated tests, likewise."""
+RATES: dict[str, FigureKind[Any]] = {
+    module.KIND.name: module.KIND for module in (rate_slope, rate_forest, rate_stiffness, rate_equal_strain)
+}
+"""Every figure of a group of shots whose rates are compared, likewise."""

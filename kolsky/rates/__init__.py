@@ -1,0 +1,22 @@
+"""Several identified shots: their mean stiffness, the scatter between them, and how it goes with the rate."""
+
+from kolsky.rates.compare import STRAINS, compare
+from kolsky.rates.mixed import MixedFit, mixed_fit
+from kolsky.rates.pooled import Pooled, pool
+from kolsky.rates.records import GroupRates, RateReport, TestedShot
+from kolsky.rates.slope import Slope, SlopeVerdict, slope
+
+__all__ = [
+    "STRAINS",
+    "GroupRates",
+    "MixedFit",
+    "Pooled",
+    "RateReport",
+    "Slope",
+    "SlopeVerdict",
+    "TestedShot",
+    "compare",
+    "mixed_fit",
+    "pool",
+    "slope",
+]

@@ -1,0 +1,124 @@
+"""Stiffness factor against strain rate: every shot, their mean, the line through them and its lever arm."""
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from kolsky.rates.records import GroupRates
+from kolsky.rates.slope import SlopeVerdict
+from kolsky.report.figures.base import BAND, FORCE, GREY, MEASURED, MODEL, PAGE, FigureKind, Panels, letter
+
+POINTS = 101
+
+
+def caption(group: GroupRates) -> str:
+    """What is seen."""
+    line = group.slope
+    claimed = line is not None and line.verdict is not SlopeVerdict.REFUSED
+    through = (
+        " Line: meta-regression on the logarithm of the rate with its 95 % band."
+        if claimed
+        else " Dashed: the line through the shots, which their rates do not carry (see the conditions)."
+    )
+    return (
+        "Stiffness factor m against nominal strain rate: each shot with ±2u (thick: what is its own, thin: what"
+        " it shares with the others too) and, across, the range of the true rate inside the test; mean of the"
+        " shots with its 95 % interval (band) and the interval of one more shot (dotted)."
+        + ("" if line is None or line.fit is None else through)
+        + " Left: on the scale of rates down to the quasi-static test, where m = 1 by definition; right: the"
+        " shots alone. Open circles do not count."
+    )
+
+
+def draw(group: GroupRates, panels: Panels) -> None:
+    """Draw both panels."""
+    wide, near = panels["wide"], panels["near"]
+    for ax, mark in ((wide, "a"), (near, "b")):
+        letter(ax, mark)
+        ax.set_xscale("log")
+        ax.set_xlabel("Strain rate (1/s)")
+        ax.axhline(1.0, color=GREY, lw=0.5)
+    wide.set_ylabel("Stiffness factor $m$ (–)")
+    rates = sorted({s.quasi_static.rate for s in group.shots if s.quasi_static.rate is not None})
+    for number, rate in enumerate(rates):
+        label = "" if number else "quasi-static"
+        wide.plot(rate, 1.0, "s", color=MEASURED, ms=3.5, label=label)
+    low = min(s.history.true_rate[0] for s in group.shots)
+    high = max(s.history.true_rate[1] for s in group.shots)
+    for ax in (wide, near):
+        _mean(ax, group, low / 1.15, high * 1.15)
+        _line(ax, group)
+        _shots(ax, group)
+    slowest = min([low, *rates])
+    wide.set_xlim(slowest / 3.0, high * 3.0)
+    near.set_xlim(low / 1.3, high * 1.3)
+    near.xaxis.set_minor_formatter("{x:g}")
+    near.tick_params(axis="x", which="minor", labelsize=5.5)
+    _lever(wide, group)
+    near.legend(loc="best")
+    if rates:
+        wide.legend(loc="best")
+
+
+def _mean(ax: Axes, group: GroupRates, low: float, high: float) -> None:
+    if group.pooled is None:
+        return
+    ax.fill_between([low, high], *group.pooled.interval, color=BAND, alpha=0.35, lw=0.0, label="mean, 95 %")
+    ax.plot([low, high], [group.pooled.mean] * 2, color=BAND, lw=1.0)
+    for end in group.pooled.prediction:
+        ax.plot([low, high], [end, end], ":", color=BAND, lw=0.8)
+
+
+def _line(ax: Axes, group: GroupRates) -> None:
+    line = group.slope
+    if line is None or line.fit is None:
+        return
+    rates = [shot.history.nominal_rate for shot in group.counted]
+    x = np.linspace(np.log10(min(rates)), np.log10(max(rates)), POINTS)
+    columns = np.column_stack([np.ones(POINTS), x - np.log10(line.reference)])
+    y = columns @ line.fit.coefficients
+    if line.verdict is SlopeVerdict.REFUSED:
+        ax.plot(10.0**x, y, "--", color=GREY, lw=0.8, label="line, not carried")
+        return
+    ax.plot(10.0**x, y, color=MODEL, lw=1.0, label="line, 95 %")
+    ax.fill_between(10.0**x, *line.band(x), color=MODEL, alpha=0.2, lw=0.0)
+
+
+def _shots(ax: Axes, group: GroupRates) -> None:
+    for shot in group.shots:
+        if not np.isfinite(shot.m):
+            continue
+        rate = shot.history.nominal_rate
+        ax.plot(shot.history.true_rate, [shot.m] * 2, color=GREY, lw=0.5)
+        ax.plot([rate] * 2, [shot.m - 2 * shot.sigma, shot.m + 2 * shot.sigma], color=MEASURED, lw=0.7)
+        ax.plot([rate] * 2, [shot.m - 2 * shot.sigma_own, shot.m + 2 * shot.sigma_own], color=MEASURED, lw=1.6)
+        ax.plot(rate, shot.m, "o", color=MEASURED, ms=3.2, mfc=MEASURED if shot.counted else "white")
+
+
+def _lever(ax: Axes, group: GroupRates) -> None:
+    """Between which rates a slope would be claimed, drawn above the axis."""
+    rates = [shot.history.nominal_rate for shot in group.counted]
+    if len(rates) < 2:
+        return
+    place = ax.get_xaxis_transform()
+    ax.plot([min(rates), max(rates)], [0.04, 0.04], "|-", color=FORCE, ms=4, lw=1.2, transform=place)
+    span = np.log10(max(rates) / min(rates))
+    ax.annotate(
+        f"{span:.2f} decade",
+        (float(np.sqrt(min(rates) * max(rates))), 0.04),
+        xytext=(0, 3),
+        xycoords=place,
+        textcoords="offset points",
+        ha="right",
+        color=FORCE,
+    )
+
+
+KIND: FigureKind[GroupRates] = FigureKind(
+    name="rate-slope",
+    width=PAGE,
+    height=lambda group: 68.0,
+    caption=caption,
+    panels=lambda group: [["wide", "near"]],
+    draw=draw,
+    mosaic={"sharey": True, "width_ratios": [1.25, 1.0]},
+)

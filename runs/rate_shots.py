@@ -1,0 +1,102 @@
+"""Shots of one material at other flyer velocities: `python runs/rate_shots.py FOLDER [SPEED[:M] ...]`.
+
+Each is a simulation with a known stiffness factor and noise like that of open-01 (1 um, 4 um, 0.3 N, 12 bits),
+written as the files of open-01. They show what a comparison of rates finds, not that the model is right: it is
+the same solver, with another element and another mesh.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import explicit
+from kolsky.csvtable import write_table
+from kolsky.flyer import fit_flyer
+from kolsky.forward import Forward, Numerics, material_law
+from kolsky.profile import radius_at
+from kolsky.records import FlyerMotion
+from kolsky.shots import load_shot
+
+ORIGIN = Path(__file__).resolve().parent / "open-01"
+NUMERICS = Numerics(mesh=(32, 44), element="fbar")
+STATIC, FRAMES, SAMPLES, POINTS, STRAIN = 12, 150, 3000, 14, 0.55
+SIGMA_FLYER, SIGMA_Z, SIGMA_FORCE = 1e-6, 4e-6, 0.3
+REST, RISE, DRAG = 29.2e-6, 60e-6, 0.15
+
+
+def flyer(time: np.ndarray, speed: float, length: float) -> np.ndarray:
+    """Displacement [m]: a smooth ramp to the speed, then slower in proportion to the way."""
+    u = np.clip((time - REST) / RISE, 0.0, None)
+    ramp = np.where(u < 1.0, RISE * u**4 * (2.5 - 3.0 * u + u**2), RISE * (u - 0.5))
+    way = length * STRAIN / DRAG
+    return way * -np.expm1(-speed * ramp / way)
+
+
+def make(folder: Path, speed: float, m: float, *, seed: int, numerics: Numerics = NUMERICS) -> None:
+    """Write one shot with the flyer's speed [m/s] and the stiffness factor m."""
+    rng, origin = np.random.default_rng(seed), load_shot(ORIGIN)
+    length = origin.specimen.length
+    interval = STRAIN * length * (1.0 + 0.5 * DRAG) / speed / FRAMES
+    frames = REST + interval * np.arange(1 - STATIC, FRAMES)
+    smooth = FlyerMotion(frames, flyer(frames, speed, length), np.full(frames.size, SIGMA_FLYER))
+    path = fit_flyer(smooth, start=REST)
+    seen = frames[STATIC - 1 :]
+    step = max(5e-7, (frames[-1] - frames[0]) / SAMPLES)
+    scope = np.arange(-200e-6, frames[-1] + step, step)
+    inside = (scope >= REST) & (scope <= path.end)
+    sampling = explicit.Sampling(force_times=scope[inside], surface_times=seen)
+    forward = Forward(origin, sampling, (path,), (material_law(origin.curve),))
+    run = forward.run({"stiffness_factor": np.array([m])}, numerics)
+    if not run.outcomes[0].ok:
+        raise SystemExit(run.endings[0].sentence)
+
+    force = np.interp(scope, scope[inside], run.force_transmission[0], left=0.0)
+    volts = 0.0112 * (force + SIGMA_FORCE * rng.standard_normal(force.size)) + 0.0034
+    position = np.concatenate([np.zeros(STATIC - 1), path.position(seen)])
+    height = length - position
+    row = np.repeat(np.arange(frames.size), POINTS)
+    y = (np.linspace(0.1, 0.9, POINTS) * height[:, None]).ravel()
+    surface = np.maximum(np.arange(frames.size) - STATIC + 1, 0)
+    Z, reached = radius_at(run.surface_r[0], run.surface_y[0], surface[row], y)
+    row, y, Z = row[reached], y[reached], Z[reached] + SIGMA_Z * rng.standard_normal(int(reached.sum()))
+
+    number, time = np.arange(frames.size), [f"{t:.9e}" for t in frames]
+    write_table(folder / "frames.csv", {"frame": number, "time (s)": time})
+    moved = position + SIGMA_FLYER * rng.standard_normal(frames.size)
+    column = {"flyer displacement toward the specimen (mm)": [f"{1e3 * d:.5f}" for d in moved]}
+    write_table(folder / "flyer.csv", {"frame": number, "time (s)": time, **column})
+    outline = {"y (mm)": [f"{1e3 * v:.5f}" for v in y], "Z (mm)": [f"{1e3 * v:.5f}" for v in Z]}
+    times = [time[k] for k in row]
+    sigma = {"sigma_Z (mm)": [f"{1e3 * SIGMA_Z:.4f}"] * row.size}
+    write_table(folder / "centreline.csv", {"frame": row, "time (s)": times, **outline, **sigma})
+    digits = [f"{np.round(v * 2048.0) / 2048.0:.6f}" for v in volts]
+    write_table(
+        folder / "scope.csv", {"Time (s)": [f"{t:.9e}" for t in scope], "CH2 transmitted (V)": digits}
+    )
+    (folder / "quasi_static.csv").write_bytes((ORIGIN / "quasi_static.csv").read_bytes())
+    (folder / "shot.toml").write_text(shot_file(folder.name), encoding="utf-8")
+    (folder / "truth.json").write_text(json.dumps({"m": m, "flyer_speed_m_s": speed}) + "\n")
+
+
+def shot_file(name: str) -> str:
+    """The shot file of open-01 with a name, without its second transducer."""
+    text = (ORIGIN / "shot.toml").read_text(encoding="utf-8")
+    head, _, rest = text.partition("[incident_force]")
+    text = head + rest[rest.index("[frames]") :]
+    lines = text.splitlines()
+    lines[lines.index("format = 1")] = f'format = 1\nname = "{name}"\nmaterial = "made-up gel"'
+    curve = next(k for k, line in enumerate(lines) if line.startswith("[curve]"))
+    lines.insert(curve + 1, 'strain_rate = "0.01 1/s"  # the law knows no rate: any one will do')
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    if len(sys.argv) < 2:
+        sys.exit("give a folder for the shots")
+    for number, word in enumerate(sys.argv[2:] or ["0.7", "1.3", "2.6", "5"], start=1):
+        speed, _, m = word.partition(":")
+        folder = Path(sys.argv[1]) / f"rate-{number:02d}"
+        make(folder, float(speed), float(m or 1.12), seed=number)
+        print(f"{folder}: flyer {float(speed):g} m/s, m = {float(m or 1.12):g}")
