@@ -166,8 +166,10 @@ def _creep(
     if ratio == 0.0:
         return np.full_like(time, viscous)
 
+    lowest, highest = min(float(total.min()), viscous), max(float(total.max()), viscous)
+
     def rate(t: float, state: FloatArray) -> list[float]:
-        v = float(state[0])
+        v = min(max(float(state[0]), lowest), highest)  # it lags behind, so only a trial can lie outside
         stress = ratio * float(cauchy(np.interp(t, time, total) - v))
         stretch = np.exp(v)
         chain = np.sqrt((stretch**2 + 2.0 / stretch) / 3.0)
