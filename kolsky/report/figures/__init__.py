@@ -4,6 +4,7 @@ from typing import Any
 
 from kolsky.report.figures import (
     bars_together,
+    baseline,
     calibration_pairs,
     calibration_residuals,
     contour,
@@ -34,6 +35,7 @@ from kolsky.report.figures.base import FigureKind
 
 __all__ = [
     "BARS_TOGETHER",
+    "BASELINES",
     "CALIBRATION",
     "FLYER_TESTS",
     "RATES",
@@ -80,3 +82,5 @@ RATES: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND for module in (rate_slope, rate_forest, rate_stiffness, rate_equal_strain)
 }
 """Every figure of a group of shots whose rates are compared, likewise."""
+BASELINES: dict[str, FigureKind[Any]] = {baseline.KIND.name: baseline.KIND}
+"""Every figure of a quasi-static baseline, likewise."""
