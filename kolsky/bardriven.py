@@ -14,6 +14,7 @@ from kolsky.shotfile import CurveSection, InterfaceSection, ModelSection, Specim
 from kolsky.shots import ModelSettings, Shot, ShotBase, find_shot_file
 from kolsky.shotsection import Section
 from kolsky.shottoml import read_declared
+from kolsky.uncertaintytoml import UncertaintySection
 from kolsky.waves.chain import analyse
 from kolsky.wavesshot import load_waves
 
@@ -30,6 +31,7 @@ class BarDrivenShotFile(Section):
     curve: CurveSection
     model: ModelSection
     window: WindowSection = WindowSection()
+    uncertainty: UncertaintySection = UncertaintySection()
 
 
 def load_bar_driven(folder_or_toml: str | Path) -> Shot:
@@ -78,6 +80,7 @@ def load_bar_driven(folder_or_toml: str | Path) -> Shot:
             force=bar_force(result.reduction, result.faces),
             curve=curve,
             inputs={**given.inputs, **curve_hashes},
+            uncertainty=declared.uncertainty.for_identify(),
         )
         return driven_by_waves(base, result.reduction, result.faces, end=declared.window.end)
     except ValueError as error:

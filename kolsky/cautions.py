@@ -9,6 +9,7 @@ import numpy as np
 from explicit import Response
 from kolsky.apparatus import Interface
 from kolsky.identification import DesignTable, Identification, Verdict
+from kolsky.methods import disagreements
 from kolsky.results_text import worst_imbalance
 
 PAST_CURVE = 0.01
@@ -51,6 +52,7 @@ def cautions(
             *_disagreement(result),
             *_force_alone(result),
             *_routes(result),
+            *_methods(result),
             *_bounds(result),
             *_past_curve(result, checks),
             *_conditioned(checks),
@@ -187,6 +189,18 @@ def _routes(result: Identification) -> Iterator[str]:
                 f"{' (and one of them at the edge of the box that was searched)' if edge else ''}; the joint "
                 "value is a compromise between them"
             )
+
+
+def _methods(result: Identification) -> Iterator[str]:
+    """Searches of one misfit must end at one point, or it has more than one valley, or is rough."""
+    for method, name, distance in disagreements(result.methods):
+        if isfinite(distance):
+            yield (
+                f"methods disagree about {name}: {method.name} ends at {method.values[name]:.5g}, "
+                f"{abs(distance):.2g} of the k = 2 half width from the answer ({method.ended})"
+            )
+        else:
+            yield f"{method.name} has no value of {name} to compare ({method.ended})"
 
 
 def _bounds(result: Identification) -> Iterator[str]:

@@ -10,11 +10,11 @@ from kolsky.readers.table import Column
 from kolsky.shotpictures import CalibrationSection, DicSection, PicturesSection, ReportingSection
 from kolsky.shotsection import Section
 from kolsky.surfacetoml import SurfaceSection
+from kolsky.uncertaintytoml import UncertaintySection
 from kolsky.wavesfile import (
     BarsSection,
     GaugesSection,
     RecorderSection,
-    UncertaintySection,
     WavesSection,
 )
 

@@ -1,7 +1,7 @@
 """A shot: one test, its apparatus and its measurements, loaded from a folder and checked."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from kolsky.barforce import BarForce
 from kolsky.curvefile import read_curve
 from kolsky.errors import InputError, refuse
 from kolsky.forcefile import force_recording
+from kolsky.notebook import ShotInNotebook
 from kolsky.pictures import Seen, open_pictures
 from kolsky.readers import centre_line_csv, flyer_csv, frame_times
 from kolsky.readers.frame_times import FrameTimes
@@ -100,8 +101,8 @@ class ForceChannel:
         }
 
 
-@dataclass(frozen=True, kw_only=True)
-class ShotBase:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class ShotBase(ShotInNotebook):
     """What a shot is apart from what its cameras saw (SI, one clock)."""
 
     name: str
@@ -124,9 +125,11 @@ class ShotBase:
     """The quasi-static curve, from rest outward."""
     inputs: dict[str, str]
     """SHA-256 of every file that was read: name in the folder -> hex digest."""
+    uncertainty: Mapping[str, float] = field(default_factory=dict)
+    """Declared standard uncertainties by their keys, SI or relative; an absent one was not declared."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Shot(ShotBase):
     """One test, ready to be identified."""
 
@@ -141,7 +144,7 @@ class Shot(ShotBase):
     """Time at which the flyer leaves its first direction, if pictures say so [s]."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class PicturedShot(ShotBase):
     """One test whose pictures are still to be correlated."""
 
@@ -347,6 +350,7 @@ def _base(
         "model": ModelSettings(**declared.model.model_dump()),
         "force": force,
         "curve": curve,
+        "uncertainty": {} if declared.uncertainty is None else declared.uncertainty.for_identify(),
         "inputs": {
             toml.path.name: toml.sha256,
             declared.force.file: force.recording.sha256,

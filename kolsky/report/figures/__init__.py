@@ -8,6 +8,7 @@ from kolsky.report.figures import (
     calibration_pairs,
     calibration_residuals,
     contour,
+    corner,
     energy,
     flight_of_view,
     flyer_motion,
@@ -15,6 +16,7 @@ from kolsky.report.figures import (
     force,
     force_residual,
     kymograph,
+    likelihood,
     lost_points,
     meshes,
     misfit,
@@ -26,6 +28,8 @@ from kolsky.report.figures import (
     rate_slope,
     rate_stiffness,
     repeats,
+    ridge,
+    scene,
     shape_residual,
     speckle_floor,
     speckle_overlay,
@@ -48,7 +52,20 @@ __all__ = [
 
 REGISTRY: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND
-    for module in (force, shape_residual, profiles, force_residual, misfit, contour, energy, meshes)
+    for module in (
+        force,
+        shape_residual,
+        profiles,
+        force_residual,
+        misfit,
+        contour,
+        likelihood,
+        ridge,
+        corner,
+        energy,
+        meshes,
+        scene,
+    )
 }
 """Every figure of an identification by name, in the order of its report."""
 SURFACES: dict[str, FigureKind[Any]] = {
