@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from kolsky.clitypes import AsJson, refusing_bad_input
+
 Column = typer.Option(metavar="COLUMN", help="By name or number.", show_default=False)
 
 
@@ -61,7 +63,8 @@ def baseline(
     ] = 0.499,
     points: Annotated[int, typer.Option(min=8, max=10000, help="Points of the curve.")] = 60,
     last: Annotated[
-        float | None, typer.Option("--last-strain", help="Where the curve ends.", show_default="the tests' end")
+        float | None,
+        typer.Option("--last-strain", help="Where the curve ends.", show_default="the tests' end"),
     ] = None,
     conditioned: Annotated[
         bool,
@@ -71,16 +74,12 @@ def baseline(
     figures: Annotated[
         str, typer.Option(metavar="FORMATS", help="Also save the figure, e.g. pdf,svg,png.")
     ] = "",
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object (SI units) instead of a table.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Average quasi-static tests to the curve of the material: toe, machine, scatter, end friction.
 
     Writes the curve with its uncertainties, E_a over strain and time, and the table for shot.toml.
     """
-    from kolsky.cli import refusing_bad_input
-
     columns = {
         "strain": strain,
         "stress": stress,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from kolsky import sweepcli
+from kolsky import materialcli, sweepcli
 from kolsky.clitypes import (
     AsJson,
     Corrected,
@@ -445,6 +445,7 @@ def simulate(
 
 
 app.command()(sweepcli.sweep)
+app.add_typer(materialcli.material)
 
 
 @app.command()

@@ -18,6 +18,9 @@ from kolsky.report.figures import (
     kymograph,
     likelihood,
     lost_points,
+    material_fits,
+    material_residuals,
+    material_stability,
     meshes,
     misfit,
     overlay_epipolar,
@@ -42,6 +45,7 @@ __all__ = [
     "BASELINES",
     "CALIBRATION",
     "FLYER_TESTS",
+    "MATERIALS",
     "RATES",
     "REGISTRY",
     "SPECKLES",
@@ -101,3 +105,7 @@ RATES: dict[str, FigureKind[Any]] = {
 """Every figure of a group of shots whose rates are compared, likewise."""
 BASELINES: dict[str, FigureKind[Any]] = {baseline.KIND.name: baseline.KIND}
 """Every figure of a quasi-static baseline, likewise."""
+MATERIALS: dict[str, FigureKind[Any]] = {
+    module.KIND.name: module.KIND for module in (material_fits, material_residuals, material_stability)
+}
+"""Every figure of laws fitted to homogeneous tests, likewise."""
