@@ -10,7 +10,7 @@ from kolsky import shotfields as f
 from kolsky.errors import InputError
 from kolsky.identification import Identification
 from kolsky.rates.motion import strain_history
-from kolsky.rates.records import PARAMETER, QuasiStatic, TestedShot
+from kolsky.rates.records import PARAMETER, QuasiStatic, RatedShot
 from kolsky.results_read import read_identification
 from kolsky.shots import Measured, Shot, find_shot_file, folder_of, load_shot
 from kolsky.shotsection import Section
@@ -89,13 +89,13 @@ def result_of(shot: Path) -> Path:
     return folder_of(shot) / "results" / RESULT_FILE
 
 
-def tested_shot(
+def collected_shot(
     shot: Path,
     *,
     group: str,
     identify: Callable[[Shot], Identification] | None = None,
     measure: Callable[[Any], Measured] | None = None,
-) -> TestedShot:
+) -> RatedShot:
     """One shot with its rate and its result.
 
     Parameters
@@ -139,7 +139,7 @@ def tested_shot(
         history = strain_history(loaded)
     except ValueError as error:
         raise InputError(loaded.folder, str(error)) from error
-    return TestedShot(
+    return RatedShot(
         name=loaded.name,
         group=group,
         rig=declared.rig or "the same rig",
@@ -179,9 +179,7 @@ def _same_files(place: Path, found: Identification, loaded: Shot, shot_file: str
     if not isinstance(made_of, dict):
         raise InputError(place, "does not say which files it was made of", cure="identify the shot again")
     changed = sorted(
-        name
-        for name, digest in loaded.inputs.items()
-        if name != shot_file and made_of.get(name) != digest
+        name for name, digest in loaded.inputs.items() if name != shot_file and made_of.get(name) != digest
     )
     if changed:
         raise InputError(

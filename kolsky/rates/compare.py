@@ -7,7 +7,7 @@ import numpy as np
 
 from kolsky.rates.equal_strain import equal_strain
 from kolsky.rates.pooled import FEWEST, Pooled, pool
-from kolsky.rates.records import GroupRates, LongLever, RateReport, StiffnessAtStrain, TestedShot
+from kolsky.rates.records import GroupRates, LongLever, RatedShot, RateReport, StiffnessAtStrain
 from kolsky.rates.slope import slope
 from kolsky.rates.stiffness import reaches, stiffness_at
 from kolsky.records import FloatArray
@@ -19,7 +19,7 @@ SAME_SIZE = 0.02
 
 
 def compare(
-    shots: Sequence[TestedShot],
+    shots: Sequence[RatedShot],
     *,
     strains: Sequence[float] = STRAINS,
     shared: float = 0.0,
@@ -51,14 +51,14 @@ def compare(
             raise ValueError(f"a nominal compressive strain must be in (0, 1), got {strain:g}")
     if not (np.isfinite(shared) and shared >= 0.0):
         raise ValueError(f"a shared relative uncertainty must be finite and >= 0, got {shared:g}")
-    groups: defaultdict[str, list[TestedShot]] = defaultdict(list)
+    groups: defaultdict[str, list[RatedShot]] = defaultdict(list)
     for shot in sorted(shots, key=lambda s: (s.history.nominal_rate, s.name)):
         groups[shot.group].append(shot)
     made = tuple(_group(name, groups[name], sorted(set(strains)), shared) for name in sorted(groups))
     return RateReport(grouped_by=grouped_by, shared=shared, groups=made)
 
 
-def _group(name: str, shots: list[TestedShot], strains: Sequence[float], shared: float) -> GroupRates:
+def _group(name: str, shots: list[RatedShot], strains: Sequence[float], shared: float) -> GroupRates:
     counted = [shot for shot in shots if shot.counted]
     common = common_parts(counted, shared)
     pooled = fitted = None
@@ -85,7 +85,7 @@ def _group(name: str, shots: list[TestedShot], strains: Sequence[float], shared:
     )
 
 
-def common_parts(shots: Sequence[TestedShot], shared: float) -> dict[tuple[str, str], FloatArray]:
+def common_parts(shots: Sequence[RatedShot], shared: float) -> dict[tuple[str, str], FloatArray]:
     """What the shots share: (part, through what) -> by how much each m moves with it, shape [n].
 
     Parts that belong to one shot alone are here as well: they are independent, and counting them so keeps
@@ -100,7 +100,7 @@ def common_parts(shots: Sequence[TestedShot], shared: float) -> dict[tuple[str, 
     return found
 
 
-def _long_lever(shots: Sequence[TestedShot], pooled: Pooled) -> LongLever | None:
+def _long_lever(shots: Sequence[RatedShot], pooled: Pooled) -> LongLever | None:
     """The line from the quasi-static point, m = 1 by definition, to the mean of the shots (R.9)."""
     rates = {shot.quasi_static.rate for shot in shots}
     slow = rates.pop()
@@ -114,8 +114,8 @@ def _long_lever(shots: Sequence[TestedShot], pooled: Pooled) -> LongLever | None
 
 
 def _remarks(
-    shots: Sequence[TestedShot],
-    counted: Sequence[TestedShot],
+    shots: Sequence[RatedShot],
+    counted: Sequence[RatedShot],
     stiffness: Sequence[StiffnessAtStrain],
     strains: Sequence[float],
 ) -> tuple[str, ...]:
@@ -136,8 +136,8 @@ def _remarks(
         sizes = np.array([shot.specimen[index] for shot in counted])
         if sizes.size and np.ptp(sizes) > SAME_SIZE * sizes.mean():
             found.append(
-                f"the specimens' {what}s differ, {1e3 * sizes.min():.4g} to {1e3 * sizes.max():.4g} mm: forces"
-                " and shapes at equal strain do not compare"
+                f"the specimens' {what}s differ, {1e3 * sizes.min():.4g} to {1e3 * sizes.max():.4g} mm:"
+                " forces and shapes at equal strain do not compare"
             )
     found += _rates_remarks(counted)
     found += _strains_left_out(counted, stiffness, strains)
@@ -152,10 +152,10 @@ def _differing(what: str, of_shots: Sequence[tuple[str, str]]) -> list[str]:
     if len(values) < 2:
         return []
     parts = "; ".join(f"{value} ({', '.join(names)})" for value, names in values.items())
-    return [f"the shots were not identified alike, {what}: {parts}; their stiffness factors may not compare"]
+    return [f"the shots were not identified alike, {what}: {parts}; their m may not compare"]
 
 
-def _rates_remarks(counted: Sequence[TestedShot]) -> list[str]:
+def _rates_remarks(counted: Sequence[RatedShot]) -> list[str]:
     rates = {shot.quasi_static.rate for shot in counted}
     if rates and rates != {None} and len(rates) > 1:
         return ["the quasi-static curves have different rates, or not all are declared: no line to them"]
@@ -165,7 +165,7 @@ def _rates_remarks(counted: Sequence[TestedShot]) -> list[str]:
 
 
 def _strains_left_out(
-    counted: Sequence[TestedShot], stiffness: Sequence[StiffnessAtStrain], strains: Sequence[float]
+    counted: Sequence[RatedShot], stiffness: Sequence[StiffnessAtStrain], strains: Sequence[float]
 ) -> list[str]:
     """A sentence for every strain that a shot, or its curve, did not reach."""
     found = []

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kolsky.rates.records import EqualStrain, ShapeAtStrain, TestedShot
+from kolsky.rates.records import EqualStrain, RatedShot, ShapeAtStrain
 from kolsky.rates.stiffness import curve_at, reaches
 from kolsky.records import FloatArray
 
@@ -14,7 +14,7 @@ FEWEST_POINTS = 4
 """Fewest points of an outline that is compared."""
 
 
-def equal_strain(shots: Sequence[TestedShot], strains: Sequence[float]) -> EqualStrain | None:
+def equal_strain(shots: Sequence[RatedShot], strains: Sequence[float]) -> EqualStrain | None:
     """Force and outline of every shot at the strains that all of them reached; None if there is none.
 
     The force is the mean over a bin, interpolated to the time of the strain; the outline is that of the
@@ -27,7 +27,7 @@ def equal_strain(shots: Sequence[TestedShot], strains: Sequence[float]) -> Equal
     strains
         Nominal compressive strains, each in (0, 1).
     """
-    kept = [e for e in strains if 0.0 < e and all(shot.history.largest >= e for shot in shots)]
+    kept = [e for e in strains if e > 0.0 and all(shot.history.largest >= e for shot in shots)]
     if not shots or not kept:
         return None
     e = np.array(kept)
@@ -36,9 +36,7 @@ def equal_strain(shots: Sequence[TestedShot], strains: Sequence[float]) -> Equal
         c, time = shot.found.comparison, shot.history.time_at(e)
         for name, row in rows.items():
             row.append(np.interp(time, c.force_time, getattr(c, name)))
-    shapes = tuple(
-        shape for strain in kept for shot in shots if (shape := _shape(shot, strain)) is not None
-    )
+    shapes = tuple(shape for strain in kept for shot in shots if (shape := _shape(shot, strain)) is not None)
     first = shots[0]
     area = 0.25 * np.pi * first.specimen[0] ** 2
     base = [
@@ -61,7 +59,7 @@ def equal_strain(shots: Sequence[TestedShot], strains: Sequence[float]) -> Equal
     )
 
 
-def _shape(shot: TestedShot, strain: float) -> ShapeAtStrain | None:
+def _shape(shot: RatedShot, strain: float) -> ShapeAtStrain | None:
     """The outline in the frame nearest to a strain; None if none was measured or it has too few points."""
     c, history = shot.found.comparison, shot.history
     line = c.centre_line
@@ -84,8 +82,8 @@ def _shape(shot: TestedShot, strain: float) -> ShapeAtStrain | None:
     )
 
 
-def _scatter(shapes: Sequence[ShapeAtStrain], shots: Sequence[TestedShot]) -> tuple[float, float]:
-    """Standard deviation between shots of the radius, and of its residual, rms over the common heights [m]."""
+def _scatter(shapes: Sequence[ShapeAtStrain], shots: Sequence[RatedShot]) -> tuple[float, float]:
+    """Standard deviation between shots of the radius and of its residual, rms over common heights [m]."""
     lengths = {shot.name: shot.specimen[1] for shot in shots}
     if len(shapes) < 2:
         return float("nan"), float("nan")
@@ -95,9 +93,7 @@ def _scatter(shapes: Sequence[ShapeAtStrain], shots: Sequence[TestedShot]) -> tu
         return float("nan"), float("nan")
     grid = np.linspace(low, high, HEIGHTS)
     radii = np.stack([np.interp(grid, h, s.Z) for h, s in zip(relative, shapes, strict=True)])
-    residuals = np.stack(
-        [_residual(grid, h, s) for h, s in zip(relative, shapes, strict=True)]
-    )
+    residuals = np.stack([_residual(grid, h, s) for h, s in zip(relative, shapes, strict=True)])
     return _rms_scatter(radii), _rms_scatter(residuals)
 
 
@@ -106,9 +102,7 @@ def _residual(grid: FloatArray, height: FloatArray, shape: ShapeAtStrain) -> Flo
     seen = np.isfinite(shape.model)
     if int(seen.sum()) < 2:
         return np.full(grid.shape, np.nan)
-    return np.interp(
-        grid, height[seen], (shape.Z - shape.model)[seen], left=np.nan, right=np.nan
-    )
+    return np.interp(grid, height[seen], (shape.Z - shape.model)[seen], left=np.nan, right=np.nan)
 
 
 def _rms_scatter(rows: FloatArray) -> float:

@@ -1,7 +1,7 @@
 """Linear models of a few values with known uncertainties and an unknown scatter between them.
 
-y_i = x_i . b + t_i + e_i with e_i of the known standard uncertainty s_i and t_i ~ (0, tau^2) (R.2). One column
-of ones is a random-effects mean, a second one with the logarithm of the rate a meta-regression.
+y_i = x_i . b + t_i + e_i with e_i of the known standard uncertainty s_i and t_i ~ (0, tau^2), Eq. (R.2). One
+column of ones is a random-effects mean, a second one with the logarithm of the rate a meta-regression.
 """
 
 from dataclasses import dataclass
@@ -127,7 +127,7 @@ def _solve(y: FloatArray, variance: FloatArray, X: FloatArray) -> tuple[FloatArr
     """Weighted least squares: coefficients, gain and covariance."""
     covariance = np.linalg.inv(X.T @ (X / variance[:, None]))
     gain = covariance @ (X.T / variance)
-    return gain @ y, gain, covariance
+    return np.asarray(gain @ y), np.asarray(gain), np.asarray(covariance, dtype=np.float64)
 
 
 def _generalised_q(y: FloatArray, variance: FloatArray, X: FloatArray) -> float:

@@ -84,9 +84,7 @@ def pool(values: FloatArray, sigma: FloatArray, *, common: FloatArray | None = N
     for i in range(y.size):
         kept = np.arange(y.size) != i
         enough = int(kept.sum()) >= FEWEST
-        without.append(
-            mixed_fit(y[kept], s[kept], ones[kept], common=shared[:, kept]) if enough else None
-        )
+        without.append(mixed_fit(y[kept], s[kept], ones[kept], common=shared[:, kept]) if enough else None)
     return Pooled(
         fit=fits["paule-mandel"],
         scatter=float(y.std(ddof=1)),

@@ -30,7 +30,7 @@ class QuasiStatic:
 
 
 @dataclass(frozen=True)
-class TestedShot:
+class RatedShot:
     """One identified shot with its rate."""
 
     name: str
@@ -169,7 +169,7 @@ class GroupRates:
 
     name: str
     """The group."""
-    shots: tuple[TestedShot, ...]
+    shots: tuple[RatedShot, ...]
     """All of them, slowest first."""
     common: dict[tuple[str, str], FloatArray]
     """(part, through what) -> by how much each counted shot moves with it [-], shape [n_counted]."""
@@ -187,7 +187,7 @@ class GroupRates:
     """What a reader must know, one sentence each."""
 
     @property
-    def counted(self) -> tuple[TestedShot, ...]:
+    def counted(self) -> tuple[RatedShot, ...]:
         """The shots that enter the mean."""
         return tuple(shot for shot in self.shots if shot.counted)
 

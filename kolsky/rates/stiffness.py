@@ -5,14 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from kolsky.forward import material_law
-from kolsky.rates.records import QuasiStatic, StiffnessAtStrain, TestedShot
+from kolsky.rates.records import QuasiStatic, RatedShot, StiffnessAtStrain
 
 STEP = 1e-4
 """Half step of the tangent's central difference [-]; its error is of the order of 1e-8 of the curvature."""
 QUANTITIES = ("nominal stress", "secant modulus", "tangent modulus", "apparent modulus")
 
 
-def stiffness_at(shots: Sequence[TestedShot], strain: float) -> StiffnessAtStrain | None:
+def stiffness_at(shots: Sequence[RatedShot], strain: float) -> StiffnessAtStrain | None:
     """Stress and moduli of the shots that reached a strain; None if there is none, or no curve reaches it.
 
     Parameters

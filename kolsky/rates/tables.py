@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from kolsky.rates.records import GroupRates, RateReport, TestedShot
+from kolsky.rates.records import GroupRates, RatedShot, RateReport
 
 Columns = dict[str, list[Any]]
 """Column heading, "name (unit)" for numbers -> its cells."""
@@ -50,7 +50,7 @@ def _shots(report: RateReport) -> Columns:
     return columns
 
 
-def _shot(shot: TestedShot, leverage: float) -> dict[str, Any]:
+def _shot(shot: RatedShot, leverage: float) -> dict[str, Any]:
     h, terms = shot.history, shot.found.terms
     routes = {route.name: route for route in shot.found.routes}
     by_route: dict[str, float] = {}
@@ -152,7 +152,11 @@ def _leave_one_out(report: RateReport) -> Columns:
                 yield (
                     group.name,
                     shot.name,
-                    *((NAN,) * 4 if mean is None else (mean.coefficients[0], *mean.interval(0), mean.between)),
+                    *(
+                        (NAN,) * 4
+                        if mean is None
+                        else (mean.coefficients[0], *mean.interval(0), mean.between)
+                    ),
                     *((NAN,) * 3 if line is None else (line.coefficients[1], *line.interval(1))),
                 )
 
@@ -193,7 +197,15 @@ def _stiffness(report: RateReport) -> Columns:
                 for name, (value, sigma) in at.quantities.items():
                     base, spread = at.baseline[name]
                     rate = group.counted[0].quasi_static.rate
-                    yield group.name, "quasi-static", NAN if rate is None else rate, at.strain, name, base, spread
+                    yield (
+                        group.name,
+                        "quasi-static",
+                        NAN if rate is None else rate,
+                        at.strain,
+                        name,
+                        base,
+                        spread,
+                    )
                     for row in zip(at.shots, at.rates, value, sigma, strict=True):
                         yield group.name, row[0], row[1], at.strain, name, row[2], row[3]
 
@@ -218,8 +230,16 @@ def _force(report: RateReport) -> Columns:
 
 def _shape(report: RateReport) -> Columns:
     return _rows(
-        ["group", "nominal strain (1)", "shot", "strain of the frame (1)", "y (m)", "Z (m)", "sigma Z (m)"]
-        + ["Z simulated (m)"],
+        [
+            "group",
+            "nominal strain (1)",
+            "shot",
+            "strain of the frame (1)",
+            "y (m)",
+            "Z (m)",
+            "sigma Z (m)",
+            "Z simulated (m)",
+        ],
         (
             (g.name, s.strain, s.shot, s.at, *map(float, point))
             for g in report.groups
@@ -232,8 +252,13 @@ def _shape(report: RateReport) -> Columns:
 
 def _scatter(report: RateReport) -> Columns:
     return _rows(
-        ["group", "nominal strain (1)", "scatter of Z between shots (m)", "of measured minus simulated (m)"]
-        + ["scatter of the force (N)"],
+        [
+            "group",
+            "nominal strain (1)",
+            "scatter of Z between shots (m)",
+            "scatter of Z measured minus simulated (m)",
+            "scatter of the force (N)",
+        ],
         (
             (
                 g.name,

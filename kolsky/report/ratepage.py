@@ -11,7 +11,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from kolsky.atomic import replacing
-from kolsky.rates.records import GroupRates, RateReport, TestedShot
+from kolsky.rates.records import GroupRates, RatedShot, RateReport
 from kolsky.rates.slope import Criterion, Slope, SlopeVerdict
 from kolsky.report import numbers
 from kolsky.report.canvas import inline_svg
@@ -149,7 +149,7 @@ def _lever(group: GroupRates) -> dict[str, str] | None:
     }
 
 
-def _shot(shot: TestedShot, leverage: float | None) -> dict[str, Any]:
+def _shot(shot: RatedShot, leverage: float | None) -> dict[str, Any]:
     h, terms, U = shot.history, shot.found.terms, 2.0 * shot.sigma
     routes = {route.name: route for route in shot.found.routes}
     value, expanded = measured(shot.m, U)

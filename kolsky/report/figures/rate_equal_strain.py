@@ -13,9 +13,9 @@ def caption(group: GroupRates) -> str:
     assert group.equal_strain is not None  # `applies` saw to it
     strains = ", ".join(f"{e:g}" for e in group.equal_strain.strains)
     return (
-        "Left: transmitted force against nominal strain, bin means of every counted shot (lines), its values at"
-        " the strains compared (markers), and the quasi-static stress times the undeformed area (dashed): waves"
-        " and inertia are in the shots’ forces, so that the distance between the lines is no rate sensitivity."
+        "Left: transmitted force against nominal strain, bin means of every counted shot (lines), its values"
+        " at the strains compared (markers), and the quasi-static stress times the undeformed area (dashed)."
+        " Waves and inertia are in the shots’ forces: the distance between the lines is no rate sensitivity."
         f" Right: outlines in the frames nearest to the strains {strains}, measured (markers) and simulated"
         " (lines)."
     )
