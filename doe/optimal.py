@@ -63,8 +63,7 @@ def d_optimal(
     if degree < 1 or starts < 1:
         raise ValueError(f"degree and starts must be at least 1, got {degree} and {starts}")
     if candidates is None:
-        axes = np.meshgrid(*[np.linspace(0.0, 1.0, 5)] * box.dimension, indexing="ij")
-        candidates = box.scale(np.stack([axis.ravel() for axis in axes], axis=1))
+        candidates = grid(box)
     points = np.unique(box.require(np.asarray(candidates, dtype=np.float64), what="candidate"), axis=0)
     model = monomials(2.0 * box.unit(points) - 1.0, degree)
     terms = model.shape[1]
@@ -81,6 +80,12 @@ def d_optimal(
     best = max(found, key=lambda rows: _log_det(model[rows]))
     settings = {"n": n, "candidates": len(points), "degree": degree, "starts": starts, "rng": seed}
     return Design(points[np.sort(best)], box, "d_optimal", settings)
+
+
+def grid(box: Box, levels: int = 5) -> FloatArray:
+    """Candidates on a grid of equally spaced levels, in parameter units, shape [levels^d, d]."""
+    axes = np.meshgrid(*[np.linspace(0.0, 1.0, levels)] * box.dimension, indexing="ij")
+    return box.scale(np.stack([axis.ravel() for axis in axes], axis=1))
 
 
 def monomials(coded: FloatArray, degree: int) -> FloatArray:

@@ -165,14 +165,17 @@ def batch_of(
 ) -> Any:
     """Per-sample parameters and the tables they choose from."""
     mu = np.array([law.initial_shear_modulus for law in model.materials])[samples.material]
-    mu = mu * samples.stiffness_factor
+    lasting, stiffer = mu * samples.stiffness_factor, np.ones(len(samples))
+    if model.relaxation:
+        stiffer = np.array([branches.instantaneous for branches in model.relaxation])[samples.relaxation]
+    mu = lasting * stiffer  # that of waves, which the volume and the hourglass patterns belong to
     bulk = bulk_modulus(mu, samples.poisson)
     solids = np.zeros(len(samples), dtype=kernel.element.Solid.numpy_dtype())
-    solids["scale"] = samples.stiffness_factor
+    solids["scale"] = samples.stiffness_factor * stiffer
     solids["bulk"] = bulk
     stiff = model.hourglass if model.hourglass_form == "stiffness" else 0.0
     solids["hourglass"] = stiff * mu
-    solids["shear_viscosity"] = samples.damping * mu
+    solids["shear_viscosity"] = samples.damping * lasting
     solids["bulk_viscosity"] = samples.damping * bulk if model.damping_kind == "full" else 0.0
     solids["hourglass_viscosity"] = stiff * samples.damping * mu
     solids["hourglass_impedance"] = 2.0 * (model.hourglass - stiff) * np.sqrt(mu)
@@ -207,6 +210,8 @@ def batch_of(
     for name in ("friction", "release_stress", "contact_stiffness"):
         setattr(batch, name, wp.array(getattr(samples, name), dtype=numbers.real, device=where))
     batch.material = wp.array(samples.material.astype(np.int32), dtype=int, device=where)
+    batch.branches = wp.array(_branch_table(model), dtype=numbers.real, device=where)
+    batch.relaxation = wp.array(samples.relaxation.astype(np.int32), dtype=int, device=where)
     batch.rows = wp.array(table, dtype=numbers.real, device=where)
     batch.motion = wp.array(samples.motion.astype(np.int32), dtype=int, device=where)
     rates = [1.0 / motion.step for motion in model.motions + moving]
@@ -214,6 +219,14 @@ def batch_of(
     batch.motion_rate = wp.array(rates, dtype=wp.float64, device=where)
     batch.motion_table = wp.array(motions, dtype=wp.float64, device=where)
     return batch
+
+
+def _branch_table(model: Model) -> FloatArray:
+    """The rows of what relaxes, as long as the longest asks for; one number where nothing does."""
+    if not model.relaxation:
+        return np.zeros((1, 1))
+    most = max(len(branches) for branches in model.relaxation)
+    return np.stack([branches.row(most) for branches in model.relaxation])
 
 
 def state_of(
@@ -236,6 +249,8 @@ def state_of(
     bar = isinstance(model.support, CharacteristicBar) and model.support.round_trip < np.inf
     remembers = any(contact_law(name).remembers_slip for name in (model.faces, model.side))
     needed = {name for name, wanted in (("bar_wave", bar), ("slip", remembers)) if wanted}
+    if kernel.memory > 0:
+        needed.add("memory")
     for name, n, dtype in (
         *((name, first_seat + n_seats, numbers.real) for name in ("u_r", "u_y", "v_r", "v_y")),
         *((name, 4 * mesh.n_elements + SPARE, numbers.real) for name in ("corner_r", "corner_y")),
@@ -244,6 +259,7 @@ def state_of(
         ("parts", HANDED * WARPS, wp.float64),
         ("touched", n_seats, wp.int32),
         ("slip", n_seats, numbers.real),
+        ("memory", kernel.memory * mesh.n_elements, numbers.real),
         ("bar_wave", 2 * BAR_HISTORY, wp.float64),
     ):
         here = not on_chip or name in needed
@@ -265,7 +281,7 @@ def output_of(kernel: MarchKernel, mesh: Mesh, n: int, sampling: Sampling, nodes
         ("force", (n, n_force, 2)),
         ("impulse", (n, n_force, 2)),
         ("position", (n, n_surface, len(nodes), 2)),
-        ("energy", (n, n_surface, 8)),
+        ("energy", (n, n_surface, 9)),
     ):
         setattr(output, name, wp.full(shape, nan, dtype=wp.float64, device=where))
     output.ending = wp.zeros((n, ENDING), dtype=wp.float64, device=where)

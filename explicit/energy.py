@@ -36,6 +36,10 @@ class EnergyLedger:
     hourglass_damping: FloatArray
     """Dissipated by hourglass control [J], shape [n_samples, n_surface_times]."""
 
+    viscous: FloatArray
+    """Work done on the branches of `Model.relaxation`: dissipated by them, or still held [J]; `elastic` is
+    then that of the long-term law. Shape [n_samples, n_surface_times]."""
+
     @property
     def artificial(self) -> FloatArray:
         """Energy stored and dissipated by hourglass control [J], shape [n_samples, n_surface_times]."""
@@ -44,7 +48,7 @@ class EnergyLedger:
     @property
     def residual(self) -> FloatArray:
         """External work minus everything it became [J], shape [n_samples, n_surface_times]."""
-        lost = self.damping + self.friction + self.impact
+        lost = self.damping + self.friction + self.impact + self.viscous
         return self.external - (self.kinetic + self.elastic + self.artificial + lost)
 
     def imbalance(self) -> FloatArray:

@@ -51,6 +51,7 @@ from explicit.clock import (
     TIME,
     TURNED,
     UPPER_SPEED,
+    VISCOUS,
     VOLUME_PAST_DATA,
     WORK,
     WORK_DONE,
@@ -63,6 +64,8 @@ from explicit.places import ON_CHIP_CLOCK, rooms
 from explicit.plan import plan_functions
 from explicit.precision import Precision
 from explicit.record import record_functions
+from explicit.relaxation.base import Relaxation
+from explicit.relaxation.kernels import relaxation_functions
 from explicit.settle import settle_function
 from explicit.structs import Structs, batch_structs
 from explicit.sweeps import sweep_functions
@@ -81,6 +84,8 @@ class MarchKernel:
     """The element it sweeps, with the types of one element's and one sample's constants."""
     block: int
     """Threads that share a simulation on a GPU."""
+    memory: int
+    """Numbers that an element remembers of what relaxes; 0 where nothing does."""
 
 
 @cache
@@ -93,20 +98,25 @@ def march_kernel(
     on_chip: bool = False,
     block: int = BLOCK,
     bound: str = "trace",
+    volumetric: str = "quadratic",
+    relaxation: Relaxation | None = None,
 ) -> MarchKernel:
     """Generate the time loop for a material law, two contact laws, a precision and an element.
 
     With `on_chip` a GPU keeps the state of a simulation in shared memory, where it must fit
     (`explicit.places.fits`). `block` is the number of threads it is compiled for there; `bound` is that of
-    `explicit.model.Stepping`.
+    `explicit.model.Stepping`, `volumetric` that of `explicit.Model`, `relaxation` that of
+    `explicit.model.Model.relaxation_kind`.
     """
-    element = element_named(element_name).functions(law, precision, bound)
+    element = element_named(element_name).functions(law, precision, bound, volumetric)
     structs = batch_structs(precision, element.Shape, element.Solid)
     place = rooms(precision, on_chip)
     field, sums, marks = place.field, place.sums, place.marks
     node_places, corner_places = place.node_places, place.corner_places
     sweeps = sweep_functions(precision, element, structs, place)
-    sweep_elements, sweep_energies = sweeps.elements, sweeps.energies
+    sweep_elements = sweeps.elements
+    branch = relaxation_functions(relaxation, law, precision, bound, element, structs, place, sweeps)
+    relax, sweep_energies, remembered = branch.sweep, branch.energies, place.remembered
     boundary = boundary_functions(faces, side, precision, structs)
     meet = boundary.meet
     failure = failure_functions(precision, element, structs)
@@ -137,6 +147,7 @@ def march_kernel(
         sample = first + index
         solid = batch.solids[sample]
         row = batch.rows[batch.material[sample]]
+        branches = batch.branches[batch.relaxation[sample]]
         limit_s = batch.data_limit[batch.material[sample]]
         friction, alpha = batch.friction[sample], solid.mass_damping
         seats, nodes = body.n_seats, node_places(body.n_nodes)
@@ -150,6 +161,7 @@ def march_kernel(
         push_upper = sums(state.push_upper, sample, ON_CHIP_CLOCK + seats)
         carried = sums(state.carried, sample, ON_CHIP_CLOCK + 2 * seats)
         touched = marks(state.touched, sample, 0)
+        memory = remembered(state.memory, sample, 0)
         rest = lane
         while rest < body.n_nodes:
             u_r[rest] = zero
@@ -187,6 +199,10 @@ def march_kernel(
                 worst, power, artificial = sweep_elements(
                     body, solid, row, u_r, u_y, v_r, v_y, corner_r, corner_y, lane, measure
                 )
+                worst = relax(
+                    body, solid, row, branches, memory, clock, step,
+                    u_r, u_y, v_r, v_y, corner_r, corner_y, lane, measure, worst,
+                )  # fmt: skip
                 latched = wp.max(latched, worst)  # an element that turns between two measurements stays known
                 if step % watch_every == 0:
                     put_total(parts, MOTION, motion(body, v_r, v_y, lane))
@@ -213,11 +229,12 @@ def march_kernel(
                 lower_next, lower_speed = clock[LOWER_NEXT], clock[LOWER_SPEED]
                 ledger = int(clock[here + LEDGER])
                 elastic, hourglass, past, kinetic = empty_sum(), empty_sum(), empty_sum(), empty_sum()
+                viscous = empty_sum()
                 most = wp.float64(0.0)
                 if ledger == 1:
                     if walks(lane) == 1:
-                        elastic, hourglass, past, most = sweep_energies(
-                            body, solid, row, limit_s, u_r, u_y, lane
+                        elastic, hourglass, past, most, viscous = sweep_energies(
+                            body, solid, row, limit_s, branches, memory, u_r, u_y, lane
                         )
                     sync()  # the node sweep below moves what other lanes may still be reading
                 # Half of this step's work belongs to the time of the positions, half to what follows.
@@ -285,6 +302,7 @@ def march_kernel(
                     put_total(parts, LANDING, landed + HALF * land_step)
                     put_total(parts, RESTRAINT, restrained + HALF * hold_step)
                     put_total(parts, PAST, past)
+                    put_total(parts, VISCOUS, viscous)
                     put_largest(parts, MOST, most)
                 worked += work_step
                 damped += damp_step
@@ -325,4 +343,4 @@ def march_kernel(
             output.ending[sample, VOLUME_PAST_DATA] = clock[PAST_DATA]
             output.ending[sample, LARGEST_S] = clock[MOST_STRAINED]
 
-    return MarchKernel(march, structs, element, block)
+    return MarchKernel(march, structs, element, block, branch.memory)

@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 from explicit.contact import contact_law
 from explicit.elements import element
 from explicit.materials import MaterialLaw, bulk_modulus
+from explicit.materials.volumetric import Form, checked_form
 from explicit.mesh import Mesh
 from explicit.motion import PlatenMotion
+from explicit.relaxation.base import RateDependence, Relaxation
 from explicit.support import RIGID, MovingSupport, Support
 
 FloatArray = NDArray[np.float64]
@@ -47,6 +49,12 @@ class Model:
     past_data: Literal["continue", "stop"] = "continue"
     """What happens when an element is strained past the data of its material law: the law continues on its
     end tangent and `Response.extrapolated_share` counts it, or the simulation ends as TABLE_EXCEEDED."""
+    volumetric: Form = "quadratic"
+    """Form of the volumetric law, see `explicit.materials.volumetric`."""
+
+    relaxation: tuple[RateDependence, ...] = ()
+    """What relaxes beside the material law, which is then the long-term one; a sample chooses one of these
+    (all of one class, `explicit.relaxation.PronySeries` for instance). Empty: nothing does."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.density < float("inf"):
@@ -63,13 +71,23 @@ class Model:
             raise ValueError(f"damping_kind must be 'deviatoric' or 'full', got {self.damping_kind!r}")
         if self.past_data not in ("continue", "stop"):
             raise ValueError(f"past_data must be 'continue' or 'stop', got {self.past_data!r}")
+        if len({type(branches) for branches in self.relaxation}) > 1:
+            raise ValueError("what relaxes in a model is all of one class")
         if not self.hourglass >= 0.0:
             raise ValueError(f"hourglass must be >= 0, got {self.hourglass}")
         if self.hourglass_form not in ("stiffness", "viscous"):
             raise ValueError(f"hourglass_form must be 'stiffness' or 'viscous', got {self.hourglass_form!r}")
+        checked_form(self.volumetric)
         contact_law(self.faces)
         contact_law(self.side)
         element(self.element)
+
+    @property
+    def relaxation_kind(self) -> Relaxation | None:
+        """What generates the kernels of `relaxation`; None where nothing relaxes."""
+        if not self.relaxation:
+            return None
+        return self.relaxation[0].kind(max(len(branches) for branches in self.relaxation))
 
     @property
     def start(self) -> float:
@@ -100,6 +118,8 @@ class Samples:
     never [Pa], shape [n_samples]."""
     contact_stiffness: FloatArray
     """Pressure per penetration, used where a contact law is "penalty" [Pa/m], shape [n_samples]."""
+    relaxation: NDArray[np.int64]
+    """Index into `Model.relaxation`, 0 where that is empty, shape [n_samples]."""
 
     def __post_init__(self) -> None:
         if len({len(getattr(self, f.name)) for f in fields(self)}) != 1:
@@ -130,14 +150,15 @@ class Samples:
         motion: NDArray[np.int64] | int = 0,
         release_stress: FloatArray | float = float("inf"),
         contact_stiffness: FloatArray | float = 1e13,
+        relaxation: NDArray[np.int64] | int = 0,
     ) -> "Samples":
         """Broadcast scalars and arrays to one batch."""
         values = (stiffness_factor, poisson, damping, friction, mass_damping, material, motion)
         contact = (release_stress, contact_stiffness)
-        shape = np.broadcast_shapes((1,), *(np.shape(value) for value in (*values, *contact)))
+        shape = np.broadcast_shapes((1,), *(np.shape(value) for value in (*values, *contact, relaxation)))
         real = [np.array(np.broadcast_to(x, shape), dtype=np.float64) for x in (*values[:5], *contact)]
-        index = [np.array(np.broadcast_to(value, shape), dtype=np.int64) for value in values[5:]]
-        return cls(real[0], real[1], real[2], real[3], real[4], index[0], index[1], real[5], real[6])
+        index = [np.array(np.broadcast_to(value, shape), dtype=np.int64) for value in (*values[5:], relaxation)]
+        return cls(*real[:5], *index[:2], *real[5:], index[2])
 
 
 def _require(values: FloatArray, good: NDArray[np.bool_], message: str) -> None:

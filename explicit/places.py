@@ -19,7 +19,7 @@ GROUP = 32
 """Elements or nodes whose constants lie side by side: those of a warp, or of a few packs."""
 LOADED_BYTES = 16
 """What a thread of a GPU loads at once."""
-ON_CHIP_NODES, ON_CHIP_ELEMENTS, ON_CHIP_SEATS, ON_CHIP_CLOCK = 448, 384, 96, 240
+ON_CHIP_NODES, ON_CHIP_ELEMENTS, ON_CHIP_SEATS, ON_CHIP_CLOCK = 448, 384, 96, 248
 """Places in shared memory for the state of a simulation in fp64; in fp32 there are twice as many nodes and
 elements. Together with what reductions need, they fill the 48 KiB a block gets without a request."""
 
@@ -90,6 +90,8 @@ class Rooms:
     """The same for sums of the boundary."""
     marks: Any
     """The same for its marks."""
+    remembered: Any
+    """The same for what elements remember, which is too much for a chip."""
     elements: int
     """Places for elements on the chip."""
     node_places: Any
@@ -107,6 +109,7 @@ def rooms(precision: Precision, on_chip: bool) -> Rooms:
         field=_field(precision.real, 4 * nodes + 8 * elements + 2, on_chip),
         sums=_field(wp.float64, 3 * ON_CHIP_SEATS + ON_CHIP_CLOCK, on_chip),
         marks=_field(wp.int32, ON_CHIP_SEATS, on_chip),
+        remembered=_field(precision.real, 0, False),
         elements=elements,
         node_places=_places(nodes, on_chip),
         corner_places=_places(elements, on_chip),

@@ -24,7 +24,7 @@ class RecordFunctions:
     `late` before they came to `u` with the velocity `v`."""
     ledger: Any
     """``ledger(output, sample, row, external, kinetic, elastic, hourglass, damping, friction, impact,
-    hourglass_damping)``."""
+    hourglass_damping, viscous)``."""
 
 
 @cache
@@ -80,6 +80,7 @@ def record_functions(precision: Precision, structs: Structs) -> RecordFunctions:
         friction: wp.float64,
         impact: wp.float64,
         hourglass_damping: wp.float64,
+        viscous: wp.float64,
     ):
         output.energy[sample, row, 0] = external
         output.energy[sample, row, 1] = kinetic
@@ -89,5 +90,6 @@ def record_functions(precision: Precision, structs: Structs) -> RecordFunctions:
         output.energy[sample, row, 5] = friction
         output.energy[sample, row, 6] = impact
         output.energy[sample, row, 7] = hourglass_damping
+        output.energy[sample, row, 8] = viscous
 
     return RecordFunctions(is_due, record_force, record_positions, record_ledger)

@@ -85,7 +85,7 @@ def run(
     on_chip = where.is_cuda and fits_on_chip(model.mesh, numbers)
     kernel = march_kernel(
         type(model.materials[0]), model.faces, model.side, numbers, model.element, on_chip,
-        block_for(len(samples), where, on_chip), stepping.bound,
+        block_for(len(samples), where, on_chip), stepping.bound, model.volumetric, model.relaxation_kind,
     )  # fmt: skip
     output = output_of(kernel, model.mesh, len(samples), sampling, nodes, where)
     batch = batch_of(kernel, model, samples, sampling, stepping, numbers, where)
@@ -105,6 +105,7 @@ def _check(model: Model, samples: Samples, sampling: Sampling) -> None:
     for name, index, count in (
         ("material", samples.material, len(model.materials)),
         ("motion", samples.motion, len(model.motions)),
+        ("relaxation", samples.relaxation, max(len(model.relaxation), 1)),
     ):
         wrong = index[(index < 0) | (index >= count)]
         if wrong.size:
@@ -132,7 +133,7 @@ def _response(
         surface_times=sampling.surface_times.copy(),
         surface_r=position[:, :, side, 0],
         surface_y=position[:, :, side, 1],
-        energy=EnergyLedger(*(energy[:, :, k] for k in range(8))),
+        energy=EnergyLedger(*(energy[:, :, k] for k in range(9))),
         outcomes=tuple(Outcome(int(code)) for code in ending[ENDED_AS]),
         failed_elements=failed,
         failed_places=np.where(failed[:, None] >= 0, model.mesh.centres[failed], np.nan),

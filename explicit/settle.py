@@ -42,6 +42,7 @@ from explicit.clock import (
     STEPS,
     SURFACE_DUE,
     TIME,
+    VISCOUS,
     VOID,
     WORK,
 )
@@ -142,10 +143,11 @@ def settle_function(
                         stored, held = get_total(parts, ELASTIC), get_total(parts, HOURGLASS)
                         damping, rubbing = get_total(parts, DAMPING), get_total(parts, FRICTION)
                         landing, restraint = get_total(parts, LANDING), get_total(parts, RESTRAINT)
+                        branches = get_total(parts, VISCOUS)
                         if alone(lane) == 1:
                             record_ledger(
                                 output, sample, next_surface,
-                                external, moving, stored, held, damping, rubbing, landing, restraint,
+                                external, moving, stored, held, damping, rubbing, landing, restraint, branches,
                             )  # fmt: skip
                     next_surface += 1
                     surface_due = wp.float64(NEVER)

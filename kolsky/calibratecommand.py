@@ -10,7 +10,7 @@ from dic.calibration import Calibration
 from dic.camera_files import FORMATS, CameraFileError, write_rig
 from kolsky import options, printed
 from kolsky.calibrationtoml import read_calibration_toml
-from kolsky.commands import tell
+from kolsky.commandparts import tell
 from kolsky.errors import InputError
 from kolsky.outfolder import filling, usable_folder
 from kolsky.progress import bars

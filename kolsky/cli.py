@@ -1,15 +1,28 @@
 """The command line: parse, call, print. Imports beyond typer stay inside the commands: `--help` is fast."""
 
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from kolsky.errors import InputError
+from kolsky import sweepcli
+from kolsky.clitypes import (
+    AsJson,
+    Corrected,
+    Device,
+    Element,
+    Hourglass,
+    Mesh,
+    Numbers,
+    Out,
+    PastData,
+    Precision,
+    ShotPath,
+    Threads,
+    refusing_bad_input,
+)
 
 app = typer.Typer(
     name="kolsky",
@@ -19,44 +32,6 @@ app = typer.Typer(
     help="One impact test on a soft material, in; its dynamic stiffness with its uncertainty, out.",
 )
 
-ShotPath = Annotated[Path, typer.Argument(metavar="SHOT", help="A shot's folder, or its shot.toml.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object (SI units) instead of a table.")]
-
-Numbers = Annotated[
-    list[str] | None,
-    typer.Option(
-        "-p", "--parameter", metavar="NAME=VALUE", help="Hold a parameter at this value (SI or with unit)."
-    ),
-]
-Precision = Annotated[str, typer.Option(help="Arithmetic of the solver: fp64 or fp32.")]
-Device = Annotated[str, typer.Option(help='"cpu" or a CUDA device such as "cuda:0".')]
-Threads = Annotated[int | None, typer.Option(min=1, help="CPU threads.", show_default="all cores")]
-PastData = Annotated[
-    str,
-    typer.Option(
-        metavar="CHOICE",
-        help="Past the last point of the quasi-static curve the law continues on its tangent (continue), or "
-        "the run ends (stop).",
-    ),
-]
-Element = Annotated[
-    str, typer.Option(help="one_point, or fbar: fully integrated, nothing to tune, three times as dear.")
-]
-Hourglass = Annotated[str, typer.Option(help="Hourglass control of one_point: stiffness or viscous.")]
-Corrected = Annotated[
-    bool,
-    typer.Option(
-        "--nearly-incompressible",
-        help="Run the mesh at poisson = 0.495 and correct to the wanted one on coarser meshes: cheaper from "
-        "0.499 on.",
-    ),
-]
-Mesh = Annotated[str, typer.Option(metavar="NRxNY", help="Elements across the radius x along the length.")]
-Out = Annotated[
-    Path | None,
-    typer.Option("--out", metavar="FOLDER", help="Where results go.", show_default="SHOT/results"),
-]
-
 
 def main() -> None:
     """Entry point of the `kolsky` command."""
@@ -65,16 +40,6 @@ def main() -> None:
             # A terminal without a character (± in an old code page) gets its escape, not a traceback.
             stream.reconfigure(errors="backslashreplace")
     app()
-
-
-@contextmanager
-def refusing_bad_input() -> Iterator[None]:
-    """Turn an `InputError` into its lines on stderr and exit code 2."""
-    try:
-        yield
-    except InputError as error:
-        typer.echo(str(error), err=True)
-        raise typer.Exit(2) from None
 
 
 def _listed(names: str) -> tuple[str, ...]:
@@ -192,7 +157,7 @@ def dic(
     csv: Annotated[bool, typer.Option("--csv", help="Also write the points of every frame as CSV.")] = False,
     vtp: Annotated[bool, typer.Option("--vtp", help="Also write the surfaces for ParaView.")] = False,
     figures: Annotated[
-        str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png.")
+        str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png,csv.")
     ] = "",
     as_json: AsJson = False,
 ) -> None:
@@ -221,7 +186,7 @@ def waves(
     shot: ShotPath,
     out: Out = None,
     figures: Annotated[
-        str, typer.Option(metavar="FORMATS", help="Also save the figure alone, e.g. pdf,svg,png.")
+        str, typer.Option(metavar="FORMATS", help="Also save the figure alone, e.g. pdf,svg,png,csv.")
     ] = "",
     as_json: AsJson = False,
 ) -> None:
@@ -246,7 +211,7 @@ def wavespeed(
     shot: ShotPath,
     out: Out = None,
     figures: Annotated[
-        str, typer.Option(metavar="FORMATS", help="Also save the figure, e.g. pdf,svg,png.")
+        str, typer.Option(metavar="FORMATS", help="Also save the figure, e.g. pdf,svg,png,csv.")
     ] = "",
     as_json: AsJson = False,
 ) -> None:
@@ -273,7 +238,7 @@ def repeats(
     ],
     out: Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Where results go.")] = Path("repeats"),
     figures: Annotated[
-        str, typer.Option(metavar="FORMATS", help="Also save the figure, e.g. pdf,svg,png.")
+        str, typer.Option(metavar="FORMATS", help="Also save the figure, e.g. pdf,svg,png,csv.")
     ] = "",
     as_json: AsJson = False,
 ) -> None:
@@ -353,7 +318,7 @@ def calibrate(
         ),
     ] = "",
     figures: Annotated[
-        str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png.")
+        str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png,csv.")
     ] = "",
     as_json: AsJson = False,
 ) -> None:
@@ -404,7 +369,7 @@ def identify(
     seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 1,
     out: Out = None,
     figures: Annotated[
-        str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png.")
+        str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png,csv.")
     ] = "",
     as_json: AsJson = False,
 ) -> None:
@@ -413,6 +378,7 @@ def identify(
     Writes identification.h5, report.html and CSV tables into SHOT/results.
     """
     from kolsky import commands, options
+    from kolsky.commandparts import Arithmetic
 
     with refusing_bad_input():
         commands.identify(
@@ -422,7 +388,7 @@ def identify(
             mesh=options.mesh("--mesh", mesh),
             refined_mesh=options.mesh("--refined-mesh", refined_mesh),
             replicates=replicates,
-            arithmetic=commands.Arithmetic(
+            arithmetic=Arithmetic(
                 precision, device, threads, past_data, element, hourglass, nearly_incompressible
             ),
             seed=seed,
@@ -453,13 +419,14 @@ def simulate(
     A run that fails is written up to its end; the exit code is then 1.
     """
     from kolsky import commands, options
+    from kolsky.commandparts import Arithmetic
 
     with refusing_bad_input():
         completed = commands.simulate(
             shot,
             parameters=options.values("--parameter", parameter or []),
             mesh=options.mesh("--mesh", mesh),
-            arithmetic=commands.Arithmetic(
+            arithmetic=Arithmetic(
                 precision, device, threads, past_data, element, hourglass, nearly_incompressible
             ),
             out=out,
@@ -470,95 +437,7 @@ def simulate(
         raise typer.Exit(1)
 
 
-@app.command()
-def sweep(
-    shot: ShotPath,
-    vary: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--vary",
-            metavar="NAME=LOW:HIGH[:LEVELS]",
-            help="A parameter to vary; repeat for more. LEVELS belong to a factorial.",
-            show_default="friction=0:2 and stiffness_factor=0.75:1.25, 10 levels each",
-        ),
-    ] = None,
-    parameter: Numbers = None,
-    design: Annotated[
-        str,
-        typer.Option(
-            help="factorial, fractional, composite, box-behnken or csv; with --runs points lhs, maximin, "
-            "sobol, halton or d-optimal."
-        ),
-    ] = "factorial",
-    runs: Annotated[
-        int, typer.Option(min=2, max=1_000_000, help="Points of a design that takes any number.")
-    ] = 64,
-    generators: Annotated[
-        str, typer.Option(metavar="WORDS", help='Of a fractional design, a word a parameter, e.g. "a b ab".')
-    ] = "",
-    points: Annotated[
-        Path | None, typer.Option(metavar="CSV", help="File of a csv design; columns NAME (UNIT).")
-    ] = None,
-    mesh: Mesh = "16x22",
-    element: Element = "one_point",
-    hourglass: Hourglass = "stiffness",
-    nearly_incompressible: Corrected = False,
-    precision: Precision = "fp64",
-    device: Device = "cpu",
-    threads: Threads = None,
-    past_data: PastData = "continue",
-    seed: Annotated[int, typer.Option(min=0, help="Seed of a random design.")] = 1,
-    ledger: Annotated[
-        str,
-        typer.Option(
-            help="File that keeps every run as it is made, so that nothing is run twice, or none.",
-            show_default="sweep.sqlite among the results",
-        ),
-    ] = "",
-    retry: Annotated[bool, typer.Option("--retry", help="Run again what did not complete before.")] = False,
-    shard: Annotated[
-        str, typer.Option(metavar="I/N", help="Run the I-th of N parts of the design.", show_default="all")
-    ] = "1/1",
-    merge: Annotated[
-        list[Path] | None,
-        typer.Option("--merge", metavar="LEDGER", help="Take over another ledger's runs; repeat for more."),
-    ] = None,
-    out: Out = None,
-    as_json: AsJson = False,
-) -> None:
-    """Run a design of experiments over a shot's parameters; writes sweep.csv, one row a run."""
-    from kolsky import commands, options
-
-    with refusing_bad_input():
-        if options.one_of("--design", design, options.DESIGNS) == "factorial":
-            factors = vary or ["friction=0:2:10", "stiffness_factor=0.75:1.25:10"]
-            bounds, counts = options.levels("--vary", factors)
-        elif design == "csv":
-            options.none("--vary", vary or [], "--design csv, whose file names the parameters")
-            bounds, counts = {}, []
-        else:
-            bounds = options.spans("--vary", vary or ["friction=0:2", "stiffness_factor=0.75:1.25"])
-            counts = []
-        commands.sweep(
-            shot,
-            bounds=bounds,
-            counts=counts,
-            held=options.values("--parameter", parameter or []),
-            design=design,
-            runs=runs,
-            extra=commands.DesignExtras(generators, points),
-            mesh=options.mesh("--mesh", mesh),
-            arithmetic=commands.Arithmetic(
-                precision, device, threads, past_data, element, hourglass, nearly_incompressible
-            ),
-            seed=seed,
-            records=commands.Records(
-                ledger, retry=retry, shard=options.shard("--shard", shard), merge=tuple(merge or ())
-            ),
-            out=out,
-            as_json=as_json,
-        )
-
+app.command()(sweepcli.sweep)
 
 if __name__ == "__main__":
     main()

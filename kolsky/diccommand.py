@@ -10,7 +10,7 @@ from dic.output import reporting
 from dic.output.csv import MM, write_frames, write_history
 from dic.result import StereoResult
 from kolsky import dicsummary, flightreport, options
-from kolsky.commands import tell
+from kolsky.commandparts import tell
 from kolsky.measure import RESULT_FILE, surfaces
 from kolsky.outfolder import filling, usable_folder
 from kolsky.progress import bars

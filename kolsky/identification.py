@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explicit import Ending, Outcome, Response
+from kolsky.methods import Method
+from kolsky.notebook import IdentificationInNotebook
 from kolsky.records import CentreLine, ForceHistory
 
 FloatArray = NDArray[np.float64]
@@ -197,8 +199,8 @@ class SurrogateCurve:
     """Phi_F [N], shape [n]."""
 
 
-@dataclass(frozen=True)
-class Identification:
+@dataclass(frozen=True, repr=False)
+class Identification(IdentificationInNotebook):
     """What `kolsky identify` returns."""
 
     shot: str
@@ -230,5 +232,7 @@ class Identification:
     """Wall time by stage [s]."""
     warnings: tuple[str, ...] = ()
     """What a user must know before using the answer, one sentence each; see `kolsky.cautions`."""
+    methods: tuple[Method, ...] = ()
+    """What other methods find from the same data; the answer's own is the first."""
     provenance: dict[str, Any] = field(default_factory=dict)
     """Input hashes, settings, versions, seed, machine class, precision."""

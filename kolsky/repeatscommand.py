@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from kolsky import options
-from kolsky.commands import tell
+from kolsky.commandparts import tell
 from kolsky.csvtable import write_table
 from kolsky.errors import InputError
 from kolsky.outfolder import filling, usable_folder

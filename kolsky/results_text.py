@@ -146,6 +146,12 @@ def write_csv(folder: Path, identification: Identification) -> list[Path]:
     list of Path
         The four files. Values are SI with 9 significant digits; "nan" where there is none.
     """
+    named = tables(identification).items()
+    return [write_table(Path(folder) / f"{name}.csv", columns) for name, columns in named]
+
+
+def tables(identification: Identification) -> dict[str, dict[str, Any]]:
+    """Force, profile, design and energy as named columns, SI, units in the names."""
     result, comparison, design = identification, identification.comparison, identification.design
     line, ledger = comparison.centre_line, identification.response.energy
     force = {
@@ -178,5 +184,4 @@ def write_csv(folder: Path, identification: Identification) -> list[Path]:
     energy |= {f"{f.name} (J)": getattr(ledger, f.name)[0] for f in fields(ledger)}
     energy |= {"residual (J)": ledger.residual[0]}
 
-    tables: dict[str, dict[str, Any]] = {"force": force, "profile": profile, "design": runs, "energy": energy}
-    return [write_table(Path(folder) / f"{name}.csv", columns) for name, columns in tables.items()]
+    return {"force": force, "profile": profile, "design": runs, "energy": energy}

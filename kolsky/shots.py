@@ -13,6 +13,7 @@ from kolsky.apparatus import Bar, Interface, Specimen, Transducer
 from kolsky.barforce import BarForce
 from kolsky.errors import InputError, refuse
 from kolsky.forcefile import force_recording
+from kolsky.notebook import ShotInNotebook
 from kolsky.pictures import Seen, open_pictures
 from kolsky.readers import centre_line_csv, flyer_csv, frame_times, uniaxial_csv
 from kolsky.readers.frame_times import FrameTimes
@@ -99,8 +100,8 @@ class ForceChannel:
         }
 
 
-@dataclass(frozen=True, kw_only=True)
-class ShotBase:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class ShotBase(ShotInNotebook):
     """What a shot is apart from what its cameras saw (SI, one clock)."""
 
     name: str
@@ -125,7 +126,7 @@ class ShotBase:
     """SHA-256 of every file that was read: name in the folder -> hex digest."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Shot(ShotBase):
     """One test, ready to be identified."""
 
@@ -140,7 +141,7 @@ class Shot(ShotBase):
     """Time at which the flyer leaves its first direction, if pictures say so [s]."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class PicturedShot(ShotBase):
     """One test whose pictures are still to be correlated."""
 

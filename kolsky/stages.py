@@ -57,6 +57,7 @@ class Stages:
         self.prepared, self.settings, self.box, self.progress = prepared, settings, box, progress
         self.rng = np.random.default_rng(settings.seed)
         self.table = RunTable(box.names)
+        self._coarse: list[tuple[FloatArray, Prediction]] = []
         self.seconds: dict[str, float] = {}
 
     @property
@@ -89,8 +90,19 @@ class Stages:
             raise ValueError(f"no run of the {stage} completed: {_first_lost(design, response)}")
         kept = response.select(rows)
         prediction = predict(kept, self.observations)
+        if numerics.mesh == self.settings.numerics.mesh:
+            self._coarse.append((design.points[rows], prediction))
         self.table.add(stage, design.points, response.endings, rows, prediction, self.observations)
         return Runs(design.points[rows], prediction, kept, _lost(design, response))
+
+    def on_surrogate_mesh(self) -> tuple[FloatArray, Prediction]:
+        """Points and predictions of all completed runs on the surrogate's mesh, in their order."""
+        points, predictions = zip(*self._coarse, strict=True)
+        parts = {
+            name: np.concatenate([getattr(prediction, name) for prediction in predictions])
+            for name in Prediction.__dataclass_fields__
+        }
+        return np.concatenate(points), Prediction(**parts)
 
     def replicate(self, point: FloatArray) -> Replicates:
         """Run the point again under `settings.replicates` other motions, and as many other curves.

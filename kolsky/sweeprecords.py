@@ -12,29 +12,6 @@ COMMAND_LINE = Path("command line")
 
 
 @dataclass(frozen=True)
-class DesignExtras:
-    """What only some designs of `kolsky sweep` take."""
-
-    generators: str = ""
-    """Words of a fractional factorial."""
-    points: Path | None = None
-    """File of a design somebody else chose."""
-
-    def check(self, kind: str) -> None:
-        """Refuse an option that the design does not take, or does not get.
-
-        Raises
-        ------
-        InputError
-            If "--generators" and "fractional", or "--points" and "csv", are not named together.
-        """
-        given = {"--generators": bool(self.generators), "--points": self.points is not None}
-        for option, design in {"--generators": "fractional", "--points": "csv"}.items():
-            if given[option] != (kind == design):
-                raise InputError(COMMAND_LINE, f"{option} and --design {design} need each other")
-
-
-@dataclass(frozen=True)
 class Records:
     """The ledger of `kolsky sweep` as given on the command line."""
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from time import perf_counter
 
 from kolsky import options
-from kolsky.commands import tell
+from kolsky.commandparts import tell
 from kolsky.errors import InputError
 from kolsky.outfolder import filling, usable_folder
 from kolsky.progress import bars

@@ -227,8 +227,8 @@ class Likelihood:
             jac=lambda v: self.jacobian(full(v), tau)[:, free],
             bounds=(0.0, 1.0),
             x_scale="jac",
-            ftol=1e-10,
-            xtol=1e-10,
+            ftol=1e-8,
+            xtol=1e-8,
             gtol=1e-12,
             max_nfev=200,
         )

@@ -67,6 +67,7 @@ def sample_posterior(
     start: ArrayLike,
     *,
     rng: int,
+    power: float = 1.0,
     discrepancy_priors: Sequence[float] | None = None,
     n_walkers: int = 32,
     max_steps: int = 20_000,
@@ -84,6 +85,9 @@ def sample_posterior(
         About where the walkers start, in parameter units, shape [d].
     rng
         Seed.
+    power
+        Power of the likelihood, > 0: below 1 where residuals are correlated in a way that it does not know
+        (Pauli, Racugno and Ventura 2011).
     discrepancy_priors
         Scale of the half-normal prior of each channel's tau, in the channel's units; 0 keeps the
         channel's fixed discrepancy. Left out, every channel keeps its own.
@@ -95,7 +99,8 @@ def sample_posterior(
     Raises
     ------
     ValueError
-        If the start is outside the box, a prior is negative or missing, or the walkers are too few.
+        If the start is outside the box, a prior is negative or missing, the power is not > 0, or the
+        walkers are too few.
     ImportError
         If emcee is not installed: `pip install 'kolsky[bayes]'`.
     """
@@ -103,6 +108,8 @@ def sample_posterior(
         import emcee
     except ImportError as error:
         raise ImportError("the posterior needs emcee: pip install 'kolsky[bayes]'") from error
+    if not 0.0 < power < np.inf:
+        raise ValueError(f"power must be > 0, got {power}")
     scales = _scales(likelihood, discrepancy_priors)
     sampled = np.flatnonzero(scales > 0.0)
     d, n = likelihood.box.dimension, likelihood.box.dimension + len(sampled)
@@ -120,7 +127,7 @@ def sample_posterior(
             for row, residual in zip(np.flatnonzero(inside), residuals, strict=True):
                 tau = _taus(likelihood, scales, sampled, places[row, d:])
                 ratio = places[row, d:]  # tau over the prior's scale
-                value[row] = -0.5 * (likelihood.deviance(residual, tau) + float(ratio @ ratio))
+                value[row] = -0.5 * (power * likelihood.deviance(residual, tau) + float(ratio @ ratio))
         return value
 
     sampler = emcee.EnsembleSampler(n_walkers, n, log_probability, vectorize=True)

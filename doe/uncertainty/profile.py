@@ -51,6 +51,8 @@ class Profile:
     """Values beyond the interval whose rise is below the level again: another optimum."""
     not_converged: int
     """Fits that were cut short; their rise is an upper bound."""
+    level: float = LEVEL
+    """Rise at the ends of the interval."""
 
     @property
     def closed(self) -> bool:
@@ -67,7 +69,7 @@ class Profiles:
     profiles: tuple[Profile, ...]
     """One a parameter, in the box's order."""
     level: float
-    """Rise at the ends of the intervals."""
+    """Rise at the ends of the intervals of uncorrelated residuals."""
     restarts: int
     """How often a profile found a better optimum than the search before."""
 
@@ -85,7 +87,9 @@ class Profiles:
         raise KeyError(f"no profile of {name!r}; there are {[profile.name for profile in self.profiles]}")
 
 
-def profile_likelihoods(likelihood: Likelihood, start: ArrayLike, *, level: float = LEVEL) -> Profiles:
+def profile_likelihoods(
+    likelihood: Likelihood, start: ArrayLike, *, level: float = LEVEL, correlation: ArrayLike = 1.0
+) -> Profiles:
     """Profile every parameter by re-optimisation over all others.
 
     From the optimum the parameter walks to both faces of the box, each fit starting from the one before,
@@ -101,17 +105,24 @@ def profile_likelihoods(likelihood: Likelihood, start: ArrayLike, *, level: floa
         Where to begin, in parameter units, shape [d].
     level
         Rise of -2 ln L at the ends of the intervals, > 0; 3.84 for 95 %.
+    correlation
+        Factors > 0 on the level, one or one a parameter: by how much residuals that are correlated in a
+        way the likelihood does not know raise the parameter's variance. With one parameter of interest the
+        rise is then this factor times a chi-square variable (Rotnitzky and Jewell 1990).
 
     Raises
     ------
     ValueError
-        If the start is outside the box or the level not > 0.
+        If the start is outside the box or a level not > 0.
     RuntimeError
         If better optima keep appearing: the model is too rough for its derivatives.
     """
     if not 0.0 < level < np.inf:
         raise ValueError(f"level must be > 0, got {level}")
     box = likelihood.box
+    levels = level * np.broadcast_to(np.asarray(correlation, dtype=np.float64), (box.dimension,))
+    if not np.all((levels > 0.0) & np.isfinite(levels)):
+        raise ValueError(f"correlation must be > 0, got {correlation}")
     x = box.require(np.atleast_2d(np.asarray(start, dtype=np.float64)), what="start")[0]
     best = likelihood.maximise(box.unit(x))
     for restarts in range(RESTARTS + 1):
@@ -120,14 +131,14 @@ def profile_likelihoods(likelihood: Likelihood, start: ArrayLike, *, level: floa
         for j in range(box.dimension):
             walk = _Walk(likelihood, best, j, tuple(i for i in range(box.dimension) if i != j))
             alone = _Walk(likelihood, best, j, ())
-            fits = walk.both_ways(level)
+            fits = walk.both_ways(levels[j])
             lowest = min(fits, key=lambda fit: fit.deviance)
             if lowest.deviance < best.deviance - LOWER and (
                 better is None or lowest.deviance < better.deviance
             ):
                 better = lowest
             if better is None:
-                profiles.append(_profile(likelihood, walk, fits, alone, level))
+                profiles.append(_profile(likelihood, walk, fits, alone, float(levels[j])))
         if better is None:
             return Profiles(best, tuple(profiles), level, restarts)
         best = likelihood.maximise(better.unit_point)
@@ -224,4 +235,5 @@ def _profile(likelihood: Likelihood, walk: _Walk, fits: list[Fit], alone: _Walk,
         alone=single,
         elsewhere=elsewhere,
         not_converged=sum(not fit.converged for fit in fits),
+        level=level,
     )

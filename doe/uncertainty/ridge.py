@@ -105,7 +105,7 @@ def partners(likelihood: Likelihood, profiles: Profiles, profile: Profile) -> tu
             residual = likelihood.residuals(moved)[0]
             cost = likelihood.deviance(residual, likelihood.discrepancies(residual)) - best.deviance
             change, per = (float(profile.points[i][m] - best.point[m]) for m in (k, j))
-            if cost > profiles.level and (name not in found or cost > found[name].cost):
+            if cost > profile.level and (name not in found or cost > found[name].cost):
                 found[name] = Partner(name, change, per, cost)
     return tuple(sorted(found.values(), key=lambda partner: -partner.cost))
 

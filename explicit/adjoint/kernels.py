@@ -32,13 +32,13 @@ class PhaseKernels:
 
 @cache
 def phase_kernels(
-    law: type, faces: str, side: str, element_name: str, valence: int, bound: str
+    law: type, faces: str, side: str, element_name: str, valence: int, bound: str, volumetric: str
 ) -> PhaseKernels:
     """Generate the phases; `valence` is the largest number of elements that meet at a node, `bound` that of
-    `explicit.model.Stepping`."""
+    `explicit.model.Stepping`, `volumetric` that of `explicit.Model`."""
     precision = PRECISIONS["fp64"]
     real, vec2, vec4 = precision.real, precision.vec2, precision.vec4
-    functions = element_named(element_name).functions(law, precision, bound)
+    functions = element_named(element_name).functions(law, precision, bound, volumetric)
     Solid, read_shape, forces = functions.Solid, functions.read_shape, functions.forces
     structs = batch_structs(precision, functions.Shape, Solid)
     Body, Batch, State = structs.Body, structs.Batch, structs.State

@@ -168,6 +168,11 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
             raise ValueError(f"the sample names {name} {index}, the model has 0 to {count - 1}")
     if stepping.precision != "fp64":
         raise ValueError(f"the adjoint runs in 'fp64', got precision {stepping.precision!r}")
+    if model.relaxation:
+        raise ValueError(
+            "the adjoint knows no branches that relax, got a model with relaxation; use "
+            "explicit.derivatives.jacobian"
+        )
     if isinstance(model.support, MovingSupport):
         raise ValueError(
             "the adjoint knows a rigid support and a bar, got a support with a motion of its own"
@@ -180,7 +185,8 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
     device = select_device("cpu")
     mesh, numbers = model.mesh, PRECISIONS["fp64"]
     law = type(model.materials[0])
-    loop = march_kernel(law, model.faces, model.side, numbers, model.element, bound=stepping.bound)
+    choices = {"bound": stepping.bound, "volumetric": model.volumetric}
+    loop = march_kernel(law, model.faces, model.side, numbers, model.element, **choices)
     body = body_of(loop, model, numbers, device)
     batch = batch_of(loop, model, samples, _nothing(model), stepping, numbers, device)
     state = state_of(loop, model, numbers, device, 1, 1)
@@ -211,7 +217,7 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
         model=model,
         samples=samples,
         stepping=stepping,
-        kernels=phase_kernels(law, model.faces, model.side, model.element, len(element_of), stepping.bound),
+        kernels=phase_kernels(law, model.faces, model.side, model.element, len(element_of), **choices),
         window=window,
         element_inputs=(
             *(integers(mesh.quads.T), body.shapes, a["solids"], a["row"]),

@@ -43,6 +43,11 @@ class ElementFunctions:
     strains: Any
     """``strains(shape, ur, uy) -> (J, s)``: the smallest of det F and its planar part over the stress points
     [-], above 0 in an element that has not turned inside out, and the largest s [-]."""
+    stress_point: Any
+    """``stress_point(shape, g) -> (weight, gradient_r, gradient_y, hoop)``: volume of the g-th stress point
+    [m^3], and what gives the deformation gradient there from the corners' displacements [1/m]."""
+    n_points: int
+    """Stress points."""
 
 
 class Element(Protocol):
@@ -53,9 +58,11 @@ class Element(Protocol):
         """The name that `explicit.Model.element` chooses it by."""
         ...
 
-    def functions(self, law: type, precision: Precision, bound: str = "trace") -> ElementFunctions:
-        """Generate the functions for a material law (a class with `kernel_functions`), a precision and a step
-        bound (`explicit.model.Stepping.bound`)."""
+    def functions(
+        self, law: type, precision: Precision, bound: str = "trace", volumetric: str = "quadratic"
+    ) -> ElementFunctions:
+        """Generate the functions for a material law (a class with `kernel_functions`), a precision, a step
+        bound (`explicit.model.Stepping.bound`) and a volumetric form (`explicit.Model.volumetric`)."""
         ...
 
     def shapes(self, mesh: Mesh, density: float, dtype: np.dtype[Any]) -> NDArray[Any]:

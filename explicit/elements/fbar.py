@@ -21,6 +21,7 @@ from explicit.elements.base import INVERTED, ElementFunctions, corner_inverse_ma
 from explicit.elements.bounds import gradient_bounds_function, shear_bound_function
 from explicit.elements.gauss import gauss_points
 from explicit.elements.shared import isochoric_factor_function, solid_struct
+from explicit.materials.volumetric import volumetric_functions
 from explicit.mesh import Mesh
 from explicit.places import entries_function, entries_if_function, entry_function
 from explicit.precision import Precision
@@ -32,9 +33,11 @@ class FBar:
 
     name: str = "fbar"
 
-    def functions(self, law: type, precision: Precision, bound: str = "trace") -> ElementFunctions:
+    def functions(
+        self, law: type, precision: Precision, bound: str = "trace", volumetric: str = "quadratic"
+    ) -> ElementFunctions:
         """See `explicit.elements.base.Element.functions`."""
-        return element_functions(law, precision, bound)
+        return element_functions(law, precision, bound, volumetric)
 
     def shapes(self, mesh: Mesh, density: float, dtype: np.dtype[Any]) -> NDArray[Any]:
         """See `explicit.elements.base.Element.shapes`; the constants are `explicit.elements.gauss`'s."""
@@ -52,7 +55,7 @@ class FBar:
 
 
 @cache
-def element_functions(law: type, precision: Precision, bound: str) -> ElementFunctions:
+def element_functions(law: type, precision: Precision, bound: str, volumetric: str) -> ElementFunctions:
     """Generate the element for a material law (a class with `kernel_functions`) and a precision."""
     law_stress, law_tangent, law_energy = law.kernel_functions(precision)  # type: ignore[attr-defined]
     real, vec4 = precision.real, precision.vec4
@@ -62,6 +65,9 @@ def element_functions(law: type, precision: Precision, bound: str) -> ElementFun
     isochoric_factor = isochoric_factor_function(precision)
     gradient_bounds = gradient_bounds_function(precision, bound)
     shear_bound = shear_bound_function(law_tangent, precision)
+    volume_law = volumetric_functions(volumetric, precision)
+    volume_pressure, volume_energy = volume_law.pressure, volume_law.energy
+    volume_stiffness = volume_law.stiffness
     Solid = solid_struct(precision)
 
     @wp.struct
@@ -204,7 +210,7 @@ def element_functions(law: type, precision: Precision, bound: str) -> ElementFun
             dilatation = (j0 + j1 + j2 + j3) / shape.volume
             growth = wp.dot(g_r, vr) + wp.dot(g_y, vy)
             viscosity = solid.bulk_viscosity / (shape.volume * (one + dilatation))
-            pressure = solid.bulk * dilatation
+            pressure = volume_pressure(solid.bulk, one + dilatation, dilatation)
             total = pressure + viscosity * growth
             f_r = r0 + r1 + r2 + r3 + total * g_r
             f_y = y0 + y1 + y2 + y3 + total * g_y
@@ -219,7 +225,8 @@ def element_functions(law: type, precision: Precision, bound: str) -> ElementFun
                     rank_one += m_r[a] * g_r[a] * g_r[a] + m_y[a] * g_y[a] * g_y[a]
                 bounds = k0 + k1 + k2 + k3
                 turning = wp.max(two * pressure, -pressure)
-                stiff = solid.bulk / shape.volume * rank_one
+                bulk = volume_stiffness(solid.bulk, one + dilatation, dilatation)
+                stiff = bulk / shape.volume * rank_one
                 stiff += wp.max(bounds[0] + turning * bounds[2], bounds[1] + turning * bounds[3])
                 damp = two * solid.shear_viscosity * wp.max(bounds[2], bounds[3])
                 damp += viscosity * rank_one + solid.mass_damping
@@ -255,7 +262,8 @@ def element_functions(law: type, precision: Precision, bound: str) -> ElementFun
         e3, i3, j3 = point_energy(shape.gradient_r3, shape.gradient_y3, shape.hoop3, row, ur, uy)
         dilatation = wp.dot(shape.weight, vec4(j0, j1, j2, j3)) / shape.volume
         isochoric = wp.dot(shape.weight, vec4(e0, e1, e2, e3))
-        elastic = solid.scale * isochoric + half * solid.bulk * shape.volume * dilatation * dilatation
+        stored = volume_energy(solid.bulk, one + dilatation, dilatation)
+        elastic = solid.scale * isochoric + shape.volume * stored
         measure = wp.sqrt(wp.max(wp.max(wp.max(i0, i1), wp.max(i2, i3)), zero))
         hourglass = real(0.0)
         return elastic, hourglass, measure
@@ -282,6 +290,18 @@ def element_functions(law: type, precision: Precision, bound: str) -> ElementFun
         measure = wp.sqrt(wp.max(wp.max(wp.max(i0, i1), wp.max(i2, i3)), zero))
         return wp.min(wp.min(j0, j1), wp.min(j2, j3)), measure
 
+    @wp.func
+    def stress_point(shape: Shape, g: int):
+        weight, b_r, b_y, c = shape.weight[0], shape.gradient_r0, shape.gradient_y0, shape.hoop0
+        if g == 1:
+            weight, b_r, b_y, c = shape.weight[1], shape.gradient_r1, shape.gradient_y1, shape.hoop1
+        if g == 2:
+            weight, b_r, b_y, c = shape.weight[2], shape.gradient_r2, shape.gradient_y2, shape.hoop2
+        if g == 3:
+            weight, b_r, b_y, c = shape.weight[3], shape.gradient_r3, shape.gradient_y3, shape.hoop3
+        return weight, b_r, b_y, c
+
     return ElementFunctions(
-        Shape=Shape, read_shape=read_shape, Solid=Solid, forces=forces, energies=energies, strains=strains
-    )
+        Shape=Shape, read_shape=read_shape, Solid=Solid, forces=forces, energies=energies, strains=strains,
+        stress_point=stress_point, n_points=4,
+    )  # fmt: skip

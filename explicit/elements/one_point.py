@@ -15,6 +15,7 @@ from explicit.elements.base import INVERTED, ElementFunctions, corner_inverse_ma
 from explicit.elements.bounds import gradient_bounds_function, shear_bound_function
 from explicit.elements.shared import isochoric_factor_function, solid_struct
 from explicit.geometry import element_geometry
+from explicit.materials.volumetric import volumetric_functions
 from explicit.mesh import Mesh
 from explicit.places import entries_function, entries_if_function, entry_function
 from explicit.precision import Precision
@@ -26,9 +27,11 @@ class OnePoint:
 
     name: str = "one_point"
 
-    def functions(self, law: type, precision: Precision, bound: str = "trace") -> ElementFunctions:
+    def functions(
+        self, law: type, precision: Precision, bound: str = "trace", volumetric: str = "quadratic"
+    ) -> ElementFunctions:
         """See `explicit.elements.base.Element.functions`."""
-        return element_functions(law, precision, bound)
+        return element_functions(law, precision, bound, volumetric)
 
     def shapes(self, mesh: Mesh, density: float, dtype: np.dtype[Any]) -> NDArray[Any]:
         """See `explicit.elements.base.Element.shapes`; the constants are those of `explicit.geometry`."""
@@ -45,7 +48,7 @@ class OnePoint:
 
 
 @cache
-def element_functions(law: type, precision: Precision, bound: str) -> ElementFunctions:
+def element_functions(law: type, precision: Precision, bound: str, volumetric: str) -> ElementFunctions:
     """Generate the element for a material law (a class with `kernel_functions`) and a precision."""
     law_stress, law_tangent, law_energy = law.kernel_functions(precision)  # type: ignore[attr-defined]
     real, vec4 = precision.real, precision.vec4
@@ -55,6 +58,9 @@ def element_functions(law: type, precision: Precision, bound: str) -> ElementFun
     isochoric_factor = isochoric_factor_function(precision)
     gradient_bounds = gradient_bounds_function(precision, bound)
     shear_bound = shear_bound_function(law_tangent, precision)
+    volume_law = volumetric_functions(volumetric, precision)
+    volume_pressure, volume_energy = volume_law.pressure, volume_law.energy
+    volume_rank_one = volume_law.rank_one
     Solid = solid_struct(precision)
 
     @wp.struct
@@ -122,7 +128,10 @@ def element_functions(law: type, precision: Precision, bound: str) -> ElementFun
         dilatation: real,
     ):
         """With the pressure's work on rotations, for which the trace leaves room."""
-        return solid.scale * shear_bound(rr, yy, ry, tt, row) + wp.abs(solid.bulk * dilatation) * jacobian
+        return (
+            solid.scale * shear_bound(rr, yy, ry, tt, row)
+            + wp.abs(volume_pressure(solid.bulk, jacobian, dilatation)) * jacobian
+        )
 
     @wp.func
     def both(radial: real, axial: real):
@@ -138,7 +147,16 @@ def element_functions(law: type, precision: Precision, bound: str) -> ElementFun
     }[bound]
 
     @wp.func
-    def step_bound(shape: Shape, solid: Solid, b_r: vec4, b_y: vec4, c: vec4, jacobian: real, shear: real):
+    def step_bound(
+        shape: Shape,
+        solid: Solid,
+        b_r: vec4,
+        b_y: vec4,
+        c: vec4,
+        jacobian: real,
+        dilatation: real,
+        shear: real,
+    ):
         # The volumetric part is of rank one, so its bound is sharp; the rest has that of |grad v|^2.
         rank_one, hourglass, lost = real(0.0), real(0.0), real(0.0)
         viscous_r, viscous_y = pattern_viscosity(shape, solid)
@@ -151,7 +169,7 @@ def element_functions(law: type, precision: Precision, bound: str) -> ElementFun
             lost += squared * (w_r * viscous_r + w_y * viscous_y)
         radial, axial = gradient_bounds(shape.inverse_mass_r, shape.inverse_mass_y, b_r, b_y, c)
         spread = spread_of(radial, axial)
-        bulk = solid.bulk * jacobian * wp.max(two * jacobian - one, half)
+        bulk = volume_rank_one(solid.bulk, jacobian, dilatation)
         stiff = shape.volume * (bulk * rank_one + shear * spread)
         stiff += solid.hourglass * hourglass
         viscous = solid.bulk_viscosity * rank_one + two * solid.shear_viscosity * spread
@@ -207,11 +225,11 @@ def element_functions(law: type, precision: Precision, bound: str) -> ElementFun
         s22 = eta * (d22 - rate * third) + pressure_rate
         s33 = eta * (d33 - rate * third) + pressure_rate
         s12 = eta * d12
-        volumetric = solid.bulk * dilatation * jacobian
-        t11 = solid.scale * tau[0] + volumetric + s11
-        t22 = solid.scale * tau[1] + volumetric + s22
+        pressure = volume_pressure(solid.bulk, jacobian, dilatation) * jacobian
+        t11 = solid.scale * tau[0] + pressure + s11
+        t22 = solid.scale * tau[1] + pressure + s22
         t12 = solid.scale * tau[2] + s12
-        t33 = solid.scale * tau[3] + volumetric + s33
+        t33 = solid.scale * tau[3] + pressure + s33
         # Hourglass: stiffness and viscosity of the part one point does not see.
         q_r, q_y = wp.dot(shape.gamma, ur), wp.dot(shape.gamma, uy)
         p_r, p_y = wp.dot(shape.gamma, vr), wp.dot(shape.gamma, vy)
@@ -225,7 +243,7 @@ def element_functions(law: type, precision: Precision, bound: str) -> ElementFun
         artificial = viscous_r * p_r * p_r + viscous_y * p_y * p_y
         if measure == 1 and omega_squared == zero:
             shear = shear_of(rr, yy, ry, tt, row, solid, jacobian, dilatation)
-            omega_squared = step_bound(shape, solid, b_r, b_y, c, jacobian, shear)
+            omega_squared = step_bound(shape, solid, b_r, b_y, c, jacobian, dilatation, shear)
         return f_r, f_y, omega_squared, power, artificial
 
     @wp.func
@@ -241,7 +259,8 @@ def element_functions(law: type, precision: Precision, bound: str) -> ElementFun
         yy = iso * (f22 * f22 + h21 * h21)
         tt = iso * f33 * f33
         isochoric = law_energy(rr, yy, iso * (f11 * h21 + h12 * f22), tt, row)
-        elastic = shape.volume * (solid.scale * isochoric + half * solid.bulk * dilatation * dilatation)
+        volumetric_energy = volume_energy(solid.bulk, one + dilatation, dilatation)
+        elastic = shape.volume * (solid.scale * isochoric + volumetric_energy)
         q_r, q_y = wp.dot(shape.gamma, ur), wp.dot(shape.gamma, uy)
         hourglass = half * solid.hourglass * (shape.hourglass_r * q_r * q_r + shape.hourglass_y * q_y * q_y)
         measure = wp.sqrt(wp.max(rr + yy + tt - three, zero))
@@ -259,6 +278,11 @@ def element_functions(law: type, precision: Precision, bound: str) -> ElementFun
         iso, _inverse = isochoric_factor(one + dilatation, dilatation)
         return one + wp.min(dilatation, plane), wp.sqrt(wp.max(iso * squared - three, zero))
 
+    @wp.func
+    def stress_point(shape: Shape, g: int):
+        return shape.volume, shape.gradient_r, shape.gradient_y, shape.hoop
+
     return ElementFunctions(
-        Shape=Shape, read_shape=read_shape, Solid=Solid, forces=forces, energies=energies, strains=strains
-    )
+        Shape=Shape, read_shape=read_shape, Solid=Solid, forces=forces, energies=energies, strains=strains,
+        stress_point=stress_point, n_points=1,
+    )  # fmt: skip

@@ -1,7 +1,17 @@
-"""Material laws, one file each; a new law is a class with the methods of `MaterialLaw`."""
+"""Material laws, one file each; `explicit.materials.law` says how one is added."""
 
 from explicit.materials.base import MaterialLaw
+from explicit.materials.laws import LAWS, AnyLaw, law_class
 from explicit.materials.marlow import MarlowLaw, marlow_from_curve, neo_hookean
 from explicit.materials.volumetric import bulk_modulus
 
-__all__ = ["MarlowLaw", "MaterialLaw", "bulk_modulus", "marlow_from_curve", "neo_hookean"]
+__all__ = [
+    "LAWS",
+    "AnyLaw",
+    "MarlowLaw",
+    "MaterialLaw",
+    "bulk_modulus",
+    "law_class",
+    "marlow_from_curve",
+    "neo_hookean",
+]

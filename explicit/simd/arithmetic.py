@@ -175,6 +175,19 @@ class Arithmetic:
             return self.temporary(x.kind, f"op::root({x.code})", True)
         return self.temporary(x.kind, f"{'::cbrt' if x.kind == 'f64' else '::cbrtf'}({x.code})", False)
 
+    def wp_exp(self, x: Scalar) -> Scalar:
+        """e to the power of a number."""
+        return self._of_packs("power", x)
+
+    def wp_log(self, x: Scalar) -> Scalar:
+        """Natural logarithm."""
+        return self._of_packs("logarithm", x)
+
+    def _of_packs(self, name: str, x: Scalar) -> Scalar:
+        """A function that is written for packs; of a uniform number it has the same bits."""
+        code = f"op::{name}({self.pack(x)})"
+        return self.temporary(x.kind, code if x.varying else f"{code}[0]", x.varying)
+
     def wp_isfinite(self, x: Scalar) -> Scalar:
         """Whether a number is neither infinite nor not a number."""
         difference = self.temporary(x.kind, f"{x.code} - {x.code}", x.varying)

@@ -1,6 +1,11 @@
 """The C++ that every function of lanes starts with: pack types and their few operations."""
 
+from math import factorial
+
 from explicit.simd.values import PACK, SCALAR
+
+EXPONENTIAL = 13
+"""Degree of the series of e^r: what it leaves out is below 1e-17 for |r| <= ln 2 / 2."""
 
 _PRELUDE = """
     constexpr int W = {lanes};
@@ -38,6 +43,43 @@ _PRELUDE = """
         }}
         static inline f32v root(f32v x) {{
             return __builtin_convertvector(root(__builtin_convertvector(x, f64v)), f32v);
+        }}
+        static inline f64v times(f64v a, f64v b, f64v c) {{ return __builtin_elementwise_fma(a, b, c); }}
+        static inline f64v power(f64v x) {{ // e^x: 2^k times the series of e^r, |r| <= ln 2 / 2
+            x = x > (f64v)(710.0) ? (f64v)(710.0) : x;
+            x = x < (f64v)(-746.0) ? (f64v)(-746.0) : x;
+            const f64v shift = (f64v)(6755399441055744.0); // its last bits count whole numbers
+            const f64v whole = times(x, (f64v)(1.4426950408889634), shift), k = whole - shift;
+            f64v r = times(-k, (f64v)(6.93147180369123816490e-01), x);
+            r = times(-k, (f64v)(1.90821492927058770002e-10), r);
+            const double factors[] = {{{factors}}};
+            f64v y = (f64v)(factors[0]);
+            for (int n = 1; n < {n_factors}; ++n) y = times(y, r, (f64v)(factors[n]));
+            const i64v steps = (i64v)whole - (i64v)shift, half = steps >> 1;
+            const f64v first = (f64v)((half + 1023) << 52), second = (f64v)((steps - half + 1023) << 52);
+            return y * first * second;
+        }}
+        static inline f64v logarithm(f64v x) {{ // of 2^k m by the series of ln((1 + s) / (1 - s))
+            const f64v none = (f64v)(0.0), limit = (f64v)(__builtin_inf());
+            const i64v small = (i64v)(x < (f64v)(2.2250738585072014e-308));
+            const f64v large = small ? x * (f64v)(18014398509481984.0) : x;
+            const i64v bits = (i64v)large, step = (bits - 0x3fe6a09e667f3bcdll) >> 52;
+            const f64v m = (f64v)(bits - (step << 52)), f = m - (f64v)(1.0);
+            const f64v k = __builtin_convertvector(small ? step - 54 : step, f64v);
+            const f64v s = f / (f + (f64v)(2.0)), z = s * s;
+            f64v y = (f64v)(2.0 / 21.0);
+            for (int n = 19; n > 1; n -= 2) y = times(y, z, (f64v)(2.0 / n));
+            y = times(k, (f64v)(1.90821492927058770002e-10), y * z * s);
+            y = times(k, (f64v)(6.93147180369123816490e-01), y + s + s);
+            y = x < limit ? y : x; // infinity, or no number
+            y = x == none ? -limit : y;
+            return x < none ? (f64v)(__builtin_nan("")) : y;
+        }}
+        static inline f32v power(f32v x) {{
+            return __builtin_convertvector(power(__builtin_convertvector(x, f64v)), f32v);
+        }}
+        static inline f32v logarithm(f32v x) {{
+            return __builtin_convertvector(logarithm(__builtin_convertvector(x, f64v)), f32v);
         }}
         static inline double sum(f64v x) {{
             for (int n = W / 2; n > 0; n /= 2) for (int l = 0; l < n; ++l) x[l] += x[l + n];
@@ -81,5 +123,7 @@ def prelude(lanes: int, kind: str) -> str:
         mask=mask,
         numbers=numbers,
         gathers="".join(gathers),
+        factors=", ".join((1.0 / factorial(n)).hex() for n in range(EXPONENTIAL, -1, -1)),
+        n_factors=EXPONENTIAL + 1,
         bits="unsigned short" if lanes == 16 else "unsigned char",
     )

@@ -3,16 +3,10 @@
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup
-
 from dic.calibration import Calibration
 from kolsky import calibratecommand
-from kolsky.atomic import replacing
-from kolsky.report.canvas import inline_svg
 from kolsky.report.figures import CALIBRATION
-
-_HERE = Path(__file__).parent
+from kolsky.report.rendering import drawn, page, write
 
 
 def write_page(path: Path, name: str, found: Calibration) -> None:
@@ -32,36 +26,19 @@ def write_page(path: Path, name: str, found: Calibration) -> None:
     OSError
         If the file cannot be written; an older one is then unchanged.
     """
-    html = render(name, found)
-    with replacing(Path(path)) as partial:
-        partial.write_bytes(html.encode("utf-8", errors="backslashreplace"))
+    write(path, render(name, found))
 
 
 def render(name: str, found: Calibration) -> str:
     """The page as HTML text; see `write_page`."""
-    environment = Environment(
-        loader=FileSystemLoader(_HERE),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    figures = [
-        {
-            "id": kind.name,
-            "number": number,
-            "svg": Markup(inline_svg(kind, found)),  # serialised as XML: every text is escaped
-            "caption": kind.caption(found),
-            "width": kind.width,
-        }
-        for number, kind in enumerate(CALIBRATION.values(), start=1)
-    ]
-    return environment.get_template("calibrationpage.html").render(
-        css=Markup((_HERE / "page.css").read_text(encoding="utf-8")),
-        name=name,
-        figures=figures,
+    return page(
+        "calibrationpage.html",
+        kind="Two cameras from pictures of a target",
+        heading=name,
+        subject="calibration",
+        figures=drawn(CALIBRATION.values(), found),
         rows=list(calibratecommand.summary(found).items()),
-        warnings=calibratecommand.warnings(found),
+        warnings=[f"{warning}." for warning in calibratecommand.warnings(found)],
         pairs=[_row(pair) for pair in found.pairs],
     )
 

@@ -12,11 +12,12 @@ from matplotlib.figure import Figure
 
 from kolsky.atomic import replacing
 from kolsky.identification import Identification
+from kolsky.report.figuredata import write_data
 from kolsky.report.figures import REGISTRY, FigureKind
 from kolsky.report.shown import in_shown_units
 
 STYLE = Path(__file__).with_name("kolsky.mplstyle")
-FORMATS = ("pdf", "svg", "png")
+FORMATS = ("pdf", "svg", "png", "csv")
 _MM_PER_INCH = 25.4
 _SVG, _LINK = "{http://www.w3.org/2000/svg}", "{http://www.w3.org/1999/xlink}"
 
@@ -61,7 +62,7 @@ def save_figures(
     shown : Identification or SurfaceView
         What the figures of the registry show.
     formats : iterable of str
-        Any of "pdf", "svg" and "png" (600 dots per inch).
+        Any of "pdf", "svg", "png" (600 dots per inch) and "csv", the data that the figure shows.
     registry : mapping
         The figures; those of an identification if not given.
 
@@ -83,8 +84,11 @@ def save_figures(
         figure = build(kind, shown)
         for name in formats:
             path = folder / f"{kind.name}.{name}"
-            with replacing(path) as partial:
-                _save(figure, partial, name)
+            if name == "csv":
+                write_data(path, figure)
+            else:
+                with replacing(path) as partial:
+                    _save(figure, partial, name)
             written.append(path)
     return written
 

@@ -5,18 +5,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup
-
 from dic.outcome import FrameOutcome
 from dic.output import reporting
 from kolsky import dicsummary, flightreport
-from kolsky.atomic import replacing
-from kolsky.report.canvas import inline_svg
 from kolsky.report.figures import SURFACES
+from kolsky.report.rendering import drawn, page, write
 from kolsky.report.view import SurfaceView
-
-_HERE = Path(__file__).parent
 
 
 def write_page(path: Path, shown: SurfaceView, inputs: Mapping[str, str]) -> None:
@@ -36,37 +30,19 @@ def write_page(path: Path, shown: SurfaceView, inputs: Mapping[str, str]) -> Non
     OSError
         If the file cannot be written; an older one is then unchanged.
     """
-    html = render(shown, inputs)
-    with replacing(Path(path)) as partial:
-        partial.write_bytes(html.encode("utf-8", errors="backslashreplace"))
+    write(path, render(shown, inputs))
 
 
 def render(shown: SurfaceView, inputs: Mapping[str, str]) -> str:
     """The page as HTML text; see `write_page`."""
-    environment = Environment(
-        loader=FileSystemLoader(_HERE),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     result = shown.result
-    drawn = [kind for kind in SURFACES.values() if kind.applies(shown)]
-    figures = [
-        {
-            "id": kind.name,
-            "number": number,
-            "svg": Markup(inline_svg(kind, shown)),  # serialised as XML: every text is escaped
-            "caption": kind.caption(shown),
-            "width": kind.width,
-        }
-        for number, kind in enumerate(drawn, start=1)
-    ]
     table = reporting.reporting_table(result)
-    return environment.get_template("dicpage.html").render(
-        css=Markup((_HERE / "page.css").read_text(encoding="utf-8")),
-        shot=shown.shot,
-        figures=figures,
+    return page(
+        "dicpage.html",
+        kind="Surfaces from two series of pictures",
+        heading=shown.shot,
+        subject="surfaces",
+        figures=drawn(SURFACES.values(), shown),
         rows=list({**dicsummary.printed(result), **flightreport.printed(shown.flight)}.items()),
         remarks=result.remarks,
         outcomes=_outcomes(shown),

@@ -6,20 +6,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from explicit import Ending
-from kolsky.atomic import replacing
 from kolsky.identification import Estimate, Identification, Verdict
 from kolsky.report import labels, numbers
-from kolsky.report.canvas import inline_svg
 from kolsky.report.figures import REGISTRY
 from kolsky.report.nomenclature import name_of, route_label
+from kolsky.report.rendering import drawn, environment, page, write
 from kolsky.report.shown import in_shown_units
 from kolsky.results_text import worst_imbalance
-
-_HERE = Path(__file__).parent
 
 _VERDICTS = {
     Verdict.IDENTIFIED: "The optimum lies inside the design, and a simulation at it confirms the surrogate.",
@@ -57,22 +53,13 @@ def write_report(path: Path, identification: Identification) -> None:
     OSError
         If the file cannot be written; an older one is then unchanged.
     """
-    html = render(identification)
-    with replacing(Path(path)) as partial:
-        # Names of files can hold bytes that are no text; they are shown as escapes rather than refused.
-        partial.write_bytes(html.encode("utf-8", errors="backslashreplace"))
+    write(path, render(identification))
 
 
 def render(identification: Identification) -> str:
     """The report as HTML text; see `write_report`."""
-    environment = Environment(
-        loader=FileSystemLoader(_HERE),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {
+    templates = environment()
+    templates.filters |= {
         "plain": numbers.plain,
         "percent": numbers.percent,
         "name_of": name_of,
@@ -82,26 +69,23 @@ def render(identification: Identification) -> str:
         "minus": lambda text: re.sub(r"(?<!\w)-(?=\d)", numbers.MINUS, text),
         "upper_first": lambda text: text[:1].upper() + text[1:],
     }
-    environment.globals |= {
+    templates.globals |= {
         "like": numbers.like,
         "uncertainty": lambda value, U: numbers.measured(value, U)[1],
         "unit": _unit,
     }
     result = in_shown_units(identification)
     provenance = result.provenance
-    drawn = [kind for kind in REGISTRY.values() if kind.applies(result)]
     figures = {
-        kind.name.replace("-", "_"): {
-            "id": kind.name,
-            "number": number,
-            "svg": Markup(inline_svg(kind, identification)),  # serialised as XML: every text is escaped
-            "caption": _subscripts(kind.caption(result)),
-            "width": kind.width,
-        }
-        for number, kind in enumerate(drawn, start=1)
+        figure["id"].replace("-", "_"): {**figure, "caption": _subscripts(figure["caption"])}
+        for figure in drawn(REGISTRY.values(), identification, captioned=result)
     }
-    return environment.get_template("page.html").render(
-        css=Markup((_HERE / "page.css").read_text(encoding="utf-8")),
+    return page(
+        "page.html",
+        using=templates,
+        kind="Identification from one impact test",
+        heading=result.shot,
+        subject="identification",
         result=result,
         figures=figures,
         answers=[_answer(estimate) for estimate in result.estimates.values()],

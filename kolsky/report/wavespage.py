@@ -3,16 +3,11 @@
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup
-
-from kolsky.atomic import replacing
 from kolsky.report import numbers
-from kolsky.report.canvas import inline_svg
 from kolsky.report.figures import FLYER_TESTS, WAVES, FigureKind
+from kolsky.report.rendering import drawn, page, write
 from kolsky.waves.result import FlyerResult, ReducedTest
 
-_HERE = Path(__file__).parent
 SHOWN = {"Pa": (1e-6, "MPa"), "s": (1e6, "µs"), "m": (1e3, "mm"), "1/V": (1e6, "µm/m/V")}
 """SI unit -> factor and unit of the page; others are shown as they are."""
 
@@ -25,35 +20,18 @@ def write_page(path: Path, result: ReducedTest) -> None:
     OSError
         If the file cannot be written; an older one is then unchanged.
     """
-    html = render(result)
-    with replacing(Path(path)) as partial:
-        partial.write_bytes(html.encode("utf-8", errors="backslashreplace"))
+    write(path, render(result))
 
 
 def render(result: ReducedTest) -> str:
     """The page as HTML text; see `write_page`."""
-    environment = Environment(
-        loader=FileSystemLoader(_HERE),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    figures = [
-        {
-            "id": kind.name,
-            "number": number,
-            "svg": Markup(inline_svg(kind, result)),  # serialised as XML: every text is escaped
-            "caption": kind.caption(result),
-            "width": kind.width,
-        }
-        for number, kind in enumerate((k for k in figures_of(result).values() if k.applies(result)), start=1)
-    ]
     quoted = list(result.budget.results)
-    return environment.get_template("wavespage.html").render(
-        css=Markup((_HERE / "page.css").read_text(encoding="utf-8")),
+    return page(
+        "wavespage.html",
+        heading=result.name,
+        subject="bar signals",
         result=result,
-        figures=figures,
+        figures=drawn(figures_of(result).values(), result),
         answers=answers(result),
         facts=[(name, quantity(value, unit)) for name, (value, unit) in result.facts.items()],
         corrections=[

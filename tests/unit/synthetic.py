@@ -339,6 +339,7 @@ def _response(with_nodes: bool) -> Response:
         "hourglass": 0.004 * work,
         "hourglass_damping": 0.002 * work,
         "impact": 1e-3 * frames / frames[-1],
+        "viscous": 0.0 * frames,
         "kinetic": kinetic,
     }
     lost = 2e-4 * external * np.sin(frames / 0.2e-3)

@@ -53,7 +53,7 @@ def response(n_nodes=23, outcomes=(Outcome.COMPLETED, Outcome.COMPLETED)):
         surface_times=FRAMES,
         surface_r=r,
         surface_y=np.stack([y, y]),
-        energy=EnergyLedger(*[nothing] * 8),
+        energy=EnergyLedger(*[nothing] * 9),
         outcomes=outcomes,
         failed_elements=np.array([-1 if outcome.ok else 17 for outcome in outcomes]),
         failed_places=np.array([(np.nan, np.nan) if o.ok else (4.6e-3, 0.2e-3) for o in outcomes]),

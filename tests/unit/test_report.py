@@ -138,14 +138,14 @@ def test_renumbered_mesh_is_noticed() -> None:
 def test_saved_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kolsky.report.canvas, "REGISTRY", {"force": REGISTRY["force"]})
     paths = save_figures(tmp_path / "a", RESULTS["one"])
-    assert [p.name for p in paths] == ["force.pdf", "force.svg", "force.png"]
+    assert [p.name for p in paths] == ["force.pdf", "force.svg", "force.png", "force.csv"]
     assert paths[0].read_bytes().startswith(b"%PDF")
     assert paths[2].read_bytes().startswith(b"\x89PNG")
     width = ElementTree.parse(paths[1]).getroot().attrib["width"]
     assert float(width.removesuffix("pt")) == pytest.approx(85.0 * 72.0 / 25.4)  # 85 mm in points
     again = save_figures(tmp_path / "b", RESULTS["one"], formats=["svg"])
     assert again[0].read_bytes() == paths[1].read_bytes()  # the same result, the same bytes
-    with pytest.raises(ValueError, match="'gif' is not one of pdf, svg, png"):
+    with pytest.raises(ValueError, match="'gif' is not one of pdf, svg, png, csv"):
         save_figures(tmp_path / "c", RESULTS["one"], formats=["gif"])
     assert not (tmp_path / "c").exists()
 

@@ -51,6 +51,7 @@ class Case:
     bar: bool = False
     moving: bool = False
     contact: str = "coulomb"
+    relaxes: bool = False
 
 
 CASES = [
@@ -65,6 +66,9 @@ CASES = [
     Case("release", contact="bonded_release"),
     Case("penalty", contact="penalty"),
     Case("fp32-penalty", precision="fp32", contact="penalty"),
+    Case("relaxes", relaxes=True),
+    Case("fbar-relaxes", element="fbar", relaxes=True),
+    Case("fp32-relaxes", precision="fp32", relaxes=True),
 ]
 EVERY = pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 

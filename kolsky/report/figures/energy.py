@@ -11,6 +11,7 @@ PARTS = {
     "elastic": "#0072B2",
     "kinetic": "#56B4E9",
     "damping": "#E69F00",
+    "viscous": "#999999",
     "friction": "#CC79A7",
     "hourglass": "#F0E442",
     "hourglass_damping": "#D55E00",
@@ -33,15 +34,17 @@ def draw(result: Identification, panels: Panels) -> None:
     ledger, time = result.response.energy, MS * result.response.surface_times
     top, low = panels["ledger"], panels["residual"]
     scale = largest(ledger.external[0])
-    shares = [largest(getattr(ledger, name)[0], default=0.0) / scale for name in PARTS]
+    # nothing relaxes in most tests, and a part that is nowhere needs no place in the legend
+    parts = [name for name in PARTS if name != "viscous" or (ledger.viscous[0] != 0.0).any()]
+    shares = [largest(getattr(ledger, name)[0], default=0.0) / scale for name in parts]
     labels = [
-        f"{name.replace('_', ' ')}, {percent(share)}" for name, share in zip(PARTS, shares, strict=True)
+        f"{name.replace('_', ' ')}, {percent(share)}" for name, share in zip(parts, shares, strict=True)
     ]
-    stack = [MJ * getattr(ledger, name)[0] for name in PARTS]
+    stack = [MJ * getattr(ledger, name)[0] for name in parts]
     ended = np.isfinite(ledger.external[0])
     if not ended.any():
         say_empty(top, "no simulation completed")
-    colours = list(PARTS.values())
+    colours = [PARTS[name] for name in parts]
     top.stackplot(time[ended], [part[ended] for part in stack], labels=labels, colors=colours, lw=0.0)
     top.plot(time, MJ * ledger.external[0], color=MEASURED, lw=0.8, label="work of the platens")
     top.set_ylabel("Energy $W$ (mJ)")

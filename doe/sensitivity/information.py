@@ -1,0 +1,138 @@
+"""What data could tell about parameters before any is measured: Fisher's information of a linear model.
+
+Data R with standard deviations s respond with J = dR/dp. Their information is H = J^T diag(s^-2) J, and the
+change of the estimate by a change of the data is
+
+    dp = G dR,      G = H^-1 J^T diag(s^-2),
+
+so that Cov p = G diag(s^2) G^T = H^-1. A datum's share G_pi^2 s_i^2 / (H^-1)_pp of the variance of p is its
+share in the information about p as well, because what the other parameters explain has been taken out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.uncertainty.covariance import inverse_information
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LinearData:
+    """Data with their derivatives by some parameters.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not match, an entry is not finite, or a sigma or scale is not > 0.
+    """
+
+    names: tuple[str, ...]
+    """Parameters, length d."""
+    jacobian: FloatArray
+    """Derivatives of the data by the parameters, in their units, shape [k, d]."""
+    sigma: FloatArray
+    """Standard deviations of the data, in their units, shape [k]."""
+    scale: FloatArray
+    """A change of each parameter that counts as large, in its unit, shape [d]: an eigenvector and the sum of
+    variances need a common measure."""
+
+    def __post_init__(self) -> None:
+        k, d = len(self.sigma), len(self.names)
+        if self.jacobian.shape != (k, d) or self.sigma.shape != (k,) or self.scale.shape != (d,):
+            raise ValueError(
+                f"shapes [k, d], [k] and [d] = [{d}] are needed, got {self.jacobian.shape}, "
+                f"{self.sigma.shape} and {self.scale.shape}"
+            )
+        if not np.isfinite(self.jacobian).all():
+            i, j = np.argwhere(~np.isfinite(self.jacobian))[0]
+            raise ValueError(f"the derivative of datum {i} by {self.names[j]} is {self.jacobian[i, j]}")
+        for name, values in (("sigma", self.sigma), ("scale", self.scale)):
+            bad = np.flatnonzero(~(np.isfinite(values) & (values > 0.0)))
+            if len(bad):
+                raise ValueError(f"{name} must be finite and > 0, got {values[bad[0]]} at {bad[0]}")
+
+    @property
+    def rows(self) -> FloatArray:
+        """Derivatives over sigma by parameters in units of their scale [-], shape [k, d]."""
+        return self.jacobian / self.sigma[:, None] * self.scale
+
+    @property
+    def information(self) -> FloatArray:
+        """H in parameters over their scale [-], shape [d, d]."""
+        return self.rows.T @ self.rows
+
+    @property
+    def covariance(self) -> FloatArray:
+        """H^-1, in parameter units, shape [d, d].
+
+        Raises
+        ------
+        doe.uncertainty.covariance.SingularInformationError
+            If some direction of the parameters does not move the data.
+        """
+        return inverse_information(self.rows) * np.outer(self.scale, self.scale)
+
+    @property
+    def deviations(self) -> FloatArray:
+        """Standard deviations of the parameters estimated together, in their units, shape [d]."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def deviations_alone(self) -> FloatArray:
+        """Of each, if the others were known, shape [d]; infinite for one that the data do not see."""
+        size = np.sqrt(np.diag(self.information))
+        return np.divide(self.scale, size, out=np.full_like(size, np.inf), where=size > 0.0)
+
+    @property
+    def correlation(self) -> FloatArray:
+        """Correlation of the estimates [-], shape [d, d]."""
+        s = self.deviations
+        return np.asarray(self.covariance / np.outer(s, s))
+
+    @property
+    def gain(self) -> FloatArray:
+        """G, change of the estimates by a change of each datum, shape [d, k]."""
+        unscaled = inverse_information(self.rows) @ self.rows.T
+        return np.asarray(self.scale[:, None] * unscaled / self.sigma)
+
+    @property
+    def shares(self) -> FloatArray:
+        """Share of each datum in what is known of a parameter, all estimated together [-], shape [k, d].
+
+        Columns add up to one.
+        """
+        moves = self.gain * self.sigma
+        return (moves**2 / (moves**2).sum(axis=1, keepdims=True)).T
+
+    @property
+    def shares_alone(self) -> FloatArray:
+        """The same if the other parameters were known, shape [k, d]; 0 for one that the data do not see."""
+        squares = self.rows**2
+        total = squares.sum(axis=0)
+        return np.divide(squares, total, out=np.zeros_like(squares), where=total > 0.0)
+
+    def directions(self) -> tuple[FloatArray, FloatArray]:
+        """What the data see best and least, without an inverse.
+
+        Returns
+        -------
+        deviations
+            Standard deviation along each direction in units of the scales [-], the largest first, infinite
+            for what is not seen, shape [d].
+        vectors
+            The directions in parameters over their scale, length one, shape [d, d], one a row.
+        """
+        values, vectors = np.linalg.eigh(self.information)
+        seen = values > 1e-12 * values[-1]
+        deviations = np.full(len(values), np.inf)
+        deviations[seen] = 1.0 / np.sqrt(values[seen])
+        return deviations, vectors.T
+
+    def select(self, kept: NDArray[np.bool_]) -> LinearData:
+        """Some of the data, `kept` of shape [k]."""
+        return LinearData(self.names, self.jacobian[kept], self.sigma[kept], self.scale)

@@ -1,0 +1,67 @@
+"""The neo-Hookean law W = mu/2 (I1_bar - 3) (Treloar 1943)."""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import warp as wp
+from numpy.typing import ArrayLike, NDArray
+
+from explicit.materials.invariantkernels import invariant_kernel_functions
+from explicit.materials.invariants import InvariantLaw
+from explicit.materials.law import ParameterSpec
+from explicit.precision import Precision
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class NeoHookean(InvariantLaw):
+    """One constant; the same stiffness at any strain in simple shear."""
+
+    NAME: ClassVar[str] = "neo_hookean"
+    PARAMETERS: ClassVar[tuple[ParameterSpec, ...]] = (
+        ParameterSpec("mu", "Pa", 0.0, np.inf, 25e3, "shear modulus", strict=True),
+    )
+
+    mu: float
+    """Shear modulus [Pa]."""
+
+    def W(self, I1: ArrayLike, I2: ArrayLike) -> FloatArray:
+        """See `explicit.materials.invariants.InvariantLaw`."""
+        return np.asarray(0.5 * self.mu * (np.asarray(I1) - 3.0))
+
+    def dW_dI(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """See `explicit.materials.invariants.InvariantLaw`."""
+        nothing = np.zeros(np.shape(I1))
+        return nothing + 0.5 * self.mu, nothing
+
+    def d2W_dI2(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """See `explicit.materials.invariants.InvariantLaw`."""
+        nothing = np.zeros(np.shape(I1))
+        return nothing, nothing, nothing
+
+    @staticmethod
+    def invariant_functions(precision: Precision) -> tuple[Any, Any, Any]:
+        """Warp functions of (I1_bar - 3, I2_bar - 3, row)."""
+        real = precision.real
+        zero, half = real(0.0), real(0.5)
+
+        @wp.func
+        def slopes(x: real, y: real, row: wp.array(dtype=real)):
+            return half * row[0], zero
+
+        @wp.func
+        def curvatures(x: real, y: real, row: wp.array(dtype=real)):
+            return zero, zero, zero
+
+        @wp.func
+        def energy(x: real, y: real, row: wp.array(dtype=real)):
+            return half * row[0] * x
+
+        return slopes, curvatures, energy
+
+    @classmethod
+    def kernel_functions(cls, precision: Precision) -> tuple[Any, Any, Any]:
+        """See `explicit.materials.base.MaterialLaw`."""
+        return invariant_kernel_functions(cls, precision)

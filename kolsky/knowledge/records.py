@@ -1,0 +1,100 @@
+"""What an identification knows beside its estimates, as plain numbers and words (SI)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+Interval = tuple[float, float]
+"""Lower and upper end in the parameter's unit; NaN where it is open."""
+
+
+@dataclass(frozen=True)
+class ParameterProfile:
+    """The profile likelihood of one parameter, from the noise of force and shape alone."""
+
+    name: str
+    """The parameter."""
+    values: FloatArray
+    """Where it was held, ascending, in its unit, shape [n]."""
+    rise: FloatArray
+    """Rise of -2 ln L over its smallest value, the other parameters re-optimised [-], shape [n]."""
+    points: FloatArray
+    """The most likely points there, in SI, shape [n, d], in the order of the free parameters."""
+    level: float
+    """Rise at the ends of the 95 % interval [-]: 3.84 times `correlation`."""
+    correlation: float
+    """What correlation of the residuals in time adds to this parameter's variance, a factor >= 1 [-]."""
+    interval: Interval
+    """95 % interval from the profile."""
+    alone: Interval
+    """The same with the other parameters held at their optimum."""
+    verdict: str
+    """In one word: the value of a `doe.uncertainty.VerdictKind`."""
+    text: str
+    """The verdict in a sentence, with the direction of a ridge."""
+    error: float
+    """Largest error of the rise against runs on the surrogate's mesh along the profile [-]."""
+
+
+@dataclass(frozen=True)
+class PairMap:
+    """The rise of -2 ln L over the plane of the two free parameters."""
+
+    names: tuple[str, str]
+    """The parameters along x and y."""
+    x: FloatArray
+    """Values of the first, in SI, shape [nx]."""
+    y: FloatArray
+    """Values of the second, in SI, shape [ny]."""
+    rise: FloatArray
+    """Rise of -2 ln L over its smallest value [-], shape [ny, nx]."""
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """An input that shot.toml may declare uncertain, and what that does to the answer."""
+
+    key: str
+    """Its key in [uncertainty]."""
+    sigma: float
+    """Declared standard uncertainty, in SI or relative; NaN if none is declared."""
+    unit: str
+    """Unit of `sigma`; "1" for a share of the quantity or a plain number."""
+    shifts: Mapping[str, float]
+    """By how much each free parameter moves if the input is larger by `sigma`, in SI; empty if it was
+    not varied."""
+    status: str
+    """What was done: "varied", "not declared, counted as exact", or why it has no part here."""
+
+
+@dataclass(frozen=True)
+class PosteriorSummary:
+    """The posterior by Markov chains, from the noise of force and shape alone."""
+
+    names: tuple[str, ...]
+    """Free parameters, then the sampled discrepancies, length n."""
+    samples: FloatArray
+    """Some of the samples, for pictures, in SI, shape [m, n]."""
+    median: FloatArray
+    """Of all samples, in SI, shape [n]."""
+    lower: FloatArray
+    """2.5 % quantile of all samples, shape [n]."""
+    upper: FloatArray
+    """97.5 % quantile of all samples, shape [n]."""
+    converged: bool
+    """Whether the chains are long enough against their autocorrelation time, and that time is steady."""
+    autocorrelation: float
+    """Longest integrated autocorrelation time [steps]."""
+    steps: int
+    """Steps of each walker."""
+    acceptance: float
+    """Share of accepted moves [-]."""
+    power: float
+    """Power of the likelihood, 1 over the mean `ParameterProfile.correlation` [-]."""
+    prior: str
+    """The priors, in words."""

@@ -1,0 +1,193 @@
+"""What can tell of rate dependence: histories of stretch, oscillations, and, elsewhere, shots.
+
+An evidence has measured values with their uncertainty, and predicts them for any number of rate models at
+once, so that a fit neither knows nor cares what was done to the specimen.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from explicit.relaxation import PronySeries, prony_stress
+from explicit.relaxation.uniaxial import checked_history
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RateModel:
+    """The long-term law times a factor, with branches that relax beside it."""
+
+    factor: float
+    """Factor on the long-term law [-]; the m of a shot."""
+    series: PronySeries
+    """The branches."""
+
+
+class Evidence(Protocol):
+    """Measured values and how a model predicts them."""
+
+    @property
+    def label(self) -> str:
+        """What it is, for tables."""
+        ...
+
+    @property
+    def values(self) -> FloatArray:
+        """What was measured, shape [n]."""
+        ...
+
+    @property
+    def sigma(self) -> FloatArray:
+        """Its standard uncertainty, same unit and shape, > 0."""
+        ...
+
+    @property
+    def time_scales(self) -> tuple[float, float]:
+        """The shortest and the longest time it can tell apart [s]."""
+        ...
+
+    def predict(self, law: Any, models: Sequence[RateModel]) -> FloatArray:
+        """The same quantities of each model, shape [n_models, n]."""
+        ...
+
+
+@dataclass(frozen=True)
+class HistoryTest:
+    """A homogeneous uniaxial test with any history: relaxation, creep-free ramps at several rates, cycles."""
+
+    time: FloatArray
+    """Times, not descending; at rest before the first [s], shape [n]."""
+    stretch: FloatArray
+    """Stretch [-], shape [n]."""
+    stress: FloatArray
+    """Nominal stress, tension-positive [Pa], shape [n]."""
+    sigma: FloatArray
+    """Its standard uncertainty [Pa], shape [n]; infinity where a sample only carries the history."""
+    label: str = "history"
+    """What it is, for tables."""
+
+    def __post_init__(self) -> None:
+        checked_history(self.time, self.stretch)
+        _checked("stress", self.stress, self.sigma, len(self.time))
+
+    @property
+    def values(self) -> FloatArray:
+        """Nominal stress [Pa], shape [n]."""
+        return self.stress
+
+    @property
+    def time_scales(self) -> tuple[float, float]:
+        """The shortest interval between two samples and the whole duration [s]."""
+        steps = np.diff(self.time)
+        return float(steps[steps > 0.0].min()), float(np.ptp(self.time))
+
+    def predict(self, law: Any, models: Sequence[RateModel]) -> FloatArray:
+        """Nominal stress of each model [Pa], shape [n_models, n]."""
+        return np.stack(
+            [m.factor * prony_stress(law, m.series, self.time, self.stretch) for m in models]
+        )
+
+    @classmethod
+    def relaxation(
+        cls, time: ArrayLike, stress: ArrayLike, sigma: ArrayLike, *, stretch: float, rise: float = 0.0
+    ) -> "HistoryTest":
+        """A stretch reached within `rise` [s] at a constant rate, then held.
+
+        Parameters
+        ----------
+        time : array, shape [n]
+            Times after the beginning of the rise, ascending, all >= `rise` [s].
+        stress, sigma : array, shape [n]
+            Nominal stress and its standard uncertainty [Pa].
+        stretch : float
+            The stretch held [-].
+        rise : float
+            Time of the rise [s]; 0 for a step.
+
+        Raises
+        ------
+        ValueError
+            If a time lies within the rise.
+        """
+        t = np.asarray(time, dtype=float)
+        if not rise >= 0.0 or not (t >= rise).all():
+            raise ValueError(f"times must be >= the rise, {rise:g} s, got {t.min():g} s")
+        n_rise = 2 if rise == 0.0 else 65
+        before = np.linspace(0.0, rise, n_rise)
+        stretches = np.concatenate([np.linspace(1.0, stretch, n_rise), np.full(len(t), stretch)])
+        values = np.broadcast_to(np.asarray(stress, dtype=float), t.shape)
+        spread = np.broadcast_to(np.asarray(sigma, dtype=float), t.shape)
+        return cls(
+            time=np.concatenate([before, t]),
+            stretch=stretches,
+            stress=np.concatenate([np.zeros(n_rise), values]),
+            sigma=np.concatenate([np.full(n_rise, np.inf), spread]),
+            label=f"relaxation at stretch {stretch:g}",
+        )
+
+
+@dataclass(frozen=True)
+class DynamicTest:
+    """Small oscillations about the undeformed state: storage and loss modulus in tension (DMA)."""
+
+    angular_frequency: FloatArray
+    """omega [rad/s], shape [n]."""
+    storage: FloatArray
+    """Young's storage modulus E' [Pa], shape [n]."""
+    loss: FloatArray
+    """Young's loss modulus E'' [Pa], shape [n]."""
+    sigma_storage: FloatArray
+    """Standard uncertainty of E' [Pa], shape [n]."""
+    sigma_loss: FloatArray
+    """Standard uncertainty of E'' [Pa], shape [n]."""
+    label: str = field(default="oscillation")
+    """What it is, for tables."""
+
+    def __post_init__(self) -> None:
+        n = len(self.angular_frequency)
+        if not (np.isfinite(self.angular_frequency) & (self.angular_frequency > 0.0)).all():
+            raise ValueError(f"angular_frequency must be > 0 rad/s, got {np.min(self.angular_frequency)}")
+        _checked("storage", self.storage, self.sigma_storage, n)
+        _checked("loss", self.loss, self.sigma_loss, n)
+
+    @property
+    def values(self) -> FloatArray:
+        """E', then E'' [Pa], shape [2 n]."""
+        return np.concatenate([self.storage, self.loss])
+
+    @property
+    def sigma(self) -> FloatArray:
+        """Their standard uncertainties [Pa], shape [2 n]."""
+        return np.concatenate([self.sigma_storage, self.sigma_loss])
+
+    @property
+    def time_scales(self) -> tuple[float, float]:
+        """1 / omega of the fastest and of the slowest oscillation [s]."""
+        return float(1.0 / self.angular_frequency.max()), float(1.0 / self.angular_frequency.min())
+
+    def predict(self, law: Any, models: Sequence[RateModel]) -> FloatArray:
+        """E' and E'' of each model [Pa], shape [n_models, 2 n]."""
+        young, omega = 3.0 * float(law.initial_shear_modulus), self.angular_frequency
+        return np.stack(
+            [
+                m.factor * young * np.concatenate([m.series.storage(omega), m.series.loss(omega)])
+                for m in models
+            ]
+        )
+
+
+def _checked(name: str, values: FloatArray, sigma: FloatArray, n: int) -> None:
+    if np.shape(values) != (n,) or np.shape(sigma) != (n,):
+        raise ValueError(
+            f"{name} and its sigma need one value per sample, {n}, got {np.shape(values)} and {np.shape(sigma)}"
+        )
+    if not np.isfinite(values).all():
+        raise ValueError(f"{name} must be finite, got {values[~np.isfinite(values)][0]}")
+    if not (np.asarray(sigma) > 0.0).all():
+        raise ValueError(f"sigma of {name} must be > 0, got {np.min(sigma)}")
+    if not np.isfinite(sigma).any():
+        raise ValueError(f"sigma of {name} is infinite everywhere: nothing was measured")

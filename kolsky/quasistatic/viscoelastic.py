@@ -1,0 +1,294 @@
+"""Fit a Prony series to relaxation, oscillation, rates and shots together, and say whether it is asked for.
+
+Weighted least squares in the logarithms of the factor, the strengths and the times: all are positive, and
+their uncertainty is a factor. Every branch is searched for from a grid of strengths and times that is
+evaluated in one batch, which suits evidence that is expensive one by one, such as shots.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.stats import chi2
+
+from explicit.relaxation import PronySeries
+from kolsky.quasistatic.rate_evidence import Evidence, RateModel
+
+FloatArray = NDArray[np.float64]
+
+STRENGTHS = (1e-4, 1e3)
+"""Allowed strengths of a branch [-]: below, no evidence knows it from none."""
+FACTORS = (1e-3, 1e3)
+"""Allowed factors on the long-term law [-]."""
+BEYOND = 10.0
+"""How far outside the evidence's own time scales a relaxation time may lie [-]."""
+GRID = (0.1, 0.5, 2.0)
+"""Strengths a further branch is looked for with [-]."""
+GRID_TIMES = 7
+"""Relaxation times it is looked for at."""
+DIFFERENCE = 3e-3
+"""Half of the central difference in a logarithm: its error is of the square, 1e-5."""
+SIGNIFICANT = 0.01
+"""Probability below which chance does not explain what a branch improves."""
+
+
+@dataclass(frozen=True)
+class RateFit:
+    """A fitted rate model."""
+
+    model: RateModel
+    """The best model; branches in order of ascending relaxation time."""
+    names: tuple[str, ...]
+    """Names of the free parameters: "factor", "strength 1" and so on."""
+    values: FloatArray
+    """Their values, shape [n_parameters]."""
+    covariance: FloatArray
+    """Covariance of their logarithms, already widened by `scatter` [-], shape [n_parameters, n_parameters]."""
+    chi_square: float
+    """Weighted sum of squared residuals [-]."""
+    n_data: int
+    """Values with a finite sigma."""
+    residuals: tuple[FloatArray, ...]
+    """(predicted - measured) / sigma of each evidence [-]."""
+    at_bound: tuple[str, ...]
+    """Parameters that ended at the end of their range: the evidence does not determine them."""
+
+    @property
+    def scatter(self) -> float:
+        """max(1, chi_square / degrees of freedom) [-]: what the covariance is widened by (Birge)."""
+        free = self.n_data - len(self.values)
+        return max(1.0, self.chi_square / free) if free > 0 else 1.0
+
+    @property
+    def aic(self) -> float:
+        """Akaike's criterion, chi_square + 2 n_parameters [-]."""
+        return self.chi_square + 2.0 * len(self.values)
+
+    @property
+    def bic(self) -> float:
+        """Bayesian criterion, chi_square + n_parameters log(n_data) [-]."""
+        return self.chi_square + len(self.values) * float(np.log(self.n_data))
+
+    def interval(self, name: str, *, coverage_factor: float = 2.0) -> tuple[float, float]:
+        """Interval of a parameter, from the covariance of the logarithms.
+
+        Raises
+        ------
+        ValueError
+            If the fit has no such parameter.
+        """
+        if name not in self.names:
+            raise ValueError(f"parameter must be one of {', '.join(self.names)}, got {name!r}")
+        k = self.names.index(name)
+        spread = float(np.exp(coverage_factor * np.sqrt(self.covariance[k, k])))
+        return float(self.values[k] / spread), float(self.values[k] * spread)
+
+
+@dataclass(frozen=True)
+class RateVerdict:
+    """How many branches the evidence asks for."""
+
+    fits: tuple[RateFit, ...]
+    """The fits with 0, 1, 2, ... branches."""
+    probabilities: tuple[float, ...]
+    """Of each further branch: the probability that noise alone improves chi-square by so much [-].
+    Two parameters come with a branch and the time means nothing without the strength, so chi-square with two
+    degrees of freedom is used; improvements are divided by the scatter of the richest fit."""
+
+    @property
+    def branches(self) -> int:
+        """Branches that are asked for one after the other: each significant, with a lower AIC, and none of
+        its parameters at the end of its range."""
+        count = 0
+        for k, probability in enumerate(self.probabilities, start=1):
+            fit, before = self.fits[k], self.fits[k - 1]
+            if probability >= SIGNIFICANT or fit.aic >= before.aic or fit.at_bound:
+                break
+            count = k
+        return count
+
+    @property
+    def fit(self) -> RateFit:
+        """The fit with as many branches."""
+        return self.fits[self.branches]
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in words."""
+        if len(self.fits) == 1:
+            return "no branch was tried"
+        k = self.branches
+        if k == 0:
+            fit, p = self.fits[1], self.probabilities[0]
+            why = f"at the end of its range: {', '.join(fit.at_bound)}" if fit.at_bound else f"p = {p:.2g}"
+            return f"the data do not ask for rate dependence ({why}, AIC {fit.aic - self.fits[0].aic:+.1f})"
+        p, gain = self.probabilities[k - 1], self.fits[k].aic - self.fits[k - 1].aic
+        return f"the data ask for {k} branch{'es' if k > 1 else ''} (p = {p:.2g}, AIC {gain:+.1f})"
+
+
+def fit_prony(
+    law: Any,
+    evidence: Sequence[Evidence],
+    n_branches: int,
+    *,
+    start: RateModel | None = None,
+    max_evaluations: int = 60,
+) -> RateFit:
+    """Fit a factor and `n_branches` branches to all the evidence at once.
+
+    Parameters
+    ----------
+    law
+        The long-term law: an `explicit.materials.MaterialLaw`.
+    evidence : sequence of Evidence
+        What was measured.
+    n_branches : int
+        Branches; 0 fits the factor alone.
+    start : RateModel, optional
+        A model with as many branches, or fewer, to begin at; further branches come from the grid. By default
+        the fit with one branch fewer.
+    max_evaluations : int
+        Evaluations of the least squares.
+
+    Returns
+    -------
+    RateFit
+        The best of the searches.
+
+    Raises
+    ------
+    ValueError
+        If there is no evidence, fewer values than parameters, or more branches in `start` than asked for.
+    """
+    if not evidence:
+        raise ValueError("a fit needs evidence, got none")
+    if n_branches < 0:
+        raise ValueError(f"n_branches must be >= 0, got {n_branches}")
+    problem = _Problem(law, tuple(evidence))
+    n_data, n_free = int(problem.known.sum()), 1 + 2 * n_branches
+    if n_data <= n_free:
+        raise ValueError(f"{n_free} parameters need more than {n_free} measured values, got {n_data}")
+    if start is None:
+        start = (
+            RateModel(1.0, PronySeries((), ()))
+            if n_branches == 0
+            else fit_prony(law, evidence, n_branches - 1, max_evaluations=max_evaluations).model
+        )
+    if len(start.series) > n_branches:
+        raise ValueError(f"the start has {len(start.series)} branches, {n_branches} are asked for")
+    x = _logs(start)
+    while len(x) < n_free:
+        x = problem.extended(x)
+    lower, upper = problem.bounds(n_branches)
+    found = least_squares(
+        problem.residuals,
+        np.clip(x, lower + 1e-6, upper - 1e-6),
+        jac=problem.jacobian,
+        bounds=(lower, upper),
+        x_scale=1.0,
+        max_nfev=max_evaluations,
+    )
+    return problem.fit(found.x, found.jac, lower, upper)
+
+
+def branches_asked_for(
+    law: Any, evidence: Sequence[Evidence], *, at_most: int = 2, max_evaluations: int = 60
+) -> RateVerdict:
+    """Fit 0, 1, ... `at_most` branches and judge each by what it improves.
+
+    Raises
+    ------
+    ValueError
+        As of `fit_prony`.
+    """
+    fits = [fit_prony(law, evidence, 0)]
+    for n in range(1, at_most + 1):
+        fits.append(fit_prony(law, evidence, n, start=fits[-1].model, max_evaluations=max_evaluations))
+    scatter = fits[-1].scatter
+    gains = [max(a.chi_square - b.chi_square, 0.0) / scatter for a, b in zip(fits, fits[1:], strict=False)]
+    return RateVerdict(tuple(fits), tuple(float(chi2.sf(gain, 2)) for gain in gains))
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """Residuals of all the evidence as functions of the logarithms (factor, strengths, times)."""
+
+    law: Any
+    evidence: tuple[Evidence, ...]
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        return np.concatenate([np.isfinite(e.sigma) for e in self.evidence])
+
+    def of_many(self, points: FloatArray) -> FloatArray:
+        """Residuals of each row of logarithms, shape [n_points, n_data]."""
+        models = [_model(x) for x in points]
+        parts = [(e.predict(self.law, models) - e.values) / e.sigma for e in self.evidence]
+        return np.concatenate(parts, axis=1)[:, self.known]
+
+    def residuals(self, x: FloatArray) -> FloatArray:
+        return np.asarray(self.of_many(x[None])[0])
+
+    def jacobian(self, x: FloatArray) -> FloatArray:
+        shifts = DIFFERENCE * np.eye(len(x))
+        both = self.of_many(np.concatenate([x + shifts, x - shifts]))
+        return np.asarray((both[: len(x)] - both[len(x) :]).T / (2.0 * DIFFERENCE))
+
+    def bounds(self, n_branches: int) -> tuple[FloatArray, FloatArray]:
+        scales = [e.time_scales for e in self.evidence]
+        times = min(s[0] for s in scales) / BEYOND, max(s[1] for s in scales) * BEYOND
+        rows = [FACTORS, *[STRENGTHS] * n_branches, *[times] * n_branches]
+        lower, upper = np.log(np.array(rows)).T
+        return lower, upper
+
+    def extended(self, x: FloatArray) -> FloatArray:
+        """With one more branch: the best of a grid."""
+        n = len(x) // 2
+        lower, upper = self.bounds(n + 1)
+        times = np.linspace(lower[-1] + np.log(BEYOND), upper[-1] - np.log(BEYOND), GRID_TIMES)
+        points = []
+        for strength in GRID:
+            for time in times:
+                # the long-term law gives way to the branch, so that their mean stays
+                factor = x[0] - 0.5 * np.log1p(strength)
+                points.append([factor, *x[1 : n + 1], np.log(strength), *x[n + 1 :], time])
+        grid = np.array(points)
+        return np.asarray(grid[np.argmin((self.of_many(grid) ** 2).sum(axis=1))])
+
+    def fit(self, x: FloatArray, jacobian: FloatArray, lower: FloatArray, upper: FloatArray) -> RateFit:
+        n = len(x) // 2
+        order = np.argsort(x[n + 1 :])
+        kept = np.concatenate([[0], 1 + order, 1 + n + order]).astype(int)
+        ends = (x - lower < 1e-3) | (upper - x < 1e-3)
+        x, jacobian, ends = x[kept], jacobian[:, kept], ends[kept]
+        names = ("factor", *(f"strength {k + 1}" for k in range(n)), *(f"time {k + 1}" for k in range(n)))
+        rows = self.of_many(x[None])[0]
+        chi_square, free = float(rows @ rows), len(rows) - len(x)
+        covariance = np.linalg.pinv(jacobian.T @ jacobian) * max(1.0, chi_square / free)
+        counts = [int(np.isfinite(e.sigma).sum()) for e in self.evidence]
+        return RateFit(
+            model=_model(x),
+            names=names,
+            values=np.exp(x),
+            covariance=covariance,
+            chi_square=chi_square,
+            n_data=len(rows),
+            residuals=tuple(np.split(rows, np.cumsum(counts)[:-1])),
+            at_bound=tuple(name for name, end in zip(names, ends, strict=True) if end),
+        )
+
+
+def _model(x: FloatArray) -> RateModel:
+    n = len(x) // 2
+    values = np.exp(x)
+    return RateModel(
+        float(values[0]), PronySeries(tuple(values[1 : n + 1].tolist()), tuple(values[n + 1 :].tolist()))
+    )
+
+
+def _logs(model: RateModel) -> FloatArray:
+    strengths = np.maximum(model.series.strengths, STRENGTHS[0])
+    return np.log(np.concatenate([[model.factor], strengths, model.series.times]))
