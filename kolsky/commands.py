@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 from kolsky import options, printed
 from kolsky.commandparts import Arithmetic, failure, load, since, tell, usable

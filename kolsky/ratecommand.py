@@ -6,7 +6,7 @@ from time import perf_counter
 from typing import Any
 
 from kolsky import options
-from kolsky.commands import tell
+from kolsky.commandparts import tell
 from kolsky.errors import InputError
 from kolsky.outfolder import filling, usable_folder
 from kolsky.printed import plain

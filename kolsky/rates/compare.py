@@ -9,7 +9,7 @@ from kolsky.rates.equal_strain import equal_strain
 from kolsky.rates.pooled import FEWEST, Pooled, pool
 from kolsky.rates.records import GroupRates, LongLever, RatedShot, RateReport, StiffnessAtStrain
 from kolsky.rates.slope import slope
-from kolsky.rates.stiffness import reaches, stiffness_at
+from kolsky.rates.stiffness import Baselines, stiffness_at
 from kolsky.records import FloatArray
 
 STRAINS = (0.1, 0.3, 0.5)
@@ -54,11 +54,14 @@ def compare(
     groups: defaultdict[str, list[RatedShot]] = defaultdict(list)
     for shot in sorted(shots, key=lambda s: (s.history.nominal_rate, s.name)):
         groups[shot.group].append(shot)
-    made = tuple(_group(name, groups[name], sorted(set(strains)), shared) for name in sorted(groups))
+    wanted, laws = sorted(set(strains)), Baselines()
+    made = tuple(_group(name, groups[name], wanted, shared, laws) for name in sorted(groups))
     return RateReport(grouped_by=grouped_by, shared=shared, groups=made)
 
 
-def _group(name: str, shots: list[RatedShot], strains: Sequence[float], shared: float) -> GroupRates:
+def _group(
+    name: str, shots: list[RatedShot], strains: Sequence[float], shared: float, laws: Baselines
+) -> GroupRates:
     counted = [shot for shot in shots if shot.counted]
     common = common_parts(counted, shared)
     pooled = fitted = None
@@ -70,7 +73,7 @@ def _group(name: str, shots: list[RatedShot], strains: Sequence[float], shared: 
         rates = np.array([shot.history.nominal_rate for shot in counted])
         spreads = np.array([shot.history.sigma_decades for shot in counted])
         fitted = slope(rates, spreads, m, own, common=rows)
-    table = [stiffness_at(counted, strain) for strain in (0.0, *strains)]
+    table = [stiffness_at(counted, strain, laws) for strain in (0.0, *strains)]
     stiffness = tuple(row for row in table if row is not None)
     return GroupRates(
         name=name,
@@ -80,8 +83,11 @@ def _group(name: str, shots: list[RatedShot], strains: Sequence[float], shared: 
         slope=fitted,
         long_lever=None if pooled is None else _long_lever(counted, pooled),
         stiffness=stiffness,
-        equal_strain=equal_strain(counted, strains),
-        remarks=_remarks(shots, counted, stiffness, strains),
+        equal_strain=equal_strain(counted, strains, laws),
+        remarks=(
+            *_remarks(shots, counted),
+            *_strains_left_out(counted, stiffness, strains, laws),
+        ),
     )
 
 
@@ -113,12 +119,7 @@ def _long_lever(shots: Sequence[RatedShot], pooled: Pooled) -> LongLever | None:
     return LongLever(decades, (pooled.mean - 1.0) / decades, (min(ends), max(ends)))
 
 
-def _remarks(
-    shots: Sequence[RatedShot],
-    counted: Sequence[RatedShot],
-    stiffness: Sequence[StiffnessAtStrain],
-    strains: Sequence[float],
-) -> tuple[str, ...]:
+def _remarks(shots: Sequence[RatedShot], counted: Sequence[RatedShot]) -> list[str]:
     found = [
         f"{shot.name} is not counted: {shot.verdict.value}"
         if not np.isfinite(shot.m) or shot.sigma_own > 0.0
@@ -139,9 +140,7 @@ def _remarks(
                 f"the specimens' {what}s differ, {1e3 * sizes.min():.4g} to {1e3 * sizes.max():.4g} mm:"
                 " forces and shapes at equal strain do not compare"
             )
-    found += _rates_remarks(counted)
-    found += _strains_left_out(counted, stiffness, strains)
-    return tuple(found)
+    return [*found, *_rates_remarks(counted)]
 
 
 def _differing(what: str, of_shots: Sequence[tuple[str, str]]) -> list[str]:
@@ -165,7 +164,10 @@ def _rates_remarks(counted: Sequence[RatedShot]) -> list[str]:
 
 
 def _strains_left_out(
-    counted: Sequence[RatedShot], stiffness: Sequence[StiffnessAtStrain], strains: Sequence[float]
+    counted: Sequence[RatedShot],
+    stiffness: Sequence[StiffnessAtStrain],
+    strains: Sequence[float],
+    laws: Baselines,
 ) -> list[str]:
     """A sentence for every strain that a shot, or its curve, did not reach."""
     found = []
@@ -173,7 +175,9 @@ def _strains_left_out(
     for strain in strains:
         missing = [shot for shot in counted if shot.name not in there.get(strain, ())]
         short = [s.name for s in missing if s.history.largest < strain]
-        uncharted = [s.name for s in missing if s.name not in short and not reaches(s.quasi_static, strain)]
+        uncharted = [
+            s.name for s in missing if s.name not in short and not laws.reaches(s.quasi_static, strain)
+        ]
         if short:
             found.append(f"a strain of {strain:g} was not reached by {', '.join(short)}: left out there")
         if uncharted:

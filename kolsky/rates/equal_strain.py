@@ -5,16 +5,20 @@ from collections.abc import Sequence
 import numpy as np
 
 from kolsky.rates.records import EqualStrain, RatedShot, ShapeAtStrain
-from kolsky.rates.stiffness import curve_at, reaches
+from kolsky.rates.stiffness import Baselines
 from kolsky.records import FloatArray
 
 HEIGHTS = 41
 """Relative heights at which outlines are compared."""
+BASELINE = 61
+"""Points of the quasi-static line."""
 FEWEST_POINTS = 4
 """Fewest points of an outline that is compared."""
 
 
-def equal_strain(shots: Sequence[RatedShot], strains: Sequence[float]) -> EqualStrain | None:
+def equal_strain(
+    shots: Sequence[RatedShot], strains: Sequence[float], baselines: Baselines
+) -> EqualStrain | None:
     """Force and outline of every shot at the strains that all of them reached; None if there is none.
 
     The force is the mean over a bin, interpolated to the time of the strain; the outline is that of the
@@ -26,6 +30,8 @@ def equal_strain(shots: Sequence[RatedShot], strains: Sequence[float]) -> EqualS
         Shots of one group, at least one.
     strains
         Nominal compressive strains, each in (0, 1).
+    baselines
+        The laws of their quasi-static curves.
     """
     kept = [e for e in strains if e > 0.0 and all(shot.history.largest >= e for shot in shots)]
     if not shots or not kept:
@@ -39,12 +45,9 @@ def equal_strain(shots: Sequence[RatedShot], strains: Sequence[float]) -> EqualS
     shapes = tuple(shape for strain in kept for shot in shots if (shape := _shape(shot, strain)) is not None)
     first = shots[0]
     area = 0.25 * np.pi * first.specimen[0] ** 2
-    base = [
-        area * curve_at(first.quasi_static, x)["nominal stress"][0]
-        if reaches(first.quasi_static, x)
-        else np.nan
-        for x in kept
-    ]
+    line = np.linspace(0.0, min(shot.history.largest for shot in shots), BASELINE)
+    curve = first.quasi_static
+    base = [baselines.stress(curve, x) if baselines.reaches(curve, x) else np.nan for x in line]
     scatter = [_scatter([s for s in shapes if s.strain == x], shots) for x in kept]
     return EqualStrain(
         strains=e,
@@ -52,7 +55,8 @@ def equal_strain(shots: Sequence[RatedShot], strains: Sequence[float]) -> EqualS
         force=np.stack(rows["force_measured"]),
         sigma=np.stack(rows["force_sigma"]),
         force_model=np.stack(rows["force_model"]),
-        force_baseline=np.array(base),
+        baseline_strain=line,
+        baseline_force=area * np.array(base),
         shapes=shapes,
         shape_scatter=np.array([s[0] for s in scatter]),
         residual_scatter=np.array([s[1] for s in scatter]),

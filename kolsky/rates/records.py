@@ -140,8 +140,10 @@ class EqualStrain:
     """Its standard deviation [N], shape [n, k]."""
     force_model: FloatArray
     """Simulated force [N], shape [n, k]."""
-    force_baseline: FloatArray
-    """Quasi-static nominal stress times the first shot's area [N], shape [k]."""
+    baseline_strain: FloatArray
+    """Strains of the next line, up to the largest that every shot reached [-], shape [b]."""
+    baseline_force: FloatArray
+    """The first shot's quasi-static stress times its undeformed area [N], shape [b]; NaN past the curve."""
     shapes: tuple[ShapeAtStrain, ...]
     """Every outline, by strain and shot."""
     shape_scatter: FloatArray

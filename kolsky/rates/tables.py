@@ -22,6 +22,7 @@ def tables(report: RateReport) -> dict[str, Columns]:
         "rate_stiffness": _stiffness(report),
         "rate_force_at_strain": _force(report),
         "rate_shape_at_strain": _shape(report),
+        "rate_quasi_static_force": _baseline(report),
         "rate_scatter_at_strain": _scatter(report),
         "rate_remarks": _rows(
             ["group", "remark"], ((g.name, remark) for g in report.groups for remark in g.remarks)
@@ -220,7 +221,6 @@ def _force(report: RateReport) -> Columns:
             if e is None:
                 continue
             for k, strain in enumerate(e.strains):
-                yield group.name, strain, "quasi-static", e.force_baseline[k], NAN, NAN
                 for i, shot in enumerate(e.shots):
                     yield group.name, strain, shot, e.force[i, k], e.sigma[i, k], e.force_model[i, k]
 
@@ -246,6 +246,18 @@ def _shape(report: RateReport) -> Columns:
             if g.equal_strain is not None
             for s in g.equal_strain.shapes
             for point in zip(s.y, s.Z, s.sigma, s.model, strict=True)
+        ),
+    )
+
+
+def _baseline(report: RateReport) -> Columns:
+    return _rows(
+        ["group", "nominal strain (1)", "quasi-static force (N)"],
+        (
+            (g.name, float(strain), float(force))
+            for g in report.groups
+            if (e := g.equal_strain) is not None
+            for strain, force in zip(e.baseline_strain, e.baseline_force, strict=True)
         ),
     )
 

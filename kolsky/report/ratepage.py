@@ -273,25 +273,21 @@ def _stiffness(group: GroupRates) -> list[dict[str, str]]:
     for at in group.stiffness:
         for name, (values, sigma) in at.quantities.items():
             base, spread = at.baseline[name]
-            # Of one curve and many factors the mean's uncertainty is the mean factor's.
-            U = 2.0 * float(np.mean(sigma)) if group.pooled is None else _mean_U(group, values, spread / base)
-            shots, shots_U = measured(1e-3 * float(np.mean(values)), 1e-3 * U)
+            low, high = float(values.min()), float(values.max())
+            U = 2.0 * float(sigma.max())
+            shots = f"{numbers.like(1e-3 * low, 1e-3 * U)} to {numbers.like(1e-3 * high, 1e-3 * U)}"
+            shots_U = measured(1e-3 * high, 1e-3 * U)[1]
             curve, curve_U = measured(1e-3 * base, 2e-3 * spread)
             rows.append(
                 {
                     "strain": plain(at.strain, 2),
                     "quantity": name,
-                    "shots": f"{shots} ± {shots_U}",
+                    "shots": shots,
+                    "U": shots_U,
                     "base": f"{curve} ± {curve_U}",
                 }
             )
     return rows
-
-
-def _mean_U(group: GroupRates, values: Any, share: float) -> float:
-    assert group.pooled is not None  # the caller saw to it
-    relative = float(np.hypot(group.pooled.sigma / group.pooled.mean, share))
-    return 2.0 * relative * float(np.mean(values))
 
 
 def _scatter(group: GroupRates) -> list[dict[str, str]]:

@@ -39,8 +39,15 @@ def draw(group: GroupRates, panels: Panels) -> None:
         for outline in (s for s in e.shapes if s.shot == shot.name):
             shape.plot(MM * outline.y, MM * outline.model, color=colour, lw=0.5)
             shape.plot(MM * outline.y, MM * outline.Z, marker, color=colour, ms=1.8, mew=0.0)
-    if np.isfinite(e.force_baseline).any():
-        force.plot(e.strains, e.force_baseline, "--", color=MEASURED, lw=0.8, label="quasi-static × area")
+    force.plot(
+        e.baseline_strain,
+        e.baseline_force,
+        "--",
+        color=MEASURED,
+        lw=0.9,
+        label="quasi-static × area",
+        zorder=5,
+    )
     for strain in e.strains:
         force.axvline(strain, color=GREY, lw=0.3)
     force.set(xlabel="Nominal strain (–)", ylabel="Force $F$ (N)")

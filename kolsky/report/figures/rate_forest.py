@@ -68,7 +68,7 @@ def draw(group: GroupRates, panels: Panels) -> None:
             mean, (start, end) = float(fit.coefficients[0]), fit.interval(0)
             right.plot([start, end], [place[shot.name]] * 2, color=MEASURED, lw=0.8)
             right.plot(mean, place[shot.name], "D", color=MEASURED, ms=3)
-    left.legend(loc="lower left", ncols=3, bbox_to_anchor=(0.05, 1.0), borderaxespad=0.1)
+    left.legend(loc="lower left", ncols=3, bbox_to_anchor=(0.1, 1.0), borderaxespad=0.1)
 
 
 KIND: FigureKind[GroupRates] = FigureKind(
