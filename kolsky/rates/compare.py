@@ -131,8 +131,7 @@ def _remarks(shots: Sequence[RatedShot], counted: Sequence[RatedShot]) -> list[s
         found.append(f"a mean needs {FEWEST} shots that count, there are {len(counted)}")
     for what in dict.fromkeys(key for shot in counted for key in shot.conditions):
         found += _differing(what, [(s.name, s.conditions.get(what, "not said")) for s in counted])
-    sources = [(shot.name, shot.quasi_static.source[:8]) for shot in counted]
-    found += _differing("quasi-static curve", sources)
+    found += _differing("quasi-static curve", [(s.name, s.quasi_static.source) for s in counted])
     for what, index in (("diameter", 0), ("length", 1)):
         sizes = np.array([shot.specimen[index] for shot in counted])
         if sizes.size and np.ptp(sizes) > SAME_SIZE * sizes.mean():
@@ -150,7 +149,8 @@ def _differing(what: str, of_shots: Sequence[tuple[str, str]]) -> list[str]:
         values[value].append(name)
     if len(values) < 2:
         return []
-    parts = "; ".join(f"{value} ({', '.join(names)})" for value, names in values.items())
+    # A file is known by its hash; eight digits tell it from others.
+    parts = "; ".join(f"{v[:8] if len(v) == 64 else v} ({', '.join(n)})" for v, n in values.items())
     return [f"the shots were not identified alike, {what}: {parts}; their m may not compare"]
 
 
