@@ -191,7 +191,8 @@ def _average(group: GroupRates) -> dict[str, str]:
     shown = {}
     for name, column in columns.items():
         U = 2.0 * float(np.std(column, ddof=1))
-        shown[name] = plain(float(np.mean(column)), 3)
+        mean = float(np.mean(column))
+        shown[name] = measured(mean, U)[0] if name == "m" else plain(mean, 3)
         shown[f"U_{name}"] = plain(U, 2)
     return shown
 

@@ -43,15 +43,9 @@ def hostile() -> RateReport:
         *[replace(shot, group="<b>a</b>") for shot in five()],
         rated(EVIL, 1.2, 300.0, group="z & co"),
         rated("x" * 10_000, 1.1, 500.0, group="z & co", verdict=Verdict.AT_BOUND),
-        rated("=1+1", 1.15, 700.0, group="z & co"),
-        rated("alone", 1.1, 300.0, group="zz"),
+        rated("=1+1", 1.15, 700.0, group="z & co", verdict=Verdict.NOT_SEEN),
     ]
     return compare(shots, grouped_by="material")
-
-
-@pytest.fixture(scope="module")
-def page(report) -> str:
-    return render(report)
 
 
 @pytest.fixture(scope="module")
@@ -245,8 +239,9 @@ def test_csv_and_hdf5_hold_the_same_numbers(report, tmp_path):
 
 def test_the_summary_is_json(hostile):
     said = json.loads(json.dumps(summary(hostile), allow_nan=False))
-    assert [group["name"] for group in said["groups"]] == ["<b>a</b>", "z & co", "zz"]
-    assert said["groups"][1]["slope"]["verdict"].startswith("no slope")
+    assert [group["name"] for group in said["groups"]] == ["<b>a</b>", "z & co"]
+    assert said["groups"][0]["slope"]["verdict"].startswith("rate sensitive")
+    assert "mean" not in said["groups"][1]
 
 
 # The page
@@ -296,12 +291,10 @@ def test_ids_are_unique_with_several_groups(hostile_page):
     assert "rate-slope-2-caption" in page.ids
 
 
-def test_the_page_says_what_was_refused(page, hostile_page):
-    assert "No slope: the rates do not carry one." in hostile_page
-    assert "There are 2 shots, 4 needed." in hostile_page
+def test_the_page_says_what_may_be_claimed(hostile_page):
+    assert "Rate sensitive over the rates tested." in hostile_page
+    assert "From the quasi-static rate, 4.5 decades lower" in hostile_page
     assert "A mean needs 2 shots that count, there are 1." in hostile_page
-    assert "Rate sensitive over the rates tested." in page
-    assert "From the quasi-static rate, 4.5 decades lower" in page
 
 
 def test_figures_have_labels_with_units(report):
@@ -318,9 +311,11 @@ def test_figures_have_labels_with_units(report):
 
 
 def test_saved_figures_of_groups_stay_in_their_folder(hostile, tmp_path):
-    saved = save_figures(tmp_path, hostile.groups[2], formats=("svg",), registry=figures_of(hostile, 2))
-    assert {path.resolve().parent for path in saved} == {tmp_path.resolve()}
-    assert "rate-slope-3.svg" in {path.name for path in saved}
+    name = "rate-forest-2"
+    saved = save_figures(
+        tmp_path, hostile.groups[1], formats=("svg",), registry={name: figures_of(hostile, 1)[name]}
+    )
+    assert saved == [tmp_path / "rate-forest-2.svg"]
 
 
 def test_names_are_shortened_for_figures():

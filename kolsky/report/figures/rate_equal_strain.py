@@ -14,8 +14,9 @@ def caption(group: GroupRates) -> str:
     strains = ", ".join(f"{e:g}" for e in group.equal_strain.strains)
     return (
         "Left: transmitted force against nominal strain, bin means of every counted shot (lines), its values"
-        " at the strains compared (markers), and the quasi-static stress times the undeformed area (dashed)."
-        " Waves and inertia are in the shots’ forces: the distance between the lines is no rate sensitivity."
+        " at the strains compared (markers), and the quasi-static stress times the undeformed area, as of a"
+        " specimen that stays a cylinder (dashed). Waves, inertia and the held faces are in the shots’"
+        " forces: the distance between the lines is no rate sensitivity."
         f" Right: outlines in the frames nearest to the strains {strains}, measured (markers) and simulated"
         " (lines)."
     )

@@ -24,7 +24,11 @@ def caption(group: GroupRates) -> str:
         "Nominal compressive stress, secant modulus and tangent modulus at fixed nominal strains (given"
         " beside each series; 0: the initial modulus) against nominal strain rate, ±2u. Filled: the shots,"
         " the quasi-static curve times m; open: the quasi-static curve itself"
-        + (", at its own rate." if _slow(group) else ". Its rate is not declared, so it is not drawn.")
+        + (
+            ", at its own rate, and its level carried to theirs (dotted)."
+            if _slow(group)
+            else ". Its rate is not declared, so it is not drawn."
+        )
     )
 
 
@@ -59,7 +63,7 @@ def draw(group: GroupRates, panels: Panels) -> None:
                 ax.errorbar(slow, base, yerr=2.0 * spread, mfc="white", **style)
                 ax.plot([slow, at.rates.min()], [base, base], ":", color=colour, lw=0.6)
         ax.set_yscale("log")
-        ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
         ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         ax.yaxis.set_minor_formatter(NullFormatter())
         ax.margins(x=0.2, y=0.1)
