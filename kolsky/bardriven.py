@@ -8,11 +8,13 @@ from pydantic import ConfigDict
 from kolsky import shotfields as f
 from kolsky.apparatus import Bar, Interface, Specimen
 from kolsky.barshot import bar_force, driven_by_waves
+from kolsky.curvefile import read_curve
 from kolsky.errors import InputError
 from kolsky.shotfile import CurveSection, InterfaceSection, ModelSection, SpecimenSection, WindowSection
-from kolsky.shots import ModelSettings, Shot, ShotBase, find_shot_file, read_curve
+from kolsky.shots import ModelSettings, Shot, ShotBase, find_shot_file
 from kolsky.shotsection import Section
 from kolsky.shottoml import read_declared
+from kolsky.uncertaintytoml import UncertaintySection
 from kolsky.waves.chain import analyse
 from kolsky.wavesshot import load_waves
 
@@ -29,6 +31,7 @@ class BarDrivenShotFile(Section):
     curve: CurveSection
     model: ModelSection
     window: WindowSection = WindowSection()
+    uncertainty: UncertaintySection = UncertaintySection()
 
 
 def load_bar_driven(folder_or_toml: str | Path) -> Shot:
@@ -52,7 +55,7 @@ def load_bar_driven(folder_or_toml: str | Path) -> Shot:
     file, declared = read_declared(find_shot_file(Path(folder_or_toml)), lambda content: BarDrivenShotFile)
     given = load_waves(folder_or_toml)
     folder = file.path.parent
-    curve, curve_hash = read_curve(folder, declared.curve)
+    curve, curve_hashes = read_curve(folder, declared.curve)
     if declared.window.start is not None:
         raise file.error(
             "window.start",
@@ -76,7 +79,8 @@ def load_bar_driven(folder_or_toml: str | Path) -> Shot:
             model=ModelSettings(**declared.model.model_dump()),
             force=bar_force(result.reduction, result.faces),
             curve=curve,
-            inputs={**given.inputs, declared.curve.file: curve_hash},
+            inputs={**given.inputs, **curve_hashes},
+            uncertainty=declared.uncertainty.for_identify(),
         )
         return driven_by_waves(base, result.reduction, result.faces, end=declared.window.end)
     except ValueError as error:

@@ -359,6 +359,10 @@ def identify(
     replicates: Annotated[
         int, typer.Option(min=0, help="Draws of the flyer's and the curve's noise; 0 leaves them out.")
     ] = 16,
+    methods: Annotated[
+        str,
+        typer.Option(metavar="WHICH", help="surrogate, or all: least squares on the solver too (dear)."),
+    ] = "surrogate",
     element: Element = "one_point",
     hourglass: Hourglass = "stiffness",
     nearly_incompressible: Corrected = False,
@@ -366,6 +370,7 @@ def identify(
     device: Device = "cpu",
     threads: Threads = None,
     past_data: PastData = "continue",
+    bayes: Annotated[bool, typer.Option("--bayes", help="Sample the posterior too; needs emcee.")] = False,
     seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 1,
     out: Out = None,
     figures: Annotated[
@@ -388,9 +393,11 @@ def identify(
             mesh=options.mesh("--mesh", mesh),
             refined_mesh=options.mesh("--refined-mesh", refined_mesh),
             replicates=replicates,
+            methods=methods,
             arithmetic=Arithmetic(
                 precision, device, threads, past_data, element, hourglass, nearly_incompressible
             ),
+            bayes=bayes,
             seed=seed,
             out=out,
             formats=_listed(figures),

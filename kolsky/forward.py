@@ -209,9 +209,11 @@ def material_law(curve: MaterialCurve) -> MarlowLaw:
 
 
 def curve_replicates(curve: MaterialCurve, n: int, rng: np.random.Generator) -> list[MarlowLaw]:
-    """Laws of `n` curves drawn from the curve's own noise (independent at each point)."""
-    noise = rng.standard_normal((n, len(curve.stress)))
-    return [marlow_from_curve(curve.stretch, curve.stress + curve.sigma * row) for row in noise]
+    """Laws of `n` curves drawn from the curve's noise: of each point alone, and of all points together."""
+    noise = curve.sigma * rng.standard_normal((n, len(curve.stress)))
+    if curve.modes is not None:
+        noise = noise + rng.standard_normal((n, len(curve.modes))) @ curve.modes
+    return [marlow_from_curve(curve.stretch, curve.stress + row) for row in noise]
 
 
 def _motion(path: FlyerPath) -> explicit.PlatenMotion:

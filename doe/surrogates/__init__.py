@@ -5,12 +5,14 @@ from typing import Any
 from doe.surrogates.cost import CostSurrogate
 from doe.surrogates.kernels import DEFAULT_KERNELS, Kernel, SurrogateError
 from doe.surrogates.pca import PrincipalComponents
+from doe.surrogates.process import ProcessSurrogate
 from doe.surrogates.protocol import Surrogate
 from doe.surrogates.rbf import Candidate, RadialBasis
 from doe.surrogates.response import ResponseSurrogate
 
 SURROGATES: dict[str, Any] = {
     "response": ResponseSurrogate,
+    "process": ProcessSurrogate,
     "cost": CostSurrogate,
 }
 """Surrogate classes by name; each has `fit(box, points, values, ...)` and offers `Surrogate`."""
@@ -22,6 +24,7 @@ __all__ = [
     "CostSurrogate",
     "Kernel",
     "PrincipalComponents",
+    "ProcessSurrogate",
     "RadialBasis",
     "ResponseSurrogate",
     "Surrogate",

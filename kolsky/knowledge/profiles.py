@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from doe import Box, ResponseSurrogate, from_points
 from doe.uncertainty import Likelihood, Profiles, profile_likelihoods, verdicts
 from doe.uncertainty.profile import Profile
-from kolsky.knowledge.reduced import reduced_likelihood
 from kolsky.knowledge.records import FloatArray, Interval, PairMap, ParameterProfile
+from kolsky.knowledge.reduced import reduced_likelihood
 from kolsky.objective import Objective
 from kolsky.optimum import CorrectedSurrogate, Model, jacobian
 from kolsky.stages import Stages
@@ -96,9 +96,10 @@ def profiled(stages: Stages, answer: Answer) -> Profiled:
         If no surrogate or profile can be made from the runs; the message says why.
     """
     found = _in_box(stages, answer, answer.local)
-    inside = np.stack([np.array(answer.local.lower) > stages.box.lower, np.array(answer.local.upper) < stages.box.upper])
+    local, whole = answer.local, stages.box
+    inside = np.greater([local.lower, whole.upper], [whole.lower, local.upper])
     open_ends = np.isnan([profile.interval for profile in found.profiles]).T
-    return _in_box(stages, answer, stages.box) if (open_ends & inside).any() else found
+    return _in_box(stages, answer, whole) if (open_ends & inside).any() else found
 
 
 def _in_box(stages: Stages, answer: Answer, box: Box) -> Profiled:
@@ -163,9 +164,7 @@ def _surrogate(stages: Stages, answer: Answer, box: Box) -> tuple[CorrectedSurro
     return model, objective
 
 
-def _test(
-    stages: Stages, found: Profiles, model: CorrectedSurrogate, objective: Objective
-) -> FloatArray:
+def _test(stages: Stages, found: Profiles, model: CorrectedSurrogate, objective: Objective) -> FloatArray:
     """Error of the rise at runs along each profile, shape [d]; NaN-free: a lost run is an infinite one."""
     rows = [_along(profile) for profile in found.profiles]
     points = np.concatenate([profile.points[row] for profile, row in zip(found.profiles, rows, strict=True)])

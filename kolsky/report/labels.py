@@ -7,6 +7,9 @@ STAGES = {
     "refinement": "design near the optimum",
     "check": "check on the refined mesh",
     "noise": "replicates of the input noise",
+    "profile": "profile likelihoods",
+    "posterior": "posterior",
+    "systematic": "declared uncertainties",
     "simulation": "simulation",
     "sweep": "sweep",
     "calibration": "calibration pictures",
@@ -54,6 +57,7 @@ LABELS = {
     "refined_mesh": "refined mesh",
     "replicates": "replicates of the input noise",
     "replicate_mesh": "mesh of the replicates",
+    "bayes": "posterior sampled",
     "seed": "seed of random draws",
     "machine": "processor",
 }
