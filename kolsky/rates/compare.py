@@ -107,7 +107,7 @@ def common_parts(shots: Sequence[RatedShot], shared: float) -> dict[tuple[str, s
 
 
 def _long_lever(shots: Sequence[RatedShot], pooled: Pooled) -> LongLever | None:
-    """The line from the quasi-static point, m = 1 by definition, to the mean of the shots (R.9)."""
+    """The line from the quasi-static point, m = 1 by definition, to the mean of the shots, Eq. (S.9)."""
     rates = {shot.quasi_static.rate for shot in shots}
     slow = rates.pop()
     if rates or slow is None:

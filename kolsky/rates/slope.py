@@ -54,7 +54,7 @@ class Criterion:
 
 @dataclass(frozen=True)
 class Slope:
-    """Stiffness factor against the decimal logarithm of the rate, Eq. (R.8)."""
+    """Stiffness factor against the decimal logarithm of the rate, Eq. (S.8)."""
 
     fit: MixedFit | None
     """Coefficients: stiffness factor at the reference rate, and slope per decade; None if no line has a
