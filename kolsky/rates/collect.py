@@ -1,9 +1,11 @@
 """From a shot's folder to what a comparison of rates needs: its file, its recordings, its result."""
 
+import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import ConfigDict
 
 from kolsky import shotfields as f
@@ -11,6 +13,7 @@ from kolsky.errors import InputError
 from kolsky.identification import Identification
 from kolsky.rates.motion import strain_history
 from kolsky.rates.records import PARAMETER, QuasiStatic, RatedShot
+from kolsky.records import MaterialCurve
 from kolsky.results_read import read_identification
 from kolsky.shots import Measured, Shot, find_shot_file, folder_of, load_shot
 from kolsky.shotsection import Section
@@ -24,10 +27,10 @@ LOOSE = ConfigDict(extra="ignore", frozen=True, strict=True)
 
 
 class RateCurveSection(Section):
-    """What [curve] says of its rate."""
+    """What [curve] or [law] says of the rate of the tests it is from."""
 
     model_config = LOOSE
-    file: f.FileName
+    baseline: bool = True
     strain_rate: f.StrainRate | None = None
 
 
@@ -38,7 +41,14 @@ class RateShotFile(Section):
     material: f.Name | None = None
     group: f.Name | None = None
     rig: f.Name | None = None
-    curve: RateCurveSection
+    curve: RateCurveSection | None = None
+    law: RateCurveSection | None = None
+
+    @property
+    def quasi_static_rate(self) -> float | None:
+        """Rate of what m refers to [1/s]: of [law] where it is the baseline, else of [curve]."""
+        said = self.law if self.law is not None and self.law.baseline else self.curve
+        return None if said is None else said.strain_rate
 
 
 def declarations(shot: Path) -> tuple[TomlFile, RateShotFile]:
@@ -144,13 +154,20 @@ def collected_shot(
         group=group,
         rig=declared.rig or "the same rig",
         history=history,
-        quasi_static=QuasiStatic(
-            loaded.curve, loaded.inputs[declared.curve.file], declared.curve.strain_rate
-        ),
+        quasi_static=QuasiStatic(loaded.curve, digest(loaded.curve), declared.quasi_static_rate),
         found=found,
         specimen=(loaded.specimen.diameter, loaded.specimen.length),
         conditions=conditions(found),
     )
+
+
+def digest(curve: MaterialCurve) -> str:
+    """SHA-256 of a curve's numbers, hex: shots with the same one share its errors, whatever its file."""
+    modes = np.zeros(0) if curve.modes is None else curve.modes
+    made = hashlib.sha256()
+    for array in (curve.stretch, curve.stress, curve.sigma, modes):
+        made.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
+    return made.hexdigest()
 
 
 def conditions(found: Identification) -> dict[str, str]:

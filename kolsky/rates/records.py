@@ -24,7 +24,7 @@ class QuasiStatic:
     curve: MaterialCurve
     """The curve, from rest outward."""
     source: str
-    """SHA-256 of its file: shots with the same one share its errors."""
+    """SHA-256 of its numbers: shots with the same one share its errors."""
     rate: float | None
     """Nominal strain rate it was measured at [1/s]; None if the shot file does not say."""
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from explicit.materials import MarlowLaw
+from explicit.materials import MaterialLaw
 from kolsky.forward import curve_replicates, material_law
 from kolsky.rates.records import QuasiStatic, RatedShot, StiffnessAtStrain
 
@@ -19,7 +19,7 @@ class Baselines:
     """The laws of some quasi-static curves with their replicates, each made once."""
 
     def __init__(self) -> None:
-        self._laws: dict[str, list[MarlowLaw]] = {}
+        self._laws: dict[str, list[MaterialLaw]] = {}
 
     def reaches(self, baseline: QuasiStatic, strain: float) -> bool:
         """Whether the curve was measured as far as this compressive strain, as Marlow's law measures it."""
@@ -46,7 +46,7 @@ class Baselines:
         """Nominal compressive stress [Pa]."""
         return _stress(self._of(baseline)[0], strain)
 
-    def _of(self, baseline: QuasiStatic) -> list[MarlowLaw]:
+    def _of(self, baseline: QuasiStatic) -> list[MaterialLaw]:
         if baseline.source not in self._laws:
             drawn = curve_replicates(baseline.curve, DRAWS, np.random.default_rng(1))
             self._laws[baseline.source] = [material_law(baseline.curve), *drawn]
@@ -96,12 +96,14 @@ def _measure(strain: float) -> float:
     return float(np.sqrt(max(stretch**2 + 2.0 / stretch - 3.0, 0.0)))
 
 
-def _stress(law: MarlowLaw, strain: float) -> float:
+def _stress(law: MaterialLaw, strain: float) -> float:
+    """Nominal compressive stress of an isochoric uniaxial compression [Pa]."""
     stretch = 1.0 - strain
-    return float(law.two_u_prime(np.array(_measure(strain)))) * (stretch**-2.0 - stretch)
+    tau = law.stress(np.array([1.0 / stretch, stretch**2, 0.0, 1.0 / stretch]))
+    return float(tau[0] - tau[1]) / stretch
 
 
-def _quantities(law: MarlowLaw, strain: float) -> dict[str, float]:
+def _quantities(law: MaterialLaw, strain: float) -> dict[str, float]:
     tangent = (_stress(law, strain + STEP) - _stress(law, strain - STEP)) / (2.0 * STEP)
     if strain == 0.0:
         return {"tangent modulus": tangent}

@@ -85,7 +85,7 @@ def _shot(shot: RatedShot, leverage: float) -> dict[str, Any]:
         "leverage (1)": leverage,
         "warnings of its result (1)": len(shot.found.warnings),
         "rig": shot.rig,
-        "SHA-256 of its quasi-static curve": shot.quasi_static.source,
+        "SHA-256 of its quasi-static numbers": shot.quasi_static.source,
         "quasi-static strain rate (1/s)": NAN if shot.quasi_static.rate is None else shot.quasi_static.rate,
     }
 
