@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from kolsky import plancli, sweepcli
+from kolsky import materialcli, plancli, sweepcli
 from kolsky.clitypes import (
     AsJson,
     Corrected,
@@ -446,6 +446,7 @@ def simulate(
 
 app.command()(plancli.plan)
 app.command()(sweepcli.sweep)
+app.add_typer(materialcli.material)
 
 
 @app.command()

@@ -17,6 +17,9 @@ from kolsky.report.figures import (
     kymograph,
     likelihood,
     lost_points,
+    material_fits,
+    material_residuals,
+    material_stability,
     meshes,
     misfit,
     overlay_epipolar,
@@ -47,6 +50,7 @@ __all__ = [
     "BARS_TOGETHER",
     "CALIBRATION",
     "FLYER_TESTS",
+    "MATERIALS",
     "PLANS",
     "RATES",
     "REGISTRY",
@@ -115,3 +119,7 @@ TRENDS: dict[str, FigureKind[Any]] = {
     for module in (trend_poisson, trend_damping, trend_friction, trend_stiffness)
 }
 """Every figure of a shot's trends, Figs. 7 to 10 of Mates et al. (2012), likewise."""
+MATERIALS: dict[str, FigureKind[Any]] = {
+    module.KIND.name: module.KIND for module in (material_fits, material_residuals, material_stability)
+}
+"""Every figure of laws fitted to homogeneous tests, likewise."""
