@@ -55,6 +55,7 @@ def cautions(
             *_methods(result),
             *_bounds(result),
             *_past_curve(result, checks),
+            *_conditioned(checks),
             *_energy(result),
             *hourglass(result.response),
             *_lost(result, lost_replicates),
@@ -87,7 +88,7 @@ def past_curve(share: float, reached: float, checks: Mapping[str, float]) -> Ite
         yield (
             f"{100.0 * share:.0f} % of the specimen's volume was strained past the quasi-static curve: "
             f"s = sqrt(I1 - 3) reached {reached:.3g}, the curve ends at {last:.3g} (nominal strain "
-            f"{strain:+.2g}); from there the law continues on its end tangent, which no test supports. "
+            f"{strain:+.2g}); from there the law goes on without a test that supports it. "
             f"A curve to a nominal strain of {_equivalent_strain(reached, strain):+.2g} would cover it"
         )
 
@@ -222,6 +223,15 @@ def _bounds(result: Identification) -> Iterator[str]:
                 f"the k = 2 interval of {name} reaches past the bounds of its design ({low:g} to {high:g}); "
                 f"widen them with --free {name}=LOW:HIGH, if a value beyond is possible"
             )
+
+
+def _conditioned(checks: Mapping[str, float]) -> Iterator[str]:
+    if "conditioned_ratio" in checks:
+        ratio = checks["conditioned_ratio"]
+        yield (
+            f"m refers to the first pull; the conditioned curve's stress is {ratio:.3g} times that, so m "
+            f"would be about {1.0 / ratio:.3g} times as large against it: --pull conditioned identifies it"
+        )
 
 
 def _past_curve(result: Identification, checks: Mapping[str, float]) -> Iterator[str]:

@@ -22,6 +22,7 @@ def identify(
     replicates: int,
     methods: str,
     arithmetic: Arithmetic,
+    bayes: bool = False,
     seed: int,
     out: Path | None,
     formats: Sequence[str],
@@ -34,6 +35,8 @@ def identify(
         options.one_of("--figures", name, ("pdf", "svg", "png"))
     options.one_of("--methods", methods, ("surrogate", "all"))
     options.apart("--free", free, "--parameter", held)
+    if bayes:
+        options.installed("--bayes", "emcee", "bayes")
     loaded, folder = load(shot, out)
     numerics = arithmetic.numerics(mesh)
     from kolsky import identify as inverse
@@ -47,6 +50,7 @@ def identify(
         refined_mesh=refined_mesh,
         replicates=replicates,
         methods="all" if methods == "all" else "surrogate",
+        bayes=bayes,
         seed=seed,
     )
     with usable(loaded), bars() as progress:
