@@ -28,6 +28,7 @@ from kolsky.report.figures import (
     rate_slope,
     rate_stiffness,
     repeats,
+    sensitivity,
     shape_residual,
     speckle_floor,
     speckle_overlay,
@@ -46,6 +47,7 @@ __all__ = [
     "PLANS",
     "RATES",
     "REGISTRY",
+    "SENSITIVITY",
     "SPECKLES",
     "SURFACES",
     "TRENDS",
@@ -98,3 +100,5 @@ TRENDS: dict[str, FigureKind[Any]] = {
     for module in (trend_poisson, trend_damping, trend_friction, trend_stiffness)
 }
 """Every figure of a shot's trends, Figs. 7 to 10 of Mates et al. (2012), likewise."""
+SENSITIVITY: dict[str, FigureKind[Any]] = {sensitivity.KIND.name: sensitivity.KIND}
+"""Every figure of a shot's global sensitivity, likewise."""
