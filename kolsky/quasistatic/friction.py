@@ -6,11 +6,11 @@ material's :math:`T`: by 31 to 33 % at small strain for a bonded cylinder of 9.5
 .. math:: T(\epsilon) = S_{measured}(\epsilon)\, \frac{T_\theta(\epsilon)}{S_{\theta, f}(\epsilon)}
 
 with a first-invariant law :math:`\theta` (2U' at a few knots of s, in logarithms) whose simulated compression
-:math:`S_{\theta, f}` is fitted to the measured one by Levenberg and Marquardt's method. Only the *ratio*, which
-hardly depends on the law, is taken from the fit, so no detail of the measured curve is lost in the knots.
+:math:`S_{\theta, f}` is fitted to the measured one by Levenberg and Marquardt's method. Only the *ratio*,
+which hardly depends on the law, is taken from the fit, so no detail of the curve is lost in the knots.
 
-A force alone does not tell friction from the curve's shape: with enough knots every coefficient fits. Friction can
-be free where the radius at mid-height was measured too; else it is declared, with its standard uncertainty.
+A force alone does not tell friction from the curve's shape: with enough knots every coefficient fits. It can
+be free where the radius at mid-height was measured too; else it is declared, with its uncertainty.
 """
 
 from dataclasses import dataclass, replace
@@ -134,12 +134,18 @@ def correct_friction(
     if (band.stress <= 0.0).any():
         bad = int(np.argmax(band.stress <= 0.0))
         raise ValueError(
-            f"the stress is {band.stress[bad]:.6g} Pa at strain {band.strain[bad]:.4g}, not > 0; correct the toe"
+            f"the stress is {band.stress[bad]:.6g} Pa at strain {band.strain[bad]:.4g}, not > 0: is there a"
+            " toe?"
         )
     problem = _Problem(band, specimen, ends, bulge if free else None, bulge_sigma, numerics)
     try:
         fit = least_squares(
-            problem.residual, problem.start(), jac=problem.jacobian, method="lm", xtol=TOLERANCE, ftol=TOLERANCE
+            problem.residual,
+            problem.start(),
+            jac=problem.jacobian,
+            method="lm",
+            xtol=TOLERANCE,
+            ftol=TOLERANCE,
         )
     except ValueError as error:
         raise ValueError(f"the friction correction failed: {error}") from error
@@ -148,9 +154,9 @@ def correct_friction(
     found = _Found(problem, fit.x, fit.jac, refined_mesh).correction(fit.nfev)
     if not found.closure < LARGEST_CLOSURE:
         raise ValueError(
-            f"a test simulated with the corrected curve misses the measured one by {found.closure:.2g} (rms), at"
-            f" most {LARGEST_CLOSURE:g} is allowed: with little friction an edge may curl off the platen at large"
-            " compression; end the curve earlier"
+            f"a test simulated with the corrected curve misses the measured one by {found.closure:.2g} (rms),"
+            f" at most {LARGEST_CLOSURE:g} is allowed: with little friction an edge may curl off the platen"
+            " at large compression; end the curve earlier"
         )
     return found
 
@@ -202,7 +208,11 @@ class _Problem:
         return np.asarray(np.log(_uniaxial(self.law(theta), self.strain)))
 
     def tests(
-        self, thetas: list[FloatArray], *, friction: list[float] | None = None, mesh: tuple[int, int] | None = None
+        self,
+        thetas: list[FloatArray],
+        *,
+        friction: list[float] | None = None,
+        mesh: tuple[int, int] | None = None,
     ) -> SlowTests:
         """Simulated tests of several sets of unknowns."""
         declared = self.ends.coefficient or 0.0
@@ -255,7 +265,9 @@ class _Found:
         found = band.times(1.0 / ratio)
         f, sigma = self._coefficient()
         if sigma > 0.0:
-            found = found.with_mode("friction", found.stress * _along(p.strain, self._by_friction(sigma), band.strain))
+            found = found.with_mode(
+                "friction", found.stress * _along(p.strain, self._by_friction(sigma), band.strain)
+            )
         finer = self.mesh[0] / p.numerics.mesh[0]
         shift = np.log(fine.stress[0] / coarse.stress[0]) * SHARE / (finer**ORDER - 1.0)
         found = found.with_mode("mesh", found.stress * _along(p.strain, shift, band.strain))
@@ -277,8 +289,10 @@ class _Found:
         if not p.free:
             return p.ends.coefficient, p.ends.sigma
         f = float(np.exp(self.theta[KNOTS]))
-        covariance = np.linalg.pinv(self.jacobian.T @ self.jacobian)
-        return f, f * float(np.sqrt(covariance[KNOTS, KNOTS]))
+        gain = np.linalg.pinv(self.jacobian)[KNOTS]
+        # What the mesh does to the radius it does at all strains alike, so no number of them averages it.
+        together = gain[PLACES:].sum() * MODEL_RADIUS * p.specimen.radius / p.bulge_scale
+        return f, f * float(np.hypot(np.linalg.norm(gain), together))
 
     def _by_friction(self, sigma: float) -> FloatArray:
         """Change of ln T by one sigma of the friction, the law fitted anew, shape [PLACES]."""
@@ -337,8 +351,8 @@ def _barrelled(strain: FloatArray, bulge: FloatArray, places: FloatArray) -> Flo
 def _along(places: FloatArray, value: FloatArray, strain: FloatArray) -> FloatArray:
     """A smooth course through simulated values, constant below the first of them.
 
-    A mesh's nodes land on the platen one by one, and the force steps a little at each; three inner knots leave
-    the steps out.
+    A mesh's nodes land on the platen one by one, and the force steps a little at each; three inner knots
+    leave the steps out.
     """
     inner = np.quantile(places, [0.25, 0.5, 0.75])
     course = LSQUnivariateSpline(places, value, inner, k=3)

@@ -1,10 +1,10 @@
 r"""A compression test between platens, run slowly by the explicit solver.
 
-A static answer does not depend on the mass, so the specimen's density and the test's duration are chosen together
-(mass scaling): the platen's speed rises smoothly over the first half of a duration of many passages of a wave,
-and a drag on the nodes takes away what still swings. The force is the mean of both faces, in which the drag's
-resultant cancels. What is left of inertia is in the answer: the share of the kinetic energy, and how far the two
-faces differ.
+A static answer does not depend on the mass, so the specimen's density and the test's duration are chosen
+together (mass scaling): the platen's speed rises smoothly over the first half of a duration of many passages
+of a wave, and a drag on the nodes takes away what still swings. The force is the mean of both faces, in which
+the drag's resultant cancels. What is left of inertia is in the answer: the share of the kinetic energy, and
+how far the two faces differ.
 """
 
 from collections.abc import Sequence
@@ -95,8 +95,8 @@ def slow_tests(
     Raises
     ------
     ValueError
-        If the strains are not ascending inside (0, 1), or a simulation does not complete; the message says how,
-        when and where it ended.
+        If the strains are not ascending inside (0, 1), or a simulation does not complete; the message says
+        how, when and where it ended.
     """
     numerics = numerics or SlowNumerics()
     if strain.size < 2 or strain[0] <= 0.0 or strain[-1] >= 1.0 or (np.diff(strain) <= 0.0).any():

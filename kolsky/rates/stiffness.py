@@ -66,8 +66,8 @@ def curve_at(baseline: QuasiStatic, strain: float) -> dict[str, tuple[float, flo
 
     def stress(e: float) -> float:
         stretch = 1.0 - e
-        s = np.sqrt(max(stretch**2 + 2.0 / stretch - 3.0, 0.0))
-        return float(law.two_u_prime(np.array(s))) * (stretch**-2.0 - stretch)
+        tau = law.stress(np.array([1.0 / stretch, stretch**2, 0.0, 1.0 / stretch]))
+        return float(tau[0] - tau[1]) / stretch
 
     share = _relative_sigma(baseline, strain)
     # The slope of a curve with independent points is known less well than its height; the points' own

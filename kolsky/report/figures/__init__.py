@@ -7,6 +7,7 @@ from kolsky.report.figures import (
     calibration_pairs,
     calibration_residuals,
     contour,
+    corner,
     energy,
     flight_of_view,
     flyer_motion,
@@ -14,6 +15,7 @@ from kolsky.report.figures import (
     force,
     force_residual,
     kymograph,
+    likelihood,
     lost_points,
     meshes,
     misfit,
@@ -28,6 +30,8 @@ from kolsky.report.figures import (
     rate_slope,
     rate_stiffness,
     repeats,
+    ridge,
+    scene,
     sensitivity,
     shape_residual,
     speckle_floor,
@@ -57,7 +61,20 @@ __all__ = [
 
 REGISTRY: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND
-    for module in (force, shape_residual, profiles, force_residual, misfit, contour, energy, meshes)
+    for module in (
+        force,
+        shape_residual,
+        profiles,
+        force_residual,
+        misfit,
+        contour,
+        likelihood,
+        ridge,
+        corner,
+        energy,
+        meshes,
+        scene,
+    )
 }
 """Every figure of an identification by name, in the order of its report."""
 SURFACES: dict[str, FigureKind[Any]] = {

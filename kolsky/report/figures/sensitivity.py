@@ -2,6 +2,7 @@
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
 from kolsky.globalsensitivity import GlobalSensitivity
@@ -22,9 +23,9 @@ def caption(result: GlobalSensitivity) -> str:
     how = "on a surrogate of the response" if result.by_surrogate else "by the solver itself"
     return (
         f"Sobol’ indices over {ranges}, {how} ({result.runs} runs). (a) Total indices (bars, with 95 % "
-        "intervals of the bootstrap) and first-order indices (dots) of misfits and peak force. (b) Indices of the mean "
-        "force of every bin, (c) of the outline of every frame, its points weighted by their variance: total "
-        "(solid) and first order (dashed)."
+        "intervals of the bootstrap) and first-order indices (dots) of misfits and peak force. (b) Indices "
+        "of the mean force of every bin, (c) of the outline of every frame, its points weighted by their "
+        "variance: total (solid) and first order (dashed)."
     )
 
 
@@ -57,6 +58,7 @@ def _bars(ax: Axes, result: GlobalSensitivity) -> None:
     ax.tick_params(axis="x", length=0)
     ax.axhline(0.0, color=MEASURED, lw=0.5)
     ax.set_ylabel("Sobol’ index (–)")
+    ax.yaxis.set_major_locator(MultipleLocator(0.2))
     ax.set_ylim(min(-0.05, 1.1 * float(s.first.min())), 1.25)
 
 
@@ -71,7 +73,8 @@ def _history(
         ax.plot(MS * times, total[j], color=COLOURS[j % 5], lw=0.8)
         ax.plot(MS * times, first[j], color=COLOURS[j % 5], lw=0.6, ls="--")
     ax.set_xlabel("Time (ms)")
-    ax.set_ylim(-0.05, 1.05)
+    ax.yaxis.set_major_locator(MultipleLocator(0.2))
+    ax.set_ylim(-0.1, 1.1)
     ax.set_xlim(MS * times[0], MS * times[-1])
 
 
