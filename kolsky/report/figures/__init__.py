@@ -36,6 +36,7 @@ from kolsky.report.figures import (
     repeats,
     ridge,
     scene,
+    sensitivity,
     shape_residual,
     speckle_floor,
     speckle_overlay,
@@ -56,6 +57,7 @@ __all__ = [
     "PLANS",
     "RATES",
     "REGISTRY",
+    "SENSITIVITY",
     "SPECKLES",
     "SURFACES",
     "TRENDS",
@@ -127,3 +129,5 @@ MATERIALS: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND for module in (material_fits, material_residuals, material_stability)
 }
 """Every figure of laws fitted to homogeneous tests, likewise."""
+SENSITIVITY: dict[str, FigureKind[Any]] = {sensitivity.KIND.name: sensitivity.KIND}
+"""Every figure of a shot's global sensitivity, likewise."""
