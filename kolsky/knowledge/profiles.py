@@ -26,6 +26,8 @@ REACH = 1.5
 """Rise over the level up to which a profile is tested."""
 MAP_REACH = 3.0
 """Rise over the level up to which a map shows."""
+APART = 1e-3
+"""Smallest distance of two runs of a surrogate, in the unit box."""
 MAP = 81
 """Values along an edge of a map."""
 
@@ -150,8 +152,7 @@ def _surrogate(stages: Stages, answer: Answer, box: Box) -> tuple[CorrectedSurro
     """
     points, prediction = stages.on_surrogate_mesh()
     use = box.contains(points)
-    _, first = np.unique(points.round(12), axis=0, return_index=True)
-    use &= np.isin(np.arange(len(points)), first)
+    use[use] = _apart(box.unit(points[use]))
     counted = answer.objective.counted & prediction.inside[use].all(axis=0)
     objective = replace(answer.objective, counted=counted)
     kept = np.concatenate([np.ones(objective.n_force, dtype=bool), counted[answer.objective.counted]])
@@ -162,6 +163,15 @@ def _surrogate(stages: Stages, answer: Answer, box: Box) -> tuple[CorrectedSurro
     if box == answer.local:
         model = replace(model, slope=answer.slope[kept] - jacobian(model.predict, box, answer.x))
     return model, objective
+
+
+def _apart(unit: FloatArray) -> NDArray[np.bool_]:
+    """Points that are not too near to an earlier one: twins make a surrogate ill-conditioned."""
+    kept: list[int] = []
+    for row in range(len(unit)):
+        if all(np.linalg.norm(unit[row] - unit[other]) >= APART for other in kept):
+            kept.append(row)
+    return np.isin(np.arange(len(unit)), kept)
 
 
 def _test(stages: Stages, found: Profiles, model: CorrectedSurrogate, objective: Objective) -> FloatArray:

@@ -90,7 +90,9 @@ def _shots(ax: Axes, group: GroupRates) -> None:
         rate = shot.history.nominal_rate
         ax.plot(shot.history.true_rate, [shot.m] * 2, color=GREY, lw=0.5)
         ax.plot([rate] * 2, [shot.m - 2 * shot.sigma, shot.m + 2 * shot.sigma], color=MEASURED, lw=0.7)
-        ax.plot([rate] * 2, [shot.m - 2 * shot.sigma_own, shot.m + 2 * shot.sigma_own], color=MEASURED, lw=1.6)
+        ax.plot(
+            [rate] * 2, [shot.m - 2 * shot.sigma_own, shot.m + 2 * shot.sigma_own], color=MEASURED, lw=1.6
+        )
         ax.plot(rate, shot.m, "o", color=MEASURED, ms=3.2, mfc=MEASURED if shot.counted else "white")
 
 

@@ -38,9 +38,10 @@ class FieldKind:
     """Whether the solid must be known."""
 
 
-def axial_stretch(F: FloatArray, solid: Solid | None = None) -> FloatArray:
-    """Length of a line that was parallel to the axis over its first length [-]."""
-    return np.asarray(np.hypot(F[..., 0, 1], F[..., 1, 1]))
+def smallest_stretch(F: FloatArray, solid: Solid | None = None) -> FloatArray:
+    """Smallest principal stretch: the largest compression of any line [-]."""
+    C = np.einsum("...ki,...kj->...ij", F, F)
+    return np.asarray(np.sqrt(np.linalg.eigvalsh(C)[..., 0]))
 
 
 def pressure(F: FloatArray, solid: Solid | None) -> FloatArray:
@@ -59,7 +60,7 @@ def strain_energy(F: FloatArray, solid: Solid | None) -> FloatArray:
 
 
 FIELDS: dict[str, FieldKind] = {
-    "stretch": FieldKind("Axial stretch (1)", axial_stretch, "viridis_r"),
+    "stretch": FieldKind("Smallest stretch (1)", smallest_stretch, "viridis"),
     "pressure": FieldKind("Pressure (MPa)", pressure, "cividis", needs_solid=True),
     "energy": FieldKind("Strain energy (MJ/m³)", strain_energy, "viridis", needs_solid=True),
 }

@@ -12,8 +12,6 @@ from kolsky.report.scene.stage import Stage
 
 FILMS = ("mp4", "gif")
 """Formats of a film."""
-SIZE = (1008, 704)
-"""Width and height [px]; multiples of 16, which video codecs want."""
 
 
 def write_film(
@@ -54,11 +52,10 @@ def write_film(
         raise ValueError(f"every must be at least 1 and rate positive, got {every} and {rate}")
     writer = writer_for(kind)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(path) as partial:
-        with writer(partial, rate) as film:
-            for k in range(0, len(stage.times), every):
-                film.append_data(picture(stage, k, size=SIZE))
-                progress(1)
+    with replacing(path) as partial, writer(partial, rate) as film:
+        for k in range(0, len(stage.times), every):
+            film.append_data(picture(stage, k))
+            progress(1)
     return path
 
 
@@ -80,7 +77,7 @@ def write_stills(folder: Path, stage: Stage, count: int = 6) -> list[Path]:
     for k in chosen(len(stage.times), count):
         path = folder / f"still_{k:05d}.png"
         with replacing(path) as partial:
-            matplotlib.image.imsave(partial, picture(stage, k, size=SIZE), format="png")
+            matplotlib.image.imsave(partial, picture(stage, k), format="png")
         written.append(path)
     return written
 

@@ -19,8 +19,12 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-RANGE = (0.5, 99.5)
+RANGE = (1.0, 99.0)
 """Percentiles of a field over all times that the colours span: a single corner must not bleach the rest."""
+
+
+class NotShown(ValueError):
+    """A result does not hold what a picture shows."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +92,9 @@ def stage_of(
     Raises
     ------
     ValueError
-        If the field is unknown or lacks the solid, or the result does not hold what is needed.
+        If the field is unknown or lacks the solid.
+    NotShown
+        If the result does not hold what is needed.
     """
     if field not in FIELDS:
         raise ValueError(f"there is no field {field!r}; choose from {', '.join(FIELDS)}")
@@ -96,12 +102,12 @@ def stage_of(
     if kind.needs_solid and solid is None:
         raise ValueError(f"the field {field!r} needs the material")
     if response.nodes is None:
-        raise ValueError("the result kept no nodes of its check run")
+        raise NotShown("the result kept no nodes of its check run")
     mesh = _mesh(result)
     whole = np.isfinite(response.nodes[0]).all(axis=(1, 2))
     nodes = response.nodes[0][whole]
     if not len(nodes):
-        raise ValueError("the check run reached none of its times")
+        raise NotShown("the check run reached none of its times")
     elements = kind.values(deformation_gradient(mesh, nodes), solid)
     low, high = np.percentile(elements, RANGE)
     return Stage(
@@ -123,12 +129,12 @@ def _mesh(result: Identification) -> explicit.Mesh:
         specimen, grading = said["specimen"], said["settings"]["numerics"]["grading"]
         radius, length = 0.5 * float(specimen["diameter"]), float(specimen["length"])
     except (KeyError, TypeError, ValueError):
-        raise ValueError("the result's provenance does not say how large the specimen was") from None
+        raise NotShown("the result's provenance does not say how large the specimen was") from None
     n_radial, n_axial = result.refined_mesh
     mesh = explicit.cylinder(radius, length, n_radial=n_radial, n_axial=n_axial, grading=float(grading))
     assert result.response.nodes is not None  # `stage_of` has looked
     if result.response.nodes.shape[2] != mesh.n_nodes:
-        raise ValueError(
+        raise NotShown(
             f"the result holds {result.response.nodes.shape[2]} nodes, its mesh has {mesh.n_nodes}"
         )
     return mesh
