@@ -35,8 +35,10 @@ WIDTHS = 6.0
 """Edge of a region is at least so many standard deviations of the optimum: a smaller one would follow what
 the function's roughness, not the data, says."""
 GAIN = 0.7
-"""A smaller region is taken if the surrogate's leave-one-out error falls to less than this share: where it
-does not, the function is rough, and more runs average what fewer would follow."""
+"""A smaller region is kept if the surrogate's leave-one-out error falls to less than this share there: where
+it does not, the function is rough, and the runs of a wide region average what those of a small one follow."""
+PATIENCE = 2
+"""Steps to smaller regions over which the error must fall: the first runs of a region are few."""
 REACH = 1.25
 """Runs up to this many half edges from the region's middle build its surrogate."""
 CANDIDATES = 96
@@ -143,7 +145,7 @@ def refine(
     if size < 1 or max_rounds < 1:
         raise ValueError(f"batch and max_rounds must be at least 1, got {size} and {max_rounds}")
     x, y = np.asarray(points, dtype=np.float64), np.asarray(responses, dtype=np.float64)
-    values, edge = misfit(y), 1.0
+    values, zoom = misfit(y), _Zoom()
     region, surrogate = box, ProcessSurrogate.fit(box, x, y, scale=scale)
     best, sigma = locate(surrogate, region, x[int(np.argmin(values))])
     rounds: list[Round] = []
@@ -159,22 +161,40 @@ def refine(
         # The lowest real misfit beats the surrogate's word.
         centre = x[int(np.argmin(values))]
         widths = WIDTHS * _unit_widths(box, best, sigma)
-        region = _around(box, centre, np.clip(widths, edge, 1.0))
+        surrogate = _about(box, _around(box, centre, np.clip(widths, zoom.edge, 1.0)), x, y, scale, surrogate)
+        if inside:
+            zoom.judge(surrogate.loo_rms)
+        region = _around(box, centre, np.clip(widths, zoom.edge, 1.0))
         surrogate = _about(box, region, x, y, scale, surrogate)
-        if inside and edge > SMALLEST:
-            closer = _around(box, centre, np.clip(widths, max(edge * SHRINK, SMALLEST), 1.0))
-            sharper = _about(box, closer, x, y, scale, surrogate)
-            if sharper.loo_rms < GAIN * surrogate.loo_rms:
-                region, surrogate, edge = closer, sharper, max(edge * SHRINK, SMALLEST)
         before = best
         best, sigma = locate(surrogate, region, centre)
         moved = float(np.max(np.abs(best - before) / np.maximum(sigma, np.finfo(float).tiny)))
         found = float(misfit(given[:1])[0]) if kept[0] else float("nan")
-        rounds.append(Round(new, foretold, found, moved, edge))
+        rounds.append(Round(new, foretold, found, moved, zoom.edge))
         if inside and kept[0] and moved <= MOVED:
             converged = True
             break
     return Refinement(best, sigma, region, surrogate, tuple(rounds), x, y, converged)
+
+
+class _Zoom:
+    """The edge of the region: smaller round by round, until that no longer makes the surrogate better."""
+
+    def __init__(self) -> None:
+        self.edge = 1.0
+        self.errors: dict[float, float] = {}
+        self.rough = False
+
+    def judge(self, error: float) -> None:
+        """Choose the next edge, given the leave-one-out error in this one, its new runs included."""
+        self.errors[self.edge] = error
+        if self.rough:
+            return
+        wider = sorted(edge for edge in self.errors if edge > self.edge)
+        if len(wider) >= PATIENCE and error > GAIN * self.errors[wider[PATIENCE - 1]]:
+            self.rough, self.edge = True, wider[PATIENCE - 1]
+        else:
+            self.edge = max(SHRINK * self.edge, SMALLEST)
 
 
 def _unit_widths(box: Box, x: FloatArray, sigma: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from kolsky import sweepcli
+from kolsky import materialcli, plancli, sweepcli
 from kolsky.clitypes import (
     AsJson,
     Corrected,
@@ -444,7 +444,45 @@ def simulate(
         raise typer.Exit(1)
 
 
+app.command()(plancli.plan)
 app.command()(sweepcli.sweep)
+app.add_typer(materialcli.material)
+
+
+@app.command()
+def film(
+    shot: ShotPath,
+    field: Annotated[str, typer.Option(help="What colours it: stretch, pressure or energy.")] = "stretch",
+    formats: Annotated[
+        str,
+        typer.Option(
+            "--format", metavar="FORMATS", help="png (stills), mp4, gif, vtu (ParaView); several by commas."
+        ),
+    ] = "png",
+    every: Annotated[int, typer.Option(min=1, help="Take every so many of the recorded times.")] = 1,
+    rate: Annotated[float, typer.Option(min=1.0, max=120.0, help="Pictures a second of a film.")] = 25.0,
+    stills: Annotated[int, typer.Option(min=1, max=1000, help="Number of stills.")] = 6,
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """Render the specimen of an identified shot between its platens, half of it cut away.
+
+    Needs the results of `kolsky identify`; writes into their folder film.
+    """
+    with refusing_bad_input():
+        from kolsky.filmcommand import film as run
+
+        run(
+            shot,
+            field=field,
+            formats=_listed(formats),
+            every=every,
+            rate=rate,
+            stills=stills,
+            out=out,
+            as_json=as_json,
+        )
+
 
 if __name__ == "__main__":
     main()

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from doe import Box, ResponseSurrogate, Surrogate, from_points
 from doe.refine import refine
-from doe.surrogates import ProcessSurrogate, SurrogateError
+from doe.surrogates import Fitness, ProcessSurrogate, SurrogateError, fitness
+from kolsky.methods import AGREEMENT
+from kolsky.misfit import Prediction
 from kolsky.objective import Objective
 from kolsky.optimum import CorrectedSurrogate, jacobian, leaves, search
 from kolsky.stages import Runs, Stages
@@ -120,14 +122,42 @@ def _adaptive(stages: Stages, wide: Runs) -> Coarse:
     return Coarse(found.region, surrogate, best.objective, best.x, settled=found.converged)
 
 
+def fit_for_purpose(stages: Stages, coarse: Coarse, gain: FloatArray) -> Fitness:
+    """Whether the surrogate's error moves the optimum by less than its interval allows, and what would do.
+
+    Parameters
+    ----------
+    stages, coarse
+        The simulations and the optimum on their mesh.
+    gain
+        Linear map from a change of the data vector to the move of the optimum over its half width, [d, k].
+    """
+    points, prediction = _used(stages, coarse.surrogate)
+    vectors = coarse.objective.vectors(prediction)
+    scale, box = coarse.objective.noise, coarse.surrogate.box
+    kind = ResponseSurrogate if isinstance(coarse.surrogate, ResponseSurrogate) else ProcessSurrogate
+
+    def fit(x: FloatArray, y: FloatArray) -> Surrogate:
+        return kind.fit(box, x, y, scale=scale)
+
+    return fitness(fit, box, points, vectors, sigma=scale, allowed=AGREEMENT, gain=gain)
+
+
+def _used(stages: Stages, surrogate: Surrogate) -> tuple[FloatArray, Prediction]:
+    """The runs that a surrogate was built from, each once, and what they predict."""
+    points, prediction = stages.on_surrogate_mesh()
+    places = {tuple(x): row for row, x in enumerate(points)}
+    rows = [places[tuple(x)] for x in surrogate.points]
+    parts = {name: getattr(prediction, name)[rows] for name in Prediction.__dataclass_fields__}
+    return points[rows], Prediction(**parts)
+
+
 def _with_all_points(stages: Stages, surrogate: ProcessSurrogate) -> tuple[Objective, ProcessSurrogate]:
     """The surrogate over the outline points that its own runs reach: more than the first design's."""
-    points, prediction = stages.on_surrogate_mesh()
-    known = {tuple(x) for x in surrogate.points}
-    used = np.array([tuple(x) in known for x in points])
-    objective = Objective(stages.observations, _reached(prediction.inside[used]))
-    vectors = objective.vectors(prediction)[used]
-    fitted = ProcessSurrogate.fit(surrogate.box, points[used], vectors, scale=objective.noise, like=surrogate)
+    points, prediction = _used(stages, surrogate)
+    objective = Objective(stages.observations, _reached(prediction.inside))
+    vectors = objective.vectors(prediction)
+    fitted = ProcessSurrogate.fit(surrogate.box, points, vectors, scale=objective.noise, like=surrogate)
     return objective, fitted
 
 

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from doe import Box, from_points
 from kolsky.cautions import cautions
-from kolsky.coarse import Coarse, search_coarse
+from kolsky.coarse import Coarse, fit_for_purpose, search_coarse
+from kolsky.curvefile import with_pull
 from kolsky.identification import Identification
 from kolsky.knowledge.gather import gather
 from kolsky.knowledge.profiles import Answer
@@ -77,6 +78,7 @@ def identify(
         message says how, when and where the first one failed.
     """
     settings = settings or Settings()
+    shot = with_pull(shot, settings.pull)
     whole = design_box(settings.free)
     stages = Stages(prepare(shot), settings, whole, progress or (lambda stage, done, total: None))
     coarse = search_coarse(stages)
@@ -207,6 +209,7 @@ def _report(shot: Shot, stages: Stages, coarse: Coarse, fine: _Refined) -> Ident
             "counted_points": float(fine.objective.counted.sum()),
             "force_discrepancy": fine.objective.force_discrepancy,
             **({"shape_discrepancy": fine.objective.shape_discrepancy} if shape else {}),
+            **_runs_needed(stages, coarse, fine),
         },
         seconds=stages.seconds,
         provenance=provenance(
@@ -217,6 +220,15 @@ def _report(shot: Shot, stages: Stages, coarse: Coarse, fine: _Refined) -> Ident
     checks = stages.prepared.checks
     said = cautions(found, checks=checks, interface=shot.interface, lost_replicates=lost)
     return replace(found, warnings=(*said, *known.warnings))
+
+
+def _runs_needed(stages: Stages, coarse: Coarse, fine: _Refined) -> dict[str, float]:
+    """Where the check does not confirm the surrogate: how many runs would do, infinite if none."""
+    if fine.moved <= CONFIRMED:
+        return {}
+    gain = coarse.objective.gain(jacobian(CorrectedSurrogate(coarse.surrogate).predict, coarse.box, coarse.x))
+    found = fit_for_purpose(stages, coarse, gain / (2.0 * fine.sigma[:, None]))
+    return {"runs_needed": float("inf") if found.runs_needed is None else float(found.runs_needed)}
 
 
 def _rms(x: FloatArray) -> float:

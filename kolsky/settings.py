@@ -27,12 +27,16 @@ class Settings:
     """Whether only the surrogate is searched, or least squares on the solver too ("all")."""
     bayes: bool = False
     """Whether the posterior is sampled too (emcee, the extra [bayes])."""
+    pull: Literal["first", "conditioned"] = "first"
+    """Which quasi-static curve m refers to: that of the first pull, or of the conditioned material."""
     seed: int = 1
     """Seed of every random draw."""
 
     def __post_init__(self) -> None:
         if self.methods not in ("surrogate", "all"):
             raise ValueError(f'methods must be "surrogate" or "all", got {self.methods!r}')
+        if self.pull not in ("first", "conditioned"):
+            raise ValueError(f"pull must be 'first' or 'conditioned', got {self.pull!r}")
         clash = set(self.free) & set(self.held)
         if clash:
             raise ValueError(f"{', '.join(sorted(clash))}: a parameter is either free or held")
