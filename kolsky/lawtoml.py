@@ -28,6 +28,7 @@ class LawSection(Section):
     largest_strain: f.Ratio
     relative_sigma: f.Share
     baseline: bool = True
+    strain_rate: f.StrainRate | None = None
 
     @model_validator(mode="after")
     def _is_a_law(self) -> "LawSection":
