@@ -117,7 +117,10 @@ def _report(shot: Shot, stages: Stages, coarse: Coarse, fine: Refined) -> Identi
     held = {name: p.held(shot) for name, p in PARAMETERS.items() if name not in stages.box.names}
     loo = coarse.surrogate.loo_residuals
     found_routes = routes(coarse.box, fine.objective, fine.model, stages.box, stages.table)
-    known = gather(stages, Answer.of(fine.x, coarse.box, fine.objective, fine.model), bayes=settings.bayes)
+    corrected = Answer.of(
+        fine.x, coarse.box, fine.objective, fine.model, CorrectedSurrogate(coarse.surrogate).predict
+    )
+    known = gather(stages, corrected, bayes=settings.bayes)
     found = Identification(
         shot=shot.name,
         estimates=estimates(
