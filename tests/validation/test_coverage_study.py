@@ -1,4 +1,4 @@
-"""The study of coverage, reduced: a dozen experiments with a known answer, identified as a laboratory would."""
+"""The study of coverage, reduced: a dozen experiments with known answers, identified one by one."""
 
 import sys
 from dataclasses import replace
