@@ -6,6 +6,8 @@ noisy force, outline, flyer and curve. Counted is how often the k = 2 interval h
 
 import argparse
 import json
+import os
+import platform
 import time
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
@@ -178,7 +180,14 @@ def main() -> None:
         seed=given.seed,
     )
     found, seconds = run(study, workers=given.workers)
-    said = {"study": asdict(study), "workers": given.workers, "seconds": seconds, **summary(study, found)}
+    machine = {"device": given.device, "processor": platform.machine(), "cores": os.cpu_count() or 1}
+    said = {
+        "machine": machine,
+        "study": asdict(study),
+        "workers": given.workers,
+        "seconds": seconds,
+        **summary(study, found),
+    }
     print(json.dumps(said, indent=2))
     if given.out is not None:
         given.out.write_text(json.dumps({**said, "each": [asdict(one) for one in found]}, indent=1) + "\n")
