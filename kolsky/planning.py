@@ -3,7 +3,7 @@
 Nothing of what was measured is used but the flyer's motion, the quasi-static curve and the noise of the
 instruments. Force and outline respond with slopes J (`kolsky.localsensitivity`) and have standard deviations
 s; their information is H = J^T diag(s^-2) J (`doe.sensitivity.LinearData`). docs/theory/planning.md has the
-equations and says which of Suttula et al. they are.
+equations and says which of Sutula et al. (2020) they are.
 """
 
 from collections.abc import Mapping, Sequence
