@@ -1,6 +1,6 @@
 """A CUDA device, where there is one, against the CPU: on the chip and off it, with ledgers and failures."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -11,6 +11,8 @@ from explicit.device import select_device
 from explicit.lanes import BLOCK
 from explicit.materials import LAWS, MaterialLaw, neo_hookean
 from explicit.places import ON_CHIP_ELEMENTS
+from explicit.relaxation import BergstromBoyce, PronySeries
+from explicit.relaxation.base import RateDependence
 
 TIMES = np.linspace(5e-6, 2e-4, 40)
 SAMPLES = Samples.of(stiffness_factor=[0.8, 1.0, 1.2], friction=0.3, damping=2.5e-5)
@@ -62,6 +64,24 @@ def test_histories_and_ledgers_agree(mesh: tuple[int, int], cuda: str) -> None:
     for field in fields(here.energy):
         difference = np.abs(getattr(here.energy, field.name) - getattr(there.energy, field.name)).max()
         assert difference < APART * work, field.name
+    np.testing.assert_array_equal(here.steps, there.steps)
+
+
+@pytest.mark.parametrize("element", ["one_point", "fbar"])
+@pytest.mark.parametrize("relaxes", ["prony", "creep"])
+def test_what_relaxes_agrees(element: str, relaxes: str, cuda: str) -> None:
+    branches: tuple[RateDependence, ...] = {
+        "prony": (PronySeries((0.5,), (5e-5,)), PronySeries((0.3, 0.8), (2e-5, 2e-4))),
+        "creep": (BergstromBoyce(0.5, 300.0), BergstromBoyce(1.5, 100.0)),
+    }[relaxes]
+    problem = replace(model((16, 22)), element=element, relaxation=branches)
+    samples = Samples.of(stiffness_factor=[0.8, 1.0, 1.2], friction=0.3, relaxation=np.array([0, 1, 0]))
+    here, there = (run(problem, samples, Sampling(TIMES, TIMES), device=d) for d in ("cpu", cuda))
+    for name in ("force_flyer", "force_transmission", "surface_r"):
+        assert apart(getattr(here, name), getattr(there, name)) < APART, name
+    work = np.abs(here.energy.external).max()
+    assert np.abs(here.energy.viscous).max() > 0.0
+    assert np.abs(here.energy.viscous - there.energy.viscous).max() < APART * work
     np.testing.assert_array_equal(here.steps, there.steps)
 
 
