@@ -128,8 +128,13 @@ class Information:
             [1/s], shape [d, n_bins].
         outline
             [1/(m s)], shape [d, n_frames, n_heights]; NaN where nothing is seen.
+
+        If some direction is not seen, no parameter has shares in the estimate of all: then all are NaN.
         """
-        shares = self.data.shares_alone if alone else self.data.shares
+        try:
+            shares = self.data.shares_alone if alone else self.data.shares
+        except SingularInformationError:
+            shares = np.full_like(self.data.jacobian, np.nan)
         look = self.sensitivity.look
         area = spacing(look.frames) * spacing(look.heights)
         parts = [self.mapped(column) for column in shares.T]
