@@ -9,13 +9,16 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from barrecord import classical_shot
 from typer.testing import CliRunner
 
 from doe.sensitivity import LinearData
 from kolsky.cli import app
 from kolsky.forward import Numerics
 from kolsky.localsensitivity import Look, local_sensitivity
+from kolsky.plan import plan
 from kolsky.planchoices import camera_heights, camera_windows, window_ends
+from kolsky.planfile import rows
 from kolsky.planning import Expected, Information, Instruments, information, instruments_of
 from kolsky.prepare import prepare
 from kolsky.shots import load_shot
@@ -359,3 +362,14 @@ def test_a_plan_for_the_force_alone(tmp_path: Path):
     assert said["parameters"]["damping"]["sigma"] == said["parameters"]["damping"]["sigma_force"]
     assert "sigma_outline" not in said["parameters"]["damping"]
     assert (tmp_path / "figures" / "plan-choices.svg").exists()
+
+
+def test_the_force_s_scale_is_listed_apart():
+    shot = classical_shot(0)  # between bars, without an outline, the force's scale uncertain
+    found = plan(shot, names=("stiffness_factor",), rates=(1.0,), numerics=TINY, discrepancy=(0.0, 0.0))
+    slopes = found.information.sensitivity
+    J, F, gain = slopes.force_slope[0], slopes.force, shot.force.sigma_gain
+    assert gain > 0.0
+    # One parameter, equal noise: regression through the origin.
+    assert found.force_scale[0] == pytest.approx(abs(J @ (gain * F) / (J @ J)), rel=1e-9)
+    assert any("by the force's scale" in str(text) for text in rows(found).values())
