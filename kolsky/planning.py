@@ -122,14 +122,14 @@ class Information:
     def densities(self, *, alone: bool = False) -> tuple[FloatArray, FloatArray]:
         """Shares in what is known of each parameter, per time and per time and height.
 
+        If some direction is not seen, no parameter has shares in the estimate of all: then all are NaN.
+
         Returns
         -------
         force
             [1/s], shape [d, n_bins].
         outline
             [1/(m s)], shape [d, n_frames, n_heights]; NaN where nothing is seen.
-
-        If some direction is not seen, no parameter has shares in the estimate of all: then all are NaN.
         """
         try:
             shares = self.data.shares_alone if alone else self.data.shares
