@@ -1,7 +1,7 @@
-"""Sobol' indices and Morris screening of a shot: `python runs/sensitivity.py [SHOT] [FOLDER]`.
+"""Sobol' indices and Morris screening of a shot: `python runs/sensitivity.py [SHOT] [FOLDER] [POINTS]`.
 
 Over the box below, by the solver itself and on a checked surrogate: a picture into FOLDER (default:
-SHOT/results), a table on the terminal.
+SHOT/results), a table on the terminal. POINTS of each sample, a power of two, are 512 if not given.
 """
 
 import sys
@@ -19,7 +19,8 @@ COARSE = Numerics(mesh=(16, 22))  # indices are shares: a mesh that is too soft 
 
 shot = load_shot(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "open-01")
 folder = Path(sys.argv[2]) if len(sys.argv) > 2 else shot.folder / "results"
-found = solver_sensitivity(shot, BOX, n=512, numerics=COARSE)
+n = int(sys.argv[3]) if len(sys.argv) > 3 else 512
+found = solver_sensitivity(shot, BOX, n=n, numerics=COARSE)
 checked = global_sensitivity(shot, BOX, runs=128, unseen=32, numerics=COARSE)
 save_figures(folder, found, formats=("svg",), registry=SENSITIVITY)
 
