@@ -14,7 +14,7 @@ def caption(result: SweepAnalysis) -> str:
     """What is seen."""
     return (
         "Share of each misfit’s variance over the box that a parameter causes, by itself or with others "
-        "(total Sobol’ indices, bars, with 95 % intervals of the bootstrap), and by itself (first order, dots)."
+        "(total Sobol’ indices, bars, 95 % intervals of the bootstrap), and by itself (first order, dots)."
     )
 
 
