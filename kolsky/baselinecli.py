@@ -59,7 +59,7 @@ def baseline(
         str, typer.Option(help="Relative standard uncertainty of force and section, common to all tests.")
     ] = "0 %",
     poisson: Annotated[
-        float, typer.Option(min=0.0, max=0.4999, help="For the friction: the shot's [model] poisson.")
+        float, typer.Option(min=0.0, max=0.4999, help="Poisson's ratio of the shot, for the friction.")
     ] = 0.499,
     points: Annotated[int, typer.Option(min=8, max=10000, help="Points of the curve.")] = 60,
     last: Annotated[

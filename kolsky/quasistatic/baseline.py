@@ -126,7 +126,7 @@ def baseline(tests: Sequence[UniaxialTest], treatment: Treatment, *, pull: Pull 
         if friction.slow.past_data > PAST_DATA:
             remarks += (
                 f"at the largest strain {100.0 * friction.slow.past_data:.0f} % of the barrelled specimen was"
-                " strained past the curve's own end: there the correction rests on how the curve is continued",
+                " strained past the curve's own end: there the correction rests on its continuation",
             )
     return Baseline(
         pull=pull,

@@ -25,8 +25,8 @@ DENSITY = 1000.0
 DRAG = 0.15
 """Mass-proportional damping times one passage of a wave [-]."""
 VISCOSITY = 0.03
-"""Stiffness-proportional damping of the deviator over one passage of a wave [-]. Sliding by Coulomb's law flutters
-without any; this much adds some 0.1 % to the force."""
+"""Stiffness-proportional damping of the deviator over one passage of a wave [-]. Sliding by Coulomb's law
+flutters without any."""
 RISE = 0.5
 """Share of the duration in which the platen picks up speed [-]."""
 OUTSET = 0.02
