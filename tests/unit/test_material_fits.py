@@ -84,12 +84,12 @@ def test_the_covariance_is_that_of_many_draws():
     rng = np.random.default_rng(7)
     law = LAWS["gent"](2e4, 8.0)
     draws, sigmas = [], []
-    for _ in range(60):
+    for _ in range(40):
         found = fit(LAWS["gent"], planted(law, (Mode.UNIAXIAL,), noise=150.0, rng=rng), starts=1)
         draws.append([found.values["mu"], found.values["Jm"]])
         sigmas.append([found.sigma["mu"], found.sigma["Jm"]])
-    # A standard deviation from 60 draws has a relative error of 9 %; three of them.
-    np.testing.assert_allclose(np.median(sigmas, axis=0), np.std(draws, axis=0, ddof=1), rtol=0.28)
+    # A standard deviation from 40 draws has a relative error of 11 %; three of them.
+    np.testing.assert_allclose(np.median(sigmas, axis=0), np.std(draws, axis=0, ddof=1), rtol=0.33)
     np.testing.assert_allclose(np.mean(draws, axis=0), [2e4, 8.0], rtol=0.01)  # 3 sigma of the mean and bias
 
 
