@@ -12,7 +12,7 @@ from kolsky.quasistatic.stability import PathStability, Stability, drucker, stab
 from kolsky.quasistatic.testdata import HomogeneousTest
 
 FARTHEST = 10.0
-"""Stretch to which stability is followed at least [-]."""
+"""Principal stretch to which stability is followed at least [-]."""
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ def compare(
 
 
 def _farthest(test: HomogeneousTest) -> float:
-    lam = test.mode.principal_stretches(test.deformation)[0]
+    lam = np.stack(test.mode.principal_stretches(test.deformation))
     return float(max(lam.max(), 1.0 / lam.min()))
 
 
