@@ -167,6 +167,7 @@ def _known() -> dict[str, Candidate]:
 
 
 def _remoteness(path: PathStability) -> float:
-    """Size of the first principal logarithmic strain at the end of a path [-]."""
-    lam = path.mode.principal_stretches(path.mode.at_rest + path.strain)[0]
-    return float(abs(np.log(lam)))
+    """Largest size of a principal logarithmic strain at the end of a path [-], the same for one deformation
+    under two names."""
+    lam = np.stack(path.mode.principal_stretches(path.mode.at_rest + path.strain))
+    return round(float(np.abs(np.log(lam)).max()), 9)
