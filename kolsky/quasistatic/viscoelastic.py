@@ -32,8 +32,9 @@ GRID_TIMES = 7
 """Relaxation times it is looked for at."""
 REFUSED = 1e6
 """Residual of every value of a model that cannot be simulated [-]."""
-DIFFERENCE = 3e-3
-"""Half of the central difference in a logarithm: its error is of the square, 1e-5."""
+DIFFERENCE = 1e-2
+"""Half of the central difference in a logarithm: its error is of the square, 1e-4, and a node that lands on a
+platen on one side of it alone, which is a jump, weighs little."""
 SIGNIFICANT = 0.01
 """Probability below which chance does not explain what a branch improves."""
 
@@ -126,10 +127,10 @@ class RateVerdict:
         k = self.branches
         if k == 0:
             fit, p = self.fits[1], self.probabilities[0]
-            why = f"at the end of its range: {', '.join(fit.at_bound)}" if fit.at_bound else f"p = {p:.2g}"
+            why = f"at the end of its range: {', '.join(fit.at_bound)}" if fit.at_bound else _chance(p)
             return f"the data do not ask for rate dependence ({why}, AIC {fit.aic - self.fits[0].aic:+.1f})"
         p, gain = self.probabilities[k - 1], self.fits[k].aic - self.fits[k - 1].aic
-        return f"the data ask for {k} branch{'es' if k > 1 else ''} (p = {p:.2g}, AIC {gain:+.1f})"
+        return f"the data ask for {k} branch{'es' if k > 1 else ''} ({_chance(p)}, AIC {gain:+.1f})"
 
 
 def fit_prony(
@@ -298,6 +299,10 @@ def _model(x: FloatArray) -> RateModel:
     return RateModel(
         float(values[0]), PronySeries(tuple(values[1 : n + 1].tolist()), tuple(values[n + 1 :].tolist()))
     )
+
+
+def _chance(probability: float) -> str:
+    return "p < 1e-99" if probability < 1e-99 else f"p = {probability:.2g}"
 
 
 def _logs(model: RateModel) -> FloatArray:
