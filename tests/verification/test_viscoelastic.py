@@ -34,7 +34,7 @@ def test_an_impact_keeps_its_energy(name: str, element: str) -> None:
 def test_a_planted_pair_is_found_with_its_interval() -> None:
     found = v.recovery()
     assert found.asked == (1, 0)
-    assert np.abs(found.normalised).max() < 3.5  # 18 normal numbers: beyond that once in 120
-    assert 0.6 < found.rms < 1.4  # independent ones would scatter by 1 / sqrt(36) = 0.17
+    assert np.abs(found.normalised).max() < 3.5  # 36 normal numbers: beyond that once in 60
+    assert 0.6 < found.rms < 1.4  # independent ones would scatter by 1 / sqrt(72) = 0.12
     assert (found.sigmas < 0.15).all()  # an interval that says something
     assert (np.ptp(found.sigmas, axis=0) < 0.2 * found.sigmas.mean(axis=0)).all()  # and is the tests' own

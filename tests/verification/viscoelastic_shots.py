@@ -22,7 +22,7 @@ SPEEDS = (1.0, 2.0, 3.5)
 """Speeds of the flyer [m/s]: 150 to 540 per second."""
 DEPTH = 0.4
 """Compression at which a shot ends [-]: past it the side of this coarse mesh lands node by node."""
-NOISE, BINS, DRAWS = 0.2, 40, 6
+NOISE, BINS, DRAWS = 0.2, 40, 12
 """Noise of a bin's mean force [N], bins of a shot, draws of the noise."""
 
 
