@@ -9,6 +9,7 @@ import numpy as np
 from explicit import Response
 from kolsky.apparatus import Interface
 from kolsky.identification import DesignTable, Identification, Verdict
+from kolsky.methods import disagreements
 from kolsky.results_text import worst_imbalance
 
 PAST_CURVE = 0.01
@@ -51,8 +52,10 @@ def cautions(
             *_disagreement(result),
             *_force_alone(result),
             *_routes(result),
+            *_methods(result),
             *_bounds(result),
             *_past_curve(result, checks),
+            *_conditioned(checks),
             *_energy(result),
             *hourglass(result.response),
             *_lost(result, lost_replicates),
@@ -85,7 +88,7 @@ def past_curve(share: float, reached: float, checks: Mapping[str, float]) -> Ite
         yield (
             f"{100.0 * share:.0f} % of the specimen's volume was strained past the quasi-static curve: "
             f"s = sqrt(I1 - 3) reached {reached:.3g}, the curve ends at {last:.3g} (nominal strain "
-            f"{strain:+.2g}); from there the law continues on its end tangent, which no test supports. "
+            f"{strain:+.2g}); from there the law goes on without a test that supports it. "
             f"A curve to a nominal strain of {_equivalent_strain(reached, strain):+.2g} would cover it"
         )
 
@@ -149,7 +152,16 @@ def _disagreement(result: Identification) -> Iterator[str]:
     if any(e.outcome is Verdict.DISAGREEING for e in result.estimates.values()):
         shift = result.surrogate.get("check_shift_sigmas")
         by = "" if shift is None else f": the last one still moved the optimum by {shift:.2g} sigma"
-        yield f"the check run on the refined mesh does not confirm the surrogate{by}; do not use the value"
+        needed, cure = result.surrogate.get("runs_needed"), ""
+        if needed is not None:
+            cure = (
+                f"; about {needed:.0f} runs around the optimum would do"
+                if isfinite(needed)
+                else "; more runs would hardly help, because the response is rough: shrink the bounds"
+            )
+        yield (
+            f"the check run on the refined mesh does not confirm the surrogate{by}; do not use the value{cure}"
+        )
 
 
 def _force_alone(result: Identification) -> Iterator[str]:
@@ -188,6 +200,18 @@ def _routes(result: Identification) -> Iterator[str]:
             )
 
 
+def _methods(result: Identification) -> Iterator[str]:
+    """Searches of one misfit must end at one point, or it has more than one valley, or is rough."""
+    for method, name, distance in disagreements(result.methods):
+        if isfinite(distance):
+            yield (
+                f"methods disagree about {name}: {method.name} ends at {method.values[name]:.5g}, "
+                f"{abs(distance):.2g} of the k = 2 half width from the answer ({method.ended})"
+            )
+        else:
+            yield f"{method.name} has no value of {name} to compare ({method.ended})"
+
+
 def _bounds(result: Identification) -> Iterator[str]:
     """An interval that leaves the design rests on no run there."""
     design = result.design
@@ -199,6 +223,15 @@ def _bounds(result: Identification) -> Iterator[str]:
                 f"the k = 2 interval of {name} reaches past the bounds of its design ({low:g} to {high:g}); "
                 f"widen them with --free {name}=LOW:HIGH, if a value beyond is possible"
             )
+
+
+def _conditioned(checks: Mapping[str, float]) -> Iterator[str]:
+    if "conditioned_ratio" in checks:
+        ratio = checks["conditioned_ratio"]
+        yield (
+            f"m refers to the first pull; the conditioned curve's stress is {ratio:.3g} times that, so m "
+            f"would be about {1.0 / ratio:.3g} times as large against it: --pull conditioned identifies it"
+        )
 
 
 def _past_curve(result: Identification, checks: Mapping[str, float]) -> Iterator[str]:

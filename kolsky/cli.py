@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from kolsky import sweepcli
+from kolsky import materialcli, plancli, sweepcli
 from kolsky.clitypes import (
     AsJson,
     Corrected,
@@ -359,6 +359,10 @@ def identify(
     replicates: Annotated[
         int, typer.Option(min=0, help="Draws of the flyer's and the curve's noise; 0 leaves them out.")
     ] = 16,
+    methods: Annotated[
+        str,
+        typer.Option(metavar="WHICH", help="surrogate, or all: least squares on the solver too (dear)."),
+    ] = "surrogate",
     element: Element = "one_point",
     hourglass: Hourglass = "stiffness",
     nearly_incompressible: Corrected = False,
@@ -366,6 +370,8 @@ def identify(
     device: Device = "cpu",
     threads: Threads = None,
     past_data: PastData = "continue",
+    bayes: Annotated[bool, typer.Option("--bayes", help="Sample the posterior too; needs emcee.")] = False,
+    pull: Annotated[str, typer.Option(help="The curve m refers to: first pull or conditioned.")] = "first",
     seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 1,
     out: Out = None,
     figures: Annotated[
@@ -388,9 +394,12 @@ def identify(
             mesh=options.mesh("--mesh", mesh),
             refined_mesh=options.mesh("--refined-mesh", refined_mesh),
             replicates=replicates,
+            methods=methods,
             arithmetic=Arithmetic(
                 precision, device, threads, past_data, element, hourglass, nearly_incompressible
             ),
+            bayes=bayes,
+            pull=pull,
             seed=seed,
             out=out,
             formats=_listed(figures),
@@ -437,7 +446,45 @@ def simulate(
         raise typer.Exit(1)
 
 
+app.command()(plancli.plan)
 app.command()(sweepcli.sweep)
+app.add_typer(materialcli.material)
+
+
+@app.command()
+def film(
+    shot: ShotPath,
+    field: Annotated[str, typer.Option(help="What colours it: stretch, pressure or energy.")] = "stretch",
+    formats: Annotated[
+        str,
+        typer.Option(
+            "--format", metavar="FORMATS", help="png (stills), mp4, gif, vtu (ParaView); several by commas."
+        ),
+    ] = "png",
+    every: Annotated[int, typer.Option(min=1, help="Take every so many of the recorded times.")] = 1,
+    rate: Annotated[float, typer.Option(min=1.0, max=120.0, help="Pictures a second of a film.")] = 25.0,
+    stills: Annotated[int, typer.Option(min=1, max=1000, help="Number of stills.")] = 6,
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """Render the specimen of an identified shot between its platens, half of it cut away.
+
+    Needs the results of `kolsky identify`; writes into their folder film.
+    """
+    with refusing_bad_input():
+        from kolsky.filmcommand import film as run
+
+        run(
+            shot,
+            field=field,
+            formats=_listed(formats),
+            every=every,
+            rate=rate,
+            stills=stills,
+            out=out,
+            as_json=as_json,
+        )
+
 
 if __name__ == "__main__":
     main()

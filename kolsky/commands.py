@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 from kolsky import options, printed
 from kolsky.commandparts import Arithmetic, failure, load, since, tell, usable
@@ -19,7 +20,10 @@ def identify(
     mesh: tuple[int, int],
     refined_mesh: tuple[int, int],
     replicates: int,
+    methods: str,
     arithmetic: Arithmetic,
+    bayes: bool = False,
+    pull: str = "first",
     seed: int,
     out: Path | None,
     formats: Sequence[str],
@@ -30,7 +34,11 @@ def identify(
     options.finer("--refined-mesh", refined_mesh, "--mesh", mesh)
     for name in formats:
         options.one_of("--figures", name, ("pdf", "svg", "png"))
+    options.one_of("--methods", methods, ("surrogate", "all"))
+    options.one_of("--pull", pull, ("first", "conditioned"))
     options.apart("--free", free, "--parameter", held)
+    if bayes:
+        options.installed("--bayes", "emcee", "bayes")
     loaded, folder = load(shot, out)
     numerics = arithmetic.numerics(mesh)
     from kolsky import identify as inverse
@@ -38,7 +46,15 @@ def identify(
     from kolsky.settings import Settings
 
     settings = Settings(
-        free=free, held=held, numerics=numerics, refined_mesh=refined_mesh, replicates=replicates, seed=seed
+        free=free,
+        held=held,
+        numerics=numerics,
+        refined_mesh=refined_mesh,
+        replicates=replicates,
+        methods="all" if methods == "all" else "surrogate",
+        bayes=bayes,
+        pull="conditioned" if pull == "conditioned" else "first",
+        seed=seed,
     )
     with usable(loaded), bars() as progress:
         found = inverse.identify(loaded, settings, progress=progress)

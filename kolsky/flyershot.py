@@ -12,8 +12,9 @@ from kolsky.forcefile import force_recording
 from kolsky.shotfile import ForceSection
 from kolsky.shots import ForceChannel, Shot, find_shot_file
 from kolsky.shottoml import ShotToml, read_shot_toml
+from kolsky.uncertaintytoml import UncertaintySection
 from kolsky.waves.audit import Switches
-from kolsky.wavesfile import UncertaintySection, WavesSection
+from kolsky.wavesfile import WavesSection
 from kolsky.wavesshot import declared_settings
 
 
@@ -47,7 +48,7 @@ def load_flyer_test(folder_or_toml: str | Path, shot: Shot) -> FlyerInput:
         switches=Switches(waves.corrections),
         uncertainty={
             key: value
-            for key, value in (declared.uncertainty or UncertaintySection()).model_dump().items()
+            for key, value in (declared.uncertainty or UncertaintySection()).for_waves().items()
             if not isinstance(value, bool)
         },
         settings=declared_settings(toml.content),

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explicit import Ending, Outcome, Response
+from kolsky.knowledge.records import Declaration, PairMap, ParameterProfile, PosteriorSummary
 from kolsky.methods import Method
 from kolsky.notebook import IdentificationInNotebook
 from kolsky.records import CentreLine, ForceHistory
@@ -24,6 +25,11 @@ class Verdict(StrEnum):
     NOT_SEEN = "not seen by the data"
     DISAGREEING = "the check run disagrees with the surrogate"
     FAILED = "no simulation of the design completed"
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether the search came to rest: a run on the refined mesh left the optimum where it was."""
+        return self not in (Verdict.DISAGREEING, Verdict.FAILED)
 
 
 @dataclass(frozen=True)
@@ -47,11 +53,13 @@ class Estimate:
     motion" (the noise of whatever moves the front face), "material curve"."""
     outcome: Verdict
     """How the search ended."""
+    sigma_systematic: float = 0.0
+    """Standard uncertainty from what shot.toml declares in [uncertainty], 0 if it declares nothing."""
 
     @property
     def sigma(self) -> float:
         """Combined standard uncertainty, root sum of squares."""
-        return float(np.hypot(self.sigma_noise, self.sigma_numerical))
+        return float(np.sqrt(self.sigma_noise**2 + self.sigma_numerical**2 + self.sigma_systematic**2))
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -234,5 +242,13 @@ class Identification(IdentificationInNotebook):
     """What a user must know before using the answer, one sentence each; see `kolsky.cautions`."""
     methods: tuple[Method, ...] = ()
     """What other methods find from the same data; the answer's own is the first."""
+    systematic: tuple[Declaration, ...] = ()
+    """What declared uncertainties of the inputs do to the answer, and what was not declared."""
+    profiles: tuple[ParameterProfile, ...] = ()
+    """The profile likelihood of each free parameter."""
+    ridge: PairMap | None = None
+    """The likelihood over the plane of two free parameters; None for another number of them."""
+    posterior: PosteriorSummary | None = None
+    """The posterior, if it was asked for."""
     provenance: dict[str, Any] = field(default_factory=dict)
     """Input hashes, settings, versions, seed, machine class, precision."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, nan
 
 SIMPLEX = "surrogate and simplex"
 LEAST_SQUARES = "least squares on the solver"
@@ -22,7 +22,8 @@ class Method:
     values: dict[str, float]
     """What it finds, in parameter units."""
     distances: dict[str, float]
-    """Value minus the answer, over the half width of the answer's k = 2 interval [-]."""
+    """Value minus the answer, over the half width of the answer's k = 2 interval [-]; NaN where the method
+    has no value or the answer no width."""
     runs: int
     """Simulations it took, those of the surrogate it rests on included."""
     shared_runs: int
@@ -59,20 +60,20 @@ class Method:
         Raises
         ------
         ValueError
-            If the names differ or a half width is not > 0.
+            If the names differ.
         """
         if not set(values) == set(answer) == set(half_width):
             raise ValueError(
                 f"{name}: values for {sorted(values)}, the answer is for {sorted(answer)} and its interval "
                 f"for {sorted(half_width)}"
             )
-        wrong = [parameter for parameter, width in half_width.items() if not width > 0.0]
-        if wrong:
-            raise ValueError(f"the half width of {wrong[0]} must be > 0, got {half_width[wrong[0]]}")
         return cls(
             name=name,
             values=dict(values),
-            distances={p: (value - answer[p]) / half_width[p] for p, value in values.items()},
+            distances={
+                p: (value - answer[p]) / half_width[p] if half_width[p] > 0.0 else nan
+                for p, value in values.items()
+            },
             runs=runs,
             shared_runs=shared_runs,
             converged=converged,

@@ -89,6 +89,18 @@ class Objective:
             shape_discrepancy=float(np.sqrt(max(shape.mean(), 0.0))) if shape.size else 0.0,
         )
 
+    def deviance(self, vectors: FloatArray, part: Part = "joint") -> FloatArray:
+        """Minus twice the log-likelihood of vectors [n, k], each with its own discrepancies, shape [n].
+
+        Up to a constant; unlike `chi2` it can be compared between points whose discrepancies differ.
+        """
+        use = self.mask(part)
+        found = []
+        for vector in vectors:
+            variance = self.with_discrepancy(vector).sigma[use] ** 2
+            found.append(float(((vector - self.data)[use] ** 2 / variance + np.log(variance)).sum()))
+        return np.array(found)
+
     def gain(self, jacobian: FloatArray, part: Part = "joint") -> FloatArray:
         """Linear map from a change of the data vector to the change of the optimum, shape [d, k]."""
         weighted = np.where(self.mask(part), 1.0 / self.sigma**2, 0.0)[:, None] * jacobian

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from doe import Box, ResponseSurrogate
+from doe import Box, Surrogate
 from doe import nelder_mead as minimise
 from kolsky.objective import Objective, Part
 
@@ -28,7 +28,15 @@ class Optimum:
     """The objective with the discrepancies of that point."""
 
 
-def search(box: Box, objective: Objective, model: Model, part: Part = "joint") -> Optimum:
+def search(
+    box: Box,
+    objective: Objective,
+    model: Model,
+    part: Part = "joint",
+    *,
+    start: FloatArray | None = None,
+    tolerance: float = 1e-7,
+) -> Optimum:
     """Find the optimum and the discrepancies at it (they depend on each other: three rounds).
 
     Parameters
@@ -41,15 +49,18 @@ def search(box: Box, objective: Objective, model: Model, part: Part = "joint") -
         Predicts data vectors.
     part
         The joint objective, or the force's or the outline's part of it.
+    start
+        Where to begin, shape [d]; the middle of the box if left out.
+    tolerance
+        Of the simplex, in the unit box.
     """
-    start = None
     for _ in range(3):
         weighted = objective
 
         def cost(x: FloatArray, weighted: Objective = weighted) -> float:
             return float(weighted.chi2(model(x)[0], part))
 
-        start = minimise(cost, box, start=start, tolerance=1e-7).x
+        start = minimise(cost, box, start=start, tolerance=tolerance).x
         objective = objective.with_discrepancy(model(start)[0])
     assert start is not None
     return Optimum(start, objective)
@@ -62,7 +73,7 @@ class CorrectedSurrogate:
     It agrees exactly with the last of them, and in the slope between the last two (Broyden's update).
     """
 
-    surrogate: ResponseSurrogate
+    surrogate: Surrogate
     """The surrogate of the coarser mesh."""
     anchor: FloatArray | None = None
     """Point of the last run, shape [d]; None before the first."""
@@ -105,3 +116,8 @@ def on_edge(x: FloatArray, box: Box) -> NDArray[np.bool_]:
     """Which coordinates of a point lie on a bound of the box, shape [d]."""
     lower, upper = np.array(box.lower), np.array(box.upper)
     return np.asarray(np.minimum(x - lower, upper - x) < ON_EDGE * (upper - lower))
+
+
+def leaves(x: FloatArray, local: Box, whole: Box) -> bool:
+    """Whether a point lies on a face of the local box that is none of the whole one: it would go further."""
+    return bool((on_edge(x, local) & ~on_edge(x, whole)).any())

@@ -160,6 +160,16 @@ def apart(option: str, names: Iterable[str], other: str, others: Iterable[str]) 
         raise InputError(COMMAND_LINE, f"{name} is named by both {option} and {other}", cure="choose one")
 
 
+def installed(option: str, package: str, extra: str) -> None:
+    """Refuse an option whose package is not there."""
+    from importlib.util import find_spec
+
+    if find_spec(package) is None:
+        raise InputError(
+            COMMAND_LINE, f"{option} needs {package}", cure=f"install it: pip install 'kolsky[{extra}]'"
+        )
+
+
 def _known(option: str, whole: str, name: str) -> str:
     """The unit of a parameter that exists."""
     from kolsky.parameters import parameter

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 import explicit
+from kolsky.curvefile import conditioned_ratio
 from kolsky.flyer import fit_flyer
 from kolsky.flyerpath import FlyerPath
 from kolsky.forward import Forward, curve_replicates, material_law
@@ -80,7 +81,7 @@ def prepare(shot: Shot) -> Prepared:
     )
     outlines = observations.frame_times if observations.has_shape else np.linspace(*shot.window, OUTLINES)
     sampling = explicit.Sampling(force_times=observations.force.time, surface_times=outlines)
-    law = material_law(shot.curve)
+    law, ratio = material_law(shot.curve), conditioned_ratio(shot.curve)
     forward = Forward(shot=shot, sampling=sampling, paths=(path,), laws=(law,))
     return Prepared(
         forward=forward,
@@ -91,6 +92,7 @@ def prepare(shot: Shot) -> Prepared:
             "curve_last_s": law.data_limit,
             "curve_last_strain": float(shot.curve.stretch[-1] - 1.0),
             "window_end": shot.window[1],
+            **({} if ratio is None else {"conditioned_ratio": ratio}),
             **({} if shot.symmetry_end is None else {"symmetry_end": shot.symmetry_end}),
         },
         motion_sigma_gain=scale,

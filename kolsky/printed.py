@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from kolsky.identification import Estimate, Identification, Route, Verdict
+from kolsky.methods import Method
 from kolsky.parameters import PARAMETERS
 from kolsky.report import numbers
 from kolsky.report.shown import in_shown_units, shown_estimate
@@ -36,11 +37,15 @@ def details(found: Identification) -> dict[str, str]:
         rows.append((f"{symbol}, interval", f"{low} to {high}"))
         rows.append((f"{symbol}, u noise", f"{e.sigma_noise:.2g}"))
         rows.append((f"{symbol}, u mesh and step", f"{e.sigma_numerical:.2g}"))
+        if e.sigma_systematic > 0.0:
+            rows.append((f"{symbol}, u declared", f"{e.sigma_systematic:.2g}"))
+        rows += [(f"{symbol}, data say", p.verdict) for p in found.profiles if p.name == name]
         rows += [
             (f"{symbol}, {ROUTES[route.name]}", _route(route, name, U))
             for route in found.routes
             if route.name in ROUTES
         ]
+        rows += [(f"{symbol}, {method.name}", _distant(method, name, U)) for method in found.methods[1:]]
     return dict(rows)
 
 
@@ -48,6 +53,13 @@ def columns(rows: Mapping[str, Any]) -> list[str]:
     """Names and values in two columns; numbers with six digits."""
     width = max(map(len, rows), default=0)
     return [f"  {name:<{width}}  {_shown(value)}" for name, value in rows.items()]
+
+
+def _distant(method: Method, name: str, U: float) -> str:
+    value, distance = numbers.like(method.values[name], U), numbers.plain(method.distances[name], 2)
+    return f"{plain(value)}, {plain(distance)} U from the answer" + (
+        "" if method.converged else ", not at rest"
+    )
 
 
 def _route(route: Route, name: str, U: float) -> str:

@@ -2,9 +2,13 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import explicit.materials
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -97,4 +101,18 @@ class MaterialCurve:
     stress: FloatArray
     """Nominal stress, tension-positive [Pa], shape [n]."""
     sigma: FloatArray
-    """Standard deviation of each stress [Pa], shape [n]."""
+    """Standard deviation of each stress, independent from point to point [Pa], shape [n]."""
+    modes: FloatArray | None = None
+    """Standard uncertainties that move all points together, one row a cause [Pa], shape [n_modes, n]; None if
+    none is known."""
+    conditioned: "MaterialCurve | None" = None
+    """The same material's curve after earlier loading (Mullins), if that is known too."""
+    law: "explicit.materials.AnyLaw | None" = None
+    """The closed-form law that this is the curve of; None for a measured curve."""
+
+    @property
+    def total_sigma(self) -> FloatArray:
+        """Standard uncertainty of each stress, all causes [Pa], shape [n]."""
+        if self.modes is None:
+            return self.sigma
+        return np.asarray(np.sqrt(self.sigma**2 + (self.modes**2).sum(axis=0)))

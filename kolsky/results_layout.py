@@ -88,6 +88,7 @@ ESTIMATE: Table = {
     "value": ("", "", "f"),
     "sigma_noise": ("", "", "f"),
     "sigma_numerical": ("", "", "f"),
+    "sigma_systematic": ("", "", "f"),
     "mesh_shift": ("", "", "f"),
     "outcome": ("", "", "t"),
 }

@@ -20,6 +20,12 @@ from kolsky.identification import (
     Verdict,
 )
 from kolsky.records import CentreLine, ForceHistory
+from kolsky.results_datasets import Refused as _Refused
+from kolsky.results_datasets import numbered as _numbered
+from kolsky.results_datasets import opened as _opened
+from kolsky.results_datasets import read as _read
+from kolsky.results_datasets import read_numbers as _read_numbers
+from kolsky.results_knowledge import read_knowledge
 from kolsky.results_layout import (
     CURVE,
     DESIGN,
@@ -29,25 +35,14 @@ from kolsky.results_layout import (
     FORCE,
     FORMAT,
     NODES,
-    NUMBERS,
     PROFILE,
     PROFILE_MODEL,
     RECORDED,
     RESPONSE,
     ROUTE,
-    STORED,
     TERMS,
     VERSION,
-    Table,
-    shape_problem,
 )
-
-LARGEST_DATASET = 2**30
-"""Largest dataset that is read [bytes]; a dense mesh at every frame takes 1e7."""
-
-
-class _Refused(Exception):
-    """One dataset that cannot be used, said without the file's name."""
 
 
 def read_identification(path: Path) -> Identification:
@@ -129,6 +124,7 @@ def _read_entry(file: h5py.File) -> Identification:
         seconds=_read_numbers(file, "entry/seconds"),
         warnings=entry["warnings"],
         provenance=provenance,
+        **read_knowledge(file),
     )
 
 
@@ -163,71 +159,6 @@ def _read_response(file: h5py.File) -> Response:
     values = _read(file, "entry/response", RESPONSE, dims)
     _known_outcomes("entry/response", values["outcomes"])
     values["outcomes"] = tuple(Outcome[name] for name in values["outcomes"])
-    if "nodes" in _open(file, "entry/response", h5py.Group):
+    if "nodes" in _opened(file, "entry/response", h5py.Group):
         values |= _read(file, "entry/response", NODES, dims)
     return Response(**values, energy=EnergyLedger(**_read(file, "entry/energy", ENERGY, dims)))
-
-
-def _read_numbers(file: h5py.File, place: str) -> dict[str, float]:
-    values = _read(file, place, NUMBERS, {})
-    return dict(zip(values["names"], values["values"].tolist(), strict=True))
-
-
-def _numbered(file: h5py.File, place: str) -> list[str]:
-    """Paths of the sub-groups "0", "1", ... of a group, which must be all it holds."""
-    found = set(_open(file, place, h5py.Group).keys())
-    expected = [str(number) for number in range(len(found))]
-    if found != set(expected):
-        raise _Refused(f"/{place}: groups {sorted(found)[:5]}, expected them numbered from 0")
-    return [f"{place}/{number}" for number in expected]
-
-
-def _read(file: h5py.File, place: str, table: Table, dims: dict[str, int]) -> dict[str, Any]:
-    """Read the datasets of `table`; sizes of named dimensions are checked against and added to `dims`."""
-    _open(file, place, h5py.Group)
-    values: dict[str, Any] = {}
-    for name, (_, dimensions, kind) in table.items():
-        where = f"/{place}/{name}"
-        dataset = _open(file, f"{place}/{name}", h5py.Dataset)
-        if dataset.external or dataset.is_virtual:
-            raise _Refused(f"{where}: its values lie in another file, expected them in this one")
-        expected = STORED[kind]
-        if not (dataset.dtype.kind == "S" if kind == "t" else dataset.dtype == np.dtype(expected)):
-            raise _Refused(f"{where}: type {dataset.dtype}, expected {expected}")
-        if dataset.shape is None:
-            raise _Refused(f"{where}: holds nothing, expected ({dimensions or 'scalar'})")
-        wrong = shape_problem(dataset.shape, dimensions, dims)
-        if wrong:
-            raise _Refused(f"{where}: {wrong}")
-        if dataset.size * dataset.dtype.itemsize > LARGEST_DATASET:
-            raise _Refused(f"{where}: more than {LARGEST_DATASET} bytes")
-        values[name] = _text(dataset[()], where) if kind == "t" else dataset[()]
-        if kind != "t" and not dimensions:
-            values[name] = values[name].item()
-    return values
-
-
-def _open(file: h5py.File, place: str, kind: type) -> Any:
-    """The object at `place`, reached over hard links only (a soft or external link could lead anywhere)."""
-    here: Any = file
-    done = ""
-    for part in place.split("/"):
-        done += "/" + part
-        link = here.get(part, getlink=True) if isinstance(here, h5py.Group) else None
-        if link is None:
-            raise _Refused(f"{done}: missing")
-        if not isinstance(link, h5py.HardLink):
-            raise _Refused(f"{done}: a {type(link).__name__}, expected the object itself")
-        here = here[part]
-    if not isinstance(here, kind):
-        raise _Refused(f"{done}: a {type(here).__name__}, expected a {kind.__name__}")
-    return here
-
-
-def _text(value: Any, where: str) -> str | tuple[str, ...]:
-    try:
-        if isinstance(value, np.ndarray):
-            return tuple(text.decode() for text in value.tolist())
-        return bytes(value).decode()
-    except UnicodeDecodeError as error:
-        raise _Refused(f"{where}: not UTF-8 ({error.reason})") from None

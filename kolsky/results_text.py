@@ -12,6 +12,7 @@ import numpy as np
 from explicit import Response
 from kolsky.csvtable import write_table
 from kolsky.identification import DesignTable, Identification
+from kolsky.results_knowledge import knowledge_json
 
 __all__ = ["ends", "jsonable", "to_json", "worst_imbalance", "write_csv"]
 
@@ -20,8 +21,8 @@ def to_json(identification: Identification) -> dict[str, Any]:
     """The result as one object of JSON types.
 
     Every free parameter is a key with `value`, `interval` (k = 2), `sigma`, `sigma_noise`,
-    `sigma_numerical`, `mesh_shift`, `noise_parts`, `unit` and `outcome`; `failed_runs` lists the runs that
-    did not complete. Numbers that are not finite become null.
+    `sigma_numerical`, `sigma_systematic`, `mesh_shift`, `noise_parts`, `unit` and `outcome`; `failed_runs`
+    lists the runs that did not complete. Numbers that are not finite become null.
 
     Raises
     ------
@@ -36,6 +37,7 @@ def to_json(identification: Identification) -> dict[str, Any]:
         "shot": result.shot,
         "warnings": result.warnings,
         "routes": [vars(route) for route in result.routes],
+        "methods": [vars(method) for method in result.methods],
         "terms": terms,
         "fixed": result.fixed,
         "mesh": {"default": result.mesh, "refined": result.refined_mesh},
@@ -48,6 +50,7 @@ def to_json(identification: Identification) -> dict[str, Any]:
             "energy_imbalance": worst_imbalance(response),
         },
         "failed_runs": failed_runs(result.design),
+        **knowledge_json(result),
         "surrogate": result.surrogate,
         "seconds": result.seconds,
         "provenance": result.provenance,
@@ -62,6 +65,7 @@ def to_json(identification: Identification) -> dict[str, Any]:
             "sigma": e.sigma,
             "sigma_noise": e.sigma_noise,
             "sigma_numerical": e.sigma_numerical,
+            "sigma_systematic": e.sigma_systematic,
             "mesh_shift": e.mesh_shift,
             "noise_parts": e.noise_parts,
             "unit": e.unit,

@@ -6,15 +6,18 @@ types.
 """
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import h5py
-import numpy as np
 
 from kolsky.atomic import replacing
 from kolsky.identification import Identification
+from kolsky.results_datasets import data as _data
+from kolsky.results_datasets import group as _group
+from kolsky.results_datasets import safe as _safe
+from kolsky.results_datasets import write as _write
+from kolsky.results_datasets import write_numbers as _write_numbers
+from kolsky.results_knowledge import write_knowledge
 from kolsky.results_layout import (
     CURVE,
     DESIGN,
@@ -24,17 +27,13 @@ from kolsky.results_layout import (
     FORCE,
     FORMAT,
     NODES,
-    NUMBERS,
     PROFILE,
     PROFILE_MODEL,
     RECORDED,
     RESPONSE,
     ROUTE,
-    STORED,
     TERMS,
     VERSION,
-    Table,
-    shape_problem,
 )
 from kolsky.results_text import jsonable
 
@@ -110,59 +109,4 @@ def _write_entry(entry: h5py.Group, result: Identification) -> None:
     energy = _data(entry, "energy", "external", ".", "surface_times")
     energy["surface_times"] = part["surface_times"]  # one dataset, two names
     _write(energy, ENERGY, vars(response.energy), dims)
-
-
-def _group(parent: h5py.Group, name: str, nx_class: str, **attributes: Any) -> h5py.Group:
-    group = parent.create_group(name)
-    group.attrs["NX_class"] = nx_class
-    for key, value in attributes.items():
-        group.attrs[key] = value
-    return group
-
-
-def _data(parent: h5py.Group, name: str, signal: str, *axes: str) -> h5py.Group:
-    return _group(parent, name, "NXdata", signal=signal, axes=list(axes))
-
-
-def _safe(name: str) -> str:
-    if not name.isidentifier():
-        raise ValueError(
-            f"parameter name {name!r} cannot name a group of the file; use letters, digits and _"
-        )
-    return name
-
-
-def _write(
-    group: h5py.Group,
-    table: Table,
-    source: Mapping[str, Any],
-    dims: dict[str, int],
-    *,
-    unit: str | None = None,
-) -> None:
-    """Write the datasets of `table`; sizes of named dimensions are checked against and added to `dims`."""
-    for name, (own_unit, dimensions, kind) in table.items():
-        value = source[name]
-        if kind == "t":
-            texts = np.array([value] if isinstance(value, str) else list(value), dtype=object)
-            if any("\0" in text for text in texts):
-                raise ValueError(f"{group.name}/{name}: a text with a NUL character cannot be stored")
-            encoded = [text.encode() for text in texts]
-            longest = max([1, *map(len, encoded)])
-            array = np.array(encoded, dtype=h5py.string_dtype("utf-8", longest))
-            array = array.reshape(()) if isinstance(value, str) else array
-        else:
-            array = np.asarray(value, dtype=STORED[kind])
-        wrong = shape_problem(array.shape, dimensions, dims)
-        if wrong:
-            raise ValueError(f"{group.name}/{name}: {wrong}")
-        large = array.size > 4096
-        packing = {"compression": "gzip", "compression_opts": 4, "shuffle": True} if large else {}
-        dataset = group.create_dataset(name, data=array, **packing)
-        if kind != "t":
-            dataset.attrs["units"] = own_unit if unit is None else unit
-
-
-def _write_numbers(parent: h5py.Group, name: str, values: Mapping[str, float], unit: str = "SI") -> None:
-    source = {"names": tuple(values), "values": list(values.values())}
-    _write(_group(parent, name, "NXcollection"), NUMBERS, source, {}, unit=unit)
+    write_knowledge(entry, result)

@@ -241,6 +241,7 @@ Uncertainty = Annotated[
 ]
 Ratio = Annotated[float, BeforeValidator(_physical("1", "> 0", "a ratio"))]
 LeadResistance = Annotated[float, BeforeValidator(_physical("ohm", ">= 0"))]
+TimeDeviation = Annotated[float, BeforeValidator(_physical("s", ">= 0", "a standard uncertainty (k = 1)"))]
 LengthDeviation = Annotated[float, BeforeValidator(_physical("m", ">= 0", "a standard uncertainty (k = 1)"))]
 Deviation = Annotated[float, BeforeValidator(_deviation)]
 Number = Annotated[float, BeforeValidator(_number)]

@@ -5,16 +5,17 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from kolsky import shotfields as f
+from kolsky.lawtoml import LawSection, one_baseline
 from kolsky.layouttoml import LayoutSection
 from kolsky.readers.table import Column
 from kolsky.shotpictures import CalibrationSection, DicSection, PicturesSection, ReportingSection
 from kolsky.shotsection import Section
 from kolsky.surfacetoml import SurfaceSection
+from kolsky.uncertaintytoml import UncertaintySection
 from kolsky.wavesfile import (
     BarsSection,
     GaugesSection,
     RecorderSection,
-    UncertaintySection,
     WavesSection,
 )
 
@@ -251,6 +252,13 @@ class CentreLineSection(Section):
         return self
 
 
+class ModeColumns(Section):
+    """All columns whose names begin alike: each a standard uncertainty that moves all points together."""
+
+    prefix: Annotated[str, Field(min_length=1)]
+    unit: f.StressUnit
+
+
 class CurveSection(Section):
     """[curve]: the quasi-static uniaxial curve."""
 
@@ -259,19 +267,37 @@ class CurveSection(Section):
     stress: StressColumn
     convention: Literal["tension positive", "compression positive"]
     branch: Literal["compression", "tension"]
-    relative_sigma: f.Share
+    relative_sigma: f.Share = 0.0
     sigma_floor: f.Stress = 0.0
+    sigma: StressColumn | None = None
+    modes: ModeColumns | None = None
+    conditioned: f.FileName | None = None
     strain_rate: f.StrainRate | None = None
 
     @model_validator(mode="after")
     def _some_sigma(self) -> "CurveSection":
-        if self.relative_sigma == 0.0 and self.sigma_floor == 0.0:
+        columns = self.sigma is not None or self.modes is not None
+        if "relative_sigma" not in self.model_fields_set and not columns:
+            raise f.problem(
+                "is missing",
+                key="relative_sigma",
+                cure='write the noise of the quasi-static test, e.g. "0.2 %"',
+            )
+        if self.relative_sigma == 0.0 and self.sigma_floor == 0.0 and not columns:
             raise f.problem(
                 "is zero and so is sigma_floor, as if the curve had no uncertainty",
                 key="relative_sigma",
                 cure='write the noise of the quasi-static test, e.g. "0.2 %"',
             )
         return self
+
+
+def chosen_baseline(curve: CurveSection | None, law: LawSection | None) -> CurveSection | LawSection:
+    """[law] if it is there and is the baseline, else [curve]; `kolsky.lawtoml.one_baseline` has seen both."""
+    if law is not None and law.baseline:
+        return law
+    assert curve is not None  # the schema saw to it
+    return curve
 
 
 class ModelSection(Section):
@@ -324,9 +350,20 @@ class ShotFile(Section):
     gauges: GaugesSection | None = None
     waves: WavesSection | None = None
     uncertainty: UncertaintySection | None = None
-    curve: CurveSection
+    curve: CurveSection | None = None
+    law: LawSection | None = None
     model: ModelSection
     window: WindowSection = WindowSection()
+
+    @model_validator(mode="after")
+    def _one_baseline(self) -> "ShotFile":
+        one_baseline(self.curve, self.law)
+        return self
+
+    @property
+    def baseline(self) -> CurveSection | LawSection:
+        """What m refers to: [curve], or [law] where it is given and does not leave that to the curve."""
+        return chosen_baseline(self.curve, self.law)
 
     @model_validator(mode="after")
     def _pictures_where_they_act(self) -> "ShotFile":

@@ -1,7 +1,7 @@
 """A shot: one test, its apparatus and its measurements, loaded from a folder and checked."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -11,11 +11,12 @@ import numpy as np
 from kolsky import forcechecks, framechecks, shapechecks
 from kolsky.apparatus import Bar, Interface, Specimen, Transducer
 from kolsky.barforce import BarForce
+from kolsky.curvefile import read_curve
 from kolsky.errors import InputError, refuse
 from kolsky.forcefile import force_recording
 from kolsky.notebook import ShotInNotebook
 from kolsky.pictures import Seen, open_pictures
-from kolsky.readers import centre_line_csv, flyer_csv, frame_times, uniaxial_csv
+from kolsky.readers import centre_line_csv, flyer_csv, frame_times
 from kolsky.readers.frame_times import FrameTimes
 from kolsky.readers.table import Column
 from kolsky.records import (
@@ -27,7 +28,7 @@ from kolsky.records import (
     MaterialCurve,
     Recording,
 )
-from kolsky.shotfile import CentreLineSection, CurveSection, FlyerSection
+from kolsky.shotfile import CentreLineSection, FlyerSection
 from kolsky.shottoml import ShotToml, read_declared, read_shot_toml
 from kolsky.shotwindow import window
 from kolsky.transducers import force_history, noise_correlation
@@ -124,6 +125,8 @@ class ShotBase(ShotInNotebook):
     """The quasi-static curve, from rest outward."""
     inputs: dict[str, str]
     """SHA-256 of every file that was read: name in the folder -> hex digest."""
+    uncertainty: Mapping[str, float] = field(default_factory=dict)
+    """Declared standard uncertainties by their keys, SI or relative; an absent one was not declared."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -203,9 +206,9 @@ def load_shot(folder_or_toml: str | Path, *, measure: Callable[[Seen], Measured]
     forcechecks.force_sign(force.raw_force(), force.time, span, flyer, toml)
     centre_line, outline_hash = _centre_line(folder, frames, declared.centre_line, toml)
     shapechecks.outline(centre_line, folder / declared.centre_line.file, rest, span, toml)
-    curve, curve_hash = read_curve(folder, declared.curve)
+    curve, curve_hashes = read_curve(folder, declared.baseline)
     exports = {declared.flyer.file: flyer_hash, declared.centre_line.file: outline_hash}
-    base = _base(toml, frames, force, curve, curve_hash, exports)
+    base = _base(toml, frames, force, curve, curve_hashes, exports)
     return Shot(**base, flyer=flyer, centre_line=centre_line, window=span)
 
 
@@ -261,8 +264,8 @@ def _with_surface(toml: ShotToml, frames: FrameTimes, rest: float) -> Shot:
     span = window(toml, frame_time, float(flyer.time[-1]), force.recording, force.time)
     forcechecks.force_sign(force.raw_force(), force.time, span, flyer, toml)
     shapechecks.outline(centre_line, source, rest, span, toml)
-    curve, curve_hash = read_curve(folder, declared.curve)
-    base = _base(toml, frames, force, curve, curve_hash, inputs)
+    curve, curve_hashes = read_curve(folder, declared.baseline)
+    base = _base(toml, frames, force, curve, curve_hashes, inputs)
     return Shot(**base, flyer=flyer, centre_line=centre_line, window=span)
 
 
@@ -303,8 +306,8 @@ def _pictured(toml: ShotToml, frames: FrameTimes, seen: Seen) -> PicturedShot:
     folder, declared = toml.path.parent, toml.declared
     rest = float(frames.time[declared.frames.static - 1] + declared.frames.clock_offset)
     force = _force(folder, rest, toml)
-    curve, curve_hash = read_curve(folder, declared.curve)
-    return PicturedShot(**_base(toml, frames, force, curve, curve_hash, seen.inputs), seen=seen)
+    curve, curve_hashes = read_curve(folder, declared.baseline)
+    return PicturedShot(**_base(toml, frames, force, curve, curve_hashes, seen.inputs), seen=seen)
 
 
 def _opened(folder_or_toml: str | Path) -> tuple[ShotToml, FrameTimes]:
@@ -326,7 +329,7 @@ def _base(
     frames: FrameTimes,
     force: ForceChannel,
     curve: MaterialCurve,
-    curve_hash: str,
+    curve_hashes: dict[str, str],
     optical: dict[str, str],
 ) -> dict[str, Any]:
     """The fields of `ShotBase`; `optical` are the hashes of what tells what the cameras saw."""
@@ -347,12 +350,13 @@ def _base(
         "model": ModelSettings(**declared.model.model_dump()),
         "force": force,
         "curve": curve,
+        "uncertainty": {} if declared.uncertainty is None else declared.uncertainty.for_identify(),
         "inputs": {
             toml.path.name: toml.sha256,
             declared.force.file: force.recording.sha256,
             declared.frames.file: frames.sha256,
             **optical,
-            declared.curve.file: curve_hash,
+            **curve_hashes,
         },
     }
 
@@ -459,27 +463,3 @@ def _centre_line(
         sigma=np.full(table.Z.size, section.sigma) if table.sigma is None else table.sigma,
     )
     return line, table.sha256
-
-
-def read_curve(folder: Path, section: CurveSection) -> tuple[MaterialCurve, str]:
-    """The quasi-static curve from rest outward, and the hash of its file.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or holds no such curve.
-    """
-    table = uniaxial_csv.read(
-        folder / section.file, strain=section.strain.as_column(), stress=section.stress.as_column()
-    )
-    sign = 1.0 if section.convention == "tension positive" else -1.0
-    strain, stress = sign * table.strain, sign * table.stress
-    shapechecks.curve(strain, stress, table.path, section)
-    order = np.argsort(np.abs(strain))
-    strain, stress = strain[order], stress[order]
-    curve = MaterialCurve(
-        stretch=1.0 + strain,
-        stress=stress,
-        sigma=np.hypot(section.relative_sigma * stress, section.sigma_floor),
-    )
-    return curve, table.sha256

@@ -217,14 +217,20 @@ def _centre_line(line: CentreLine, shot: Shot) -> list[Entry]:
 def _curve(shot: ShotBase) -> list[Entry]:
     curve = shot.curve
     loaded = curve.stress != 0.0
-    relative = curve.sigma[loaded] / np.abs(curve.stress[loaded])
+    relative = curve.total_sigma[loaded] / np.abs(curve.stress[loaded])
+    common = 0 if curve.modes is None else len(curve.modes)
+    other = [] if curve.conditioned is None else [Entry("curve", "conditioned curve", "yes")]
+    law = [] if curve.law is None else [Entry("curve", "law", curve.law.NAME)]
     return [
+        *law,
         Entry("curve", "branch", "compression" if curve.stretch[-1] < 1.0 else "tension"),
         Entry("curve", "points", int(curve.stretch.size)),
         Entry("curve", "stretch at the end", float(curve.stretch[-1])),
         Entry("curve", "stress at the end", float(curve.stress[-1]), "Pa"),
         Entry("curve", "smallest relative sigma", float(relative.min())),
         Entry("curve", "largest relative sigma", float(relative.max())),
+        *([Entry("curve", "uncertainties common to all points", common)] if common else []),
+        *other,
     ]
 
 

@@ -26,6 +26,8 @@ class Runs:
 
     points: FloatArray
     """Parameters, shape [n, d]."""
+    rows: NDArray[np.intp]
+    """Their rows in the design, shape [n]."""
     prediction: Prediction
     """What the instruments would have seen."""
     response: Response
@@ -93,7 +95,22 @@ class Stages:
         if numerics.mesh == self.settings.numerics.mesh:
             self._coarse.append((design.points[rows], prediction))
         self.table.add(stage, design.points, response.endings, rows, prediction, self.observations)
-        return Runs(design.points[rows], prediction, kept, _lost(design, response))
+        return Runs(design.points[rows], rows, prediction, kept, _lost(design, response))
+
+    def evaluate(
+        self, stage: str, points: FloatArray, numerics: Numerics
+    ) -> tuple[NDArray[np.intp], Prediction | None]:
+        """Rows of the points whose runs completed, and their predictions, None if there are none.
+
+        For a search that asks for many points beside each other: they join neither the table nor the runs
+        on the surrogate's mesh.
+        """
+        started, report = time.perf_counter(), self._counter(stage, len(points))
+        values = {name: points[:, i] for i, name in enumerate(self.box.names)}
+        response = self.prepared.forward.run({**self.settings.held, **values}, numerics, progress=report)
+        self._clock(stage, started)
+        rows = np.flatnonzero(response.completed)
+        return rows, predict(response.select(rows), self.observations) if len(rows) else None
 
     def on_surrogate_mesh(self) -> tuple[FloatArray, Prediction]:
         """Points and predictions of all completed runs on the surrogate's mesh, in their order."""

@@ -1,4 +1,4 @@
-"""The tables of shot.toml about bars and gauges: [bars], [recorders], [gauges], [waves], [uncertainty]."""
+"""The tables of shot.toml about bars and gauges: [bars], [recorders], [gauges], [waves]."""
 
 from difflib import get_close_matches
 from typing import Annotated, Literal
@@ -8,6 +8,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 from kolsky import shotfields as f
 from kolsky.layouttoml import LayoutSection
 from kolsky.shotsection import Section
+from kolsky.uncertaintytoml import UncertaintySection
 from kolsky.waves.audit import CORRECTIONS
 
 
@@ -112,33 +113,6 @@ class WavesSection(Section):
                 "is missing; the other windows are given",
                 key=missing[0],
                 cure="give all three windows, or none of them to have the pulses found",
-            )
-        return self
-
-
-class UncertaintySection(Section):
-    """[uncertainty]: standard uncertainties (k = 1); what is not given counts as exact."""
-
-    bar_modulus: f.Uncertainty = 0.0
-    bar_wave_speed: f.Uncertainty = 0.0
-    bar_density: f.Uncertainty = 0.0
-    bar_diameter: f.Uncertainty = 0.0
-    bar_poisson: f.Deviation = 0.0
-    bars_alike: bool = False
-    gauge_calibration: f.Uncertainty = 0.0
-    gauge_distance: f.LengthDeviation = 0.0
-    specimen_diameter: f.Uncertainty = 0.0
-    specimen_length: f.Uncertainty = 0.0
-    sensitivity: f.Uncertainty = 0.0
-    mass: f.Uncertainty = 0.0
-
-    @model_validator(mode="after")
-    def _one_stiffness(self) -> "UncertaintySection":
-        if self.bar_modulus > 0.0 and self.bar_wave_speed > 0.0:
-            raise f.problem(
-                "is given beside bar_modulus; with the density each follows from the other",
-                key="bar_wave_speed",
-                cure="keep the one that was measured",
             )
         return self
 

@@ -45,7 +45,7 @@ def load_waves(folder_or_toml: str | Path) -> WavesInput:
     windows = None
     if waves.incident is not None:
         windows = Windows(waves.incident, waves.reflected, waves.transmitted, source="shot file")
-    uncertainty = declared.uncertainty.model_dump()
+    uncertainty = declared.uncertainty.for_waves()
     alike = bool(uncertainty.pop("bars_alike"))
     return WavesInput(
         name=declared.name or file.path.parent.resolve().name,

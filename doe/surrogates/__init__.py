@@ -5,12 +5,15 @@ from typing import Any
 from doe.surrogates.cost import CostSurrogate
 from doe.surrogates.kernels import DEFAULT_KERNELS, Kernel, SurrogateError
 from doe.surrogates.pca import PrincipalComponents
+from doe.surrogates.process import ProcessSurrogate
 from doe.surrogates.protocol import Surrogate
+from doe.surrogates.quality import CurveErrors, Fitness, fitness, held_out, leave_one_out
 from doe.surrogates.rbf import Candidate, RadialBasis
 from doe.surrogates.response import ResponseSurrogate
 
 SURROGATES: dict[str, Any] = {
     "response": ResponseSurrogate,
+    "process": ProcessSurrogate,
     "cost": CostSurrogate,
 }
 """Surrogate classes by name; each has `fit(box, points, values, ...)` and offers `Surrogate`."""
@@ -20,10 +23,16 @@ __all__ = [
     "SURROGATES",
     "Candidate",
     "CostSurrogate",
+    "CurveErrors",
+    "Fitness",
     "Kernel",
     "PrincipalComponents",
+    "ProcessSurrogate",
     "RadialBasis",
     "ResponseSurrogate",
     "Surrogate",
     "SurrogateError",
+    "fitness",
+    "held_out",
+    "leave_one_out",
 ]

@@ -122,7 +122,7 @@ def profile_likelihoods(
     box = likelihood.box
     levels = level * np.broadcast_to(np.asarray(correlation, dtype=np.float64), (box.dimension,))
     if not np.all((levels > 0.0) & np.isfinite(levels)):
-        raise ValueError(f"correlation must be > 0, got {correlation}")
+        raise ValueError(f"correlation must be > 0, got {correlation!r}")
     x = box.require(np.atleast_2d(np.asarray(start, dtype=np.float64)), what="start")[0]
     best = likelihood.maximise(box.unit(x))
     for restarts in range(RESTARTS + 1):

@@ -7,6 +7,7 @@ from explicit.materials.invariants import InvariantLaw
 from explicit.materials.mooneyrivlin import MooneyRivlin
 from explicit.materials.neohookean import NeoHookean
 from explicit.materials.ogden import Ogden1, Ogden2, Ogden3
+from explicit.materials.polynomial import Polynomial
 from explicit.materials.stretches import StretchLaw
 from explicit.materials.yeoh import ReducedPolynomial, Yeoh
 
@@ -18,6 +19,7 @@ LAWS: dict[str, type[AnyLaw]] = {
     for law in (
         NeoHookean,
         MooneyRivlin,
+        Polynomial,
         ReducedPolynomial,
         Yeoh,
         Ogden1,

@@ -3,8 +3,8 @@ r"""A curve with its band: what is uncertain together along the curve is kept to
 .. math:: T = \bar T + \sum_j z_j\,\mathbf m_j + \boldsymbol\sigma \circ \boldsymbol\epsilon , \qquad
           z_j, \epsilon_i \sim N(0, 1)
 
-A *mode* :math:`\mathbf m_j` moves the whole curve by one standard uncertainty of one cause. Specimens differ as
-wholes: a batch that is 5 % too stiff is so at every strain, and drawing its points one by one would average that
+A *mode* :math:`\mathbf m_j` moves the whole curve by one standard uncertainty of one cause. Specimens differ
+as wholes: one that is 5 % too stiff is so at every strain, and drawing points one by one would average that
 away, in the curve and in every stiffness that is compared with it.
 """
 
@@ -93,8 +93,8 @@ def student_factor(freedom: int) -> float:
 def mean_of_repeats(strain: FloatArray, values: FloatArray) -> CurveBand:
     """Mean of repeated tests; their scatter as modes of the mean, widened for its degrees of freedom.
 
-    The covariance of the mean is that of the tests over their number, S / n. Its square root is taken from the
-    tests' deviations themselves (singular values), n - 1 modes that reproduce it exactly.
+    The covariance of the mean is that of the tests over their number, S / n. Its square root is taken from
+    the tests' deviations themselves (singular values), n - 1 modes that reproduce it exactly.
 
     Parameters
     ----------
@@ -122,8 +122,8 @@ def resampled(strain: FloatArray, value: FloatArray, axis: FloatArray) -> tuple[
     """A test's values on an axis, and the standard deviation of one of its samples about a smooth curve.
 
     At each place a straight line is fitted to the samples within half the axis' spacing; with fewer than four
-    of them the neighbours are joined. The noise is that of second differences over neighbouring samples, which
-    a smooth curve hardly has.
+    of them the neighbours are joined. The noise is that of second differences over neighbouring samples,
+    which a smooth curve hardly has.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def resampled(strain: FloatArray, value: FloatArray, axis: FloatArray) -> tuple[
     for i in np.flatnonzero(last - first >= 4):
         near = slice(first[i], last[i])
         if x[near][-1] > x[near][0]:
-            slope, height = np.polyfit(x[near] - axis[i], y[near], 1)
+            height = np.polyfit(x[near] - axis[i], y[near], 1)[1]
             inside = x[near][0] <= axis[i] <= x[near][-1]
             found[i] = height if inside else found[i]
     return found, _noise(x, y)
@@ -156,4 +156,3 @@ def _noise(x: FloatArray, y: FloatArray) -> float:
     gap = y[1:-1][apart] - share * y[:-2][apart] - (1.0 - share) * y[2:][apart]
     gap = gap / np.sqrt(1.0 + share**2 + (1.0 - share) ** 2)
     return float(np.median(np.abs(gap)) / norm.ppf(0.75))
-

@@ -6,33 +6,25 @@ face 3 has tau_3 = 0, so p = beta_3 and the nominal stress is
     T = (beta_1 - beta_3) / lam,                        uniaxial, equibiaxial, planar,         (Q.2)
     T = (beta_1 - beta_3) / (lam_1 + 1 / lam_1),        simple shear, gamma = lam_1 - 1 / lam_1,   (Q.3)
 
-both dW/d(deformation) (half of it in equibiaxial tension, where two pairs of faces work). A compressible solid
-has W(lam_i / J^(1/3)) + U(J) and
+both dW/d(deformation) (half of it in equibiaxial tension, where two pairs of faces work). A compressible
+solid has W(lam_i / J^(1/3)) + U(J) and
 
     tau_i = beta_i - (beta_1 + beta_2 + beta_3) / 3 + J U'(J),                                 (Q.4)
 
-and the stretch of the free faces is the root of tau_3 = 0, found here to the last digits. Simple shear keeps the
-volume: its shear stress is Eq. (Q.3) for any U.
+and the stretch of the free faces is the root of tau_3 = 0, found here to the last digits. Simple shear keeps
+the volume: its shear stress is Eq. (Q.3) for any U.
 
-References: Ogden, Non-linear Elastic Deformations, 1984, ch. 7; Treloar, The Physics of Rubber Elasticity, 1975.
+References: Ogden, Non-linear Elastic Deformations, 1984, ch. 7; Treloar, The Physics of Rubber Elasticity,
+1975.
 """
-
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import elementwise
 
 from explicit.materials.law import Stretches
+from explicit.materials.volumetric import VolumetricLaw
 from kolsky.quasistatic.modes import FloatArray, Mode, check_deformation
-
-
-class VolumetricPart(Protocol):
-    """What the compressible solution needs of a volumetric energy."""
-
-    def dU_dJ(self, J: ArrayLike, /) -> FloatArray:
-        """U'(J) [Pa], shape [...]."""
-        ...
 
 
 def incompressible_stress(law: Stretches, mode: Mode, deformation: ArrayLike) -> FloatArray:
@@ -66,7 +58,7 @@ def incompressible_stress(law: Stretches, mode: Mode, deformation: ArrayLike) ->
 
 
 def compressible_stress(
-    law: Stretches, volume: VolumetricPart, mode: Mode, deformation: ArrayLike
+    law: Stretches, volume: VolumetricLaw, mode: Mode, deformation: ArrayLike
 ) -> FloatArray:
     """Nominal stress of a compressible solid with stress-free free faces, Eq. (Q.4).
 
@@ -98,7 +90,7 @@ def compressible_stress(
     return np.asarray(_kirchhoff(law, volume, lam)[0] / d)
 
 
-def free_stretch(law: Stretches, volume: VolumetricPart, mode: Mode, deformation: ArrayLike) -> FloatArray:
+def free_stretch(law: Stretches, volume: VolumetricLaw, mode: Mode, deformation: ArrayLike) -> FloatArray:
     """Stretch of the free faces of a compressible solid [-], shape [...]: the root of tau_3 = 0.
 
     Raises
@@ -121,15 +113,15 @@ def free_stretch(law: Stretches, volume: VolumetricPart, mode: Mode, deformation
             side_stress,
             bracket.bracket,
             args=(d,),
-            # Absolute in ln(lam_3) and so relative in lam_3; a stiff volume makes the stress itself no measure.
+            # In ln(lam_3), so relative in lam_3; under a stiff volume the stress itself is no measure.
             tolerances={"xatol": 1e-15, "xrtol": 0.0, "fatol": 0.0, "frtol": 0.0},
         )
     failed = ~np.asarray(bracket.success & found.success)
     if failed.any():
         worst = np.broadcast_to(d, failed.shape)[failed].flat[0]
         raise ValueError(
-            f"{mode.value} at stretch {worst:.6g}: no stretch of the free faces leaves them without stress; the "
-            "law is not stable there"
+            f"{mode.value} at stretch {worst:.6g}: no stretch of the free faces leaves them without "
+            "stress; the law is not stable there"
         )
     return np.asarray(np.exp(found.x))
 
@@ -141,12 +133,12 @@ def _stretches(mode: Mode, load: FloatArray, free: FloatArray) -> tuple[FloatArr
 
 
 def _kirchhoff(
-    law: Stretches, volume: VolumetricPart, lam: tuple[FloatArray, FloatArray, FloatArray]
+    law: Stretches, volume: VolumetricLaw, lam: tuple[FloatArray, FloatArray, FloatArray]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Principal Kirchhoff stresses [Pa], Eq. (Q.4)."""
     J = lam[0] * lam[1] * lam[2]
     bar = tuple(x / np.cbrt(J) for x in lam)
     beta = [x * slope for x, slope in zip(bar, law.principal(*bar), strict=True)]
     mean = (beta[0] + beta[1] + beta[2]) / 3.0
-    pressure = J * volume.dU_dJ(J)
+    pressure = J * volume.pressure(J)
     return beta[0] - mean + pressure, beta[1] - mean + pressure, beta[2] - mean + pressure

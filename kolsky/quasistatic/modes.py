@@ -9,7 +9,7 @@ FloatArray = NDArray[np.float64]
 
 
 class Mode(Enum):
-    """A homogeneous test. Its one number is the stretch along the load, in simple shear the amount of shear."""
+    """A homogeneous test. Its one number is the stretch along the load, or the amount of simple shear."""
 
     UNIAXIAL = "uniaxial"
     """Tension or compression along 1, the sides 2 and 3 free."""

@@ -1,8 +1,8 @@
 """Toe and contact: where a test's strain begins, declared and extrapolated, never read off by eye.
 
 A face that is not flat or not parallel touches little by little, and the first samples are too soft. The part
-after it is continued to zero stress; the strain there is the specimen's zero. Specimen and length stay what they
-were, since the platen travelled that far before it had met all of the specimen.
+after it is continued to zero stress; the strain there is the specimen's zero. The length stays what it was:
+the platen travelled that far before it had met all of the specimen.
 """
 
 from dataclasses import dataclass, replace
@@ -25,7 +25,7 @@ class Toe:
 
     kind: Literal["none", "line", "gaussian"] = "none"
     """ "none": the strain as it is. "line": a straight line is continued to zero stress (toe compensation of
-    ASTM D695). "gaussian": the curve of Gaussian rubber elasticity, Eq. (M.9), which is bent as soft solids are."""
+    ASTM D695). "gaussian": the curve of Gaussian rubber elasticity, Eq. (M.9), bent as soft solids are."""
     low: float = 0.02
     """Strain from which on the faces are in full contact, as recorded [-]."""
     high: float = 0.10
@@ -73,8 +73,8 @@ def correct_toe(test: UniaxialTest, toe: Toe) -> Begun:
     inside = (test.strain >= toe.low) & (test.strain <= toe.high)
     if inside.sum() < FEWEST:
         raise ValueError(
-            f"{test.name}: {int(inside.sum())} samples have a strain from {toe.low:g} to {toe.high:g}, a toe's"
-            f" range needs {FEWEST}; the test spans {test.strain.min():.4g} to {test.strain.max():.4g}"
+            f"{test.name}: {int(inside.sum())} samples have a strain from {toe.low:g} to {toe.high:g}, a"
+            f" toe's range needs {FEWEST}; the test spans {test.strain.min():.4g} to {test.strain.max():.4g}"
         )
     e, stress = test.strain[inside], test.stress[inside]
     slope, constant = np.polyfit(e, stress, 1)

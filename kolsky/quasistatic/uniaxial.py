@@ -1,4 +1,4 @@
-"""A quasi-static uniaxial test: nominal stress over nominal strain, its ramps, and the machine's compliance."""
+"""A quasi-static uniaxial test: nominal stress over strain, its ramps, and the machine's compliance."""
 
 from dataclasses import dataclass, replace
 
@@ -110,6 +110,6 @@ def stretch_of(strain: FloatArray, *, compression: bool) -> FloatArray:
 
 
 def gaussian_strain(strain: FloatArray, *, compression: bool) -> FloatArray:
-    """|lam - lam^-2| [-], the strain of Gaussian rubber elasticity: stress = (E_a / 3) times it, Eq. (M.9)."""
+    """|lam - lam^-2| [-]: by Gaussian rubber elasticity the stress is E_a / 3 times it, Eq. (M.9)."""
     lam = stretch_of(strain, compression=compression)
     return np.asarray(np.abs(lam - lam**-2))

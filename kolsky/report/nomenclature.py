@@ -25,6 +25,8 @@ _NAMES = {
     "poisson": Name("ν", r"\nu", "Poisson’s ratio of the initial state", "1"),
     "damping": Name("β", r"\beta", "stiffness-proportional damping", "µs", 1e6),
     "release_stress": Name("σ_b", r"\sigma_b", "tensile stress at which a bonded face lets go", "kPa", 1e-3),
+    "force_discrepancy": Name("τ_F", r"\tau_F", "discrepancy of the force", "N"),
+    "shape_discrepancy": Name("τ_Z", r"\tau_Z", "discrepancy of the outline", "µm", 1e6),
     "mass_damping": Name("α", r"\alpha", "mass-proportional damping", "1/s"),
 }
 

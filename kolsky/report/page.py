@@ -12,6 +12,7 @@ from explicit import Ending
 from kolsky.identification import Estimate, Identification, Verdict
 from kolsky.report import labels, numbers
 from kolsky.report.figures import REGISTRY
+from kolsky.report.knowntables import known
 from kolsky.report.nomenclature import name_of, route_label
 from kolsky.report.rendering import drawn, environment, page, write
 from kolsky.report.shown import in_shown_units
@@ -95,6 +96,7 @@ def render(identification: Identification) -> str:
         runs=_runs(result),
         U={name: 2.0 * estimate.sigma for name, estimate in result.estimates.items()},
         quality=_quality(result),
+        known=known(result),
         tested=flattened({key: provenance[key] for key in _TESTED if key in provenance}),
         **{name: flattened(provenance.get(name, {})) for name in _TABLES},
         further=flattened({k: v for k, v in provenance.items() if k not in (*_TESTED, *_TABLES)}),
@@ -144,6 +146,8 @@ def _answer(estimate: Estimate) -> dict[str, Any]:
     budget = [(f"noise: {name}", part, "part") for name, part in estimate.noise_parts.items()]
     budget.append(("noise, all sources", estimate.sigma_noise, "sum"))
     budget.append(("mesh and step", estimate.sigma_numerical, "sum"))
+    if estimate.sigma_systematic > 0.0:
+        budget.append(("declared uncertainties of the inputs", estimate.sigma_systematic, "sum"))
     parts = np.array(list(estimate.noise_parts.values()))
     whole = estimate.sigma_noise
     sums_up = not (parts.size and np.isfinite(whole)) or bool(

@@ -4,8 +4,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kolsky.identification import Estimate, Identification
+from kolsky.knowledge.records import PairMap, ParameterProfile, PosteriorSummary
 from kolsky.report.nomenclature import factor_of, name_of
 
 
@@ -29,8 +31,13 @@ def in_shown_units(result: Identification) -> Identification:
             replace(route, parameters=_scaled(route.parameters), sigma=_scaled(route.sigma))
             for route in result.routes
         ),
+        methods=tuple(replace(method, values=_scaled(method.values)) for method in result.methods),
         design=design,
         curves=tuple(replace(c, x=c.x * factor_of(c.parameter)) for c in result.curves),
+        profiles=tuple(_profile(p, factors) for p in result.profiles),
+        ridge=None if result.ridge is None else _ridge(result.ridge),
+        systematic=tuple(replace(part, shifts=_scaled(part.shifts)) for part in result.systematic),
+        posterior=None if result.posterior is None else _posterior(result.posterior),
     )
 
 
@@ -43,9 +50,32 @@ def shown_estimate(e: Estimate) -> Estimate:
         value=e.value * factor,
         sigma_noise=e.sigma_noise * factor,
         sigma_numerical=e.sigma_numerical * factor,
+        sigma_systematic=e.sigma_systematic * factor,
         mesh_shift=e.mesh_shift * factor,
         noise_parts={source: sigma * factor for source, sigma in e.noise_parts.items()},
     )
+
+
+def _profile(p: ParameterProfile, factors: NDArray[np.float64]) -> ParameterProfile:
+    factor = factor_of(p.name)
+    return replace(
+        p,
+        values=p.values * factor,
+        points=p.points * factors,
+        interval=(p.interval[0] * factor, p.interval[1] * factor),
+        alone=(p.alone[0] * factor, p.alone[1] * factor),
+    )
+
+
+def _ridge(ridge: PairMap) -> PairMap:
+    first, second = (factor_of(name) for name in ridge.names)
+    return replace(ridge, x=ridge.x * first, y=ridge.y * second)
+
+
+def _posterior(chains: PosteriorSummary) -> PosteriorSummary:
+    factors = np.array([factor_of(name) for name in chains.names])
+    named = {name: getattr(chains, name) * factors for name in ("samples", "median", "lower", "upper")}
+    return replace(chains, **named)
 
 
 def _scaled(values: Mapping[str, float]) -> dict[str, float]:

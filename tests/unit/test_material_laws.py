@@ -29,7 +29,8 @@ def shifted(lam: np.ndarray, axis: int, step: float) -> np.ndarray:
 @EVERY
 def test_its_constants_are_its_fields(law: AnyLaw) -> None:
     assert type(law).of(law.constants()) == law
-    assert [spec.name for spec in law.PARAMETERS] == [field.name for field in fields(law)]
+    named = [field.name for field in fields(law) if not field.kw_only]
+    assert [spec.name for spec in law.PARAMETERS] == named
     assert law.outside() == ()
     assert law_class(law.NAME) is type(law)
 
@@ -92,6 +93,13 @@ def test_a_factor_scales_every_stress(law: AnyLaw) -> None:
     # rounding of components of 1e5 Pa, of which some are differences
     np.testing.assert_allclose(law.scaled(1.7).stress(b_bar), 1.7 * law.stress(b_bar), rtol=1e-13, atol=1e-9)
     np.testing.assert_allclose(law.scaled(1.7).energy(b_bar), 1.7 * law.energy(b_bar), rtol=1e-13)
+
+
+def test_a_law_knows_how_far_its_data_went() -> None:
+    assert Yeoh(12e3, 0.0, 0.0, fitted_s=1.2).scaled(2.0).data_limit == 1.2
+    assert LAWS["gent"].of([25e3, 4.0]).data_limit == 2.0  # it locks there
+    with pytest.raises(ValueError, match="yeoh: fitted_s must be > 0, got 0"):
+        Yeoh(12e3, 0.0, 0.0, fitted_s=0.0)
 
 
 @EVERY
@@ -168,6 +176,14 @@ def test_a_special_case_is_that_of_another_law() -> None:
     # Far from locking these are neo-Hookean, to the order of I1 / Jm and 1 / lambda_m^2.
     for law in (LAWS["gent"].of([mu, 1e6]), LAWS["arruda_boyce"].of([mu, 1e3])):
         np.testing.assert_allclose(law.strain_energy(*lam.T), other, rtol=5e-6)
+
+
+@pytest.mark.parametrize("locking", [1.2, 3.0, 7.0])
+def test_arruda_and_boyces_modulus_is_the_published_series(locking: float) -> None:
+    # Abaqus Theory Guide, 4.6.1; the series is exact for the five terms.
+    squared = locking**-2
+    factor = 1 + 3 / 5 * squared + 99 / 175 * squared**2 + 513 / 875 * squared**3 + 42039 / 67375 * squared**4
+    assert LAWS["arruda_boyce"].of([2e4, locking]).shear_modulus == pytest.approx(2e4 * factor, rel=1e-14)
 
 
 @pytest.mark.parametrize(

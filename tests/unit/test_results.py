@@ -247,6 +247,7 @@ def test_json_has_the_agreed_keys() -> None:
             "sigma",
             "sigma_noise",
             "sigma_numerical",
+            "sigma_systematic",
             "mesh_shift",
             "noise_parts",
             "unit",

@@ -4,9 +4,11 @@ from typing import Any
 
 from kolsky.report.figures import (
     bars_together,
+    baseline,
     calibration_pairs,
     calibration_residuals,
     contour,
+    corner,
     energy,
     flight_of_view,
     flyer_motion,
@@ -14,39 +16,71 @@ from kolsky.report.figures import (
     force,
     force_residual,
     kymograph,
+    likelihood,
     lost_points,
+    material_fits,
+    material_residuals,
+    material_stability,
     meshes,
     misfit,
     overlay_epipolar,
     overlay_sigma,
+    plan_choices,
+    plan_information,
+    plan_slopes,
     profiles,
     rate_equal_strain,
     rate_forest,
     rate_slope,
     rate_stiffness,
     repeats,
+    ridge,
+    scene,
+    sensitivity,
     shape_residual,
     speckle_floor,
     speckle_overlay,
+    trend_damping,
+    trend_friction,
+    trend_poisson,
+    trend_stiffness,
     waves,
 )
 from kolsky.report.figures.base import FigureKind
 
 __all__ = [
     "BARS_TOGETHER",
+    "BASELINES",
     "CALIBRATION",
     "FLYER_TESTS",
+    "MATERIALS",
+    "PLANS",
     "RATES",
     "REGISTRY",
+    "SENSITIVITY",
     "SPECKLES",
     "SURFACES",
+    "TRENDS",
     "WAVES",
     "FigureKind",
 ]
 
 REGISTRY: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND
-    for module in (force, shape_residual, profiles, force_residual, misfit, contour, energy, meshes)
+    for module in (
+        force,
+        shape_residual,
+        profiles,
+        force_residual,
+        misfit,
+        contour,
+        likelihood,
+        ridge,
+        corner,
+        energy,
+        meshes,
+        scene,
+    )
 }
 """Every figure of an identification by name, in the order of its report."""
 SURFACES: dict[str, FigureKind[Any]] = {
@@ -76,7 +110,24 @@ BARS_TOGETHER: dict[str, FigureKind[Any]] = {bars_together.KIND.name: bars_toget
 """Every figure of a shot with the bars together, likewise."""
 REPEATS: dict[str, FigureKind[Any]] = {repeats.KIND.name: repeats.KIND}
 """Every figure of repeated tests, likewise."""
+PLANS: dict[str, FigureKind[Any]] = {
+    module.KIND.name: module.KIND for module in (plan_information, plan_slopes, plan_choices)
+}
+"""Every figure of a plan, likewise."""
 RATES: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND for module in (rate_slope, rate_forest, rate_stiffness, rate_equal_strain)
 }
 """Every figure of a group of shots whose rates are compared, likewise."""
+TRENDS: dict[str, FigureKind[Any]] = {
+    module.KIND.name: module.KIND
+    for module in (trend_poisson, trend_damping, trend_friction, trend_stiffness)
+}
+"""Every figure of a shot's trends, Figs. 7 to 10 of Mates et al. (2012), likewise."""
+BASELINES: dict[str, FigureKind[Any]] = {baseline.KIND.name: baseline.KIND}
+"""Every figure of a quasi-static baseline, likewise."""
+MATERIALS: dict[str, FigureKind[Any]] = {
+    module.KIND.name: module.KIND for module in (material_fits, material_residuals, material_stability)
+}
+"""Every figure of laws fitted to homogeneous tests, likewise."""
+SENSITIVITY: dict[str, FigureKind[Any]] = {sensitivity.KIND.name: sensitivity.KIND}
+"""Every figure of a shot's global sensitivity, likewise."""

@@ -1,0 +1,211 @@
+"""Bounded least squares on the expensive function itself, from several starts, one batch a step for all.
+
+Levenberg and Marquardt's steps, each a bounded linear least-squares problem (SciPy's `lsq_linear`). Every
+trial point is run with its neighbours for central differences, so that a step of all searches together
+costs one batch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import lsq_linear
+
+from doe.box import Box
+
+FloatArray = NDArray[np.float64]
+BatchRun = Callable[[FloatArray], FloatArray]
+"""Responses of points in parameter units, [n, d] -> [n, k]; the row of a run that failed holds NaN."""
+Weighting = Callable[[FloatArray], FloatArray]
+"""Standard deviation of every entry, shape [k], given the residual there, shape [k]."""
+
+STEP = 5e-3
+"""Half the distance of central differences in the unit box."""
+AT_REST = 0.1
+"""Length of the next undamped step, in standard deviations, at which a search has converged."""
+LONGEST = 0.25
+"""Longest step of a coordinate in the unit box."""
+DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-2, 1e-6, 1e3
+"""Marquardt's damping: first, least, and beyond which no step has lowered the deviance."""
+FLAT = 1e-3
+"""Least scale of a coordinate's damping over the largest one's."""
+
+
+@dataclass(frozen=True)
+class LeastSquaresResult:
+    """Where one search on the expensive function ended, and how."""
+
+    x: FloatArray
+    """The point, in parameter units, shape [d]."""
+    deviance: float
+    """Sum over the entries of (residual / sigma)^2 + ln sigma^2 there [-]."""
+    sigma: FloatArray
+    """Standard deviations from (J^T J)^-1 there, in parameter units, shape [d]; infinite where no entry
+    varies."""
+    at_bound: tuple[str, ...]
+    """Parameters on a face of the box."""
+    converged: bool
+    """Whether the search came to rest."""
+    ended: str
+    """How it ended, in words."""
+    runs: int
+    """Runs it made."""
+    steps: int
+    """Trial points, those that were refused included."""
+
+
+class _Search:
+    """One search: where it stands, and the point it wants to see next."""
+
+    def __init__(self, box: Box, u: FloatArray, data: FloatArray, weighting: Weighting, step: float) -> None:
+        self.box, self.data, self.weighting, self.step = box, data, weighting, step
+        self.u, self.trial = u, u
+        self.residual = self.jacobian = self.weights = np.empty(0)
+        self.deviance, self.damping = np.inf, DAMPING
+        self.runs = self.steps = 0
+        self.converged, self.ended = False, ""
+
+    @property
+    def neighbours(self) -> tuple[FloatArray, FloatArray]:
+        """The trial point shifted up and down in every coordinate, inside the box, [d, d] each."""
+        h = self.step * np.eye(self.box.dimension)
+        return np.minimum(self.trial + h, 1.0), np.maximum(self.trial - h, 0.0)
+
+    def batch(self) -> FloatArray:
+        """The points to run, in parameter units, shape [2 d + 1, d]."""
+        return self.box.scale(np.concatenate([self.trial[None], *self.neighbours]))
+
+    def take(self, responses: FloatArray) -> None:
+        """Judge the trial point, and choose the next."""
+        self.runs, self.steps = self.runs + len(responses), self.steps + 1
+        d = self.box.dimension
+        if np.isfinite(responses).all():
+            residual = responses[0] - self.data
+            weights = self.weighting(residual)
+            deviance = float(((residual / weights) ** 2).sum() + 2.0 * np.log(weights).sum())
+        else:
+            deviance = np.inf  # a run that failed is no better point; the next step is shorter
+        if deviance < self.deviance:
+            up, down = self.neighbours
+            slope = (responses[1 : d + 1] - responses[d + 1 :]) / (up - down).sum(axis=1)[:, None]
+            self.u, self.deviance, self.weights = self.trial, deviance, weights
+            self.residual, self.jacobian = residual / weights, (slope / weights).T
+            self.damping = max(0.2 * self.damping, LEAST_DAMPING)
+        elif not np.isfinite(self.deviance):
+            self.ended = "the run at the start, or one beside it, failed"
+            return
+        else:
+            self.damping *= 5.0
+        self._propose()
+
+    def _propose(self) -> None:
+        if float(np.linalg.norm(self.jacobian @ self._bounded(0.0))) <= AT_REST:
+            self.converged, self.ended = True, "the next step is within a tenth of a standard deviation"
+        elif self.damping > MOST_DAMPING:
+            self.ended = "no step lowers the misfit, though its slope asks for one: it is rough on this scale"
+        else:
+            self.trial = np.clip(self.u + self._bounded(self.damping), 0.0, 1.0)
+
+    def _bounded(self, damping: float) -> FloatArray:
+        """The step that the linear model asks for, inside the box and no longer than `LONGEST`, shape [d]."""
+        size = np.sqrt((self.jacobian**2).sum(axis=0))
+        scale = np.sqrt(damping) * np.maximum(size, max(FLAT * float(size.max()), np.finfo(float).tiny))
+        matrix = np.concatenate([self.jacobian, np.diag(scale)])
+        right = np.concatenate([-self.residual, np.zeros(len(size))])
+        low, high = np.maximum(-self.u, -LONGEST), np.minimum(1.0 - self.u, LONGEST)
+        # A coordinate on a face has one side; the other is a bound of zero, which must not meet the first.
+        bounds = np.minimum(low, -1e-15), np.maximum(high, 1e-15)
+        return np.asarray(lsq_linear(matrix, right, bounds, method="bvls").x, dtype=np.float64)
+
+    def result(self) -> LeastSquaresResult:
+        u, h = self.u, 1e-6
+        up, down = np.minimum(u + h, 1.0), np.maximum(u - h, 0.0)
+        edges = (self.box.scale(up) - self.box.scale(down)) / (up - down)
+        faces = zip(self.box.names, u, strict=True)
+        return LeastSquaresResult(
+            x=self.box.scale(u),
+            deviance=self.deviance,
+            sigma=_sigma(self.jacobian) * edges if self.jacobian.size else np.full(len(u), np.inf),
+            at_bound=tuple(name for name, v in faces if min(v, 1.0 - v) <= 1e-9),
+            converged=self.converged,
+            ended=self.ended or "the steps were used up",
+            runs=self.runs,
+            steps=self.steps,
+        )
+
+
+def least_squares(
+    run: BatchRun,
+    box: Box,
+    starts: ArrayLike,
+    *,
+    data: ArrayLike,
+    weighting: Weighting,
+    step: float = STEP,
+    max_steps: int = 40,
+) -> tuple[LeastSquaresResult, ...]:
+    """Search a box for the response that is nearest to the data, from several starts side by side.
+
+    The deviance, the sum over the entries of (r / s)^2 + ln s^2 with s(r) from `weighting`, never rises.
+    With a constant s this is least squares; with s the most likely one given r, the most likely point.
+
+    Parameters
+    ----------
+    run
+        The expensive function.
+    box
+        Where to search.
+    starts
+        In parameter units, shape [n, d].
+    data
+        Shape [k].
+    weighting
+        Standard deviations of the entries, given a residual.
+    step
+        Half the distance of the differences in the unit box, in (0, 0.1].
+    max_steps
+        Most trial points of a search.
+
+    Returns
+    -------
+    results
+        One a start, smallest deviance first. A search that a failed run or the number of steps cut short
+        has `converged` False, says so in `ended`, and holds the best point it met.
+
+    Raises
+    ------
+    ValueError
+        If a start is outside the box, `step` outside its range, a batch's shape is wrong, or no search had
+        a run at its start.
+    """
+    if not 0.0 < step <= 0.1:
+        raise ValueError(f"step must be in (0, 0.1] of the unit box, got {step}")
+    y = np.asarray(data, dtype=np.float64)
+    points = np.clip(box.unit(box.require(starts, what="start")), 0.0, 1.0)
+    searches = [_Search(box, u, y, weighting, step) for u in points]
+    for _ in range(max_steps):
+        active = [search for search in searches if not search.ended]
+        if not active:
+            break
+        batches = [search.batch() for search in active]
+        responses = np.asarray(run(np.concatenate(batches)), dtype=np.float64)
+        n = sum(len(batch) for batch in batches)
+        if responses.shape != (n, len(y)):
+            raise ValueError(f"a batch must return shape {(n, len(y))}, got {responses.shape}")
+        for search, part in zip(active, np.split(responses, len(active)), strict=True):
+            search.take(part)
+    if not any(np.isfinite(search.deviance) for search in searches):
+        raise ValueError("no search could start: at every start the run, or one beside it, failed")
+    return tuple(sorted((search.result() for search in searches), key=lambda found: found.deviance))
+
+
+def _sigma(jacobian: FloatArray) -> FloatArray:
+    """Standard deviations in the unit box, shape [d]; infinite for a direction that nothing sees."""
+    _, singular, right = np.linalg.svd(jacobian, full_matrices=False)
+    seen = singular > 1e-12 * max(float(singular[0]), np.finfo(float).tiny)
+    shares = (right[seen] / singular[seen][:, None]) ** 2
+    blind = (np.abs(right[~seen]) > 1e-6).any(axis=0)
+    return np.asarray(np.where(blind, np.inf, np.sqrt(shares.sum(axis=0))))

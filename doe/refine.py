@@ -1,0 +1,291 @@
+"""Adaptive refinement: new runs where a smaller misfit is expected or not excluded, until the optimum stays.
+
+Each round the surrogate's optimum is run, and with it points whose misfit may be as low for all that the
+surrogate knows of its own error. The surrogate is built afresh from the runs of a region that shrinks
+around the optimum, and searched again. It ends when real runs at the optimum leave it where it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import norm, qmc
+
+from doe.box import Box
+from doe.least_squares import BatchRun
+from doe.surrogates.process import ProcessSurrogate
+
+FloatArray = NDArray[np.float64]
+Misfit = Callable[[FloatArray], FloatArray]
+"""What is to be small, of responses [n, k], shape [n]: a deviance, i.e. minus twice a log-likelihood."""
+Locate = Callable[[ProcessSurrogate, Box, FloatArray], tuple[FloatArray, FloatArray]]
+"""Optimum of a surrogate in a box, searched from a point, and its standard deviation; in parameter units,
+shape [d] each."""
+
+MOVED = 0.2
+"""Move of the optimum, in standard deviations, at which it stays: a tenth of the k = 2 half width."""
+SHRINK = 0.35
+"""Edge of the next region over this one's, while the optimum lies inside."""
+SMALLEST = 0.02
+"""Smallest edge of a region in the unit box."""
+WIDTHS = 6.0
+"""Edge of a region is at least so many standard deviations of the optimum: a smaller one would follow what
+the function's roughness, not the data, says."""
+GAIN = 0.7
+"""A smaller region is kept if the surrogate's leave-one-out error falls to less than this share there: where
+it does not, the function is rough, and the runs of a wide region average what those of a small one follow."""
+PATIENCE = 2
+"""Steps to smaller regions over which the error must fall: the first runs of a region are few."""
+REACH = 1.25
+"""Runs up to this many half edges from the region's middle build its surrogate."""
+CANDIDATES = 96
+"""Points among which the new runs are chosen."""
+DRAWS = 8
+"""Responses drawn at each candidate, for the spread of its misfit."""
+BOUND = 2.0
+"""Standard deviations of the misfit below its mean that count as possible."""
+APART = 0.08
+"""Least distance of two new runs over the region's edge."""
+
+FACE = 1e-4
+"""A coordinate this close to a face, as a share of the edge, lies on it."""
+
+
+@dataclass(frozen=True)
+class Round:
+    """One batch of new runs."""
+
+    points: FloatArray
+    """The runs, the surrogate's optimum first, in parameter units, shape [n, d]."""
+    foretold: float
+    """Misfit that the surrogate foretold for the optimum."""
+    found: float
+    """Misfit of the run there; NaN if it failed."""
+    moved: float
+    """How far the runs moved the optimum, in its standard deviations [-]."""
+    edge: float
+    """Edge of the region in the unit box [-]."""
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """The optimum, the surrogate about it, and how it was reached."""
+
+    x: FloatArray
+    """The optimum of the last surrogate, in parameter units, shape [d]."""
+    sigma: FloatArray
+    """Its standard deviation, shape [d]."""
+    region: Box
+    """The last region."""
+    surrogate: ProcessSurrogate
+    """Built from the runs in and near it."""
+    rounds: tuple[Round, ...]
+    """Every batch."""
+    points: FloatArray
+    """All completed runs, the first design's included, in parameter units, shape [n, d]."""
+    responses: FloatArray
+    """What they gave, shape [n, k]."""
+    converged: bool
+    """Whether the last runs left the optimum where it was."""
+
+    @property
+    def ended(self) -> str:
+        """How it ended, in words."""
+        moved = f"the last runs moved the optimum by {self.rounds[-1].moved:.2g} standard deviations"
+        return moved if self.converged else f"{moved}, and the rounds were used up"
+
+
+def refine(
+    run: BatchRun,
+    box: Box,
+    points: ArrayLike,
+    responses: ArrayLike,
+    *,
+    misfit: Misfit,
+    locate: Locate,
+    scale: ArrayLike,
+    about: ArrayLike | None = None,
+    edge: float = 1.0,
+    batch: int | None = None,
+    max_rounds: int = 10,
+    rng: int = 0,
+) -> Refinement:
+    """Add runs to a first design until the optimum stays.
+
+    Parameters
+    ----------
+    run
+        The expensive function; rows of runs that failed hold NaN, and are left out.
+    box
+        Where to search.
+    points, responses
+        The first design's completed runs, shape [n, d], and what they gave, shape [n, k].
+    misfit
+        What is to be small.
+    locate
+        Finds the optimum of a surrogate.
+    scale
+        What an entry's deviations are measured by, in response units: a number or shape [k].
+    about, edge
+        Middle of the first region in parameter units, shape [d], and its edge in the unit box: to go on
+        from an earlier refinement. Left out, it is the whole box.
+    batch
+        Runs a round; 2 d + 2 if left out.
+    max_rounds
+        Most rounds, at least 1.
+    rng
+        Seed of the candidates and draws.
+
+    Raises
+    ------
+    ValueError
+        If `batch` or `max_rounds` is below 1, `edge` outside (0, 1], or shapes do not match.
+    doe.surrogates.SurrogateError
+        If the runs do not carry a surrogate.
+    """
+    size = 2 * box.dimension + 2 if batch is None else batch
+    if size < 1 or max_rounds < 1:
+        raise ValueError(f"batch and max_rounds must be at least 1, got {size} and {max_rounds}")
+    x, y = np.asarray(points, dtype=np.float64), np.asarray(responses, dtype=np.float64)
+    if not 0.0 < edge <= 1.0:
+        raise ValueError(f"edge must be in (0, 1], got {edge}")
+    values, zoom = misfit(y), _Zoom(edge)
+    start = x[int(np.argmin(values))] if about is None else np.asarray(about, dtype=np.float64)
+    region = box if about is None else _around(box, start, np.full(box.dimension, edge))
+    surrogate = _about(box, region, x, y, scale)
+    best, sigma = locate(surrogate, region, start)
+    rounds: list[Round] = []
+    converged = False
+    for number in range(max_rounds):
+        new = _choose(surrogate, region, best, misfit, size, np.random.default_rng([rng, number]))
+        given = np.asarray(run(new), dtype=np.float64)
+        kept = np.asarray(np.isfinite(given).all(axis=1), dtype=np.bool_)
+        x, y = np.concatenate([x, new[kept]]), np.concatenate([y, given[kept]])
+        values = np.append(values, misfit(given[kept]))
+        foretold = float(misfit(surrogate.predict(best[None]))[0])
+        inside = not _on_inner_face(best, region, box)
+        # The lowest real misfit beats the surrogate's word.
+        centre = x[int(np.argmin(values))]
+        widths = WIDTHS * _unit_widths(box, best, sigma)
+        surrogate = _about(box, _around(box, centre, np.clip(widths, zoom.edge, 1.0)), x, y, scale, surrogate)
+        if inside:
+            zoom.judge(surrogate.loo_rms)
+        region = _around(box, centre, np.clip(widths, zoom.edge, 1.0))
+        surrogate = _about(box, region, x, y, scale, surrogate)
+        before = best
+        best, sigma = locate(surrogate, region, centre)
+        moved = float(np.max(np.abs(best - before) / np.maximum(sigma, np.finfo(float).tiny)))
+        found = float(misfit(given[:1])[0]) if kept[0] else float("nan")
+        rounds.append(Round(new, foretold, found, moved, zoom.edge))
+        if inside and kept[0] and moved <= MOVED:
+            converged = True
+            break
+    return Refinement(best, sigma, region, surrogate, tuple(rounds), x, y, converged)
+
+
+class _Zoom:
+    """The edge of the region: smaller round by round, until that no longer makes the surrogate better."""
+
+    def __init__(self, edge: float) -> None:
+        self.edge = edge
+        self.errors: dict[float, float] = {}
+        self.rough = False
+
+    def judge(self, error: float) -> None:
+        """Choose the next edge, given the leave-one-out error in this one, its new runs included."""
+        self.errors[self.edge] = error
+        if self.rough:
+            return
+        wider = sorted(edge for edge in self.errors if edge > self.edge)
+        if len(wider) >= PATIENCE and error > GAIN * self.errors[wider[PATIENCE - 1]]:
+            self.rough, self.edge = True, wider[PATIENCE - 1]
+        else:
+            self.edge = max(SHRINK * self.edge, SMALLEST)
+
+
+def _unit_widths(box: Box, x: FloatArray, sigma: FloatArray) -> FloatArray:
+    """Standard deviations in the unit box, shape [d]; at most its edge."""
+    wide = np.minimum(sigma, np.array(box.upper) - np.array(box.lower))
+    ends = np.clip([x - 0.5 * wide, x + 0.5 * wide], box.lower, box.upper)
+    return np.asarray(np.minimum(np.diff(box.unit(ends), axis=0)[0], 1.0))
+
+
+def _around(box: Box, centre: FloatArray, edges: FloatArray) -> Box:
+    """A box about a point, with these edges in the unit box, cut off at the faces."""
+    u = box.unit(centre)
+    lower, upper = box.scale(np.maximum(u - 0.5 * edges, 0.0)), box.scale(np.minimum(u + 0.5 * edges, 1.0))
+    return Box(box.names, tuple(lower.tolist()), tuple(upper.tolist()), box.logarithmic)
+
+
+def _about(
+    box: Box,
+    region: Box,
+    x: FloatArray,
+    y: FloatArray,
+    scale: ArrayLike,
+    like: ProcessSurrogate | None = None,
+) -> ProcessSurrogate:
+    """The surrogate from the runs in and near a region, or from the nearest if they are too few."""
+    distance = np.abs(region.unit(x) - 0.5).max(axis=1)
+    fewest = min(len(x), 3 * box.dimension + 5)
+    near = distance <= max(0.5 * REACH, float(np.sort(distance)[fewest - 1]))
+    lower, upper = (
+        np.minimum(region.lower, x[near].min(axis=0)),
+        np.maximum(region.upper, x[near].max(axis=0)),
+    )
+    holding = Box(box.names, tuple(lower.tolist()), tuple(upper.tolist()), box.logarithmic)
+    return ProcessSurrogate.fit(holding, x[near], y[near], scale=scale, like=like)
+
+
+def _choose(
+    surrogate: ProcessSurrogate,
+    region: Box,
+    best: FloatArray,
+    misfit: Misfit,
+    size: int,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """The optimum, and the candidates with the lowest bound of the misfit, one after the other.
+
+    After each choice the surrogate is believed to have been right there, so that its error about the
+    point no longer counts (the kriging believer).
+    """
+    unit = np.concatenate([region.unit(best)[None], _candidates(region, best, rng)])
+    x = region.scale(unit)
+    draws = norm.ppf(qmc.Sobol(surrogate.n_components, rng=rng).random(DRAWS))
+    means = surrogate.scores(x)
+    chosen = [0]
+    while len(chosen) < size:
+        apart = np.abs(unit[:, None] - unit[chosen]).max(axis=2).min(axis=1) > APART
+        if not apart.any():
+            break
+        spread = surrogate.believing(x[chosen]).score_sigma(x[apart])
+        bound = _lower_bound(surrogate, means[apart], spread, draws, misfit)
+        chosen.append(int(np.flatnonzero(apart)[np.argmin(bound)]))
+    return x[chosen]
+
+
+def _candidates(region: Box, best: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Points of the unit region: half evenly spread, half about the optimum."""
+    d, half = region.dimension, CANDIDATES // 2
+    even = qmc.Sobol(d, rng=rng).random(2 ** int(np.ceil(np.log2(half))))
+    about = region.unit(best) + 0.2 * rng.standard_normal((half, d))
+    return np.concatenate([even, about[np.all((about >= 0.0) & (about <= 1.0), axis=1)]])
+
+
+def _lower_bound(
+    surrogate: ProcessSurrogate, means: FloatArray, spread: FloatArray, draws: FloatArray, misfit: Misfit
+) -> FloatArray:
+    """Mean less `BOUND` standard deviations of the misfit over drawn responses, shape [n]."""
+    scores = means + spread * draws[:, None, :]
+    values = np.stack([misfit(surrogate.components.expand(one)) for one in scores])
+    return np.asarray(values.mean(axis=0) - BOUND * values.std(axis=0))
+
+
+def _on_inner_face(x: FloatArray, region: Box, box: Box) -> bool:
+    """Whether a point lies on a face of the region that is none of the box."""
+    u, whole = region.unit(x), box.unit(x)
+    return bool(np.any((np.minimum(u, 1.0 - u) < FACE) & (np.minimum(whole, 1.0 - whole) > FACE)))

@@ -1,0 +1,68 @@
+"""What the specimen can be coloured by. A new field is one function and one line of `FIELDS`."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from explicit.materials.volumetric import VolumetricLaw
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Solid:
+    """The material that stresses and energies need."""
+
+    law: Any
+    """`explicit.materials.MaterialLaw`, unscaled."""
+    volume: VolumetricLaw
+    """Volumetric law, unscaled."""
+    stiffness_factor: float
+    """Factor on both."""
+
+
+@dataclass(frozen=True)
+class FieldKind:
+    """A number in every element."""
+
+    label: str
+    """Quantity with its unit, as on an axis."""
+    values: Callable[[FloatArray, Solid | None], FloatArray]
+    """From deformation gradients, shape [..., 3, 3] in (r, y, hoop), and the solid; shape [...]."""
+    colours: str
+    """Matplotlib's name of a colour map."""
+    needs_solid: bool = False
+    """Whether the solid must be known."""
+
+
+def smallest_stretch(F: FloatArray, solid: Solid | None = None) -> FloatArray:
+    """Smallest principal stretch: the largest compression of any line [-]."""
+    C = np.einsum("...ki,...kj->...ij", F, F)
+    return np.asarray(np.sqrt(np.linalg.eigvalsh(C)[..., 0]))
+
+
+def pressure(F: FloatArray, solid: Solid | None) -> FloatArray:
+    """Minus the mean Cauchy stress [MPa]."""
+    assert solid is not None  # `needs_solid`
+    return np.asarray(-1e-6 * solid.stiffness_factor * solid.volume.pressure(np.linalg.det(F)))
+
+
+def strain_energy(F: FloatArray, solid: Solid | None) -> FloatArray:
+    """Stored energy per undeformed volume [MJ/m^3]."""
+    assert solid is not None  # `needs_solid`
+    J = np.linalg.det(F)
+    b = np.einsum("...ij,...kj->...ik", F, F)
+    components = np.stack([b[..., 0, 0], b[..., 1, 1], b[..., 0, 1], b[..., 2, 2]], axis=-1)
+    b_bar = J[..., None] ** (-2.0 / 3.0) * components
+    return np.asarray(1e-6 * solid.stiffness_factor * (solid.law.energy(b_bar) + solid.volume.energy(J)))
+
+
+FIELDS: dict[str, FieldKind] = {
+    "stretch": FieldKind("Smallest stretch (1)", smallest_stretch, "viridis"),
+    "pressure": FieldKind("Pressure (MPa)", pressure, "cividis", needs_solid=True),
+    "energy": FieldKind("Strain energy (MJ/m³)", strain_energy, "viridis", needs_solid=True),
+}
+"""Fields by name."""

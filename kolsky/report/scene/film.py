@@ -1,0 +1,109 @@
+"""Films and stills of a stage, each file complete or not there."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kolsky.atomic import replacing
+from kolsky.report.scene.drawing import picture
+from kolsky.report.scene.stage import Stage
+
+FILMS = ("mp4", "gif")
+"""Formats of a film."""
+
+
+def write_film(
+    path: Path,
+    stage: Stage,
+    *,
+    every: int = 1,
+    rate: float = 25.0,
+    progress: Callable[[int], None] = lambda n: None,
+) -> Path:
+    """Write the deformation as a film.
+
+    Parameters
+    ----------
+    path
+        The file; its suffix says the format, one of `FILMS`.
+    stage
+        What to show.
+    every
+        Take every so many pictures, the first included.
+    rate
+        Pictures a second of the film.
+    progress
+        Called with 1 after each picture.
+
+    Raises
+    ------
+    ValueError
+        If the format is unknown, or `every` or `rate` is not positive.
+    ImportError
+        If the package that writes films is not installed; the message says how to get it.
+    """
+    path = Path(path)
+    kind = path.suffix.lstrip(".").lower()
+    if kind not in FILMS:
+        raise ValueError(f"format {kind!r} is not one of {', '.join(FILMS)}")
+    if every < 1 or not rate > 0.0:
+        raise ValueError(f"every must be at least 1 and rate positive, got {every} and {rate}")
+    writer = writer_for(kind)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as partial, writer(partial, rate) as film:
+        for k in range(0, len(stage.times), every):
+            film.append_data(picture(stage, k))
+            progress(1)
+    return path
+
+
+def write_stills(folder: Path, stage: Stage, count: int = 6) -> list[Path]:
+    """Write `count` pictures at equal distances in time as PNG files; returns their paths.
+
+    Raises
+    ------
+    ValueError
+        If `count` is below 1.
+    """
+    if count < 1:
+        raise ValueError(f"count must be at least 1, got {count}")
+    import matplotlib.image
+
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for k in chosen(len(stage.times), count):
+        path = folder / f"still_{k:05d}.png"
+        with replacing(path) as partial:
+            matplotlib.image.imsave(partial, picture(stage, k), format="png")
+        written.append(path)
+    return written
+
+
+def chosen(n: int, count: int) -> Sequence[int]:
+    """Numbers of `count` of n pictures at equal distances, first and last included."""
+    return sorted({int(k) for k in np.round(np.linspace(0, n - 1, min(count, n)))})
+
+
+def writer_for(kind: str) -> Callable[[Path, float], Any]:
+    """What opens a film for writing.
+
+    Raises
+    ------
+    ImportError
+        If imageio, or for "mp4" imageio-ffmpeg, is not installed.
+    """
+    try:
+        import imageio.v2 as imageio
+
+        if kind == "mp4":
+            import imageio_ffmpeg  # noqa: F401
+    except ImportError as error:
+        raise ImportError(f"films need the package {error.name}: pip install 'kolsky[film]'") from None
+    if kind == "mp4":
+        return lambda path, rate: imageio.get_writer(
+            path, format="FFMPEG", mode="I", fps=rate, codec="libx264", pixelformat="yuv420p", quality=8
+        )
+    return lambda path, rate: imageio.get_writer(path, format="GIF", mode="I", duration=1e3 / rate, loop=0)

@@ -1,0 +1,148 @@
+"""What a picture of the specimen shows: a deforming mesh, a number at its nodes, what was measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+import explicit
+from explicit.deformation import deformation_gradient
+from kolsky.records import CentreLine
+from kolsky.report.scene.fields import FIELDS, Solid
+
+if TYPE_CHECKING:
+    from dic import SurfaceHistory
+    from kolsky.identification import Identification
+
+FloatArray = NDArray[np.float64]
+
+RANGE = (1.0, 99.0)
+"""Percentiles of a field over all times that the colours span: a single corner must not bleach the rest."""
+
+
+class NotShown(ValueError):
+    """A result does not hold what a picture shows."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One simulation, ready to be drawn."""
+
+    mesh: explicit.Mesh
+    """The undeformed mesh."""
+    times: FloatArray
+    """Times of the pictures [s], shape [n_times]."""
+    nodes: FloatArray
+    """Positions (r, y) of the nodes [m], shape [n_times, n_nodes, 2]."""
+    values: FloatArray
+    """The field at the nodes, shape [n_times, n_nodes]."""
+    field: str
+    """Name in `kolsky.report.scene.fields.FIELDS`."""
+    limits: tuple[float, float]
+    """Values at the ends of the colour scale."""
+    centre_line: CentreLine
+    """Measured outline; none if nobody looked."""
+    surface: SurfaceHistory | None = None
+    """Measured points of the whole visible surface, if pictures were correlated here."""
+
+    def outline(self, k: int) -> tuple[FloatArray, FloatArray]:
+        """Measured heights and radii in the frame nearest to picture k [m]; empty without any."""
+        line = self.centre_line
+        if not line.time.size:
+            return np.zeros(0), np.zeros(0)
+        near = line.time == line.time[np.argmin(np.abs(line.time - self.times[k]))]
+        order = np.argsort(line.y[near])
+        return line.y[near][order], line.Z[near][order]
+
+    def points(self, k: int) -> FloatArray:
+        """Measured points (x, y, Z) nearest in time to picture k [m], shape [n, 3].
+
+        The whole surface if there is one, else the outline at x = 0.
+        """
+        if self.surface is None:
+            y, Z = self.outline(k)
+            return np.column_stack([np.zeros(y.size), y, Z])
+        frame = int(np.argmin(np.abs(self.surface.t - self.times[k])))
+        return self.surface.position[frame, self.surface.valid[frame]]
+
+
+def stage_of(
+    result: Identification,
+    *,
+    field: str = "stretch",
+    solid: Solid | None = None,
+    surface: SurfaceHistory | None = None,
+) -> Stage:
+    """The check run of an identification with a field at its nodes.
+
+    Parameters
+    ----------
+    result
+        The identification; its response must have kept the nodes, its provenance the specimen.
+    field
+        One of `kolsky.report.scene.fields.FIELDS`.
+    solid
+        The material; needed by fields that are stresses or energies.
+    surface
+        Measured points beside the centre line's.
+
+    Raises
+    ------
+    ValueError
+        If the field is unknown or lacks the solid.
+    NotShown
+        If the result does not hold what is needed.
+    """
+    if field not in FIELDS:
+        raise ValueError(f"there is no field {field!r}; choose from {', '.join(FIELDS)}")
+    kind, response = FIELDS[field], result.response
+    if kind.needs_solid and solid is None:
+        raise ValueError(f"the field {field!r} needs the material")
+    if response.nodes is None:
+        raise NotShown("the result kept no nodes of its check run")
+    mesh = _mesh(result)
+    whole = np.isfinite(response.nodes[0]).all(axis=(1, 2))
+    nodes = response.nodes[0][whole]
+    if not len(nodes):
+        raise NotShown("the check run reached none of its times")
+    elements = kind.values(deformation_gradient(mesh, nodes), solid)
+    low, high = np.percentile(elements, RANGE)
+    return Stage(
+        mesh=mesh,
+        times=response.surface_times[whole],
+        nodes=nodes,
+        values=_at_nodes(mesh, elements),
+        field=field,
+        limits=(float(low), float(high) if high > low else float(low) + 1.0),
+        centre_line=result.comparison.centre_line,
+        surface=surface,
+    )
+
+
+def _mesh(result: Identification) -> explicit.Mesh:
+    """The check run's mesh, from what the result says of specimen and settings."""
+    said = result.provenance
+    try:
+        specimen, grading = said["specimen"], said["settings"]["numerics"]["grading"]
+        radius, length = 0.5 * float(specimen["diameter"]), float(specimen["length"])
+    except (KeyError, TypeError, ValueError):
+        raise NotShown("the result's provenance does not say how large the specimen was") from None
+    n_radial, n_axial = result.refined_mesh
+    mesh = explicit.cylinder(radius, length, n_radial=n_radial, n_axial=n_axial, grading=float(grading))
+    assert result.response.nodes is not None  # `stage_of` has looked
+    if result.response.nodes.shape[2] != mesh.n_nodes:
+        raise NotShown(
+            f"the result holds {result.response.nodes.shape[2]} nodes, its mesh has {mesh.n_nodes}"
+        )
+    return mesh
+
+
+def _at_nodes(mesh: explicit.Mesh, elements: FloatArray) -> FloatArray:
+    """Mean of the elements around each node, shape [n_times, n_nodes]."""
+    corner = mesh.quads.ravel()
+    count = np.bincount(corner, minlength=mesh.n_nodes)
+    spread = np.repeat(elements, 4, axis=1)
+    return np.array([np.bincount(corner, row, mesh.n_nodes) for row in spread]) / count
