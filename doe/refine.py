@@ -35,8 +35,10 @@ WIDTHS = 6.0
 """Edge of a region is at least so many standard deviations of the optimum: a smaller one would follow what
 the function's roughness, not the data, says."""
 GAIN = 0.7
-"""A smaller region is taken if the surrogate's leave-one-out error falls to less than this share: where it
-does not, the function is rough, and more runs average what fewer would follow."""
+"""A smaller region is kept if the surrogate's leave-one-out error falls to less than this share there: where
+it does not, the function is rough, and the runs of a wide region average what those of a small one follow."""
+PATIENCE = 2
+"""Steps to smaller regions over which the error must fall: the first runs of a region are few."""
 REACH = 1.25
 """Runs up to this many half edges from the region's middle build its surrogate."""
 CANDIDATES = 96
@@ -105,6 +107,8 @@ def refine(
     misfit: Misfit,
     locate: Locate,
     scale: ArrayLike,
+    about: ArrayLike | None = None,
+    edge: float = 1.0,
     batch: int | None = None,
     max_rounds: int = 10,
     rng: int = 0,
@@ -125,6 +129,9 @@ def refine(
         Finds the optimum of a surrogate.
     scale
         What an entry's deviations are measured by, in response units: a number or shape [k].
+    about, edge
+        Middle of the first region in parameter units, shape [d], and its edge in the unit box: to go on
+        from an earlier refinement. Left out, it is the whole box.
     batch
         Runs a round; 2 d + 2 if left out.
     max_rounds
@@ -135,7 +142,7 @@ def refine(
     Raises
     ------
     ValueError
-        If `batch` or `max_rounds` is below 1, or shapes do not match.
+        If `batch` or `max_rounds` is below 1, `edge` outside (0, 1], or shapes do not match.
     doe.surrogates.SurrogateError
         If the runs do not carry a surrogate.
     """
@@ -143,9 +150,13 @@ def refine(
     if size < 1 or max_rounds < 1:
         raise ValueError(f"batch and max_rounds must be at least 1, got {size} and {max_rounds}")
     x, y = np.asarray(points, dtype=np.float64), np.asarray(responses, dtype=np.float64)
-    values, edge = misfit(y), 1.0
-    region, surrogate = box, ProcessSurrogate.fit(box, x, y, scale=scale)
-    best, sigma = locate(surrogate, region, x[int(np.argmin(values))])
+    if not 0.0 < edge <= 1.0:
+        raise ValueError(f"edge must be in (0, 1], got {edge}")
+    values, zoom = misfit(y), _Zoom(edge)
+    start = x[int(np.argmin(values))] if about is None else np.asarray(about, dtype=np.float64)
+    region = box if about is None else _around(box, start, np.full(box.dimension, edge))
+    surrogate = _about(box, region, x, y, scale)
+    best, sigma = locate(surrogate, region, start)
     rounds: list[Round] = []
     converged = False
     for number in range(max_rounds):
@@ -159,22 +170,40 @@ def refine(
         # The lowest real misfit beats the surrogate's word.
         centre = x[int(np.argmin(values))]
         widths = WIDTHS * _unit_widths(box, best, sigma)
-        region = _around(box, centre, np.clip(widths, edge, 1.0))
+        surrogate = _about(box, _around(box, centre, np.clip(widths, zoom.edge, 1.0)), x, y, scale, surrogate)
+        if inside:
+            zoom.judge(surrogate.loo_rms)
+        region = _around(box, centre, np.clip(widths, zoom.edge, 1.0))
         surrogate = _about(box, region, x, y, scale, surrogate)
-        if inside and edge > SMALLEST:
-            closer = _around(box, centre, np.clip(widths, max(edge * SHRINK, SMALLEST), 1.0))
-            sharper = _about(box, closer, x, y, scale, surrogate)
-            if sharper.loo_rms < GAIN * surrogate.loo_rms:
-                region, surrogate, edge = closer, sharper, max(edge * SHRINK, SMALLEST)
         before = best
         best, sigma = locate(surrogate, region, centre)
         moved = float(np.max(np.abs(best - before) / np.maximum(sigma, np.finfo(float).tiny)))
         found = float(misfit(given[:1])[0]) if kept[0] else float("nan")
-        rounds.append(Round(new, foretold, found, moved, edge))
+        rounds.append(Round(new, foretold, found, moved, zoom.edge))
         if inside and kept[0] and moved <= MOVED:
             converged = True
             break
     return Refinement(best, sigma, region, surrogate, tuple(rounds), x, y, converged)
+
+
+class _Zoom:
+    """The edge of the region: smaller round by round, until that no longer makes the surrogate better."""
+
+    def __init__(self, edge: float) -> None:
+        self.edge = edge
+        self.errors: dict[float, float] = {}
+        self.rough = False
+
+    def judge(self, error: float) -> None:
+        """Choose the next edge, given the leave-one-out error in this one, its new runs included."""
+        self.errors[self.edge] = error
+        if self.rough:
+            return
+        wider = sorted(edge for edge in self.errors if edge > self.edge)
+        if len(wider) >= PATIENCE and error > GAIN * self.errors[wider[PATIENCE - 1]]:
+            self.rough, self.edge = True, wider[PATIENCE - 1]
+        else:
+            self.edge = max(SHRINK * self.edge, SMALLEST)
 
 
 def _unit_widths(box: Box, x: FloatArray, sigma: FloatArray) -> FloatArray:
@@ -192,7 +221,12 @@ def _around(box: Box, centre: FloatArray, edges: FloatArray) -> Box:
 
 
 def _about(
-    box: Box, region: Box, x: FloatArray, y: FloatArray, scale: ArrayLike, like: ProcessSurrogate
+    box: Box,
+    region: Box,
+    x: FloatArray,
+    y: FloatArray,
+    scale: ArrayLike,
+    like: ProcessSurrogate | None = None,
 ) -> ProcessSurrogate:
     """The surrogate from the runs in and near a region, or from the nearest if they are too few."""
     distance = np.abs(region.unit(x) - 0.5).max(axis=1)

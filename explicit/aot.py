@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from explicit.elements import ELEMENTS
-from explicit.materials import MarlowLaw
+from explicit.materials import LAWS, MarlowLaw
 from explicit.modules import USUAL_CONTACTS, choices, compile_each
 from explicit.precision import PRECISIONS
 
@@ -32,6 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         help="contact laws of faces and side, such as bonded/coulomb; default one law on\n"
         "both, and bonded faces with any law on the side",
     )
+    parser.add_argument("--law", choices=["marlow", *LAWS], default="marlow", help="material law")
     parser.add_argument("--precision", nargs="+", default=list(PRECISIONS))
     parser.add_argument("--element", nargs="+", default=list(ELEMENTS))
     parser.add_argument("--ptx", action="store_true", help="PTX for these and later architectures")
@@ -39,8 +40,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         pairs = [_pair(text) for text in options.contacts]
         wanted = choices(pairs, options.precision, options.element)
+        law = MarlowLaw if options.law == "marlow" else LAWS[options.law]
         started = time.perf_counter()
-        for path in compile_each(options.out, options.arch, wanted, law=MarlowLaw, ptx=options.ptx):
+        for path in compile_each(options.out, options.arch, wanted, law=law, ptx=options.ptx):
             print(f"{time.perf_counter() - started:6.1f} s  {path}", flush=True)
     except ValueError as error:
         parser.error(str(error))

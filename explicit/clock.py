@@ -19,10 +19,10 @@ steps and behind them for odd ones, because the next one is made while a plan is
 
 ELASTIC, HOURGLASS, KINETIC, WORK, DAMPING, FRICTION, LANDING, RESTRAINT, PAST, MOST = range(10)
 MOTION, WORK_DONE, TURNED, BEYOND, STIFFEST = range(10, 15)
-VISCOUS = STIFFEST + 2
+STIFFER, VISCOUS = STIFFEST + 2, STIFFEST + 4
 """What the walkers hand over: totals for the ledger; what the clock watches; twice, in turn, the largest
-omega^2."""
-HANDED = 17
+omega^2 of the law and that of what relaxes."""
+HANDED = 19
 """How many numbers they hand over."""
 
 ENDED_AS, FAILED_ELEMENT, STEPS_TAKEN, END_TIME, LEAST_STEP, VOLUME_PAST_DATA, LARGEST_S, ENDING = range(8)

@@ -47,6 +47,7 @@ from explicit.clock import (
     STEP,
     STEPS,
     STEPS_TAKEN,
+    STIFFER,
     STIFFEST,
     TIME,
     TURNED,
@@ -105,8 +106,7 @@ def march_kernel(
 
     With `on_chip` a GPU keeps the state of a simulation in shared memory, where it must fit
     (`explicit.places.fits`). `block` is the number of threads it is compiled for there; `bound` is that of
-    `explicit.model.Stepping`, `volumetric` that of `explicit.Model`, `relaxation` that of
-    `explicit.model.Model.relaxation_kind`.
+    `explicit.model.Stepping`, `volumetric` that of `explicit.Model`, `relaxation` its `relaxation_kind`.
     """
     element = element_named(element_name).functions(law, precision, bound, volumetric)
     structs = batch_structs(precision, element.Shape, element.Solid)
@@ -199,9 +199,9 @@ def march_kernel(
                 worst, power, artificial = sweep_elements(
                     body, solid, row, u_r, u_y, v_r, v_y, corner_r, corner_y, lane, measure
                 )
-                worst = relax(
+                stiffer = relax(
                     body, solid, row, branches, memory, clock, step,
-                    u_r, u_y, v_r, v_y, corner_r, corner_y, lane, measure, worst,
+                    u_r, u_y, v_r, v_y, corner_r, corner_y, lane, measure,
                 )  # fmt: skip
                 latched = wp.max(latched, worst)  # an element that turns between two measurements stays known
                 if step % watch_every == 0:
@@ -212,6 +212,7 @@ def march_kernel(
                     put_largest(parts, BEYOND, strain(body, limit_s, u_r, u_y, lane))
                 if measure == 1:
                     put_largest(parts, STIFFEST + (step + 1) % 2, latched)
+                    put_largest(parts, STIFFER + (step + 1) % 2, stiffer)
                     latched = wp.float64(0.0)
             if tends(lane) == 1 and step == 0:
                 depart(clock)

@@ -26,6 +26,7 @@ from explicit.lanes import BLOCK, SMALL_BLOCK
 from explicit.march import march_kernel
 from explicit.materials import MarlowLaw
 from explicit.precision import PRECISIONS, precision
+from explicit.relaxation.base import Relaxation
 
 FOLDER_VARIABLE = "KOLSKY_AOT"
 """Environment variable that names the folder of modules when `explicit.run` is not given one."""
@@ -44,6 +45,7 @@ def ahead_of_time(
     precisions: Iterable[str] = tuple(PRECISIONS),
     elements: Iterable[str] = tuple(ELEMENTS),
     law: type = MarlowLaw,
+    relaxation: Relaxation | None = None,
     ptx: bool = False,
 ) -> list[Path]:
     """Compile time loops for CUDA devices, with or without a GPU in this machine.
@@ -60,6 +62,8 @@ def ahead_of_time(
         Names of `explicit.precision.PRECISIONS` and of `explicit.elements.ELEMENTS`; default all.
     law : type
         Class of the material law.
+    relaxation : Relaxation, optional
+        What relaxes, such as ``PronySeries.kind(n_branches)``: `explicit.Model.relaxation_kind`.
     ptx : bool
         Write PTX, which later architectures can finish too, instead of machine code for just these.
 
@@ -74,9 +78,8 @@ def ahead_of_time(
     ValueError
         If an architecture is not one that Warp's compiler knows, or a name is not known.
     """
-    return list(
-        compile_each(folder, architectures, choices(contacts, precisions, elements), law=law, ptx=ptx)
-    )
+    wanted = choices(contacts, precisions, elements)
+    return list(compile_each(folder, architectures, wanted, law=law, relaxation=relaxation, ptx=ptx))
 
 
 Choice = tuple[str, str, str, str]
@@ -100,7 +103,13 @@ def choices(
 
 
 def compile_each(
-    folder: Path | str, architectures: Sequence[int], wanted: Iterable[Choice], *, law: type, ptx: bool
+    folder: Path | str,
+    architectures: Sequence[int],
+    wanted: Iterable[Choice],
+    *,
+    law: type,
+    relaxation: Relaxation | None = None,
+    ptx: bool,
 ) -> Iterator[Path]:
     """Compile one after the other; see `ahead_of_time`."""
     select_device("cpu")
@@ -112,7 +121,9 @@ def compile_each(
     # A mesh that fits keeps its state in shared memory, a larger one does not.
     homes = ((True, BLOCK), (True, SMALL_BLOCK), (False, BLOCK))
     for (faces, side, number, shape), (on_chip, block) in product(wanted, homes):
-        module = _module(march_kernel(law, faces, side, precision(number), shape, on_chip, block))
+        module = _module(
+            march_kernel(law, faces, side, precision(number), shape, on_chip, block, relaxation=relaxation)
+        )
         wp.compile_aot_module(module, arch=list(architectures), module_dir=place, use_ptx=ptx)
         for source in place.glob(f"wp_{module.name}_*.cu"):
             source.unlink()  # it is not needed to load a module

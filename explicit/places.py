@@ -19,7 +19,7 @@ GROUP = 32
 """Elements or nodes whose constants lie side by side: those of a warp, or of a few packs."""
 LOADED_BYTES = 16
 """What a thread of a GPU loads at once."""
-ON_CHIP_NODES, ON_CHIP_ELEMENTS, ON_CHIP_SEATS, ON_CHIP_CLOCK = 448, 384, 96, 248
+ON_CHIP_NODES, ON_CHIP_ELEMENTS, ON_CHIP_SEATS, ON_CHIP_CLOCK = 448, 384, 96, 272
 """Places in shared memory for the state of a simulation in fp64; in fp32 there are twice as many nodes and
 elements. Together with what reductions need, they fill the 48 KiB a block gets without a request."""
 

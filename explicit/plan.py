@@ -32,6 +32,7 @@ from explicit.clock import (
     STATUS,
     STEP,
     STEP_BEFORE,
+    STIFFER,
     STIFFEST,
     SURFACE_DUE,
     TIME,
@@ -134,7 +135,7 @@ def plan_functions(structs: Structs, boundary: BoundaryFunctions, record: Record
         all_read()
         # The bound was measured one step ago, where the specimen stood before the step that is under way.
         if step % batch.measure_every == 0:
-            omega_squared = get_largest(parts, STIFFEST + step % 2)
+            omega_squared = get_largest(parts, STIFFEST + step % 2) + get_largest(parts, STIFFER + step % 2)
             dt = wp.min(batch.safety * TWO / wp.sqrt(omega_squared), batch.largest_step)
             rate = ONE / dt
             if step == 0:

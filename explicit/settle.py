@@ -147,7 +147,8 @@ def settle_function(
                         if alone(lane) == 1:
                             record_ledger(
                                 output, sample, next_surface,
-                                external, moving, stored, held, damping, rubbing, landing, restraint, branches,
+                                external, moving, stored, held, damping, rubbing, landing, restraint,
+                                branches,
                             )  # fmt: skip
                     next_surface += 1
                     surface_due = wp.float64(NEVER)

@@ -3,14 +3,22 @@
 from pathlib import Path
 from typing import Literal
 
-from pydantic import ConfigDict
+from pydantic import ConfigDict, model_validator
 
 from kolsky import shotfields as f
 from kolsky.apparatus import Bar, Interface, Specimen
 from kolsky.barshot import bar_force, driven_by_waves
 from kolsky.curvefile import read_curve
 from kolsky.errors import InputError
-from kolsky.shotfile import CurveSection, InterfaceSection, ModelSection, SpecimenSection, WindowSection
+from kolsky.lawtoml import LawSection, one_baseline
+from kolsky.shotfile import (
+    CurveSection,
+    InterfaceSection,
+    ModelSection,
+    SpecimenSection,
+    WindowSection,
+    chosen_baseline,
+)
 from kolsky.shots import ModelSettings, Shot, ShotBase, find_shot_file
 from kolsky.shotsection import Section
 from kolsky.shottoml import read_declared
@@ -28,10 +36,16 @@ class BarDrivenShotFile(Section):
     name: f.Name | None = None
     specimen: SpecimenSection
     interface: InterfaceSection
-    curve: CurveSection
+    curve: CurveSection | None = None
+    law: LawSection | None = None
     model: ModelSection
     window: WindowSection = WindowSection()
     uncertainty: UncertaintySection = UncertaintySection()
+
+    @model_validator(mode="after")
+    def _one_baseline(self) -> "BarDrivenShotFile":
+        one_baseline(self.curve, self.law)
+        return self
 
 
 def load_bar_driven(folder_or_toml: str | Path) -> Shot:
@@ -55,7 +69,7 @@ def load_bar_driven(folder_or_toml: str | Path) -> Shot:
     file, declared = read_declared(find_shot_file(Path(folder_or_toml)), lambda content: BarDrivenShotFile)
     given = load_waves(folder_or_toml)
     folder = file.path.parent
-    curve, curve_hashes = read_curve(folder, declared.curve)
+    curve, curve_hashes = read_curve(folder, chosen_baseline(declared.curve, declared.law))
     if declared.window.start is not None:
         raise file.error(
             "window.start",

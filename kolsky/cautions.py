@@ -88,7 +88,7 @@ def past_curve(share: float, reached: float, checks: Mapping[str, float]) -> Ite
         yield (
             f"{100.0 * share:.0f} % of the specimen's volume was strained past the quasi-static curve: "
             f"s = sqrt(I1 - 3) reached {reached:.3g}, the curve ends at {last:.3g} (nominal strain "
-            f"{strain:+.2g}); from there the law continues on its end tangent, which no test supports. "
+            f"{strain:+.2g}); from there the law goes on without a test that supports it. "
             f"A curve to a nominal strain of {_equivalent_strain(reached, strain):+.2g} would cover it"
         )
 
@@ -152,7 +152,16 @@ def _disagreement(result: Identification) -> Iterator[str]:
     if any(e.outcome is Verdict.DISAGREEING for e in result.estimates.values()):
         shift = result.surrogate.get("check_shift_sigmas")
         by = "" if shift is None else f": the last one still moved the optimum by {shift:.2g} sigma"
-        yield f"the check run on the refined mesh does not confirm the surrogate{by}; do not use the value"
+        needed, cure = result.surrogate.get("runs_needed"), ""
+        if needed is not None:
+            cure = (
+                f"; about {needed:.0f} runs around the optimum would do"
+                if isfinite(needed)
+                else "; more runs would hardly help, because the response is rough: shrink the bounds"
+            )
+        yield (
+            f"the check run on the refined mesh does not confirm the surrogate{by}; do not use the value{cure}"
+        )
 
 
 def _force_alone(result: Identification) -> Iterator[str]:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from kolsky import materialcli, sweepcli
+from kolsky import materialcli, plancli, sweepcli
 from kolsky.clitypes import (
     AsJson,
     Corrected,
@@ -446,6 +446,7 @@ def simulate(
         raise typer.Exit(1)
 
 
+app.command()(plancli.plan)
 app.command()(sweepcli.sweep)
 app.add_typer(materialcli.material)
 

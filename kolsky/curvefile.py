@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 import numpy as np
 
 from kolsky import shapechecks
+from kolsky.lawtoml import LawSection
 from kolsky.readers import uniaxial_csv
 from kolsky.readers.table import Column
 from kolsky.records import MaterialCurve
@@ -18,8 +19,8 @@ if TYPE_CHECKING:
 AnyShot = TypeVar("AnyShot", bound="ShotBase")
 
 
-def read_curve(folder: Path, section: CurveSection) -> tuple[MaterialCurve, dict[str, str]]:
-    """The quasi-static curve from rest outward, with the conditioned one if it is declared.
+def read_curve(folder: Path, section: CurveSection | LawSection) -> tuple[MaterialCurve, dict[str, str]]:
+    """The quasi-static curve from rest outward, with the conditioned one if it is declared; or a law's own.
 
     Returns
     -------
@@ -31,6 +32,8 @@ def read_curve(folder: Path, section: CurveSection) -> tuple[MaterialCurve, dict
     InputError
         If a file cannot be read or holds no such curve.
     """
+    if isinstance(section, LawSection):
+        return section.curve(), {}
     curve, digest = _read(folder / section.file, section)
     hashes = {section.file: digest}
     if section.conditioned is not None:

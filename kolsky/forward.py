@@ -1,6 +1,6 @@
 """From a shot and parameter values to a batch of simulations of that very test."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import explicit
-from explicit.materials import MarlowLaw, marlow_from_curve
+from explicit.materials import MaterialLaw, marlow_from_curve
 from kolsky.flyerpath import FlyerPath
 from kolsky.parameters import PARAMETERS, checked_value
 from kolsky.records import MaterialCurve
@@ -83,7 +83,7 @@ class Forward:
     """When its instruments looked."""
     paths: tuple[FlyerPath, ...]
     """The fitted flyer path first, then replicates of it."""
-    laws: tuple[MarlowLaw, ...]
+    laws: tuple[MaterialLaw, ...]
     """The law of the quasi-static curve first, then replicates of it."""
 
     def run(
@@ -203,13 +203,19 @@ class Forward:
         )
 
 
-def material_law(curve: MaterialCurve) -> MarlowLaw:
-    """Marlow's law of a quasi-static curve."""
-    return marlow_from_curve(curve.stretch, curve.stress)
+def material_law(curve: MaterialCurve) -> MaterialLaw:
+    """The closed-form law that a curve belongs to, or else Marlow's law of it."""
+    return curve.law or marlow_from_curve(curve.stretch, curve.stress)
 
 
-def curve_replicates(curve: MaterialCurve, n: int, rng: np.random.Generator) -> list[MarlowLaw]:
-    """Laws of `n` curves drawn from the curve's noise: of each point alone, and of all points together."""
+def curve_replicates(curve: MaterialCurve, n: int, rng: np.random.Generator) -> Sequence[MaterialLaw]:
+    """Laws of `n` curves drawn from the curve's noise: of each point alone, and of all points together.
+
+    A closed-form law varies by a factor on all its stresses, whose logarithm is normal.
+    """
+    if curve.law is not None:
+        share = float(curve.total_sigma[-1] / abs(curve.stress[-1]))
+        return [curve.law.scaled(float(factor)) for factor in np.exp(share * rng.standard_normal(n))]
     noise = curve.sigma * rng.standard_normal((n, len(curve.stress)))
     if curve.modes is not None:
         noise = noise + rng.standard_normal((n, len(curve.modes))) @ curve.modes

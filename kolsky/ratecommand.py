@@ -6,12 +6,12 @@ from time import perf_counter
 from typing import Any
 
 from kolsky import options
-from kolsky.commands import tell
+from kolsky.commandparts import tell
 from kolsky.errors import InputError
 from kolsky.outfolder import filling, usable_folder
 from kolsky.printed import plain
 from kolsky.progress import bars
-from kolsky.rates.collect import declarations, group_key, group_of, result_of, tested_shot
+from kolsky.rates.collect import collected_shot, declarations, group_key, group_of, result_of
 from kolsky.rates.compare import compare
 from kolsky.rates.output import summary, write_csv, write_hdf5
 from kolsky.rates.records import GroupRates, RateReport
@@ -67,7 +67,7 @@ def rate(
     with bars() as progress:
         for number, (shot, name) in enumerate(zip(shots, groups, strict=True)):
             progress("rate", number, len(shots))
-            one = tested_shot(
+            one = collected_shot(
                 shot,
                 group=name,
                 identify=_identified(shot, progress) if identify else None,
@@ -147,7 +147,9 @@ def _rows(group: GroupRates, *, several: bool) -> dict[str, str]:
     rows = {f"{prefix}shots": f"{len(group.counted)} of {len(group.shots)} counted"}
     for shot in group.shots:
         value, U = numbers.measured(shot.m, 2.0 * shot.sigma)
-        rows[f"{prefix}{shot.name}"] = f"m = {plain(value)} ± {plain(U)} (k = 2) at {shot.history.nominal_rate:.4g} 1/s"
+        rows[f"{prefix}{shot.name}"] = (
+            f"m = {plain(value)} ± {plain(U)} (k = 2) at {shot.history.nominal_rate:.4g} 1/s"
+        )
     if group.pooled is not None:
         low, high = group.pooled.interval
         value, half = numbers.measured(group.pooled.mean, 0.5 * (high - low))

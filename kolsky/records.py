@@ -2,9 +2,13 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import explicit.materials
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -103,6 +107,8 @@ class MaterialCurve:
     none is known."""
     conditioned: "MaterialCurve | None" = None
     """The same material's curve after earlier loading (Mullins), if that is known too."""
+    law: "explicit.materials.AnyLaw | None" = None
+    """The closed-form law that this is the curve of; None for a measured curve."""
 
     @property
     def total_sigma(self) -> FloatArray:

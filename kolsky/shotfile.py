@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from kolsky import shotfields as f
+from kolsky.lawtoml import LawSection, one_baseline
 from kolsky.layouttoml import LayoutSection
 from kolsky.readers.table import Column
 from kolsky.shotpictures import CalibrationSection, DicSection, PicturesSection, ReportingSection
@@ -291,6 +292,14 @@ class CurveSection(Section):
         return self
 
 
+def chosen_baseline(curve: CurveSection | None, law: LawSection | None) -> CurveSection | LawSection:
+    """[law] if it is there and is the baseline, else [curve]; `kolsky.lawtoml.one_baseline` has seen both."""
+    if law is not None and law.baseline:
+        return law
+    assert curve is not None  # the schema saw to it
+    return curve
+
+
 class ModelSection(Section):
     """[model]: material constants that the curve does not give."""
 
@@ -341,9 +350,20 @@ class ShotFile(Section):
     gauges: GaugesSection | None = None
     waves: WavesSection | None = None
     uncertainty: UncertaintySection | None = None
-    curve: CurveSection
+    curve: CurveSection | None = None
+    law: LawSection | None = None
     model: ModelSection
     window: WindowSection = WindowSection()
+
+    @model_validator(mode="after")
+    def _one_baseline(self) -> "ShotFile":
+        one_baseline(self.curve, self.law)
+        return self
+
+    @property
+    def baseline(self) -> CurveSection | LawSection:
+        """What m refers to: [curve], or [law] where it is given and does not leave that to the curve."""
+        return chosen_baseline(self.curve, self.law)
 
     @model_validator(mode="after")
     def _pictures_where_they_act(self) -> "ShotFile":

@@ -206,7 +206,7 @@ def load_shot(folder_or_toml: str | Path, *, measure: Callable[[Seen], Measured]
     forcechecks.force_sign(force.raw_force(), force.time, span, flyer, toml)
     centre_line, outline_hash = _centre_line(folder, frames, declared.centre_line, toml)
     shapechecks.outline(centre_line, folder / declared.centre_line.file, rest, span, toml)
-    curve, curve_hashes = read_curve(folder, declared.curve)
+    curve, curve_hashes = read_curve(folder, declared.baseline)
     exports = {declared.flyer.file: flyer_hash, declared.centre_line.file: outline_hash}
     base = _base(toml, frames, force, curve, curve_hashes, exports)
     return Shot(**base, flyer=flyer, centre_line=centre_line, window=span)
@@ -264,7 +264,7 @@ def _with_surface(toml: ShotToml, frames: FrameTimes, rest: float) -> Shot:
     span = window(toml, frame_time, float(flyer.time[-1]), force.recording, force.time)
     forcechecks.force_sign(force.raw_force(), force.time, span, flyer, toml)
     shapechecks.outline(centre_line, source, rest, span, toml)
-    curve, curve_hashes = read_curve(folder, declared.curve)
+    curve, curve_hashes = read_curve(folder, declared.baseline)
     base = _base(toml, frames, force, curve, curve_hashes, inputs)
     return Shot(**base, flyer=flyer, centre_line=centre_line, window=span)
 
@@ -306,7 +306,7 @@ def _pictured(toml: ShotToml, frames: FrameTimes, seen: Seen) -> PicturedShot:
     folder, declared = toml.path.parent, toml.declared
     rest = float(frames.time[declared.frames.static - 1] + declared.frames.clock_offset)
     force = _force(folder, rest, toml)
-    curve, curve_hashes = read_curve(folder, declared.curve)
+    curve, curve_hashes = read_curve(folder, declared.baseline)
     return PicturedShot(**_base(toml, frames, force, curve, curve_hashes, seen.inputs), seen=seen)
 
 

@@ -1,8 +1,8 @@
 """Shots of one material at other flyer velocities: `python runs/rate_shots.py FOLDER [SPEED[:M] ...]`.
 
-Each is a simulation with a known stiffness factor and noise like that of open-01 (1 um, 4 um, 0.3 N, 12 bits),
-written as the files of open-01. They show what a comparison of rates finds, not that the model is right: it is
-the same solver, with another element and another mesh.
+Each is a simulation with a known stiffness factor and noise like that of open-01 (1 um, 4 um, 0.3 N, 12
+bits), written as the files of open-01. They show what a comparison of rates finds, not that the model is
+right: it is the same solver, with another element and another mesh.
 """
 
 import json
@@ -20,7 +20,7 @@ from kolsky.records import FlyerMotion
 from kolsky.shots import load_shot
 
 ORIGIN = Path(__file__).resolve().parent / "open-01"
-NUMERICS = Numerics(mesh=(32, 44), element="fbar")
+NUMERICS = Numerics(mesh=(48, 64), element="fbar")
 STATIC, FRAMES, SAMPLES, POINTS, STRAIN = 12, 150, 3000, 14, 0.55
 SIGMA_FLYER, SIGMA_Z, SIGMA_FORCE = 1e-6, 4e-6, 0.3
 REST, RISE, DRAG = 29.2e-6, 60e-6, 0.15
@@ -95,7 +95,7 @@ def shot_file(name: str) -> str:
 if __name__ == "__main__":
     if len(sys.argv) < 2:
         sys.exit("give a folder for the shots")
-    for number, word in enumerate(sys.argv[2:] or ["0.7", "1.3", "2.6", "5"], start=1):
+    for number, word in enumerate(sys.argv[2:] or ["0.7", "0.8", "1.4", "2.6", "4.5"], start=1):
         speed, _, m = word.partition(":")
         folder = Path(sys.argv[1]) / f"rate-{number:02d}"
         make(folder, float(speed), float(m or 1.12), seed=number)

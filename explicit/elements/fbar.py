@@ -292,13 +292,27 @@ def element_functions(law: type, precision: Precision, bound: str, volumetric: s
 
     @wp.func
     def stress_point(shape: Shape, g: int):
-        weight, b_r, b_y, c = shape.weight[0], shape.gradient_r0, shape.gradient_y0, shape.hoop0
+        weight, b_r, b_y, c = real(0.0), vec4(), vec4(), vec4()
+        if g == 0:
+            weight = shape.weight[0]
+            b_r = shape.gradient_r0
+            b_y = shape.gradient_y0
+            c = shape.hoop0
         if g == 1:
-            weight, b_r, b_y, c = shape.weight[1], shape.gradient_r1, shape.gradient_y1, shape.hoop1
+            weight = shape.weight[1]
+            b_r = shape.gradient_r1
+            b_y = shape.gradient_y1
+            c = shape.hoop1
         if g == 2:
-            weight, b_r, b_y, c = shape.weight[2], shape.gradient_r2, shape.gradient_y2, shape.hoop2
+            weight = shape.weight[2]
+            b_r = shape.gradient_r2
+            b_y = shape.gradient_y2
+            c = shape.hoop2
         if g == 3:
-            weight, b_r, b_y, c = shape.weight[3], shape.gradient_r3, shape.gradient_y3, shape.hoop3
+            weight = shape.weight[3]
+            b_r = shape.gradient_r3
+            b_y = shape.gradient_y3
+            c = shape.hoop3
         return weight, b_r, b_y, c
 
     return ElementFunctions(

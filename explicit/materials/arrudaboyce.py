@@ -11,7 +11,6 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from explicit.materials.invariantkernels import invariant_kernel_functions
 from explicit.materials.invariants import InvariantLaw
 from explicit.materials.law import ParameterSpec
 from explicit.precision import Precision
@@ -93,8 +92,3 @@ class ArrudaBoyce(InvariantLaw):
             return x * (row[0] + row[1] * (three + I) + third + fourth + fifth)
 
         return slopes, curvatures, energy
-
-    @classmethod
-    def kernel_functions(cls, precision: Precision) -> tuple[Any, Any, Any]:
-        """See `explicit.materials.base.MaterialLaw`."""
-        return invariant_kernel_functions(cls, precision)

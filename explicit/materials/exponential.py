@@ -11,7 +11,6 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from explicit.materials.invariantkernels import invariant_kernel_functions
 from explicit.materials.invariants import InvariantLaw
 from explicit.materials.law import ParameterSpec
 from explicit.precision import Precision
@@ -75,11 +74,6 @@ class _Exponential(InvariantLaw):
             return row[0] * (wp.exp(row[1] * x) - one) + row[2] * y
 
         return slopes, curvatures, energy
-
-    @classmethod
-    def kernel_functions(cls, precision: Precision) -> tuple[Any, Any, Any]:
-        """See `explicit.materials.base.MaterialLaw`."""
-        return invariant_kernel_functions(cls, precision)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from explicit.materials.invariantkernels import invariant_kernel_functions
 from explicit.materials.invariants import InvariantLaw
 from explicit.materials.law import ParameterSpec
 from explicit.precision import Precision
@@ -33,8 +32,8 @@ class Gent(InvariantLaw):
 
     @property
     def data_limit(self) -> float:
-        """s where the law locks, sqrt(Jm) [-]."""
-        return float(np.sqrt(self.Jm))
+        """s where the data end or the law locks, at sqrt(Jm) [-]."""
+        return min(self.fitted_s, float(np.sqrt(self.Jm)))
 
     def _room(self, I1: ArrayLike) -> FloatArray:
         """Jm - (I1 - 3), not a number past locking."""
@@ -83,8 +82,3 @@ class Gent(InvariantLaw):
             return -half * row[0] * row[1] * wp.log(room_of(x, row) / row[1])
 
         return slopes, curvatures, energy
-
-    @classmethod
-    def kernel_functions(cls, precision: Precision) -> tuple[Any, Any, Any]:
-        """See `explicit.materials.base.MaterialLaw`."""
-        return invariant_kernel_functions(cls, precision)

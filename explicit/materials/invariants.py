@@ -8,12 +8,14 @@ and in principal stretches dW/dlam_i = 2 lam_i (W_1 + W_2 (I1 - lam_i^2)), which
 I2 being lam1^2 lam2^2 + lam2^2 lam3^2 + lam3^2 lam1^2 there.
 """
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from explicit.materials.invariantkernels import invariant_kernel_functions
 from explicit.materials.law import ClosedFormLaw
+from explicit.precision import Precision
 
 FloatArray = NDArray[np.float64]
 
@@ -35,6 +37,18 @@ class InvariantLaw(ClosedFormLaw):
     def d2W_dI2(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(W_11, W_12, W_22): second derivatives [Pa], each of shape [...]."""
         raise NotImplementedError
+
+    @staticmethod
+    def invariant_functions(precision: Precision) -> tuple[Any, Any, Any]:
+        """The Warp functions ``(slopes, curvatures, energy)``: `dW_dI`, `d2W_dI2` and `W`, each of
+        ``(I1_bar - 3, I2_bar - 3, row)``."""
+        raise NotImplementedError
+
+    @classmethod
+    def kernel_functions(cls, precision: Precision) -> tuple[Any, Any, Any]:
+        """See `explicit.materials.base.MaterialLaw`."""
+        law: Any = cls  # a class is hashable, whatever its metaclass is taken for
+        return invariant_kernel_functions(law, precision)
 
     @property
     def shear_modulus(self) -> float:

@@ -17,7 +17,8 @@ isochoric part alone; the volumetric part is `explicit.materials.volumetric`'s, 
 factor multiplies both.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from math import inf
 from typing import ClassVar, Protocol, Self
 
 import numpy as np
@@ -73,8 +74,13 @@ class Stretches(Protocol):
         ...
 
 
+@dataclass(frozen=True)
 class ClosedFormLaw:
     """Constants, bounds and scaling, the same for every law given by a formula."""
+
+    fitted_s: float = field(default=inf, kw_only=True)
+    """Largest s = sqrt(I1_bar - 3) of the data that the constants were fitted to [-]; infinity if nobody
+    knows. The law goes on past it, and the solver says how much of the specimen went there."""
 
     NAME: ClassVar[str]
     """The name in `explicit.materials.laws.LAWS` and in a shot file."""
@@ -82,12 +88,14 @@ class ClosedFormLaw:
     """The constants, in the order of the fields."""
 
     def __post_init__(self) -> None:
+        if not self.fitted_s > 0.0:
+            raise ValueError(f"{self.NAME}: fitted_s must be > 0, got {self.fitted_s}")
         for spec, value in zip(self.PARAMETERS, self.constants(), strict=True):
             if not np.isfinite(value):
                 raise ValueError(f"{self.NAME}: {spec.name} must be finite, got {value}")
             if spec.strict and not spec.lower <= value <= spec.upper:
                 raise ValueError(
-                    f"{self.NAME}: {spec.name} must be in [{spec.lower:g}, {spec.upper:g}] {spec.unit}, got "
+                    f"{self.NAME}: {spec.name} must be in [{spec.lower:g}, {spec.upper:g}]{_unit(spec)}, got "
                     f"{value:g}: {spec.meaning}"
                 )
         if not self.shear_modulus > 0.0:
@@ -108,8 +116,8 @@ class ClosedFormLaw:
 
     @property
     def data_limit(self) -> float:
-        """Largest s = sqrt(I1_bar - 3) the law is defined for [-]; infinity unless it locks."""
-        return float("inf")
+        """Largest s the law has data for or is defined for [-]."""
+        return self.fitted_s
 
     def constants(self) -> FloatArray:
         """The constants in the order of `PARAMETERS`, shape [n_parameters]."""
@@ -142,12 +150,16 @@ class ClosedFormLaw:
     def scaled(self, factor: float) -> Self:
         """The law with every stress multiplied by a factor: moduli scale, pure numbers stay."""
         scales = [factor if spec.unit == "Pa" else 1.0 for spec in self.PARAMETERS]
-        return self.of(self.constants() * scales)
+        return replace(self.of(self.constants() * scales), fitted_s=self.fitted_s)
 
     def outside(self) -> tuple[str, ...]:
         """Which constants lie outside the intervals that keep the energy positive, in words."""
         return tuple(
-            f"{spec.name} = {value:g} {spec.unit} is outside [{spec.lower:g}, {spec.upper:g}]"
+            f"{spec.name} = {value:g}{_unit(spec)} is outside [{spec.lower:g}, {spec.upper:g}]"
             for spec, value in zip(self.PARAMETERS, self.constants(), strict=True)
             if not spec.lower <= value <= spec.upper
         )
+
+
+def _unit(spec: ParameterSpec) -> str:
+    return "" if spec.unit == "1" else f" {spec.unit}"

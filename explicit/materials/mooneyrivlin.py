@@ -11,7 +11,6 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from explicit.materials.invariantkernels import invariant_kernel_functions
 from explicit.materials.invariants import InvariantLaw
 from explicit.materials.law import ParameterSpec
 from explicit.precision import Precision
@@ -72,8 +71,3 @@ class MooneyRivlin(InvariantLaw):
             return row[0] * x + row[1] * y + row[2] * x * y
 
         return slopes, curvatures, energy
-
-    @classmethod
-    def kernel_functions(cls, precision: Precision) -> tuple[Any, Any, Any]:
-        """See `explicit.materials.base.MaterialLaw`."""
-        return invariant_kernel_functions(cls, precision)

@@ -7,7 +7,6 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from explicit.materials.invariantkernels import invariant_kernel_functions
 from explicit.materials.invariants import InvariantLaw
 from explicit.materials.law import ParameterSpec
 from explicit.precision import Precision
@@ -60,8 +59,3 @@ class NeoHookean(InvariantLaw):
             return half * row[0] * x
 
         return slopes, curvatures, energy
-
-    @classmethod
-    def kernel_functions(cls, precision: Precision) -> tuple[Any, Any, Any]:
-        """See `explicit.materials.base.MaterialLaw`."""
-        return invariant_kernel_functions(cls, precision)

@@ -39,7 +39,6 @@ class _Ogden(StretchLaw):
     TERMS: ClassVar[int]
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         _, exponents = self.terms
         if (np.abs(exponents) < LEAST_EXPONENT).any():
             worst = exponents[np.abs(exponents) < LEAST_EXPONENT][0]
@@ -47,6 +46,7 @@ class _Ogden(StretchLaw):
                 f"{self.NAME}: |alpha| must be >= {LEAST_EXPONENT}, got {worst:g}: leave the term out, or "
                 "fit with fewer terms"
             )
+        super().__post_init__()
 
     @property
     def terms(self) -> tuple[FloatArray, FloatArray]:
@@ -200,7 +200,7 @@ def _kernel_functions(n_terms: int, precision: Precision) -> tuple[Any, Any, Any
         eta, middle = half * (l1 - l2), half * (rr + yy)
         plane, hoop, G = real(0.0), real(0.0), real(0.0)
         for p in range(terms):
-            c, a = row[4 * p], row[4 * p + 1]
+            c, a = real(row[4 * p]), real(row[4 * p + 1])
             e1, e2, e3 = wp.exp(a * l1), wp.exp(a * l2), wp.exp(a * l3)
             plane += c * half * (e1 + e2)
             hoop += c * e3
@@ -217,7 +217,7 @@ def _kernel_functions(n_terms: int, precision: Precision) -> tuple[Any, Any, Any
         eta = half * (l1 - l2)
         w1, w2, w3, h1, h2, h3, G = zero, zero, zero, zero, zero, zero, zero
         for p in range(terms):
-            c, a, m = row[4 * p], row[4 * p + 1], row[4 * p + 2]
+            c, a, m = real(row[4 * p]), real(row[4 * p + 1]), real(row[4 * p + 2])
             e1, e2, e3 = wp.exp(a * l1), wp.exp(a * l2), wp.exp(a * l3)
             w1 += c * e1
             w2 += c * e2
@@ -241,7 +241,7 @@ def _kernel_functions(n_terms: int, precision: Precision) -> tuple[Any, Any, Any
         l1, l3 = wp.log(b1), wp.log(tt)
         total = real(0.0)
         for p in range(terms):
-            a = row[4 * p + 1]
+            a = real(row[4 * p + 1])
             total += row[4 * p + 3] * (wp.exp(a * l1) + wp.exp(-a * (l1 + l3)) + wp.exp(a * l3) - three)
         return total
 

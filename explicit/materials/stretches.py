@@ -3,18 +3,19 @@ r"""Laws W = sum_i w(lam_i) of the principal stretches (Valanis and Landel 1967)
 The axes of an axisymmetric tensor (rr, yy, ry, tt) are the hoop and two in the plane. With t(b) = lam w'(lam)
 at b = lam^2 and the eigenvalues b_1, b_2 in the plane, the stress there is
 
-    t(b_1) + t(b_2)          t(b_1) - t(b_2)
-    --------------- 1   +    --------------- (b - (b_1 + b_2) / 2 1),                          (L.7)
-           2                     b_1 - b_2
+    (t(b_1) + t(b_2)) / 2 1 + (t(b_1) - t(b_2)) / (b_1 - b_2) (b - (b_1 + b_2) / 2 1),             (L.7)
 
 less the mean, and needs no eigenvectors. The quotient is smooth where both eigenvalues meet.
 """
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from explicit.materials.invariants import deviator
 from explicit.materials.law import ClosedFormLaw
+from explicit.precision import Precision
 
 FloatArray = NDArray[np.float64]
 
@@ -36,6 +37,11 @@ class StretchLaw(ClosedFormLaw):
 
     def quotient(self, b1: FloatArray, b2: FloatArray) -> FloatArray:
         """(t(b_1) - t(b_2)) / (b_1 - b_2) with t = lam w'(lam), lam^2 = b [Pa], shape [...]."""
+        raise NotImplementedError
+
+    @classmethod
+    def kernel_functions(cls, precision: Precision) -> tuple[Any, Any, Any]:
+        """See `explicit.materials.base.MaterialLaw`."""
         raise NotImplementedError
 
     @property

@@ -16,12 +16,13 @@ class PointFunctions:
     """The Warp functions of one stress point."""
 
     relax: Any
-    """``relax(weight, gradient_r, gradient_y, hoop, inverse_mass_r, inverse_mass_y, scale, row, branches, memory,
-    first, places, e, ur, uy, vr, vy, moved, interval, measure) -> (f_r, f_y, done, omega_squared)``: corner
-    forces to be added to those of the law at its instantaneous stiffness `scale` [N], what was done on the
-    branches beyond what `held` knows since the last call [J], and their share of the step bound [1/s^2]. The
-    k-th number remembered is ``memory[(first + k) * places + e]``, 0 at rest; `moved` is the step that led
-    here, `interval` the time from the middle of that step to the middle of the next [s]."""
+    """``relax(weight, gradient_r, gradient_y, hoop, inverse_mass_r, inverse_mass_y, scale, row, branches,
+    memory, first, places, e, ur, uy, vr, vy, moved, interval, measure)
+    -> (f_r, f_y, done, omega_squared)``: corner forces to be added to those of the law at its instantaneous
+    stiffness `scale` [N], what was done on the branches since the last call beyond what `held` knows [J], and
+    their share of the step bound [1/s^2]. The k-th number remembered is ``memory[(first + k) * places + e]``,
+    0 at rest; `moved` is the step that led here, `interval` the time from the middle of that step to the
+    middle of the next [s]."""
     held: Any
     """``held(weight, gradient_r, gradient_y, hoop, scale, row, branches, memory, first, places, e, ur, uy)``:
     what was done on the branches, as far as the present state knows it [J]."""
@@ -35,6 +36,10 @@ class Relaxation(Protocol):
     @property
     def place_of_rest(self) -> int:
         """Where a row of `rows` has the long-term stiffness over the instantaneous one."""
+        ...
+
+    def __hash__(self) -> int:
+        """Time loops are kept by it."""
         ...
 
     def point(self, law: type, precision: Precision, bound: str) -> PointFunctions:

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
+from explicit.relaxation.creepkernels import CreepKind
 from explicit.relaxation.uniaxial import checked_history, uniaxial_stress
 
 FloatArray = NDArray[np.float64]
@@ -55,6 +56,26 @@ class BergstromBoyce:
         ):
             if not good:
                 raise ValueError(f"{name} must be {allowed}, got {getattr(self, name)}")
+
+    @property
+    def instantaneous(self) -> float:
+        """Stiffness of both networks over that of network A, 1 + s [-]."""
+        return 1.0 + self.ratio
+
+    def __len__(self) -> int:
+        """One network."""
+        return 1
+
+    def row(self, n_branches: int) -> FloatArray:
+        """Kernel row: s / (1 + s), tau_hat, m, C, xi, 1 / (1 + s)."""
+        share = self.ratio / self.instantaneous
+        flow = (self.resistance, self.exponent, self.chain_exponent, self.first_creep)
+        return np.array([share, *flow, 1.0 - share])
+
+    @staticmethod
+    def kind(n_branches: int) -> CreepKind:
+        """See `explicit.relaxation.base.RateDependence`."""
+        return CreepKind()
 
     def flow_rate(self, stress: ArrayLike, chain_stretch: ArrayLike) -> FloatArray:
         """gamma of Eq. (V.3) [1/s].
@@ -109,8 +130,9 @@ def bergstrom_boyce_stress(
         if first > 0:  # a step of strain is elastic
             elastic[first] = total[first] - viscous
         if last > first:
-            path = _creep(network, cauchy, t[first : last + 1], total[first : last + 1], total[first] - elastic[first])
-            elastic[first : last + 1] = total[first : last + 1] - path
+            piece = slice(first, last + 1)
+            path = _creep(network, cauchy, t[piece], total[piece], total[first] - elastic[first])
+            elastic[piece] = total[piece] - path
             viscous = float(path[-1])
     stress = uniaxial_stress(law, lam) + network.ratio * np.asarray(cauchy(elastic)) / lam
     return stress, np.exp(total - elastic)
@@ -144,8 +166,10 @@ def _creep(
     if ratio == 0.0:
         return np.full_like(time, viscous)
 
+    lowest, highest = min(float(total.min()), viscous), max(float(total.max()), viscous)
+
     def rate(t: float, state: FloatArray) -> list[float]:
-        v = float(state[0])
+        v = min(max(float(state[0]), lowest), highest)  # it lags behind, so only a trial can lie outside
         stress = ratio * float(cauchy(np.interp(t, time, total) - v))
         stretch = np.exp(v)
         chain = np.sqrt((stretch**2 + 2.0 / stretch) / 3.0)

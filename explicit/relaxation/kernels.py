@@ -1,8 +1,8 @@
 """What relaxes, in the time loop: the stress that branches have given up, and the energy they took.
 
 The law's own stress enters at its instantaneous stiffness, through the element's forces and its step bound;
-the functions here subtract what the branches have relaxed since. Every stress point remembers a few numbers a
-branch, every element what its branches were worth so far, in rows of the state side by side over the elements.
+the functions here subtract what the branches have relaxed since. Every stress point remembers a few numbers
+a branch, every element what its branches were worth so far, side by side over the elements.
 A sample without rate dependence runs none of this.
 """
 
@@ -29,8 +29,8 @@ class RelaxationFunctions:
 
     sweep: Any
     """``sweep(body, solid, row, branches, memory, clock, step, u_r, u_y, v_r, v_y, corner_r, corner_y, lane,
-    measure, worst)``: subtract the forces of what has relaxed from the corners; returns the largest omega^2
-    with theirs."""
+    measure)``: subtract the forces of what has relaxed from the corners; returns the largest omega^2 of
+    theirs [1/s^2], 0 unless `measure` is 1."""
     energies: Any
     """``energies(body, solid, row, limit_s, branches, memory, u_r, u_y, lane)``: as of the sweep over
     energies, of the long-term law, and what was done on the branches [J]."""
@@ -59,8 +59,8 @@ def relaxation_functions(
     corner = corner_functions(precision, structs)
     nodes, values = corner.nodes, corner.values
     read_shape, corner_places = element.read_shape, place.corner_places
-    stress_point, element_energies = element.stress_point, element.energies
-    sweep_energies, point = sweeps.energies, kind.point(law, precision, bound)
+    stress_point, sweep_energies = element.stress_point, sweeps.energies
+    point = kind.point(law, precision, bound)
     relax, held = point.relax, point.held
     n_points, per_point = int(element.n_points), int(point.memory)
     worth, place_of_rest = int(n_points * per_point), int(kind.place_of_rest)
@@ -83,7 +83,6 @@ def relaxation_functions(
         corner_y: wp.array(dtype=real),
         lane: int,
         measure: int,
-        worst: wp.float64,
     ):
         # The step that led here, and the time between the velocities before and after.
         moved, interval = real(0.0), real(0.0)
@@ -114,7 +113,7 @@ def relaxation_functions(
             memory[worth * places + e] = memory[worth * places + e] + done
             most = wp.max(most, stiffer)
             e += walkers()
-        return worst + wp.float64(most)
+        return wp.float64(most)
 
     @wp.func
     def energies(
@@ -129,9 +128,7 @@ def relaxation_functions(
         lane: int,
     ):
         rest = branches[place_of_rest]
-        lasting = Solid(
-            solid.scale * rest, solid.bulk, solid.hourglass, zero, zero, zero, zero, zero
-        )
+        lasting = Solid(solid.scale * rest, solid.bulk, solid.hourglass, zero, zero, zero, zero, zero)
         elastic, hourglass, past, most = sweep_energies(body, lasting, row, limit_s, u_r, u_y, lane)
         taken = empty_sum()
         places = body.n_elements
@@ -178,9 +175,8 @@ def _nothing(
         corner_y: wp.array(dtype=real),
         lane: int,
         measure: int,
-        worst: wp.float64,
     ):
-        return worst
+        return wp.float64(0.0)
 
     @wp.func
     def energies(

@@ -1,12 +1,12 @@
 r"""Finite-strain Prony series: quasi-linear viscoelasticity of the isochoric response.
 
 With the isochoric second Piola-Kirchhoff stress S = DEV(2 dW/dC_bar) of the long-term law W, the Kirchhoff
-stress is (Simo 1987, Eqs. 3.5 and 3.9; Simo and Hughes 1998, Section 10.3)
+stress is (Simo 1987; Simo and Hughes 1998, Section 10.3)
 
     tau = J U'(J) 1 + tau_W + sum_i dev(F_bar H_i F_bar^T),    dH_i/dt + H_i / tau_i = c_i dS/dt,      (V.1)
 
-so that H_i(t) = c_i int_0^t exp(-(t - s) / tau_i) dS(s). The volumetric response does not relax. Strengths c_i
-are relative to the *long-term* law, which is the one a slow test measures:
+so that H_i(t) = c_i int_0^t exp(-(t - s) / tau_i) dS(s). The volumetric response does not relax. Strengths
+c_i are relative to the *long-term* law, which is the one a slow test measures:
 
     G(t) = G_inf [1 + sum_i c_i exp(-t / tau_i)].                                                      (V.2)
 """
@@ -57,7 +57,7 @@ class PronySeries:
         g = np.asarray(shares, dtype=float).ravel()
         left = 1.0 - g.sum()
         if not left > 0.0:
-            raise ValueError(f"the shares of the instantaneous modulus must sum to less than 1, got {g.sum():g}")
+            raise ValueError(f"the shares of the instantaneous modulus must sum to < 1, got {g.sum():g}")
         return cls(tuple((g / left).tolist()), tuple(np.asarray(times, dtype=float).ravel().tolist()))
 
     @property
@@ -84,7 +84,8 @@ class PronySeries:
     def relaxation(self, time: ArrayLike) -> FloatArray:
         """G(t) / G_inf after a step of strain, Eq. (V.2) [-], shape of `time` [s]."""
         t = np.asarray(time, dtype=float)[..., None]
-        return np.asarray(1.0 + (np.asarray(self.strengths) * np.exp(-t / np.asarray(self.times))).sum(axis=-1))
+        decay = np.exp(-t / np.asarray(self.times))
+        return np.asarray(1.0 + (np.asarray(self.strengths) * decay).sum(axis=-1))
 
     def storage(self, angular_frequency: ArrayLike) -> FloatArray:
         """G'(omega) / G_inf = 1 + sum c_i x^2 / (1 + x^2), x = omega tau_i [-], shape of omega [rad/s]."""

@@ -1,19 +1,19 @@
 """A stress point of a Prony series: Simo's convolution, Eq. (V.1), by recursion.
 
-With g_i the share of the instantaneous stiffness and S the law's isochoric second Piola-Kirchhoff stress at that
-stiffness, the branch stress is H_i = g_i S - q_i with dq_i/dt + q_i / tau_i = g_i S / tau_i. The q_i live half
-a step before and after the positions, where the velocities are:
+With g_i the share of the instantaneous stiffness and S the law's isochoric second Piola-Kirchhoff stress
+at that stiffness, the branch stress is H_i = g_i S - q_i with dq_i/dt + q_i / tau_i = g_i S / tau_i. The q_i
+live half a step before and after the positions, where the velocities are:
 
-    q_i(n+1/2) = a q_i(n-1/2) + (1 - a) g_i S(n),   a = (2 - x) / (2 + x),   x = (t(n+1/2) - t(n-1/2)) / tau_i,
+    q_i(n+1/2) = a q_i(n-1/2) + (1 - a) g_i S(n),
+    a = (2 - x) / (2 + x),   x = (t(n+1/2) - t(n-1/2)) / tau_i,
 
-the midpoint rule, which is stable for any x and of second order; q_i(n) is their mean. No stress of the step
-before has to be remembered. What is subtracted from the law's Kirchhoff stress is dev(F_bar q F_bar^T), and
-from the work done on the branches that of q(n-1/2) over the step between the positions n - 1 and n.
+a rule that is stable for any x and of second order; q_i(n) is their mean. No stress of the step before has
+to be remembered. What is subtracted from the law's Kirchhoff stress is dev(F_bar q F_bar^T), and from the
+work done on the branches that of q(n-1/2) over the step between the positions n - 1 and n.
 """
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 import warp as wp
 
@@ -49,7 +49,7 @@ def _point(law: type, precision: Precision, bound: str, n_branches: int) -> Poin
     isochoric_factor = isochoric_factor_function(precision)
     gradient_bounds = gradient_bounds_function(precision, bound)
     tensors = tensor_functions(precision)
-    push, pull = tensors.push, tensors.pull
+    push, pull, norm = tensors.push, tensors.pull, tensors.norm
     branches_of, rest = int(n_branches), int(2 * n_branches)
 
     @wp.func
@@ -108,8 +108,8 @@ def _point(law: type, precision: Precision, bound: str, n_branches: int) -> Poin
             b_r = (f22 * area) * gradient_r - (h21 * area) * gradient_y
             b_y = (f11 * area) * gradient_y - (h12 * area) * gradient_r
             c = hoop * ((one + plane) * inverse)
-            # The work of q before over the step that led here: q : (C_bar(n) - C_bar(n-1)) / 2, in space, to
-            # second order in the step: D - (step / 2) L^T L, and the rate of log J without the trace's share.
+            # The work of q before over the step that led here, q : (C_bar(n) - C_bar(n-1)) / 2, in space: D
+            # of its middle is D - (step / 2) L^T L, and z a third of the step's change of log J.
             l11, l12 = wp.dot(vr, b_r), wp.dot(vr, b_y)
             l21, l22 = wp.dot(vy, b_r), wp.dot(vy, b_y)
             l33 = wp.dot(vr, c)
@@ -119,9 +119,10 @@ def _point(law: type, precision: Precision, bound: str, n_branches: int) -> Poin
             d33 = l33 - back * l33 * l33
             d12 = half * (l12 + l21) - back * (l11 * l12 + l21 * l22)
             growth = l11 + l22 + l33 + back * (l11 * l11 + l22 * l22 + l33 * l33 + two * l12 * l21)
+            z = moved * third * growth
             t = push(before, f11, h12, h21, f22, f33) * (weight * scale * iso)
             work = t[0] * d11 + t[1] * d22 + two * t[2] * d12 + t[3] * d33
-            done = -moved * (work - third * (t[0] + t[1] + t[3]) * growth)
+            done = (z + z * z) * (t[0] + t[1] + t[3]) - (one + two * z) * moved * work
             # What is subtracted at the positions.
             t = push(half * (before + after), f11, h12, h21, f22, f33) * (weight * scale * iso)
             mean = (t[0] + t[1] + t[3]) * third
@@ -131,9 +132,8 @@ def _point(law: type, precision: Precision, bound: str, n_branches: int) -> Poin
             if measure == 1:
                 # The second variation of q : C_bar / 2 is at most 2 |t| |grad v|^2; the factor 2 beside it is
                 # the most by which damping raises omega^2.
-                size = wp.sqrt(t[0] * t[0] + t[1] * t[1] + two * t[2] * t[2] + t[3] * t[3])
                 radial, axial = gradient_bounds(inverse_mass_r, inverse_mass_y, b_r, b_y, c)
-                omega_squared = four * size * wp.max(radial, axial)
+                omega_squared = four * norm(t) * wp.max(radial, axial)
         return f_r, f_y, done, omega_squared
 
     @wp.func

@@ -17,6 +17,8 @@ class TensorFunctions:
     """``push(A, f11, f12, f21, f22, f33)``: F A F^T."""
     pull: Any
     """``pull(A, f11, f12, f21, f22, f33)``: F^-1 A F^-T."""
+    norm: Any
+    """``norm(A)``: sqrt(A : A)."""
 
 
 @cache
@@ -37,4 +39,8 @@ def tensor_functions(precision: Precision) -> TensorFunctions:
         per_area, per_hoop = one / (f11 * f22 - f12 * f21), one / f33
         return push(A, f22 * per_area, -f12 * per_area, -f21 * per_area, f11 * per_area, per_hoop)
 
-    return TensorFunctions(push, pull)
+    @wp.func
+    def norm(A: vec4):
+        return wp.sqrt(A[0] * A[0] + A[1] * A[1] + two * A[2] * A[2] + A[3] * A[3])
+
+    return TensorFunctions(push, pull, norm)

@@ -87,9 +87,7 @@ class HistoryTest:
 
     def predict(self, law: Any, models: Sequence[RateModel]) -> FloatArray:
         """Nominal stress of each model [Pa], shape [n_models, n]."""
-        return np.stack(
-            [m.factor * prony_stress(law, m.series, self.time, self.stretch) for m in models]
-        )
+        return np.stack([m.factor * prony_stress(law, m.series, self.time, self.stretch) for m in models])
 
     @classmethod
     def relaxation(
@@ -183,7 +181,8 @@ class DynamicTest:
 def _checked(name: str, values: FloatArray, sigma: FloatArray, n: int) -> None:
     if np.shape(values) != (n,) or np.shape(sigma) != (n,):
         raise ValueError(
-            f"{name} and its sigma need one value per sample, {n}, got {np.shape(values)} and {np.shape(sigma)}"
+            f"{name} and its sigma need one value per sample, {n}, got {np.shape(values)} and "
+            f"{np.shape(sigma)}"
         )
     if not np.isfinite(values).all():
         raise ValueError(f"{name} must be finite, got {values[~np.isfinite(values)][0]}")

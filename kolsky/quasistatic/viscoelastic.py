@@ -7,6 +7,7 @@ evaluated in one batch, which suits evidence that is expensive one by one, such 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,8 @@ GRID = (0.1, 0.5, 2.0)
 """Strengths a further branch is looked for with [-]."""
 GRID_TIMES = 7
 """Relaxation times it is looked for at."""
+REFUSED = 1e6
+"""Residual of every value of a model that cannot be simulated [-]."""
 DIFFERENCE = 3e-3
 """Half of the central difference in a logarithm: its error is of the square, 1e-5."""
 SIGNIFICANT = 0.01
@@ -46,7 +49,7 @@ class RateFit:
     values: FloatArray
     """Their values, shape [n_parameters]."""
     covariance: FloatArray
-    """Covariance of their logarithms, already widened by `scatter` [-], shape [n_parameters, n_parameters]."""
+    """Covariance of their logarithms, already widened by `scatter` [-], shape [n_parameters] * 2."""
     chi_square: float
     """Weighted sum of squared residuals [-]."""
     n_data: int
@@ -208,7 +211,7 @@ def branches_asked_for(
     for n in range(1, at_most + 1):
         fits.append(fit_prony(law, evidence, n, start=fits[-1].model, max_evaluations=max_evaluations))
     scatter = fits[-1].scatter
-    gains = [max(a.chi_square - b.chi_square, 0.0) / scatter for a, b in zip(fits, fits[1:], strict=False)]
+    gains = [max(a.chi_square - b.chi_square, 0.0) / scatter for a, b in pairwise(fits)]
     return RateVerdict(tuple(fits), tuple(float(chi2.sf(gain, 2)) for gain in gains))
 
 
@@ -230,11 +233,18 @@ class _Problem:
         return np.concatenate(parts, axis=1)[:, self.known]
 
     def residuals(self, x: FloatArray) -> FloatArray:
-        return np.asarray(self.of_many(x[None])[0])
+        rows = self.of_many(x[None])[0]
+        # A model that cannot be simulated is worse than any that can: the search turns back.
+        return rows if np.isfinite(rows).all() else np.full_like(rows, REFUSED)
 
     def jacobian(self, x: FloatArray) -> FloatArray:
         shifts = DIFFERENCE * np.eye(len(x))
         both = self.of_many(np.concatenate([x + shifts, x - shifts]))
+        if not np.isfinite(both).all():
+            raise ValueError(
+                f"the evidence cannot be predicted beside {_model(x)}: a simulation did not complete; end "
+                "its window before the specimen is crushed"
+            )
         return np.asarray((both[: len(x)] - both[len(x) :]).T / (2.0 * DIFFERENCE))
 
     def bounds(self, n_branches: int) -> tuple[FloatArray, FloatArray]:
@@ -256,7 +266,8 @@ class _Problem:
                 factor = x[0] - 0.5 * np.log1p(strength)
                 points.append([factor, *x[1 : n + 1], np.log(strength), *x[n + 1 :], time])
         grid = np.array(points)
-        return np.asarray(grid[np.argmin((self.of_many(grid) ** 2).sum(axis=1))])
+        squares = (self.of_many(grid) ** 2).sum(axis=1)
+        return np.asarray(grid[np.argmin(np.where(np.isfinite(squares), squares, np.inf))])
 
     def fit(self, x: FloatArray, jacobian: FloatArray, lower: FloatArray, upper: FloatArray) -> RateFit:
         n = len(x) // 2
@@ -273,7 +284,7 @@ class _Problem:
             model=_model(x),
             names=names,
             values=np.exp(x),
-            covariance=covariance,
+            covariance=np.asarray(covariance, dtype=np.float64),
             chi_square=chi_square,
             n_data=len(rows),
             residuals=tuple(np.split(rows, np.cumsum(counts)[:-1])),

@@ -3,7 +3,7 @@
 from kolsky.rates.compare import STRAINS, compare
 from kolsky.rates.mixed import MixedFit, mixed_fit
 from kolsky.rates.pooled import Pooled, pool
-from kolsky.rates.records import GroupRates, RateReport, TestedShot
+from kolsky.rates.records import GroupRates, RatedShot, RateReport
 from kolsky.rates.slope import Slope, SlopeVerdict, slope
 
 __all__ = [
@@ -12,9 +12,9 @@ __all__ = [
     "MixedFit",
     "Pooled",
     "RateReport",
+    "RatedShot",
     "Slope",
     "SlopeVerdict",
-    "TestedShot",
     "compare",
     "mixed_fit",
     "pool",

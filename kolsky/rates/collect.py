@@ -1,16 +1,19 @@
 """From a shot's folder to what a comparison of rates needs: its file, its recordings, its result."""
 
+import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import ConfigDict
 
 from kolsky import shotfields as f
 from kolsky.errors import InputError
 from kolsky.identification import Identification
 from kolsky.rates.motion import strain_history
-from kolsky.rates.records import PARAMETER, QuasiStatic, TestedShot
+from kolsky.rates.records import PARAMETER, QuasiStatic, RatedShot
+from kolsky.records import MaterialCurve
 from kolsky.results_read import read_identification
 from kolsky.shots import Measured, Shot, find_shot_file, folder_of, load_shot
 from kolsky.shotsection import Section
@@ -24,10 +27,10 @@ LOOSE = ConfigDict(extra="ignore", frozen=True, strict=True)
 
 
 class RateCurveSection(Section):
-    """What [curve] says of its rate."""
+    """What [curve] or [law] says of the rate of the tests it is from."""
 
     model_config = LOOSE
-    file: f.FileName
+    baseline: bool = True
     strain_rate: f.StrainRate | None = None
 
 
@@ -38,7 +41,14 @@ class RateShotFile(Section):
     material: f.Name | None = None
     group: f.Name | None = None
     rig: f.Name | None = None
-    curve: RateCurveSection
+    curve: RateCurveSection | None = None
+    law: RateCurveSection | None = None
+
+    @property
+    def quasi_static_rate(self) -> float | None:
+        """Rate of what m refers to [1/s]: of [law] where it is the baseline, else of [curve]."""
+        said = self.law if self.law is not None and self.law.baseline else self.curve
+        return None if said is None else said.strain_rate
 
 
 def declarations(shot: Path) -> tuple[TomlFile, RateShotFile]:
@@ -89,13 +99,13 @@ def result_of(shot: Path) -> Path:
     return folder_of(shot) / "results" / RESULT_FILE
 
 
-def tested_shot(
+def collected_shot(
     shot: Path,
     *,
     group: str,
     identify: Callable[[Shot], Identification] | None = None,
     measure: Callable[[Any], Measured] | None = None,
-) -> TestedShot:
+) -> RatedShot:
     """One shot with its rate and its result.
 
     Parameters
@@ -139,18 +149,25 @@ def tested_shot(
         history = strain_history(loaded)
     except ValueError as error:
         raise InputError(loaded.folder, str(error)) from error
-    return TestedShot(
+    return RatedShot(
         name=loaded.name,
         group=group,
         rig=declared.rig or "the same rig",
         history=history,
-        quasi_static=QuasiStatic(
-            loaded.curve, loaded.inputs[declared.curve.file], declared.curve.strain_rate
-        ),
+        quasi_static=QuasiStatic(loaded.curve, digest(loaded.curve), declared.quasi_static_rate),
         found=found,
         specimen=(loaded.specimen.diameter, loaded.specimen.length),
         conditions=conditions(found),
     )
+
+
+def digest(curve: MaterialCurve) -> str:
+    """SHA-256 of a curve's numbers, hex: shots with the same one share its errors, whatever its file."""
+    modes = np.zeros(0) if curve.modes is None else curve.modes
+    made = hashlib.sha256()
+    for array in (curve.stretch, curve.stress, curve.sigma, modes):
+        made.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
+    return made.hexdigest()
 
 
 def conditions(found: Identification) -> dict[str, str]:
@@ -179,9 +196,7 @@ def _same_files(place: Path, found: Identification, loaded: Shot, shot_file: str
     if not isinstance(made_of, dict):
         raise InputError(place, "does not say which files it was made of", cure="identify the shot again")
     changed = sorted(
-        name
-        for name, digest in loaded.inputs.items()
-        if name != shot_file and made_of.get(name) != digest
+        name for name, digest in loaded.inputs.items() if name != shot_file and made_of.get(name) != digest
     )
     if changed:
         raise InputError(

@@ -7,9 +7,9 @@ import numpy as np
 
 from kolsky.rates.equal_strain import equal_strain
 from kolsky.rates.pooled import FEWEST, Pooled, pool
-from kolsky.rates.records import GroupRates, LongLever, RateReport, StiffnessAtStrain, TestedShot
+from kolsky.rates.records import GroupRates, LongLever, RatedShot, RateReport, StiffnessAtStrain
 from kolsky.rates.slope import slope
-from kolsky.rates.stiffness import reaches, stiffness_at
+from kolsky.rates.stiffness import Baselines, stiffness_at
 from kolsky.records import FloatArray
 
 STRAINS = (0.1, 0.3, 0.5)
@@ -19,7 +19,7 @@ SAME_SIZE = 0.02
 
 
 def compare(
-    shots: Sequence[TestedShot],
+    shots: Sequence[RatedShot],
     *,
     strains: Sequence[float] = STRAINS,
     shared: float = 0.0,
@@ -51,14 +51,17 @@ def compare(
             raise ValueError(f"a nominal compressive strain must be in (0, 1), got {strain:g}")
     if not (np.isfinite(shared) and shared >= 0.0):
         raise ValueError(f"a shared relative uncertainty must be finite and >= 0, got {shared:g}")
-    groups: defaultdict[str, list[TestedShot]] = defaultdict(list)
+    groups: defaultdict[str, list[RatedShot]] = defaultdict(list)
     for shot in sorted(shots, key=lambda s: (s.history.nominal_rate, s.name)):
         groups[shot.group].append(shot)
-    made = tuple(_group(name, groups[name], sorted(set(strains)), shared) for name in sorted(groups))
+    wanted, laws = sorted(set(strains)), Baselines()
+    made = tuple(_group(name, groups[name], wanted, shared, laws) for name in sorted(groups))
     return RateReport(grouped_by=grouped_by, shared=shared, groups=made)
 
 
-def _group(name: str, shots: list[TestedShot], strains: Sequence[float], shared: float) -> GroupRates:
+def _group(
+    name: str, shots: list[RatedShot], strains: Sequence[float], shared: float, laws: Baselines
+) -> GroupRates:
     counted = [shot for shot in shots if shot.counted]
     common = common_parts(counted, shared)
     pooled = fitted = None
@@ -70,7 +73,7 @@ def _group(name: str, shots: list[TestedShot], strains: Sequence[float], shared:
         rates = np.array([shot.history.nominal_rate for shot in counted])
         spreads = np.array([shot.history.sigma_decades for shot in counted])
         fitted = slope(rates, spreads, m, own, common=rows)
-    table = [stiffness_at(counted, strain) for strain in (0.0, *strains)]
+    table = [stiffness_at(counted, strain, laws) for strain in (0.0, *strains)]
     stiffness = tuple(row for row in table if row is not None)
     return GroupRates(
         name=name,
@@ -80,12 +83,15 @@ def _group(name: str, shots: list[TestedShot], strains: Sequence[float], shared:
         slope=fitted,
         long_lever=None if pooled is None else _long_lever(counted, pooled),
         stiffness=stiffness,
-        equal_strain=equal_strain(counted, strains),
-        remarks=_remarks(shots, counted, stiffness, strains),
+        equal_strain=equal_strain(counted, strains, laws),
+        remarks=(
+            *_remarks(shots, counted),
+            *_strains_left_out(counted, stiffness, strains, laws),
+        ),
     )
 
 
-def common_parts(shots: Sequence[TestedShot], shared: float) -> dict[tuple[str, str], FloatArray]:
+def common_parts(shots: Sequence[RatedShot], shared: float) -> dict[tuple[str, str], FloatArray]:
     """What the shots share: (part, through what) -> by how much each m moves with it, shape [n].
 
     Parts that belong to one shot alone are here as well: they are independent, and counting them so keeps
@@ -100,8 +106,8 @@ def common_parts(shots: Sequence[TestedShot], shared: float) -> dict[tuple[str, 
     return found
 
 
-def _long_lever(shots: Sequence[TestedShot], pooled: Pooled) -> LongLever | None:
-    """The line from the quasi-static point, m = 1 by definition, to the mean of the shots (R.9)."""
+def _long_lever(shots: Sequence[RatedShot], pooled: Pooled) -> LongLever | None:
+    """The line from the quasi-static point, m = 1 by definition, to the mean of the shots, Eq. (S.9)."""
     rates = {shot.quasi_static.rate for shot in shots}
     slow = rates.pop()
     if rates or slow is None:
@@ -113,12 +119,7 @@ def _long_lever(shots: Sequence[TestedShot], pooled: Pooled) -> LongLever | None
     return LongLever(decades, (pooled.mean - 1.0) / decades, (min(ends), max(ends)))
 
 
-def _remarks(
-    shots: Sequence[TestedShot],
-    counted: Sequence[TestedShot],
-    stiffness: Sequence[StiffnessAtStrain],
-    strains: Sequence[float],
-) -> tuple[str, ...]:
+def _remarks(shots: Sequence[RatedShot], counted: Sequence[RatedShot]) -> list[str]:
     found = [
         f"{shot.name} is not counted: {shot.verdict.value}"
         if not np.isfinite(shot.m) or shot.sigma_own > 0.0
@@ -130,18 +131,15 @@ def _remarks(
         found.append(f"a mean needs {FEWEST} shots that count, there are {len(counted)}")
     for what in dict.fromkeys(key for shot in counted for key in shot.conditions):
         found += _differing(what, [(s.name, s.conditions.get(what, "not said")) for s in counted])
-    sources = [(shot.name, shot.quasi_static.source[:8]) for shot in counted]
-    found += _differing("quasi-static curve", sources)
+    found += _differing("quasi-static curve", [(s.name, s.quasi_static.source) for s in counted])
     for what, index in (("diameter", 0), ("length", 1)):
         sizes = np.array([shot.specimen[index] for shot in counted])
         if sizes.size and np.ptp(sizes) > SAME_SIZE * sizes.mean():
             found.append(
-                f"the specimens' {what}s differ, {1e3 * sizes.min():.4g} to {1e3 * sizes.max():.4g} mm: forces"
-                " and shapes at equal strain do not compare"
+                f"the specimens' {what}s differ, {1e3 * sizes.min():.4g} to {1e3 * sizes.max():.4g} mm:"
+                " forces and shapes at equal strain do not compare"
             )
-    found += _rates_remarks(counted)
-    found += _strains_left_out(counted, stiffness, strains)
-    return tuple(found)
+    return [*found, *_rates_remarks(counted)]
 
 
 def _differing(what: str, of_shots: Sequence[tuple[str, str]]) -> list[str]:
@@ -151,11 +149,12 @@ def _differing(what: str, of_shots: Sequence[tuple[str, str]]) -> list[str]:
         values[value].append(name)
     if len(values) < 2:
         return []
-    parts = "; ".join(f"{value} ({', '.join(names)})" for value, names in values.items())
-    return [f"the shots were not identified alike, {what}: {parts}; their stiffness factors may not compare"]
+    # A file is known by its hash; eight digits tell it from others.
+    parts = "; ".join(f"{v[:8] if len(v) == 64 else v} ({', '.join(n)})" for v, n in values.items())
+    return [f"the shots were not identified alike, {what}: {parts}; their m may not compare"]
 
 
-def _rates_remarks(counted: Sequence[TestedShot]) -> list[str]:
+def _rates_remarks(counted: Sequence[RatedShot]) -> list[str]:
     rates = {shot.quasi_static.rate for shot in counted}
     if rates and rates != {None} and len(rates) > 1:
         return ["the quasi-static curves have different rates, or not all are declared: no line to them"]
@@ -165,7 +164,10 @@ def _rates_remarks(counted: Sequence[TestedShot]) -> list[str]:
 
 
 def _strains_left_out(
-    counted: Sequence[TestedShot], stiffness: Sequence[StiffnessAtStrain], strains: Sequence[float]
+    counted: Sequence[RatedShot],
+    stiffness: Sequence[StiffnessAtStrain],
+    strains: Sequence[float],
+    laws: Baselines,
 ) -> list[str]:
     """A sentence for every strain that a shot, or its curve, did not reach."""
     found = []
@@ -173,7 +175,9 @@ def _strains_left_out(
     for strain in strains:
         missing = [shot for shot in counted if shot.name not in there.get(strain, ())]
         short = [s.name for s in missing if s.history.largest < strain]
-        uncharted = [s.name for s in missing if s.name not in short and not reaches(s.quasi_static, strain)]
+        uncharted = [
+            s.name for s in missing if s.name not in short and not laws.reaches(s.quasi_static, strain)
+        ]
         if short:
             found.append(f"a strain of {strain:g} was not reached by {', '.join(short)}: left out there")
         if uncharted:

@@ -4,17 +4,21 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kolsky.rates.records import EqualStrain, ShapeAtStrain, TestedShot
-from kolsky.rates.stiffness import curve_at, reaches
+from kolsky.rates.records import EqualStrain, RatedShot, ShapeAtStrain
+from kolsky.rates.stiffness import Baselines
 from kolsky.records import FloatArray
 
 HEIGHTS = 41
 """Relative heights at which outlines are compared."""
+BASELINE = 61
+"""Points of the quasi-static line."""
 FEWEST_POINTS = 4
 """Fewest points of an outline that is compared."""
 
 
-def equal_strain(shots: Sequence[TestedShot], strains: Sequence[float]) -> EqualStrain | None:
+def equal_strain(
+    shots: Sequence[RatedShot], strains: Sequence[float], baselines: Baselines
+) -> EqualStrain | None:
     """Force and outline of every shot at the strains that all of them reached; None if there is none.
 
     The force is the mean over a bin, interpolated to the time of the strain; the outline is that of the
@@ -26,8 +30,10 @@ def equal_strain(shots: Sequence[TestedShot], strains: Sequence[float]) -> Equal
         Shots of one group, at least one.
     strains
         Nominal compressive strains, each in (0, 1).
+    baselines
+        The laws of their quasi-static curves.
     """
-    kept = [e for e in strains if 0.0 < e and all(shot.history.largest >= e for shot in shots)]
+    kept = [e for e in strains if e > 0.0 and all(shot.history.largest >= e for shot in shots)]
     if not shots or not kept:
         return None
     e = np.array(kept)
@@ -36,17 +42,12 @@ def equal_strain(shots: Sequence[TestedShot], strains: Sequence[float]) -> Equal
         c, time = shot.found.comparison, shot.history.time_at(e)
         for name, row in rows.items():
             row.append(np.interp(time, c.force_time, getattr(c, name)))
-    shapes = tuple(
-        shape for strain in kept for shot in shots if (shape := _shape(shot, strain)) is not None
-    )
+    shapes = tuple(shape for strain in kept for shot in shots if (shape := _shape(shot, strain)) is not None)
     first = shots[0]
     area = 0.25 * np.pi * first.specimen[0] ** 2
-    base = [
-        area * curve_at(first.quasi_static, x)["nominal stress"][0]
-        if reaches(first.quasi_static, x)
-        else np.nan
-        for x in kept
-    ]
+    line = np.linspace(0.0, min(shot.history.largest for shot in shots), BASELINE)
+    curve = first.quasi_static
+    base = [baselines.stress(curve, x) if baselines.reaches(curve, x) else np.nan for x in line]
     scatter = [_scatter([s for s in shapes if s.strain == x], shots) for x in kept]
     return EqualStrain(
         strains=e,
@@ -54,14 +55,15 @@ def equal_strain(shots: Sequence[TestedShot], strains: Sequence[float]) -> Equal
         force=np.stack(rows["force_measured"]),
         sigma=np.stack(rows["force_sigma"]),
         force_model=np.stack(rows["force_model"]),
-        force_baseline=np.array(base),
+        baseline_strain=line,
+        baseline_force=area * np.array(base),
         shapes=shapes,
         shape_scatter=np.array([s[0] for s in scatter]),
         residual_scatter=np.array([s[1] for s in scatter]),
     )
 
 
-def _shape(shot: TestedShot, strain: float) -> ShapeAtStrain | None:
+def _shape(shot: RatedShot, strain: float) -> ShapeAtStrain | None:
     """The outline in the frame nearest to a strain; None if none was measured or it has too few points."""
     c, history = shot.found.comparison, shot.history
     line = c.centre_line
@@ -84,8 +86,8 @@ def _shape(shot: TestedShot, strain: float) -> ShapeAtStrain | None:
     )
 
 
-def _scatter(shapes: Sequence[ShapeAtStrain], shots: Sequence[TestedShot]) -> tuple[float, float]:
-    """Standard deviation between shots of the radius, and of its residual, rms over the common heights [m]."""
+def _scatter(shapes: Sequence[ShapeAtStrain], shots: Sequence[RatedShot]) -> tuple[float, float]:
+    """Standard deviation between shots of the radius and of its residual, rms over common heights [m]."""
     lengths = {shot.name: shot.specimen[1] for shot in shots}
     if len(shapes) < 2:
         return float("nan"), float("nan")
@@ -95,9 +97,7 @@ def _scatter(shapes: Sequence[ShapeAtStrain], shots: Sequence[TestedShot]) -> tu
         return float("nan"), float("nan")
     grid = np.linspace(low, high, HEIGHTS)
     radii = np.stack([np.interp(grid, h, s.Z) for h, s in zip(relative, shapes, strict=True)])
-    residuals = np.stack(
-        [_residual(grid, h, s) for h, s in zip(relative, shapes, strict=True)]
-    )
+    residuals = np.stack([_residual(grid, h, s) for h, s in zip(relative, shapes, strict=True)])
     return _rms_scatter(radii), _rms_scatter(residuals)
 
 
@@ -106,9 +106,7 @@ def _residual(grid: FloatArray, height: FloatArray, shape: ShapeAtStrain) -> Flo
     seen = np.isfinite(shape.model)
     if int(seen.sum()) < 2:
         return np.full(grid.shape, np.nan)
-    return np.interp(
-        grid, height[seen], (shape.Z - shape.model)[seen], left=np.nan, right=np.nan
-    )
+    return np.interp(grid, height[seen], (shape.Z - shape.model)[seen], left=np.nan, right=np.nan)
 
 
 def _rms_scatter(rows: FloatArray) -> float:

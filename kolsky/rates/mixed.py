@@ -1,7 +1,7 @@
 """Linear models of a few values with known uncertainties and an unknown scatter between them.
 
-y_i = x_i . b + t_i + e_i with e_i of the known standard uncertainty s_i and t_i ~ (0, tau^2) (R.2). One column
-of ones is a random-effects mean, a second one with the logarithm of the rate a meta-regression.
+y_i = x_i . b + t_i + e_i with e_i of the known standard uncertainty s_i and t_i ~ (0, tau^2), Eq. (S.2). One
+column of ones is a random-effects mean, a second one with the logarithm of the rate a meta-regression.
 """
 
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ class MixedFit:
     freedom: int
     """Degrees of freedom n - p."""
     scale: float
-    """Knapp and Hartung's factor on the covariance, Eq. (R.5) [-]."""
+    """Knapp and Hartung's factor on the covariance, Eq. (S.5) [-]."""
     leverage: FloatArray
     """Diagonal of the hat matrix, shape [n]: how far a value pulls the fit through itself, from 0 to 1."""
 
@@ -56,7 +56,7 @@ class MixedFit:
         return float(self.freedom * ((own + self.common[index, index]) / own) ** 2)
 
     def interval(self, index: int, probability: float = 0.95) -> tuple[float, float]:
-        """Interval of a coefficient by Student's t with Knapp and Hartung's variance, Eq. (R.6)."""
+        """Interval of a coefficient by Student's t with Knapp and Hartung's variance, Eq. (S.6)."""
         half = float(student.ppf(0.5 + 0.5 * probability, self.effective_freedom(index))) * self.sigma(index)
         return float(self.coefficients[index] - half), float(self.coefficients[index] + half)
 
@@ -127,7 +127,7 @@ def _solve(y: FloatArray, variance: FloatArray, X: FloatArray) -> tuple[FloatArr
     """Weighted least squares: coefficients, gain and covariance."""
     covariance = np.linalg.inv(X.T @ (X / variance[:, None]))
     gain = covariance @ (X.T / variance)
-    return gain @ y, gain, covariance
+    return np.asarray(gain @ y), np.asarray(gain), np.asarray(covariance, dtype=np.float64)
 
 
 def _generalised_q(y: FloatArray, variance: FloatArray, X: FloatArray) -> float:
@@ -147,7 +147,7 @@ def _between(y: FloatArray, s: FloatArray, X: FloatArray, method: Between) -> fl
 
     def excess(variance: float) -> float:
         total = s**2 + variance
-        if method == "paule-mandel":  # Eq. (R.4): Q at the final weights is what chance alone would give
+        if method == "paule-mandel":  # Eq. (S.4): Q at the final weights is what chance alone would give
             return _generalised_q(y, total, X) - (n - p)
         gain = _solve(y, total, X)[1]
         P = (np.eye(n) - X @ gain) / total[:, None]

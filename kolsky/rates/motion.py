@@ -32,7 +32,7 @@ class StrainHistory:
     span: tuple[float, float]
     """First time at a strain of 1 % and time of the largest strain: the part that was averaged [s]."""
     nominal_rate: float
-    """Mean velocity of the front face over that part, over the specimen's length, Eq. (R.1) [1/s]."""
+    """Mean velocity of the front face over that part, over the specimen's length, Eq. (S.1) [1/s]."""
     sigma_rate: float
     """Its standard uncertainty from the noise of the motion and its scale [1/s]."""
     true_rate: tuple[float, float]
@@ -113,7 +113,7 @@ def strain_history_of(
     seconds = span[1] - span[0]
     if seconds <= 0.0:
         raise ValueError("the specimen is compressed within one step of time: the window is too short")
-    rate = float(strain[top] - strain[onset]) / seconds  # Eq. (R.1)
+    rate = float(strain[top] - strain[onset]) / seconds  # Eq. (S.1)
     noise = path.sigma_change(*span) / (length * seconds)
     part = slice(onset, top + 1)
     true = path.velocity(time[part]) / (length * (1.0 - strain[part]))

@@ -42,7 +42,7 @@ class Pooled:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """The 95 % interval of the mean, Eq. (R.6)."""
+        """The 95 % interval of the mean, Eq. (S.6)."""
         return self.fit.interval(0)
 
     @property
@@ -52,7 +52,7 @@ class Pooled:
 
     @property
     def prediction(self) -> tuple[float, float]:
-        """Where one more shot would lie, 95 %, Eq. (R.7): wider than the interval of the mean."""
+        """Where one more shot would lie, 95 %, Eq. (S.7): wider than the interval of the mean."""
         half = float(student.ppf(0.975, self.fit.freedom)) * float(np.hypot(self.fit.between, self.sigma))
         return self.mean - half, self.mean + half
 
@@ -84,9 +84,7 @@ def pool(values: FloatArray, sigma: FloatArray, *, common: FloatArray | None = N
     for i in range(y.size):
         kept = np.arange(y.size) != i
         enough = int(kept.sum()) >= FEWEST
-        without.append(
-            mixed_fit(y[kept], s[kept], ones[kept], common=shared[:, kept]) if enough else None
-        )
+        without.append(mixed_fit(y[kept], s[kept], ones[kept], common=shared[:, kept]) if enough else None)
     return Pooled(
         fit=fits["paule-mandel"],
         scatter=float(y.std(ddof=1)),

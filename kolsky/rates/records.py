@@ -24,13 +24,13 @@ class QuasiStatic:
     curve: MaterialCurve
     """The curve, from rest outward."""
     source: str
-    """SHA-256 of its file: shots with the same one share its errors."""
+    """SHA-256 of its numbers: shots with the same one share its errors."""
     rate: float | None
     """Nominal strain rate it was measured at [1/s]; None if the shot file does not say."""
 
 
 @dataclass(frozen=True)
-class TestedShot:
+class RatedShot:
     """One identified shot with its rate."""
 
     name: str
@@ -140,8 +140,10 @@ class EqualStrain:
     """Its standard deviation [N], shape [n, k]."""
     force_model: FloatArray
     """Simulated force [N], shape [n, k]."""
-    force_baseline: FloatArray
-    """Quasi-static nominal stress times the first shot's area [N], shape [k]."""
+    baseline_strain: FloatArray
+    """Strains of the next line, up to the largest that every shot reached [-], shape [b]."""
+    baseline_force: FloatArray
+    """The first shot's quasi-static stress times its undeformed area [N], shape [b]; NaN past the curve."""
     shapes: tuple[ShapeAtStrain, ...]
     """Every outline, by strain and shot."""
     shape_scatter: FloatArray
@@ -169,7 +171,7 @@ class GroupRates:
 
     name: str
     """The group."""
-    shots: tuple[TestedShot, ...]
+    shots: tuple[RatedShot, ...]
     """All of them, slowest first."""
     common: dict[tuple[str, str], FloatArray]
     """(part, through what) -> by how much each counted shot moves with it [-], shape [n_counted]."""
@@ -187,7 +189,7 @@ class GroupRates:
     """What a reader must know, one sentence each."""
 
     @property
-    def counted(self) -> tuple[TestedShot, ...]:
+    def counted(self) -> tuple[RatedShot, ...]:
         """The shots that enter the mean."""
         return tuple(shot for shot in self.shots if shot.counted)
 

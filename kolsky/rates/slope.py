@@ -1,4 +1,4 @@
-"""How the stiffness goes with the rate, and whether the rates of the shots can carry such a statement at all."""
+"""How the stiffness goes with the rate, and whether the shots' rates can carry such a statement at all."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -15,8 +15,8 @@ LEAST_SPAN = 0.5
 """Least span of the shots' rates [decade]: "per decade" then extrapolates at most twofold."""
 LEAST_RATIO = 4.0
 """Least span over the rate's spread inside one test: the k = 2 ranges of the slowest and the fastest part."""
-LARGEST_LEVERAGE = 0.8
-"""Largest leverage of one shot: the line of three equidistant shots gives each end 0.83."""
+LARGEST_LEVERAGE = 0.9
+"""Largest leverage of one shot: nine tenths of its error go into the line, one tenth shows beside it."""
 LARGEST_HALF_WIDTH = 1.0
 """Largest half width of the slope's interval per decade, over the mean stiffness."""
 
@@ -54,7 +54,7 @@ class Criterion:
 
 @dataclass(frozen=True)
 class Slope:
-    """Stiffness factor against the decimal logarithm of the rate, Eq. (R.8)."""
+    """Stiffness factor against the decimal logarithm of the rate, Eq. (S.8)."""
 
     fit: MixedFit | None
     """Coefficients: stiffness factor at the reference rate, and slope per decade; None if no line has a
@@ -153,7 +153,9 @@ def _line(x: FloatArray, y: FloatArray, s: FloatArray, shared: FloatArray) -> Mi
 def _criteria(fit: MixedFit | None, span: float, spread: float, y: FloatArray) -> tuple[Criterion, ...]:
     ratio = span / spread if spread > 0.0 else np.inf
     found = [
-        Criterion("shots", float(y.size), float(FEWEST), "1", True, f"there are {y.size} shots, {FEWEST} needed"),
+        Criterion(
+            "shots", float(y.size), float(FEWEST), "1", True, f"there are {y.size} shots, {FEWEST} needed"
+        ),
         Criterion(
             "span of the rates",
             span,
@@ -169,7 +171,7 @@ def _criteria(fit: MixedFit | None, span: float, spread: float, y: FloatArray) -
             LEAST_RATIO,
             "1",
             True,
-            f"the span is {ratio:.1f} times the {spread:.2f} decade over which the rate spreads inside a test,"
+            f"the span is {ratio:.1f} times the {spread:.2f} decade by which the rate spreads inside a test,"
             f" {LEAST_RATIO:g} times are needed: the shots are not tests at different rates",
         ),
     ]
@@ -186,8 +188,8 @@ def _criteria(fit: MixedFit | None, span: float, spread: float, y: FloatArray) -
             LARGEST_LEVERAGE,
             "1",
             False,
-            f"one shot has a leverage of {leverage:.2f}, at most {LARGEST_LEVERAGE:g} is allowed: the line is"
-            " that shot against all others",
+            f"one shot has a leverage of {leverage:.2f}, at most {LARGEST_LEVERAGE:g} is allowed: its error"
+            " would go into the line and not show beside it: repeat the test at that rate",
         ),
         Criterion(
             "half width of the slope's interval over the mean",

@@ -4,15 +4,56 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kolsky.forward import material_law
-from kolsky.rates.records import QuasiStatic, StiffnessAtStrain, TestedShot
+from explicit.materials import MaterialLaw
+from kolsky.forward import curve_replicates, material_law
+from kolsky.rates.records import QuasiStatic, RatedShot, StiffnessAtStrain
 
 STEP = 1e-4
 """Half step of the tangent's central difference [-]; its error is of the order of 1e-8 of the curvature."""
-QUANTITIES = ("nominal stress", "secant modulus", "tangent modulus", "apparent modulus")
+DRAWS = 100
+"""Curves drawn from the curve's own noise; a standard deviation of so many is known to 7 %."""
+Quantities = dict[str, tuple[float, float]]
 
 
-def stiffness_at(shots: Sequence[TestedShot], strain: float) -> StiffnessAtStrain | None:
+class Baselines:
+    """The laws of some quasi-static curves with their replicates, each made once."""
+
+    def __init__(self) -> None:
+        self._laws: dict[str, list[MaterialLaw]] = {}
+
+    def reaches(self, baseline: QuasiStatic, strain: float) -> bool:
+        """Whether the curve was measured as far as this compressive strain, as Marlow's law measures it."""
+        return _measure(strain) <= self._of(baseline)[0].data_limit
+
+    def at(self, baseline: QuasiStatic, strain: float) -> Quantities:
+        """The baseline's stress and moduli at a compressive strain, through the law that the solver uses.
+
+        Returns
+        -------
+        dict
+            Nominal stress, secant, tangent and apparent modulus, value and standard uncertainty [Pa]; at zero
+            strain the tangent modulus alone. The apparent modulus is Eq. (M.9), 3 stress / (lambda^-2 -
+            lambda). The uncertainty is the scatter of curves drawn from the noise of the curve's points: the
+            tangent is known less well than the stress.
+        """
+        drawn = [_quantities(law, strain) for law in self._of(baseline)]
+        return {
+            name: (value, float(np.std([one[name] for one in drawn[1:]], ddof=1)))
+            for name, value in drawn[0].items()
+        }
+
+    def stress(self, baseline: QuasiStatic, strain: float) -> float:
+        """Nominal compressive stress [Pa]."""
+        return _stress(self._of(baseline)[0], strain)
+
+    def _of(self, baseline: QuasiStatic) -> list[MaterialLaw]:
+        if baseline.source not in self._laws:
+            drawn = curve_replicates(baseline.curve, DRAWS, np.random.default_rng(1))
+            self._laws[baseline.source] = [material_law(baseline.curve), *drawn]
+        return self._laws[baseline.source]
+
+
+def stiffness_at(shots: Sequence[RatedShot], strain: float, baselines: Baselines) -> StiffnessAtStrain | None:
     """Stress and moduli of the shots that reached a strain; None if there is none, or no curve reaches it.
 
     Parameters
@@ -21,6 +62,8 @@ def stiffness_at(shots: Sequence[TestedShot], strain: float) -> StiffnessAtStrai
         Counted shots of one group.
     strain
         Nominal compressive strain, 0 to below 1; at 0 there is the tangent modulus alone.
+    baselines
+        The laws of their curves.
 
     Raises
     ------
@@ -29,10 +72,10 @@ def stiffness_at(shots: Sequence[TestedShot], strain: float) -> StiffnessAtStrai
     """
     if not 0.0 <= strain < 1.0:
         raise ValueError(f"a nominal compressive strain must be in [0, 1), got {strain:g}")
-    reached = [s for s in shots if s.history.largest >= strain and reaches(s.quasi_static, strain)]
+    reached = [s for s in shots if s.history.largest >= strain and baselines.reaches(s.quasi_static, strain)]
     if not reached:
         return None
-    at = [curve_at(shot.quasi_static, strain) for shot in reached]
+    at = [baselines.at(shot.quasi_static, strain) for shot in reached]
     names = list(at[0])
     m = np.array([shot.m for shot in reached])
     sigma = np.array([shot.sigma for shot in reached])
@@ -47,52 +90,27 @@ def stiffness_at(shots: Sequence[TestedShot], strain: float) -> StiffnessAtStrai
     )
 
 
-def reaches(baseline: QuasiStatic, strain: float) -> bool:
-    """Whether the curve was measured as far as this compressive strain, by the measure of Marlow's law."""
+def _measure(strain: float) -> float:
+    """s = sqrt(I1 - 3) of an isochoric uniaxial compression."""
     stretch = 1.0 - strain
-    return bool(np.sqrt(stretch**2 + 2.0 / stretch - 3.0) <= material_law(baseline.curve).data_limit)
+    return float(np.sqrt(max(stretch**2 + 2.0 / stretch - 3.0, 0.0)))
 
 
-def curve_at(baseline: QuasiStatic, strain: float) -> dict[str, tuple[float, float]]:
-    """The baseline's stress and moduli at a compressive strain, through the law that the solver uses.
-
-    Returns
-    -------
-    dict
-        Of `QUANTITIES`, value and standard uncertainty [Pa]; at zero strain of the tangent modulus alone. The
-        apparent modulus is Eq. (M.9), 3 stress / (lambda^-2 - lambda).
-    """
-    law = material_law(baseline.curve)
-
-    def stress(e: float) -> float:
-        stretch = 1.0 - e
-        s = np.sqrt(max(stretch**2 + 2.0 / stretch - 3.0, 0.0))
-        return float(law.two_u_prime(np.array(s))) * (stretch**-2.0 - stretch)
-
-    share = _relative_sigma(baseline, strain)
-    # The slope of a curve with independent points is known less well than its height; the points' own
-    # relative sigma is the height's, and the factor m has the larger uncertainty in either.
-    tangent = (stress(strain + STEP) - stress(strain - STEP)) / (2.0 * STEP)
-    found = {"tangent modulus": tangent}
-    if strain > 0.0:
-        stretch = 1.0 - strain
-        height = stress(strain)
-        found = {
-            "nominal stress": height,
-            "secant modulus": height / strain,
-            **found,
-            "apparent modulus": 3.0 * height / (stretch**-2.0 - stretch),
-        }
-    return {name: (value, share * value) for name, value in found.items()}
+def _stress(law: MaterialLaw, strain: float) -> float:
+    """Nominal compressive stress of an isochoric uniaxial compression [Pa]."""
+    stretch = 1.0 - strain
+    tau = law.stress(np.array([1.0 / stretch, stretch**2, 0.0, 1.0 / stretch]))
+    return float(tau[0] - tau[1]) / stretch
 
 
-def _relative_sigma(baseline: QuasiStatic, strain: float) -> float:
-    """The curve's relative standard deviation near a strain, interpolated in s = sqrt(I1 - 3)."""
-    curve = baseline.curve
-    kept = curve.stress != 0.0
-    stretch = curve.stretch[kept]
-    s = np.sqrt(np.maximum(stretch**2 + 2.0 / stretch - 3.0, 0.0))
-    order = np.argsort(s)
-    wanted = np.sqrt((1.0 - strain) ** 2 + 2.0 / (1.0 - strain) - 3.0)
-    relative = curve.sigma[kept] / np.abs(curve.stress[kept])
-    return float(np.interp(wanted, s[order], relative[order]))
+def _quantities(law: MaterialLaw, strain: float) -> dict[str, float]:
+    tangent = (_stress(law, strain + STEP) - _stress(law, strain - STEP)) / (2.0 * STEP)
+    if strain == 0.0:
+        return {"tangent modulus": tangent}
+    stretch, height = 1.0 - strain, _stress(law, strain)
+    return {
+        "nominal stress": height,
+        "secant modulus": height / strain,
+        "tangent modulus": tangent,
+        "apparent modulus": 3.0 * height / (stretch**-2.0 - stretch),
+    }

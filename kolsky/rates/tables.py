@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from kolsky.rates.records import GroupRates, RateReport, TestedShot
+from kolsky.rates.records import GroupRates, RatedShot, RateReport
 
 Columns = dict[str, list[Any]]
 """Column heading, "name (unit)" for numbers -> its cells."""
@@ -22,6 +22,7 @@ def tables(report: RateReport) -> dict[str, Columns]:
         "rate_stiffness": _stiffness(report),
         "rate_force_at_strain": _force(report),
         "rate_shape_at_strain": _shape(report),
+        "rate_quasi_static_force": _baseline(report),
         "rate_scatter_at_strain": _scatter(report),
         "rate_remarks": _rows(
             ["group", "remark"], ((g.name, remark) for g in report.groups for remark in g.remarks)
@@ -50,7 +51,7 @@ def _shots(report: RateReport) -> Columns:
     return columns
 
 
-def _shot(shot: TestedShot, leverage: float) -> dict[str, Any]:
+def _shot(shot: RatedShot, leverage: float) -> dict[str, Any]:
     h, terms = shot.history, shot.found.terms
     routes = {route.name: route for route in shot.found.routes}
     by_route: dict[str, float] = {}
@@ -84,7 +85,7 @@ def _shot(shot: TestedShot, leverage: float) -> dict[str, Any]:
         "leverage (1)": leverage,
         "warnings of its result (1)": len(shot.found.warnings),
         "rig": shot.rig,
-        "SHA-256 of its quasi-static curve": shot.quasi_static.source,
+        "SHA-256 of its quasi-static numbers": shot.quasi_static.source,
         "quasi-static strain rate (1/s)": NAN if shot.quasi_static.rate is None else shot.quasi_static.rate,
     }
 
@@ -152,7 +153,11 @@ def _leave_one_out(report: RateReport) -> Columns:
                 yield (
                     group.name,
                     shot.name,
-                    *((NAN,) * 4 if mean is None else (mean.coefficients[0], *mean.interval(0), mean.between)),
+                    *(
+                        (NAN,) * 4
+                        if mean is None
+                        else (mean.coefficients[0], *mean.interval(0), mean.between)
+                    ),
                     *((NAN,) * 3 if line is None else (line.coefficients[1], *line.interval(1))),
                 )
 
@@ -193,7 +198,15 @@ def _stiffness(report: RateReport) -> Columns:
                 for name, (value, sigma) in at.quantities.items():
                     base, spread = at.baseline[name]
                     rate = group.counted[0].quasi_static.rate
-                    yield group.name, "quasi-static", NAN if rate is None else rate, at.strain, name, base, spread
+                    yield (
+                        group.name,
+                        "quasi-static",
+                        NAN if rate is None else rate,
+                        at.strain,
+                        name,
+                        base,
+                        spread,
+                    )
                     for row in zip(at.shots, at.rates, value, sigma, strict=True):
                         yield group.name, row[0], row[1], at.strain, name, row[2], row[3]
 
@@ -208,7 +221,6 @@ def _force(report: RateReport) -> Columns:
             if e is None:
                 continue
             for k, strain in enumerate(e.strains):
-                yield group.name, strain, "quasi-static", e.force_baseline[k], NAN, NAN
                 for i, shot in enumerate(e.shots):
                     yield group.name, strain, shot, e.force[i, k], e.sigma[i, k], e.force_model[i, k]
 
@@ -218,8 +230,16 @@ def _force(report: RateReport) -> Columns:
 
 def _shape(report: RateReport) -> Columns:
     return _rows(
-        ["group", "nominal strain (1)", "shot", "strain of the frame (1)", "y (m)", "Z (m)", "sigma Z (m)"]
-        + ["Z simulated (m)"],
+        [
+            "group",
+            "nominal strain (1)",
+            "shot",
+            "strain of the frame (1)",
+            "y (m)",
+            "Z (m)",
+            "sigma Z (m)",
+            "Z simulated (m)",
+        ],
         (
             (g.name, s.strain, s.shot, s.at, *map(float, point))
             for g in report.groups
@@ -230,10 +250,27 @@ def _shape(report: RateReport) -> Columns:
     )
 
 
+def _baseline(report: RateReport) -> Columns:
+    return _rows(
+        ["group", "nominal strain (1)", "quasi-static force (N)"],
+        (
+            (g.name, float(strain), float(force))
+            for g in report.groups
+            if (e := g.equal_strain) is not None
+            for strain, force in zip(e.baseline_strain, e.baseline_force, strict=True)
+        ),
+    )
+
+
 def _scatter(report: RateReport) -> Columns:
     return _rows(
-        ["group", "nominal strain (1)", "scatter of Z between shots (m)", "of measured minus simulated (m)"]
-        + ["scatter of the force (N)"],
+        [
+            "group",
+            "nominal strain (1)",
+            "scatter of Z between shots (m)",
+            "scatter of Z measured minus simulated (m)",
+            "scatter of the force (N)",
+        ],
         (
             (
                 g.name,

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from doe.uncertainty import VerdictKind
 from kolsky.identification import Identification
 from kolsky.knowledge.records import Declaration, ParameterProfile
 from kolsky.report import numbers
@@ -43,12 +44,14 @@ def _verdict(result: Identification, profile: ParameterProfile) -> dict[str, Any
     name = name_of(profile.name, result.estimates[profile.name].unit)
     ends = (*profile.interval, *profile.alone)
     width = float(np.nanmax(np.abs([end - result.estimates[profile.name].value for end in ends] + [0.0])))
+    # What the table says already is not said again.
+    more = profile.verdict != VerdictKind.IDENTIFIED.value or ";" in profile.text
     return {
         "symbol": name.symbol,
         "unit": "" if name.unit == "1" else name.unit,
         "ends": [OPEN if np.isnan(end) else numbers.like(end, width) for end in ends],
         "verdict": profile.verdict,
-        "text": profile.text + (" (in SI)" if name.factor != 1.0 else ""),
+        "text": profile.text + (" (in SI)" if name.factor != 1.0 else "") if more else "",
     }
 
 

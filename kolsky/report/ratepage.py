@@ -11,7 +11,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from kolsky.atomic import replacing
-from kolsky.rates.records import GroupRates, RateReport, TestedShot
+from kolsky.rates.records import GroupRates, RatedShot, RateReport
 from kolsky.rates.slope import Criterion, Slope, SlopeVerdict
 from kolsky.report import numbers
 from kolsky.report.canvas import inline_svg
@@ -149,7 +149,7 @@ def _lever(group: GroupRates) -> dict[str, str] | None:
     }
 
 
-def _shot(shot: TestedShot, leverage: float | None) -> dict[str, Any]:
+def _shot(shot: RatedShot, leverage: float | None) -> dict[str, Any]:
     h, terms, U = shot.history, shot.found.terms, 2.0 * shot.sigma
     routes = {route.name: route for route in shot.found.routes}
     value, expanded = measured(shot.m, U)
@@ -191,7 +191,8 @@ def _average(group: GroupRates) -> dict[str, str]:
     shown = {}
     for name, column in columns.items():
         U = 2.0 * float(np.std(column, ddof=1))
-        shown[name] = plain(float(np.mean(column)), 3)
+        mean = float(np.mean(column))
+        shown[name] = measured(mean, U)[0] if name == "m" else plain(mean, 3)
         shown[f"U_{name}"] = plain(U, 2)
     return shown
 
@@ -273,25 +274,21 @@ def _stiffness(group: GroupRates) -> list[dict[str, str]]:
     for at in group.stiffness:
         for name, (values, sigma) in at.quantities.items():
             base, spread = at.baseline[name]
-            # Of one curve and many factors the mean's uncertainty is the mean factor's.
-            U = 2.0 * float(np.mean(sigma)) if group.pooled is None else _mean_U(group, values, spread / base)
-            shots, shots_U = measured(1e-3 * float(np.mean(values)), 1e-3 * U)
+            low, high = float(values.min()), float(values.max())
+            U = 2.0 * float(sigma.max())
+            shots = f"{numbers.like(1e-3 * low, 1e-3 * U)} to {numbers.like(1e-3 * high, 1e-3 * U)}"
+            shots_U = measured(1e-3 * high, 1e-3 * U)[1]
             curve, curve_U = measured(1e-3 * base, 2e-3 * spread)
             rows.append(
                 {
                     "strain": plain(at.strain, 2),
                     "quantity": name,
-                    "shots": f"{shots} ± {shots_U}",
+                    "shots": shots,
+                    "U": shots_U,
                     "base": f"{curve} ± {curve_U}",
                 }
             )
     return rows
-
-
-def _mean_U(group: GroupRates, values: Any, share: float) -> float:
-    assert group.pooled is not None  # the caller saw to it
-    relative = float(np.hypot(group.pooled.sigma / group.pooled.mean, share))
-    return 2.0 * relative * float(np.mean(values))
 
 
 def _scatter(group: GroupRates) -> list[dict[str, str]]:

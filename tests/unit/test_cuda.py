@@ -1,6 +1,6 @@
 """A CUDA device, where there is one, against the CPU: on the chip and off it, with ledgers and failures."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -9,8 +9,10 @@ import warp as wp
 from explicit import Model, Outcome, PlatenMotion, Response, Samples, Sampling, Stepping, cylinder, run
 from explicit.device import select_device
 from explicit.lanes import BLOCK
-from explicit.materials import neo_hookean
+from explicit.materials import LAWS, MaterialLaw, neo_hookean
 from explicit.places import ON_CHIP_ELEMENTS
+from explicit.relaxation import BergstromBoyce, PronySeries
+from explicit.relaxation.base import RateDependence
 
 TIMES = np.linspace(5e-6, 2e-4, 40)
 SAMPLES = Samples.of(stiffness_factor=[0.8, 1.0, 1.2], friction=0.3, damping=2.5e-5)
@@ -28,11 +30,12 @@ def cuda() -> str:
     return "cuda"
 
 
-def model(mesh: tuple[int, int]) -> Model:
+def model(mesh: tuple[int, int], law: MaterialLaw | None = None, **options: str) -> Model:
     """A soft disc under a platen that gains speed."""
     motion = PlatenMotion.sampled(lambda t: 5e4 * t**2, lambda t: 1e5 * t, start=0.0, end=TIMES[-1])
     specimen = cylinder(4.75e-3, 6.5e-3, n_radial=mesh[0], n_axial=mesh[1], grading=2.0)
-    return Model(specimen, 870.0, (neo_hookean(27e3),), (motion,), faces="coulomb", side="coulomb")
+    laws = (law or neo_hookean(27e3),)
+    return Model(specimen, 870.0, laws, (motion,), faces="coulomb", side="coulomb", **options)  # type: ignore[arg-type]
 
 
 def both(mesh: tuple[int, int], device: str, **stepping: int) -> tuple[Response, Response]:
@@ -64,6 +67,24 @@ def test_histories_and_ledgers_agree(mesh: tuple[int, int], cuda: str) -> None:
     np.testing.assert_array_equal(here.steps, there.steps)
 
 
+@pytest.mark.parametrize("element", ["one_point", "fbar"])
+@pytest.mark.parametrize("relaxes", ["prony", "creep"])
+def test_what_relaxes_agrees(element: str, relaxes: str, cuda: str) -> None:
+    branches: tuple[RateDependence, ...] = {
+        "prony": (PronySeries((0.5,), (5e-5,)), PronySeries((0.3, 0.8), (2e-5, 2e-4))),
+        "creep": (BergstromBoyce(0.5, 300.0), BergstromBoyce(1.5, 100.0)),
+    }[relaxes]
+    problem = replace(model((16, 22)), element=element, relaxation=branches)
+    samples = Samples.of(stiffness_factor=[0.8, 1.0, 1.2], friction=0.3, relaxation=np.array([0, 1, 0]))
+    here, there = (run(problem, samples, Sampling(TIMES, TIMES), device=d) for d in ("cpu", cuda))
+    for name in ("force_flyer", "force_transmission", "surface_r"):
+        assert apart(getattr(here, name), getattr(there, name)) < APART, name
+    work = np.abs(here.energy.external).max()
+    assert np.abs(here.energy.viscous).max() > 0.0
+    assert np.abs(here.energy.viscous - there.energy.viscous).max() < APART * work
+    np.testing.assert_array_equal(here.steps, there.steps)
+
+
 def test_a_failure_ends_at_the_same_element(cuda: str) -> None:
     here, there = both((24, 32), cuda, max_steps=50)
     assert here.outcomes == there.outcomes == (Outcome.STEP_LIMIT,) * 3
@@ -85,3 +106,21 @@ def test_a_simulation_has_the_same_bits_in_a_batch_that_shares_multiprocessors(c
     ):  # summed warp by warp, in blocks of two sizes: round-off
         expected = np.resize(getattr(alone.energy, name), getattr(among.energy, name).shape)
         assert np.nanmax(np.abs(expected - getattr(among.energy, name))) < 1e-12 * work, name
+
+
+@pytest.mark.parametrize("name", list(LAWS))
+def test_every_law_agrees(name: str, cuda: str) -> None:
+    problem, sampling = model((6, 8), LAWS[name].example()), Sampling(TIMES, TIMES)
+    here, there = (run(problem, SAMPLES, sampling, device=device) for device in ("cpu", cuda))
+    for history in ("force_flyer", "force_transmission", "surface_r", "surface_y"):
+        assert apart(getattr(here, history), getattr(there, history)) < APART, history
+    np.testing.assert_array_equal(here.steps, there.steps)
+
+
+@pytest.mark.parametrize("form", ["logarithmic", "simo_taylor"])
+@pytest.mark.parametrize("element", ["one_point", "fbar"])
+def test_every_volumetric_form_agrees(form: str, element: str, cuda: str) -> None:
+    problem = model((6, 8), LAWS["ogden2"].example(), volumetric=form, element=element)
+    here, there = (run(problem, SAMPLES, Sampling(TIMES, TIMES), device=device) for device in ("cpu", cuda))
+    for history in ("force_flyer", "force_transmission", "surface_r", "surface_y"):
+        assert apart(getattr(here, history), getattr(there, history)) < APART, history

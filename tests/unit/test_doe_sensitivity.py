@@ -54,7 +54,7 @@ def test_ishigami():
     # 0.02: the standard error of plain sampling with 4096 points is 0.02 to 0.03, Sobol' points do better.
     np.testing.assert_allclose(found.first[0], first, atol=0.02)
     np.testing.assert_allclose(found.total[0], total, atol=0.02)
-    assert found.variance[0] == pytest.approx(variance, rel=5e-3)
+    assert found.variance[0] == pytest.approx(variance, rel=0.02)  # likewise
     for exact, interval in ((first, found.first_interval[0]), (total, found.total_interval[0])):
         assert (interval[:, 0] <= exact + 1e-12).all()
         assert (exact - 1e-12 <= interval[:, 1]).all()

@@ -27,6 +27,8 @@ from explicit.drivers import LARGE_MESH, packs
 from explicit.march import march_kernel
 from explicit.materials import MarlowLaw, neo_hookean
 from explicit.precision import PRECISIONS
+from explicit.relaxation import BergstromBoyce, PronySeries
+from explicit.relaxation.base import RateDependence
 from explicit.simd import PACK_BYTES, Mapping, lane_kernel
 from explicit.support import Support
 
@@ -51,7 +53,7 @@ class Case:
     bar: bool = False
     moving: bool = False
     contact: str = "coulomb"
-    relaxes: bool = False
+    relaxes: str = ""
 
 
 CASES = [
@@ -66,10 +68,18 @@ CASES = [
     Case("release", contact="bonded_release"),
     Case("penalty", contact="penalty"),
     Case("fp32-penalty", precision="fp32", contact="penalty"),
-    Case("relaxes", relaxes=True),
-    Case("fbar-relaxes", element="fbar", relaxes=True),
-    Case("fp32-relaxes", precision="fp32", relaxes=True),
+    Case("prony", relaxes="prony"),
+    Case("fbar-prony", element="fbar", relaxes="prony"),
+    Case("fp32-prony", precision="fp32", relaxes="prony"),
+    Case("creep", relaxes="creep"),
+    Case("fp32-fbar-creep", precision="fp32", element="fbar", relaxes="creep"),
 ]
+BRANCHES: dict[str, tuple[RateDependence, ...]] = {
+    "": (),
+    "prony": (PronySeries((0.5,), (1e-4,)), PronySeries((0.3, 0.8), (5e-5, 4e-4))),
+    "creep": (BergstromBoyce(0.5, 3e3), BergstromBoyce(1.5, 1e3, exponent=3.0, chain_exponent=-0.6)),
+}
+"""What relaxes within the window; one branch and two."""
 EVERY = pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 
 
@@ -105,6 +115,7 @@ def model_of(case: Case) -> Model:
         damping_kind=case.damping_kind,
         element=case.element,
         support=support_of(case),
+        relaxation=BRANCHES[case.relaxes],
     )
 
 
@@ -122,6 +133,7 @@ def samples_of(case: Case) -> Samples:
         motion=motion,
         release_stress=np.resize([0.0, 300.0, 3e3, np.inf], N),
         contact_stiffness=np.resize([1e10, 1e12, 1e14], N),
+        relaxation=np.arange(N) % 2 if case.relaxes else 0,
     )
 
 
@@ -129,7 +141,9 @@ def launch(case: Case, mapping: Mapping | None, n: int = N, shift: int = 0, spoi
     """The first n simulations; in packs that begin at `shift`."""
     where = select_device("cpu")
     numbers, model = PRECISIONS[case.precision], model_of(case)
-    kernel = march_kernel(MarlowLaw, model.faces, model.side, numbers, case.element)
+    kernel = march_kernel(
+        MarlowLaw, model.faces, model.side, numbers, case.element, relaxation=model.relaxation_kind
+    )
     lanes = PACK_BYTES // numbers.dtype().itemsize
     output = output_of(kernel, model.mesh, N, SAMPLING, model.mesh.side, where)
     stepping = Stepping(precision=case.precision, max_steps=5000)
@@ -181,7 +195,8 @@ def test_the_batch_exercises_what_it_should(case: Case) -> None:
     assert len(set(got["steps"])) > 5  # lanes end at different times
     assert got["past_data"].max() > 0.0
     energy = got["energy"][GOOD, -1]
-    used = [0, 1, 2, 4, 5, 6] if case.element == "fbar" else range(7)
+    used = [0, 1, 2, 4, 5, 6] if case.element == "fbar" else [*range(7)]
+    used += [8] if case.relaxes else []
     assert all((energy[:, k] != 0.0).any() for k in used)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from explicit import Mesh
 from explicit.device import select_device
 from explicit.elements import element
-from explicit.materials import MarlowLaw, bulk_modulus
+from explicit.materials import MaterialLaw, bulk_modulus
 from explicit.precision import precision
 
 FloatArray = NDArray[np.float64]
@@ -36,9 +36,9 @@ class Evaluated:
 
 
 @cache
-def _kernel(element_name: str, precision_name: str, bound: str) -> Any:
+def _kernel(element_name: str, precision_name: str, bound: str, law: type, volumetric: str) -> Any:
     numbers = precision(precision_name)
-    functions = element(element_name).functions(MarlowLaw, numbers, bound)
+    functions = element(element_name).functions(law, numbers, bound, volumetric)
     forces, energies = functions.forces, functions.energies
     real, vec4 = numbers.real, numbers.vec4
     Shape, Solid = functions.Shape, functions.Solid
@@ -72,7 +72,7 @@ def _kernel(element_name: str, precision_name: str, bound: str) -> Any:
 def evaluate(
     element_name: str,
     mesh: Mesh,
-    law: MarlowLaw,
+    law: MaterialLaw,
     motion: FloatArray,
     *,
     poisson: float,
@@ -84,11 +84,12 @@ def evaluate(
     density: float = 1.0,
     precision_name: str = "fp64",
     bound: str = "trace",
+    volumetric: str = "quadratic",
 ) -> Evaluated:
     """Ask every element; `motion` [m] and `velocity` [m/s] of its corners have shape [n_elements, 4, 2]."""
     numbers = precision(precision_name)
     device = select_device("cpu")
-    kernel, functions = _kernel(element_name, precision_name, bound)
+    kernel, functions = _kernel(element_name, precision_name, bound, type(law), volumetric)
     mu = law.initial_shear_modulus
     bulk = float(bulk_modulus(mu, poisson))
     solid = np.zeros(1, dtype=functions.Solid.numpy_dtype())

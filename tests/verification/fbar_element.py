@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 from elements import Evaluated, evaluate
@@ -11,7 +12,7 @@ from scene import DENSITY, LENGTH, RADIUS, shear_modulus, speed_after_rise
 
 from explicit import Mesh, Model, Samples, Sampling, cylinder, run
 from explicit.elements import element as element_named
-from explicit.materials import MarlowLaw, neo_hookean
+from explicit.materials import MarlowLaw, MaterialLaw, neo_hookean
 from explicit.precision import precision
 
 FloatArray = NDArray[np.float64]
@@ -48,7 +49,14 @@ def states(mesh: Mesh, strain: float, seed: int) -> FloatArray:
     return np.column_stack([u_r, u_y])[mesh.quads]
 
 
-def gradient_errors(element: str, law: MarlowLaw, *, strain: float = 0.4) -> FloatArray:
+def gradient_errors(
+    element: str,
+    law: MaterialLaw,
+    *,
+    strain: float = 0.4,
+    volumetric: str = "quadratic",
+    differences: FloatArray = DIFFERENCES,
+) -> FloatArray:
     """Largest difference of a corner force from the energy's central difference, over the largest force.
 
     Shape [n_differences]. All elements of a distorted mesh, moved at random by 3 % of their size on top of
@@ -57,15 +65,16 @@ def gradient_errors(element: str, law: MarlowLaw, *, strain: float = 0.4) -> Flo
     mesh = distorted(cylinder(RADIUS, LENGTH, n_radial=5, n_axial=6))
     size = RADIUS / 5
     motion = states(mesh, strain, 3) + np.random.default_rng(4).normal(0.0, 0.03 * size, (30, 4, 2))
-    forces = evaluate(element, mesh, law, motion, poisson=0.495).forces
+    given: dict[str, Any] = {"poisson": 0.495, "volumetric": volumetric}
+    forces = evaluate(element, mesh, law, motion, **given).forces
     errors = []
-    for difference in DIFFERENCES * size:
+    for difference in differences * size:
         slopes = np.zeros_like(forces)
         for a in range(4):
             for i in range(2):
                 shift = np.zeros_like(motion)
                 shift[:, a, i] = difference
-                up, down = (evaluate(element, mesh, law, motion + s, poisson=0.495) for s in (shift, -shift))
+                up, down = (evaluate(element, mesh, law, motion + s, **given) for s in (shift, -shift))
                 energy = [found.elastic + found.hourglass for found in (up, down)]
                 slopes[:, a, i] = (energy[0] - energy[1]) / (2.0 * difference)
         errors.append(np.abs(slopes - forces).max() / np.abs(forces).max())
@@ -80,13 +89,21 @@ def _slopes(mesh: Mesh, ask: "list[Evaluated]", difference: float) -> FloatArray
 
 
 def bound_quality(
-    element: str, poisson: float, *, beta: float = 0.0, kind: str = "deviatoric", by: str = "trace"
+    element: str,
+    poisson: float,
+    *,
+    beta: float = 0.0,
+    kind: str = "deviatoric",
+    by: str = "trace",
+    law: MaterialLaw | None = None,
+    volumetric: str = "quadratic",
 ) -> Bound:
     """Compare the step bound with the element's own largest frequency in the states of a bonded impact."""
     mesh, states = impact_states(element, poisson)
-    law = neo_hookean(shear_modulus(poisson))
+    law = law or neo_hookean(shear_modulus(poisson))
     difference = 1e-6 * RADIUS
     given = {"poisson": poisson, "beta": beta, "damping_kind": kind, "hourglass": 0.3, "density": DENSITY}
+    given["volumetric"] = volumetric
     inverse = inverse_mass(mesh, element)
     scale = np.sqrt(inverse[:, :, None] * inverse[:, None, :])
     quotients = []

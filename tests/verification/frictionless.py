@@ -1,6 +1,7 @@
 """Frictionless static compression against the closed form, by slow undamped loading."""
 
 import csv
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -12,7 +13,7 @@ from order import FittedOrder, fitted_order
 from scene import DENSITY, LENGTH, RADIUS, invert, label_sizes, quintic, shear_modulus, smooth_stroke, table
 
 from explicit import Model, Samples, Sampling, cylinder, run
-from explicit.materials import MarlowLaw, marlow_from_curve, neo_hookean
+from explicit.materials import MarlowLaw, MaterialLaw, marlow_from_curve, neo_hookean
 
 FloatArray = NDArray[np.float64]
 
@@ -78,7 +79,7 @@ def reference() -> FloatArray:
 
 def slow_compression(
     duration: float,
-    laws: list[MarlowLaw],
+    laws: Sequence[MaterialLaw],
     poisson: list[float],
     compression: FloatArray = COMPRESSION,
     *,

@@ -25,6 +25,9 @@ from kolsky.report.figures import (
     misfit,
     overlay_epipolar,
     overlay_sigma,
+    plan_choices,
+    plan_information,
+    plan_slopes,
     profiles,
     rate_equal_strain,
     rate_forest,
@@ -33,9 +36,14 @@ from kolsky.report.figures import (
     repeats,
     ridge,
     scene,
+    sensitivity,
     shape_residual,
     speckle_floor,
     speckle_overlay,
+    trend_damping,
+    trend_friction,
+    trend_poisson,
+    trend_stiffness,
     waves,
 )
 from kolsky.report.figures.base import FigureKind
@@ -46,10 +54,13 @@ __all__ = [
     "CALIBRATION",
     "FLYER_TESTS",
     "MATERIALS",
+    "PLANS",
     "RATES",
     "REGISTRY",
+    "SENSITIVITY",
     "SPECKLES",
     "SURFACES",
+    "TRENDS",
     "WAVES",
     "FigureKind",
 ]
@@ -99,13 +110,24 @@ BARS_TOGETHER: dict[str, FigureKind[Any]] = {bars_together.KIND.name: bars_toget
 """Every figure of a shot with the bars together, likewise."""
 REPEATS: dict[str, FigureKind[Any]] = {repeats.KIND.name: repeats.KIND}
 """Every figure of repeated tests, likewise."""
+PLANS: dict[str, FigureKind[Any]] = {
+    module.KIND.name: module.KIND for module in (plan_information, plan_slopes, plan_choices)
+}
+"""Every figure of a plan, likewise."""
 RATES: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND for module in (rate_slope, rate_forest, rate_stiffness, rate_equal_strain)
 }
 """Every figure of a group of shots whose rates are compared, likewise."""
+TRENDS: dict[str, FigureKind[Any]] = {
+    module.KIND.name: module.KIND
+    for module in (trend_poisson, trend_damping, trend_friction, trend_stiffness)
+}
+"""Every figure of a shot's trends, Figs. 7 to 10 of Mates et al. (2012), likewise."""
 BASELINES: dict[str, FigureKind[Any]] = {baseline.KIND.name: baseline.KIND}
 """Every figure of a quasi-static baseline, likewise."""
 MATERIALS: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND for module in (material_fits, material_residuals, material_stability)
 }
 """Every figure of laws fitted to homogeneous tests, likewise."""
+SENSITIVITY: dict[str, FigureKind[Any]] = {sensitivity.KIND.name: sensitivity.KIND}
+"""Every figure of a shot's global sensitivity, likewise."""

@@ -35,7 +35,7 @@ def draw(result: Identification, panels: Panels) -> None:
     top, low = panels["ledger"], panels["residual"]
     scale = largest(ledger.external[0])
     # nothing relaxes in most tests, and a part that is nowhere needs no place in the legend
-    parts = [name for name in PARTS if name != "viscous" or (ledger.viscous[0] != 0.0).any()]
+    parts = [name for name in PARTS if name != "viscous" or (np.abs(ledger.viscous[0]) > 0.0).any()]
     shares = [largest(getattr(ledger, name)[0], default=0.0) / scale for name in parts]
     labels = [
         f"{name.replace('_', ' ')}, {percent(share)}" for name, share in zip(parts, shares, strict=True)

@@ -13,9 +13,10 @@ def caption(group: GroupRates) -> str:
     assert group.equal_strain is not None  # `applies` saw to it
     strains = ", ".join(f"{e:g}" for e in group.equal_strain.strains)
     return (
-        "Left: transmitted force against nominal strain, bin means of every counted shot (lines), its values at"
-        " the strains compared (markers), and the quasi-static stress times the undeformed area (dashed): waves"
-        " and inertia are in the shots’ forces, so that the distance between the lines is no rate sensitivity."
+        "Left: transmitted force against nominal strain, bin means of every counted shot (lines), its values"
+        " at the strains compared (markers), and the quasi-static stress times the undeformed area, as of a"
+        " specimen that stays a cylinder (dashed). Waves, inertia and the held faces are in the shots’"
+        " forces: the distance between the lines is no rate sensitivity."
         f" Right: outlines in the frames nearest to the strains {strains}, measured (markers) and simulated"
         " (lines)."
     )
@@ -39,8 +40,15 @@ def draw(group: GroupRates, panels: Panels) -> None:
         for outline in (s for s in e.shapes if s.shot == shot.name):
             shape.plot(MM * outline.y, MM * outline.model, color=colour, lw=0.5)
             shape.plot(MM * outline.y, MM * outline.Z, marker, color=colour, ms=1.8, mew=0.0)
-    if np.isfinite(e.force_baseline).any():
-        force.plot(e.strains, e.force_baseline, "--", color=MEASURED, lw=0.8, label="quasi-static × area")
+    force.plot(
+        e.baseline_strain,
+        e.baseline_force,
+        "--",
+        color=MEASURED,
+        lw=0.9,
+        label="quasi-static × area",
+        zorder=5,
+    )
     for strain in e.strains:
         force.axvline(strain, color=GREY, lw=0.3)
     force.set(xlabel="Nominal strain (–)", ylabel="Force $F$ (N)")

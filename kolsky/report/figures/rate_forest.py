@@ -3,7 +3,7 @@
 import numpy as np
 
 from kolsky.rates.records import GroupRates
-from kolsky.report.figures.base import BAND, GREY, MEASURED, PAGE, ROUTES, FigureKind, Panels, letter
+from kolsky.report.figures.base import BAND, MEASURED, PAGE, ROUTES, FigureKind, Panels, letter
 from kolsky.report.labels import shortened
 
 DRAWN = ("joint", "force only", "shape only")
@@ -14,9 +14,10 @@ STEP = 0.22
 def caption(group: GroupRates) -> str:
     """What is seen."""
     return (
-        "Left: stiffness factor of each shot, slowest first, by force and shape together with ±2u of the whole"
-        " budget, and by each alone with ±2 of the standard uncertainty of its residuals; the diamond is the"
-        " mean, as wide as its 95 % interval. Right: the mean and its 95 % interval without each shot in turn."
+        "Left: stiffness factor of each shot, slowest first, by force and shape together with ±2u of the"
+        " whole budget, and by each alone with ±2 of the standard uncertainty of its residuals; the diamond"
+        " is the mean, as wide as its 95 % interval. Right: the mean and its 95 % interval without each shot"
+        " in turn. Open circles do not count."
     )
 
 
@@ -51,7 +52,6 @@ def draw(group: GroupRates, panels: Panels) -> None:
     for ax in (left, right):
         ax.set_ylim(-0.6, count + 0.7)
         ax.tick_params(axis="y", which="both", left=False, right=False)
-        ax.axvline(1.0, color=GREY, lw=0.5)
         ax.set_xlabel("Stiffness factor $m$ (–)")
     right.set_yticks([])
     if group.pooled is not None:
@@ -68,7 +68,7 @@ def draw(group: GroupRates, panels: Panels) -> None:
             mean, (start, end) = float(fit.coefficients[0]), fit.interval(0)
             right.plot([start, end], [place[shot.name]] * 2, color=MEASURED, lw=0.8)
             right.plot(mean, place[shot.name], "D", color=MEASURED, ms=3)
-    left.legend(loc="lower left", ncols=3, bbox_to_anchor=(0.05, 1.0), borderaxespad=0.1)
+    left.legend(loc="lower left", ncols=3, bbox_to_anchor=(0.1, 1.0), borderaxespad=0.1)
 
 
 KIND: FigureKind[GroupRates] = FigureKind(

@@ -2,6 +2,7 @@
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from kolsky.rates.records import GroupRates
 from kolsky.rates.slope import SlopeVerdict
@@ -20,9 +21,9 @@ def caption(group: GroupRates) -> str:
         else " Dashed: the line through the shots, which their rates do not carry (see the conditions)."
     )
     return (
-        "Stiffness factor m against nominal strain rate: each shot with ±2u (thick: what is its own, thin: what"
-        " it shares with the others too) and, across, the range of the true rate inside the test; mean of the"
-        " shots with its 95 % interval (band) and the interval of one more shot (dotted)."
+        "Stiffness factor m against nominal strain rate: each shot with ±2u (thick: what is its own, thin:"
+        " with what it shares) and, across, the range of the true rate inside the test; mean of the shots"
+        " with its 95 % interval (band) and the interval of one more shot (dotted)."
         + ("" if line is None or line.fit is None else through)
         + " Left: on the scale of rates down to the quasi-static test, where m = 1 by definition; right: the"
         " shots alone. Open circles do not count."
@@ -36,8 +37,8 @@ def draw(group: GroupRates, panels: Panels) -> None:
         letter(ax, mark)
         ax.set_xscale("log")
         ax.set_xlabel("Strain rate (1/s)")
-        ax.axhline(1.0, color=GREY, lw=0.5)
-    wide.set_ylabel("Stiffness factor $m$ (–)")
+        ax.set_ylabel("Stiffness factor $m$ (–)")
+    wide.axhline(1.0, color=GREY, lw=0.5)
     rates = sorted({s.quasi_static.rate for s in group.shots if s.quasi_static.rate is not None})
     for number, rate in enumerate(rates):
         label = "" if number else "quasi-static"
@@ -51,10 +52,13 @@ def draw(group: GroupRates, panels: Panels) -> None:
     slowest = min([low, *rates])
     wide.set_xlim(slowest / 3.0, high * 3.0)
     near.set_xlim(low / 1.3, high * 1.3)
-    near.xaxis.set_minor_formatter("{x:g}")
-    near.tick_params(axis="x", which="minor", labelsize=5.5)
+    near.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    near.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    near.xaxis.set_minor_formatter(NullFormatter())
+    near.margins(y=0.25)
     _lever(wide, group)
-    near.legend(loc="best")
+    if group.pooled is not None:
+        near.legend(loc="best", ncols=2)
     if rates:
         wide.legend(loc="best")
 
@@ -89,8 +93,8 @@ def _shots(ax: Axes, group: GroupRates) -> None:
             continue
         rate = shot.history.nominal_rate
         ax.plot(shot.history.true_rate, [shot.m] * 2, color=GREY, lw=0.5)
-        ax.plot([rate] * 2, [shot.m - 2 * shot.sigma, shot.m + 2 * shot.sigma], color=MEASURED, lw=0.7)
-        ax.plot([rate] * 2, [shot.m - 2 * shot.sigma_own, shot.m + 2 * shot.sigma_own], color=MEASURED, lw=1.6)
+        for sigma, width in ((shot.sigma, 0.7), (shot.sigma_own, 1.6)):
+            ax.plot([rate] * 2, [shot.m - 2.0 * sigma, shot.m + 2.0 * sigma], color=MEASURED, lw=width)
         ax.plot(rate, shot.m, "o", color=MEASURED, ms=3.2, mfc=MEASURED if shot.counted else "white")
 
 
@@ -120,5 +124,5 @@ KIND: FigureKind[GroupRates] = FigureKind(
     caption=caption,
     panels=lambda group: [["wide", "near"]],
     draw=draw,
-    mosaic={"sharey": True, "width_ratios": [1.25, 1.0]},
+    mosaic={"width_ratios": [1.25, 1.0]},
 )

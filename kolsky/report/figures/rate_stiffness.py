@@ -1,6 +1,9 @@
 """Nominal stress and moduli at fixed strains against strain rate, with the quasi-static curve's own point."""
 
+from typing import Any
+
 import numpy as np
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from kolsky.rates.records import GroupRates
 from kolsky.report.figures.base import PAGE, FigureKind, Panels, letter
@@ -18,10 +21,14 @@ PANELS = {
 def caption(group: GroupRates) -> str:
     """What is seen."""
     return (
-        "Nominal compressive stress, secant modulus and tangent modulus at fixed nominal strains (figures at the"
-        " right of each series; 0: the initial modulus) against nominal strain rate, ±2u. Filled: the shots,"
+        "Nominal compressive stress, secant modulus and tangent modulus at fixed nominal strains (given"
+        " beside each series; 0: the initial modulus) against nominal strain rate, ±2u. Filled: the shots,"
         " the quasi-static curve times m; open: the quasi-static curve itself"
-        + (", at its own rate." if _slow(group) else ". Its rate is not declared, so it is not drawn.")
+        + (
+            ", at its own rate, and its level carried to theirs (dotted)."
+            if _slow(group)
+            else ". Its rate is not declared, so it is not drawn."
+        )
     )
 
 
@@ -39,7 +46,7 @@ def draw(group: GroupRates, panels: Panels) -> None:
                 continue
             colour, marker = COLOURS[k % len(COLOURS)], MARKERS[k % len(MARKERS)]
             value, sigma = (KPA * x for x in at.quantities[quantity])
-            style = {"color": colour, "fmt": marker, "ms": 2.8, "lw": 0.8}
+            style: dict[str, Any] = {"color": colour, "fmt": marker, "ms": 2.8, "lw": 0.8}
             ax.errorbar(at.rates, value, yerr=2.0 * sigma, **style)
             end = int(np.argmax(at.rates))
             ax.annotate(
@@ -55,8 +62,11 @@ def draw(group: GroupRates, panels: Panels) -> None:
                 base, spread = (KPA * x for x in at.baseline[quantity])
                 ax.errorbar(slow, base, yerr=2.0 * spread, mfc="white", **style)
                 ax.plot([slow, at.rates.min()], [base, base], ":", color=colour, lw=0.6)
-        ax.margins(x=0.15)
-        ax.set_ylim(bottom=0.0)
+        ax.set_yscale("log")
+        ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
+        ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        ax.yaxis.set_minor_formatter(NullFormatter())
+        ax.margins(x=0.2, y=0.1)
 
 
 def _slow(group: GroupRates) -> float | None:

@@ -37,28 +37,28 @@ def applies(result: Identification) -> bool:
 def draw(result: Identification, panels: Panels) -> None:
     """Render three times and set the pictures side by side."""
     stage = stage_of(result)
-    bar = None
-    for column, k in enumerate(chosen(len(stage.times), COUNT)):
-        ax = panels[f"scene {column}"]
-        image = picture(stage, k, size=SIZE, bar=False)
-        used = np.flatnonzero((image < 255).any(axis=(1, 2)))
-        ax.imshow(image[max(used[0] - 4, 0) : used[-1] + 5], interpolation="antialiased")
+    shown = chosen(len(stage.times), COUNT)
+    images = np.stack([picture(stage, k, size=SIZE, bar=False) for k in shown])
+    rows, columns = ((images < 255).any(axis=axes).nonzero()[0] for axes in ((0, 2, 3), (0, 1, 3)))
+    cut = images[:, rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]  # without the empty margins
+    axes = [panels[f"scene {column}"] for column in range(COUNT)]
+    for ax in axes:
         ax.set_axis_off()
-        ax.text(0.5, 1.0, f"{MS * stage.times[k]:.2f} ms", transform=ax.transAxes, ha="center", va="bottom")
-        bar = ax
-    assert bar is not None  # a stage has at least one time
+    for ax, image, k in zip(axes, cut, shown, strict=False):
+        ax.imshow(image, interpolation="antialiased")
+        ax.text(0.5, 1.02, f"{MS * stage.times[k]:.2f} ms", transform=ax.transAxes, ha="center", va="bottom")
     kind = FIELDS[stage.field]
     colours = ScalarMappable(Normalize(*stage.limits), kind.colours)
-    axes = [ax for name, ax in panels.items() if name.startswith("scene")]
-    smooth_bar(
-        bar.figure.colorbar(colours, ax=axes, location="bottom", label=kind.label, aspect=50, shrink=0.5)
+    bar = axes[0].figure.colorbar(  # type: ignore[union-attr]
+        colours, ax=axes, location="bottom", label=kind.label, aspect=50, shrink=0.5
     )
+    smooth_bar(bar)
 
 
 KIND = FigureKind(
     name="scene",
     width=PAGE,
-    height=lambda result: 52.0,
+    height=lambda result: 45.0,
     caption=caption,
     panels=lambda result: [[f"scene {column}" for column in range(COUNT)]],
     draw=draw,

@@ -1,0 +1,251 @@
+"""Whether a surrogate is good enough for what it is for, and how many runs it would take."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import ceil, isfinite
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.distance import cdist
+
+from doe.box import Box
+from doe.surrogates.kernels import SurrogateError
+from doe.surrogates.protocol import Surrogate, checked_runs
+
+FloatArray = NDArray[np.float64]
+Fit = Callable[[FloatArray, FloatArray], Surrogate]
+"""A surrogate of runs [n, d] and their responses [n, k]."""
+
+SHARES = (0.35, 0.6, 1.0)
+"""Sizes of the nested designs over that of the whole."""
+LEAST_ORDER = 0.2
+"""Smallest exponent of the error's fall with the number of runs that is called convergence."""
+MOST_RUNS = 100.0
+"""Largest ratio of the runs it would take over those there are that is worth telling."""
+
+
+@dataclass(frozen=True)
+class CurveErrors:
+    """Errors of predicted responses, entry by entry: time by time where the response is a history."""
+
+    kind: str
+    """ "leave-one-out" or "held-out"."""
+    residuals: FloatArray
+    """Run minus prediction, in response units, shape [n, k]."""
+    sigma: FloatArray
+    """Noise of each entry, in response units, shape [k]."""
+
+    @property
+    def rms(self) -> FloatArray:
+        """Root mean square over the runs, in response units, shape [k]."""
+        return np.asarray(np.sqrt(np.mean(self.residuals**2, axis=0)))
+
+    @property
+    def largest(self) -> FloatArray:
+        """Largest over the runs, in response units, shape [k]."""
+        return np.asarray(np.abs(self.residuals).max(axis=0))
+
+    @property
+    def share_of_noise(self) -> FloatArray:
+        """`rms` over the noise [-], shape [k]."""
+        return self.rms / self.sigma
+
+    @property
+    def overall(self) -> float:
+        """Root mean square over runs and entries of residual / noise [-]."""
+        return float(np.sqrt(np.mean((self.residuals / self.sigma) ** 2)))
+
+    def worst(self) -> tuple[int, int]:
+        """Run and entry of the largest residual over its noise."""
+        run, entry = np.unravel_index(
+            int(np.argmax(np.abs(self.residuals) / self.sigma)), self.residuals.shape
+        )
+        return int(run), int(entry)
+
+
+def leave_one_out(surrogate: Surrogate, sigma: ArrayLike) -> CurveErrors:
+    """Errors at the surrogate's own runs, each left out in turn, in closed form.
+
+    Parameters
+    ----------
+    surrogate
+        Any surrogate of a response.
+    sigma
+        Noise of each entry, in response units, > 0: a number or shape [k].
+
+    Raises
+    ------
+    ValueError
+        If a sigma is not finite and > 0.
+    """
+    residuals = surrogate.loo_residuals
+    return CurveErrors("leave-one-out", residuals, _noise(sigma, residuals.shape[1]))
+
+
+def held_out(surrogate: Surrogate, points: ArrayLike, responses: ArrayLike, sigma: ArrayLike) -> CurveErrors:
+    """Errors at runs that the surrogate has not seen.
+
+    Parameters
+    ----------
+    surrogate
+        Any surrogate of a response.
+    points, responses
+        The runs, in parameter units, shape [n, d], and what they gave, shape [n, k].
+    sigma
+        Noise of each entry, in response units, > 0: a number or shape [k].
+
+    Raises
+    ------
+    ValueError
+        If a point is outside the surrogate's box or one of its runs, shapes do not match, or a sigma is not
+        finite and > 0.
+    """
+    x, y = checked_runs(surrogate.box, points, responses)
+    near = cdist(surrogate.box.unit(x), surrogate.box.unit(surrogate.points)).min(axis=1)
+    if near.min() < 1e-9:
+        raise ValueError(f"held-out run {int(np.argmin(near))} built the surrogate: it shows nothing")
+    return CurveErrors("held-out", y - surrogate.predict(x), _noise(sigma, y.shape[1]))
+
+
+@dataclass(frozen=True)
+class Fitness:
+    """Whether a surrogate's error is small enough, and what would make it so."""
+
+    error: float
+    """The error that counts, e.g. of the optimum over its half width [-]."""
+    allowed: float
+    """The largest that is good enough."""
+    runs: tuple[int, ...]
+    """Sizes of the nested designs, ascending; the last is the whole."""
+    errors: tuple[float, ...]
+    """The error of each."""
+    order: float
+    """Fitted exponent p of error ~ n^-p [-]; NaN if there were no nested designs to fit."""
+
+    @property
+    def good(self) -> bool:
+        """Whether the error is allowed."""
+        return self.error <= self.allowed
+
+    @property
+    def runs_needed(self) -> int | None:
+        """Runs at which the observed convergence reaches what is allowed; None if it does not converge."""
+        if self.good:
+            return self.runs[-1]
+        if not (isfinite(self.order) and self.order >= LEAST_ORDER):
+            return None
+        ratio = float((self.error / self.allowed) ** (1.0 / self.order))
+        return ceil(self.runs[-1] * ratio) if ratio <= MOST_RUNS else None
+
+    def __str__(self) -> str:
+        told = f"the error with {self.runs[-1]} runs is {self.error:.2g}, {self.allowed:.2g} is allowed"
+        if self.good:
+            return told
+        steps = ", ".join(f"{e:.2g} with {n}" for n, e in zip(self.runs, self.errors, strict=True))
+        if self.runs_needed is not None:
+            return f"{told}; at the observed convergence ({steps}) about {self.runs_needed} runs would do"
+        return (
+            f"{told}; it hardly falls with the number of runs ({steps}): the response is rough, or varies "
+            "over less than the runs are apart; shrink the box"
+        )
+
+    def require(self) -> None:
+        """Refuse the surrogate if it is not good enough.
+
+        Raises
+        ------
+        SurrogateError
+            With the number of runs that it would take.
+        """
+        if not self.good:
+            raise SurrogateError(f"the surrogate is not good enough: {self}")
+
+
+def fitness(
+    fit: Fit,
+    box: Box,
+    points: ArrayLike,
+    responses: ArrayLike,
+    *,
+    sigma: ArrayLike,
+    allowed: float,
+    gain: ArrayLike | None = None,
+) -> Fitness:
+    """Judge a surrogate by its leave-one-out error, and how that falls over nested parts of the design.
+
+    Parameters
+    ----------
+    fit
+        Builds the surrogate.
+    box
+        Where the runs lie.
+    points, responses
+        The runs, in parameter units, shape [n, d], and what they gave, shape [n, k].
+    sigma
+        Noise of each entry, in response units: a number or shape [k].
+    allowed
+        Largest allowed error, > 0.
+    gain
+        Linear map from a change of the response to what the surrogate is for, in units of what is allowed
+        to be wrong: the optimum's move over its half width, shape [m, k]. The error is then the root mean
+        square of its largest component. Left out, it is that of residual / sigma over all entries.
+
+    Raises
+    ------
+    ValueError
+        If `allowed` is not > 0, or shapes do not match.
+    SurrogateError
+        If the whole design does not carry a surrogate.
+    """
+    if not 0.0 < allowed < np.inf:
+        raise ValueError(f"allowed must be finite and > 0, got {allowed}")
+    x, y = checked_runs(box, points, responses)
+    noise = _noise(sigma, y.shape[1])
+    order = nested(box.unit(x))
+    runs, errors = [], []
+    for share in SHARES:
+        n = round(share * len(x))
+        try:
+            surrogate = fit(x[order[:n]], y[order[:n]])
+        except SurrogateError:
+            if share == 1.0:
+                raise
+            continue  # too few for a surrogate at all: no point of the fit
+        runs.append(n)
+        errors.append(_error(surrogate.loo_residuals, noise, gain))
+    exponent = float("nan")
+    if len(runs) > 1 and min(errors) > 0.0:
+        exponent = -float(np.polyfit(np.log(runs), np.log(errors), 1)[0])
+    return Fitness(errors[-1], allowed, tuple(runs), tuple(errors), exponent)
+
+
+def nested(unit_points: FloatArray) -> NDArray[np.intp]:
+    """An order of runs in which every beginning is spread over the box, shape [n].
+
+    From the run nearest to the middle, each next is the one farthest from those before.
+    """
+    distance = cdist(unit_points, unit_points)
+    order = [int(np.argmin(((unit_points - 0.5) ** 2).sum(axis=1)))]
+    nearest = distance[order[0]].copy()
+    while len(order) < len(unit_points):
+        nearest[order] = -1.0
+        order.append(int(np.argmax(nearest)))
+        nearest = np.minimum(nearest, distance[order[-1]])
+    return np.array(order, dtype=np.intp)
+
+
+def _error(residuals: FloatArray, sigma: FloatArray, gain: ArrayLike | None) -> float:
+    if gain is None:
+        return float(np.sqrt(np.mean((residuals / sigma) ** 2)))
+    moves = residuals @ np.asarray(gain, dtype=np.float64).T
+    return float(np.sqrt(np.mean(moves**2, axis=0)).max())
+
+
+def _noise(sigma: ArrayLike, k: int) -> FloatArray:
+    noise = np.array(np.broadcast_to(np.asarray(sigma, dtype=np.float64), (k,)))
+    if not np.all(np.isfinite(noise) & (noise > 0.0)):
+        j = int(np.argmin(np.isfinite(noise) & (noise > 0.0)))
+        raise ValueError(f"sigma must be finite and > 0, got {noise[j]} for entry {j}")
+    return noise
