@@ -107,6 +107,8 @@ def refine(
     misfit: Misfit,
     locate: Locate,
     scale: ArrayLike,
+    about: ArrayLike | None = None,
+    edge: float = 1.0,
     batch: int | None = None,
     max_rounds: int = 10,
     rng: int = 0,
@@ -127,6 +129,9 @@ def refine(
         Finds the optimum of a surrogate.
     scale
         What an entry's deviations are measured by, in response units: a number or shape [k].
+    about, edge
+        Middle of the first region in parameter units, shape [d], and its edge in the unit box: to go on
+        from an earlier refinement. Left out, it is the whole box.
     batch
         Runs a round; 2 d + 2 if left out.
     max_rounds
@@ -137,7 +142,7 @@ def refine(
     Raises
     ------
     ValueError
-        If `batch` or `max_rounds` is below 1, or shapes do not match.
+        If `batch` or `max_rounds` is below 1, `edge` outside (0, 1], or shapes do not match.
     doe.surrogates.SurrogateError
         If the runs do not carry a surrogate.
     """
@@ -145,9 +150,13 @@ def refine(
     if size < 1 or max_rounds < 1:
         raise ValueError(f"batch and max_rounds must be at least 1, got {size} and {max_rounds}")
     x, y = np.asarray(points, dtype=np.float64), np.asarray(responses, dtype=np.float64)
-    values, zoom = misfit(y), _Zoom()
-    region, surrogate = box, ProcessSurrogate.fit(box, x, y, scale=scale)
-    best, sigma = locate(surrogate, region, x[int(np.argmin(values))])
+    if not 0.0 < edge <= 1.0:
+        raise ValueError(f"edge must be in (0, 1], got {edge}")
+    values, zoom = misfit(y), _Zoom(edge)
+    start = x[int(np.argmin(values))] if about is None else np.asarray(about, dtype=np.float64)
+    region = box if about is None else _around(box, start, np.full(box.dimension, edge))
+    surrogate = _about(box, region, x, y, scale)
+    best, sigma = locate(surrogate, region, start)
     rounds: list[Round] = []
     converged = False
     for number in range(max_rounds):
@@ -180,8 +189,8 @@ def refine(
 class _Zoom:
     """The edge of the region: smaller round by round, until that no longer makes the surrogate better."""
 
-    def __init__(self) -> None:
-        self.edge = 1.0
+    def __init__(self, edge: float) -> None:
+        self.edge = edge
         self.errors: dict[float, float] = {}
         self.rough = False
 
@@ -212,7 +221,12 @@ def _around(box: Box, centre: FloatArray, edges: FloatArray) -> Box:
 
 
 def _about(
-    box: Box, region: Box, x: FloatArray, y: FloatArray, scale: ArrayLike, like: ProcessSurrogate
+    box: Box,
+    region: Box,
+    x: FloatArray,
+    y: FloatArray,
+    scale: ArrayLike,
+    like: ProcessSurrogate | None = None,
 ) -> ProcessSurrogate:
     """The surrogate from the runs in and near a region, or from the nearest if they are too few."""
     distance = np.abs(region.unit(x) - 0.5).max(axis=1)

@@ -371,6 +371,7 @@ def identify(
     threads: Threads = None,
     past_data: PastData = "continue",
     bayes: Annotated[bool, typer.Option("--bayes", help="Sample the posterior too; needs emcee.")] = False,
+    pull: Annotated[str, typer.Option(help="The curve m refers to: first pull or conditioned.")] = "first",
     seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 1,
     out: Out = None,
     figures: Annotated[
@@ -398,6 +399,7 @@ def identify(
                 precision, device, threads, past_data, element, hourglass, nearly_incompressible
             ),
             bayes=bayes,
+            pull=pull,
             seed=seed,
             out=out,
             formats=_listed(figures),

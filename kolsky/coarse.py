@@ -5,13 +5,14 @@ batch. With several a design fine enough everywhere would be too large, and the 
 batch after the other (`doe.refine`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from doe import Box, ResponseSurrogate, Surrogate, from_points
-from doe.refine import refine
+from doe.refine import Refinement, refine
 from doe.surrogates import Fitness, ProcessSurrogate, SurrogateError, fitness
 from kolsky.methods import AGREEMENT
 from kolsky.misfit import Prediction
@@ -27,6 +28,10 @@ MOST_REFINEMENTS = 3
 """Most second designs, each around the optimum of the last one."""
 MOST_ROUNDS = 10
 """Most batches of adaptive refinement."""
+MORE_ROUNDS = 3
+"""Most batches about an optimum that a run on the refined mesh moved."""
+WIDER = 1.5
+"""Edge of the first region about it over that of the last one."""
 ON_THE_WAY = 1e-4
 """Tolerance of the searches between two batches, in the unit box."""
 
@@ -43,8 +48,6 @@ class Coarse:
     """With the discrepancies of the optimum."""
     x: FloatArray
     """The optimum, shape [d]."""
-    settled: bool
-    """Whether the last runs left the optimum where it was; True where one design did."""
 
 
 def search_coarse(stages: Stages) -> Coarse:
@@ -72,7 +75,7 @@ def _second_design(stages: Stages, wide: Runs) -> Coarse:
         if not leaves(best.x, box, whole):
             break
         centre = best.x
-    return Coarse(box, surrogate, best.objective, best.x, settled=True)
+    return Coarse(box, surrogate, best.objective, best.x)
 
 
 def _fit(stages: Stages, box: Box, runs: Runs) -> tuple[Objective, ResponseSurrogate]:
@@ -90,6 +93,36 @@ def _fit(stages: Stages, box: Box, runs: Runs) -> tuple[Objective, ResponseSurro
 def _adaptive(stages: Stages, wide: Runs) -> Coarse:
     """Batches of runs about the optimum until it stays."""
     objective = Objective(stages.observations, _reached(wide.prediction.inside))
+    try:
+        found = _refine(stages, objective, 0.0, max_rounds=MOST_ROUNDS)
+    except SurrogateError as error:
+        raise _no_surrogate(error, wide) from error
+    return _settled(stages, found, 0.0)
+
+
+def refined_about(stages: Stages, coarse: Coarse, point: FloatArray, shift: FloatArray | float) -> Coarse:
+    """More batches, about the optimum of the surrogate plus a shift of the data vector.
+
+    Parameters
+    ----------
+    stages, coarse
+        The simulations and what they were refined to.
+    point
+        Where to go on, shape [d].
+    shift
+        What another mesh adds to the surrogate, shape [k].
+    """
+    inside = np.clip(point, stages.box.lower, stages.box.upper)
+    edges = np.diff(stages.box.unit(np.array([coarse.box.lower, coarse.box.upper])), axis=0)
+    edge = float(min(WIDER * edges.max(), 1.0))
+    found = _refine(stages, coarse.objective, shift, max_rounds=MORE_ROUNDS, about=inside, edge=edge)
+    return _settled(stages, found, shift, coarse)
+
+
+def _refine(stages: Stages, objective: Objective, shift: FloatArray | float, **options: Any) -> Refinement:
+    points, prediction = stages.on_surrogate_mesh()
+    vectors = objective.vectors(prediction)
+    whole = np.isfinite(vectors).all(axis=1)
 
     def run(points: FloatArray) -> FloatArray:
         done = stages.simulate("refinement", from_points(stages.box, points), stages.settings.numerics)
@@ -98,28 +131,49 @@ def _adaptive(stages: Stages, wide: Runs) -> Coarse:
         return vectors
 
     def locate(surrogate: Surrogate, region: Box, start: FloatArray) -> tuple[FloatArray, FloatArray]:
-        model = CorrectedSurrogate(surrogate).predict
+        model = replace(CorrectedSurrogate(surrogate), shift=shift).predict
         best = search(region, objective, model, start=start, tolerance=ON_THE_WAY)
         covariance = best.objective.covariance(jacobian(model, region, best.x), model(best.x)[0])
         return best.x, np.sqrt(np.diag(covariance))
 
-    try:
-        found = refine(
-            run,
-            stages.box,
-            wide.points,
-            objective.vectors(wide.prediction),
-            misfit=objective.deviance,
-            locate=locate,
-            scale=objective.noise,
-            max_rounds=MOST_ROUNDS,
-            rng=stages.settings.seed,
-        )
-    except SurrogateError as error:
-        raise _no_surrogate(error, wide) from error
-    objective, surrogate = _with_all_points(stages, found.surrogate)
-    best = search(found.region, objective, CorrectedSurrogate(surrogate).predict, start=found.x)
-    return Coarse(found.region, surrogate, best.objective, best.x, settled=found.converged)
+    return refine(
+        run,
+        stages.box,
+        points[whole],
+        vectors[whole],
+        misfit=lambda found: objective.deviance(found + shift),
+        locate=locate,
+        scale=objective.noise,
+        rng=stages.settings.seed,
+        **options,
+    )
+
+
+def _settled(
+    stages: Stages, found: Refinement, shift: FloatArray | float, before: Coarse | None = None
+) -> Coarse:
+    """The surrogate over the outline points that its own runs reach: more than the first design's."""
+    points, prediction = _used(stages, found.surrogate)
+    reached = _reached(prediction.inside)
+    if before is not None:  # the shift is of the points counted so far
+        reached &= before.objective.counted
+        shift = np.asarray(shift)[_kept(before.objective, reached)]
+    objective = Objective(stages.observations, reached)
+    surrogate = ProcessSurrogate.fit(
+        found.surrogate.box,
+        points,
+        objective.vectors(prediction),
+        scale=objective.noise,
+        like=found.surrogate,
+    )
+    model = replace(CorrectedSurrogate(surrogate), shift=shift).predict
+    best = search(found.region, objective, model, start=found.x)
+    return Coarse(found.region, surrogate, best.objective, best.x)
+
+
+def _kept(objective: Objective, reached: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Entries of an objective's data vector whose outline points are in another selection, shape [k]."""
+    return np.concatenate([np.ones(objective.n_force, dtype=bool), reached[objective.counted]])
 
 
 def fit_for_purpose(stages: Stages, coarse: Coarse, gain: FloatArray) -> Fitness:
@@ -150,15 +204,6 @@ def _used(stages: Stages, surrogate: Surrogate) -> tuple[FloatArray, Prediction]
     rows = [places[tuple(x)] for x in surrogate.points]
     parts = {name: getattr(prediction, name)[rows] for name in Prediction.__dataclass_fields__}
     return points[rows], Prediction(**parts)
-
-
-def _with_all_points(stages: Stages, surrogate: ProcessSurrogate) -> tuple[Objective, ProcessSurrogate]:
-    """The surrogate over the outline points that its own runs reach: more than the first design's."""
-    points, prediction = _used(stages, surrogate)
-    objective = Objective(stages.observations, _reached(prediction.inside))
-    vectors = objective.vectors(prediction)
-    fitted = ProcessSurrogate.fit(surrogate.box, points, vectors, scale=objective.noise, like=surrogate)
-    return objective, fitted
 
 
 def _reached(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -23,6 +23,7 @@ def identify(
     methods: str,
     arithmetic: Arithmetic,
     bayes: bool = False,
+    pull: str = "first",
     seed: int,
     out: Path | None,
     formats: Sequence[str],
@@ -34,6 +35,7 @@ def identify(
     for name in formats:
         options.one_of("--figures", name, ("pdf", "svg", "png"))
     options.one_of("--methods", methods, ("surrogate", "all"))
+    options.one_of("--pull", pull, ("first", "conditioned"))
     options.apart("--free", free, "--parameter", held)
     if bayes:
         options.installed("--bayes", "emcee", "bayes")
@@ -51,6 +53,7 @@ def identify(
         replicates=replicates,
         methods="all" if methods == "all" else "surrogate",
         bayes=bayes,
+        pull="conditioned" if pull == "conditioned" else "first",
         seed=seed,
     )
     with usable(loaded), bars() as progress:

@@ -11,28 +11,27 @@ Stages of `identify`:
    the quasi-static curve drawn from their own noise. Numerics: the shift between the meshes.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from doe import Box, from_points
 from kolsky.cautions import cautions
+from kolsky.check import CONFIRMED, Refined, check_refined
 from kolsky.coarse import Coarse, fit_for_purpose, search_coarse
 from kolsky.curvefile import with_pull
 from kolsky.identification import Identification
 from kolsky.knowledge.gather import gather
 from kolsky.knowledge.profiles import Answer
 from kolsky.misfit import terms
-from kolsky.objective import Objective
-from kolsky.optimum import CorrectedSurrogate, Model, jacobian, leaves, search
+from kolsky.optimum import CorrectedSurrogate, jacobian, leaves
 from kolsky.parameters import PARAMETERS, design_box
 from kolsky.prepare import prepare
 from kolsky.provenance import provenance
 from kolsky.searches import with_methods
 from kolsky.settings import Settings
 from kolsky.shots import Shot
-from kolsky.stages import Progress, Runs, Stages
+from kolsky.stages import Progress, Stages
 from kolsky.summary import comparison, curves, estimates, routes
 
 FloatArray = NDArray[np.float64]
@@ -44,12 +43,6 @@ SAFETY_FACTOR = 1.25
 ONE_SIDED = 1.15
 """The index over its standard uncertainty: the mesh errs to one side, by about as much as is extrapolated,
 and not evenly about zero, where it would be 2 (ASME V&V 20-2009)."""
-CONFIRMED = 0.2
-"""An optimum is confirmed when the check run moves it by less than this share of the residuals' sigma."""
-MOST_CHECKS = 6
-"""Most rounds on the refined mesh."""
-COMPANION = 0.05
-"""Distance of the first check's companion run over the second design's edge."""
 
 
 def identify(
@@ -81,64 +74,12 @@ def identify(
     shot = with_pull(shot, settings.pull)
     whole = design_box(settings.free)
     stages = Stages(prepare(shot), settings, whole, progress or (lambda stage, done, total: None))
-    coarse = search_coarse(stages)
-    fine = _check_refined(stages, coarse)
-    return _report(shot, stages, coarse, fine)
+    first = search_coarse(stages)
+    fine, coarse = check_refined(stages, first)
+    return _report(shot, stages, replace(coarse, x=first.x), fine)
 
 
-@dataclass(frozen=True)
-class _Refined:
-    """The optimum on the refined mesh, confirmed or not by its last run."""
-
-    x: FloatArray
-    objective: Objective
-    model: Model
-    jacobian: FloatArray
-    sigma: FloatArray
-    check: Runs
-    moved: float
-    """How far the last run moved the optimum, in units of sigma."""
-    missed: FloatArray
-    """The last run minus what the surrogate had foretold for it, shape [k]."""
-
-
-def _check_refined(stages: Stages, coarse: Coarse) -> _Refined:
-    """Stage 3: run the optimum on the refined mesh until the run leaves it where it is."""
-    numerics = stages.settings.numerics.with_mesh(stages.settings.refined_mesh)
-    model, objective, optimum = CorrectedSurrogate(coarse.surrogate), coarse.objective, coarse.x
-    wave = np.stack([optimum, _beside(optimum, coarse.box, stages.box)])
-    for _ in range(MOST_CHECKS):
-        check = stages.simulate("check", from_points(stages.box, wave), numerics, all_nodes=True)
-        if len(check.points) < len(wave):
-            raise ValueError(f"the check needs every run on the refined mesh to complete: {check.lost}")
-        vectors = objective.vectors(check.prediction)
-        missed = vectors[0] - model.predict(optimum)[0]
-        for point, vector in zip(check.points[::-1], vectors[::-1], strict=True):
-            model = model.through(point, vector)
-        best = search(coarse.box, objective, model.predict)
-        objective = best.objective
-        slope = jacobian(model.predict, coarse.box, best.x)
-        sigma = np.sqrt(np.diag(objective.covariance(slope, model.predict(best.x)[0])))
-        moved = float(np.max(np.abs(best.x - optimum) / sigma))
-        if moved <= CONFIRMED and len(wave) == 1:
-            break
-        optimum, wave = best.x, best.x[None]
-    return _Refined(optimum, objective, model.predict, slope, sigma, check, moved, missed)
-
-
-def _beside(x: FloatArray, box: Box, whole: Box) -> FloatArray:
-    """A companion of the first check: their difference corrects the surrogate's slope.
-
-    It lies below, because a coarse mesh is too soft and its optimum too high (verification manual).
-    """
-    step = COMPANION * (box.upper[0] - box.lower[0])
-    down = min(step, x[0] - whole.lower[0])
-    beside = x.copy()
-    beside[0] -= down if down > 0.0 else -step
-    return beside
-
-
-def _input_noise(stages: Stages, coarse: Coarse, fine: _Refined) -> tuple[dict[str, FloatArray], int]:
+def _input_noise(stages: Stages, coarse: Coarse, fine: Refined) -> tuple[dict[str, FloatArray], int]:
     """Stage 4: standard uncertainties from the inputs' noise, and how many replicates were lost."""
     scale = {}
     # A scale is one number, which nothing averages: of two slopes of the model, that between two runs on the
@@ -166,7 +107,7 @@ def _largest_shift(gains: list[FloatArray], change: FloatArray) -> FloatArray:
     return np.max([np.abs(gain @ change) for gain in gains], axis=0)
 
 
-def _report(shot: Shot, stages: Stages, coarse: Coarse, fine: _Refined) -> Identification:
+def _report(shot: Shot, stages: Stages, coarse: Coarse, fine: Refined) -> Identification:
     """Everything the stages found, with the warnings it deserves."""
     settings, n_force = stages.settings, fine.objective.n_force
     shape = stages.observations.has_shape
@@ -176,7 +117,10 @@ def _report(shot: Shot, stages: Stages, coarse: Coarse, fine: _Refined) -> Ident
     held = {name: p.held(shot) for name, p in PARAMETERS.items() if name not in stages.box.names}
     loo = coarse.surrogate.loo_residuals
     found_routes = routes(coarse.box, fine.objective, fine.model, stages.box, stages.table)
-    known = gather(stages, Answer.of(fine.x, coarse.box, fine.objective, fine.model), bayes=settings.bayes)
+    corrected = Answer.of(
+        fine.x, coarse.box, fine.objective, fine.model, CorrectedSurrogate(coarse.surrogate).predict
+    )
+    known = gather(stages, corrected, bayes=settings.bayes)
     found = Identification(
         shot=shot.name,
         estimates=estimates(
@@ -219,7 +163,7 @@ def _report(shot: Shot, stages: Stages, coarse: Coarse, fine: _Refined) -> Ident
     return replace(found, warnings=(*said, *known.warnings))
 
 
-def _runs_needed(stages: Stages, coarse: Coarse, fine: _Refined) -> dict[str, float]:
+def _runs_needed(stages: Stages, coarse: Coarse, fine: Refined) -> dict[str, float]:
     """Where the check does not confirm the surrogate: how many runs would do, infinite if none."""
     if fine.moved <= CONFIRMED:
         return {}

@@ -13,7 +13,7 @@ from kolsky.shotsection import Section
 from kolsky.units import UnitError, quantity
 
 if TYPE_CHECKING:
-    from explicit.materials import AnyLaw
+    import explicit.materials
 
 POINTS = 41
 """Points of the curve that stands for the law where one is drawn or counted, rest included."""
@@ -44,7 +44,7 @@ class LawSection(Section):
         return self
 
     @cached_property
-    def law(self) -> "AnyLaw":
+    def law(self) -> "explicit.materials.AnyLaw":
         """The law, which knows how far the data of its constants went."""
         from explicit.materials import LAWS
         from explicit.materials.positive import not_positive
@@ -116,7 +116,7 @@ def one_baseline(curve: object, law: LawSection | None) -> None:
 
     Raises
     ------
-    PydanticCustomError
+    pydantic_core.PydanticCustomError
         If there is neither [curve] nor [law], or both and [law] does not say whether it is the baseline.
     """
     if curve is None and law is None:

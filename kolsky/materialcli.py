@@ -5,11 +5,13 @@ from typing import Annotated
 
 import typer
 
+from kolsky.baselinecli import baseline
 from kolsky.clitypes import AsJson, refusing_bad_input
 
 material = typer.Typer(
     name="material", no_args_is_help=True, help="The quasi-static tests of the material behind a shot."
 )
+material.command()(baseline)
 
 
 @material.command()

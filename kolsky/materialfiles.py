@@ -113,12 +113,10 @@ def _of_file(mode: Mode, path: Path, columns: Columns, hashes: dict[str, str]) -
     sign = 1.0 if columns.convention == "tension-positive" else -1.0
     # A stretch has no sign to be declared; strain and stress share theirs.
     deformation = table.deformation if columns.stretch else mode.at_rest + sign * table.deformation
-    return _checked(path, name=path.stem, mode=mode, deformation=deformation, stress=sign * table.stress)
-
-
-def _checked(path: Path, *, name: str, mode: Mode, **data: np.ndarray | None) -> HomogeneousTest:
     try:
-        return HomogeneousTest(name=name, mode=mode, **data)
+        return HomogeneousTest(
+            name=path.stem, mode=mode, deformation=np.asarray(deformation), stress=sign * table.stress
+        )
     except ValueError as error:
         raise InputError(path, str(error), cure="check columns, units and --convention") from None
 

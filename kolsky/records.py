@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from explicit.materials import AnyLaw
+    import explicit.materials
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -107,7 +107,7 @@ class MaterialCurve:
     none is known."""
     conditioned: "MaterialCurve | None" = None
     """The same material's curve after earlier loading (Mullins), if that is known too."""
-    law: "AnyLaw | None" = None
+    law: "explicit.materials.AnyLaw | None" = None
     """The closed-form law that this is the curve of; None for a measured curve."""
 
     @property

@@ -220,7 +220,9 @@ def _curve(shot: ShotBase) -> list[Entry]:
     relative = curve.total_sigma[loaded] / np.abs(curve.stress[loaded])
     common = 0 if curve.modes is None else len(curve.modes)
     other = [] if curve.conditioned is None else [Entry("curve", "conditioned curve", "yes")]
+    law = [] if curve.law is None else [Entry("curve", "law", curve.law.NAME)]
     return [
+        *law,
         Entry("curve", "branch", "compression" if curve.stretch[-1] < 1.0 else "tension"),
         Entry("curve", "points", int(curve.stretch.size)),
         Entry("curve", "stretch at the end", float(curve.stretch[-1])),

@@ -202,7 +202,8 @@ def _terms(prediction: Prediction, observations: Observations) -> list[Terms]:
 def _along(
     prepared: Prepared, name: str, x: FloatArray, numerics: Numerics, **held: float
 ) -> tuple[Along, Prediction]:
-    response, prediction = _run(prepared, numerics, **{**held, name: x})
+    columns: dict[str, FloatArray | float] = {**held, name: x}
+    response, prediction = _run(prepared, numerics, **columns)
     found = _terms(prediction, prepared.observations)
     along = Along(
         x=x,

@@ -20,6 +20,8 @@ DIMENSIONS = {
     "m/s": ("a velocity", "5188 m/s"),
     "ohm": ("a resistance", "350 ohm"),
     "kg": ("a mass", "7.1 g"),
+    "N": ("a force", "12 N"),
+    "m/N": ("a compliance", "0.2 um/N"),
     "1": ("a plain ratio", "0.2 %"),
 }
 """What this package measures: SI unit -> (dimension in words, an example)."""

@@ -101,9 +101,11 @@ class ResponseSurrogate:
         ValueError
             If the shape is wrong, or a point is outside the box and `extrapolate` is False.
         """
-        return self.components.expand(
-            self.basis.predict(unit_points(self.box, points, extrapolate=extrapolate))
-        )
+        return self.components.expand(self.scores(points, extrapolate=extrapolate))
+
+    def scores(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
+        """Coordinates of the response in the components, as `predict`, shape [m, d] -> [m, q]."""
+        return self.basis.predict(unit_points(self.box, points, extrapolate=extrapolate))
 
     @property
     def kernel(self) -> Kernel:

@@ -30,13 +30,13 @@ def kirchhoff(law: Stretches, stretch: ArrayLike) -> FloatArray:
     ----------
     law
         A closed-form law.
-    stretch : array, shape [..., 3]
-        Principal stretches [-], of any volume.
+    stretch : array
+        Principal stretches [-], of any volume, shape [..., 3].
 
     Returns
     -------
-    array, shape [..., 3]
-        Principal stresses tau_i [Pa], of sum 0.
+    array
+        Principal stresses tau_i [Pa], of sum 0, shape [..., 3].
     """
     w = _logarithmic_slope(law, isochoric(stretch))
     return np.asarray(w - w.mean(axis=-1, keepdims=True))

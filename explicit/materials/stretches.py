@@ -3,9 +3,7 @@ r"""Laws W = sum_i w(lam_i) of the principal stretches (Valanis and Landel 1967)
 The axes of an axisymmetric tensor (rr, yy, ry, tt) are the hoop and two in the plane. With t(b) = lam w'(lam)
 at b = lam^2 and the eigenvalues b_1, b_2 in the plane, the stress there is
 
-    t(b_1) + t(b_2)          t(b_1) - t(b_2)
-    --------------- 1   +    --------------- (b - (b_1 + b_2) / 2 1),                          (L.7)
-           2                     b_1 - b_2
+    (t(b_1) + t(b_2)) / 2 1 + (t(b_1) - t(b_2)) / (b_1 - b_2) (b - (b_1 + b_2) / 2 1),             (L.7)
 
 less the mean, and needs no eigenvectors. The quotient is smooth where both eigenvalues meet.
 """

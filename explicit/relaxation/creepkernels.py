@@ -1,8 +1,8 @@
 """A stress point of Bergstrom and Boyce's network, Eq. (V.3), by elastic trial and implicit flow.
 
 The point remembers C_v^-1 - 1. Over a step network B first follows F_bar elastically, to b_tr, and then flows
-by D = gamma dt along its own stress: b_e = (1 - D N) b_tr (1 - D N), made isochoric again. With the network's
-tangent mu_B the flow lowers |tau| by 2 mu_B gamma dt, so that y = |tau| / |tau_tr| solves
+by D = gamma dt along its own stress: b_e = exp(-D N) b_tr exp(-D N), the exponential to second order. With
+the network's tangent mu_B the flow lowers |tau| by 2 mu_B gamma dt, so that y = |tau| / |tau_tr| solves
 
     y + k y^m = 1,    k = 2 mu_B dt gamma(|tau_tr|) / |tau_tr|,
 
@@ -60,13 +60,15 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
         stiff: real,
         dt: real,
         branches: wp.array(dtype=real),
-        row: wp.array(dtype=real),
     ):
-        """D and the y of the trial stress."""
-        amount, y = real(0.0), real(1.0)
+        """How far it flows in a step: gamma dt."""
+        amount = real(0.0)
         size = norm(stress)
         if size > nothing and dt > zero:
-            m, twice = branches[2], two * law_tangent(trial[0], trial[1], trial[2], trial[3], row)
+            # The tangent of a law W(I1) that does not stiffen, which is all the same in any direction.
+            mean = (trial[0] + trial[1] + trial[3]) * third
+            spread = vec4(trial[0] - mean, trial[1] - mean, trial[2], trial[3] - mean)
+            m, twice = branches[2], two * mean * size / wp.max(norm(spread), nothing)
             crept = wp.max(chain - one, zero) + branches[4]
             k = wp.log(stiff * size / branches[1]) * m + wp.log(crept) * branches[3]
             k = wp.exp(wp.min(k + wp.log(twice * dt / size), largest_log))
@@ -75,7 +77,7 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
                 power = k * wp.exp(m * wp.log(y))
                 y = y - (y + power - one) / (one + m * power / y)
             amount = (one - y) * size / twice
-        return amount, y
+        return amount
 
     @wp.func
     def relax(
@@ -121,10 +123,14 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
             chain = (old[0] + old[1]) / (old[0] * old[1] - old[2] * old[2]) + one / old[3]
             trial = push(old, f11, h12, h21, f22, f33) * iso
             stress = law_stress(trial[0], trial[1], trial[2], trial[3], row)
-            amount, y = flow(trial, stress, wp.sqrt(chain * third), stiff, moved, branches, row)
+            amount = flow(trial, stress, wp.sqrt(chain * third), stiff, moved, branches)
             size = norm(stress)
             D = stress * (amount / wp.max(size, nothing))
-            elastic = push(trial, one - D[0], -D[2], -D[2], one - D[1], one - D[3])
+            # exp(-D) to second order
+            e11 = one - D[0] + half * (D[0] * D[0] + D[2] * D[2])
+            e22 = one - D[1] + half * (D[1] * D[1] + D[2] * D[2])
+            e12 = half * D[2] * (D[0] + D[1]) - D[2]
+            elastic = push(trial, e11, e12, e12, e22, one - D[3] + half * D[3] * D[3])
             volume = wp.sqrt((elastic[0] * elastic[1] - elastic[2] * elastic[2]) * elastic[3])
             back, _inverse = isochoric_factor(volume, volume - one)
             elastic = elastic * back
@@ -133,8 +139,8 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
             memory[k + places] = new[1]
             memory[k + 2 * places] = new[2]
             memory[k + 3 * places] = new[3]
-            whole = law_stress(rr, yy, ry, tt, row)
-            t = (law_stress(elastic[0], elastic[1], elastic[2], elastic[3], row) - whole) * (weight * stiff)
+            after = law_stress(elastic[0], elastic[1], elastic[2], elastic[3], row)
+            t = (after - law_stress(rr, yy, ry, tt, row)) * (weight * stiff)
             area = f33 * inverse
             b_r = (f22 * area) * gradient_r - (h21 * area) * gradient_y
             b_y = (f11 * area) * gradient_y - (h12 * area) * gradient_r
@@ -143,9 +149,10 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
             # the mean of the stresses before and after the step.
             d11, d22, d33 = wp.dot(vr, b_r), wp.dot(vy, b_y), wp.dot(vr, c)
             d12 = half * (wp.dot(vr, b_y) + wp.dot(vy, b_r))
-            along = stress[0] * d11 + stress[1] * d22 + two * stress[2] * d12 + stress[3] * d33
-            taken = size * amount * (one + y) - moved * along * (one - y)
-            done = half * weight * stiff * taken
+            gone, both = stress - after, stress + after
+            taken = both[0] * D[0] + both[1] * D[1] + two * both[2] * D[2] + both[3] * D[3]
+            unpaid = gone[0] * d11 + gone[1] * d22 + two * gone[2] * d12 + gone[3] * d33
+            done = half * weight * stiff * (taken - moved * unpaid)
             f_r = t[0] * b_r + t[2] * b_y + t[3] * c
             f_y = t[1] * b_y + t[2] * b_r
             if measure == 1:

@@ -108,8 +108,8 @@ def _point(law: type, precision: Precision, bound: str, n_branches: int) -> Poin
             b_r = (f22 * area) * gradient_r - (h21 * area) * gradient_y
             b_y = (f11 * area) * gradient_y - (h12 * area) * gradient_r
             c = hoop * ((one + plane) * inverse)
-            # The work of q before over the step that led here: q : (C_bar(n) - C_bar(n-1)) / 2, in space, to
-            # second order in the step: D - (step / 2) L^T L, and the rate of log J without the trace's share.
+            # The work of q before over the step that led here, q : (C_bar(n) - C_bar(n-1)) / 2, in space: D
+            # of its middle is D - (step / 2) L^T L, and z a third of the step's change of log J.
             l11, l12 = wp.dot(vr, b_r), wp.dot(vr, b_y)
             l21, l22 = wp.dot(vy, b_r), wp.dot(vy, b_y)
             l33 = wp.dot(vr, c)
@@ -119,9 +119,10 @@ def _point(law: type, precision: Precision, bound: str, n_branches: int) -> Poin
             d33 = l33 - back * l33 * l33
             d12 = half * (l12 + l21) - back * (l11 * l12 + l21 * l22)
             growth = l11 + l22 + l33 + back * (l11 * l11 + l22 * l22 + l33 * l33 + two * l12 * l21)
+            z = moved * third * growth
             t = push(before, f11, h12, h21, f22, f33) * (weight * scale * iso)
             work = t[0] * d11 + t[1] * d22 + two * t[2] * d12 + t[3] * d33
-            done = -moved * (work - third * (t[0] + t[1] + t[3]) * growth)
+            done = (z + z * z) * (t[0] + t[1] + t[3]) - (one + two * z) * moved * work
             # What is subtracted at the positions.
             t = push(half * (before + after), f11, h12, h21, f22, f33) * (weight * scale * iso)
             mean = (t[0] + t[1] + t[3]) * third

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe import Box, ResponseSurrogate, from_points
+from doe.surrogates import ProcessSurrogate
 from doe.uncertainty import Likelihood, Profiles, profile_likelihoods, verdicts
 from doe.uncertainty.profile import Profile
 from kolsky.knowledge.records import FloatArray, Interval, PairMap, ParameterProfile
@@ -46,11 +47,14 @@ class Answer:
     """Predicted data vector at the optimum on the refined mesh, shape [k]."""
     slope: FloatArray
     """Its Jacobian there, shape [k, d]."""
+    steeper: FloatArray
+    """What of the Jacobian the refined mesh adds to the surrogate's, shape [k, d]."""
 
     @classmethod
-    def of(cls, x: FloatArray, local: Box, objective: Objective, model: Model) -> Answer:
-        """From the model that agrees with the last run on the refined mesh."""
-        return cls(x, local, objective, model(x)[0], jacobian(model, local, x))
+    def of(cls, x: FloatArray, local: Box, objective: Objective, model: Model, surrogate: Model) -> Answer:
+        """From the model that agrees with the last run on the refined mesh, and the surrogate in it."""
+        slope = jacobian(model, local, x)
+        return cls(x, local, objective, model(x)[0], slope, slope - jacobian(surrogate, local, x))
 
     @property
     def correlation(self) -> FloatArray:
@@ -156,12 +160,12 @@ def _surrogate(stages: Stages, answer: Answer, box: Box) -> tuple[CorrectedSurro
     counted = answer.objective.counted & prediction.inside[use].all(axis=0)
     objective = replace(answer.objective, counted=counted)
     kept = np.concatenate([np.ones(objective.n_force, dtype=bool), counted[answer.objective.counted]])
-    surrogate = ResponseSurrogate.fit(
-        box, points[use], objective.vectors(prediction)[use], scale=objective.noise
-    )
+    # Where a direction matters little a kernel that is the same in all of them wastes its runs.
+    kind = ResponseSurrogate if box.dimension == 1 else ProcessSurrogate
+    surrogate = kind.fit(box, points[use], objective.vectors(prediction)[use], scale=objective.noise)
     model = CorrectedSurrogate(surrogate).through(answer.x, answer.vector[kept])
     if box == answer.local:
-        model = replace(model, slope=answer.slope[kept] - jacobian(model.predict, box, answer.x))
+        model = replace(model, slope=answer.steeper[kept])
     return model, objective
 
 

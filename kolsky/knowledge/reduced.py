@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from doe import Box
+from doe import Box, ResponseSurrogate
+from doe.surrogates import ProcessSurrogate
 from doe.uncertainty import Channel, Likelihood
 from kolsky.objective import Objective
 from kolsky.optimum import CorrectedSurrogate
@@ -35,13 +36,22 @@ class Reduced:
 
 
 def reduced(model: CorrectedSurrogate, objective: Objective) -> Reduced:
-    """Reduce a corrected surrogate and an objective with fixed discrepancies."""
-    surrogate, q = model.surrogate, model.surrogate.n_components
+    """Reduce a corrected surrogate and an objective with fixed discrepancies.
+
+    Raises
+    ------
+    TypeError
+        If the surrogate is not one by principal components.
+    """
+    surrogate = model.surrogate
+    if not isinstance(surrogate, ResponseSurrogate | ProcessSurrogate):
+        raise TypeError(f"a surrogate by principal components is needed, got {type(surrogate).__name__}")
+    q = surrogate.n_components
     slope = np.zeros((len(objective.data), 0)) if np.isscalar(model.slope) else np.asarray(model.slope)
     anchor = 0.0 if model.anchor is None else model.anchor
 
     def coordinates(points: FloatArray) -> FloatArray:
-        scores = surrogate.basis.predict(surrogate.box.unit(points))
+        scores = surrogate.scores(points, extrapolate=True)
         return np.hstack([scores, points - anchor]) if slope.size else scores
 
     zero = surrogate.components.expand(np.zeros((1, q)))[0] + model.shift - objective.data

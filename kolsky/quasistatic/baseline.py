@@ -19,6 +19,8 @@ from kolsky.quasistatic.uniaxial import UniaxialTest, loading_ramps
 FloatArray = NDArray[np.float64]
 Pull = Literal["first", "conditioned"]
 
+PAST_DATA = 0.25
+"""Share of the specimen past the curve's end from which on it is said."""
 FEWEST_POINTS = 8
 """Fewest points of a curve; a law needs 5 away from rest."""
 
@@ -41,6 +43,8 @@ class Treatment:
     """Standard deviation of the radius at mid-height [m]."""
     points: int = 60
     """Points of the curve."""
+    last: float | None = None
+    """Strain at which the curve ends [-]; None: where the first of the tests does."""
     numerics: SlowNumerics | None = None
     """Of the friction's correction."""
 
@@ -119,6 +123,11 @@ def baseline(tests: Sequence[UniaxialTest], treatment: Treatment, *, pull: Pull 
             numerics=treatment.numerics,
         )
         band = friction.band
+        if friction.slow.past_data > PAST_DATA:
+            remarks += (
+                f"at the largest strain {100.0 * friction.slow.past_data:.0f} % of the barrelled specimen was"
+                " strained past the curve's own end: there the correction rests on its continuation",
+            )
     return Baseline(
         pull=pull,
         compression=compression,
@@ -147,6 +156,10 @@ def _ramp(test: UniaxialTest, treatment: Treatment, pull: Pull) -> UniaxialTest:
 def _axis(tests: Sequence[UniaxialTest], treatment: Treatment) -> FloatArray:
     """Equal steps from rest to the end that all tests reach, from where all of them have left their toes."""
     low, high = max(t.strain.min() for t in tests), min(t.strain.max() for t in tests)
+    if treatment.last is not None:
+        if not 0.0 < treatment.last <= high:
+            raise ValueError(f"the curve may end at a strain in (0, {high:.4g}], got {treatment.last:.4g}")
+        high = treatment.last
     axis = np.linspace(0.0, high, treatment.points + 1)[1:]
     kept = axis[axis >= low - 1e-12]
     if kept.size < FEWEST_POINTS:

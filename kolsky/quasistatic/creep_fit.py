@@ -36,7 +36,7 @@ class CreepFit:
     values: FloatArray
     """The parameters in the order of `NAMES`, shape [4]."""
     covariance: FloatArray
-    """Covariance of their logarithms, widened by the scatter where chi-square asks for it [-], shape [4, 4]."""
+    """Covariance of their logarithms, widened where chi-square asks for it [-], shape [4, 4]."""
     chi_square: float
     """Weighted sum of squared residuals [-]."""
     n_data: int

@@ -24,6 +24,9 @@ DENSITY = 1000.0
 """Mass density that all slow tests are run with [kg/m^3]; the duration is counted in passages of a wave."""
 DRAG = 0.15
 """Mass-proportional damping times one passage of a wave [-]."""
+VISCOSITY = 0.03
+"""Stiffness-proportional damping of the deviator over one passage of a wave [-]. Sliding by Coulomb's law
+flutters without any."""
 RISE = 0.5
 """Share of the duration in which the platen picks up speed [-]."""
 OUTSET = 0.02
@@ -122,6 +125,7 @@ def slow_tests(
         explicit.Samples.of(
             poisson=numerics.poisson,
             mass_damping=DRAG / passage,
+            damping=VISCOSITY * passage,
             friction=friction,
             material=np.arange(len(laws)),
         ),

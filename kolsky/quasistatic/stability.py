@@ -2,7 +2,7 @@ r"""Drucker's stability of a law: the strain at which a small step of stress wou
 
 A material is stable where d tau : d eps > 0 for every step (Drucker 1959), with the Kirchhoff stress and the
 logarithmic strain. In the principal axes of an incompressible solid the steps are those with d eps_1 +
-d eps_2 + d eps_3 = 0, so the criterion is that the tangent of Eq. (L.2) is positive definite in that plane,
+d eps_2 + d eps_3 = 0, so the criterion is that H of Eq. (L.2) is positive definite in that plane,
 both of its eigenvalues > 0 (as in Abaqus, Theory Manual 4.6). It says more than that a nominal stress rises
 with its stretch: a law may have a rising uniaxial curve and be unstable across it.
 
@@ -17,14 +17,14 @@ from enum import Enum
 import numpy as np
 
 from explicit.materials.law import Stretches
-from explicit.materials.principal import tangent
 from kolsky.quasistatic.modes import FloatArray, Mode
 from kolsky.quasistatic.testdata import HomogeneousTest
 
 POINTS = 2000
 """Deformations looked at between rest and the end of a path, equal in ln(stretch)."""
-_PLANE = np.array([[1.0, -1.0, 0.0], [1.0, 1.0, -2.0]]) / np.sqrt([[2.0], [6.0]])
-"""Two unit vectors of steps that keep the volume."""
+_ACROSS = np.array([0.0, 1.0, -1.0]) / np.sqrt(2.0)
+_ALONG = np.array([2.0, -1.0, -1.0]) / np.sqrt(6.0)
+"""Two steps that keep the volume, without and with the first axis."""
 
 
 class Stability(Enum):
@@ -67,12 +67,21 @@ def least_stiffness(law: Stretches, mode: Mode, deformation: FloatArray) -> Floa
     ValueError
         If a stretch is not > 0.
     """
-    lam = np.stack(mode.principal_stretches(deformation), axis=-1)
-    with np.errstate(over="ignore", invalid="ignore"):
-        full = tangent(law, lam)
-        plane = _PLANE @ full @ _PLANE.T
-        a, b, c = plane[..., 0, 0], plane[..., 0, 1], plane[..., 1, 1]
-        return np.asarray(0.5 * (a + c) - np.hypot(0.5 * (a - c), b))
+    lam = np.stack(np.broadcast_arrays(*mode.principal_stretches(deformation)), axis=-1)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        w = np.stack(law.principal(lam[..., 0], lam[..., 1], lam[..., 2]), axis=-1) * lam
+        H = law.hessian(lam[..., 0], lam[..., 1], lam[..., 2]) * lam[..., :, None] * lam[..., None, :]
+        H = H + np.eye(3) * w[..., None]
+        # Steps that leave the stiffest axis as it is must not be the small difference of large numbers.
+        first = np.argmax(np.nan_to_num(np.diagonal(H, axis1=-2, axis2=-1), nan=0.0), axis=-1)
+        axes = (first[..., None] + np.arange(3)) % 3
+        H = np.take_along_axis(np.take_along_axis(H, axes[..., :, None], -2), axes[..., None, :], -1)
+        a, b, c = (
+            np.einsum("i,...ij,j->...", u, H, v)
+            for u, v in ((_ACROSS, _ACROSS), (_ACROSS, _ALONG), (_ALONG, _ALONG))
+        )
+        largest = 0.5 * (a + c) + np.hypot(0.5 * (a - c), b)
+        return np.where(largest > 0.0, a * (c / largest) - b * (b / largest), a + c - largest)
 
 
 def drucker(law: Stretches, *, most: float = 10.0) -> tuple[PathStability, ...]:

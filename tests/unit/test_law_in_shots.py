@@ -14,6 +14,7 @@ from kolsky.errors import InputError
 from kolsky.forward import Numerics, curve_replicates, material_law
 from kolsky.prepare import prepare
 from kolsky.shots import load_shot
+from kolsky.shotsummary import summarise
 
 OPEN_01 = Path(__file__).parents[2] / "runs" / "open-01"
 LAW = """[law]
@@ -60,6 +61,12 @@ def test_its_curve_is_the_incompressible_uniaxial_one(shot) -> None:
     expected = 2.0 * (lam - lam**-2) * (12.5e3 + 600.0 * x + 60.0 * x**2)
     np.testing.assert_allclose(curve.stress, expected, rtol=1e-12)
     np.testing.assert_allclose(curve.total_sigma, 0.03 * np.abs(expected), rtol=1e-12)
+
+
+def test_the_summary_names_the_law(shot) -> None:
+    entries = {(e.section, e.name): e.value for e in summarise(load_shot(shot(LAW)))}
+    assert entries["curve", "law"] == "yeoh"
+    assert entries["curve", "stretch at the end"] == pytest.approx(0.4)
 
 
 def test_replicates_vary_by_a_common_factor(shot) -> None:
@@ -133,4 +140,10 @@ def test_a_shot_runs_with_a_law(shot) -> None:
     # As stiff at rest as half the curve's material: the same waves, lower.
     curve = prepare(load_shot(OPEN_01)).forward.run({"stiffness_factor": 1.0}, Numerics(mesh=(8, 10)))
     assert response.extrapolated_share[0] > 0.0
+    drawn = prepared.with_replicates(2, np.random.default_rng(1))
+    varied = drawn.run({"stiffness_factor": 1.0}, Numerics(mesh=(8, 10)), material=[0, 1, 2])
+    ratio = [law.initial_shear_modulus / drawn.laws[0].initial_shear_modulus for law in drawn.laws]
+    scaled = prepared.forward.run({"stiffness_factor": ratio}, Numerics(mesh=(8, 10)))
+    # A factor on the law is a factor m, but for the damping that m scales too: both scale it alike.
+    np.testing.assert_allclose(varied.force_transmission, scaled.force_transmission, rtol=1e-6, atol=1e-6)
     assert response.force_transmission.max() > 0.5 * curve.force_transmission.max()

@@ -178,6 +178,14 @@ def test_a_special_case_is_that_of_another_law() -> None:
         np.testing.assert_allclose(law.strain_energy(*lam.T), other, rtol=5e-6)
 
 
+@pytest.mark.parametrize("locking", [1.2, 3.0, 7.0])
+def test_arruda_and_boyces_modulus_is_the_published_series(locking: float) -> None:
+    # Abaqus Theory Guide, 4.6.1; the series is exact for the five terms.
+    squared = locking**-2
+    factor = 1 + 3 / 5 * squared + 99 / 175 * squared**2 + 513 / 875 * squared**3 + 42039 / 67375 * squared**4
+    assert LAWS["arruda_boyce"].of([2e4, locking]).shear_modulus == pytest.approx(2e4 * factor, rel=1e-14)
+
+
 @pytest.mark.parametrize(
     ("name", "values", "message"),
     [

@@ -7,7 +7,13 @@ from order import assert_order
 from scipy.integrate import solve_ivp
 
 from explicit.materials import neo_hookean
-from explicit.relaxation import BergstromBoyce, PronySeries, bergstrom_boyce_stress, prony_stress, uniaxial_stress
+from explicit.relaxation import (
+    BergstromBoyce,
+    PronySeries,
+    bergstrom_boyce_stress,
+    prony_stress,
+    uniaxial_stress,
+)
 
 FloatArray = NDArray[np.float64]
 

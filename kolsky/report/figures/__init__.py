@@ -4,6 +4,7 @@ from typing import Any
 
 from kolsky.report.figures import (
     bars_together,
+    baseline,
     calibration_pairs,
     calibration_residuals,
     contour,
@@ -35,6 +36,7 @@ from kolsky.report.figures import (
     repeats,
     ridge,
     scene,
+    sensitivity,
     shape_residual,
     speckle_floor,
     speckle_overlay,
@@ -48,12 +50,14 @@ from kolsky.report.figures.base import FigureKind
 
 __all__ = [
     "BARS_TOGETHER",
+    "BASELINES",
     "CALIBRATION",
     "FLYER_TESTS",
     "MATERIALS",
     "PLANS",
     "RATES",
     "REGISTRY",
+    "SENSITIVITY",
     "SPECKLES",
     "SURFACES",
     "TRENDS",
@@ -119,7 +123,11 @@ TRENDS: dict[str, FigureKind[Any]] = {
     for module in (trend_poisson, trend_damping, trend_friction, trend_stiffness)
 }
 """Every figure of a shot's trends, Figs. 7 to 10 of Mates et al. (2012), likewise."""
+BASELINES: dict[str, FigureKind[Any]] = {baseline.KIND.name: baseline.KIND}
+"""Every figure of a quasi-static baseline, likewise."""
 MATERIALS: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND for module in (material_fits, material_residuals, material_stability)
 }
 """Every figure of laws fitted to homogeneous tests, likewise."""
+SENSITIVITY: dict[str, FigureKind[Any]] = {sensitivity.KIND.name: sensitivity.KIND}
+"""Every figure of a shot's global sensitivity, likewise."""

@@ -55,7 +55,8 @@ def strain_energy(F: FloatArray, solid: Solid | None) -> FloatArray:
     assert solid is not None  # `needs_solid`
     J = np.linalg.det(F)
     b = np.einsum("...ij,...kj->...ik", F, F)
-    b_bar = J[..., None, None] ** (-2.0 / 3.0) * b
+    components = np.stack([b[..., 0, 0], b[..., 1, 1], b[..., 0, 1], b[..., 2, 2]], axis=-1)
+    b_bar = J[..., None] ** (-2.0 / 3.0) * components
     return np.asarray(1e-6 * solid.stiffness_factor * (solid.law.energy(b_bar) + solid.volume.energy(J)))
 
 

@@ -1,0 +1,114 @@
+"""Named columns of a testing machine's table, each in the SI unit of what it holds."""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from kolsky.errors import InputError
+from kolsky.readers.contents import Channel, Contents
+from kolsky.readers.layout import Layout
+from kolsky.readers.recordings import read_contents
+from kolsky.readers.table import FloatArray
+from kolsky.units import UnitError, unit_factor
+
+_HEADING = re.compile(r"(.*?)\s*[(\[]\s*([^()\[\]]*?)\s*[)\]]\s*")
+
+
+def read_columns(
+    path: Path,
+    wanted: Mapping[str, tuple[str, str]],
+    *,
+    units: Mapping[str, str] | None = None,
+    header_line: int | None = None,
+) -> tuple[dict[str, FloatArray], str]:
+    """Read some columns of a text or workbook.
+
+    Parameters
+    ----------
+    path
+        The file.
+    wanted
+        What is wanted -> its column, by name or number counted from 1, and the SI unit of its kind.
+    units
+        Column, as in `wanted` -> its unit, where the file does not say it.
+    header_line
+        Line of the column names; found if not given.
+
+    Returns
+    -------
+    tuple
+        What is wanted -> values in SI, shape [n] each; the hash of the file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, a column is missing, named twice or not of finite numbers, or its unit is
+        unknown or of another kind.
+    """
+    contents = read_contents(path, layout=Layout(header_line=header_line))
+    found: dict[str, FloatArray] = {}
+    for what, (column, base) in wanted.items():
+        channel = _find(contents, column) or _find_clock(contents, column, header_line)
+        if channel is None:
+            names = ", ".join(f"'{c.name}' ({c.number})" for c in contents.channels[:20])
+            raise InputError(
+                path,
+                f"column '{column}' for the {what} is missing; the columns of numbers are {names}",
+                cure="correct its name, or give its number; `kolsky channels FILE` lists them",
+            )
+        values = channel.values() * _factor(path, channel, (units or {}).get(column), base, what)
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            raise InputError(
+                path,
+                f"column '{channel.name}' is not a finite number",
+                line=channel.place(int(bad[0])),
+                cure="mend or remove the line",
+            )
+        found[what] = values
+    return found, contents.sha256
+
+
+def _find(contents: Contents, column: str) -> Channel | None:
+    found = [c for c in contents.channels if column in (c.name, _bare(c), f"{_bare(c)} ({c.unit})")]
+    if not found and column.isdecimal():
+        found = [c for c in contents.channels if c.number == int(column)]
+    if len(found) > 1:
+        raise InputError(
+            contents.path, f"column '{column}' is there {len(found)} times", cure="give its number"
+        )
+    return found[0] if found else None
+
+
+def _bare(channel: Channel) -> str:
+    """Its name without the unit in brackets."""
+    match = _HEADING.fullmatch(channel.name)
+    return match.group(1) if match else channel.name
+
+
+def _find_clock(contents: Contents, column: str, header_line: int | None) -> Channel | None:
+    """A column of times is no channel while it is the clock of the others: let one of them serve as it."""
+    if not contents.channels:
+        return None
+    other = Layout(header_line=header_line, time=contents.channels[0].number, time_unit="s")
+    return _find(read_contents(contents.path, layout=other), column)
+
+
+def _factor(path: Path, channel: Channel, stated: str | None, base: str, what: str) -> float:
+    match = _HEADING.fullmatch(channel.name)
+    text = stated or channel.unit or (match.group(2) if match else None)
+    if text == "-":
+        text = "1"
+    try:
+        if text is None:
+            raise UnitError(channel.name, "has no unit", base)
+        return unit_factor(text, base)
+    except UnitError as error:
+        raise InputError(
+            path,
+            f"column '{channel.name}' for the {what} {error.problem if text is None else f'is in {text!r}'}",
+            allowed=f"in a unit of {error.expected}",
+            cure=f"say it: --unit '{channel.name}={error.example.split(' ', 1)[1]}'",
+        ) from None

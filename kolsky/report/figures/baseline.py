@@ -1,0 +1,58 @@
+"""A quasi-static baseline: tests, mean, the material's curve with its band, and the apparent modulus."""
+
+import numpy as np
+
+from kolsky.quasistatic.baseline import Baseline
+from kolsky.quasistatic.uniaxial import gaussian_strain
+from kolsky.report.figures.base import BAND, GREY, MEASURED, MODEL, PAGE, FigureKind, Panels, letter
+
+KPA = 1e-3
+"""Factor from Pa to kPa."""
+
+
+def caption(made: Baseline) -> str:
+    """What is seen."""
+    corrected = "" if made.friction is None else ", their mean (dashed) and the curve without end friction"
+    return (
+        f"(a) Nominal stress against nominal strain of {len(made.tests)} tests (grey){corrected}, with its k = 2"
+        " band. (b) Apparent modulus of Gaussian rubber elasticity, Eq. (M.9), likewise."
+    )
+
+
+def draw(made: Baseline, panels: Panels) -> None:
+    """Draw the tests, the mean, the material's curve and its modulus."""
+    left, right = panels["curve"], panels["modulus"]
+    for number, one in enumerate(made.tests):
+        test = one.test
+        left.plot(test.strain, KPA * test.stress, color=GREY, lw=0.5, label="" if number else "tests")
+    band, modulus = made.band, made.modulus
+    if made.friction is not None:
+        as_measured = 3.0 * made.apparent.stress / gaussian_strain(band.strain, compression=made.compression)
+        for ax, value in ((left, made.apparent.stress), (right, as_measured)):
+            ax.plot(band.strain, KPA * value, "--", color=MODEL, lw=1.0, label="as if frictionless")
+    for ax, ends, value in (
+        (left, band.interval(), band.stress),
+        (right, modulus.interval(), modulus.modulus),
+    ):
+        ax.fill_between(
+            band.strain, *(KPA * end for end in ends), color=BAND, alpha=0.4, lw=0.0, label="k = 2"
+        )
+        ax.plot(band.strain, KPA * value, color=MEASURED, lw=1.0, label="material")
+    side = "compressive" if made.compression else "tensile"
+    left.set(xlabel=f"Nominal {side} strain [–]", ylabel="Nominal stress [kPa]")
+    right.set(xlabel=f"Nominal {side} strain [–]", ylabel="$E_a$ [kPa]")
+    left.set(xlim=(0.0, None), ylim=(0.0, KPA * 1.05 * float(np.max(made.apparent.stress))))
+    right.set(xlim=left.get_xlim(), ylim=(0.0, None))
+    left.legend(loc="upper left")
+    letter(left, "a")
+    letter(right, "b")
+
+
+KIND: FigureKind[Baseline] = FigureKind(
+    name="baseline",
+    width=PAGE,
+    height=lambda made: 70.0,
+    caption=caption,
+    panels=lambda made: [["curve", "modulus"]],
+    draw=draw,
+)

@@ -1,0 +1,132 @@
+"""Other people's homogeneous tests of rubber, and what they published of laws fitted to them."""
+
+import json
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from explicit.materials import LAWS, AnyLaw
+from kolsky.quasistatic.compare import Candidate, candidates
+from kolsky.quasistatic.fits import Fit, fit
+from kolsky.quasistatic.homogeneous import incompressible_stress
+from kolsky.quasistatic.modes import Mode
+from kolsky.quasistatic.testdata import HomogeneousTest, mean_test
+from kolsky.readers import homogeneous
+
+SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "quasistatic"
+PHANTOMS = ("EF10_0T", "EF10_25T", "EF30_0T", "EF50_0T")
+FITTED = {
+    "Neo Hookean": "neo_hookean",
+    "Yeoh_o1": "neo_hookean",
+    "Yeoh_o2": "reduced_polynomial",
+    "Yeoh_o3": "yeoh",
+    "Mooney Rivlin_o1": "mooney_rivlin",
+    "Mooney Rivlin_o2": "mooney_rivlin_c20",
+    "Ogden_o1": "ogden1",
+    "Ogden_o2": "ogden2",
+    "Ogden_o3": "ogden3",
+    "Veronda Westmann": "veronda_westmann",
+    "Humphrey": "humphrey",
+}
+"""Names of the tissue phantom database -> candidates here."""
+KPA = 1e3
+RUBBERS = {"Treloar 1944": "Treloar_1944", "Kawabata 1981": "Kawabata_1981", "Meunier 2008": "Meunier_2008"}
+MODES = {"UT": Mode.UNIAXIAL, "ET": Mode.EQUIBIAXIAL, "PS": Mode.PLANAR}
+
+
+@dataclass(frozen=True)
+class Published:
+    """A fit of the tissue phantom database."""
+
+    name: str
+    """Its name there."""
+    parameters: tuple[float, ...]
+    """Parameters as printed there, moduli in kPa."""
+    sse: float
+    """Sum of squared residuals in engineering stress [kPa^2]."""
+
+
+@cache
+def phantom(name: str) -> HomogeneousTest:
+    """The mean of ten compression tests at 1000 equally spaced strains, as the authors fit it."""
+    tests = []
+    for path in sorted((SHARED / "tissue_phantom" / name).glob("*.csv")):
+        table = homogeneous.read(
+            path, deformation="Engineering Strain [-]", stress="Engineering Stress (kPa)"
+        )
+        # Strain and stress of compression are negative there too.
+        tests.append(HomogeneousTest(path.stem, Mode.UNIAXIAL, 1.0 + table.deformation, table.stress))
+    assert len(tests) == 10
+    return mean_test(tests, points=1000, name=name)
+
+
+@cache
+def published(name: str) -> tuple[Published, ...]:
+    """The authors' fits to engineering stress."""
+    whole = json.loads(
+        (SHARED / "tissue_phantom" / "hyperelastic_parameters.json").read_text(encoding="utf-8")
+    )
+    rows = whole["engineering"][name]
+    return tuple(Published(key, tuple(row["parameters"]), row["SSE"]) for key, row in rows.items())
+
+
+def law_of(p: Published) -> AnyLaw:
+    """The law with the published constants, in this package's form of it."""
+    x = np.array(p.parameters)
+    kind = FITTED[p.name]
+    if kind.startswith("ogden"):
+        mu, alpha = x.reshape(2, -1)
+        return LAWS[kind].from_classical(KPA * mu, alpha)
+    if kind in ("veronda_westmann", "humphrey"):
+        return LAWS[kind](KPA * x[0], x[1])
+    if p.name == "Yeoh_o1":
+        return LAWS[kind](2.0 * KPA * x[0])  # C10 is half the shear modulus
+    if kind == "mooney_rivlin_c20":
+        return LAWS["polynomial"](*(KPA * x))
+    return LAWS[kind](*(KPA * x))
+
+
+def candidate(name: str) -> Candidate:
+    """The law of a published fit."""
+    return candidates([FITTED[name]])[0]
+
+
+def fitted(name: str, material: str, *, bounded: bool) -> Fit:
+    """That law fitted here to the same curve."""
+    tried = candidate(name)
+    return fit(tried.law, [phantom(material)], bounded=bounded, held=tried.held, name=tried.name)
+
+
+def sse(law: AnyLaw, tests: list[HomogeneousTest]) -> float:
+    """Sum of squared residuals [Pa^2] of a law as it is."""
+    return sum(float(np.sum((predicted(law, t) - t.stress) ** 2)) for t in tests)
+
+
+def predicted(law: AnyLaw, test: HomogeneousTest) -> np.ndarray:
+    """Nominal stress at the points of a test [Pa]."""
+    return incompressible_stress(law, test.mode, test.deformation)
+
+
+@cache
+def rubber(name: str) -> tuple[HomogeneousTest, ...]:
+    """Uniaxial, equibiaxial and planar test of one rubber, digitised from the paper."""
+    made = []
+    for folder, mode in MODES.items():
+        path = SHARED / "rubber_classics" / RUBBERS[name] / folder / "stress_stretch.txt"
+        table = homogeneous.read(path, deformation="2", stress="1", deformation_unit="1", stress_unit="MPa")
+        made.append(HomogeneousTest(mode.value, mode, table.deformation, table.stress))
+    return tuple(made)
+
+
+OGDEN_1972 = LAWS["ogden3"].from_classical([0.63e6, 0.0012e6, -0.01e6], [1.3, 5.0, -2.0])
+"""Ogden's own three terms for Treloar's rubber, from simple tension, equibiaxial tension and pure shear."""
+STEINMANN_2012 = {
+    Mode.UNIAXIAL: {"neo_hookean": (0.5673e6,)},
+    Mode.EQUIBIAXIAL: {"neo_hookean": (0.4104e6,), "mooney_rivlin": (0.1713e6, 0.0047e6)},
+    Mode.PLANAR: {"neo_hookean": (0.3360e6,)},
+}
+"""Constants fitted to one mode of Treloar's data [Pa] (Steinmann, Hossain and Possart 2012, as handed on by
+simcoon's examples). Their Mooney-Rivlin fits to tension and pure shear are left out: without bounds the least
+squares of tension have mu_0 < 0, and pure shear tells C10 + C01 alone."""
