@@ -343,6 +343,7 @@ def test_names_are_shortened_for_figures():
     assert shortened("a$b", 10) == r"a\$b"
     assert shortened("x" * 30 + "end", 12) == "xxxxx…xxxend"
     assert shortened("two\nlines", 20) == "two lines"
+    assert shortened("試験 β\x1b", 20) == "□□ β "
 
 
 @pytest.mark.parametrize(
