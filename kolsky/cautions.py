@@ -89,7 +89,7 @@ def past_curve(share: float, reached: float, checks: Mapping[str, float]) -> Ite
             f"{100.0 * share:.0f} % of the specimen's volume was strained past the quasi-static curve: "
             f"s = sqrt(I1 - 3) reached {reached:.3g}, the curve ends at {last:.3g} (nominal strain "
             f"{strain:+.2g}); from there the law goes on without a test that supports it. "
-            f"A curve to a nominal strain of {_equivalent_strain(reached, strain):+.2g} would cover it"
+            f"A curve to a nominal strain of {equivalent_strain(reached, strain):+.2g} would cover it"
         )
 
 
@@ -136,7 +136,7 @@ def sliding(interface: Interface, named: list[str]) -> Iterator[str]:
         )
 
 
-def _equivalent_strain(s: float, branch: float) -> float:
+def equivalent_strain(s: float, branch: float) -> float:
     """Nominal strain of a uniaxial test with the same I1: lam^2 + 2 / lam = 3 + s^2 on one branch."""
     roots = np.roots([1.0, 0.0, -(3.0 + s**2), 2.0]).real
     lam = roots.max() if branch > 0.0 else roots[roots > 0.0].min()

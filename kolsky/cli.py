@@ -408,6 +408,25 @@ def identify(
 
 
 @app.command()
+def report(
+    shot: ShotPath,
+    out: Out = None,
+    figures: Annotated[
+        str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png,csv.")
+    ] = "",
+    as_json: AsJson = False,
+) -> None:
+    """Write report.html of an identified shot again, from its result and its files; nothing is simulated.
+
+    Needs the results of `kolsky identify`, in SHOT/results or the folder of --out.
+    """
+    with refusing_bad_input():
+        from kolsky.reportcommand import report as run
+
+        run(shot, out=out, formats=_listed(figures), as_json=as_json)
+
+
+@app.command()
 def simulate(
     shot: ShotPath,
     parameter: Numbers = None,

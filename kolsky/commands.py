@@ -10,6 +10,7 @@ from kolsky.commandparts import Arithmetic, failure, load, since, tell, usable
 from kolsky.errors import InputError
 from kolsky.outfolder import filling
 from kolsky.progress import bars
+from kolsky.shots import Shot
 
 
 def identify(
@@ -58,7 +59,7 @@ def identify(
     )
     with usable(loaded), bars() as progress:
         found = inverse.identify(loaded, settings, progress=progress)
-    write_identified(folder, found, formats)
+    write_identified(folder, found, loaded, shot, formats)
     tell(
         [printed.answer(e) for e in found.estimates.values()],
         printed.details(found),
@@ -68,19 +69,30 @@ def identify(
     )
 
 
-def write_identified(folder: Path, found: Any, formats: Sequence[str] = ()) -> None:
-    """Write what `kolsky identify` leaves: result, tables, report and, if asked for, figures."""
-    from kolsky.report.canvas import save_figures
-    from kolsky.report.page import write_report
+def write_identified(folder: Path, found: Any, shot: Shot, source: Path, formats: Sequence[str] = ()) -> None:
+    """Write what `kolsky identify` leaves: result, tables, report and, if asked for, figures.
+
+    Parameters
+    ----------
+    folder
+        Where to.
+    found
+        The identification.
+    shot, source
+        The shot, and its folder or shot file.
+    formats
+        Formats of the figures.
+    """
+    from kolsky.recorded import recorded
+    from kolsky.reportcommand import RESULT_FILE, write_page
     from kolsky.results_text import write_csv
     from kolsky.results_write import write_identification
 
+    recordings = recorded(shot, source, folder)
     with filling(folder) as partial:
-        write_identification(partial / "identification.h5", found)
+        write_identification(partial / RESULT_FILE, found)
         write_csv(partial, found)
-        write_report(partial / "report.html", found)
-        if formats:
-            save_figures(partial / "figures", found, formats=tuple(formats))
+        write_page(partial, found, recordings, formats)
 
 
 def simulate(

@@ -7,13 +7,12 @@ import numpy as np
 
 import explicit
 from kolsky.curvefile import conditioned_ratio
-from kolsky.flyer import fit_flyer
 from kolsky.flyerpath import FlyerPath
 from kolsky.forward import Forward, curve_replicates, material_law
 from kolsky.misfit import Observations, observe
+from kolsky.recorded import path_of
 from kolsky.records import FlyerMotion, ForceHistory
 from kolsky.shots import Shot
-from kolsky.waves.frontpath import front_path
 
 BINS = 30
 """Bins of the force where no camera's frames give their width: some ten a transit of a soft specimen, and few
@@ -65,7 +64,7 @@ def prepare(shot: Shot) -> Prepared:
     force, motion, scale = shot.force.history(), shot.flyer, 0.0
     if isinstance(motion, FlyerMotion):
         width = float(np.median(np.diff(motion.time)))
-        path = fit_flyer(motion, start=shot.window[0])
+        path = path_of(shot)
         checks = {
             "flyer_chi2_per_dof": path.chi2_per_dof,
             "flyer_noise_scale": path.noise_scale,
@@ -73,7 +72,7 @@ def prepare(shot: Shot) -> Prepared:
         }
     else:
         width = _bin_width(force, shot.window)
-        path, scale = front_path(replace(motion, sigma_gain=0.0)), motion.sigma_gain
+        path, scale = path_of(shot), motion.sigma_gain
         checks = {"front_noise_scale": path.noise_scale, "front_sigma_gain": scale}
     observations = replace(
         observe(force, shot.centre_line, window=shot.window, bin_width=width),

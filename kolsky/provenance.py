@@ -6,6 +6,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from kolsky.prepare import Prepared
+from kolsky.recorded import recording_facts
 from kolsky.shots import Shot
 
 
@@ -43,6 +44,7 @@ def provenance(shot: Shot, settings: Any, prepared: Prepared, *, sliding: bool) 
         "support": shot.support,
         "window_s": list(shot.window),
         "checks": prepared.checks,
+        "recordings": recording_facts(shot),
         "versions": {**packages, "python": platform.python_version()},
         "machine": platform.machine(),
         "seed": getattr(settings, "seed", None),

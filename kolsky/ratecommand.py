@@ -135,7 +135,7 @@ def _identified(shot: Path, progress: Any) -> Any:
             found = inverse(loaded, progress=progress)
         except ValueError as error:
             raise InputError(loaded.folder, str(error)) from error
-        write_identified(folder, found)
+        write_identified(folder, found, loaded, shot)
         return found
 
     return identify

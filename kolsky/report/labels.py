@@ -61,6 +61,22 @@ LABELS = {
     "bayes": "posterior sampled",
     "seed": "seed of random draws",
     "machine": "processor",
+    "recordings.force_from": "force from",
+    "recordings.channel": "channel of the recorder",
+    "recordings.sampling_interval_s": "sampling interval",
+    "recordings.baseline_s": "baseline",
+    "recordings.baseline_V": "mean of the baseline, subtracted",
+    "recordings.noise_V": "noise of a sample, from the baseline",
+    "recordings.sensitivity_V_per_N": "sensitivity",
+    "recordings.compression": "compression gives",
+    "recordings.clock_offset_s": "clock, shot’s minus recorder’s",
+    "recordings.frames": "frames with a flyer displacement",
+    "recordings.flyer_sigma_m": "noise of a flyer displacement, median",
+    "recordings.front_noise_m_per_s": "noise of the front face’s velocity",
+    "recordings.front_samples": "samples of the front face’s velocity",
+    "recordings.window_start_s": "window, first time",
+    "recordings.window_end_s": "window, last time",
+    "recordings.symmetry_end_s": "end of symmetry by the flyer’s flight",
 }
 """Words for the dotted keys of provenance; a key that is not here is shown as it is."""
 
@@ -69,10 +85,27 @@ UNITS = {
     "specimen.length": (1e3, "mm"),
     "specimen.density": (1.0, "kg/m³"),
     "window_s": (1e3, "ms"),
+    "recordings.sampling_interval_s": (1e6, "µs"),
+    "recordings.baseline_s": (1e3, "ms"),
+    "recordings.baseline_V": (1e3, "mV"),
+    "recordings.noise_V": (1e3, "mV"),
+    "recordings.sensitivity_V_per_N": (1e3, "mV/N"),
+    "recordings.clock_offset_s": (1e6, "µs"),
+    "recordings.flyer_sigma_m": (1e6, "µm"),
+    "recordings.front_noise_m_per_s": (1.0, "m/s"),
+    "recordings.window_start_s": (1e3, "ms"),
+    "recordings.window_end_s": (1e3, "ms"),
+    "recordings.symmetry_end_s": (1e3, "ms"),
 }
 """Factor and unit in which an SI entry of provenance is shown."""
 
-JOINED = {"window_s": " to ", "numerics.mesh": " × ", "refined_mesh": " × ", "replicate_mesh": " × "}
+JOINED = {
+    "window_s": " to ",
+    "recordings.baseline_s": " to ",
+    "numerics.mesh": " × ",
+    "refined_mesh": " × ",
+    "replicate_mesh": " × ",
+}
 """What stands between the numbers of a list; a comma otherwise."""
 
 DEFAULTS = {"numerics.threads": "all cores", "numerics.compressible": "none, run directly"}
@@ -88,6 +121,10 @@ DIGITS = {
     "force_noise_correlation": 2,
     "curve_last_s": 3,
     "curve_last_strain": 3,
+    "recordings.baseline_V": 3,
+    "recordings.noise_V": 3,
+    "recordings.window_start_s": 4,
+    "recordings.window_end_s": 4,
 }
 """Significant digits of a number; six otherwise."""
 

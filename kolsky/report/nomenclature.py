@@ -1,5 +1,7 @@
 """Words for the API, symbols for figures and pages: one list."""
 
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 
@@ -45,6 +47,29 @@ def name_of(parameter: str, unit: str | None = None) -> Name:
     words = parameter.replace("_", " ")
     escaped = words.replace("\\", " ").replace("$", " ").replace("^", " ").replace(" ", r"\ ")
     return Name(words, rf"\mathrm{{{escaped}}}", words, unit or "SI")
+
+
+def short(parameter: str) -> str:
+    """A parameter inside a sentence: its first words and its symbol, e.g. "stiffness factor m"."""
+    name = name_of(parameter)
+    words = re.split(r",| between| of the initial| at which", name.words)[0]
+    return words if name.symbol == words else f"{words} {name.symbol}"
+
+
+def in_words(text: str, names: Iterable[str] = ()) -> str:
+    """A sentence with `short` for every parameter that it calls as the API does.
+
+    Parameters
+    ----------
+    text
+        The sentence.
+    names
+        Parameters to look for, beside those whose API name is no word of English: "friction" can be meant as
+        the word.
+    """
+    known = {*names, *(name for name in _NAMES if "_" in name)}
+    called = "|".join(sorted(map(re.escape, known), key=len, reverse=True))
+    return re.sub(rf"(?<![\w.\-\[])({called})(?![\w\]])", lambda found: short(found[1]), text)
 
 
 def factor_of(parameter: str) -> float:

@@ -10,10 +10,13 @@ from markupsafe import Markup, escape
 
 from explicit import Ending
 from kolsky.identification import Estimate, Identification, Verdict
+from kolsky.recorded import Recorded
 from kolsky.report import labels, numbers
-from kolsky.report.figures import REGISTRY
+from kolsky.report.changes import changes
+from kolsky.report.choices import choices
+from kolsky.report.figures import RECORDINGS, REGISTRY
 from kolsky.report.knowntables import known
-from kolsky.report.nomenclature import name_of, route_label
+from kolsky.report.nomenclature import in_words, name_of, route_label
 from kolsky.report.rendering import drawn, environment, page, write
 from kolsky.report.shown import in_shown_units
 from kolsky.results_text import worst_imbalance
@@ -34,10 +37,11 @@ _VERDICTS = {
 
 _TESTED = ("specimen", "interface", "declared_interface", "support", "window_s")
 _TABLES = ("checks", "inputs", "settings", "versions")
+_SHOWN = (*_TESTED, *_TABLES, "recordings")
 """Entries of provenance with a place of their own on the page; all others are listed at its end."""
 
 
-def write_report(path: Path, identification: Identification) -> None:
+def write_report(path: Path, identification: Identification, recordings: Recorded | None = None) -> None:
     """Write the report of one shot as a single HTML file without scripts or outside resources.
 
     Parameters
@@ -48,16 +52,18 @@ def write_report(path: Path, identification: Identification) -> None:
         The result. Of its provenance, "specimen", "interface", "declared_interface", "support" and
         "window_s" say what was tested, and "checks", "inputs" (file name to SHA-256), "settings" and
         "versions" are tables of their own; every other entry is listed under "Further".
+    recordings : Recorded, optional
+        What the shot's own files show; the sections about them are left out without it.
 
     Raises
     ------
     OSError
         If the file cannot be written; an older one is then unchanged.
     """
-    write(path, render(identification))
+    write(path, render(identification, recordings))
 
 
-def render(identification: Identification) -> str:
+def render(identification: Identification, recordings: Recorded | None = None) -> str:
     """The report as HTML text; see `write_report`."""
     templates = environment()
     templates.filters |= {
@@ -65,6 +71,7 @@ def render(identification: Identification) -> str:
         "percent": numbers.percent,
         "name_of": name_of,
         "route_label": route_label,
+        "in_words": in_words,
         "stage_label": lambda stage: labels.STAGES.get(stage, stage),
         # A hyphen before a digit is a sign, and a line must not break after it.
         "minus": lambda text: re.sub(r"(?<!\w)-(?=\d)", numbers.MINUS, text),
@@ -77,9 +84,13 @@ def render(identification: Identification) -> str:
     }
     result = in_shown_units(identification)
     provenance = result.provenance
+    before = [] if recordings is None else drawn(RECORDINGS.values(), recordings)
     figures = {
         figure["id"].replace("-", "_"): {**figure, "caption": _subscripts(figure["caption"])}
-        for figure in drawn(REGISTRY.values(), identification, captioned=result)
+        for figure in [
+            *before,
+            *drawn(REGISTRY.values(), identification, captioned=result, first=1 + len(before)),
+        ]
     }
     return page(
         "page.html",
@@ -97,9 +108,13 @@ def render(identification: Identification) -> str:
         U={name: 2.0 * estimate.sigma for name, estimate in result.estimates.items()},
         quality=_quality(result),
         known=known(result),
+        changes=changes(result),
+        choices=choices(result),
+        recordings=flattened({"recordings": provenance.get("recordings", {})}),
+        seen=recordings,
         tested=flattened({key: provenance[key] for key in _TESTED if key in provenance}),
         **{name: flattened(provenance.get(name, {})) for name in _TABLES},
-        further=flattened({k: v for k, v in provenance.items() if k not in (*_TESTED, *_TABLES)}),
+        further=flattened({k: v for k, v in provenance.items() if k not in _SHOWN}),
         completed=len(result.design.outcomes) - len(result.design.lost),
         failures=_failures(result),
         total_seconds=sum(result.seconds.values()),

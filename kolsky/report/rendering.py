@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
+from unicodedata import category
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
@@ -12,21 +13,46 @@ from kolsky.report.canvas import inline_svg
 from kolsky.report.figures import FigureKind
 
 _HERE = Path(__file__).parent
+HEADING = 120
+"""Most characters of a heading."""
+LONGEST = 2000
+"""Most characters of any other text that a page shows; the longest warning has some 600."""
 
 
 def environment() -> Environment:
-    """Templates of this folder: every text is escaped, a name that nobody set is an error."""
+    """Templates of this folder: every text is escaped and legible, a name that nobody set is an error."""
     return Environment(
         loader=FileSystemLoader(_HERE),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        finalize=legible,
     )
 
 
-def drawn(kinds: Iterable[FigureKind[Any]], shown: Any, *, captioned: Any = None) -> list[dict[str, Any]]:
-    """The figures that apply, numbered from 1, as the templates take them.
+def legible(value: Any) -> Any:
+    """A text as a page can hold it: control characters become "□", a very long text loses its middle.
+
+    Names and metadata of files come from anywhere. HTML allows no control characters, and those that turn the
+    direction of writing would let a name pass for another; the results file has every text whole.
+    """
+    if not isinstance(value, str) or isinstance(value, Markup):
+        return value
+    # Other separators and surrogates stay: a space is a space, and `write` shows what is no text.
+    line = "".join("□" if c not in "\t\n\r" and category(c) in ("Cc", "Cf") else c for c in value)
+    return abridged(line, LONGEST)
+
+
+def abridged(text: str, most: int) -> str:
+    """A text of at most `most` characters, its middle replaced by "…" if it is longer."""
+    return text if len(text) <= most else f"{text[: most - most // 2 - 1]}…{text[-(most // 2) :]}"
+
+
+def drawn(
+    kinds: Iterable[FigureKind[Any]], shown: Any, *, captioned: Any = None, first: int = 1
+) -> list[dict[str, Any]]:
+    """The figures that apply, numbered, as the templates take them.
 
     Parameters
     ----------
@@ -36,6 +62,8 @@ def drawn(kinds: Iterable[FigureKind[Any]], shown: Any, *, captioned: Any = None
         What they draw.
     captioned
         What the captions and the question whether a figure applies are about; `shown` if left out.
+    first
+        Number of the first figure.
     """
     about = shown if captioned is None else captioned
     return [
@@ -46,7 +74,7 @@ def drawn(kinds: Iterable[FigureKind[Any]], shown: Any, *, captioned: Any = None
             "caption": kind.caption(about),
             "width": kind.width,
         }
-        for number, kind in enumerate((kind for kind in kinds if kind.applies(about)), start=1)
+        for number, kind in enumerate((kind for kind in kinds if kind.applies(about)), start=first)
     ]
 
 
@@ -68,7 +96,7 @@ def page(
     kind
         The line above the heading: what sort of page it is.
     heading
-        The heading, mostly a shot's name.
+        The heading, mostly a shot's name; a long one is abridged.
     subject
         What follows the heading in the window's title.
     using
@@ -78,7 +106,7 @@ def page(
     """
     css = Markup((_HERE / "page.css").read_text(encoding="utf-8"))
     found = (using or environment()).get_template(template)
-    return found.render(css=css, kind=kind, heading=heading, subject=subject, **context)
+    return found.render(css=css, kind=kind, heading=abridged(heading, HEADING), subject=subject, **context)
 
 
 def write(path: Path, html: str) -> None:

@@ -12,6 +12,7 @@ from kolsky.report.figures import (
     energy,
     flight_of_view,
     flyer_motion,
+    flyer_path,
     flyer_test,
     force,
     force_residual,
@@ -33,6 +34,7 @@ from kolsky.report.figures import (
     rate_forest,
     rate_slope,
     rate_stiffness,
+    raw_signals,
     repeats,
     ridge,
     scene,
@@ -59,6 +61,7 @@ __all__ = [
     "MATERIALS",
     "PLANS",
     "RATES",
+    "RECORDINGS",
     "REGISTRY",
     "SENSITIVITY",
     "SPECKLES",
@@ -87,6 +90,10 @@ REGISTRY: dict[str, FigureKind[Any]] = {
     )
 }
 """Every figure of an identification by name, in the order of its report."""
+RECORDINGS: dict[str, FigureKind[Any]] = {
+    module.KIND.name: module.KIND for module in (raw_signals, flyer_path)
+}
+"""Every figure of the recordings behind an identification, before those of `REGISTRY` in its report."""
 SURFACES: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND
     for module in (
