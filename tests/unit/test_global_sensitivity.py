@@ -1,5 +1,7 @@
 """Sobol' indices of a shot on tiny meshes: solver and surrogate agree where the surrogate is good enough."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -132,3 +134,15 @@ def test_the_figure(by_solver):
     assert kind.applies(by_solver)
     assert "m = 1 to 1.2, β = 20 to 60 µs" in kind.caption(by_solver)
     assert len(build(kind, by_solver).axes) == 3
+
+
+@pytest.mark.slow
+def test_the_script(tmp_path: Path):
+    script = OPEN_01.parent / "sensitivity.py"
+    command = [sys.executable, str(script), str(OPEN_01), str(tmp_path), "16"]
+    run = subprocess.run(command, capture_output=True, text=True, cwd=OPEN_01.parent.parent, timeout=300)
+    assert run.returncode == 0, run.stderr
+    assert (tmp_path / "sensitivity.svg").exists()
+    assert "by the solver, 80 runs" in run.stdout
+    assert "by the surrogate, 160 runs" in run.stdout
+    assert "force: the surrogate gets" in run.stdout

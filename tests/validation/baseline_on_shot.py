@@ -106,9 +106,8 @@ def main() -> None:
     print(f"closure {100 * friction.closure:.2f} %, kinetic share {friction.slow.kinetic_share:.1e}")
     for name in ("truth", "as if frictionless", "rightly"):
         m = stiffness(name)
-        print(
-            f"{name}: m = {m.value:.4f} ± {2 * m.sigma:.4f} (k = 2), curve {m.noise_parts['material curve']:.4f}"
-        )
+        curve = m.noise_parts["material curve"]
+        print(f"{name}: m = {m.value:.4f} ± {2 * m.sigma:.4f} (k = 2), u of the curve {curve:.4f}")
 
 
 if __name__ == "__main__":
