@@ -6,6 +6,8 @@ noisy force, outline, flyer and curve. Counted is how often the k = 2 interval h
 
 import argparse
 import json
+import os
+import platform
 import time
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
@@ -19,7 +21,7 @@ from scipy.stats import binom
 
 from benchmarks.coverage_problem import FloatArray, draw, experiment, template, truths
 from kolsky.forward import Numerics
-from kolsky.identify import identify
+from kolsky.identify import ONE_SIDED, ORDER, identify
 from kolsky.settings import Settings
 
 NAMES = {"m": "stiffness_factor", "f": "friction", "beta": "damping"}
@@ -142,15 +144,28 @@ def summary(study: Study, found: list[Found]) -> dict[str, Any]:
         good = [one for one in found if np.isfinite(one.value[name])]
         error = np.array([one.value[name] - one.truth[name] for one in good])
         sigma = np.array([one.sigma[name] for one in good])
+        noise = np.array([one.sigma_noise[name] for one in good])
+        mesh = np.array([one.sigma_numerical[name] for one in good])
+        shift = np.array([one.mesh_shift[name] for one in good])
+        less = error + shift / ((study.refined_mesh[0] / study.mesh[0]) ** ORDER - 1.0)
+        half = np.hypot(noise, 0.5 * ONE_SIDED * mesh)
+        within = [  # an open end is NaN, which nothing is beyond
+            not (one.truth[name] < one.profile[name][0] or one.truth[name] > one.profile[name][1])
+            for one in good
+            if name in one.profile
+        ]
         rows[name] = {
             "covered": sum(one.covered(name) for one in found) / n,
             "answers": len(good),
             "mean error": float(error.mean()),
             "scatter": float(error.std(ddof=1)),
             "mean sigma": float(sigma.mean()),
-            "mean sigma noise": float(np.mean([one.sigma_noise[name] for one in good])),
-            "mean sigma numerical": float(np.mean([one.sigma_numerical[name] for one in good])),
-            "mean shift between meshes": float(np.mean([one.mesh_shift[name] for one in good])),
+            "mean sigma noise": float(noise.mean()),
+            "mean sigma numerical": float(mesh.mean()),
+            "mean shift between meshes": float(shift.mean()),
+            "mean error less the estimated one of the mesh": float(less.mean()),
+            "covered with half the grid convergence index": float(np.mean(np.abs(error) <= 2.0 * half)),
+            "covered by the profile likelihood alone": float(np.mean(within)) if within else None,
         }
     return {"experiments": n, "exact interval, 95 % of studies": [low / n, high / n], **rows}
 
@@ -178,7 +193,14 @@ def main() -> None:
         seed=given.seed,
     )
     found, seconds = run(study, workers=given.workers)
-    said = {"study": asdict(study), "workers": given.workers, "seconds": seconds, **summary(study, found)}
+    machine = {"device": given.device, "processor": platform.machine(), "cores": os.cpu_count() or 1}
+    said = {
+        "machine": machine,
+        "study": asdict(study),
+        "workers": given.workers,
+        "seconds": seconds,
+        **summary(study, found),
+    }
     print(json.dumps(said, indent=2))
     if given.out is not None:
         given.out.write_text(json.dumps({**said, "each": [asdict(one) for one in found]}, indent=1) + "\n")

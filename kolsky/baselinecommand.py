@@ -63,7 +63,7 @@ def make_baseline(given: Given, *, out: Path, formats: Sequence[str], as_json: b
         If a declaration or a file cannot be used, or the results cannot be written.
     """
     for name in formats:
-        options.one_of("--figures", name, ("pdf", "svg", "png"))
+        options.one_of("--figures", name, options.FIGURES)
     if out.suffix != ".csv":
         raise InputError(options.COMMAND_LINE, "is no table", key="--out", value=str(out), allowed="FILE.csv")
     folder = usable_folder(out.parent)

@@ -49,7 +49,7 @@ def calibrate(
     for name in exports:
         options.one_of("--export", name, tuple(known))
     for name in formats:
-        options.one_of("--figures", name, ("pdf", "svg", "png"))
+        options.one_of("--figures", name, options.FIGURES)
     toml, section = read_calibration_toml(source)
     folder = usable_folder(out or toml.path.parent / "results")
     with bars() as progress, opencv_alone():

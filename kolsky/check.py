@@ -1,10 +1,10 @@
 """The optimum on the refined mesh: run there until a run leaves it where it is.
 
 A run on the refined mesh differs from the surrogate's by the mesh's error, which changes slowly with the
-parameters. With one parameter, the surrogate is corrected to agree with the runs, exactly at the last one and in
-its slope between the last two (Broyden's update). With several, a difference along one direction says nothing of
-the others, and the corrected optimum may lie where the surrogate was not refined: the shift alone is carried,
-and the surrogate is refined again about the optimum that it leads to.
+parameters. With one parameter the surrogate is corrected to agree with the runs, exactly at the last one
+and in its slope between the last two (Broyden's update). With several, a difference along one direction
+says nothing of the others, and the corrected optimum may lie where the surrogate was not refined: only the
+shift is carried over, and the surrogate is refined again about the optimum that it leads to.
 """
 
 from dataclasses import dataclass

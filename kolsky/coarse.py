@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from doe import Box, ResponseSurrogate, Surrogate, from_points
 from doe.refine import Refinement, refine
-from doe.surrogates import Fitness, ProcessSurrogate, SurrogateError, fitness
+from doe.surrogates import ProcessSurrogate, SurrogateError
+from doe.surrogates.quality import Fitness, fitness
 from kolsky.methods import AGREEMENT
 from kolsky.misfit import Prediction
 from kolsky.objective import Objective
@@ -59,10 +60,10 @@ def search_coarse(stages: Stages) -> Coarse:
         If the runs that completed do not carry a surrogate.
     """
     wide = stages.simulate("design", stages.design(stages.box), stages.settings.numerics)
-    return _second_design(stages, wide) if stages.box.dimension == 1 else _adaptive(stages, wide)
+    return second_design(stages, wide) if stages.box.dimension == 1 else adaptive(stages, wide)
 
 
-def _second_design(stages: Stages, wide: Runs) -> Coarse:
+def second_design(stages: Stages, wide: Runs) -> Coarse:
     """Smaller boxes until the optimum lies inside one."""
     numerics, whole = stages.settings.numerics, stages.box
     objective, surrogate = _fit(stages, whole, wide)
@@ -90,7 +91,7 @@ def _fit(stages: Stages, box: Box, runs: Runs) -> tuple[Objective, ResponseSurro
     return objective, surrogate
 
 
-def _adaptive(stages: Stages, wide: Runs) -> Coarse:
+def adaptive(stages: Stages, wide: Runs) -> Coarse:
     """Batches of runs about the optimum until it stays."""
     objective = Objective(stages.observations, _reached(wide.prediction.inside))
     try:

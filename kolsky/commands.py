@@ -33,7 +33,7 @@ def identify(
     started = perf_counter()
     options.finer("--refined-mesh", refined_mesh, "--mesh", mesh)
     for name in formats:
-        options.one_of("--figures", name, ("pdf", "svg", "png"))
+        options.one_of("--figures", name, options.FIGURES)
     options.one_of("--methods", methods, ("surrogate", "all"))
     options.one_of("--pull", pull, ("first", "conditioned"))
     options.apart("--free", free, "--parameter", held)

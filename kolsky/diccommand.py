@@ -54,7 +54,7 @@ def correlate(
     """
     started = perf_counter()
     for name in formats:
-        options.one_of("--figures", name, ("pdf", "svg", "png"))
+        options.one_of("--figures", name, options.FIGURES)
     loaded = load_pictures(shot)
     folder = usable_folder(out or loaded.folder / "results")
     with bars() as progress:

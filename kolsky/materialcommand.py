@@ -64,7 +64,7 @@ def fit_laws(
     """
     started = perf_counter()
     for name in formats:
-        options.one_of("--figures", name, ("pdf", "svg", "png"))
+        options.one_of("--figures", name, options.FIGURES)
     options.one_of("--weighting", weighting, tuple(kind.value for kind in Weighting))
     try:
         tried = candidates(laws)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from doe.uncertainty.covariance import SingularInformationError
 from kolsky.forward import Numerics
 from kolsky.localsensitivity import REACH
 from kolsky.planchoices import (
@@ -48,6 +49,9 @@ class Plan:
     """Slopes and information at the shot's own rate."""
     expected: dict[str, Expected]
     """What "all", "force" and "outline" would tell; no outline without cameras."""
+    force_scale: FloatArray
+    """Shift of each estimate by one standard uncertainty of the force's scale, in no deviation above, in its
+    unit, shape [d]; 0 where the shot declares none, infinite where some direction is not seen."""
     end_times: FloatArray
     """Ends of the window [s], shape [n]."""
     by_end: tuple[Expected, ...]
@@ -168,6 +172,7 @@ def plan(
         discrepancy=left_out,
         information=found,
         expected={name: Expected.of(data) for name, data in parts.items()},
+        force_scale=_scale_shift(found, prepared.observations.force_sigma_gain),
         end_times=times,
         by_end=tuple(by_end),
         windows={share: tuple(camera_windows(found, share)) for share in SHARES},
@@ -175,6 +180,17 @@ def plan(
         rates=tuple(judged),
         provenance=provenance(shot, settings, prepared, sliding=sliding),
     )
+
+
+def _scale_shift(found: Information, sigma_gain: float) -> FloatArray:
+    """A wrong scale bends all forces alike: no number of samples averages it."""
+    if sigma_gain == 0.0:
+        return np.zeros(len(found.data.names))
+    try:
+        gain = found.data.gain[:, : found.n_force]
+    except SingularInformationError:
+        return np.full(len(found.data.names), np.inf)
+    return np.abs(gain @ (sigma_gain * found.sensitivity.force))
 
 
 def correlations(expected: Expected, names: Sequence[str]) -> dict[str, float | None]:

@@ -1,13 +1,13 @@
 """A laboratory's choices, judged by what the data would tell: window, frames, heights, rate."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from doe.sensitivity import best_groups, best_window
-from doe.sensitivity.placement import Criterion, costs
+from doe.sensitivity import Placement, best_groups, best_window
+from doe.sensitivity.placement import Criterion, UndecidedError, costs
 from kolsky.planning import Expected, Information
 
 FloatArray = NDArray[np.float64]
@@ -64,36 +64,31 @@ def window_ends(found: Information, shares: FloatArray) -> tuple[FloatArray, lis
 
 def camera_windows(found: Information, share: float) -> list[Choice]:
     """When the cameras should record if their memory holds only a share of the window; the force is recorded
-    throughout. One choice a criterion; none without cameras."""
-    groups = found.by_frame()
-    if not groups.any():
-        return []
+    throughout. One choice a criterion; none without cameras, or if no choice decides all parameters."""
     frames = found.sensitivity.look.frames
     count = max(1, round(share * len(frames)))
-    chosen = [best_window(groups, count, base=found.of_force, criterion=c) for c in CRITERIA]
+    chosen = _chosen(found, found.by_frame(), count, best_window)
     return [
-        Choice(c, frames[[p.chosen[0], p.chosen[-1]]], _deviations(p.information, found))
-        for c, p in zip(CRITERIA, chosen, strict=True)
+        Choice(c, frames[[p.chosen[0], p.chosen[-1]]], _deviations(p.information, found)) for c, p in chosen
     ]
 
 
 def camera_heights(found: Information, count: int) -> list[Choice]:
-    """The few heights at which an outline would tell most, together with the force; none without cameras.
+    """The few heights at which an outline would tell most, together with the force; none without cameras, or
+    if no choice decides all parameters.
 
     Raises
     ------
     ValueError
         If there are fewer heights on the map.
     """
-    groups = found.by_height()
-    if not groups.any():
-        return []
-    chosen = [best_groups(groups, count, base=found.of_force, criterion=c) for c in CRITERIA]
     heights = found.sensitivity.look.heights
-    return [
-        Choice(c, heights[list(p.chosen)], _deviations(p.information, found))
-        for c, p in zip(CRITERIA, chosen, strict=True)
-    ]
+    if not 1 <= count <= len(heights):
+        raise ValueError(
+            f"of the {len(heights)} heights of the map 1 or more can be chosen, asked was {count}"
+        )
+    chosen = _chosen(found, found.by_height(), count, best_groups)
+    return [Choice(c, heights[list(p.chosen)], _deviations(p.information, found)) for c, p in chosen]
 
 
 def rate_of(
@@ -126,6 +121,20 @@ def rate_of(
 def best_rate(rates: Sequence[Rate], criterion: Criterion) -> Rate:
     """The rate whose data leave least undecided."""
     return min(rates, key=lambda rate: rate.cost[criterion])
+
+
+def _chosen(
+    found: Information, groups: FloatArray, count: int, choose: Callable[..., Placement]
+) -> list[tuple[Criterion, Placement]]:
+    if not groups.any():
+        return []
+    chosen = []
+    for criterion in CRITERIA:
+        try:
+            chosen.append((criterion, choose(groups, count, base=found.of_force, criterion=criterion)))
+        except UndecidedError:
+            continue  # what is not seen is said with the expected deviations
+    return chosen
 
 
 def _deviations(information: FloatArray, found: Information) -> FloatArray:

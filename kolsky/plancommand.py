@@ -103,7 +103,7 @@ def plan(
     """
     started = perf_counter()
     for name in formats:
-        options.one_of("--figures", name, ("pdf", "svg", "png"))
+        options.one_of("--figures", name, options.FIGURES)
     options.one_of("--discrepancy", wishes.discrepancy, ("mesh", "none"))
     changes = wishes.changes()
     names = tuple(options.ranges("--free", [_bare(name) for name in free])) if free else None

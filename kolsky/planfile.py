@@ -31,6 +31,7 @@ def to_json(plan: Plan) -> dict[str, Any]:
             "sigma": plan.expected["all"].deviations[j],
             "interval": plan.interval(name),
             "sigma_others_known": plan.expected["all"].alone[j],
+            "shift_by_force_scale": plan.force_scale[j],
             **{f"sigma_{part}": e.deviations[j] for part, e in plan.expected.items() if part != "all"},
         }
         for j, name in enumerate(names)
@@ -163,6 +164,8 @@ def rows(plan: Plan) -> Mapping[str, Any]:
         shown[p.symbol] = f"{value}; {2.0 * whole.alone[j]:.2g} if the others were known"
         parts = [f"{part} {2.0 * e.deviations[j]:.2g}" for part, e in plan.expected.items() if part != "all"]
         shown[f"{p.symbol}, from one kind of data"] = ", ".join(parts)
+        if plan.force_scale[j] > 0.0:
+            shown[f"{p.symbol}, apart"] = f"± {2.0 * plan.force_scale[j]:.2g}{unit} by the force's scale"
     for pair, r in correlations(whole, names).items():
         symbols = "-".join(PARAMETERS[name].symbol for name in pair.split(", "))
         shown[f"correlation {symbols}"] = "not known" if r is None else f"{r:.2f}"

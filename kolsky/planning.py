@@ -3,7 +3,7 @@
 Nothing of what was measured is used but the flyer's motion, the quasi-static curve and the noise of the
 instruments. Force and outline respond with slopes J (`kolsky.localsensitivity`) and have standard deviations
 s; their information is H = J^T diag(s^-2) J (`doe.sensitivity.LinearData`). docs/theory/planning.md has the
-equations and says which of Suttula et al. they are.
+equations and says which of Sutula et al. (2020) they are.
 """
 
 from collections.abc import Mapping, Sequence
@@ -122,6 +122,8 @@ class Information:
     def densities(self, *, alone: bool = False) -> tuple[FloatArray, FloatArray]:
         """Shares in what is known of each parameter, per time and per time and height.
 
+        If some direction is not seen, no parameter has shares in the estimate of all: then all are NaN.
+
         Returns
         -------
         force
@@ -129,7 +131,10 @@ class Information:
         outline
             [1/(m s)], shape [d, n_frames, n_heights]; NaN where nothing is seen.
         """
-        shares = self.data.shares_alone if alone else self.data.shares
+        try:
+            shares = self.data.shares_alone if alone else self.data.shares
+        except SingularInformationError:
+            shares = np.full_like(self.data.jacobian, np.nan)
         look = self.sensitivity.look
         area = spacing(look.frames) * spacing(look.heights)
         parts = [self.mapped(column) for column in shares.T]

@@ -58,7 +58,7 @@ def rate(
     """
     started = perf_counter()
     for name in formats:
-        options.one_of("--figures", name, ("pdf", "svg", "png"))
+        options.one_of("--figures", name, options.FIGURES)
     folder = usable_folder(out)
     files = [declarations(shot)[0] for shot in shots]  # bad input is refused before any work
     key = group_key(files, group or None)

@@ -38,7 +38,7 @@ def repeats(shots: Sequence[Path], *, out: Path, formats: Sequence[str], as_json
         If there are fewer than two shots, two have one name, or one cannot be used or results written.
     """
     for name in formats:
-        options.one_of("--figures", name, ("pdf", "svg", "png"))
+        options.one_of("--figures", name, options.FIGURES)
     if len(shots) < FEWEST:
         raise InputError(
             options.COMMAND_LINE,

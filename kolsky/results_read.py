@@ -43,6 +43,7 @@ from kolsky.results_layout import (
     TERMS,
     VERSION,
 )
+from kolsky.results_methods import read_methods
 
 
 def read_identification(path: Path) -> Identification:
@@ -124,6 +125,7 @@ def _read_entry(file: h5py.File) -> Identification:
         seconds=_read_numbers(file, "entry/seconds"),
         warnings=entry["warnings"],
         provenance=provenance,
+        methods=read_methods(file),
         **read_knowledge(file),
     )
 

@@ -13,6 +13,7 @@ from explicit import Response
 from kolsky.csvtable import write_table
 from kolsky.identification import DesignTable, Identification
 from kolsky.results_knowledge import knowledge_json
+from kolsky.results_methods import methods_json
 
 __all__ = ["ends", "jsonable", "to_json", "worst_imbalance", "write_csv"]
 
@@ -37,7 +38,7 @@ def to_json(identification: Identification) -> dict[str, Any]:
         "shot": result.shot,
         "warnings": result.warnings,
         "routes": [vars(route) for route in result.routes],
-        "methods": [vars(method) for method in result.methods],
+        "methods": methods_json(result.methods),
         "terms": terms,
         "fixed": result.fixed,
         "mesh": {"default": result.mesh, "refined": result.refined_mesh},

@@ -35,6 +35,7 @@ from kolsky.results_layout import (
     TERMS,
     VERSION,
 )
+from kolsky.results_methods import write_methods
 from kolsky.results_text import jsonable
 
 
@@ -110,3 +111,4 @@ def _write_entry(entry: h5py.Group, result: Identification) -> None:
     energy["surface_times"] = part["surface_times"]  # one dataset, two names
     _write(energy, ENERGY, vars(response.energy), dims)
     write_knowledge(entry, result)
+    write_methods(entry, result.methods)

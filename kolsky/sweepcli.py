@@ -93,9 +93,12 @@ def sweep(
         typer.Option("--merge", metavar="LEDGER", help="Take over another ledger's runs; repeat for more."),
     ] = None,
     out: Out = None,
+    figures: Annotated[
+        str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png,csv.")
+    ] = "",
     as_json: AsJson = False,
 ) -> None:
-    """Run a design of experiments over a shot's parameters; writes sweep.csv, one row a run."""
+    """Run a design of experiments over a shot's parameters; writes sweep.csv, a row a run, and sweep.html."""
     from kolsky import options, sweepcommand
     from kolsky.commandparts import Arithmetic
     from kolsky.designchoice import DesignChoice
@@ -135,5 +138,6 @@ def sweep(
             ),
             workers=Workers(processes, dask),
             out=out,
+            formats=tuple(part.strip() for part in figures.split(",") if part.strip()),
             as_json=as_json,
         )

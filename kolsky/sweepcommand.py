@@ -1,6 +1,6 @@
-"""`kolsky sweep`: choose the points, run what no ledger holds, write a row a run."""
+"""`kolsky sweep`: choose the points, run what no ledger holds, write a row a run and a page."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -24,10 +24,13 @@ def sweep(
     records: Records,
     workers: Workers,
     out: Path | None,
+    formats: Sequence[str],
     as_json: bool,
 ) -> None:
     """`kolsky sweep`."""
     started = perf_counter()
+    for name in formats:
+        options.one_of("--figures", name, options.FIGURES)
     chosen = choice.design()
     options.apart("--points" if choice.points else "--vary", chosen.box.names, "--parameter", held)
     points = records.part(chosen)
@@ -52,9 +55,22 @@ def sweep(
             executor=executor,
             progress=progress,
         )
+    table = result.table
+    warnings = [
+        *cautions.lost_runs(table),
+        *cautions.sliding(loaded.interface, [*table.names, *held]),
+    ]
+    from kolsky.report.canvas import save_figures
+    from kolsky.report.figures import SWEEPS
+    from kolsky.report.sweeppage import write_page
+    from kolsky.sweepanalysis import analyse_sweep
+
+    looked_at = analyse_sweep(result.shot, chosen.box, table)
     with filling(folder) as partial:
         factorial.write_sweep(partial / f"{records.stem}.csv", result)
-    table = result.table
+        write_page(partial / f"{records.stem}.html", looked_at, warnings=warnings)
+        if formats:
+            save_figures(partial / "figures", looked_at, formats=tuple(formats), registry=SWEEPS)
     completed = len(table.outcomes) - len(table.lost)
     phi = table.phi_force / misfit.SCALE_FORCE + table.phi_shape / misfit.SCALE_SHAPE  # Eq. (M.5)
     seen = bool(np.isfinite(phi).any())
@@ -68,12 +84,9 @@ def sweep(
         **({} if seen or best is None else {"smallest_phi_force": float(table.phi_force[best])}),
         "at": None if best is None else dict(zip(table.names, table.points[best].tolist(), strict=True)),
         "file": str(folder / f"{records.stem}.csv"),
+        "page": str(folder / f"{records.stem}.html"),
         **({} if ledger is None else {"ledger": str(ledger)}),
     }
     failed = {"failed_runs": failed_runs(table)}
-    warnings = [
-        *cautions.lost_runs(table),
-        *cautions.sliding(loaded.interface, [*table.names, *held]),
-    ]
     said = jsonable({**summary, **failed, "warnings": warnings}, "sweep") if as_json else None
     tell([], summary, said, rest={"wall time": since(started)}, warnings=warnings)

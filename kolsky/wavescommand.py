@@ -39,7 +39,7 @@ def waves(shot: Path, *, out: Path | None, formats: Sequence[str], as_json: bool
     """
     started = perf_counter()
     for name in formats:
-        options.one_of("--figures", name, ("pdf", "svg", "png"))
+        options.one_of("--figures", name, options.FIGURES)
     place = out or folder_of(shot) / "results"
     result = _reduced(shot, usable_folder(place))
     folder = usable_folder(place)

@@ -36,7 +36,7 @@ def wavespeed(shot: Path, *, out: Path | None, formats: Sequence[str], as_json: 
         If the shot or its files cannot be used, or results cannot be written.
     """
     for name in formats:
-        options.one_of("--figures", name, ("pdf", "svg", "png"))
+        options.one_of("--figures", name, options.FIGURES)
     given = load_bars(shot)
     folder = usable_folder(out or folder_of(shot) / "results")
     try:

@@ -23,6 +23,10 @@ ALL = 20_000
 """Up to so many subsets all are compared; beyond, points are exchanged until none gains."""
 
 
+class UndecidedError(ValueError):
+    """No choice of so many groups decides all parameters."""
+
+
 @dataclass(frozen=True)
 class Placement:
     """The groups chosen, and what they leave undecided."""
@@ -73,7 +77,9 @@ def best_groups(
     Raises
     ------
     ValueError
-        If `count` is outside its range, or every choice is singular.
+        If `count` is outside its range.
+    UndecidedError
+        If every choice is singular.
     """
     n, d, _ = groups.shape
     count = index(count)
@@ -138,5 +144,5 @@ def _placed(
     information = start + groups[chosen].sum(axis=0)
     cost = float(costs(information, criterion))
     if not np.isfinite(cost):
-        raise ValueError("no choice decides all parameters: choose more groups, or hold a parameter")
+        raise UndecidedError("no choice decides all parameters: choose more groups, or hold a parameter")
     return Placement(tuple(sorted(chosen)), cost, information, exhaustive)

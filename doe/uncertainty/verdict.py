@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 
@@ -117,7 +118,10 @@ def _sentence(
 
 def _bounds(lower: float | None, upper: float | None) -> str:
     if lower is not None and upper is not None:
-        return f"between {lower:.5g} and {upper:.5g}"
+        # As many digits as tell the ends apart to a hundredth of their distance.
+        size = max(abs(lower), abs(upper)) / (upper - lower)
+        digits = max(5, 3 + math.ceil(math.log10(size)))
+        return f"between {lower:.{digits}g} and {upper:.{digits}g}"
     if lower is not None:
         return f"at least {lower:.5g}"
     return "" if upper is None else f"at most {upper:.5g}"

@@ -27,6 +27,8 @@ REACH = 1.5
 """Rise over the level up to which a profile is tested."""
 MAP_REACH = 3.0
 """Rise over the level up to which a map shows."""
+NEAR = 8.0
+"""Half the edge of the box in which profiles of several parameters begin, over their sigma."""
 APART = 1e-3
 """Smallest distance of two runs of a surrogate, in the unit box."""
 MAP = 81
@@ -85,7 +87,7 @@ class Profiled:
 def profiled(stages: Stages, answer: Answer) -> Profiled:
     """Profile every free parameter.
 
-    First in the box of the last design; if the data do not close an interval there, in the whole box. The
+    First near the answer; if the data do not close an interval there, in the whole box. The
     surrogate is tested by runs along the profiles and takes them in, until their rise agrees to a tenth of
     the level.
 
@@ -101,11 +103,25 @@ def profiled(stages: Stages, answer: Answer) -> Profiled:
     ValueError, RuntimeError
         If no surrogate or profile can be made from the runs; the message says why.
     """
-    found = _in_box(stages, answer, answer.local)
-    local, whole = answer.local, stages.box
+    local, whole = _near(stages, answer), stages.box
+    found = _in_box(stages, answer, local)
     inside = np.greater([local.lower, whole.upper], [whole.lower, local.upper])
     open_ends = np.isnan([profile.interval for profile in found.profiles]).T
     return _in_box(stages, answer, whole) if (open_ends & inside).any() else found
+
+
+def _near(stages: Stages, answer: Answer) -> Box:
+    """Where the profiles begin: the box of the last design, for several parameters `NEAR` sigma about the
+    answer with a design of its own."""
+    whole = stages.box
+    if whole.dimension == 1:
+        return answer.local
+    reach = NEAR * np.sqrt(np.diag(answer.objective.covariance(answer.slope, answer.vector)))
+    lower, upper = np.maximum(answer.x - reach, whole.lower), np.minimum(answer.x + reach, whole.upper)
+    box = replace(whole, lower=tuple(lower.tolist()), upper=tuple(upper.tolist()))
+    if box != whole:
+        stages.simulate("profile", stages.design(box), stages.settings.numerics)
+    return box
 
 
 def _in_box(stages: Stages, answer: Answer, box: Box) -> Profiled:
@@ -151,12 +167,13 @@ def _in_box(stages: Stages, answer: Answer, box: Box) -> Profiled:
 def _surrogate(stages: Stages, answer: Answer, box: Box) -> tuple[CorrectedSurrogate, Objective]:
     """The surrogate of all runs in a box, corrected to the refined mesh at the optimum.
 
-    In the box of the last design it agrees with value and slope there. The whole box is too wide for a
-    slope that two neighbouring runs gave; there it agrees in value.
+    Near the answer it agrees with value and slope there. The whole box is too wide for a slope that two
+    neighbouring runs gave; there it agrees in value.
     """
     points, prediction = stages.on_surrogate_mesh()
     use = box.contains(points)
-    use[use] = _apart(box.unit(points[use]))
+    least = APART if box.dimension == 1 else 1e-3 * APART  # a process has a nugget against twins
+    use[use] = _apart(box.unit(points[use]), least)
     counted = answer.objective.counted & prediction.inside[use].all(axis=0)
     objective = replace(answer.objective, counted=counted)
     kept = np.concatenate([np.ones(objective.n_force, dtype=bool), counted[answer.objective.counted]])
@@ -164,16 +181,16 @@ def _surrogate(stages: Stages, answer: Answer, box: Box) -> tuple[CorrectedSurro
     kind = ResponseSurrogate if box.dimension == 1 else ProcessSurrogate
     surrogate = kind.fit(box, points[use], objective.vectors(prediction)[use], scale=objective.noise)
     model = CorrectedSurrogate(surrogate).through(answer.x, answer.vector[kept])
-    if box == answer.local:
+    if box != stages.box:
         model = replace(model, slope=answer.steeper[kept])
     return model, objective
 
 
-def _apart(unit: FloatArray) -> NDArray[np.bool_]:
+def _apart(unit: FloatArray, least: float) -> NDArray[np.bool_]:
     """Points that are not too near to an earlier one: twins make a surrogate ill-conditioned."""
     kept: list[int] = []
     for row in range(len(unit)):
-        if all(np.linalg.norm(unit[row] - unit[other]) >= APART for other in kept):
+        if all(np.linalg.norm(unit[row] - unit[other]) >= least for other in kept):
             kept.append(row)
     return np.isin(np.arange(len(unit)), kept)
 

@@ -12,7 +12,7 @@ from kolsky.quasistatic.stability import PathStability, Stability, drucker, stab
 from kolsky.quasistatic.testdata import HomogeneousTest
 
 FARTHEST = 10.0
-"""Stretch to which stability is followed at least [-]."""
+"""Principal stretch to which stability is followed at least [-]."""
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ def compare(
 
 
 def _farthest(test: HomogeneousTest) -> float:
-    lam = test.mode.principal_stretches(test.deformation)[0]
+    lam = np.stack(test.mode.principal_stretches(test.deformation))
     return float(max(lam.max(), 1.0 / lam.min()))
 
 
@@ -167,6 +167,7 @@ def _known() -> dict[str, Candidate]:
 
 
 def _remoteness(path: PathStability) -> float:
-    """Size of the first principal logarithmic strain at the end of a path [-]."""
-    lam = path.mode.principal_stretches(path.mode.at_rest + path.strain)[0]
-    return float(abs(np.log(lam)))
+    """Largest size of a principal logarithmic strain at the end of a path [-], the same for one deformation
+    under two names."""
+    lam = np.stack(path.mode.principal_stretches(path.mode.at_rest + path.strain))
+    return round(float(np.abs(np.log(lam)).max()), 9)

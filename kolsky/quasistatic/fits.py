@@ -32,7 +32,7 @@ class FitOutcome(Enum):
 
 
 @dataclass(frozen=True)
-class TestFit:
+class PartFit:
     """How one test is met."""
 
     test: HomogeneousTest
@@ -77,7 +77,7 @@ class Fit:
     """The law with its constants."""
     free: tuple[str, ...]
     """Names of the fitted constants."""
-    parts: tuple[TestFit, ...]
+    parts: tuple[PartFit, ...]
     """How each test is met."""
     weighting: Weighting
     """What residuals were divided by."""
@@ -208,7 +208,7 @@ def fit(
         name=name or law.NAME + "".join(f", {key} = {value:g}" for key, value in problem.held.items()),
         law=made,
         free=tuple(spec.name for spec in problem.free),
-        parts=tuple(TestFit(*pair) for pair in zip(problem.tests, problem.stress(made), strict=True)),
+        parts=tuple(PartFit(*pair) for pair in zip(problem.tests, problem.stress(made), strict=True)),
         weighting=weighting,
         poisson=poisson,
         chi2=found.chi2,

@@ -155,7 +155,8 @@ def _with_best_moduli(
     A = np.column_stack(columns)
     if not np.isfinite(A).all() or np.abs(A).max() >= REFUSED:
         return x
-    solved = lsq_linear(A, A @ x[linear] - residuals(x), (lower[linear], upper[linear]), tol=1e-13)
+    with np.errstate(invalid="ignore"):  # SciPy multiplies by the infinite way to a bound that is not there
+        solved = lsq_linear(A, A @ x[linear] - residuals(x), (lower[linear], upper[linear]), tol=1e-13)
     best = x.copy()
     best[linear] = solved.x
     return best

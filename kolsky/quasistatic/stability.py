@@ -92,8 +92,8 @@ def drucker(law: Stretches, *, most: float = 10.0) -> tuple[PathStability, ...]:
     law
         The strain energy.
     most
-        Stretch to which tension is followed, > 1 [-]; compression goes to 1 / most, simple shear to
-        most - 1 / most.
+        Principal stretch at which a path ends, > 1 [-]; likewise 1 / most. So equibiaxial paths end at its
+        root, and simple shear at most - 1 / most.
 
     Raises
     ------
@@ -104,9 +104,9 @@ def drucker(law: Stretches, *, most: float = 10.0) -> tuple[PathStability, ...]:
         raise ValueError(f"most must be > 1 and finite, got {most}")
     log = np.linspace(0.0, np.log(most), POINTS)
     paths = []
-    for mode in (Mode.UNIAXIAL, Mode.EQUIBIAXIAL, Mode.PLANAR):
-        paths.append(_path(law, mode, "tension", np.exp(log)))
-        paths.append(_path(law, mode, "compression", np.exp(-log)))
+    for mode, reach in ((Mode.UNIAXIAL, 1.0), (Mode.EQUIBIAXIAL, 0.5), (Mode.PLANAR, 1.0)):
+        paths.append(_path(law, mode, "tension", np.exp(reach * log)))
+        paths.append(_path(law, mode, "compression", np.exp(-reach * log)))
     paths.append(_path(law, Mode.SIMPLE_SHEAR, "shear", 2.0 * np.sinh(log)))
     return tuple(paths)
 

@@ -26,14 +26,17 @@ FACTORS = (1e-3, 1e3)
 """Allowed factors on the long-term law [-]."""
 BEYOND = 10.0
 """How far outside the evidence's own time scales a relaxation time may lie [-]."""
+FACTOR_GRID = (0.4, 2.5, 32)
+"""Factors that a search without branches begins among: first, last and how many."""
 GRID = (0.1, 0.5, 2.0)
 """Strengths a further branch is looked for with [-]."""
 GRID_TIMES = 7
 """Relaxation times it is looked for at."""
 REFUSED = 1e6
 """Residual of every value of a model that cannot be simulated [-]."""
-DIFFERENCE = 3e-3
-"""Half of the central difference in a logarithm: its error is of the square, 1e-5."""
+DIFFERENCE = 1e-2
+"""Half of the central difference in a logarithm: its error is of the square, 1e-4, and a node that lands on a
+platen on one side of it alone, which is a jump, weighs little."""
 SIGNIFICANT = 0.01
 """Probability below which chance does not explain what a branch improves."""
 
@@ -126,10 +129,10 @@ class RateVerdict:
         k = self.branches
         if k == 0:
             fit, p = self.fits[1], self.probabilities[0]
-            why = f"at the end of its range: {', '.join(fit.at_bound)}" if fit.at_bound else f"p = {p:.2g}"
+            why = f"at the end of its range: {', '.join(fit.at_bound)}" if fit.at_bound else _chance(p)
             return f"the data do not ask for rate dependence ({why}, AIC {fit.aic - self.fits[0].aic:+.1f})"
         p, gain = self.probabilities[k - 1], self.fits[k].aic - self.fits[k - 1].aic
-        return f"the data ask for {k} branch{'es' if k > 1 else ''} (p = {p:.2g}, AIC {gain:+.1f})"
+        return f"the data ask for {k} branch{'es' if k > 1 else ''} ({_chance(p)}, AIC {gain:+.1f})"
 
 
 def fit_prony(
@@ -176,7 +179,7 @@ def fit_prony(
         raise ValueError(f"{n_free} parameters need more than {n_free} measured values, got {n_data}")
     if start is None:
         start = (
-            RateModel(1.0, PronySeries((), ()))
+            problem.scaled()
             if n_branches == 0
             else fit_prony(law, evidence, n_branches - 1, max_evaluations=max_evaluations).model
         )
@@ -186,14 +189,21 @@ def fit_prony(
     while len(x) < n_free:
         x = problem.extended(x)
     lower, upper = problem.bounds(n_branches)
-    found = least_squares(
-        problem.residuals,
-        np.clip(x, lower + 1e-6, upper - 1e-6),
-        jac=problem.jacobian,
-        bounds=(lower, upper),
-        x_scale=1.0,
-        max_nfev=max_evaluations,
-    )
+    starts = [x]
+    if len(start.series) < n_branches:
+        starts.append(problem.idle(_logs(start), n_branches))  # more branches are never worse than fewer
+    searches = [
+        least_squares(
+            problem.residuals,
+            np.clip(begin, lower + 1e-6, upper - 1e-6),
+            jac=problem.jacobian,
+            bounds=(lower, upper),
+            x_scale=1.0,
+            max_nfev=max_evaluations,
+        )
+        for begin in starts
+    ]
+    found = min(searches, key=lambda search: float(search.cost))
     return problem.fit(found.x, found.jac, lower, upper)
 
 
@@ -254,6 +264,16 @@ class _Problem:
         lower, upper = np.log(np.array(rows)).T
         return lower, upper
 
+    def scaled(self) -> RateModel:
+        """The best factor of a grid, without branches: waves give a shot more than one valley."""
+        grid = np.log(np.geomspace(*FACTOR_GRID))[:, None]
+        return _model(grid[self.best(grid)])
+
+    def best(self, points: FloatArray) -> int:
+        """Which row of logarithms has the least sum of squares; none that cannot be simulated."""
+        squares = (self.of_many(points) ** 2).sum(axis=1)
+        return int(np.argmin(np.where(np.isfinite(squares), squares, np.inf)))
+
     def extended(self, x: FloatArray) -> FloatArray:
         """With one more branch: the best of a grid."""
         n = len(x) // 2
@@ -266,8 +286,15 @@ class _Problem:
                 factor = x[0] - 0.5 * np.log1p(strength)
                 points.append([factor, *x[1 : n + 1], np.log(strength), *x[n + 1 :], time])
         grid = np.array(points)
-        squares = (self.of_many(grid) ** 2).sum(axis=1)
-        return np.asarray(grid[np.argmin(np.where(np.isfinite(squares), squares, np.inf))])
+        return np.asarray(grid[self.best(grid)])
+
+    def idle(self, x: FloatArray, n_branches: int) -> FloatArray:
+        """With more branches, of the least strength."""
+        n = len(x) // 2
+        more = n_branches - n
+        lower, upper = self.bounds(n_branches)
+        times = np.full(more, 0.5 * (lower[-1] + upper[-1]))
+        return np.concatenate([x[: n + 1], np.full(more, np.log(STRENGTHS[0])), x[n + 1 :], times])
 
     def fit(self, x: FloatArray, jacobian: FloatArray, lower: FloatArray, upper: FloatArray) -> RateFit:
         n = len(x) // 2
@@ -298,6 +325,10 @@ def _model(x: FloatArray) -> RateModel:
     return RateModel(
         float(values[0]), PronySeries(tuple(values[1 : n + 1].tolist()), tuple(values[n + 1 :].tolist()))
     )
+
+
+def _chance(probability: float) -> str:
+    return "p < 1e-99" if probability < 1e-99 else f"p = {probability:.2g}"
 
 
 def _logs(model: RateModel) -> FloatArray:

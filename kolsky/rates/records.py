@@ -14,7 +14,18 @@ COUNTED = (Verdict.IDENTIFIED, Verdict.FORCE_ALONE)
 """Verdicts with which a stiffness factor counts in a mean."""
 PARAMETER = "stiffness_factor"
 COMMON_PARTS = {"material curve": "curve", "force scale": "rig", "motion scale": "rig"}
-"""Parts of the uncertainty that shots share, and what they share it through."""
+"""Parts of the noise that shots share, and what they share it through."""
+COMMON_DECLARED = {
+    "sensitivity": "rig",
+    "clock_offset": "rig",
+    "curve_scale": "curve",
+    "poisson": "group",
+    "damping": "group",
+    "friction": "group",
+    "specimen_density": "group",
+}
+"""Keys of [uncertainty] that shots share, likewise; a specimen's size and the place of the cameras' axes are
+each shot's own."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +75,9 @@ class RatedShot:
     def sigma_own(self) -> float:
         """The part that is independent from shot to shot [-]."""
         parts = self.found.estimates[PARAMETER].noise_parts
-        return float(np.sqrt(sum(s**2 for name, s in parts.items() if name not in COMMON_PARTS)))
+        own = [s for name, s in parts.items() if name not in COMMON_PARTS]
+        own += [shift for key, shift in self._declared().items() if key not in COMMON_DECLARED]
+        return float(np.sqrt(sum(s**2 for s in own)))
 
     @property
     def verdict(self) -> Verdict:
@@ -79,7 +92,7 @@ class RatedShot:
     def common_parts(self) -> dict[tuple[str, str], float]:
         """What it shares: (part, through what) -> by how much m moves with one standard uncertainty."""
         estimate = self.found.estimates[PARAMETER]
-        through = {"curve": self.quasi_static.source, "rig": self.rig}
+        through = {"curve": self.quasi_static.source, "rig": self.rig, "group": self.group}
         parts = {
             (name, through[way]): estimate.noise_parts[name]
             for name, way in COMMON_PARTS.items()
@@ -88,7 +101,17 @@ class RatedShot:
         if estimate.sigma_numerical > 0.0:  # the mesh errs to the same side in all of them
             sign = -1.0 if estimate.mesh_shift < 0.0 else 1.0
             parts["mesh and step", self.conditions["mesh"]] = sign * estimate.sigma_numerical
-        return parts
+        declared = {
+            (f"declared {key.replace('_', ' ')}", through[COMMON_DECLARED[key]]): shift
+            for key, shift in self._declared().items()
+            if key in COMMON_DECLARED
+        }
+        return parts | declared
+
+    def _declared(self) -> dict[str, float]:
+        """What each declared uncertainty of an input moves m by."""
+        moves = {part.key: part.shifts.get(PARAMETER, 0.0) for part in self.found.systematic}
+        return {key: shift for key, shift in moves.items() if shift != 0.0}
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from kolsky.errors import InputError
 from kolsky.readers.contents import Channel, Contents
 from kolsky.readers.layout import Layout
 from kolsky.readers.recordings import read_contents
-from kolsky.readers.signalunits import si_unit
+from kolsky.readers.signalunits import si_unit, split_unit
 from kolsky.readers.table import FloatArray
 
 
@@ -76,7 +76,7 @@ def read(
 
 
 def _column(contents: Contents, wanted: str) -> Channel:
-    found: Sequence[Channel] = [c for c in contents.channels if wanted in (c.name, _named(c))]
+    found: Sequence[Channel] = [c for c in contents.channels if wanted in (c.name, split_unit(c.name)[0])]
     if not found and wanted.isdecimal():
         found = [c for c in contents.channels if c.number == int(wanted)]
     if len(found) == 1:
@@ -88,11 +88,6 @@ def _column(contents: Contents, wanted: str) -> Channel:
         f"column '{wanted}' {problem}; the columns of numbers are {names}",
         cure="correct the name, or give its number",
     )
-
-
-def _named(channel: Channel) -> str:
-    """The heading as a file writes it with its unit, e.g. "Stress (kPa)"."""
-    return f"{channel.name} ({channel.unit})"
 
 
 def _factor(

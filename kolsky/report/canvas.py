@@ -12,12 +12,13 @@ from matplotlib.figure import Figure
 
 from kolsky.atomic import replacing
 from kolsky.identification import Identification
+from kolsky.options import FIGURES
 from kolsky.report.figuredata import write_data
 from kolsky.report.figures import REGISTRY, FigureKind
 from kolsky.report.shown import in_shown_units
 
 STYLE = Path(__file__).with_name("kolsky.mplstyle")
-FORMATS = ("pdf", "svg", "png", "csv")
+FORMATS = FIGURES
 _MM_PER_INCH = 25.4
 _SVG, _LINK = "{http://www.w3.org/2000/svg}", "{http://www.w3.org/1999/xlink}"
 

@@ -63,7 +63,7 @@ def _points(artist: Any, ax: Axes) -> Iterator[Points]:
     match artist:
         case Line2D() if artist.get_transform() == ax.transData:
             yield "line", np.asarray(artist.get_xdata()), np.asarray(artist.get_ydata()), None
-        case AxesImage() if np.ndim(artist.get_array()) == 2 and artist.cmap.name not in PICTURES:
+        case AxesImage() if np.asarray(artist.get_array()).ndim == 2 and artist.cmap.name not in PICTURES:
             yield _image(artist)
         case QuadMesh():
             corners = np.asarray(artist.get_coordinates())

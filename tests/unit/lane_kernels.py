@@ -20,7 +20,7 @@ ELEMENTS = 37
 """Elements of the body: no multiple of any number of lanes, and more than a group."""
 CONSTANTS = 5
 """Constants of an element in the grouped tables."""
-SLOTS = 64
+SLOTS = 128
 """Numbers that a kernel writes for each simulation."""
 UNTOUCHED = -77
 """What the output holds before a launch."""

@@ -118,6 +118,7 @@ def test_reduced_likelihood_is_the_whole_one(surrogate: tuple[CorrectedSurrogate
     np.testing.assert_allclose(np.diff(full), np.diff(chi2), rtol=1e-9)  # they differ by a constant
 
 
+@pytest.mark.slow
 def test_what_the_data_cannot_see_is_said() -> None:
     free = {"stiffness_factor": (1.0, 1.25), "mass_damping": (0.0, 1e-3)}
     found = identify(load_shot(OPEN_01), replace(COARSE, free=free))

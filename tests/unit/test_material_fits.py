@@ -84,12 +84,12 @@ def test_the_covariance_is_that_of_many_draws():
     rng = np.random.default_rng(7)
     law = LAWS["gent"](2e4, 8.0)
     draws, sigmas = [], []
-    for _ in range(60):
+    for _ in range(40):
         found = fit(LAWS["gent"], planted(law, (Mode.UNIAXIAL,), noise=150.0, rng=rng), starts=1)
         draws.append([found.values["mu"], found.values["Jm"]])
         sigmas.append([found.sigma["mu"], found.sigma["Jm"]])
-    # A standard deviation from 60 draws has a relative error of 9 %; three of them.
-    np.testing.assert_allclose(np.median(sigmas, axis=0), np.std(draws, axis=0, ddof=1), rtol=0.28)
+    # A standard deviation from 40 draws has a relative error of 11 %; three of them.
+    np.testing.assert_allclose(np.median(sigmas, axis=0), np.std(draws, axis=0, ddof=1), rtol=0.33)
     np.testing.assert_allclose(np.mean(draws, axis=0), [2e4, 8.0], rtol=0.01)  # 3 sigma of the mean and bias
 
 
@@ -263,3 +263,22 @@ def test_a_test_that_cannot_be_is_refused(change, message):
         HomogeneousTest(
             **{"name": "t", "mode": Mode.UNIAXIAL, "deformation": lam, "stress": lam - 1.0, **change}
         )
+
+
+def test_a_failure_is_named_as_the_test_that_was_made():
+    law = LAWS["reduced_polynomial"](5e3, -300.0)
+    tests = planted(law, (Mode.UNIAXIAL,))
+    (row,) = compare(candidates(["reduced_polynomial"]), tests, bounded=False).rows
+    first = row.first_failure
+    # Equibiaxial compression is the same deformation as uniaxial tension, which is the test people make.
+    assert first is not None
+    sizes = {(p.mode, p.direction): p for p in row.stability}
+    same = sizes[Mode.EQUIBIAXIAL, "compression"]
+    uniaxial = sizes[Mode.UNIAXIAL, "tension"]
+    assert 1.0 + uniaxial.strain == pytest.approx((1.0 + same.strain) ** -2, rel=1e-9)
+    largest = {
+        p: np.abs(np.log(np.stack(p.mode.principal_stretches(p.mode.at_rest + p.strain)))).max()
+        for p in row.stability
+    }
+    assert largest[first] == pytest.approx(min(largest.values()), rel=1e-8)
+    assert first is not same

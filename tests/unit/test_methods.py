@@ -1,17 +1,22 @@
 """Methods beside the answer: distances, disagreement, what a user is told and what files keep."""
 
 from dataclasses import replace
+from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 from synthetic import CHECKS, synthetic
 
 from kolsky.apparatus import Interface
 from kolsky.cautions import cautions
+from kolsky.identification import Identification
 from kolsky.methods import AGREEMENT, LEAST_SQUARES, SIMPLEX, Method, disagreements
 from kolsky.printed import details
 from kolsky.report.numbers import NOTHING
 from kolsky.report.page import render
+from kolsky.results_read import read_identification
 from kolsky.results_text import to_json
+from kolsky.results_write import write_identification
 from kolsky.settings import Settings
 
 
@@ -65,10 +70,6 @@ def test_a_user_is_told() -> None:
     assert saved[1]["distances"][name] == pytest.approx(0.5)
     assert saved[1]["runs"] == 66
     assert any(LEAST_SQUARES in row and "not at rest" in text for row, text in details(result).items())
-    page = render(result)
-    assert "Optimum by method" in page
-    assert "It is rough" in page
-    assert "Optimum by method" not in render(replace(found, methods=(own,)))  # one method is no comparison
 
 
 def test_a_method_that_failed_is_said() -> None:
@@ -79,12 +80,31 @@ def test_a_method_that_failed_is_said() -> None:
     unknown = Method.compared(
         LEAST_SQUARES, nothing, answer=values, half_width=half, runs=0, converged=False, ended="no run"
     )
-    result = replace(found, methods=(unknown,))
+    result = replace(found, methods=(unknown, unknown))
     assert to_json(result)["methods"][0]["values"] == dict.fromkeys(values)
-    row = next(
-        line for line in render(replace(result, methods=(unknown,) * 2)).splitlines() if "No run" in line
-    )
+    row = next(line for line in page(result).splitlines() if "No run" in line)
     assert f"<td>{NOTHING} ({NOTHING})</td>" in row
+
+
+def page(result: Identification) -> str:
+    """The report without its figures, which take seconds."""
+    with patch("kolsky.report.page.REGISTRY", {}):
+        return render(result)
+
+
+def test_the_report_lists_them() -> None:
+    found = synthetic(nodes=False)
+    one = (method(SIMPLEX, 1.115), replace(method(LEAST_SQUARES, 1.09), ended="it is rough"))
+    text = page(replace(found, methods=one))
+    assert "Optimum by method" in text
+    assert "It is rough" in text
+    assert "Optimum by method" not in page(replace(found, methods=one[:1]))  # one is no comparison
+
+
+def test_the_result_file_keeps_them(tmp_path: Path) -> None:
+    methods = (method(SIMPLEX, 1.115), replace(method(LEAST_SQUARES, 1.09), converged=False, shared_runs=3))
+    write_identification(tmp_path / "identification.h5", replace(synthetic(), methods=methods))
+    assert read_identification(tmp_path / "identification.h5").methods == methods
 
 
 def test_settings_know_two_choices() -> None:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 from kolsky.misfit import Observations, Prediction
 from kolsky.objective import Objective
@@ -65,6 +66,18 @@ def test_only_counted_points_are_in_the_vector() -> None:
     np.testing.assert_array_equal(some.data, [1.0, 1e-3, 3e-3])
     np.testing.assert_array_equal(some.vectors(prediction), [[2.0, 4e-3, 6e-3]])
     assert len(some.times) == len(some.noise) == len(some.sigma) == 3
+
+
+def test_deviance_is_that_of_the_normal_density() -> None:
+    one = objective(np.array([1.0, 2.0, 4.0]), np.array([1e-3, 2e-3]))
+    vectors = one.data + np.array([[0.1, -0.2, 0.1, 1e-6, 2e-6], [3.0, -1.0, 2.0, 9e-6, -5e-6]])
+    for vector, found in zip(vectors, one.deviance(vectors), strict=True):
+        sigma = one.with_discrepancy(vector).sigma
+        assert found == pytest.approx(
+            -2.0 * norm.logpdf(vector, one.data, sigma).sum() - 5.0 * np.log(2.0 * np.pi), rel=1e-12
+        )
+    # Beyond the noise it is n ln of the mean square, whose slope is that of the weighted residuals.
+    assert one.deviance(vectors[1:], "force")[0] == pytest.approx(3.0 * (1.0 + np.log(14.0 / 3.0)))
 
 
 def test_discrepancy_is_what_the_noise_does_not_explain() -> None:

@@ -9,13 +9,16 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from barrecord import classical_shot
 from typer.testing import CliRunner
 
 from doe.sensitivity import LinearData
 from kolsky.cli import app
 from kolsky.forward import Numerics
 from kolsky.localsensitivity import Look, local_sensitivity
+from kolsky.plan import plan
 from kolsky.planchoices import camera_heights, camera_windows, window_ends
+from kolsky.planfile import rows
 from kolsky.planning import Expected, Information, Instruments, information, instruments_of
 from kolsky.prepare import prepare
 from kolsky.shots import load_shot
@@ -239,6 +242,7 @@ def planned(tmp_path_factory: pytest.TempPathFactory):
     folder = tmp_path_factory.mktemp("plan") / "shot"
     shutil.copytree(OPEN_01, folder, ignore=shutil.ignore_patterns("results"))
     options = ["--mesh", "8x11", "--rates", "1,2", "--heights", "2", "--threads", "1", "--json"]
+    options += ["--figures", "svg"]
     result = runner.invoke(app, ["plan", str(folder), *options])
     assert result.exit_code == 0, result.stderr
     return folder / "results", json.loads(result.stdout)
@@ -271,9 +275,9 @@ def test_files_hold_the_map(planned):
     assert len(table) == 1 + np.prod(shape)
     assert table[0][:3] == ["time (s)", "y (m)", "Z (m)"]
     assert sorted(p.name for p in (folder / "figures").iterdir()) == [
-        "plan-choices.png",
-        "plan-information.png",
-        "plan-slopes.png",
+        "plan-choices.svg",
+        "plan-information.svg",
+        "plan-slopes.svg",
     ]
 
 
@@ -331,3 +335,45 @@ def test_wishes_replace_what_the_shot_has(tmp_path: Path):
     assert said["discrepancy"] == {"force_N": 0.0, "outline_m": 0.0}
     assert list(said["parameters"]) == ["damping"]
     assert all(c["places"][0] >= 1e-3 for c in said["camera_heights"])
+
+
+@pytest.mark.slow
+def test_a_parameter_that_no_data_see_is_said(tmp_path: Path):
+    # At such a coefficient all sticks, and a little more of it does nothing.
+    options = ["--mesh", "4x6", "--rates", "1", "--heights", "1", "--threads", "1", "--discrepancy", "none"]
+    free = ["--free", "damping", "--free", "friction", "-p", "friction=900"]
+    wishes = ["--window", "0.05 ms:0.5 ms", "--figures", "svg", "--json"]
+    result = runner.invoke(app, ["plan", str(OPEN_01), "--out", str(tmp_path), *options, *free, *wishes])
+    assert result.exit_code == 0, result.stderr
+    said = json.loads(result.stdout)
+    assert said["parameters"]["friction"]["sigma"] is None
+    assert said["parameters"]["damping"]["sigma_others_known"] > 0.0
+    assert said["correlations"] == {"damping, friction": None}
+    assert said["camera_heights"] == said["camera_windows"] == []
+    assert "do not move along" in said["unseen"]["all"]
+    assert "do not move along" in result.stderr  # a warning
+    assert (tmp_path / "figures" / "plan-information.svg").exists()
+
+
+@pytest.mark.slow
+def test_a_plan_for_the_force_alone(tmp_path: Path):
+    options = ["--mesh", "4x6", "--rates", "1", "--threads", "1", "--points", "0 1/mm", "--figures", "svg"]
+    free = ["--free", "damping", "--window", "0.05 ms:0.5 ms", "--json"]
+    result = runner.invoke(app, ["plan", str(OPEN_01), "--out", str(tmp_path), *options, *free])
+    assert result.exit_code == 0, result.stderr
+    said = json.loads(result.stdout)
+    assert said["parameters"]["damping"]["sigma"] == said["parameters"]["damping"]["sigma_force"]
+    assert "sigma_outline" not in said["parameters"]["damping"]
+    assert (tmp_path / "figures" / "plan-choices.svg").exists()
+
+
+def test_the_force_s_scale_is_listed_apart():
+    shot = classical_shot(0)  # between bars, without an outline, the force's scale uncertain
+    mesh = Numerics(mesh=(4, 4), threads=1)
+    found = plan(shot, names=("stiffness_factor",), rates=(1.0,), numerics=mesh, discrepancy=(0.0, 0.0))
+    slopes = found.information.sensitivity
+    J, F, gain = slopes.force_slope[0], slopes.force, shot.force.sigma_gain
+    assert gain > 0.0
+    # One parameter, equal noise: regression through the origin.
+    assert found.force_scale[0] == pytest.approx(abs(J @ (gain * F) / (J @ J)), rel=1e-9)
+    assert any("by the force's scale" in str(text) for text in rows(found).values())

@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +14,7 @@ from test_cli_new_check import FILES, OPEN_01
 from typer.testing import CliRunner
 
 from kolsky.cli import app
+from kolsky.rates.collect import collected_shot, declarations, group_key, group_of
 from kolsky.results_write import write_identification
 from kolsky.shots import load_shot
 
@@ -110,10 +113,13 @@ def test_the_files_are_where_they_were_asked_for(whole, shots):
     assert not any((shot / "results" / "rates.h5").exists() for shot in shots)
 
 
-def test_groups_by_any_key_of_the_shot_file(shots, tmp_path):
-    said = run(*shots, "--group", "interface.faces", "--out", tmp_path / "r", "--json")
-    assert said.exit_code == 0, said.stderr
-    assert [group["name"] for group in json.loads(said.stdout)["groups"]] == ["bonded"]
+def test_groups_by_any_key_of_the_shot_file(shots):
+    files = [declarations(shot)[0] for shot in shots]
+    assert group_key(files, None) == "material"
+    assert group_key(files, "interface.faces") == "interface.faces"
+    assert group_of(files[0], "interface.faces") == "bonded"
+    assert group_of(files[0], "model.poisson") == "0.499"
+    assert group_of(files[0], "") == "all shots"
 
 
 @pytest.mark.parametrize(
@@ -157,13 +163,23 @@ def test_a_result_of_other_recordings_is_refused(shots, tmp_path):
     assert "another specimen or window" in said.stderr
 
 
-def test_a_group_may_be_added_after_the_identification(shots, tmp_path):
+def test_a_group_may_be_added_after_the_identification(tmp_path):
     late = identified(tmp_path / "late", "late", 1.1, 1.0)
     text = (late / "shot.toml").read_text("utf-8")
     (late / "shot.toml").write_text(text.replace("format = 1\n", 'format = 1\ngroup = "b"\n', 1), "utf-8")
-    said = run(late, "--out", tmp_path / "r", "--json")
-    assert said.exit_code == 0, said.stderr
-    assert json.loads(said.stdout)["groups"][0]["name"] == "b"
+    file, _ = declarations(late)
+    assert group_key([file], None) == "group"
+    assert collected_shot(late, group=group_of(file, "group")).group == "b"
+
+
+@pytest.mark.slow
+def test_the_script_writes_the_same(shots, whole, tmp_path):
+    script = Path(__file__).resolve().parents[2] / "runs" / "rate_report.py"
+    words = [sys.executable, "-W", "error", script, *shots]
+    said = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert said.stdout.startswith("gel: 3 shots count\n  m = 1.1")
+    for name in ("rate_shots.csv", "rate_groups.csv", "rate_leave_one_out.csv"):
+        assert (tmp_path / "rates" / name).read_bytes() == (whole[0] / name).read_bytes()
 
 
 def test_two_shots_of_one_name_are_refused(shots, tmp_path):

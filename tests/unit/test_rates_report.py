@@ -12,6 +12,7 @@ import pytest
 from ratedshots import DIAMETER, SHEAR, baseline, rated
 
 from kolsky.identification import Verdict
+from kolsky.knowledge import Declaration
 from kolsky.rates.compare import compare
 from kolsky.rates.output import summary, write_csv, write_hdf5
 from kolsky.rates.records import RateReport
@@ -81,6 +82,26 @@ def test_a_declared_common_uncertainty_is_added():
     pooled = compare(five(), shared=0.03).groups[0].pooled
     assert pooled is not None
     assert pooled.sigma_common == pytest.approx(0.03 * pooled.mean, rel=1e-9)
+
+
+def test_declared_uncertainties_are_shared_or_own():
+    said = (
+        Declaration("sensitivity", 0.01, "1", {"stiffness_factor": -0.012}, "varied"),
+        Declaration("curve_scale", 0.02, "1", {"stiffness_factor": -0.02}, "varied"),
+        Declaration("specimen_diameter", 0.01, "1", {"stiffness_factor": 0.024}, "varied"),
+        Declaration("poisson", float("nan"), "1", {}, "not declared, counted as exact"),
+    )
+    shots = [replace(s, found=replace(s.found, systematic=said)) for s in five(own=0.007)]
+    two_rigs = [replace(s, rig="other") if i < 2 else s for i, s in enumerate(shots)]
+    for made in shots:
+        assert made.sigma_own == pytest.approx(0.025, rel=1e-12)  # 7, 24, 25
+    pooled, apart = compare(shots).groups[0].pooled, compare(two_rigs).groups[0].pooled
+    assert pooled is not None
+    assert apart is not None
+    assert pooled.sigma_common == pytest.approx(np.hypot(0.012, 0.02), rel=1e-9)
+    # Equal weights: two shots of one rig and three of the other.
+    rig = 0.012 * np.hypot(2.0, 3.0) / 5.0
+    assert apart.sigma_common == pytest.approx(np.hypot(rig, 0.02), rel=1e-9)
 
 
 def test_the_long_lever_reaches_the_quasi_static_rate(report):
@@ -322,6 +343,7 @@ def test_names_are_shortened_for_figures():
     assert shortened("a$b", 10) == r"a\$b"
     assert shortened("x" * 30 + "end", 12) == "xxxxx…xxxend"
     assert shortened("two\nlines", 20) == "two lines"
+    assert shortened("試験 β\x1b", 20) == "□□ β "
 
 
 @pytest.mark.parametrize(

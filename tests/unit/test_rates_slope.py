@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+from barrecord import classical_shot
 from ratedshots import MATES_M, MATES_RATES
 from scipy.stats import linregress
 
-from kolsky.rates.motion import strain_history_of
+from kolsky.rates.motion import strain_history, strain_history_of
 from kolsky.rates.pooled import pool
 from kolsky.rates.slope import SlopeVerdict, slope
+from kolsky.records import FrontVelocity
 
 NOISE = np.full(5, 1e-4)
 
@@ -171,3 +173,16 @@ def test_what_comes_after_the_turn_does_not_count():
 def test_a_motion_that_is_no_compression_is_refused(speed):
     with pytest.raises(ValueError, match="largest nominal strain"):
         strain_history_of(Steady(speed), np.linspace(0.0, 1.5e-3, 101), 6.5e-3)
+
+
+def test_the_rate_of_a_test_between_bars():
+    shot = classical_shot(0)
+    found = strain_history(shot)
+    motion = shot.flyer
+    assert isinstance(motion, FrontVelocity)
+    inside = (motion.time >= found.span[0]) & (motion.time <= found.span[1])
+    mean = float(motion.velocity[inside].mean()) / shot.specimen.length
+    # The samples' mean against the fitted path's chord: half a sample at either end.
+    assert found.nominal_rate == pytest.approx(mean, rel=0.01)
+    # The scale of the waves is uncertain as a whole, and the rate with it.
+    assert found.sigma_rate >= motion.sigma_gain * found.nominal_rate > 0.0

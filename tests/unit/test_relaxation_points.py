@@ -90,7 +90,8 @@ def walk(branches: RateDependence, F: FloatArray) -> tuple[FloatArray, FloatArra
     wp.launch(
         _kernel(kind), 1,
         [array(np.stack([ur, uy], axis=1), wp.vec4d), array(LAW.parameters()),
-         array(branches.row(len(branches))), memory, array(constants, wp.vec4d), END / (n - 1), force, done, omega], device=where,
+         array(branches.row(len(branches))), memory, array(constants, wp.vec4d),
+         END / (n - 1), force, done, omega], device=where,
     )  # fmt: skip
     return force.numpy(), done.numpy(), omega.numpy()
 

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from explicit.materials import LAWS, AnyLaw
+from explicit.materials.volumetric import VolumetricLaw
 from kolsky.quasistatic.compare import Candidate, candidates
 from kolsky.quasistatic.fits import Fit, fit
-from kolsky.quasistatic.homogeneous import incompressible_stress
+from kolsky.quasistatic.homogeneous import compressible_stress, free_stretch, incompressible_stress
 from kolsky.quasistatic.modes import Mode
 from kolsky.quasistatic.testdata import HomogeneousTest, mean_test
 from kolsky.readers import homogeneous
@@ -130,3 +131,47 @@ STEINMANN_2012 = {
 """Constants fitted to one mode of Treloar's data [Pa] (Steinmann, Hossain and Possart 2012, as handed on by
 simcoon's examples). Their Mooney-Rivlin fits to tension and pure shear are left out: without bounds the least
 squares of tension have mu_0 < 0, and pure shear tells C10 + C01 alone."""
+
+THESIS = {
+    "reduced polynomial": (LAWS["reduced_polynomial"](1404.9, 699.4), 2809.8, 8429.6, 0.99971),
+    "Mooney-Rivlin": (LAWS["mooney_rivlin"](624.3, 746.1), 2741.0, 8223.0, 0.99897),
+    "Ogden": (LAWS["ogden1"](3225.9, 14.8), 3225.9, 9677.9, 0.99888),
+    "neo-Hookean": (LAWS["neo_hookean"](2.0 * 1461.6), 2923.2, 8769.6, 0.99875),
+}
+"""Constants and R^2 of the thesis' Table 3.3, mu_0 and E_0 of its Table 3.4 [Pa]."""
+
+
+def left_by_r_squared() -> dict[str, tuple[float, float, float, float]]:
+    """sqrt(1 - R^2) of each law of the thesis as printed, its least and most possible value, the least R^2.
+
+    1 - R^2 is the squared distance of law and data over that of the data from their mean. The laws' own
+    distances are known from their constants, so by the triangle inequality sqrt(1 - R^2) lies in an interval
+    about that of the best law, whichever the data were. Compression by 10 mm of 70 mm.
+    """
+    lam = np.linspace(1.0, 1.0 - 10.0 / 70.0, 200)
+    curves = {name: incompressible_stress(row[0], Mode.UNIAXIAL, lam) for name, row in THESIS.items()}
+    best = curves["reduced polynomial"]
+    spread = np.linalg.norm(best - best.mean())
+    radius = np.sqrt(1.0 - (THESIS["reduced polynomial"][3] - 5e-6))  # R^2 has five digits
+    found = {}
+    for name, curve in curves.items():
+        apart = float(np.linalg.norm(curve - best) / spread)
+        # The data's own spread is that of the best law but for a share `radius` at most.
+        low, high = max(apart - radius, 0.0) / (1.0 + radius), (apart + radius) / (1.0 - radius)
+        found[name] = (float(np.sqrt(1.0 - THESIS[name][3])), float(low), float(high), float(1.0 - high**2))
+    return found
+
+
+def side_stress_of_the_linear_rule() -> tuple[float, float, float, float]:
+    """Volume ratio, true stress across and along [Pa] at 128 % with lam_t = 1 - 0.44 e and the constants of
+    the self-healing rubber, and the true stress along with free sides [Pa]."""
+    law, volume, lam = LAWS["neo_hookean"](0.218e6), VolumetricLaw(2.0 / 1.150e-6), 2.28
+    side = 1.0 - 0.44 * (lam - 1.0)
+    J = lam * side**2
+    mean = (lam**2 + 2.0 * side**2) / 3.0
+    across, along = (
+        0.218e6 * J ** (-5.0 / 3.0) * (x**2 - mean) + float(volume.pressure(J)) for x in (side, lam)
+    )  # the paper's Eq. (7), with 2 C10 and K = 2 / D1
+    free = float(free_stretch(law, volume, Mode.UNIAXIAL, lam))
+    right = float(compressible_stress(law, volume, Mode.UNIAXIAL, lam)) / free**2
+    return J, across, along, right

@@ -11,19 +11,20 @@ from softlaws import (
     PHANTOMS,
     RUBBERS,
     STEINMANN_2012,
+    THESIS,
     fitted,
     law_of,
+    left_by_r_squared,
     phantom,
     published,
     rubber,
+    side_stress_of_the_linear_rule,
     sse,
 )
 
 from explicit.materials import LAWS
-from explicit.materials.mooneyrivlin import MooneyRivlin
 from explicit.materials.neohookean import NeoHookean
 from explicit.materials.ogden import Ogden1
-from explicit.materials.yeoh import ReducedPolynomial
 from kolsky.quasistatic.compare import candidates
 from kolsky.quasistatic.fits import FitOutcome, fit
 from kolsky.quasistatic.homogeneous import incompressible_stress
@@ -133,14 +134,6 @@ def test_the_second_invariant_is_needed_for_several_modes(name):
 
 # ---- tables of two papers ------------------------------------------------------------------
 
-THESIS = {
-    "reduced polynomial": (ReducedPolynomial(1404.9, 699.4), 2809.8, 8429.6, 0.99971),
-    "Mooney-Rivlin": (MooneyRivlin(624.3, 746.1), 2741.0, 8223.0, 0.99897),
-    "Ogden": (Ogden1(3225.9, 14.8), 3225.9, 9677.9, 0.99888),
-    "neo-Hookean": (NeoHookean(2.0 * 1461.6), 2923.2, 8769.6, 0.99875),
-}
-"""Constants and R^2 of the thesis' Table 3.3, mu_0 and E_0 of its Table 3.4 [Pa]."""
-
 
 def test_linear_limits_of_the_thesis_tables():
     for name, (law, mu, E, _) in THESIS.items():
@@ -157,21 +150,7 @@ def test_linear_limits_of_the_thesis_tables():
 
 
 def test_one_r_squared_of_the_thesis_is_impossible():
-    # 1 - R^2 is a squared distance of curves over that of the data from their mean. The laws' own distances
-    # are known from their constants, so by the triangle inequality each R^2 lies in an interval about that of
-    # the best law, whichever the data were. Compression by 10 mm of 70 mm.
-    lam = np.linspace(1.0, 1.0 - 10.0 / 70.0, 200)
-    curves = {name: incompressible_stress(row[0], Mode.UNIAXIAL, lam) for name, row in THESIS.items()}
-    best = curves["reduced polynomial"]
-    spread = np.linalg.norm(best - best.mean())
-    radius = np.sqrt(1.0 - THESIS["reduced polynomial"][3])
-    possible = {}
-    for name, curve in curves.items():
-        apart = np.linalg.norm(curve - best) / spread
-        # The data's spread differs from the best law's by `radius` at most, and R^2 is printed to 5e-6.
-        low, high = (max(abs(apart) - radius, 0.0) * (1 - radius), (apart + radius) * (1 + radius))
-        left = np.sqrt(1.0 - THESIS[name][3])
-        possible[name] = low - 2e-4 <= left <= high + 2e-4
+    possible = {name: low <= printed <= high for name, (printed, low, high, _) in left_by_r_squared().items()}
     assert possible == {
         "reduced polynomial": True,
         "Mooney-Rivlin": False,
@@ -203,26 +182,11 @@ def test_linear_limits_of_the_self_healing_rubber():
 
 def test_the_linear_rule_of_poisson_leaves_stress_on_free_sides():
     # Its fits take lam_t = 1 - nu e up to e = 1.3; the sides of a specimen carry no stress.
-    from explicit.materials.volumetric import VolumetricLaw
-    from kolsky.quasistatic.homogeneous import compressible_stress, free_stretch
-
-    law, volume = NeoHookean(0.218e6), VolumetricLaw(2.0 / 1.150e-6)
-    lam = 2.28
-    side = 1.0 - 0.44 * (lam - 1.0)
-    J = lam * side**2
-    b = (lam**2 + 2.0 * side**2) / 3.0
-    across = 0.218e6 * J ** (-5.0 / 3.0) * (side**2 - b) + float(
-        volume.pressure(J)
-    )  # Cauchy, the paper's Eq. (7)
-    along = 0.218e6 * J ** (-5.0 / 3.0) * (lam**2 - b) + float(volume.pressure(J))
-    true = (
-        compressible_stress(law, volume, Mode.UNIAXIAL, lam)
-        * lam
-        / (lam * free_stretch(law, volume, Mode.UNIAXIAL, lam) ** 2 * lam)
-    )
+    J, across, along, right = side_stress_of_the_linear_rule()
+    assert abs(J - 0.435) < 5e-4
     assert across < -1e6  # 1 MPa of suction where there is none, more than the stress along
-    assert abs(across) > abs(true)
-    assert along > 0.0
+    assert abs(across) > right > 0.0
+    assert abs(along - right) > 0.5 * right
 
 
 def test_drucker_of_the_thesis_laws_holds_as_it_says():

@@ -40,6 +40,9 @@ from kolsky.report.figures import (
     shape_residual,
     speckle_floor,
     speckle_overlay,
+    sweep_effects,
+    sweep_indices,
+    sweep_maps,
     trend_damping,
     trend_friction,
     trend_poisson,
@@ -60,6 +63,7 @@ __all__ = [
     "SENSITIVITY",
     "SPECKLES",
     "SURFACES",
+    "SWEEPS",
     "TRENDS",
     "WAVES",
     "FigureKind",
@@ -131,3 +135,7 @@ MATERIALS: dict[str, FigureKind[Any]] = {
 """Every figure of laws fitted to homogeneous tests, likewise."""
 SENSITIVITY: dict[str, FigureKind[Any]] = {sensitivity.KIND.name: sensitivity.KIND}
 """Every figure of a shot's global sensitivity, likewise."""
+SWEEPS: dict[str, FigureKind[Any]] = {
+    module.KIND.name: module.KIND for module in (sweep_maps, sweep_effects, sweep_indices)
+}
+"""Every figure of a design of experiments, likewise."""

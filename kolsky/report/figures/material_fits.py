@@ -41,7 +41,8 @@ def caption(comparison: Comparison) -> str:
 def draw(comparison: Comparison, panels: Panels) -> None:
     """Draw every test and the best laws."""
     for number, (mode, ax) in enumerate(zip(modes(comparison), panels.values(), strict=True)):
-        letter(ax, "abcd"[number])
+        if len(panels) > 1:
+            letter(ax, "abcd"[number])
         tests = [k for k, test in enumerate(comparison.tests) if test.mode is mode]
         factor, unit = stress_scale(
             max((comparison.tests[k].stress for k in tests), key=lambda s: abs(s).max())

@@ -45,7 +45,7 @@ def draw(comparison: Comparison, panels: Panels) -> None:
         ax.axvline(1.0, color=GREY, lw=0.5)
         ax.set_xscale("log")
         low, high = ax.get_xlim()
-        ticks = [t for t in (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0) if low <= t <= high]
+        ticks = [t for t in (0.1, 0.2, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0) if low <= t <= high]
         ax.set_xticks(ticks, [f"{t:g}" for t in ticks])
         ax.set_xticks([], minor=True)
         ax.set(xlabel="Stretch (–)", title=title, ylim=(0.3, len(rows) + 0.7))

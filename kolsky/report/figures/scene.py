@@ -39,7 +39,7 @@ def draw(result: Identification, panels: Panels) -> None:
     stage = stage_of(result)
     shown = chosen(len(stage.times), COUNT)
     images = np.stack([picture(stage, k, size=SIZE, bar=False) for k in shown])
-    rows, columns = ((images < 255).any(axis=axes).nonzero()[0] for axes in ((0, 2, 3), (0, 1, 3)))
+    rows, columns = (np.flatnonzero((images < 255).any(axis=axes)) for axes in ((0, 2, 3), (0, 1, 3)))
     cut = images[:, rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]  # without the empty margins
     axes = [panels[f"scene {column}"] for column in range(COUNT)]
     for ax in axes:

@@ -1,0 +1,55 @@
+"""How many runs the optimum on the surrogate's mesh takes, by second designs and by adaptive refinement.
+
+`python -m benchmarks.refinement SHOT --free NAME[=LOW:HIGH] ...` prints for each way the runs, the optimum
+and the misfit of a real run there.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from kolsky.coarse import adaptive, second_design
+from kolsky.misfit import predict
+from kolsky.objective import Objective
+from kolsky.options import ranges
+from kolsky.parameters import design_box
+from kolsky.prepare import prepare
+from kolsky.settings import Settings
+from kolsky.shots import load_shot
+from kolsky.stages import Stages
+
+WAYS = {"second designs": second_design, "adaptive refinement": adaptive}
+
+
+def main() -> None:
+    """Run both from the same first design."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("shot", type=Path)
+    parser.add_argument("--free", nargs="+", default=["stiffness_factor"])
+    given = parser.parse_args()
+    settings = Settings(free=ranges("--free", given.free))
+    box, prepared = design_box(settings.free), prepare(load_shot(given.shot))
+    objective = Objective(
+        prepared.observations, np.ones(len(prepared.observations.centre_line.Z), dtype=bool)
+    )
+    for name, way in WAYS.items():
+        stages, started = Stages(prepared, settings, box, lambda stage, done, total: None), perf_counter()
+        try:
+            found = way(stages, stages.simulate("design", stages.design(box), settings.numerics))
+        except ValueError as error:
+            print(f"{name:20s} {error}")
+            continue
+        seconds, runs = perf_counter() - started, len(stages.table.points)
+        values = dict(zip(box.names, found.x[:, None], strict=True))
+        there = predict(prepared.forward.run(values, settings.numerics), prepared.observations)
+        deviance = objective.deviance(objective.vectors(there))[0]
+        place = ", ".join(f"{parameter} = {value:.6g}" for parameter, value in box.as_dict(found.x).items())
+        print(f"{name:20s} {runs:4d} runs {seconds:6.1f} s  -2 ln L = {deviance:.1f} at {place}")
+
+
+if __name__ == "__main__":
+    main()

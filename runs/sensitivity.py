@@ -1,0 +1,49 @@
+"""Sobol' indices and Morris screening of a shot: `python runs/sensitivity.py [SHOT] [FOLDER] [POINTS]`.
+
+Over the box below, by the solver itself and on a checked surrogate: a picture into FOLDER (default:
+SHOT/results), a table on the terminal. POINTS of each sample, a power of two, are 512 if not given.
+"""
+
+import sys
+from pathlib import Path
+
+from doe import Box
+from kolsky.forward import Numerics
+from kolsky.globalsensitivity import global_sensitivity, screening, solver_sensitivity
+from kolsky.report.canvas import save_figures
+from kolsky.report.figures import SENSITIVITY
+from kolsky.shots import load_shot
+
+BOX = Box.of({"stiffness_factor": (1.0, 1.25), "poisson": (0.495, 0.4995), "damping": (1e-5, 1e-4)})
+COARSE = Numerics(mesh=(16, 22))  # indices are shares: a mesh that is too soft by 1 % does not change them
+
+shot = load_shot(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "open-01")
+folder = Path(sys.argv[2]) if len(sys.argv) > 2 else shot.folder / "results"
+n = int(sys.argv[3]) if len(sys.argv) > 3 else 512
+found = solver_sensitivity(shot, BOX, n=n, numerics=COARSE)
+checked = global_sensitivity(shot, BOX, runs=128, unseen=32, numerics=COARSE)
+save_figures(folder, found, formats=("svg",), registry=SENSITIVITY)
+
+for label, result in (("solver", found), ("surrogate", checked)):
+    print(f"by the {label}, {result.runs} runs: first and total index with its 95 % interval")
+    assert result.scalars is not None
+    s = result.scalars
+    for i, output in enumerate(s.outputs):
+        for j, name in enumerate(s.names):
+            low, high = s.total_interval[i, j]
+            print(
+                f"  {output:10} {name:16} {s.first[i, j]:6.2f} {s.total[i, j]:6.2f} {low:6.2f} to {high:.2f}"
+            )
+    for kind, history in (("force", result.force), ("outline", result.outline)):
+        if history is not None:
+            for j, name in enumerate(history.names):
+                first, total = history.aggregated_first[j], history.aggregated_total[j]
+                low, high = history.aggregated_total_interval[j]
+                print(f"  {kind:10} {name:16} {first:6.2f} {total:6.2f} {low:6.2f} to {high:.2f}")
+for name, why in checked.refused.items():
+    print(f"  {name}: {why}")
+outputs, effects = screening(shot, BOX, trajectories=20, numerics=COARSE)
+print("screening, 80 runs: mean size and scatter of the effects over the box's edges")
+for i, output in enumerate(outputs):
+    for j, name in enumerate(effects.names):
+        print(f"  {output:10} {name:16} {effects.size[i, j]:9.3g} {effects.scatter[i, j]:9.3g}")
