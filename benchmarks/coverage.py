@@ -149,8 +149,8 @@ def summary(study: Study, found: list[Found]) -> dict[str, Any]:
         shift = np.array([one.mesh_shift[name] for one in good])
         less = error + shift / ((study.refined_mesh[0] / study.mesh[0]) ** ORDER - 1.0)
         half = np.hypot(noise, 0.5 * ONE_SIDED * mesh)
-        within = [
-            one.profile[name][0] <= one.truth[name] <= one.profile[name][1]
+        within = [  # an open end is NaN, which nothing is beyond
+            not (one.truth[name] < one.profile[name][0] or one.truth[name] > one.profile[name][1])
             for one in good
             if name in one.profile
         ]

@@ -12,15 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import norm, qmc
 
+from doe.acquisition import Misfit, choose
 from doe.box import Box
 from doe.least_squares import BatchRun
 from doe.surrogates.process import ProcessSurrogate
 
 FloatArray = NDArray[np.float64]
-Misfit = Callable[[FloatArray], FloatArray]
-"""What is to be small, of responses [n, k], shape [n]: a deviance, i.e. minus twice a log-likelihood."""
 Locate = Callable[[ProcessSurrogate, Box, FloatArray], tuple[FloatArray, FloatArray]]
 """Optimum of a surrogate in a box, searched from a point, and its standard deviation; in parameter units,
 shape [d] each."""
@@ -41,14 +39,6 @@ PATIENCE = 2
 """Steps to smaller regions over which the error must fall: the first runs of a region are few."""
 REACH = 1.25
 """Runs up to this many half edges from the region's middle build its surrogate."""
-CANDIDATES = 96
-"""Points among which the new runs are chosen."""
-DRAWS = 8
-"""Responses drawn at each candidate, for the spread of its misfit."""
-BOUND = 2.0
-"""Standard deviations of the misfit below its mean that count as possible."""
-APART = 0.08
-"""Least distance of two new runs over the region's edge."""
 
 FACE = 1e-4
 """A coordinate this close to a face, as a share of the edge, lies on it."""
@@ -160,7 +150,7 @@ def refine(
     rounds: list[Round] = []
     converged = False
     for number in range(max_rounds):
-        new = _choose(surrogate, region, best, misfit, size, np.random.default_rng([rng, number]))
+        new = choose(surrogate, region, best, misfit, size, np.random.default_rng([rng, number]))
         given = np.asarray(run(new), dtype=np.float64)
         kept = np.asarray(np.isfinite(given).all(axis=1), dtype=np.bool_)
         x, y = np.concatenate([x, new[kept]]), np.concatenate([y, given[kept]])
@@ -238,51 +228,6 @@ def _about(
     )
     holding = Box(box.names, tuple(lower.tolist()), tuple(upper.tolist()), box.logarithmic)
     return ProcessSurrogate.fit(holding, x[near], y[near], scale=scale, like=like)
-
-
-def _choose(
-    surrogate: ProcessSurrogate,
-    region: Box,
-    best: FloatArray,
-    misfit: Misfit,
-    size: int,
-    rng: np.random.Generator,
-) -> FloatArray:
-    """The optimum, and the candidates with the lowest bound of the misfit, one after the other.
-
-    After each choice the surrogate is believed to have been right there, so that its error about the
-    point no longer counts (the kriging believer).
-    """
-    unit = np.concatenate([region.unit(best)[None], _candidates(region, best, rng)])
-    x = region.scale(unit)
-    draws = norm.ppf(qmc.Sobol(surrogate.n_components, rng=rng).random(DRAWS))
-    means = surrogate.scores(x)
-    chosen = [0]
-    while len(chosen) < size:
-        apart = np.abs(unit[:, None] - unit[chosen]).max(axis=2).min(axis=1) > APART
-        if not apart.any():
-            break
-        spread = surrogate.believing(x[chosen]).score_sigma(x[apart])
-        bound = _lower_bound(surrogate, means[apart], spread, draws, misfit)
-        chosen.append(int(np.flatnonzero(apart)[np.argmin(bound)]))
-    return x[chosen]
-
-
-def _candidates(region: Box, best: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Points of the unit region: half evenly spread, half about the optimum."""
-    d, half = region.dimension, CANDIDATES // 2
-    even = qmc.Sobol(d, rng=rng).random(2 ** int(np.ceil(np.log2(half))))
-    about = region.unit(best) + 0.2 * rng.standard_normal((half, d))
-    return np.concatenate([even, about[np.all((about >= 0.0) & (about <= 1.0), axis=1)]])
-
-
-def _lower_bound(
-    surrogate: ProcessSurrogate, means: FloatArray, spread: FloatArray, draws: FloatArray, misfit: Misfit
-) -> FloatArray:
-    """Mean less `BOUND` standard deviations of the misfit over drawn responses, shape [n]."""
-    scores = means + spread * draws[:, None, :]
-    values = np.stack([misfit(surrogate.components.expand(one)) for one in scores])
-    return np.asarray(values.mean(axis=0) - BOUND * values.std(axis=0))
 
 
 def _on_inner_face(x: FloatArray, region: Box, box: Box) -> bool:

@@ -355,7 +355,7 @@ def identify(
     mesh: Mesh = "24x32",
     refined_mesh: Annotated[
         str, typer.Option(metavar="NRxNY", help="The mesh the answer is given and checked on.")
-    ] = "48x64",
+    ] = "64x86",
     replicates: Annotated[
         int, typer.Option(min=0, help="Draws of the flyer's and the curve's noise; 0 leaves them out.")
     ] = 16,

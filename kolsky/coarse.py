@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from doe import Box, ResponseSurrogate, Surrogate, from_points
 from doe.refine import Refinement, refine
-from doe.surrogates import Fitness, ProcessSurrogate, SurrogateError, fitness
+from doe.surrogates import ProcessSurrogate, SurrogateError
+from doe.surrogates.quality import Fitness, fitness
 from kolsky.methods import AGREEMENT
 from kolsky.misfit import Prediction
 from kolsky.objective import Objective

@@ -76,6 +76,7 @@ def identify(
     stages = Stages(prepare(shot), settings, whole, progress or (lambda stage, done, total: None))
     first = search_coarse(stages)
     fine, coarse = check_refined(stages, first)
+    # The mesh's shift is from the optimum of the surrogate's own mesh, which the check may have left.
     return _report(shot, stages, replace(coarse, x=first.x), fine)
 
 

@@ -17,7 +17,7 @@ class Settings:
     """Parameters held at another value than the shot's."""
     numerics: Numerics = field(default_factory=Numerics)
     """The surrogate's mesh and the arithmetic."""
-    refined_mesh: tuple[int, int] = (48, 64)
+    refined_mesh: tuple[int, int] = (64, 86)
     """The mesh the answer is given on."""
     replicates: int = 16
     """Draws of the flyer's motion and of the curve, each; 0 leaves their noise out of the interval."""

@@ -7,7 +7,6 @@ from doe.surrogates.kernels import DEFAULT_KERNELS, Kernel, SurrogateError
 from doe.surrogates.pca import PrincipalComponents
 from doe.surrogates.process import ProcessSurrogate
 from doe.surrogates.protocol import Surrogate
-from doe.surrogates.quality import CurveErrors, Fitness, fitness, held_out, leave_one_out
 from doe.surrogates.rbf import Candidate, RadialBasis
 from doe.surrogates.response import ResponseSurrogate
 
@@ -23,8 +22,6 @@ __all__ = [
     "SURROGATES",
     "Candidate",
     "CostSurrogate",
-    "CurveErrors",
-    "Fitness",
     "Kernel",
     "PrincipalComponents",
     "ProcessSurrogate",
@@ -32,7 +29,4 @@ __all__ = [
     "ResponseSurrogate",
     "Surrogate",
     "SurrogateError",
-    "fitness",
-    "held_out",
-    "leave_one_out",
 ]

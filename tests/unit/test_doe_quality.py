@@ -5,8 +5,8 @@ import pytest
 from numpy.typing import NDArray
 
 from doe import Box, ResponseSurrogate, full_factorial, sobol
-from doe.surrogates import Fitness, Kernel, SurrogateError, fitness, held_out, leave_one_out
-from doe.surrogates.quality import nested
+from doe.surrogates import Kernel, SurrogateError
+from doe.surrogates.quality import Fitness, fitness, held_out, leave_one_out, nested
 
 FloatArray = NDArray[np.float64]
 BOX = Box(("x", "y"), (0.0, 1.0), (2.0, 3.0))

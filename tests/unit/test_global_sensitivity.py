@@ -36,17 +36,18 @@ def shot() -> Shot:
 
 @pytest.fixture(scope="module")
 def by_solver(shot: Shot) -> GlobalSensitivity:
-    return solver_sensitivity(shot, BOX, n=64, numerics=TINY)
+    return solver_sensitivity(shot, BOX, n=32, numerics=TINY)
 
 
 @pytest.fixture(scope="module")
 def by_surrogate(shot: Shot) -> GlobalSensitivity:
-    return global_sensitivity(shot, BOX, runs=60, unseen=16, n=64, numerics=TINY)
+    return global_sensitivity(shot, BOX, runs=60, unseen=16, n=32, numerics=TINY)
 
 
+@pytest.mark.slow
 def test_solver_and_surrogate_agree(by_solver, by_surrogate):
     assert by_solver.errors == {}
-    assert by_solver.runs == 64 * 4
+    assert by_solver.runs == 32 * 4
     assert by_surrogate.runs == 76
     theirs = by_surrogate.scalars
     assert theirs is not None
@@ -86,12 +87,14 @@ def test_damping_takes_away_the_ringing_not_the_start(by_solver):
     assert np.nanmean(by_damping[late]) > np.nanmean(by_damping[early])
 
 
+@pytest.mark.slow
 def test_a_surrogate_of_which_nothing_is_good_enough(shot, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(globalsensitivity, "LARGEST_ERROR", 1e-9)
     with pytest.raises(SurrogateError, match=r"force: the surrogate gets .* ask the solver"):
         global_sensitivity(shot, BOX, runs=12, unseen=8, n=64, numerics=TINY)
 
 
+@pytest.mark.slow
 def test_part_of_a_surrogate_can_be_good_enough(shot):
     narrow = Box.of({"stiffness_factor": (0.9, 1.3), "poisson": (0.495, 0.499)})
     found = global_sensitivity(shot, narrow, runs=40, unseen=16, n=64, numerics=TINY)

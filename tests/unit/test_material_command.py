@@ -152,7 +152,7 @@ def test_options_are_refused_in_one_line(tmp_path):
         (("--laws", "hooke"), "law 'hooke' is not one of neo_hookean"),
         (("--weighting", "log"), "it must be absolute, relative or sigma"),
         (("--weighting", "sigma"), "--weighting sigma needs tests with a scatter"),
-        (("--figures", "gif"), "pdf, svg or png"),
+        (("--figures", "gif"), "it must be pdf, svg, png"),
     ):
         done = run(*common, *arguments)
         assert done.exit_code == 2

@@ -242,6 +242,7 @@ def planned(tmp_path_factory: pytest.TempPathFactory):
     folder = tmp_path_factory.mktemp("plan") / "shot"
     shutil.copytree(OPEN_01, folder, ignore=shutil.ignore_patterns("results"))
     options = ["--mesh", "8x11", "--rates", "1,2", "--heights", "2", "--threads", "1", "--json"]
+    options += ["--figures", "svg"]
     result = runner.invoke(app, ["plan", str(folder), *options])
     assert result.exit_code == 0, result.stderr
     return folder / "results", json.loads(result.stdout)
@@ -274,9 +275,9 @@ def test_files_hold_the_map(planned):
     assert len(table) == 1 + np.prod(shape)
     assert table[0][:3] == ["time (s)", "y (m)", "Z (m)"]
     assert sorted(p.name for p in (folder / "figures").iterdir()) == [
-        "plan-choices.png",
-        "plan-information.png",
-        "plan-slopes.png",
+        "plan-choices.svg",
+        "plan-information.svg",
+        "plan-slopes.svg",
     ]
 
 
@@ -336,6 +337,7 @@ def test_wishes_replace_what_the_shot_has(tmp_path: Path):
     assert all(c["places"][0] >= 1e-3 for c in said["camera_heights"])
 
 
+@pytest.mark.slow
 def test_a_parameter_that_no_data_see_is_said(tmp_path: Path):
     # At such a coefficient all sticks, and a little more of it does nothing.
     options = ["--mesh", "4x6", "--rates", "1", "--heights", "1", "--threads", "1", "--discrepancy", "none"]
@@ -353,6 +355,7 @@ def test_a_parameter_that_no_data_see_is_said(tmp_path: Path):
     assert (tmp_path / "figures" / "plan-information.svg").exists()
 
 
+@pytest.mark.slow
 def test_a_plan_for_the_force_alone(tmp_path: Path):
     options = ["--mesh", "4x6", "--rates", "1", "--threads", "1", "--points", "0 1/mm", "--figures", "svg"]
     free = ["--free", "damping", "--window", "0.05 ms:0.5 ms", "--json"]
@@ -366,7 +369,8 @@ def test_a_plan_for_the_force_alone(tmp_path: Path):
 
 def test_the_force_s_scale_is_listed_apart():
     shot = classical_shot(0)  # between bars, without an outline, the force's scale uncertain
-    found = plan(shot, names=("stiffness_factor",), rates=(1.0,), numerics=TINY, discrepancy=(0.0, 0.0))
+    mesh = Numerics(mesh=(4, 4), threads=1)
+    found = plan(shot, names=("stiffness_factor",), rates=(1.0,), numerics=mesh, discrepancy=(0.0, 0.0))
     slopes = found.information.sensitivity
     J, F, gain = slopes.force_slope[0], slopes.force, shot.force.sigma_gain
     assert gain > 0.0

@@ -80,7 +80,12 @@ BRANCHES: dict[str, tuple[RateDependence, ...]] = {
     "creep": (BergstromBoyce(0.5, 3e3), BergstromBoyce(1.5, 1e3, exponent=3.0, chain_exponent=-0.6)),
 }
 """What relaxes within the window; one branch and two."""
-EVERY = pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+SLOW = ("fbar-prony", "fp32-prony", "fp32-fbar-creep")
+"""Cases whose kernels take long to compile and differ from others in precision or element alone."""
+EVERY = pytest.mark.parametrize(
+    "case",
+    [pytest.param(case, marks=[pytest.mark.slow] * (case.name in SLOW), id=case.name) for case in CASES],
+)
 
 
 def ramp(depth: float, late: float) -> PlatenMotion:

@@ -112,7 +112,8 @@ noise. The baseline is made of these tests in two ways, and the shot identified 
 
 As if frictionless the stress is {raw.min():.0f} to {raw.max():.0f} % too large, at small strain by the
 {raw[0]:.0f} % of a bonded cylinder, and m comes out {100 * (1 - wrong.value / good.value):.0f} % too
-small: a material that stiffens with the rate would be reported as one that softens. Analysed as bonded the stress is within {np.abs(right).max():.1f} % of the
+small: a material that stiffens with the rate would be reported as one that softens.
+Analysed as bonded the stress is within {np.abs(right).max():.1f} % of the
 truth and m where it belongs.
 
 Five specimens that differ by 2.4 % leave 1.06 % in their mean, and 1.5 % with Student's factor for four

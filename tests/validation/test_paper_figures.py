@@ -15,6 +15,8 @@ from kolsky.shots import load_shot
 from kolsky.simulate import simulate
 from kolsky.trends import Trends, trends
 
+pytestmark = pytest.mark.slow
+
 SHOT = Path(__file__).resolve().parents[2] / "runs" / "open-01"
 COARSE = Numerics(mesh=(12, 16), threads=1)
 
@@ -83,7 +85,6 @@ def test_figures_are_drawn(found: Trends, name: str):
     assert TRENDS[name].caption(found).endswith(".")
 
 
-@pytest.mark.slow
 def test_the_script(tmp_path: Path):
     script = SHOT.parent / "paper_figures.py"
     command = [sys.executable, str(script), str(SHOT), str(tmp_path)]

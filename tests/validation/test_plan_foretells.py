@@ -13,6 +13,8 @@ from kolsky.prepare import prepare
 from kolsky.settings import Settings
 from kolsky.shots import load_shot
 
+pytestmark = pytest.mark.slow
+
 SHOT = Path(__file__).resolve().parents[2] / "runs" / "open-01"
 MESH = Numerics(mesh=(24, 32), threads=1)
 JOINT = ("stiffness_factor", "damping")
@@ -32,7 +34,6 @@ def report(label: str, expected: float, sigma: float) -> None:
     print(f"{label}: expected {expected:.3g}, found {sigma:.3g}, ratio {expected / sigma:.2f}")
 
 
-@pytest.mark.slow
 def test_the_stiffness_alone():
     expected = foretold("stiffness_factor").expected["all"].deviations[0]
     sigma = found({"stiffness_factor": (0.75, 1.5)})["stiffness_factor"]
@@ -41,7 +42,6 @@ def test_the_stiffness_alone():
     assert 0.5 < expected / sigma < 2.0
 
 
-@pytest.mark.slow
 def test_stiffness_and_damping_together():
     planned = foretold(*JOINT)
     expected = planned.expected["all"]
