@@ -31,7 +31,7 @@ def report(shot: Path, *, out: Path | None, formats: Sequence[str], as_json: boo
     Raises
     ------
     InputError
-        If the shot or its result cannot be used, or the result belongs to other files than those in the folder.
+        If the shot or its result cannot be used, or the result belongs to other files than the shot's.
     """
     started = perf_counter()
     for name in formats:

@@ -58,9 +58,7 @@ def _window(result: Identification) -> list[dict[str, Any]]:
     rows = []
     if len(window := result.provenance.get("window_s", [])) == 2:
         end = f"{numbers.rounded(1e3 * float(window[1]), -3)} ms"
-        rows.append(
-            _row(result, "end of the window", end, {}, f"{NOT_VARIED}: set window.end, identify again")
-        )
+        rows.append(_row(result, "end of the window", end, {}, f"{NOT_VARIED}: set window.end and try"))
     if c.force_time.size > 1:
         width = 1e6 * float(c.force_time[1] - c.force_time[0])
         taken = f"{c.force_time.size} means over {numbers.plain(width, 3)} µs"

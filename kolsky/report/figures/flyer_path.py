@@ -24,8 +24,8 @@ def caption(shown: Recorded) -> str:
             "measured and fitted with ±2σ, (c) measured minus fitted velocity. Blue: the window."
         )
     return (
-        "Flyer. (a) Displacement toward the specimen at the frames and fitted path, (b) the path's velocity with "
-        "±2σ, (c) measured minus fitted displacement with the ±2σ of the noise. Blue: the window."
+        "Flyer. (a) Displacement toward the specimen at the frames and fitted path, (b) the path’s velocity "
+        "with ±2σ, (c) measured minus fitted displacement with the ±2σ of the noise. Blue: the window."
     )
 
 
@@ -39,7 +39,6 @@ def draw(shown: Recorded, panels: Panels) -> None:
             ax.axvline(MS * shown.symmetry_end, color=GREY, lw=0.8, ls=":", label="end of symmetry")
         letter(ax, {"displacement": "a", "velocity": "b", "residual": "c"}[name])
     time, frames = MS * motion.time, MS * motion.measured_time
-    dots = {"fmt": "o", "ms": 1.4, "mew": 0.0, "color": MEASURED, "elinewidth": 0.4}
     ax, low = panels["velocity"], panels["residual"]
     band = 2.0 * motion.velocity_sigma
     ax.fill_between(time, motion.velocity - band, motion.velocity + band, color=MODEL, alpha=0.35, lw=0.0)
@@ -49,7 +48,17 @@ def draw(shown: Recorded, panels: Panels) -> None:
     ax.set_ylabel("Velocity (m/s)")
     ax = panels["displacement"]
     if not motion.is_velocity:
-        ax.errorbar(frames, MM * motion.measured, yerr=2.0 * MM * motion.sigma, label="measured", **dots)
+        ax.errorbar(
+            frames,
+            MM * motion.measured,
+            yerr=2.0 * MM * motion.sigma,
+            fmt="o",
+            ms=1.4,
+            mew=0.0,
+            color=MEASURED,
+            elinewidth=0.4,
+            label="measured",
+        )
     ax.plot(time, MM * motion.position, color=MODEL, label="fitted")
     ax.set_ylabel("Displacement (mm)")
     ax.legend(loc="upper left")

@@ -8,12 +8,12 @@ def caption(shown: Recorded) -> str:
     """What is seen."""
     if shown.baseline is None:
         return (
-            "Force on the specimen from the waves in the transmission bar, every sample; blue: the window that "
-            "is simulated and compared. Compression is positive."
+            "Force on the specimen from the waves in the transmission bar, every sample; blue: the window "
+            "that is simulated and compared. Compression is positive."
         )
     return (
-        "Force channel as recorded, every sample, on the shot's clock; orange: the baseline, which gives zero "
-        "(dashed) and noise; blue: the window that is simulated and compared."
+        "Force channel as recorded, every sample, on the shot’s clock; orange: the baseline, which gives "
+        "zero (dashed) and noise; blue: the window that is simulated and compared."
     )
 
 
