@@ -25,7 +25,7 @@ NUMERICAL = "the error of mesh and step"
 UNDECLARED = "not declared, counted as exact"
 """`Declaration.status` of an input that could be declared."""
 LEAST = 0.02
-"""Smallest share of the variance that is told: below it U changes by less than its last digit."""
+"""Smallest share of the variance that is told."""
 
 
 def changes(result: Identification) -> list[str]:
@@ -60,7 +60,7 @@ def _halved(result: Identification, estimate: Estimate) -> list[str]:
     if not isclose(sqrt(sum(sigma**2 for sigma in named.values())), total, rel_tol=0.02):
         return []
     symbol = name_of(estimate.name, estimate.unit).symbol
-    now = numbers.measured(estimate.value, 2.0 * total)[1]
+    now = numbers.like(2.0 * total, 2.0 * total)
     unit = "" if estimate.unit == "1" else f" {estimate.unit}"
     lines = []
     for words, sigma in named.items():
@@ -68,8 +68,9 @@ def _halved(result: Identification, estimate: Estimate) -> list[str]:
         if share < LEAST:
             continue
         half = 2.0 * sqrt(total**2 - 0.75 * sigma**2)
-        # In the digits of the present U, so that the two can be compared.
-        then = numbers.part(half, 2.0 * total)
+        then = numbers.like(half, 2.0 * total)  # in the digits of the present U: the two are compared
+        if then == now:
+            continue
         lines.append(
             f"Halving {words} would bring U of {symbol} from {now} to {then}{unit} "
             f"({numbers.percent(share)} of the variance)"
