@@ -160,7 +160,8 @@ def _disagreement(result: Identification) -> Iterator[str]:
                 else "; more runs would hardly help, because the response is rough: shrink the bounds"
             )
         yield (
-            f"the check run on the refined mesh does not confirm the surrogate{by}; do not use the value{cure}"
+            f"the check run on the refined mesh does not confirm the surrogate{by}; do not use the "
+            f"value{cure}"
         )
 
 
