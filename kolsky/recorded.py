@@ -11,7 +11,7 @@ from kolsky.errors import InputError
 from kolsky.flyer import fit_flyer
 from kolsky.flyerpath import FlyerPath
 from kolsky.records import FloatArray, FlyerMotion
-from kolsky.shots import Shot, find_shot_file, is_bar_driven
+from kolsky.shots import Shot, find_shot_file
 from kolsky.shottoml import read_shot_toml
 from kolsky.waves.frontpath import front_path
 
@@ -120,7 +120,8 @@ def recorded(shot: Shot, source: Path, folder: Path) -> Recorded:
         window=shot.window,
         symmetry_end=shot.symmetry_end,
         motion=_motion(shot),
-        **_surface(source, folder),
+        # Where bars are the only instruments there are no pictures.
+        **(_surface(source, folder) if isinstance(shot.flyer, FlyerMotion) else {}),
     )
 
 
@@ -179,8 +180,6 @@ def _motion(shot: Shot) -> MotionShown:
 
 def _surface(source: Path, folder: Path) -> dict[str, Any]:
     """The numbers of the stereo result, for a shot that was measured from its pictures."""
-    if is_bar_driven(source):
-        return {}
     declared = read_shot_toml(find_shot_file(source)).declared
     from_files = declared.surface is not None or (
         declared.flyer is not None and declared.centre_line is not None

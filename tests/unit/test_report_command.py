@@ -9,6 +9,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from barrecord import classical_shot
 from synthetic import synthetic
 from test_cli_new_check import OPEN_01
 from test_commands import shot_in
@@ -20,9 +21,11 @@ from kolsky.knowledge.records import Declaration, ParameterProfile
 from kolsky.methods import Method
 from kolsky.recorded import Recorded, recorded, recording_facts
 from kolsky.report import numbers
+from kolsky.report.canvas import build
 from kolsky.report.changes import changes, parts
 from kolsky.report.choices import choices
 from kolsky.report.figures import RECORDINGS
+from kolsky.report.labels import label
 from kolsky.report.nomenclature import in_words, short
 from kolsky.report.page import render
 from kolsky.report.rendering import HEADING, LONGEST, legible
@@ -305,10 +308,41 @@ def test_recordings_are_those_of_the_files(seen: Recorded) -> None:
     assert seen.surface == {}
 
 
-@pytest.mark.parametrize("name", RECORDINGS)
-def test_figures_of_recordings_have_units(name: str, seen: Recorded) -> None:
-    from kolsky.report.canvas import build
+def test_bars_alone_show_the_velocity_of_the_face() -> None:
+    shot = classical_shot(0)
+    motion = recorded(shot, Path("none"), Path("none")).motion
+    assert motion.is_velocity
+    later = np.isfinite(motion.residual)
+    assert later.any()
+    # White noise of the declared size, of which the path takes up some.
+    assert 0.5 < np.sqrt(np.mean(motion.residual[later] ** 2)) / motion.sigma[0] < 1.2
+    facts = recording_facts(shot)
+    assert facts["force_from"] == "waves in the transmission bar"
+    assert facts["window_end_s"] == shot.window[1]
 
-    for ax in build(RECORDINGS[name], seen).axes:
+
+@pytest.mark.parametrize("bars", [False, True])
+@pytest.mark.parametrize("name", RECORDINGS)
+def test_figures_of_recordings_have_units(name: str, bars: bool, seen: Recorded) -> None:
+    shown = recorded(classical_shot(0), Path("none"), Path("none")) if bars else seen
+    for ax in build(RECORDINGS[name], shown).axes:
         assert re.fullmatch(r".+ \([^()]+\)", ax.get_ylabel())
-    assert RECORDINGS[name].caption(seen).endswith(".")
+    assert RECORDINGS[name].caption(shown).endswith(".")
+
+
+@pytest.mark.usefixtures("no_old_figures")
+def test_every_recording_fact_has_words(seen: Recorded) -> None:
+    facts = recording_facts(load_shot(OPEN_01)) | recording_facts(classical_shot(0))
+    assert not [key for key in facts if label(f"recordings.{key}") == f"recordings.{key}"]
+
+
+@pytest.mark.usefixtures("no_old_figures")
+def test_surfaces_are_shown_and_linked(seen: Recorded) -> None:
+    shown = replace(
+        seen, surface={"points": "2000, 1990 alive"}, surface_file="dic.h5", surface_page="dic.html"
+    )
+    html = render(synthetic(), shown)
+    assert "2000, 1990 alive" in html
+    assert '<a href="dic.html">' in html
+    assert "<a href" not in render(synthetic(), replace(shown, surface_page=""))
+    assert 'id="surface"' not in render(synthetic(), seen)
