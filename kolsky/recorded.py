@@ -121,7 +121,7 @@ def recorded(shot: Shot, source: Path, folder: Path) -> Recorded:
         symmetry_end=shot.symmetry_end,
         motion=_motion(shot),
         # Where bars are the only instruments there are no pictures.
-        **(_surface(source, folder) if isinstance(shot.flyer, FlyerMotion) else {}),
+        **(surface_of(source, folder) if isinstance(shot.flyer, FlyerMotion) else {}),
     )
 
 
@@ -178,7 +178,7 @@ def _motion(shot: Shot) -> MotionShown:
     )
 
 
-def _surface(source: Path, folder: Path) -> dict[str, Any]:
+def surface_of(source: Path, folder: Path) -> dict[str, Any]:
     """The numbers of the stereo result, for a shot that was measured from its pictures."""
     declared = read_shot_toml(find_shot_file(source)).declared
     from_files = declared.surface is not None or (
@@ -193,6 +193,7 @@ def _surface(source: Path, folder: Path) -> dict[str, Any]:
     try:
         rows = printed(read_result(folder / RESULT_FILE))
     except ResultFileError as error:
-        raise InputError(folder / RESULT_FILE, str(error), cure="run `kolsky dic` again") from None
+        cause = str(error).removeprefix(f"{folder / RESULT_FILE}: ")
+        raise InputError(folder / RESULT_FILE, cause, cure="run `kolsky dic` again") from None
     page = DIC_PAGE if (folder / DIC_PAGE).is_file() else ""
     return {"surface": rows, "surface_file": RESULT_FILE, "surface_page": page}

@@ -11,15 +11,19 @@ import numpy as np
 import pytest
 from barrecord import classical_shot
 from synthetic import synthetic
+from synthetic_dic import synthetic_result
 from test_cli_new_check import OPEN_01
 from test_commands import shot_in
 from typer.testing import CliRunner
 
+from dic.output import write_result
 from explicit import Response
 from kolsky.cli import app
+from kolsky.dicsummary import printed
+from kolsky.errors import InputError
 from kolsky.knowledge.records import Declaration, ParameterProfile
 from kolsky.methods import Method
-from kolsky.recorded import Recorded, recorded, recording_facts
+from kolsky.recorded import Recorded, recorded, recording_facts, surface_of
 from kolsky.report import numbers
 from kolsky.report.canvas import build
 from kolsky.report.changes import changes, parts
@@ -34,6 +38,30 @@ from kolsky.results_write import write_identification
 from kolsky.shots import load_shot
 
 runner = CliRunner()
+PICTURED = """
+[pictures]
+camera_0 = { file = "cam0.tif", crop_offset = [192, 192] }
+camera_1 = { file = "cam1.tif", crop_offset = [192, 192] }
+bits = 12
+
+[calibration]
+camera_0 = "calibration/cam0_*.png"
+camera_1 = "calibration/cam1_*.png"
+distortion = "k1"
+
+[calibration.target]
+kind = "fiducial_dots"
+columns = 14
+rows = 10
+pitch = "1.2 mm"
+diameter = "0.6 mm"
+hollow = [[2, 2], [11, 2], [2, 7]]
+
+[dic]
+flyer_side = "up"
+strip_half_width = "0.6 mm"
+"""
+"""What stands in place of the exports in the file of a shot with pictures."""
 EVIL = "<script>alert(1)</script>"
 
 
@@ -334,6 +362,24 @@ def test_figures_of_recordings_have_units(name: str, bars: bool, seen: Recorded)
 def test_every_recording_fact_has_words(seen: Recorded) -> None:
     facts = recording_facts(load_shot(OPEN_01)) | recording_facts(classical_shot(0))
     assert not [key for key in facts if label(f"recordings.{key}") == f"recordings.{key}"]
+
+
+def test_the_surface_is_that_of_the_results_folder(tmp_path: Path) -> None:
+    text = (OPEN_01 / "shot.toml").read_text(encoding="utf-8")
+    for name in ("flyer", "centre_line"):
+        text = re.sub(rf"(?ms)^\[{name}\].*?(?=^\[)", "", text)
+    (tmp_path / "shot.toml").write_text(text + PICTURED, encoding="utf-8")
+    made = synthetic_result()
+    write_result(tmp_path / "dic.h5", made, key="any")
+    shown = surface_of(tmp_path, tmp_path)
+    assert shown["surface"] == printed(made)
+    assert (shown["surface_file"], shown["surface_page"]) == ("dic.h5", "")
+    (tmp_path / "dic.html").touch()
+    assert surface_of(tmp_path, tmp_path)["surface_page"] == "dic.html"
+    (tmp_path / "dic.h5").write_bytes(b"no such thing")
+    with pytest.raises(InputError, match="kolsky dic"):
+        surface_of(tmp_path, tmp_path)
+    assert surface_of(OPEN_01, tmp_path) == {}  # measured by others: no pictures were correlated
 
 
 @pytest.mark.usefixtures("no_old_figures")
