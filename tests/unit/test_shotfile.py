@@ -204,7 +204,10 @@ REFUSED = [
         "format = 1",
         "format = 1\ncolour = 'red'",
         "colour",
-        ["is not a known key; the keys here are format, name, material, group, rig, specimen,", "Cure: remove it"],
+        [
+            "is not a known key; the keys here are format, name, material, group, rig, specimen,",
+            "Cure: remove it",
+        ],
     ),
 ]
 
