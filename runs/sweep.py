@@ -33,9 +33,9 @@ save_figures(folder / "figures", looked_at, formats=("pdf",), registry=SWEEPS)
 
 print(f"{result.shot}: {len(result.table.outcomes)} runs, {len(result.table.lost)} of them lost")
 for name, output in looked_at.outputs.items():
-    print(f"  {name}: {output.refused or f'interpolant off by {output.error:.1%} of the scatter of the runs'}")
+    print(f"  {name}: {output.refused or f'interpolant off by {output.error:.1%} of the scatter'}")
 if looked_at.indices is not None:
-    shares = looked_at.indices
-    for i, name in enumerate(shares.outputs):
-        for j, parameter in enumerate(shares.names):
-            print(f"  {name:10} {parameter:16} {shares.first[i, j]:5.2f} first, {shares.total[i, j]:5.2f} total")
+    s = looked_at.indices
+    for i, name in enumerate(s.outputs):
+        for j, parameter in enumerate(s.names):
+            print(f"  {name:6} {parameter:16} {s.first[i, j]:5.2f} first, {s.total[i, j]:5.2f} total")

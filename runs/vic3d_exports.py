@@ -1,9 +1,9 @@
 """Exports like VIC-3D's, to try `[surface]` with: `python runs/vic3d_exports.py FOLDER [SHOT]`.
 
-One file a frame, of nine points on the centre line that ride with the outline of the shot (open-01 if none is
-given), in a frame whose Y points down, 2 mm above the platen's face: as a rig that hangs upside down has it. A
-point above or below the measured part of the outline is lost, with a negative sigma, as VIC-3D marks it. The
-rest of the shot is copied.
+One file a frame, of nine points on the centre line that ride with the outline of the shot (open-01 if none
+is given), in a frame whose Y points down and begins 2 mm above the transmission platen's face. A point above
+or below the measured part of the outline is lost, with a negative sigma, as VIC-3D marks it. The rest of the
+shot is copied.
 """
 
 import csv
