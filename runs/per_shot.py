@@ -1,9 +1,12 @@
-"""A laboratory's per-shot script: `python runs/per_shot.py [SHOT]`."""
+"""A laboratory's per-shot script: `python runs/per_shot.py [SHOT [MESH REFINED_MESH]]`, meshes as 24x32."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+from kolsky.forward import Numerics
 from kolsky.identify import identify
+from kolsky.options import mesh
 from kolsky.report import write_report
 from kolsky.results_text import write_csv
 from kolsky.results_write import write_identification
@@ -11,7 +14,11 @@ from kolsky.settings import Settings
 from kolsky.shots import load_shot
 
 shot = load_shot(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "open-01")
-result = identify(shot, Settings(free={"stiffness_factor": (0.75, 1.5)}))
+settings = Settings(free={"stiffness_factor": (0.75, 1.5)})
+if len(sys.argv) > 3:
+    coarse, refined = (mesh("a mesh", word) for word in sys.argv[2:4])
+    settings = replace(settings, numerics=Numerics(mesh=coarse), refined_mesh=refined)
+result = identify(shot, settings)
 folder = shot.folder / "results"
 folder.mkdir(exist_ok=True)
 write_identification(folder / "identification.h5", result)
