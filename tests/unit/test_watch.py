@@ -53,7 +53,7 @@ def same(a: Response, b: Response, i: int, j: int) -> bool:
     arrays = [(getattr(one, name), getattr(other, name)) for name in vars(one) if name != "energy"]
     arrays += [(value, getattr(other.energy, name)) for name, value in vars(one.energy).items()]
     pairs = [(x, y) for x, y in arrays if isinstance(x, np.ndarray)]
-    assert len(pairs) == 23
+    assert len(pairs) == 24
     return one.outcomes == other.outcomes and all(
         np.array_equal(x, y, equal_nan=x.dtype.kind == "f") for x, y in pairs
     )
