@@ -36,7 +36,7 @@ class Constraint:
     ----------
     text
         Such as "friction * damping < 1e-5"; chains as "0.1 < friction < stiffness_factor" are allowed.
-        Nothing but + - * / **, brackets, numbers and names: it is read, not run.
+        Nothing but ``+ - * / **``, brackets, numbers and names: it is read, not run.
     names
         The parameters that may stand in it.
 

