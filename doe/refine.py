@@ -133,7 +133,7 @@ def refine(
     ------
     ValueError
         If `batch` or `max_rounds` is below 1, `edge` outside (0, 1], or shapes do not match.
-    doe.surrogates.SurrogateError
+    doe.surrogates.kernels.SurrogateError
         If the runs do not carry a surrogate.
     """
     size = 2 * box.dimension + 2 if batch is None else batch

@@ -165,7 +165,7 @@ def global_sensitivity(
     ------
     ValueError
         If a run does not complete, a parameter is unknown or outside its range.
-    doe.surrogates.SurrogateError
+    doe.surrogates.kernels.SurrogateError
         If the surrogate cannot be built, or nothing of it is good enough; the message says what to do.
     """
     prepared = prepare(shot)
