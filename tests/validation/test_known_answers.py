@@ -97,8 +97,8 @@ def test_the_only_warning_is_the_end_of_the_curve(case: tuple[Shot, Identificati
     rest = [text for text in found.warnings if text not in chance]
     assert len(rest) == past
     assert all("strained past the quasi-static curve" in text for text in rest)
-    # Force and shape lie further apart than k = 2 in one good shot of twenty, and of two in one of ten; open-02
-    # is at 2.04. Beyond k = 3 it would be no chance.
+    # Force and shape lie further apart than k = 2 in one good shot of twenty, one of two in one of ten;
+    # open-02 is at 2.04. Beyond k = 3 it would be no chance.
     routes = {route.name: route for route in found.routes}
     a, b = (routes[name].parameters["stiffness_factor"] for name in ("force only", "shape only"))
     e = found.estimates["stiffness_factor"]
