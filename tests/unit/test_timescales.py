@@ -8,8 +8,11 @@ import pytest
 from explicit.materials import neo_hookean
 from explicit.relaxation import PronySeries
 from kolsky.quasistatic.rate_evidence import DynamicTest, HistoryTest, RateModel
-from kolsky.quasistatic.timescales import apparent_moduli, dynamic_modulus, fitted_modulus
+from kolsky.quasistatic.timescales import ApparentModuli, apparent_moduli, dynamic_modulus, fitted_modulus
 from kolsky.quasistatic.viscoelastic import fit_prony
+from kolsky.report.canvas import build
+from kolsky.report.figures import MODULI
+from kolsky.report.figures.rate_moduli import TimeScales
 
 LAW, YOUNG = neo_hookean(20e3), 60e3
 MODEL = RateModel(1.1, PronySeries((0.4,), (0.05,)))
@@ -77,3 +80,26 @@ def test_what_has_no_age_is_refused() -> None:
         apparent_moduli(tiny)
     with pytest.raises(ValueError, match="duration must be > 0"):
         dynamic_modulus(factor=1.0, sigma_factor=0.1, young=1.0, strain=-0.5, duration=0.0, label="x")
+
+
+def test_every_kind_of_test_stands_on_one_axis() -> None:
+    step = relaxed(0.8)
+    omega = np.array([1.0, 100.0])
+    dynamic = DynamicTest(omega, np.array([6e4, 7e4]), omega, np.ones(2), np.ones(2))
+    shot = dynamic_modulus(
+        factor=1.1, sigma_factor=0.01, young=YOUNG, strain=-0.6, duration=1e-3, label="shot"
+    )
+    fit, age = fit_prony(LAW, [step], 1), np.geomspace(1e-3, 1.0, 20)
+    shown = TimeScales(
+        (apparent_moduli(step), apparent_moduli(dynamic), shot),
+        ApparentModuli("fitted", age, np.zeros(20), *fitted_modulus(fit, YOUNG, age)),
+    )
+    kind = MODULI["rate-moduli"]
+    assert kind.applies(shown)
+    assert not kind.applies(TimeScales(()))
+    (ax,) = build(kind, shown).axes
+    assert ax.get_xscale() == "log"
+    assert len(ax.containers) == 3
+    drawn = ax.containers[2].lines[0]
+    assert float(drawn.get_xdata()[0]) == shot.age[0]
+    assert float(drawn.get_ydata()[0]) == pytest.approx(1e-3 * shot.modulus[0])

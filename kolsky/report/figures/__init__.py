@@ -32,6 +32,7 @@ from kolsky.report.figures import (
     profiles,
     rate_equal_strain,
     rate_forest,
+    rate_moduli,
     rate_slope,
     rate_stiffness,
     raw_signals,
@@ -146,3 +147,5 @@ SWEEPS: dict[str, FigureKind[Any]] = {
     module.KIND.name: module.KIND for module in (sweep_maps, sweep_effects, sweep_indices)
 }
 """Every figure of a design of experiments, likewise."""
+MODULI: dict[str, FigureKind[Any]] = {rate_moduli.KIND.name: rate_moduli.KIND}
+"""Moduli of tests of every kind on one axis of time, likewise."""
