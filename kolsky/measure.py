@@ -21,9 +21,9 @@ from dic.outcome import FrameOutcome
 from dic.output import ResultFileError, read_result, stored_key, write_result
 from dic.result import StereoResult
 from dic.tracking import Tracking
+from kolsky.commands.outfolder import filling
 from kolsky.errors import InputError
 from kolsky.flightreport import FlightOfSpecimen, add_to, flight_of
-from kolsky.outfolder import filling
 from kolsky.pictures import Seen
 from kolsky.records import CentreLine, FlyerMotion
 from kolsky.rig import calibrated

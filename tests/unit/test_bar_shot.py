@@ -8,11 +8,11 @@ import pytest
 from barrecord import ARRIVAL, END, FACTOR, SCALE, SPECIMEN, base, classical_shot, gauges, record, truth
 
 from kolsky.barshot import bar_force, driven_by_waves
+from kolsky.commands.printed import answer, details
 from kolsky.forward import Numerics
 from kolsky.identification import Verdict
 from kolsky.identify import identify
 from kolsky.prepare import prepare
-from kolsky.printed import answer, details
 from kolsky.records import CentreLine
 from kolsky.report.page import render
 from kolsky.results_read import read_identification

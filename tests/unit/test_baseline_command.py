@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from kolsky.baselinecommand import curve_table
 from kolsky.cli import app
+from kolsky.commands.baseline import curve_table
 from kolsky.curvefile import conditioned_ratio, with_pull
 from kolsky.shots import load_shot
 

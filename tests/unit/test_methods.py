@@ -9,9 +9,9 @@ from synthetic import CHECKS, synthetic
 
 from kolsky.apparatus import Interface
 from kolsky.cautions import cautions
+from kolsky.commands.printed import details
 from kolsky.identification import Identification
 from kolsky.methods import AGREEMENT, LEAST_SQUARES, SIMPLEX, Method, disagreements
-from kolsky.printed import details
 from kolsky.report.numbers import NOTHING
 from kolsky.report.page import render
 from kolsky.results_read import read_identification

@@ -1,11 +1,11 @@
-"""The options of `kolsky material baseline`; its body is in `kolsky.baselinecommand`."""
+"""The options of `kolsky material baseline`; its body is in `kolsky.commands.baseline`."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from kolsky.clitypes import AsJson, refusing_bad_input
+from kolsky.cli.shared import AsJson, refusing_bad_input
 
 Column = typer.Option(metavar="COLUMN", help="By name or number.", show_default=False)
 
@@ -89,7 +89,7 @@ def baseline(
         "bulge": bulge,
     }
     with refusing_bad_input():
-        from kolsky.baselinecommand import Given, make_baseline
+        from kolsky.commands.baseline import Given, make_baseline
 
         make_baseline(
             Given(

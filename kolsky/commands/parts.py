@@ -12,9 +12,9 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from kolsky import options, printed
+from kolsky.commands import options, printed
+from kolsky.commands.outfolder import usable_folder
 from kolsky.errors import InputError
-from kolsky.outfolder import usable_folder
 from kolsky.pictures import Seen
 from kolsky.progress import bars
 from kolsky.shots import Measured, Shot, folder_of, load_shot

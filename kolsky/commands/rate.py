@@ -5,11 +5,11 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from kolsky import options
-from kolsky.commandparts import tell
+from kolsky.commands import options
+from kolsky.commands.outfolder import filling, usable_folder
+from kolsky.commands.parts import tell
+from kolsky.commands.printed import plain
 from kolsky.errors import InputError
-from kolsky.outfolder import filling, usable_folder
-from kolsky.printed import plain
 from kolsky.progress import bars
 from kolsky.rates.collect import collected_shot, declarations, group_key, group_of, result_of
 from kolsky.rates.compare import compare
@@ -127,7 +127,7 @@ def _identified(shot: Path, progress: Any) -> Any:
     """How a shot without a result gets one, with the files that `kolsky identify` writes."""
 
     def identify(loaded: Shot) -> Any:
-        from kolsky.commands import write_identified
+        from kolsky.commands.identify import write_identified
         from kolsky.identify import identify as inverse
 
         folder = usable_folder(result_of(shot).parent)

@@ -5,19 +5,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
 
-from kolsky import options
 from kolsky.atomic import replacing
-from kolsky.commandparts import since, tell
+from kolsky.commands import options
+from kolsky.commands.materialfiles import Columns, read_tests
+from kolsky.commands.outfolder import filling, usable_folder
+from kolsky.commands.parts import since, tell
 from kolsky.csvtable import write_table
 from kolsky.errors import InputError
-from kolsky.materialfiles import Columns, read_tests
-from kolsky.materialtables import as_json as to_json
-from kolsky.materialtables import failure, tables
-from kolsky.outfolder import filling, usable_folder
 from kolsky.progress import bars
 from kolsky.quasistatic.compare import Comparison, candidates, compare
 from kolsky.quasistatic.fits import FitOutcome
 from kolsky.quasistatic.residuals import Weighting
+from kolsky.quasistatic.tables import as_json as to_json
+from kolsky.quasistatic.tables import failure, tables
 
 __all__ = ["Columns", "fit_laws"]
 
@@ -45,7 +45,7 @@ def fit_laws(
     Parameters
     ----------
     files, columns, mean
-        See `kolsky.materialfiles.read_tests`.
+        See `kolsky.commands.materialfiles.read_tests`.
     laws
         Names of laws, all if there are none.
     weighting, bounded, poisson, starts, seed

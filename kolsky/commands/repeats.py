@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from kolsky import options
-from kolsky.commandparts import tell
+from kolsky.commands import options
+from kolsky.commands.outfolder import filling, usable_folder
+from kolsky.commands.parts import tell
 from kolsky.csvtable import write_table
 from kolsky.errors import InputError
-from kolsky.outfolder import filling, usable_folder
 from kolsky.progress import bars
 from kolsky.shots import folder_of
 from kolsky.waves.chain import analyse

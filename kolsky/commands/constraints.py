@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from kolsky.commands.options import COMMAND_LINE
 from kolsky.errors import InputError
-from kolsky.options import COMMAND_LINE
 
 FloatArray = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from kolsky.clitypes import (
+from kolsky.cli.shared import (
     AsJson,
     Corrected,
     Device,
@@ -99,11 +99,12 @@ def sweep(
     as_json: AsJson = False,
 ) -> None:
     """Run a design of experiments over a shot's parameters; writes sweep.csv, a row a run, and sweep.html."""
-    from kolsky import options, sweepcommand
-    from kolsky.commandparts import Arithmetic
-    from kolsky.designchoice import DesignChoice
-    from kolsky.sweeprecords import Records
-    from kolsky.workers import Workers
+    from kolsky.commands import options
+    from kolsky.commands.designchoice import DesignChoice
+    from kolsky.commands.parts import Arithmetic
+    from kolsky.commands.sweep import sweep as run
+    from kolsky.commands.sweeprecords import Records
+    from kolsky.commands.workers import Workers
 
     with refusing_bad_input():
         if options.one_of("--design", design, options.DESIGNS) == "factorial":
@@ -115,7 +116,7 @@ def sweep(
         else:
             bounds = options.spans("--vary", vary or ["friction=0:2", "stiffness_factor=0.75:1.25"])
             counts = []
-        sweepcommand.sweep(
+        run(
             shot,
             choice=DesignChoice(
                 kind=design,

@@ -8,8 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from kolsky.commands.options import COMMAND_LINE
 from kolsky.errors import InputError
-from kolsky.options import COMMAND_LINE
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,10 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from kolsky import options, printed
-from kolsky.commandparts import Arithmetic, failure, load, since, tell, usable
+from kolsky.commands import options, printed
+from kolsky.commands.outfolder import filling
+from kolsky.commands.parts import Arithmetic, failure, load, since, tell, usable
 from kolsky.errors import InputError
-from kolsky.outfolder import filling
 from kolsky.progress import bars
 from kolsky.shots import Shot
 
@@ -83,8 +83,8 @@ def write_identified(folder: Path, found: Any, shot: Shot, source: Path, formats
     formats
         Formats of the figures.
     """
+    from kolsky.commands.report import RESULT_FILE, write_page
     from kolsky.recorded import recorded
-    from kolsky.reportcommand import RESULT_FILE, write_page
     from kolsky.results_text import write_csv
     from kolsky.results_write import write_identification
 

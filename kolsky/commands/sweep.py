@@ -5,13 +5,13 @@ from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 
-from kolsky import options
-from kolsky.commandparts import Arithmetic, load, since, tell, usable
-from kolsky.designchoice import DesignChoice
-from kolsky.outfolder import filling
+from kolsky.commands import options
+from kolsky.commands.designchoice import DesignChoice
+from kolsky.commands.outfolder import filling
+from kolsky.commands.parts import Arithmetic, load, since, tell, usable
+from kolsky.commands.sweeprecords import Records
+from kolsky.commands.workers import Workers
 from kolsky.progress import paced
-from kolsky.sweeprecords import Records
-from kolsky.workers import Workers
 
 
 def sweep(

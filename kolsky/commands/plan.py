@@ -7,10 +7,10 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from kolsky import options
-from kolsky.commandparts import Arithmetic, load, since, tell, usable
+from kolsky.commands import options
+from kolsky.commands.outfolder import filling
+from kolsky.commands.parts import Arithmetic, load, since, tell, usable
 from kolsky.errors import InputError
-from kolsky.outfolder import filling
 from kolsky.progress import bars
 from kolsky.units import UnitError, quantity
 

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from kolsky.baselinecli import baseline
-from kolsky.clitypes import AsJson, refusing_bad_input
+from kolsky.cli.baseline import baseline
+from kolsky.cli.shared import AsJson, refusing_bad_input
 
 material = typer.Typer(
     name="material", no_args_is_help=True, help="The quasi-static tests of the material behind a shot."
@@ -75,7 +75,7 @@ def fit(
     Several tests are fitted at once. Writes material.html, material.json and CSV tables.
     """
     with refusing_bad_input():
-        from kolsky.materialcommand import Columns, fit_laws
+        from kolsky.commands.material import Columns, fit_laws
 
         fit_laws(
             files,

@@ -7,7 +7,7 @@ from typing import Any
 
 import typer
 
-from kolsky import options
+from kolsky.commands import options
 from kolsky.errors import InputError, one_line
 from kolsky.readers.layout import ChannelInfo, Layout
 from kolsky.readers.recordings import list_channels

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from doe import Box, Design, from_points
+from kolsky.commands.options import MOST_RUNS
 from kolsky.errors import InputError
-from kolsky.options import MOST_RUNS
 from kolsky.parameters import checked_value, parameter
 from kolsky.units import UnitError, quantity
 

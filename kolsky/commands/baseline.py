@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from kolsky import options
 from kolsky.apparatus import Specimen
-from kolsky.commandparts import tell
+from kolsky.commands import options
+from kolsky.commands.outfolder import filling, usable_folder
+from kolsky.commands.parts import tell
 from kolsky.csvtable import write_table
 from kolsky.errors import InputError
-from kolsky.outfolder import filling, usable_folder
 from kolsky.quasistatic.apparent import apparent_modulus
 from kolsky.quasistatic.baseline import Baseline, Pull, Treatment, baseline
 from kolsky.quasistatic.friction import EndFriction

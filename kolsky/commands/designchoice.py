@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kolsky.commands.options import COMMAND_LINE
 from kolsky.errors import InputError
-from kolsky.options import COMMAND_LINE
 
 if TYPE_CHECKING:
     from doe import Box, Design
-    from kolsky.constraints import Constraint
+    from kolsky.commands.constraints import Constraint
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class DesignChoice:
     """Which design, over what."""
 
     kind: str
-    """One of `kolsky.options.DESIGNS`."""
+    """One of `kolsky.commands.options.DESIGNS`."""
     bounds: Mapping[str, tuple[float, float]]
     """Bounds by name, SI; empty where a file names the parameters."""
     levels: Sequence[int] = ()
@@ -34,7 +34,7 @@ class DesignChoice:
     logarithmic: tuple[str, ...] = ()
     """Parameters whose points are spread evenly in their logarithm."""
     where: tuple[str, ...] = ()
-    """Constraints as in `kolsky.constraints.Constraint`."""
+    """Constraints as in `kolsky.commands.constraints.Constraint`."""
 
     def design(self) -> "Design":
         """The points.
@@ -54,10 +54,10 @@ class DesignChoice:
         if self.points is not None and self.logarithmic:
             raise InputError(COMMAND_LINE, "--log has no effect on points from a file", cure="leave it out")
         from doe.optimal import keep
-        from kolsky.constraints import Constraint
+        from kolsky.commands.constraints import Constraint
 
         if self.points is not None:
-            from kolsky.designfile import read_design
+            from kolsky.commands.designfile import read_design
 
             chosen = read_design(self.points)
             constraints = [Constraint(text, chosen.box.names) for text in self.where]

@@ -5,10 +5,10 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from kolsky import options
-from kolsky.commandparts import load, since, tell, usable
+from kolsky.commands import options
+from kolsky.commands.outfolder import filling
+from kolsky.commands.parts import load, since, tell, usable
 from kolsky.errors import InputError
-from kolsky.outfolder import filling
 
 RESULT_FILE = "identification.h5"
 PAGE = "report.html"
@@ -59,13 +59,13 @@ def write_page(folder: Path, found: Any, recordings: Any, formats: Sequence[str]
     Parameters
     ----------
     folder
-        An empty folder of `kolsky.outfolder.filling`.
+        An empty folder of `kolsky.commands.outfolder.filling`.
     found
         The identification.
     recordings
         What the shot's own files show, a `kolsky.recorded.Recorded`.
     formats
-        Any of `kolsky.options.FIGURES`.
+        Any of `kolsky.commands.options.FIGURES`.
     """
     from kolsky.report.canvas import save_figures
     from kolsky.report.figures import RECORDINGS

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from kolsky.clitypes import (
+from kolsky.cli.shared import (
     AsJson,
     Device,
     Mesh,
@@ -80,10 +80,10 @@ def plan(
     Writes plan.h5, plan.json, CSV tables and figures into SHOT/results.
     """
     with refusing_bad_input():
-        from kolsky import options
-        from kolsky.commandparts import Arithmetic
-        from kolsky.plancommand import Wishes
-        from kolsky.plancommand import plan as run
+        from kolsky.commands import options
+        from kolsky.commands.parts import Arithmetic
+        from kolsky.commands.plan import Wishes
+        from kolsky.commands.plan import plan as run
 
         run(
             shot,

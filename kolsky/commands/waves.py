@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
 
-from kolsky import options
-from kolsky.commandparts import tell
+from kolsky.commands import options
+from kolsky.commands.outfolder import filling, usable_folder
+from kolsky.commands.parts import tell
 from kolsky.errors import InputError
-from kolsky.outfolder import filling, usable_folder
 from kolsky.progress import bars
 from kolsky.shots import find_shot_file, folder_of, load_shot
 from kolsky.shottoml import read_declared

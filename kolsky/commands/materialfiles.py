@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kolsky import options
+from kolsky.commands import options
 from kolsky.errors import InputError
 from kolsky.quasistatic.modes import Mode, mode_named
 from kolsky.quasistatic.testdata import HomogeneousTest, mean_test

@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from kolsky import materialcli, plancli, sweepcli
-from kolsky.clitypes import (
+from kolsky.cli.material import material
+from kolsky.cli.plan import plan
+from kolsky.cli.shared import (
     AsJson,
     Corrected,
     Device,
@@ -23,6 +24,7 @@ from kolsky.clitypes import (
     Threads,
     refusing_bad_input,
 )
+from kolsky.cli.sweep import sweep
 
 app = typer.Typer(
     name="kolsky",
@@ -78,7 +80,7 @@ def new(
     ] = False,
 ) -> None:
     """Write an annotated shot.toml to fill in; an existing one is left as it is."""
-    from kolsky.newshot import write_template
+    from kolsky.commands.new import write_template
 
     with refusing_bad_input():
         path = write_template(folder, bars=bars)
@@ -129,7 +131,7 @@ def channels(
     The options are the keys of a `layout` in shot.toml, to try them out.
     """
     with refusing_bad_input():
-        from kolsky.channelscommand import show
+        from kolsky.commands.channels import show
 
         show(
             file,
@@ -167,7 +169,7 @@ def dic(
     identify` does the same by itself for a shot without exports.
     """
     with refusing_bad_input():
-        from kolsky.diccommand import correlate
+        from kolsky.commands.dic import correlate
 
         correlate(
             shot,
@@ -196,7 +198,7 @@ def waves(
     flyer test. Writes waves.h5, waves.html and CSV tables into SHOT/results.
     """
     with refusing_bad_input():
-        from kolsky.wavescommand import waves as run
+        from kolsky.commands.waves import waves as run
 
         run(
             shot,
@@ -221,7 +223,7 @@ def wavespeed(
     SHOT/results.
     """
     with refusing_bad_input():
-        from kolsky.wavespeedcommand import wavespeed as run
+        from kolsky.commands.wavespeed import wavespeed as run
 
         run(
             shot,
@@ -247,7 +249,7 @@ def repeats(
     Writes repeats.csv: the mean, its 95 % band (scatter and shared uncertainties), every test.
     """
     with refusing_bad_input():
-        from kolsky.repeatscommand import repeats as run
+        from kolsky.commands.repeats import repeats as run
 
         run(
             shots,
@@ -281,11 +283,11 @@ def rate(
 
     Writes rates.h5, rates.html and CSV tables. A slope that the rates cannot carry is refused.
     """
-    from kolsky import options
+    from kolsky.commands import options
 
     with refusing_bad_input():
         at = options.strains("--strains", strains)
-        from kolsky.ratecommand import rate as run
+        from kolsky.commands.rate import rate as run
 
         run(
             shots,
@@ -327,7 +329,7 @@ def calibrate(
     Writes rig.yml, calibration.html and calibration.csv.
     """
     with refusing_bad_input():
-        from kolsky.calibratecommand import calibrate as run
+        from kolsky.commands.calibrate import calibrate as run
 
         run(
             source,
@@ -383,11 +385,12 @@ def identify(
 
     Writes identification.h5, report.html and CSV tables into SHOT/results.
     """
-    from kolsky import commands, options
-    from kolsky.commandparts import Arithmetic
+    from kolsky.commands import options
+    from kolsky.commands.identify import identify as run
+    from kolsky.commands.parts import Arithmetic
 
     with refusing_bad_input():
-        commands.identify(
+        run(
             shot,
             free=options.ranges("--free", free or ["stiffness_factor"]),
             held=options.values("--parameter", parameter or []),
@@ -421,7 +424,7 @@ def report(
     Needs the results of `kolsky identify`, in SHOT/results or the folder of --out.
     """
     with refusing_bad_input():
-        from kolsky.reportcommand import report as run
+        from kolsky.commands.report import report as run
 
         run(shot, out=out, formats=_listed(figures), as_json=as_json)
 
@@ -446,11 +449,12 @@ def simulate(
 
     A run that fails is written up to its end; the exit code is then 1.
     """
-    from kolsky import commands, options
-    from kolsky.commandparts import Arithmetic
+    from kolsky.commands import options
+    from kolsky.commands.identify import simulate as run
+    from kolsky.commands.parts import Arithmetic
 
     with refusing_bad_input():
-        completed = commands.simulate(
+        completed = run(
             shot,
             parameters=options.values("--parameter", parameter or []),
             mesh=options.mesh("--mesh", mesh),
@@ -465,9 +469,9 @@ def simulate(
         raise typer.Exit(1)
 
 
-app.command()(plancli.plan)
-app.command()(sweepcli.sweep)
-app.add_typer(materialcli.material)
+app.command()(plan)
+app.command()(sweep)
+app.add_typer(material)
 
 
 @app.command()
@@ -491,7 +495,7 @@ def film(
     Needs the results of `kolsky identify`; writes into their folder film.
     """
     with refusing_bad_input():
-        from kolsky.filmcommand import film as run
+        from kolsky.commands.film import film as run
 
         run(
             shot,
@@ -503,7 +507,3 @@ def film(
             out=out,
             as_json=as_json,
         )
-
-
-if __name__ == "__main__":
-    main()
