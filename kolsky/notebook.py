@@ -136,7 +136,7 @@ def _answers(found: Identification) -> list[str]:
 
 
 def _tables(found: Identification) -> Mapping[str, Mapping[str, Any]]:
-    from kolsky.results_text import tables
+    from kolsky.results import tables
 
     return tables(found)
 

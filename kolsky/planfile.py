@@ -14,7 +14,7 @@ from kolsky.parameters import PARAMETERS
 from kolsky.plan import Plan, correlations
 from kolsky.planchoices import CRITERIA, Choice, best_rate
 from kolsky.planning import Expected
-from kolsky.results_text import jsonable
+from kolsky.results.text import jsonable
 
 VERSION = 1
 """Of the HDF5 file's layout."""

@@ -43,7 +43,7 @@ def identify(
     loaded, folder = load(shot, out)
     numerics = arithmetic.numerics(mesh)
     from kolsky import identify as inverse
-    from kolsky.results_text import to_json
+    from kolsky.results import to_json
     from kolsky.settings import Settings
 
     settings = Settings(
@@ -85,8 +85,7 @@ def write_identified(folder: Path, found: Any, shot: Shot, source: Path, formats
     """
     from kolsky.commands.report import RESULT_FILE, write_page
     from kolsky.recorded import recorded
-    from kolsky.results_text import write_csv
-    from kolsky.results_write import write_identification
+    from kolsky.results import write_csv, write_identification
 
     recordings = recorded(shot, source, folder)
     with filling(folder) as partial:
@@ -118,7 +117,7 @@ def simulate(
     numerics = arithmetic.numerics(mesh)
     from kolsky import cautions
     from kolsky import simulate as forward
-    from kolsky.results_text import jsonable, worst_imbalance
+    from kolsky.results.text import jsonable, worst_imbalance
 
     with usable(loaded), bars() as progress:
         progress("simulation", 0, 1)

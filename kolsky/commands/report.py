@@ -37,7 +37,7 @@ def report(shot: Path, *, out: Path | None, formats: Sequence[str], as_json: boo
     for name in formats:
         options.one_of("--figures", name, options.FIGURES)
     from kolsky.recorded import recorded
-    from kolsky.results_read import read_identification
+    from kolsky.results import read_identification
 
     loaded, folder = load(shot, out)
     path = folder / RESULT_FILE

@@ -41,7 +41,7 @@ def sweep(
 
     from kolsky import cautions, misfit
     from kolsky import sweep as factorial
-    from kolsky.results_text import failed_runs, jsonable
+    from kolsky.results.text import failed_runs, jsonable
 
     with usable(loaded), records.usable(), workers.executor() as executor, paced() as progress:
         result = factorial.sweep(

@@ -14,7 +14,7 @@ from kolsky.identification import Identification
 from kolsky.rates.motion import strain_history
 from kolsky.rates.records import PARAMETER, QuasiStatic, RatedShot
 from kolsky.records import MaterialCurve
-from kolsky.results_read import read_identification
+from kolsky.results import read_identification
 from kolsky.shots import Measured, Shot, find_shot_file, folder_of, load_shot
 from kolsky.shotsection import Section
 from kolsky.shottoml import TomlFile, read_declared

@@ -21,7 +21,7 @@ from kolsky.commands import printed
 from kolsky.commands.outfolder import filling, usable_folder
 from kolsky.errors import InputError
 from kolsky.identification import Verdict
-from kolsky.results_read import read_identification
+from kolsky.results import read_identification
 
 runner = CliRunner()
 TINY = ["--mesh", "8x11"]

@@ -14,9 +14,7 @@ from kolsky.identification import Identification
 from kolsky.methods import AGREEMENT, LEAST_SQUARES, SIMPLEX, Method, disagreements
 from kolsky.report.numbers import NOTHING
 from kolsky.report.page import render
-from kolsky.results_read import read_identification
-from kolsky.results_text import to_json
-from kolsky.results_write import write_identification
+from kolsky.results import read_identification, to_json, write_identification
 from kolsky.settings import Settings
 
 

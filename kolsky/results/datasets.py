@@ -9,7 +9,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from kolsky.results_layout import NUMBERS, STORED, Table, shape_problem
+from kolsky.results.layout import NUMBERS, STORED, Table, shape_problem
 
 LARGEST_DATASET = 2**30
 """Largest dataset that is read [bytes]; a dense mesh at every frame takes 1e7."""

@@ -5,8 +5,8 @@ from typing import Any
 import h5py
 
 from kolsky.methods import Method
-from kolsky.results_datasets import group, numbered, read, read_numbers, write, write_numbers
-from kolsky.results_layout import Table
+from kolsky.results.datasets import group, numbered, read, read_numbers, write, write_numbers
+from kolsky.results.layout import Table
 
 METHOD: Table = {
     "name": ("", "", "t"),
@@ -32,7 +32,7 @@ def read_methods(file: h5py.File) -> tuple[Method, ...]:
 
     Raises
     ------
-    kolsky.results_datasets.Refused
+    kolsky.results.datasets.Refused
         If a dataset is missing or not as it was written.
     """
     return tuple(

@@ -7,8 +7,8 @@ import h5py
 
 from kolsky.identification import Identification
 from kolsky.knowledge.records import Declaration, PairMap, ParameterProfile, PosteriorSummary
-from kolsky.results_datasets import data, group, numbered, read, read_numbers, write, write_numbers
-from kolsky.results_layout import Table
+from kolsky.results.datasets import data, group, numbered, read, read_numbers, write, write_numbers
+from kolsky.results.layout import Table
 
 LIKELIHOOD: Table = {
     "name": ("", "", "t"),
@@ -72,7 +72,7 @@ def read_knowledge(file: h5py.File) -> dict[str, Any]:
 
     Raises
     ------
-    kolsky.results_datasets.Refused
+    kolsky.results.datasets.Refused
         If a dataset is missing or not as it was written.
     """
     place, dims = "entry/knowledge", {"two": 2}

@@ -12,8 +12,8 @@ import numpy as np
 from explicit import Response
 from kolsky.csvtable import write_table
 from kolsky.identification import DesignTable, Identification
-from kolsky.results_knowledge import knowledge_json
-from kolsky.results_methods import methods_json
+from kolsky.results.knowledge import knowledge_json
+from kolsky.results.methods import methods_json
 
 __all__ = ["ends", "jsonable", "to_json", "worst_imbalance", "write_csv"]
 

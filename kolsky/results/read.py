@@ -20,13 +20,13 @@ from kolsky.identification import (
     Verdict,
 )
 from kolsky.records import CentreLine, ForceHistory
-from kolsky.results_datasets import Refused as _Refused
-from kolsky.results_datasets import numbered as _numbered
-from kolsky.results_datasets import opened as _opened
-from kolsky.results_datasets import read as _read
-from kolsky.results_datasets import read_numbers as _read_numbers
-from kolsky.results_knowledge import read_knowledge
-from kolsky.results_layout import (
+from kolsky.results.datasets import Refused as _Refused
+from kolsky.results.datasets import numbered as _numbered
+from kolsky.results.datasets import opened as _opened
+from kolsky.results.datasets import read as _read
+from kolsky.results.datasets import read_numbers as _read_numbers
+from kolsky.results.knowledge import read_knowledge
+from kolsky.results.layout import (
     CURVE,
     DESIGN,
     ENERGY,
@@ -43,11 +43,11 @@ from kolsky.results_layout import (
     TERMS,
     VERSION,
 )
-from kolsky.results_methods import read_methods
+from kolsky.results.methods import read_methods
 
 
 def read_identification(path: Path) -> Identification:
-    """Read a file of `kolsky.results_write.write_identification`, trusting nothing in it.
+    """Read a file of `kolsky.results.write.write_identification`, trusting nothing in it.
 
     Parameters
     ----------

@@ -12,13 +12,13 @@ import h5py
 
 from kolsky.atomic import replacing
 from kolsky.identification import Identification
-from kolsky.results_datasets import data as _data
-from kolsky.results_datasets import group as _group
-from kolsky.results_datasets import safe as _safe
-from kolsky.results_datasets import write as _write
-from kolsky.results_datasets import write_numbers as _write_numbers
-from kolsky.results_knowledge import write_knowledge
-from kolsky.results_layout import (
+from kolsky.results.datasets import data as _data
+from kolsky.results.datasets import group as _group
+from kolsky.results.datasets import safe as _safe
+from kolsky.results.datasets import write as _write
+from kolsky.results.datasets import write_numbers as _write_numbers
+from kolsky.results.knowledge import write_knowledge
+from kolsky.results.layout import (
     CURVE,
     DESIGN,
     ENERGY,
@@ -35,8 +35,8 @@ from kolsky.results_layout import (
     TERMS,
     VERSION,
 )
-from kolsky.results_methods import write_methods
-from kolsky.results_text import jsonable
+from kolsky.results.methods import write_methods
+from kolsky.results.text import jsonable
 
 
 def write_identification(path: Path, identification: Identification) -> None:
