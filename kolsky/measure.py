@@ -24,12 +24,12 @@ from dic.tracking import Tracking
 from kolsky.commands.outfolder import filling
 from kolsky.errors import InputError
 from kolsky.flightreport import FlightOfSpecimen, add_to, flight_of
-from kolsky.pictures import Seen
 from kolsky.records import CentreLine, FlyerMotion
-from kolsky.rig import calibrated
-from kolsky.shotfile import SpecimenSection
-from kolsky.shotpictures import DicSection, RegionSection
+from kolsky.shotfiles.pictures import DicSection, RegionSection
+from kolsky.shotfiles.schema import SpecimenSection
 from kolsky.shots import Measured
+from kolsky.shots.pictures import Seen
+from kolsky.shots.rig import calibrated
 from kolsky.threads import opencv_alone
 
 RESULT_FILE = "dic.h5"

@@ -124,7 +124,7 @@ class IdentificationInNotebook:
 
 
 def _entries(shot: ShotBase) -> list[Any]:
-    from kolsky.shotsummary import summarise
+    from kolsky.shots.summary import summarise
 
     return summarise(shot)
 

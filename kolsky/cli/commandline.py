@@ -94,14 +94,14 @@ def check(shot: ShotPath, as_json: AsJson = False) -> None:
     import json
 
     from kolsky.shots import check_shot
-    from kolsky.shotsummary import as_json as summary_json
+    from kolsky.shots.summary import as_json as summary_json
 
     with refusing_bad_input():
         loaded = check_shot(shot)
     if as_json:
         typer.echo(json.dumps(summary_json(loaded), indent=2, allow_nan=False))
     else:
-        from kolsky.shotsummary import print_table
+        from kolsky.shots.summary import print_table
 
         print_table(loaded)
 

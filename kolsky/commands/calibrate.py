@@ -8,13 +8,13 @@ from typing import Any
 
 from dic.calibration import Calibration
 from dic.camera_files import FORMATS, CameraFileError, write_rig
-from kolsky.calibrationtoml import read_calibration_toml
 from kolsky.commands import options, printed
 from kolsky.commands.outfolder import filling, usable_folder
 from kolsky.commands.parts import tell
 from kolsky.errors import InputError
 from kolsky.progress import bars
-from kolsky.rig import calibration_of
+from kolsky.shotfiles.calibration import read_calibration_toml
+from kolsky.shots.rig import calibration_of
 from kolsky.threads import opencv_alone
 
 RIG_FILE = "rig.yml"

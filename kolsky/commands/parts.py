@@ -15,9 +15,9 @@ from typing import Any
 from kolsky.commands import options, printed
 from kolsky.commands.outfolder import usable_folder
 from kolsky.errors import InputError
-from kolsky.pictures import Seen
 from kolsky.progress import bars
 from kolsky.shots import Measured, Shot, folder_of, load_shot
+from kolsky.shots.pictures import Seen
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from kolsky.csvtable import write_table
 from kolsky.errors import InputError
 from kolsky.progress import bars
 from kolsky.shots import folder_of
+from kolsky.shots.bars import load_waves
 from kolsky.waves.chain import analyse
 from kolsky.waves.records import Reduction
 from kolsky.waves.repeated import repeated_tests
-from kolsky.wavesshot import load_waves
 
 FEWEST = 2
 

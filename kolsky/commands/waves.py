@@ -9,13 +9,13 @@ from kolsky.commands.outfolder import filling, usable_folder
 from kolsky.commands.parts import tell
 from kolsky.errors import InputError
 from kolsky.progress import bars
+from kolsky.shotfiles.bars import AnyFile
+from kolsky.shotfiles.reading import read_declared
 from kolsky.shots import find_shot_file, folder_of, load_shot
-from kolsky.shottoml import read_declared
+from kolsky.shots.bars import load_waves
 from kolsky.waves.chain import analyse
 from kolsky.waves.output import summary, write_csv, write_hdf5
 from kolsky.waves.result import FlyerResult, ReducedTest, WavesResult
-from kolsky.wavesfile import AnyFile
-from kolsky.wavesshot import load_waves
 
 
 def waves(shot: Path, *, out: Path | None, formats: Sequence[str], as_json: bool) -> None:
@@ -84,9 +84,9 @@ def _reduced(shot: Path, folder: Path) -> ReducedTest:
         try:
             if "gauges" in content:
                 return analyse(load_waves(shot), progress=progress)
-            from kolsky.flyershot import load_flyer_test
             from kolsky.flyertest import analyse_flyer
             from kolsky.measure import measured
+            from kolsky.shots.flyer import load_flyer_test
 
             loaded = load_shot(shot, measure=lambda seen: measured(seen, folder, progress=progress))
             return analyse_flyer(load_flyer_test(shot, loaded), progress=progress)

@@ -9,11 +9,11 @@ from kolsky.commands.parts import tell
 from kolsky.csvtable import write_table
 from kolsky.errors import InputError
 from kolsky.shots import folder_of
+from kolsky.shots.bars import load_bars
 from kolsky.waves.bars_together import BarsTogether, wave_speed
 from kolsky.waves.chain import SIDES, station_of
 from kolsky.waves.records import BarSignal
 from kolsky.waves.windows import averaging_time, incident_arrival
-from kolsky.wavesshot import load_bars
 
 
 def wavespeed(shot: Path, *, out: Path | None, formats: Sequence[str], as_json: bool) -> None:

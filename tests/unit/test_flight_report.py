@@ -15,7 +15,7 @@ from kolsky import flightreport
 from kolsky.cautions import _symmetry
 from kolsky.flightreport import SHARE, FlightOfSpecimen, flight_of
 from kolsky.records import Recording
-from kolsky.shotwindow import window
+from kolsky.shots.window import window
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,10 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
-from kolsky import shotfields as f
-from kolsky.layouttoml import LayoutSection
-from kolsky.shotsection import Section
-from kolsky.uncertaintytoml import UncertaintySection
+from kolsky.shotfiles import fields as f
+from kolsky.shotfiles.layout import LayoutSection
+from kolsky.shotfiles.section import Section
+from kolsky.shotfiles.uncertainty import UncertaintySection
 from kolsky.waves.audit import CORRECTIONS
 
 

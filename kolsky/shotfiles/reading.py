@@ -13,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 
 from kolsky.errors import InputError, InputErrors
 from kolsky.readers.table import decode, read_bytes
-from kolsky.shotfile import ShotFile, schema
+from kolsky.shotfiles.schema import ShotFile, schema
 
 TOML_LIMIT = 1_000_000
 """Largest shot.toml that is read [bytes]."""

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 from dic.camera import StereoRig
 from dic.images import PictureError, Pictures
 from kolsky.errors import InputError
-from kolsky.pictures import CAMERAS, Seen, fits_sensor
-from kolsky.shotpictures import CalibrationSection, TargetSection
-from kolsky.shottoml import TomlFile
+from kolsky.shotfiles.pictures import CalibrationSection, TargetSection
+from kolsky.shotfiles.reading import TomlFile
+from kolsky.shots.pictures import CAMERAS, Seen, fits_sensor
 
 if TYPE_CHECKING:
     from dic.calibration import Calibration

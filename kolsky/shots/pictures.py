@@ -9,8 +9,8 @@ from dic.images import PictureError, Pictures
 from kolsky.errors import InputError, refuse
 from kolsky.readers.frame_times import FrameTimes
 from kolsky.records import FloatArray
-from kolsky.shotpictures import PicturesSection, SeriesSection
-from kolsky.shottoml import ShotToml
+from kolsky.shotfiles.pictures import PicturesSection, SeriesSection
+from kolsky.shotfiles.reading import ShotToml
 
 CAMERAS = ("camera_0", "camera_1")
 SERIES_CURE = "export one picture for each line of the frames' file"

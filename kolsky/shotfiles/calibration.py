@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from kolsky.errors import InputError
-from kolsky.shotpictures import CalibrationSection
-from kolsky.shotsection import Section
-from kolsky.shottoml import TomlFile, read_declared, read_shot_toml
+from kolsky.shotfiles.pictures import CalibrationSection
+from kolsky.shotfiles.reading import TomlFile, read_declared, read_shot_toml
+from kolsky.shotfiles.section import Section
 
 NAMES = ("calibration.toml", "shot.toml")
 """Files that are looked for in a folder, in this order."""

@@ -4,20 +4,20 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from kolsky import shotfields as f
-from kolsky.lawtoml import LawSection, one_baseline
-from kolsky.layouttoml import LayoutSection
 from kolsky.readers.table import Column
-from kolsky.shotpictures import CalibrationSection, DicSection, PicturesSection, ReportingSection
-from kolsky.shotsection import Section
-from kolsky.surfacetoml import SurfaceSection
-from kolsky.uncertaintytoml import UncertaintySection
-from kolsky.wavesfile import (
+from kolsky.shotfiles import fields as f
+from kolsky.shotfiles.bars import (
     BarsSection,
     GaugesSection,
     RecorderSection,
     WavesSection,
 )
+from kolsky.shotfiles.law import LawSection, one_baseline
+from kolsky.shotfiles.layout import LayoutSection
+from kolsky.shotfiles.pictures import CalibrationSection, DicSection, PicturesSection, ReportingSection
+from kolsky.shotfiles.section import Section
+from kolsky.shotfiles.surface import SurfaceSection
+from kolsky.shotfiles.uncertainty import UncertaintySection
 
 
 class ColumnSection(Section):
@@ -293,7 +293,7 @@ class CurveSection(Section):
 
 
 def chosen_baseline(curve: CurveSection | None, law: LawSection | None) -> CurveSection | LawSection:
-    """[law] if it is there and is the baseline, else [curve]; `kolsky.lawtoml.one_baseline` has seen both."""
+    """[law] if it is there and is the baseline, else [curve]; `law.one_baseline` has seen both."""
     if law is not None and law.baseline:
         return law
     assert curve is not None  # the schema saw to it

@@ -4,9 +4,9 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, model_validator
 
-from kolsky import shotfields as f
 from kolsky.readers.dic_export.layouts import LAYOUTS
-from kolsky.shotsection import Section
+from kolsky.shotfiles import fields as f
+from kolsky.shotfiles.section import Section
 
 Axis = Literal["+X", "-X", "+Y", "-Y", "+Z", "-Z"]
 

@@ -4,8 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from kolsky import shotfields as f
-from kolsky.shotsection import Section
+from kolsky.shotfiles import fields as f
+from kolsky.shotfiles.section import Section
 
 
 class SeriesSection(Section):

@@ -4,10 +4,10 @@ from typing import Annotated
 
 from pydantic import BeforeValidator, Field
 
-from kolsky import shotfields as f
 from kolsky.readers.layout import Layout
 from kolsky.readers.signalunits import si_unit
-from kolsky.shotsection import Section
+from kolsky.shotfiles import fields as f
+from kolsky.shotfiles.section import Section
 
 
 def _interval(text: object) -> float:

@@ -8,14 +8,14 @@ import numpy as np
 from kolsky.apparatus import Transducer
 from kolsky.errors import InputError
 from kolsky.flyertest import FlyerInput
-from kolsky.forcefile import force_recording
-from kolsky.shotfile import ForceSection
+from kolsky.shotfiles.bars import WavesSection
+from kolsky.shotfiles.reading import ShotToml, read_shot_toml
+from kolsky.shotfiles.schema import ForceSection
+from kolsky.shotfiles.uncertainty import UncertaintySection
 from kolsky.shots import ForceChannel, Shot, find_shot_file
-from kolsky.shottoml import ShotToml, read_shot_toml
-from kolsky.uncertaintytoml import UncertaintySection
+from kolsky.shots.bars import declared_settings
+from kolsky.shots.force import force_recording
 from kolsky.waves.audit import Switches
-from kolsky.wavesfile import WavesSection
-from kolsky.wavesshot import declared_settings
 
 
 def load_flyer_test(folder_or_toml: str | Path, shot: Shot) -> FlyerInput:

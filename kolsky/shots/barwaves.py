@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.barforce import BarForce
 from kolsky.records import CentreLine
 from kolsky.shots import Shot, ShotBase
+from kolsky.shots.barforce import BarForce
 from kolsky.waves.frontpath import back_force, front_path, front_velocity
 from kolsky.waves.records import FaceWaves, Reduction
 

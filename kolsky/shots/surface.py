@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 
-from kolsky import surfaceexport as s
 from kolsky.errors import InputError
 from kolsky.readers.dic_export import DicExport, matching, read
 from kolsky.readers.frame_times import FrameTimes
 from kolsky.records import CentreLine, FloatArray, FlyerMotion
-from kolsky.shottoml import ShotToml
-from kolsky.surfacetoml import SurfaceSection
+from kolsky.shotfiles.reading import ShotToml
+from kolsky.shotfiles.surface import SurfaceSection
+from kolsky.shots import surfaceexport as s
 
 
 def measured_surface(

@@ -9,7 +9,7 @@ from kolsky.readers.centre_line_csv import CentreLineTable
 from kolsky.readers.flyer_csv import FlyerTable
 from kolsky.readers.frame_times import FrameTimes
 from kolsky.records import FlyerMotion
-from kolsky.shottoml import ShotToml
+from kolsky.shotfiles.reading import ShotToml
 from kolsky.units import in_us
 
 MOTION_SIGMAS = 6.0

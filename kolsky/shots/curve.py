@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
 
-from kolsky import shapechecks
-from kolsky.lawtoml import LawSection
 from kolsky.readers import uniaxial_csv
 from kolsky.readers.table import Column
 from kolsky.records import MaterialCurve
-from kolsky.shotfile import CurveSection
+from kolsky.shotfiles.law import LawSection
+from kolsky.shotfiles.schema import CurveSection
+from kolsky.shots import shapechecks
 
 if TYPE_CHECKING:
     from kolsky.shots import ShotBase

@@ -5,13 +5,12 @@ from typing import Literal
 
 from pydantic import ConfigDict, model_validator
 
-from kolsky import shotfields as f
 from kolsky.apparatus import Bar, Interface, Specimen
-from kolsky.barshot import bar_force, driven_by_waves
-from kolsky.curvefile import read_curve
 from kolsky.errors import InputError
-from kolsky.lawtoml import LawSection, one_baseline
-from kolsky.shotfile import (
+from kolsky.shotfiles import fields as f
+from kolsky.shotfiles.law import LawSection, one_baseline
+from kolsky.shotfiles.reading import read_declared
+from kolsky.shotfiles.schema import (
     CurveSection,
     InterfaceSection,
     ModelSection,
@@ -19,16 +18,17 @@ from kolsky.shotfile import (
     WindowSection,
     chosen_baseline,
 )
+from kolsky.shotfiles.section import Section
+from kolsky.shotfiles.uncertainty import UncertaintySection
 from kolsky.shots import ModelSettings, Shot, ShotBase, find_shot_file
-from kolsky.shotsection import Section
-from kolsky.shottoml import read_declared
-from kolsky.uncertaintytoml import UncertaintySection
+from kolsky.shots.bars import load_waves
+from kolsky.shots.barwaves import bar_force, driven_by_waves
+from kolsky.shots.curve import read_curve
 from kolsky.waves.chain import analyse
-from kolsky.wavesshot import load_waves
 
 
 class BarDrivenShotFile(Section):
-    """What `identify` needs of a shot.toml beside bars and gauges; those are `kolsky.wavesfile`'s."""
+    """What `identify` needs of a shot.toml beside bars and gauges; those are `kolsky.shotfiles.bars`'s."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
 

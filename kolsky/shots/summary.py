@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.barforce import BarForce
-from kolsky.pictures import CAMERAS, readable
 from kolsky.records import CentreLine, FlyerMotion
 from kolsky.shots import PicturedShot, Shot, ShotBase
+from kolsky.shots.barforce import BarForce
+from kolsky.shots.pictures import CAMERAS, readable
 
 _WRITTEN = {"m": ("mm", 1e3), "s": ("us", 1e6), "Pa": ("kPa", 1e-3)}
 

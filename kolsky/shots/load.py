@@ -8,14 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from kolsky import forcechecks, framechecks, shapechecks
 from kolsky.apparatus import Bar, Interface, Specimen, Transducer
-from kolsky.barforce import BarForce
-from kolsky.curvefile import read_curve
 from kolsky.errors import InputError, refuse
-from kolsky.forcefile import force_recording
 from kolsky.notebook import ShotInNotebook
-from kolsky.pictures import Seen, open_pictures
 from kolsky.readers import centre_line_csv, flyer_csv, frame_times
 from kolsky.readers.frame_times import FrameTimes
 from kolsky.readers.table import Column
@@ -28,11 +23,16 @@ from kolsky.records import (
     MaterialCurve,
     Recording,
 )
-from kolsky.shotfile import CentreLineSection, FlyerSection
-from kolsky.shottoml import ShotToml, read_declared, read_shot_toml
-from kolsky.shotwindow import window
+from kolsky.shotfiles.bars import AnyFile
+from kolsky.shotfiles.reading import ShotToml, read_declared, read_shot_toml
+from kolsky.shotfiles.schema import CentreLineSection, FlyerSection
+from kolsky.shots import forcechecks, framechecks, shapechecks
+from kolsky.shots.barforce import BarForce
+from kolsky.shots.curve import read_curve
+from kolsky.shots.force import force_recording
+from kolsky.shots.pictures import Seen, open_pictures
+from kolsky.shots.window import window
 from kolsky.transducers import force_history, noise_correlation
-from kolsky.wavesfile import AnyFile
 
 SHOT_FILE = "shot.toml"
 
@@ -189,7 +189,7 @@ def load_shot(folder_or_toml: str | Path, *, measure: Callable[[Seen], Measured]
         declarations and recordings contradict each other.
     """
     if is_bar_driven(folder_or_toml):
-        from kolsky.bardriven import load_bar_driven
+        from kolsky.shots.bardriven import load_bar_driven
 
         return load_bar_driven(folder_or_toml)
     toml, frames = _opened(folder_or_toml)
@@ -248,7 +248,7 @@ def check_shot(folder_or_toml: str | Path) -> ShotBase:
 
 def _with_surface(toml: ShotToml, frames: FrameTimes, rest: float) -> Shot:
     """A shot whose outline, and perhaps flyer, come from exports of a whole surface."""
-    from kolsky.surfaceshot import measured_surface
+    from kolsky.shots.surface import measured_surface
 
     declared, folder = toml.declared, toml.path.parent
     assert declared.surface is not None  # the caller saw to it

@@ -2,8 +2,8 @@
 
 from pydantic import model_validator
 
-from kolsky import shotfields as f
-from kolsky.shotsection import Section
+from kolsky.shotfiles import fields as f
+from kolsky.shotfiles.section import Section
 
 IDENTIFIED = (
     "poisson",

@@ -2,7 +2,7 @@
 
 from kolsky.errors import InputError
 from kolsky.records import FloatArray, Recording
-from kolsky.shottoml import ShotToml
+from kolsky.shotfiles.reading import ShotToml
 from kolsky.units import in_us
 
 UNCOVERED_SHARE = 0.05

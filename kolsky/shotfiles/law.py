@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from pydantic import model_validator
 
-from kolsky import shotfields as f
 from kolsky.records import MaterialCurve
-from kolsky.shotsection import Section
+from kolsky.shotfiles import fields as f
+from kolsky.shotfiles.section import Section
 from kolsky.units import UnitError, quantity
 
 if TYPE_CHECKING:

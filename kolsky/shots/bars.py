@@ -10,15 +10,15 @@ from kolsky.apparatus import Bar, Specimen
 from kolsky.errors import InputError, refuse
 from kolsky.readers.recordings import read_recordings
 from kolsky.records import Recording
+from kolsky.shotfiles.bars import BarsShotFile, GaugeSection, WaveBarSection, WavesShotFile
+from kolsky.shotfiles.reading import TomlFile, read_declared
 from kolsky.shots import find_shot_file
-from kolsky.shottoml import TomlFile, read_declared
 from kolsky.waves.audit import Switches
 from kolsky.waves.bridge import Bridge, Calibration, Linear
 from kolsky.waves.chain import FAR, SIDES, StationInput, WavesInput
 from kolsky.waves.polymer_waveguide import PronyModulus
 from kolsky.waves.records import Windows
 from kolsky.waves.shunt import Shunt, with_shunt
-from kolsky.wavesfile import BarsShotFile, GaugeSection, WaveBarSection, WavesShotFile
 
 NOTHING = Specimen(diameter=0.0, length=0.0, density=0.0)
 """No specimen: the bars touch."""

@@ -4,7 +4,7 @@ import numpy as np
 
 from kolsky.errors import InputError
 from kolsky.records import FloatArray, FlyerMotion, Recording
-from kolsky.shottoml import ShotToml
+from kolsky.shotfiles.reading import ShotToml
 from kolsky.units import in_us
 
 SMALLEST_BASELINE = 20
