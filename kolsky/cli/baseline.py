@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from kolsky.cli.shared import AsJson, refusing_bad_input
+from kolsky.cli.shared import AsJson, listed, refusing_bad_input
 
 Column = typer.Option(metavar="COLUMN", help="By name or number.", show_default=False)
 
@@ -113,6 +113,6 @@ def baseline(
                 conditioned=conditioned,
             ),
             out=out,
-            formats=tuple(name.strip() for name in figures.split(",") if name.strip()),
+            formats=listed(figures),
             as_json=as_json,
         )

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from kolsky.cli.baseline import baseline
-from kolsky.cli.shared import AsJson, refusing_bad_input
+from kolsky.cli.shared import AsJson, listed, refusing_bad_input
 
 material = typer.Typer(
     name="material", no_args_is_help=True, help="The quasi-static tests of the material behind a shot."
@@ -81,13 +81,13 @@ def fit(
             files,
             columns=Columns(convention, stretch, strain, strain_unit, stress, stress_unit, header_line),
             mean=mean,
-            laws=tuple(name.strip() for name in laws.split(",") if name.strip()),
+            laws=listed(laws),
             weighting=weighting,
             bounded=not free_bounds,
             poisson=poisson,
             starts=starts,
             seed=seed,
             out=out,
-            formats=tuple(name.strip() for name in figures.split(",") if name.strip()),
+            formats=listed(figures),
             as_json=as_json,
         )

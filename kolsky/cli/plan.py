@@ -13,6 +13,7 @@ from kolsky.cli.shared import (
     Precision,
     ShotPath,
     Threads,
+    listed,
     refusing_bad_input,
 )
 
@@ -96,6 +97,6 @@ def plan(
             mesh=options.mesh("--mesh", mesh),
             arithmetic=Arithmetic(precision, device, threads),
             out=out,
-            formats=[part.strip() for part in figures.split(",") if part.strip()],
+            formats=listed(figures),
             as_json=as_json,
         )

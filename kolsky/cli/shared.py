@@ -56,3 +56,8 @@ def refusing_bad_input() -> Iterator[None]:
     except InputError as error:
         typer.echo(str(error), err=True)
         raise typer.Exit(2) from None
+
+
+def listed(names: str) -> tuple[str, ...]:
+    """The names of a comma-separated option."""
+    return tuple(part.strip() for part in names.split(",") if part.strip())

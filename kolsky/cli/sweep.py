@@ -18,6 +18,7 @@ from kolsky.cli.shared import (
     Precision,
     ShotPath,
     Threads,
+    listed,
     refusing_bad_input,
 )
 
@@ -139,6 +140,6 @@ def sweep(
             ),
             workers=Workers(processes, dask),
             out=out,
-            formats=tuple(part.strip() for part in figures.split(",") if part.strip()),
+            formats=listed(figures),
             as_json=as_json,
         )
