@@ -8,6 +8,7 @@ from typing import Any
 
 from dic.calibration import Calibration
 from dic.camera_files import FORMATS, CameraFileError, write_rig
+from dic.cells import text_cell
 from kolsky.commands import options, printed
 from kolsky.commands.outfolder import filling, usable_folder
 from kolsky.commands.parts import tell
@@ -204,4 +205,4 @@ def _write_points(path: Path, found: Calibration) -> None:
                 rows = zip(view.ids, view.pixels, view.sigma, view.residual, view.used, strict=True)
                 for point, (x, y), sigma, (dx, dy), used in rows:
                     numbers = [f"{value:.5f}" for value in (x, y, sigma, dx, dy)]
-                    table.writerow([pair.name, camera, int(point), *numbers, int(used)])
+                    table.writerow([text_cell(pair.name), camera, int(point), *numbers, int(used)])
