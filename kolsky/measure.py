@@ -25,8 +25,8 @@ from kolsky.commands.outfolder import filling
 from kolsky.errors import InputError
 from kolsky.flightreport import FlightOfSpecimen, add_to, flight_of
 from kolsky.records import CentreLine, FlyerMotion
+from kolsky.shotfiles.apparatus import SpecimenSection
 from kolsky.shotfiles.pictures import DicSection, RegionSection
-from kolsky.shotfiles.schema import SpecimenSection
 from kolsky.shots import Measured
 from kolsky.shots.pictures import Seen
 from kolsky.shots.rig import calibrated

@@ -8,22 +8,17 @@ from pydantic import ConfigDict, model_validator
 from kolsky.apparatus import Bar, Interface, Specimen
 from kolsky.errors import InputError
 from kolsky.shotfiles import fields as f
+from kolsky.shotfiles.apparatus import InterfaceSection, ModelSection, SpecimenSection, WindowSection
+from kolsky.shotfiles.curve import CurveSection, chosen_baseline
 from kolsky.shotfiles.law import LawSection, one_baseline
 from kolsky.shotfiles.reading import read_declared
-from kolsky.shotfiles.schema import (
-    CurveSection,
-    InterfaceSection,
-    ModelSection,
-    SpecimenSection,
-    WindowSection,
-    chosen_baseline,
-)
 from kolsky.shotfiles.section import Section
 from kolsky.shotfiles.uncertainty import UncertaintySection
-from kolsky.shots import ModelSettings, Shot, ShotBase, find_shot_file
 from kolsky.shots.bars import load_waves
 from kolsky.shots.barwaves import bar_force, driven_by_waves
 from kolsky.shots.curve import read_curve
+from kolsky.shots.find import find_shot_file
+from kolsky.shots.shot import ModelSettings, Shot, ShotBase
 from kolsky.waves.chain import analyse
 
 

@@ -12,7 +12,7 @@ from kolsky.readers.recordings import read_recordings
 from kolsky.records import Recording
 from kolsky.shotfiles.bars import BarsShotFile, GaugeSection, WaveBarSection, WavesShotFile
 from kolsky.shotfiles.reading import TomlFile, read_declared
-from kolsky.shots import find_shot_file
+from kolsky.shots.find import find_shot_file
 from kolsky.waves.audit import Switches
 from kolsky.waves.bridge import Bridge, Calibration, Linear
 from kolsky.waves.chain import FAR, SIDES, StationInput, WavesInput

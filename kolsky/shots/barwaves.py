@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from kolsky.records import CentreLine
-from kolsky.shots import Shot, ShotBase
 from kolsky.shots.barforce import BarForce
+from kolsky.shots.shot import Shot, ShotBase
 from kolsky.waves.frontpath import back_force, front_path, front_velocity
 from kolsky.waves.records import FaceWaves, Reduction
 

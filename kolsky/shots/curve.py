@@ -9,12 +9,12 @@ import numpy as np
 from kolsky.readers import uniaxial_csv
 from kolsky.readers.table import Column
 from kolsky.records import MaterialCurve
+from kolsky.shotfiles.curve import CurveSection
 from kolsky.shotfiles.law import LawSection
-from kolsky.shotfiles.schema import CurveSection
 from kolsky.shots import shapechecks
 
 if TYPE_CHECKING:
-    from kolsky.shots import ShotBase
+    from kolsky.shots.shot import ShotBase
 
 AnyShot = TypeVar("AnyShot", bound="ShotBase")
 

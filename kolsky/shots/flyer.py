@@ -9,12 +9,13 @@ from kolsky.apparatus import Transducer
 from kolsky.errors import InputError
 from kolsky.flyertest import FlyerInput
 from kolsky.shotfiles.bars import WavesSection
+from kolsky.shotfiles.measured import ForceSection
 from kolsky.shotfiles.reading import ShotToml, read_shot_toml
-from kolsky.shotfiles.schema import ForceSection
 from kolsky.shotfiles.uncertainty import UncertaintySection
-from kolsky.shots import ForceChannel, Shot, find_shot_file
 from kolsky.shots.bars import declared_settings
+from kolsky.shots.find import find_shot_file
 from kolsky.shots.force import force_recording
+from kolsky.shots.shot import ForceChannel, Shot
 from kolsky.waves.audit import Switches
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from kolsky.errors import InputError
 from kolsky.readers import scope_csv
 from kolsky.records import Recording
-from kolsky.shotfiles.schema import ForceSection
+from kolsky.shotfiles.measured import ForceSection
 
 _SECONDS = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
 

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from kolsky.errors import InputError
 from kolsky.records import CentreLine, FloatArray
+from kolsky.shotfiles.curve import CurveSection
 from kolsky.shotfiles.reading import ShotToml
-from kolsky.shotfiles.schema import CurveSection
 
 RADIUS_TOLERANCE = 0.2
 """Largest disagreement of the outline at rest with the specimen's radius, relative to it."""

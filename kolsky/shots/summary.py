@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from kolsky.records import CentreLine, FlyerMotion
-from kolsky.shots import PicturedShot, Shot, ShotBase
 from kolsky.shots.barforce import BarForce
 from kolsky.shots.pictures import CAMERAS, readable
+from kolsky.shots.shot import PicturedShot, Shot, ShotBase
 
 _WRITTEN = {"m": ("mm", 1e3), "s": ("us", 1e6), "Pa": ("kPa", 1e-3)}
 
