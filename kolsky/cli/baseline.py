@@ -89,7 +89,8 @@ def baseline(
         "bulge": bulge,
     }
     with refusing_bad_input():
-        from kolsky.commands.baseline import Given, make_baseline
+        from kolsky.commands.baseline import make_baseline
+        from kolsky.commands.baselinetests import Given
 
         make_baseline(
             Given(

@@ -111,8 +111,8 @@ def simulate(
     A run that fails is written up to its end; the exit code is then 1.
     """
     from kolsky.commands import options
-    from kolsky.commands.identify import simulate as run
     from kolsky.commands.parts import Arithmetic
+    from kolsky.commands.simulate import simulate as run
 
     with refusing_bad_input():
         completed = run(

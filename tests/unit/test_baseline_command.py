@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from kolsky.cli import app
-from kolsky.commands.baseline import curve_table
+from kolsky.commands.baselinetables import curve_table
 from kolsky.shots import load_shot
 from kolsky.shots.curve import conditioned_ratio, with_pull
 
