@@ -23,7 +23,7 @@ from dic.result import StereoResult
 from dic.tracking import Tracking
 from kolsky.commands.outfolder import filling
 from kolsky.errors import InputError
-from kolsky.flightreport import FlightOfSpecimen, add_to, flight_of
+from kolsky.flyer.flightreport import FlightOfSpecimen, add_to, flight_of
 from kolsky.records import CentreLine, FlyerMotion
 from kolsky.shotfiles.apparatus import SpecimenSection
 from kolsky.shotfiles.pictures import DicSection, RegionSection

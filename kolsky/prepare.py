@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 import explicit
-from kolsky.flyerpath import FlyerPath
+from kolsky.flyer.path import FlyerPath
 from kolsky.forward import Forward, curve_replicates, material_law
 from kolsky.misfit import Observations, observe
 from kolsky.recorded import path_of

@@ -8,7 +8,7 @@ import numpy as np
 
 from kolsky.errors import InputError
 from kolsky.flyer import fit_flyer
-from kolsky.flyerpath import FlyerPath
+from kolsky.flyer.path import FlyerPath
 from kolsky.records import FloatArray, FlyerMotion
 from kolsky.shotfiles.reading import read_shot_toml
 from kolsky.shots import Shot, find_shot_file

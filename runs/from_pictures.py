@@ -7,7 +7,8 @@ Regions that shot.toml leaves out are found in the pictures.
 import sys
 from pathlib import Path
 
-from kolsky import dicsummary, flightreport
+from kolsky import dicsummary
+from kolsky.flyer import flightreport
 from kolsky.identify import identify
 from kolsky.measure import measured, surfaces
 from kolsky.report import write_report

@@ -9,10 +9,11 @@ import numpy as np
 from dic.output import reporting
 from dic.output.csv import MM, write_frames, write_history
 from dic.result import StereoResult
-from kolsky import dicsummary, flightreport
+from kolsky import dicsummary
 from kolsky.commands import options
 from kolsky.commands.outfolder import filling, usable_folder
 from kolsky.commands.parts import tell
+from kolsky.flyer import flightreport
 from kolsky.measure import RESULT_FILE, surfaces
 from kolsky.progress import bars
 from kolsky.shots import load_pictures

@@ -30,7 +30,7 @@ class Wishes:
     discrepancy: str = "mesh"
 
     def changes(self) -> dict[str, Any]:
-        """Fields of `kolsky.planning.Instruments` that are not the shot's own, SI."""
+        """Fields of `kolsky.planning.instruments.Instruments` that are not the shot's own, SI."""
         found: dict[str, Any] = {}
         for field, option, unit in (
             ("outline_sigma", "--outline-sigma", "m"),
@@ -115,9 +115,9 @@ def plan(
         )
     loaded, folder = load(shot, out)
     numerics = arithmetic.numerics(mesh)
-    from kolsky import plan as planned
-    from kolsky import planfile
-    from kolsky.planning import instruments_of
+    from kolsky.planning import output
+    from kolsky.planning import plan as planned
+    from kolsky.planning.instruments import instruments_of
     from kolsky.report.canvas import save_figures
     from kolsky.report.figures import PLANS
 
@@ -134,16 +134,16 @@ def plan(
             numerics=numerics,
             progress=progress,
         )
-    said = planfile.to_json(found)
+    said = output.to_json(found)
     with filling(folder) as partial:
-        planfile.write_hdf5(partial / "plan.h5", found)
-        planfile.write_csv(partial, found)
+        output.write_hdf5(partial / "plan.h5", found)
+        output.write_csv(partial, found)
         (partial / "plan.json").write_text(json.dumps(said, indent=2, allow_nan=False), encoding="utf-8")
         if formats:
             save_figures(partial / "figures", found, formats=tuple(formats), registry=PLANS)
     tell(
         [],
-        planfile.rows(found),
+        output.rows(found),
         said if as_json else None,
         rest={"folder": folder, "wall time": since(started)},
         warnings=[f"{part}: {e.unseen}" for part, e in found.expected.items() if e.unseen],

@@ -84,7 +84,7 @@ def _reduced(shot: Path, folder: Path) -> ReducedTest:
         try:
             if "gauges" in content:
                 return analyse(load_waves(shot), progress=progress)
-            from kolsky.flyertest import analyse_flyer
+            from kolsky.flyer.classical import analyse_flyer
             from kolsky.measure import measured
             from kolsky.shots.flyer import load_flyer_test
 

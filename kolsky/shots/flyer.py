@@ -7,7 +7,7 @@ import numpy as np
 
 from kolsky.apparatus import Transducer
 from kolsky.errors import InputError
-from kolsky.flyertest import FlyerInput
+from kolsky.flyer.reduction import FlyerInput
 from kolsky.shotfiles.bars import WavesSection
 from kolsky.shotfiles.measured import ForceSection
 from kolsky.shotfiles.reading import ShotToml, read_shot_toml

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from doe.sensitivity import Placement, best_groups, best_window
 from doe.sensitivity.placement import Criterion, UndecidedError, costs
-from kolsky.planning import Expected, Information
+from kolsky.planning.information import Expected, Information
 
 FloatArray = NDArray[np.float64]
 
@@ -105,7 +105,7 @@ def rate_of(
     length, travel
         The specimen's length and the flyer's displacement over the window [m].
     discrepancy
-        As in `kolsky.planning.information`.
+        As in `kolsky.planning.information.information`.
     """
     edges = found.sensitivity.look.edges
     return Rate(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dic.outcome import FrameOutcome
 from dic.result import StereoResult
-from kolsky.flight import Flight, SymmetryEnd, fit_flight, symmetry_end
+from kolsky.flyer.flight import Flight, SymmetryEnd, fit_flight, symmetry_end
 from kolsky.records import FloatArray, FlyerMotion
 
 SHARE = 0.05

@@ -14,8 +14,8 @@ from scipy.linalg import block_diag
 
 from dic.body_motion import BodyMotion
 from dic.outcome import FrameOutcome
-from kolsky.flyer import FEWEST_STATIC, fit_flyer
-from kolsky.flyerpath import FlyerPath
+from kolsky.flyer.fit import FEWEST_STATIC, fit_flyer
+from kolsky.flyer.path import FlyerPath
 from kolsky.records import FloatArray, FlyerMotion
 
 UNSEEN = 50e-6

@@ -11,9 +11,9 @@ import numpy as np
 from kolsky.atomic import replacing
 from kolsky.csvtable import write_table
 from kolsky.parameters import PARAMETERS
-from kolsky.plan import Plan, correlations
-from kolsky.planchoices import CRITERIA, Choice, best_rate
-from kolsky.planning import Expected
+from kolsky.planning.choices import CRITERIA, Choice, best_rate
+from kolsky.planning.information import Expected
+from kolsky.planning.plan import Plan, correlations
 from kolsky.results.text import jsonable
 
 VERSION = 1

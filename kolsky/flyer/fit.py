@@ -29,8 +29,8 @@ not in the path's uncertainty either; `chi2_per_dof` above 1 at a trusted sigma 
 
 import numpy as np
 
-from kolsky.flyerpath import FlyerPath, responses
-from kolsky.jerks import ZERO_PRIOR, hat_functions, most_likely, posterior
+from kolsky.flyer.jerks import ZERO_PRIOR, hat_functions, most_likely, posterior
+from kolsky.flyer.path import FlyerPath, responses
 from kolsky.records import FloatArray, FlyerMotion
 
 FEWEST_STATIC = 3

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from doe.uncertainty.covariance import SingularInformationError
 from kolsky.forward import Numerics
 from kolsky.localsensitivity import REACH
-from kolsky.planchoices import (
+from kolsky.planning.choices import (
     SHARES,
     Choice,
     Rate,
@@ -20,7 +20,8 @@ from kolsky.planchoices import (
     rate_of,
     window_ends,
 )
-from kolsky.planning import Expected, Information, Instruments, discrepancies, information, instruments_of
+from kolsky.planning.information import Expected, Information, discrepancies, information
+from kolsky.planning.instruments import Instruments, instruments_of
 from kolsky.prepare import Prepared, prepare
 from kolsky.provenance import provenance
 from kolsky.shots import Shot
