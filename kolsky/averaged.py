@@ -18,7 +18,7 @@ from kolsky.coarse import Coarse
 from kolsky.forward import Numerics
 from kolsky.objective import Objective
 from kolsky.optimum import jacobian, leaves, search
-from kolsky.refined import CONFIRMED, ROUGH, Refined, refined, run_refined
+from kolsky.refined import CONFIRMED, ROUGH, Refined, refined, run_refined, slides
 from kolsky.stages import Stages
 
 FloatArray = NDArray[np.float64]
@@ -29,8 +29,7 @@ LEFTOVER = 0.3
 """The box is halved while a run's deviation from the quadratic moves the optimum by more than this share of
 the residuals' sigma."""
 GAIN = 0.7
-"""A halved box is kept if the response is fitted there to less than this share of what was left over: then
-it was the quadratic's lack of fit. Where it is not, the response is rough and the wider box averages more."""
+"""A halved box is kept if the response is fitted there to less than this share of what was left over."""
 PATIENCE = 2
 """Halvings after which it must have: where a response rings, its fit gets better only within a period."""
 SMALLEST = 0.01
@@ -90,7 +89,7 @@ def averaged(stages: Stages, coarse: Coarse) -> Refined:
     ValueError
         If the run at the optimum does not complete, or too few of a design do.
     """
-    found = _on_refined(stages, _settled(stages, coarse))
+    found = _on_refined(stages, *_start(stages, coarse))
     x = found.x
     check = run_refined(stages, x[None])
     missed = found.objective.vectors(check.prediction)[0] - found.model(x)[0]
@@ -129,8 +128,24 @@ def _moved_by(stages: Stages, found: Averaged, numerics: Numerics) -> FloatArray
     return -found.gain @ np.nan_to_num(change)  # a point that the run does not reach adds nothing
 
 
+def _start(stages: Stages, coarse: Coarse) -> tuple[FloatArray, float]:
+    """Middle and edge of the first box on the refined mesh.
+
+    Where a surface slides the box stays wide: in a narrow one the jumps are fewer, and the slope is theirs.
+    Otherwise it is no wider than the response is quadratic, and its middle where one run on the refined mesh
+    puts the optimum.
+    """
+    if slides(stages):
+        return coarse.x, EDGE
+    own = _settled(stages, coarse)
+    first = run_refined(stages, own.x[None])
+    change = own.objective.vectors(first.prediction)[0] - own.model(own.x)[0]
+    guess = own.x - own.gain @ np.nan_to_num(change)  # a point that the run does not reach adds nothing
+    return np.clip(guess, stages.box.lower, stages.box.upper), own.edge
+
+
 def _settled(stages: Stages, coarse: Coarse) -> Averaged:
-    """On the surrogate's mesh: in a box no wider than the response is quadratic, apart from its roughness."""
+    """A quadratic on the surrogate's mesh, its box halved until it fits."""
     numerics, edge, patience = stages.settings.numerics, EDGE, PATIENCE
     found = last = _fit(stages, coarse.x, edge, numerics)
     while patience and (found.roughness > LEFTOVER * found.sigma).any() and edge > SMALLEST:
@@ -143,14 +158,10 @@ def _settled(stages: Stages, coarse: Coarse) -> Averaged:
     return found
 
 
-def _on_refined(stages: Stages, coarse: Averaged) -> Averaged:
-    """On the refined mesh: about its optimum, in a box as wide as on the surrogate's mesh."""
-    first = run_refined(stages, coarse.x[None])
-    change = coarse.objective.vectors(first.prediction)[0] - coarse.model(coarse.x)[0]
-    guess = coarse.x - coarse.gain @ np.nan_to_num(change)  # a point that the run does not reach adds nothing
-    middle = np.clip(guess, stages.box.lower, stages.box.upper)
+def _on_refined(stages: Stages, middle: FloatArray, edge: float) -> Averaged:
+    """A quadratic on the refined mesh, about its optimum."""
     for _ in range(MOST_MOVES):
-        found = _fit(stages, middle, coarse.edge, refined(stages))
+        found = _fit(stages, middle, edge, refined(stages))
         if not leaves(found.x, found.surrogate.box, stages.box):
             break
         middle = found.x
