@@ -2,4 +2,5 @@
 
 from kolsky.cli.commandline import main
 
-main()
+if __name__ == "__main__":
+    main()

@@ -39,9 +39,11 @@ def read_design(path: Path) -> Design:
                 points.append(_point(path, rows.line_num, row, columns))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         cause = getattr(error, "strerror", None) or str(error)
-        raise InputError(path, f"cannot be read as a CSV file: {cause}") from None
+        raise InputError(
+            path, f"cannot be read as a CSV file: {cause}", cure="give a text file with commas and a header"
+        ) from None
     if len(points) < 2:
-        raise InputError(path, f"holds {len(points)} points; a design needs at least 2")
+        raise InputError(path, f"holds {len(points)} points", allowed="2 or more", cure="a point a line")
     values = np.array(points)
     for (name, _), column in zip(columns, values.T, strict=True):
         if column.min() == column.max():
@@ -83,7 +85,7 @@ def _point(path: Path, line: int, row: list[str], columns: list[tuple[str, float
         try:
             number = float(cell)
         except ValueError:
-            raise InputError(path, f"{cell!r} is not a number ({name})", line=line) from None
+            raise InputError(path, f"{cell!r} is not a number ({name})", line=line, cure="mend it") from None
         try:
             point.append(checked_value(name, number * factor))  # refuses NaN too
         except ValueError as error:

@@ -85,15 +85,18 @@ def _named(text: str) -> tuple[Mode, Path]:
 
 def _of_file(mode: Mode, path: Path, columns: Columns, hashes: dict[str, str]) -> HomogeneousTest:
     options.one_of("--convention", columns.convention, CONVENTIONS)
-    if bool(columns.stretch) == bool(columns.strain):
+    layout = Layout(header_line=columns.header_line)
+    if columns.stretch and columns.strain:
         raise InputError(
-            options.COMMAND_LINE,
-            f"{path} needs one of --stretch and --strain",
-            cure="name the column, or give its number",
+            options.COMMAND_LINE, "--stretch and --strain exclude each other", cure="leave one out"
         )
-    if not columns.stress:
+    if not columns.stress or not (columns.stretch or columns.strain):
+        there = ", ".join(homogeneous.column_names(path, layout))
         raise InputError(
-            options.COMMAND_LINE, f"{path} needs --stress", cure="name its column or give its number"
+            path,
+            f"does not say which columns are the test; its columns of numbers are {there}",
+            cure="name stress and deformation, or give their numbers: --stress COLUMN, and --stretch COLUMN "
+            "or --strain COLUMN",
         )
     if mode is Mode.SIMPLE_SHEAR and columns.stretch:
         raise InputError(
@@ -107,7 +110,7 @@ def _of_file(mode: Mode, path: Path, columns: Columns, hashes: dict[str, str]) -
         stress=columns.stress,
         deformation_unit=columns.strain_unit,
         stress_unit=columns.stress_unit,
-        layout=Layout(header_line=columns.header_line),
+        layout=layout,
     )
     hashes[str(path)] = table.sha256
     sign = 1.0 if columns.convention == "tension-positive" else -1.0

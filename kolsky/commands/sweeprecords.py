@@ -75,5 +75,5 @@ class Records:
         try:
             yield
         except (LedgerError, OSError) as error:
-            cure = "give another place with --ledger FILE, or --ledger none"
+            cure = "give another place with --ledger FILE, or --ledger none; --merge takes ledgers only"
             raise InputError(COMMAND_LINE, f"--ledger: {error}", cure=cure) from error

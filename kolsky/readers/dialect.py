@@ -20,6 +20,10 @@ _MOST = 0.8
 """Share of them that must agree: one damaged line shall be named by its number, not change the choice."""
 
 
+_SHOWN = 60
+"""Most characters of a line that a message shows."""
+
+
 @dataclass(frozen=True)
 class Dialect:
     """How the lines of a file are to be taken apart."""
@@ -102,13 +106,15 @@ def find_dialect(
                 cure=f'say delimiter = "{name}", or leave it out',
             )
     if not several:
+        line, word = _last_word(lines, characters or tuple(DELIMITERS.values()), decimals or (".", ","))
         raise InputError(
             path,
             "has no column of numbers"
             + (f" with the delimiter {delimiter!r}" if delimiter is not None else "")
-            + (f" and the decimal sign {decimal!r}" if decimal is not None else ""),
-            line=len(lines),
-            cure="is it the recorder's file? if so, say delimiter and decimal in the layout",
+            + (f" and the decimal sign {decimal!r}" if decimal is not None else "")
+            + (f": {word[:_SHOWN]!r} is none" if line > 1 else ", or too few below its header"),
+            line=line,
+            cure="is it the right file? if so, mend the line, or say delimiter and decimal in a layout",
         )
     # max() keeps the first of equals: the order of DELIMITERS.
     return max(several, key=lambda d: (len(d.numeric) / d.fields, len(d.numeric)))
@@ -133,6 +139,18 @@ def _columns(lines: Sequence[str], delimiter: str, decimal: str) -> Dialect | No
     empty = tuple(i for i, count in enumerate(filled) if count == 0)
     mostly = len(numeric) + len(empty) > fields / 2  # empty ones speak neither for nor against
     return Dialect(delimiter, decimal, fields, numeric, empty) if mostly else None
+
+
+def _last_word(lines: Sequence[str], characters: Sequence[str], decimals: Sequence[str]) -> tuple[int, str]:
+    """The last line, counted from 1, with a field that is no number, and that field; by the best dialect."""
+    kinds = [Dialect(c, sign, 0, ()) for c in characters for sign in decimals if sign != c]
+    tail = range(max(0, len(lines) - 4 * _SAMPLED), len(lines))
+    best = max(kinds, key=lambda kind: sum(kind.is_number(f) for i in tail for f in kind.split(lines[i])))
+    for i in reversed(tail):
+        for field in best.split(lines[i]):
+            if field and not best.is_number(field):
+                return i + 1, field
+    return len(lines), lines[-1]
 
 
 def _other(lines: Sequence[str], stated: str) -> Dialect | None:

@@ -75,13 +75,28 @@ def read(
     return HomogeneousTable(path, contents.sha256, *values)
 
 
+def column_names(path: Path, layout: Layout) -> list[str]:
+    """Names and numbers of the columns of numbers, the first twenty, as messages show them.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    return _named(read_contents(path, layout=layout))
+
+
+def _named(contents: Contents) -> list[str]:
+    return [f"'{column.name}' ({column.number})" for column in contents.channels[:20]]
+
+
 def _column(contents: Contents, wanted: str) -> Channel:
     found: Sequence[Channel] = [c for c in contents.channels if wanted in (c.name, split_unit(c.name)[0])]
     if not found and wanted.isdecimal():
         found = [c for c in contents.channels if c.number == int(wanted)]
     if len(found) == 1:
         return found[0]
-    names = ", ".join(f"'{c.name}' ({c.number})" for c in contents.channels[:20])
+    names = ", ".join(_named(contents))
     problem = "is missing" if not found else f"is there {len(found)} times"
     raise InputError(
         contents.path,

@@ -72,8 +72,12 @@ def read_contents(path: Path, *, layout: Layout = _FOUND) -> Contents:
     for form in FORMATS.values():
         if form.sniff(path):
             return form.read(path, layout)
+    if path.stat().st_size == 0:
+        raise InputError(path, "is empty", cure="export or copy it again")
     raise InputError(
-        path, "is of no known format", cure=f"say its format in the layout: {', '.join(FORMATS)}"
+        path,
+        "is of no known format",
+        cure=f"is it the right file? if so, say its format in a layout: {', '.join(FORMATS)}",
     )
 
 

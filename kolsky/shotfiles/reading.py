@@ -18,6 +18,9 @@ from kolsky.shotfiles.schema import ShotFile, schema
 TOML_LIMIT = 1_000_000
 """Largest shot.toml that is read [bytes]."""
 
+LINE_SHOWN = 60
+"""Most characters of a line that a message shows."""
+
 _HEADER = re.compile(r"\s*\[\s*([^\[\]]+?)\s*\]\s*(?:#.*)?")
 _ASSIGNMENT = re.compile(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*[\w-]+)*)\s*=""")
 
@@ -87,7 +90,7 @@ def read_declared(path: Path, schema: Callable[[dict[str, Any]], type[BaseModel]
     try:
         content = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # beside its own, tomllib lets these two through
-        raise _syntax_error(path, str(error)) from None
+        raise _syntax_error(path, text, str(error)) from None
     lines = key_lines(text)
     try:
         declared = schema(content).model_validate(content)
@@ -132,15 +135,20 @@ def _plain(dotted: str) -> str:
     return ".".join(part.strip().strip("\"'") for part in dotted.split("."))
 
 
-def _syntax_error(path: Path, message: str) -> InputError:
+def _syntax_error(path: Path, text: str, message: str) -> InputError:
     place = re.search(r"\s*\(at line (\d+), column (\d+)\)", message)
     message = message[: place.start()] if place else message.removesuffix(" (at end of document)")
-    column = f" (column {place.group(2)})" if place else ""
+    column, line, shown = "", None, ""
+    if place:
+        column, line = f" (column {place.group(2)})", int(place.group(1))
+        shown = f": {text.splitlines()[line - 1].strip()[:LINE_SHOWN]!r}"
     return InputError(
         path,
-        f"is not valid TOML: {message}{column}",
-        line=int(place.group(1)) if place else None,
-        cure='values with units stand in quotes: key = "9.5 mm"',
+        f"is not valid TOML: {message}{column}{shown}",
+        line=line,
+        cure='values with units stand in quotes: key = "9.5 mm"'
+        if path.suffix == ".toml"
+        else "give the folder of a shot, or its shot.toml",
     )
 
 

@@ -107,9 +107,9 @@ SAID = {"convention": "tension-positive", "strain": "Strain", "stress": "Stress"
     ("files", "change", "message"),
     [
         (["{f}"], {"convention": ""}, "--convention .*tension-positive or compression-positive"),
-        (["{f}"], {"strain": ""}, "needs one of --stretch and --strain"),
-        (["{f}"], {"stretch": "1"}, "needs one of --stretch and --strain"),
-        (["{f}"], {"stress": ""}, "needs --stress"),
+        (["{f}"], {"strain": ""}, "--stretch COLUMN or --strain COLUMN"),
+        (["{f}"], {"stretch": "1"}, "--stretch and --strain exclude each other"),
+        (["{f}"], {"stress": ""}, "--stress COLUMN"),
         (
             ["{f}"],
             {"stress": "Force"},
