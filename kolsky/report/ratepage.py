@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from kolsky.atomic import replacing
 from kolsky.rates.records import GroupRates, RatedShot, RateReport
-from kolsky.rates.slope import Criterion, Slope, SlopeVerdict
+from kolsky.rates.regression import Criterion, Slope, SlopeVerdict
 from kolsky.report import numbers
 from kolsky.report.canvas import inline_svg
 from kolsky.report.figures import RATES, FigureKind
