@@ -34,9 +34,8 @@ nb_execution_in_temp = True
 nb_execution_raise_on_error = True
 nb_execution_timeout = 180  # s a cell
 nb_execution_excludepatterns = [] if PICTURES.is_dir() else ["tutorials/pictures.md"]
-nb_merge_streams = True
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
-os.environ["PYTHONPATH"] = str(ROOT)
+os.environ["PYTHONPATH"] = os.pathsep.join(sys.path[:2])
 os.environ["COLUMNS"] = "100"  # of the tables that are printed
 
 html_theme = "furo"

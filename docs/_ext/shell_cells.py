@@ -2,7 +2,7 @@
 
 from docutils import nodes
 
-MAGIC = "%%bash -e\n"
+MAGIC = "%%shell\n"
 
 
 def unmask(app, doctree) -> None:
