@@ -26,10 +26,10 @@ class Source(NamedTuple):
 
 
 def inside(package: Source) -> list[Source]:
-    """Modules and packages directly inside a package."""
+    """Modules and packages directly inside a package; a `__main__` is a command and would run."""
     if package.file.name != "__init__.py":
         return []
-    files = [f for f in package.file.parent.glob("*.py") if f.stem != "__init__"]
+    files = [f for f in package.file.parent.glob("*.py") if f.stem not in ("__init__", "__main__")]
     files += package.file.parent.glob("*/__init__.py")
     named = (Source(f"{package.name}.{(f.parent if f.stem == '__init__' else f).stem}", f) for f in files)
     return sorted(named)
