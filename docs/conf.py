@@ -1,12 +1,14 @@
-"""Sphinx configuration: MyST pages, API from the docstrings of these sources, no network."""
+"""Sphinx configuration: MyST pages, tutorials run as notebooks, API from these sources, no network."""
 
+import os
 import re
 import sys
 import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT))  # these sources, whatever version may be installed
+sys.path[:0] = [str(ROOT), str(ROOT / "docs" / "_ext")]  # these sources, whatever version may be installed
+PICTURES = ROOT.parent / "shared" / "data" / "shots" / "open-01"  # 14 MB, not shipped
 
 project = "kolsky"
 author = "The kolsky developers"
@@ -14,21 +16,31 @@ copyright = "2026, the kolsky developers"
 version = release = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
 
 extensions = [
-    "myst_parser",
+    "module_pages",
+    "myst_nb",
+    "shell_cells",
     "sphinx.ext.autodoc",
-    "sphinx.ext.autosummary",
+    "sphinx.ext.duration",
     "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
 ]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
-templates_path = ["_templates"]
 exclude_patterns = ["_build"]
+
+# Pages with a kernel in their front matter are notebooks: run in an empty folder whenever they are read.
+nb_execution_mode = "force"
+nb_execution_in_temp = True
+nb_execution_raise_on_error = True
+nb_execution_timeout = 180  # s a cell
+nb_execution_excludepatterns = [] if PICTURES.is_dir() else ["tutorials/pictures.md"]
+os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+os.environ["PYTHONPATH"] = os.pathsep.join(sys.path[:2])
+os.environ["COLUMNS"] = "100"  # of the tables that are printed
 
 html_theme = "furo"
 html_title = f"kolsky {release}"
 
-autosummary_generate = True
 # Documented where they are defined, not again where a package offers them.
 autodoc_default_options = {"members": True, "member-order": "bysource", "ignore-module-all": True}
 autodoc_typehints_format = "short"
@@ -41,14 +53,12 @@ napoleon_use_rtype = False
 # A nitpicky build (-n) checks references to our own names; types of others have no page here.
 _OTHERS = (
     r"ast|np|numpy|wp|warp|pathlib|collections|concurrent|enum|typing|h5py|matplotlib|pyvista|pydantic\w*|contextlib"
-    r"|scipy|jinja2"
+    r"|scipy|jinja2|argparse"
 )
 nitpick_ignore_regex = [
     ("py:.*", rf"({_OTHERS})\..*"),
     ("py:class", r"Path|tuple\[int|[a-z][a-z_ -]*"),  # words in a type: "array", "callable, optional"
     ("py:class", r"FloatArray|kolsky\.shots\.curve\.AnyShot"),  # an array of float64; any kind of shot
-    # Modules that have the name of the function they offer, which is what the package documents.
-    ("py:class", r"(doe\.sensitivity\.morris|kolsky\.rates\.slope)\.[A-Z]\w*"),
     ("py:class", r"(explicit|doe|dic)(\.[a-z_]+)?\.[A-Z]\w*"),  # re-exported: documented where it is defined
 ]
 suppress_warnings = ["ref.python"]  # "shape" in a type is a word, not one of several attributes of that name
@@ -70,3 +80,4 @@ def plain_docstring(app, what, name, obj, options, lines):
 def setup(app):
     """Register the docstring hook, ahead of napoleon's (500)."""
     app.connect("autodoc-process-docstring", plain_docstring, priority=400)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

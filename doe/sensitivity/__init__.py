@@ -1,8 +1,8 @@
 """What matters: variance-based indices, elementary effects, and what data could tell; no physics."""
 
+from doe.sensitivity.elementary_effects import ElementaryEffects, morris
 from doe.sensitivity.histories import HistoryIndices, history_indices
 from doe.sensitivity.information import LinearData
-from doe.sensitivity.morris import ElementaryEffects, morris
 from doe.sensitivity.placement import Placement, best_groups, best_window
 from doe.sensitivity.variance import SobolIndices, sobol_indices
 

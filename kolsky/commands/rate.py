@@ -12,7 +12,7 @@ from kolsky.commands.printed import plain
 from kolsky.errors import InputError
 from kolsky.progress import bars
 from kolsky.rates.collect import collected_shot, declarations, group_key, group_of, result_of
-from kolsky.rates.compare import compare
+from kolsky.rates.comparison import compare
 from kolsky.rates.output import summary, write_csv, write_hdf5
 from kolsky.rates.records import GroupRates, RateReport
 from kolsky.report import numbers

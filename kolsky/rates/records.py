@@ -7,7 +7,7 @@ import numpy as np
 from kolsky.identification import Identification, Verdict
 from kolsky.rates.motion import StrainHistory
 from kolsky.rates.pooled import Pooled
-from kolsky.rates.slope import Slope
+from kolsky.rates.regression import Slope
 from kolsky.records import FloatArray, MaterialCurve
 
 COUNTED = (Verdict.IDENTIFIED, Verdict.FORCE_ALONE)

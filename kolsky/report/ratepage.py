@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kolsky.rates.records import GroupRates, RatedShot, RateReport
-from kolsky.rates.slope import Criterion, Slope, SlopeVerdict
+from kolsky.rates.regression import Criterion, Slope, SlopeVerdict
 from kolsky.report import numbers
 from kolsky.report.figures import RATES, FigureKind
 from kolsky.report.numbers import NOTHING, measured, percent, plain

@@ -12,7 +12,7 @@ from dic.cells import text_cell
 from dic.output.csv import write_history
 from dic.output.reporting import Row, as_csv
 from kolsky.csvtable import write_table
-from kolsky.rates.compare import compare
+from kolsky.rates.comparison import compare
 from kolsky.rates.output import write_csv
 
 HOSTILE = (

@@ -13,7 +13,7 @@ from ratedshots import DIAMETER, SHEAR, baseline, rated
 
 from kolsky.identification import Verdict
 from kolsky.knowledge import Declaration
-from kolsky.rates.compare import compare
+from kolsky.rates.comparison import compare
 from kolsky.rates.output import summary, write_csv, write_hdf5
 from kolsky.rates.records import RateReport
 from kolsky.rates.stiffness import Baselines

@@ -8,7 +8,7 @@ from scipy.stats import linregress
 
 from kolsky.rates.motion import strain_history, strain_history_of
 from kolsky.rates.pooled import pool
-from kolsky.rates.slope import SlopeVerdict, slope
+from kolsky.rates.regression import SlopeVerdict, slope
 from kolsky.records import FrontVelocity
 
 NOISE = np.full(5, 1e-4)

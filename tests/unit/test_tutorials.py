@@ -1,92 +1,71 @@
-"""The commands of the tutorials, run as they are printed but on tiny meshes, so that no tutorial rots.
+"""What the build of the documentation, which runs the tutorials, does not show: that it could fail.
 
-Run are the blocks of shell whose first line is `# tutorial`, page by page, in a folder with a copy of `runs`.
-`kolsky` and `python` are there stand-ins that hand the words on and add the meshes. `kolsky dic` on a whole
-shot takes too long here and is not marked; tests/validation/test_dic_chain.py runs it on the same pictures.
+A page without a kernel in its front matter, or a cell whose failure is not seen, would be built all the same.
 """
 
-import os
-import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-PAGES = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
-BLOCK = re.compile(r"^```sh\n# tutorial\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-KOLSKY = """#!/bin/bash
-case $1 in
-    identify) set -- "$@" --mesh 12x16 --refined-mesh 16x22 --replicates 0 ;;
-    simulate | sweep) set -- "$@" --mesh 12x16 ;;
-esac
-exec "{python}" -m kolsky.cli "$@"
-"""
-PYTHON = """#!/bin/bash
-case $1 in
-    runs/per_shot.py) set -- "$1" "$2" 12x16 16x22 ;;
-    runs/rate_shots.py) set -- "$1" "$2" "$3" "${{@: -1}}" ;;
-esac
-exec "{python}" "$@"
-"""
-FINE = 'Numerics(mesh=(48, 64), element="fbar")'
-"""What `runs/rate_shots.py` makes its shots with."""
-WRITTEN = {
-    "first_shot": "runs/open-01/results/report.html",
-    "vic3d_export": "gel-17/results/report.html",
-    "rate_study": "rates/rates.html",
-    "gpu_sweep": "sweep-folder/sweep.html",
-    "pictures": "my-pictures/shot.toml",
-}
-"""What the last command of a page has left behind."""
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+PAGES = sorted((DOCS / "tutorials").glob("*.md"))
 
 
 @pytest.fixture
-def workplace(tmp_path: Path) -> Path:
-    """A folder with the scripts, the shipped shot and the stand-ins."""
-    shutil.copytree(ROOT / "runs", tmp_path / "runs", ignore=shutil.ignore_patterns("results"))
-    script = tmp_path / "runs" / "rate_shots.py"
-    text = script.read_text(encoding="utf-8")
-    assert FINE in text
-    script.write_text(text.replace(FINE, "Numerics(mesh=(16, 22))"), encoding="utf-8")
-    (tmp_path / "bin").mkdir()
-    for name, words in (("kolsky", KOLSKY), ("python", PYTHON)):
-        stand_in = tmp_path / "bin" / name
-        stand_in.write_text(words.format(python=sys.executable), encoding="utf-8")
-        stand_in.chmod(0o755)
-    return tmp_path
+def extensions(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The folder of the documentation's extensions, to import from."""
+    monkeypatch.syspath_prepend(str(DOCS / "_ext"))
+    for name in ("laboratory", "module_pages"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
 
 
-def test_every_page_has_commands_and_an_end():
-    assert {page.stem for page in PAGES} == set(WRITTEN)
-    for page in PAGES:
-        assert BLOCK.search(page.read_text(encoding="utf-8")), page.name
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_a_tutorial(page, workplace, request):
-    if page.stem == "pictures":
-        shot = request.getfixturevalue("shared") / "data" / "shots" / "open-01"
-        if not shot.is_dir():
-            pytest.skip("no pictures of open-01 in the folder 'shared': they are not shipped")
-        (workplace / "my-pictures").mkdir()
-        for name in ("cam0.tif", "cam1.tif", "scope.csv", "frames.csv", "quasi_static.csv"):
-            (workplace / "my-pictures" / name).symlink_to(shot / name)
-        shutil.copytree(shot / "calibration", workplace / "my-pictures" / "calibration")
-    blocks = BLOCK.findall(page.read_text(encoding="utf-8"))
-    found = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
-    path = f"{workplace / 'bin'}{os.pathsep}{os.environ['PATH']}"
-    ran = subprocess.run(
-        ["bash", "-e", "-c", "".join(blocks)],
-        cwd=workplace,
-        env={**os.environ, "PATH": path, "PYTHONPATH": found},
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
-    assert ran.returncode == 0, f"{ran.stdout[-2000:]}\n{ran.stderr[-2000:]}"
-    assert (workplace / WRITTEN[page.stem]).is_file()
+def test_a_tutorial_is_a_notebook_that_runs_its_commands(page):
+    text = page.read_text(encoding="utf-8")
+    front = text.split("---\n")[1]
+    assert "format_name: myst" in front
+    assert "kernelspec:" in front
+    assert "%load_ext laboratory\n" in text
+    assert "%%shell\n" in text
+
+
+def test_every_tutorial_is_in_the_contents():
+    contents = (DOCS / "index.md").read_text(encoding="utf-8").splitlines()
+    assert {f"tutorials/{page.stem}" for page in PAGES} == {c for c in contents if c.startswith("tutorials/")}
+
+
+@pytest.mark.parametrize("script", ["echo first; false; echo last\n", "false | cat\necho last\n"])
+def test_a_shell_cell_stops_and_fails_where_its_script_does(script, extensions, capfd):
+    from laboratory import shell
+
+    with pytest.raises(subprocess.CalledProcessError):
+        shell("", script)
+    assert "last" not in capfd.readouterr().out
+
+
+def test_a_shell_cell_shows_both_streams(extensions, capsys):
+    from laboratory import shell
+
+    shell("", "word() { echo $1; }\nword answer\nword warning >&2\n")
+    assert capsys.readouterr() == ("answer\n", "warning\n")
+
+
+def test_there_is_a_page_for_every_module_and_no_other(extensions, tmp_path):
+    from module_pages import PACKAGES, ROOT, write_pages
+
+    class App:
+        srcdir = tmp_path
+
+    stale = tmp_path / "api" / "generated" / "kolsky.no_more.rst"
+    stale.parent.mkdir(parents=True)
+    stale.write_text("gone", encoding="utf-8")
+    write_pages(App)
+    files = [f.relative_to(ROOT).with_suffix("") for name in PACKAGES for f in (ROOT / name).rglob("*.py")]
+    files = [f for f in files if f.name != "__main__"]
+    modules = {".".join(f.parts).removesuffix(".__init__") for f in files}
+    assert {page.stem for page in stale.parent.iterdir()} == modules
+    # a module that has the name of a function its package offers
+    page = (stale.parent / "explicit.run.rst").read_text(encoding="utf-8")
+    assert ".. automodule:: explicit.run\n" in page

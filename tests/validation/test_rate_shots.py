@@ -10,9 +10,9 @@ import pytest
 from kolsky.forward import Numerics
 from kolsky.identify import identify
 from kolsky.rates.collect import collected_shot
-from kolsky.rates.compare import compare
+from kolsky.rates.comparison import compare
 from kolsky.rates.records import GroupRates
-from kolsky.rates.slope import SlopeVerdict
+from kolsky.rates.regression import SlopeVerdict
 from kolsky.settings import Settings
 
 SCRIPT = Path(__file__).resolve().parents[2] / "runs" / "rate_shots.py"

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from kolsky.rates.records import GroupRates
-from kolsky.rates.slope import SlopeVerdict
+from kolsky.rates.regression import SlopeVerdict
 from kolsky.report.figures.base import BAND, FORCE, GREY, MEASURED, MODEL, PAGE, FigureKind, Panels, letter
 
 POINTS = 101

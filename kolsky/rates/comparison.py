@@ -8,7 +8,7 @@ import numpy as np
 from kolsky.rates.equal_strain import equal_strain
 from kolsky.rates.pooled import FEWEST, Pooled, pool
 from kolsky.rates.records import GroupRates, LongLever, RatedShot, RateReport, StiffnessAtStrain
-from kolsky.rates.slope import slope
+from kolsky.rates.regression import slope
 from kolsky.rates.stiffness import Baselines, stiffness_at
 from kolsky.records import FloatArray
 
