@@ -6,7 +6,9 @@ from explicit import EnergyLedger
 from kolsky.identification import Terms
 
 FORMAT = "kolsky identification"
-VERSION = 1
+VERSION = 2
+READABLE = (1, 2)
+"""Versions that are read; the first one knows no other choices and no numbers of image correlation."""
 STORED = {"f": "<f8", "i": "<i8", "b": "|b1", "t": "S"}
 """Kind of a dataset -> its type in the file."""
 

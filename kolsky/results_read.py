@@ -1,6 +1,7 @@
 """A result from its HDF5 file: link, type, shape and size of every dataset are checked before its values."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from kolsky.results_datasets import numbered as _numbered
 from kolsky.results_datasets import opened as _opened
 from kolsky.results_datasets import read as _read
 from kolsky.results_datasets import read_numbers as _read_numbers
-from kolsky.results_knowledge import read_knowledge
+from kolsky.results_knowledge import read_knowledge, read_variations
 from kolsky.results_layout import (
     CURVE,
     DESIGN,
@@ -37,11 +38,11 @@ from kolsky.results_layout import (
     NODES,
     PROFILE,
     PROFILE_MODEL,
+    READABLE,
     RECORDED,
     RESPONSE,
     ROUTE,
     TERMS,
-    VERSION,
 )
 from kolsky.results_methods import read_methods
 
@@ -69,9 +70,12 @@ def read_identification(path: Path) -> Identification:
     cure = "write it again with `kolsky identify`"
     try:
         with h5py.File(path, "r") as file:
-            if not (_attribute(file, "format") == FORMAT and _attribute(file, "format_version") == VERSION):
-                raise _Refused(f"not a result of version {VERSION} of the format {FORMAT!r}")
-            return _read_entry(file)
+            version = _attribute(file, "format_version")
+            if not (_attribute(file, "format") == FORMAT and version in READABLE):
+                known = " or ".join(map(str, READABLE))
+                raise _Refused(f"not a result of version {known} of the format {FORMAT!r}")
+            found = _read_entry(file)
+            return found if version == 1 else replace(found, **_read_later(file))
     except FileNotFoundError:
         raise InputError(path, "no such file", cure=cure) from None
     except _Refused as error:
@@ -80,6 +84,14 @@ def read_identification(path: Path) -> Identification:
         # What h5py raises on damaged files; its messages can span lines.
         cause = " ".join(str(error).split())
         raise InputError(path, f"not a readable HDF5 file ({cause})", cure=cure) from error
+
+
+def _read_later(file: h5py.File) -> dict[str, Any]:
+    """What the first version does not hold."""
+    return {
+        "variations": read_variations(file),
+        "image_correlation": _read_numbers(file, "entry/image_correlation"),
+    }
 
 
 def _attribute(file: h5py.File, name: str) -> object:

@@ -9,6 +9,7 @@ STAGES = {
     "noise": "replicates of the input noise",
     "profile": "profile likelihoods",
     "posterior": "posterior",
+    "choices": "other choices",
     "systematic": "declared uncertainties",
     "simulation": "simulation",
     "sweep": "sweep",
