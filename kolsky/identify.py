@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from kolsky.cautions import cautions
 from kolsky.check import check_refined
 from kolsky.coarse import Coarse, fit_for_purpose, search_coarse
-from kolsky.curvefile import with_pull
 from kolsky.identification import Identification
 from kolsky.knowledge.gather import gather
 from kolsky.knowledge.profiles import Answer
@@ -34,6 +33,7 @@ from kolsky.refined import Refined
 from kolsky.searches import with_methods
 from kolsky.settings import Settings
 from kolsky.shots import Shot
+from kolsky.shots.curve import with_pull
 from kolsky.stages import Progress, Stages
 from kolsky.summary import comparison, curves, estimates, routes
 

@@ -165,7 +165,13 @@ def narrower(stages: Stages, answer: Answer, found: Profiled, check: Prediction)
     fine = replace(
         answer,
         objective=objective,
-        vector=np.concatenate([halved(check).force_bins[0], answer.vector[n:]]),
+        # The model's own means, shared by the halves as the run shares its own.
+        vector=np.concatenate(
+            [
+                np.repeat(answer.vector[:n] - check.force_bins[0], 2) + halved(check).force_bins[0],
+                answer.vector[n:],
+            ]
+        ),
         # What the finer mesh adds to a bin's slope, both halves get.
         steeper=np.concatenate([np.repeat(answer.steeper[:n], 2, axis=0), answer.steeper[n:]]),
     )
