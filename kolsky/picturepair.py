@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from dic.images import PictureError
 from dic.outcome import FrameOutcome
 from dic.result import StereoResult
+from kolsky.errors import InputError
 from kolsky.readers import frame_times
 from kolsky.readers.table import Column
 from kolsky.shotfiles.reading import ShotToml
@@ -29,8 +30,8 @@ class PicturePair:
     """The pictures of both cameras, each of shape [rows, columns]."""
 
 
-def picture_pair(toml: ShotToml, result: StereoResult) -> PicturePair | None:
-    """The latest pair that still shows half of the points; None if no pair with points can be read.
+def picture_pair(toml: ShotToml, result: StereoResult) -> PicturePair | str:
+    """The latest pair that still shows half of the points, or why there is none.
 
     Parameters
     ----------
@@ -38,27 +39,26 @@ def picture_pair(toml: ShotToml, result: StereoResult) -> PicturePair | None:
         The shot's file, with [pictures].
     result
         What its pictures gave.
-
-    Raises
-    ------
-    InputError
-        If the pictures or their times cannot be opened.
     """
     declared = toml.declared
-    frames = frame_times.read(
-        toml.path.parent / declared.frames.file,
-        frame=Column(declared.frames.frame),
-        time=declared.frames.time.as_column(),
-    )
-    first, second = open_pictures(toml, frames).pictures
+    try:
+        frames = frame_times.read(
+            toml.path.parent / declared.frames.file,
+            frame=Column(declared.frames.frame),
+            time=declared.frames.time.as_column(),
+        )
+        first, second = open_pictures(toml, frames).pictures
+    except InputError as error:
+        return str(error)
     alive = np.where(result.outcome == FrameOutcome.VALID, result.specimen.alive, 0)
     if alive.size != first.n_frames:
-        return None
+        return f"there are {first.n_frames} pictures and surfaces of {alive.size} frames"
     enough = np.flatnonzero(alive >= max(1, ALIVE * result.specimen.surface.n_points))
-    for frame in [*enough[::-1].tolist(), int(np.argmax(alive))]:
+    best = [int(np.argmax(alive))] if alive.any() else []
+    for frame in [*enough[::-1].tolist(), *best]:
         try:
             pictures = np.array(first.frame(frame)), np.array(second.frame(frame))
         except PictureError:
             continue
-        return PicturePair(result, frame, pictures) if alive[frame] else None
-    return None
+        return PicturePair(result, frame, pictures)
+    return "no frame with points can be read"

@@ -74,8 +74,8 @@ class Recorded:
     """The page about them, beside the report; empty if there is none."""
     numbers: dict[str, float] = field(default_factory=dict)
     """The numbers of the surfaces by name, as `kolsky.dicsummary.numbers` has them; empty likewise."""
-    pair: PicturePair | None = None
-    """A pair of the pictures with the points on it."""
+    pair: PicturePair | str = ""
+    """A pair of the pictures with the points on it, or why there is none."""
 
 
 def path_of(shot: Shot) -> FlyerPath:

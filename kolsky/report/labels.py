@@ -124,6 +124,7 @@ DIGITS = {
     "curve_last_strain": 3,
     "recordings.baseline_V": 3,
     "recordings.noise_V": 3,
+    "recordings.flyer_sigma_m": 3,
     "recordings.window_start_s": 4,
     "recordings.window_end_s": 4,
 }

@@ -57,14 +57,22 @@ def draw(seen: Recorded, panels: Panels) -> None:
         _picture(ax, pair.pictures[number])
         places = body.pixels[number][frame]
         lines = places[_joined(body, valid)]
-        ax.add_collection(LineCollection(list(lines), colors=SHAPE, linewidths=0.3, alpha=0.7))
+        ax.add_collection(LineCollection(list(lines), colors=SHAPE, linewidths=0.5))
         x, y = places[valid].T
         points = ax.scatter(
-            x, y, c=sigma[number], s=2.5, vmin=low, vmax=max(high, 1.01 * low), cmap="plasma", lw=0.0
+            x,
+            y,
+            c=sigma[number],
+            s=9.0,
+            vmin=low,
+            vmax=max(high, 1.01 * low),
+            cmap="plasma",
+            lw=0.4,
+            edgecolors="white",
+            zorder=3,
         )
         ax.set_title(f"camera {number}", loc="right", pad=2.5)
         letter(ax, mark)
-    panels["left"].set_ylabel("$y$ (px)")
     bar = panels["left"].figure.colorbar(  # type: ignore[union-attr]
         points, ax=[panels[name] for name in CAMERAS], aspect=22, pad=0.02, extend="both"
     )
@@ -77,10 +85,11 @@ def draw(seen: Recorded, panels: Panels) -> None:
 
 def _picture(ax: Axes, picture: NDArray[np.generic]) -> None:
     low, high = np.percentile(np.asarray(picture, dtype=np.float64), [0.5, 99.5])
-    ax.imshow(picture, cmap="gray", vmin=low, vmax=max(high, low + 1), interpolation="none")
+    # Half as dark as it was taken: points must stand out.
+    ax.imshow(picture, cmap="gray", vmin=2.0 * low - high - 1, vmax=max(high, low + 1), interpolation="none")
     ax.set_xlim(-0.5, picture.shape[1] - 0.5)
     ax.set_ylim(picture.shape[0] - 0.5, -0.5)
-    ax.set_xlabel("$x$ (px)")
+    ax.set(xlabel="$x$ (px)", ylabel="$y$ (px)")
 
 
 def _joined(body: Body, valid: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -106,7 +115,7 @@ def _histories(pair: PicturePair, quality: Axes, lost: Axes) -> None:
     quality.set(xlabel="Time (ms)", ylabel="In a picture (px)")
     quality.set_ylim(bottom=0.0)
     lost.plot(time, body.surface.n_points - body.alive[usable], color=FORCE)
-    lost.set(xlabel="Time (ms)", ylabel=f"Points not valid, of {body.surface.n_points}")
+    lost.set(xlabel="Time (ms)", ylabel=f"Points not valid (of {body.surface.n_points})")
     lost.set_ylim(0.0, max(1.1 * float(np.max(body.surface.n_points - body.alive[usable])), 1.0))
     for ax, mark in ((quality, "c"), (lost, "d")):
         ax.axvline(MS * float(result.t[pair.frame]), color=LOST, lw=0.8, ls="--", label="(a), (b)")
@@ -115,7 +124,7 @@ def _histories(pair: PicturePair, quality: Axes, lost: Axes) -> None:
 
 
 def _pair(seen: Recorded) -> PicturePair:
-    assert seen.pair is not None  # `applies` has looked
+    assert isinstance(seen.pair, PicturePair)  # `applies` has looked
     return seen.pair
 
 
@@ -133,5 +142,5 @@ KIND: FigureKind[Recorded] = FigureKind(
     panels=lambda seen: [list(CAMERAS), ["quality", "lost"]],
     draw=draw,
     mosaic={"height_ratios": [1.7, 1.0]},
-    applies=lambda seen: seen.pair is not None,
+    applies=lambda seen: isinstance(seen.pair, PicturePair),
 )
