@@ -74,7 +74,7 @@ def read_identification(path: Path) -> Identification:
             if not (_attribute(file, "format") == FORMAT and version in READABLE):
                 known = " or ".join(map(str, READABLE))
                 raise _Refused(f"not a result of version {known} of the format {FORMAT!r}")
-            found = _read_entry(file)
+            found = _read_entry(file, int(str(version)))
             return found if version == 1 else replace(found, **_read_later(file))
     except FileNotFoundError:
         raise InputError(path, "no such file", cure=cure) from None
@@ -99,7 +99,7 @@ def _attribute(file: h5py.File, name: str) -> object:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _read_entry(file: h5py.File) -> Identification:
+def _read_entry(file: h5py.File, version: int) -> Identification:
     entry = _read(file, "entry", ENTRY, {"two": 2})
     try:
         provenance = json.loads(entry["provenance"])
@@ -109,7 +109,7 @@ def _read_entry(file: h5py.File) -> Identification:
         raise _Refused(f"/entry/provenance: a JSON {type(provenance).__name__}, expected an object")
 
     names = _read(file, "entry/estimates", {"names": ("", "entries", "t")}, {})["names"]
-    estimates = {name: _read_estimate(file, name) for name in names}
+    estimates = {name: _read_estimate(file, name, version) for name in names}
     routes = []
     for place in _numbered(file, "entry/routes"):
         parameters, sigma = (_read_numbers(file, f"{place}/{part}") for part in ("parameters", "sigma"))
@@ -142,7 +142,7 @@ def _read_entry(file: h5py.File) -> Identification:
     )
 
 
-def _read_estimate(file: h5py.File, name: str) -> Estimate:
+def _read_estimate(file: h5py.File, name: str, version: int) -> Estimate:
     if not name.isidentifier():
         raise _Refused(f"/entry/estimates/names: {name!r} is no parameter name")
     place = f"entry/estimates/{name}"
@@ -152,8 +152,9 @@ def _read_estimate(file: h5py.File, name: str) -> Estimate:
     except ValueError:
         known = ", ".join(repr(v.value) for v in Verdict)
         raise _Refused(f"/{place}/outcome: {values['outcome']!r}, expected one of {known}") from None
-    parts = {key: _read_numbers(file, f"{place}/{key}") for key in ("noise_parts", "numerical_parts")}
-    return Estimate(name=name, **values, **parts)
+    if version > 1:
+        values["numerical_parts"] = _read_numbers(file, f"{place}/numerical_parts")
+    return Estimate(name=name, **values, noise_parts=_read_numbers(file, f"{place}/noise_parts"))
 
 
 def _read_design(file: h5py.File) -> dict[str, Any]:
