@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from operator import index
 
 import numpy as np
+import scipy  # its parts load when they are named: statistics take half a second, and few designs are drawn
 from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
-from scipy.stats import qmc
 
 from doe.box import Box
 from doe.design import Design, FloatArray, Rng, count_of, seed_of
@@ -69,7 +69,8 @@ def latin_hypercube(box: Box, n: int, *, rng: Rng, optimise: bool = False) -> De
     """
     n = count_of(n)
     seed = seed_of(rng)
-    sampler = qmc.LatinHypercube(box.dimension, optimization="random-cd" if optimise else None, rng=seed)
+    swaps = "random-cd" if optimise else None
+    sampler = scipy.stats.qmc.LatinHypercube(box.dimension, optimization=swaps, rng=seed)
     settings = {"n": n, "optimise": optimise, "rng": seed}
     return Design(box.scale(sampler.random(n)), box, "latin_hypercube", settings)
 
@@ -103,7 +104,7 @@ def sobol(box: Box, n: int, *, rng: Rng, scramble: bool = True) -> Design:
             f"take {2**exponent} (or {2 ** (exponent - 1)})"
         )
     seed = seed_of(rng)
-    sampler = qmc.Sobol(box.dimension, scramble=scramble, rng=seed)
+    sampler = scipy.stats.qmc.Sobol(box.dimension, scramble=scramble, rng=seed)
     settings = {"n": n, "scramble": scramble, "rng": seed}
     return Design(box.scale(sampler.random_base2(exponent)), box, "sobol", settings)
 
@@ -142,7 +143,7 @@ def halton(box: Box, n: int, *, rng: Rng, scramble: bool = True) -> Design:
         If `rng` is neither an integer nor a generator.
     """
     n, seed = count_of(n), seed_of(rng)
-    sampler = qmc.Halton(box.dimension, scramble=scramble, rng=seed)
+    sampler = scipy.stats.qmc.Halton(box.dimension, scramble=scramble, rng=seed)
     settings = {"n": n, "scramble": scramble, "rng": seed}
     return Design(box.scale(sampler.random(n)), box, "halton", settings)
 
@@ -167,7 +168,7 @@ def maximin(box: Box, n: int, *, rng: Rng, tries: int = 200) -> Design:
     n, seed = count_of(n), seed_of(rng)
     if tries < 1:
         raise ValueError(f"tries must be at least 1, got {tries}")
-    sampler = qmc.LatinHypercube(box.dimension, rng=seed)
+    sampler = scipy.stats.qmc.LatinHypercube(box.dimension, rng=seed)
     best = max((sampler.random(n) for _ in range(tries)), key=_nearest)
     return Design(box.scale(best), box, "maximin", {"n": n, "tries": tries, "rng": seed})
 

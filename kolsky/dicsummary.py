@@ -49,6 +49,36 @@ def summary(result: StereoResult) -> dict[str, Any]:
     return rows
 
 
+AXES = {
+    "sigma_x_y_Z_m": ("sigma_x_m", "sigma_y_m", "sigma_Z_m"),
+    **{
+        f"noise_floor_{kind}_m": tuple(f"noise_floor_{kind}_{axis}_m" for axis in ("x", "y", "Z"))
+        for kind in ("time", "space", "predicted")
+    },
+    "strain_noise_around_along_shear": ("strain_noise_around", "strain_noise_along", "strain_noise_shear"),
+}
+"""Names of the parts of what `summary` gives as lists."""
+
+
+def numbers(result: StereoResult) -> dict[str, float]:
+    """The same as numbers alone, each with its unit in its name; NaN where `summary` has None."""
+    found: dict[str, float] = {}
+    for name, value in summary(result).items():
+        if name == "frames_not_usable":
+            found[name] = float(len(value))
+        elif isinstance(value, Mapping):
+            found |= {f"{name}, {part}": float(count) for part, count in value.items()}
+        elif isinstance(value, list):
+            found |= dict(zip(AXES[name], map(_or_nan, value), strict=True))
+        else:
+            found[name] = _or_nan(value)
+    return found
+
+
+def _or_nan(value: float | None) -> float:
+    return float("nan") if value is None else float(value)
+
+
 def printed(result: StereoResult) -> dict[str, str]:
     """The same as a table for a terminal, in px, µm and mm."""
     rows, um = summary(result), 1e6

@@ -8,7 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explicit import Ending, Outcome, Response
-from kolsky.knowledge.records import Declaration, PairMap, ParameterProfile, PosteriorSummary
+from kolsky.knowledge.records import (
+    Declaration,
+    PairMap,
+    ParameterProfile,
+    PosteriorSummary,
+    Variation,
+)
 from kolsky.methods import Method
 from kolsky.notebook import IdentificationInNotebook
 from kolsky.records import CentreLine, ForceHistory
@@ -253,5 +259,9 @@ class Identification(IdentificationInNotebook):
     """The likelihood over the plane of two free parameters; None for another number of them."""
     posterior: PosteriorSummary | None = None
     """The posterior, if it was asked for."""
+    variations: tuple[Variation, ...] = ()
+    """What other choices of the analyst do to the answer."""
+    image_correlation: dict[str, float] = field(default_factory=dict)
+    """Numbers of the surfaces that the shot's pictures gave, see `kolsky.dicsummary.numbers`."""
     provenance: dict[str, Any] = field(default_factory=dict)
     """Input hashes, settings, versions, seed, machine class, precision."""

@@ -132,7 +132,7 @@ def _report(shot: Shot, stages: Stages, coarse: Coarse, fine: Refined) -> Identi
     corrected = Answer.of(
         fine.x, fine.box, fine.objective, fine.model, CorrectedSurrogate(coarse.surrogate).predict
     )
-    known = gather(stages, corrected, bayes=settings.bayes)
+    known = gather(stages, corrected, fine.check.prediction, bayes=settings.bayes)
     found = Identification(
         shot=shot.name,
         estimates=estimates(

@@ -9,6 +9,7 @@ import numpy as np
 from kolsky.errors import InputError
 from kolsky.flyer import fit_flyer
 from kolsky.flyer.path import FlyerPath
+from kolsky.picturepair import PicturePair, picture_pair
 from kolsky.records import FloatArray, FlyerMotion
 from kolsky.shotfiles.reading import read_shot_toml
 from kolsky.shots import Shot, find_shot_file
@@ -71,6 +72,10 @@ class Recorded:
     """The file with those numbers, beside the report."""
     surface_page: str = ""
     """The page about them, beside the report; empty if there is none."""
+    numbers: dict[str, float] = field(default_factory=dict)
+    """The numbers of the surfaces by name, as `kolsky.dicsummary.numbers` has them; empty likewise."""
+    pair: PicturePair | str = ""
+    """A pair of the pictures with the points on it, or why there is none."""
 
 
 def path_of(shot: Shot) -> FlyerPath:
@@ -180,20 +185,27 @@ def _motion(shot: Shot) -> MotionShown:
 
 def surface_of(source: Path, folder: Path) -> dict[str, Any]:
     """The numbers of the stereo result, for a shot that was measured from its pictures."""
-    declared = read_shot_toml(find_shot_file(source)).declared
+    toml = read_shot_toml(find_shot_file(source))
+    declared = toml.declared
     from_files = declared.surface is not None or (
         declared.flyer is not None and declared.centre_line is not None
     )
     if from_files:
         return {}
     from dic.output import ResultFileError, read_result
-    from kolsky.dicsummary import printed
+    from kolsky.dicsummary import numbers, printed
     from kolsky.measure import RESULT_FILE
 
     try:
-        rows = printed(read_result(folder / RESULT_FILE))
+        result = read_result(folder / RESULT_FILE)
     except ResultFileError as error:
         cause = str(error).removeprefix(f"{folder / RESULT_FILE}: ")
         raise InputError(folder / RESULT_FILE, cause, cure="run `kolsky dic` again") from None
     page = DIC_PAGE if (folder / DIC_PAGE).is_file() else ""
-    return {"surface": rows, "surface_file": RESULT_FILE, "surface_page": page}
+    return {
+        "surface": printed(result),
+        "surface_file": RESULT_FILE,
+        "surface_page": page,
+        "numbers": numbers(result),
+        "pair": picture_pair(toml, result),
+    }

@@ -148,6 +148,20 @@ def bin_force(force: ForceHistory, *, window: tuple[float, float], width: float 
     # The nearest sample: the first one past the midpoint to its predecessor.
     edge = np.searchsorted(0.5 * (t[1:] + t[:-1]), ideal)
     edge = np.unique(edge)  # a wide sample interval may take two ideal edges
+    return force_between(ForceHistory(time=t, force=F, sigma=sigma), edge)
+
+
+def force_between(force: ForceHistory, edge: NDArray[np.intp]) -> ForceBins:
+    """Means of a force between samples of it, see `bin_force`.
+
+    Parameters
+    ----------
+    force : ForceHistory
+        The samples.
+    edge : ndarray
+        Increasing numbers of the samples at the bins' edges, shape [n_bins + 1].
+    """
+    t, F, sigma = force.time, force.force, force.sigma
     h = np.diff(t)
     mean, deviation = np.empty(edge.size - 1), np.empty(edge.size - 1)
     for i, (a, b) in enumerate(pairwise(edge)):

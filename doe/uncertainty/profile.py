@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from doe.uncertainty.likelihood import Fit, Likelihood
 
 FloatArray = NDArray[np.float64]
 
-LEVEL = float(chi2.ppf(0.95, 1))
+LEVEL = float(chdtri(1, 0.05))
 """Rise of -2 ln L at the ends of a 95 % interval, 3.84 (Wilks)."""
 BEYOND = 2.0
 """Rise over the level up to which small steps are taken."""

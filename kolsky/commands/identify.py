@@ -1,6 +1,7 @@
 """`kolsky identify`: load, identify, write, print."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -88,6 +89,7 @@ def write_identified(folder: Path, found: Any, shot: Shot, source: Path, formats
 
     recordings = recorded(shot, source, folder)
     with filling(folder) as partial:
-        write_identification(partial / RESULT_FILE, found)
+        whole = replace(found, image_correlation=recordings.numbers)
+        write_identification(partial / RESULT_FILE, whole)
         write_csv(partial, found)
         write_page(partial, found, recordings, formats)

@@ -43,17 +43,20 @@ def report(shot: Path, *, out: Path | None, formats: Sequence[str], as_json: boo
     path = folder / RESULT_FILE
     found = read_identification(path)
     _same_files(path, found.provenance.get("inputs", {}), loaded.inputs)
+    _ahead(found)
     with usable(loaded):
         recordings = recorded(loaded, shot, folder)
     with filling(folder) as partial:
-        write_page(partial, found, recordings, formats)
+        write_page(partial, found, recordings, formats, processes=2)
     rows = {"shot": loaded.name, "report": str(folder / PAGE)}
     if formats:
         rows["figures"] = str(folder / "figures")
     tell([], rows, rows if as_json else None, rest={"wall time": since(started)}, warnings=found.warnings)
 
 
-def write_page(folder: Path, found: Any, recordings: Any, formats: Sequence[str] = ()) -> None:
+def write_page(
+    folder: Path, found: Any, recordings: Any, formats: Sequence[str] = (), *, processes: int = 1
+) -> None:
     """Write the page of an identification into a folder, and its figures alone if formats are given.
 
     Parameters
@@ -66,15 +69,25 @@ def write_page(folder: Path, found: Any, recordings: Any, formats: Sequence[str]
         What the shot's own files show, a `kolsky.recorded.Recorded`.
     formats
         Any of `kolsky.commands.options.FIGURES`.
+    processes
+        How many draw, 1 or 2; see `kolsky.report.sidebyside.drawn_by`.
     """
+    _ahead(found)
     from kolsky.report.canvas import save_figures
     from kolsky.report.figures import RECORDINGS
     from kolsky.report.page import write_report
 
-    write_report(folder / PAGE, found, recordings)
+    write_report(folder / PAGE, found, recordings, processes=processes)
     if formats:
         save_figures(folder / "figures", recordings, formats=tuple(formats), registry=RECORDINGS)
         save_figures(folder / "figures", found, formats=tuple(formats))
+
+
+def _ahead(found: Any) -> None:
+    """Let the stills be rendered meanwhile; whoever asks first is the one that begins."""
+    from kolsky.report.scene.stills import begin
+
+    begin(found)
 
 
 def _same_files(path: Path, then: Any, now: dict[str, str]) -> None:

@@ -5,6 +5,7 @@ from kolsky.knowledge.records import (
     PairMap,
     ParameterProfile,
     PosteriorSummary,
+    Variation,
 )
 
-__all__ = ["Declaration", "PairMap", "ParameterProfile", "PosteriorSummary"]
+__all__ = ["Declaration", "PairMap", "ParameterProfile", "PosteriorSummary", "Variation"]

@@ -16,9 +16,12 @@ from kolsky.knowledge.records import (
     PairMap,
     ParameterProfile,
     PosteriorSummary,
+    Variation,
 )
 from kolsky.knowledge.systematic import declarations
+from kolsky.knowledge.variations import variations
 from kolsky.methods import POSTERIOR, PROFILE, Method
+from kolsky.misfit import Prediction
 from kolsky.stages import Stages
 
 
@@ -40,6 +43,8 @@ class Knowledge:
     """What a user should know of them."""
     runs: int
     """Simulations on the surrogate's mesh when all was done."""
+    variations: tuple[Variation, ...] = ()
+    """Other choices of the analyst; none if there is no surrogate to search."""
 
     def sigma_systematic(self, name: str) -> float:
         """Standard uncertainty of a parameter from the declared ones, root sum of squares."""
@@ -58,6 +63,7 @@ class Knowledge:
             profiles=self.profiles,
             ridge=self.ridge,
             posterior=self.posterior,
+            variations=self.variations,
             methods=(*result.methods, *self.methods(estimates)),
         )
 
@@ -91,8 +97,8 @@ class Knowledge:
             )
 
 
-def gather(stages: Stages, answer: Answer, *, bayes: bool = False) -> Knowledge:
-    """Declared uncertainties, profiles and, if asked for, the posterior.
+def gather(stages: Stages, answer: Answer, check: Prediction, *, bayes: bool = False) -> Knowledge:
+    """Declared uncertainties, profiles, other choices and, if asked for, the posterior.
 
     Parameters
     ----------
@@ -100,6 +106,8 @@ def gather(stages: Stages, answer: Answer, *, bayes: bool = False) -> Knowledge:
         The identification's simulations.
     answer
         Where it ended.
+    check
+        What the run on the refined mesh there predicts.
     bayes
         Sample the posterior too.
 
@@ -119,6 +127,11 @@ def gather(stages: Stages, answer: Answer, *, bayes: bool = False) -> Knowledge:
     except (ValueError, RuntimeError) as error:
         said.append(f"there are no profile likelihoods: {error}")
     stages.seconds["profile"] = time.perf_counter() - started
+    varied: tuple[Variation, ...] = ()
+    if found is not None:
+        started = time.perf_counter()
+        varied = variations(stages, answer, found, check)
+        stages.seconds["choices"] = time.perf_counter() - started
     sampled = None
     if bayes and found is not None:
         started = time.perf_counter()
@@ -133,6 +146,7 @@ def gather(stages: Stages, answer: Answer, *, bayes: bool = False) -> Knowledge:
         found=found,
         warnings=(*said, *_cautions(profiles, sampled)),
         runs=len(stages.on_surrogate_mesh()[0]),
+        variations=varied,
     )
 
 

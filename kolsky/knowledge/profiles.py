@@ -13,6 +13,7 @@ from doe.uncertainty import Likelihood, Profiles, profile_likelihoods, verdicts
 from doe.uncertainty.profile import Profile
 from kolsky.knowledge.records import FloatArray, Interval, PairMap, ParameterProfile
 from kolsky.knowledge.reduced import reduced_likelihood
+from kolsky.misfit import Prediction
 from kolsky.objective import Objective
 from kolsky.optimum import CorrectedSurrogate, Model, jacobian
 from kolsky.stages import Stages
@@ -127,7 +128,7 @@ def _near(stages: Stages, answer: Answer) -> Box:
 def _in_box(stages: Stages, answer: Answer, box: Box) -> Profiled:
     worst = np.inf
     for turn in range(ROUNDS):
-        model, objective = _surrogate(stages, answer, box)
+        model, objective = surrogate_of(stages.on_surrogate_mesh(), answer, box, stages.box)
         likelihood = reduced_likelihood(model, objective, box)
         start = np.clip(answer.x, box.lower, box.upper)
         found = profile_likelihoods(likelihood, start, correlation=answer.correlation)
@@ -164,13 +165,29 @@ def _in_box(stages: Stages, answer: Answer, box: Box) -> Profiled:
     )
 
 
-def _surrogate(stages: Stages, answer: Answer, box: Box) -> tuple[CorrectedSurrogate, Objective]:
+def surrogate_of(
+    runs: tuple[FloatArray, Prediction], answer: Answer, box: Box, whole: Box
+) -> tuple[CorrectedSurrogate, Objective]:
     """The surrogate of all runs in a box, corrected to the refined mesh at the optimum.
 
     Near the answer it agrees with value and slope there. The whole box is too wide for a slope that two
     neighbouring runs gave; there it agrees in value.
+
+    Parameters
+    ----------
+    runs
+        Points and predictions on the surrogate's mesh.
+    answer
+        Where the identification ended.
+    box, whole
+        Where the surrogate shall hold, and the whole range of the design.
+
+    Returns
+    -------
+    model, objective
+        The surrogate, and the objective over the points that all its runs reach.
     """
-    points, prediction = stages.on_surrogate_mesh()
+    points, prediction = runs
     use = box.contains(points)
     least = APART if box.dimension == 1 else 1e-3 * APART  # a process has a nugget against twins
     use[use] = _apart(box.unit(points[use]), least)
@@ -181,7 +198,7 @@ def _surrogate(stages: Stages, answer: Answer, box: Box) -> tuple[CorrectedSurro
     kind = ResponseSurrogate if box.dimension == 1 else ProcessSurrogate
     surrogate = kind.fit(box, points[use], objective.vectors(prediction)[use], scale=objective.noise)
     model = CorrectedSurrogate(surrogate).through(answer.x, answer.vector[kept])
-    if box != stages.box:
+    if box != whole:
         model = replace(model, slope=answer.steeper[kept])
     return model, objective
 

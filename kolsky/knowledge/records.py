@@ -73,6 +73,20 @@ class Declaration:
 
 
 @dataclass(frozen=True)
+class Variation:
+    """A choice of the analyst, made otherwise: the same data and runs, searched again on the surrogate."""
+
+    key: str
+    """What was chosen: "window_end" or "force_bins"."""
+    value: float
+    """The other choice: end of the window, or width of the force's bins [s]."""
+    shifts: Mapping[str, float]
+    """By how much each free parameter moves, in SI; empty if it could not be searched."""
+    status: str
+    """What was done, in words."""
+
+
+@dataclass(frozen=True)
 class PosteriorSummary:
     """The posterior by Markov chains, from the noise of force and shape alone."""
 

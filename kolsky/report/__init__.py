@@ -1,8 +1,12 @@
 """Reports and figures."""
 
-from pathlib import Path
+from __future__ import annotations
 
-from kolsky.identification import Identification
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from kolsky.identification import Identification
 
 __all__ = ["write_report"]
 

@@ -19,6 +19,8 @@ from kolsky.report.shown import in_shown_units
 
 STYLE = Path(__file__).with_name("kolsky.mplstyle")
 FORMATS = FIGURES
+ON_PAGE = 350.0
+"""Resolution of pictures inside the figures of a page [dots per inch]: that of the rendered stills."""
 _MM_PER_INCH = 25.4
 _SVG, _LINK = "{http://www.w3.org/2000/svg}", "{http://www.w3.org/1999/xlink}"
 
@@ -101,7 +103,7 @@ def inline_svg(kind: FigureKind[Any], shown: Any) -> str:
     the document head are left out: HTML needs none, and nothing in the page then names another address.
     """
     buffer = io.BytesIO()
-    _save(build(kind, shown), buffer, "svg")
+    _save(build(kind, shown), buffer, "svg", dpi=ON_PAGE)
     root = ElementTree.fromstring(buffer.getvalue().decode())
     for metadata in root.findall(f"{_SVG}metadata"):
         root.remove(metadata)
@@ -124,8 +126,8 @@ def _renamed(key: str, value: str, prefix: str) -> str:
     return value.replace("url(#", f"url(#{prefix}")
 
 
-def _save(figure: Figure, target: Path | io.BytesIO, name: str) -> None:
+def _save(figure: Figure, target: Path | io.BytesIO, name: str, *, dpi: float | None = None) -> None:
     # No date and no program: the same result gives the same bytes.
     metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {}}[name]
     with matplotlib.rc_context(fname=STYLE):
-        figure.savefig(target, format=name, metadata=metadata)
+        figure.savefig(target, format=name, metadata=metadata, dpi=dpi or matplotlib.rcParams["savefig.dpi"])

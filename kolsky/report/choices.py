@@ -10,6 +10,8 @@ from kolsky.report.nomenclature import name_of, route_label
 CHOSEN = ("poisson", "damping", "friction")
 """Inputs that no file of the shot measures."""
 NOT_VARIED = "not varied"
+WINDOW_END, FORCE_BINS = "window_end", "force_bins"
+"""Keys of `kolsky.knowledge.records.Variation`."""
 
 
 def choices(result: Identification) -> list[dict[str, Any]]:
@@ -56,13 +58,24 @@ def _inputs(result: Identification) -> list[dict[str, Any]]:
 def _window(result: Identification) -> list[dict[str, Any]]:
     c = result.comparison
     rows = []
+    tried = {key: [v for v in result.variations if v.key == key] for key in (WINDOW_END, FORCE_BINS)}
     if len(window := result.provenance.get("window_s", [])) == 2:
         end = f"{numbers.rounded(1e3 * float(window[1]), -3)} ms"
-        rows.append(_row(result, "end of the window", end, {}, f"{NOT_VARIED}: set window.end and try"))
+        words = "end of the window"
+        if not tried[WINDOW_END]:
+            rows.append(_row(result, words, end, {}, f"{NOT_VARIED}: set window.end and try"))
+        for v in tried[WINDOW_END]:
+            other = f"{numbers.rounded(1e3 * v.value, -3)} ms instead"
+            rows.append(_row(result, words, end, dict(v.shifts), f"{other}: {v.status}"))
     if c.force_time.size > 1:
         width = 1e6 * float(c.force_time[1] - c.force_time[0])
         taken = f"{c.force_time.size} means over {numbers.plain(width, 3)} µs"
-        rows.append(_row(result, "force, filter and bins", taken, {}, f"no filter; bins {NOT_VARIED}"))
+        words = "bins of the force (no other filter)"
+        if not tried[FORCE_BINS]:
+            rows.append(_row(result, words, taken, {}, NOT_VARIED))
+        for v in tried[FORCE_BINS]:
+            other = f"{numbers.plain(1e6 * v.value, 3)} µs instead"
+            rows.append(_row(result, words, taken, dict(v.shifts), f"{other}: {v.status}"))
     return rows
 
 

@@ -9,6 +9,7 @@ STAGES = {
     "noise": "replicates of the input noise",
     "profile": "profile likelihoods",
     "posterior": "posterior",
+    "choices": "other choices",
     "systematic": "declared uncertainties",
     "simulation": "simulation",
     "sweep": "sweep",
@@ -123,6 +124,7 @@ DIGITS = {
     "curve_last_strain": 3,
     "recordings.baseline_V": 3,
     "recordings.noise_V": 3,
+    "recordings.flyer_sigma_m": 3,
     "recordings.window_start_s": 4,
     "recordings.window_end_s": 4,
 }

@@ -43,7 +43,13 @@ _SHOWN = (*_TESTED, *_TABLES, "recordings")
 """Entries of provenance with a place of their own on the page; all others are listed at its end."""
 
 
-def write_report(path: Path, identification: Identification, recordings: Recorded | None = None) -> None:
+def write_report(
+    path: Path,
+    identification: Identification,
+    recordings: Recorded | None = None,
+    *,
+    processes: int = 1,
+) -> None:
     """Write the report of one shot as a single HTML file without scripts or outside resources.
 
     Parameters
@@ -56,16 +62,18 @@ def write_report(path: Path, identification: Identification, recordings: Recorde
         "versions" are tables of their own; every other entry is listed under "Further".
     recordings : Recorded, optional
         What the shot's own files show; the sections about them are left out without it.
+    processes : int
+        How many draw the figures, 1 or 2; see `kolsky.report.sidebyside.drawn_by`.
 
     Raises
     ------
     OSError
         If the file cannot be written; an older one is then unchanged.
     """
-    write(path, render(identification, recordings))
+    write(path, render(identification, recordings, processes=processes))
 
 
-def render(identification: Identification, recordings: Recorded | None = None) -> str:
+def render(identification: Identification, recordings: Recorded | None = None, *, processes: int = 1) -> str:
     """The report as HTML text; see `write_report`."""
     templates = environment()
     templates.filters |= {
@@ -86,12 +94,18 @@ def render(identification: Identification, recordings: Recorded | None = None) -
     }
     result = in_shown_units(identification)
     provenance = result.provenance
-    before = [] if recordings is None else drawn(RECORDINGS.values(), recordings)
+    before = [] if recordings is None else drawn(RECORDINGS.values(), recordings, processes=processes)
     figures = {
         figure["id"].replace("-", "_"): {**figure, "caption": _subscripts(figure["caption"])}
         for figure in [
             *before,
-            *drawn(REGISTRY.values(), identification, captioned=result, first=1 + len(before)),
+            *drawn(
+                REGISTRY.values(),
+                identification,
+                captioned=result,
+                first=1 + len(before),
+                processes=processes,
+            ),
         ]
     }
     return page(

@@ -1,6 +1,7 @@
 """What every page has in common: one template, text escaped, figures inside, written atomically."""
 
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any
 from unicodedata import category
@@ -11,6 +12,7 @@ from markupsafe import Markup
 from kolsky.atomic import replacing
 from kolsky.report.canvas import inline_svg
 from kolsky.report.figures import FigureKind
+from kolsky.report.sidebyside import drawn_by
 
 _HERE = Path(__file__).parent
 HEADING = 120
@@ -50,7 +52,12 @@ def abridged(text: str, most: int) -> str:
 
 
 def drawn(
-    kinds: Iterable[FigureKind[Any]], shown: Any, *, captioned: Any = None, first: int = 1
+    kinds: Iterable[FigureKind[Any]],
+    shown: Any,
+    *,
+    captioned: Any = None,
+    first: int = 1,
+    processes: int = 1,
 ) -> list[dict[str, Any]]:
     """The figures that apply, numbered, as the templates take them.
 
@@ -64,17 +71,27 @@ def drawn(
         What the captions and the question whether a figure applies are about; `shown` if left out.
     first
         Number of the first figure.
+    processes
+        How many draw, 1 or 2; see `kolsky.report.sidebyside.drawn_by`.
     """
-    about = shown if captioned is None else captioned
+    kinds, about = list(kinds), shown if captioned is None else captioned
+    apart = [kind for kind in kinds if kind.ahead is not None]
+    for kind in apart:
+        if kind.ahead is not None:
+            kind.ahead(about)
+    alone = [kind for kind in kinds if kind.ahead is None and kind.applies(about)]
+    pictures = drawn_by(processes, [partial(inline_svg, kind, shown) for kind in alone])
+    svgs = dict(zip((kind.name for kind in alone), pictures, strict=True))
+    svgs |= {kind.name: inline_svg(kind, shown) for kind in apart if kind.applies(about)}
     return [
         {
             "id": kind.name,
             "number": number,
-            "svg": Markup(inline_svg(kind, shown)),  # serialised as XML: every text is escaped
+            "svg": Markup(svgs[kind.name]),  # serialised as XML: every text is escaped
             "caption": kind.caption(about),
             "width": kind.width,
         }
-        for number, kind in enumerate((kind for kind in kinds if kind.applies(about)), start=first)
+        for number, kind in enumerate((kind for kind in kinds if kind.name in svgs), start=first)
     ]
 
 

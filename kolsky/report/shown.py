@@ -37,6 +37,7 @@ def in_shown_units(result: Identification) -> Identification:
         profiles=tuple(_profile(p, factors) for p in result.profiles),
         ridge=None if result.ridge is None else _ridge(result.ridge),
         systematic=tuple(replace(part, shifts=_scaled(part.shifts)) for part in result.systematic),
+        variations=tuple(replace(other, shifts=_scaled(other.shifts)) for other in result.variations),
         posterior=None if result.posterior is None else _posterior(result.posterior),
     )
 

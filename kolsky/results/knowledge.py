@@ -6,7 +6,13 @@ from typing import Any
 import h5py
 
 from kolsky.identification import Identification
-from kolsky.knowledge.records import Declaration, PairMap, ParameterProfile, PosteriorSummary
+from kolsky.knowledge.records import (
+    Declaration,
+    PairMap,
+    ParameterProfile,
+    PosteriorSummary,
+    Variation,
+)
 from kolsky.results.datasets import data, group, numbered, read, read_numbers, write, write_numbers
 from kolsky.results.layout import Table
 
@@ -35,6 +41,11 @@ DECLARED: Table = {
     "unit": ("", "", "t"),
     "status": ("", "", "t"),
 }
+VARIATION: Table = {
+    "key": ("", "", "t"),
+    "value": ("s", "", "f"),
+    "status": ("", "", "t"),
+}
 POSTERIOR: Table = {
     "names": ("", "coordinates", "t"),
     "samples": ("SI", "samples coordinates", "f"),
@@ -51,7 +62,7 @@ POSTERIOR: Table = {
 
 
 def write_knowledge(entry: h5py.Group, result: Identification) -> None:
-    """Write profiles, ridge, declared uncertainties and posterior into a result's entry."""
+    """Write profiles, ridge, declared uncertainties, other choices and posterior into a result's entry."""
     known = group(entry, "knowledge", "NXcollection")
     likelihoods = group(known, "profiles", "NXcollection")
     for number, profile in enumerate(result.profiles):
@@ -61,6 +72,11 @@ def write_knowledge(entry: h5py.Group, result: Identification) -> None:
         place = group(declared, str(number), "NXcollection")
         write(place, DECLARED, vars(part), {})
         write_numbers(place, "shifts", part.shifts)
+    others = group(known, "variations", "NXcollection")
+    for number, other in enumerate(result.variations):
+        place = group(others, str(number), "NXcollection")
+        write(place, VARIATION, vars(other), {})
+        write_numbers(place, "shifts", other.shifts)
     if result.ridge is not None:
         write(data(known, "ridge", "rise", "y", "x"), RIDGE, vars(result.ridge), {"two": 2})
     if result.posterior is not None:
@@ -98,6 +114,20 @@ def read_knowledge(file: h5py.File) -> dict[str, Any]:
     }
 
 
+def read_variations(file: h5py.File) -> tuple[Variation, ...]:
+    """Other choices of the analyst, as `write_knowledge` wrote them.
+
+    Raises
+    ------
+    kolsky.results_datasets.Refused
+        If a dataset is missing or not as it was written.
+    """
+    return tuple(
+        Variation(**read(file, where, VARIATION, {}), shifts=read_numbers(file, f"{where}/shifts"))
+        for where in numbered(file, "entry/knowledge/variations")
+    )
+
+
 def knowledge_json(result: Identification) -> dict[str, Any]:
     """The same as JSON types: intervals, verdicts and shares, without curves, maps and samples."""
     posterior = None
@@ -120,5 +150,9 @@ def knowledge_json(result: Identification) -> dict[str, Any]:
             part.key: {"sigma": part.sigma, "unit": part.unit, "shifts": part.shifts, "status": part.status}
             for part in result.systematic
         },
+        "variations": [
+            {"key": other.key, "value": other.value, "shifts": other.shifts, "status": other.status}
+            for other in result.variations
+        ],
         "posterior": posterior,
     }

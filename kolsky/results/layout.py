@@ -6,7 +6,10 @@ from explicit import EnergyLedger
 from kolsky.identification import Terms
 
 FORMAT = "kolsky identification"
-VERSION = 1
+VERSION = 2
+READABLE = (1, 2)
+"""Versions that are read; the first one knows no other choices, numbers of image correlation and parts of the
+numerical uncertainty."""
 STORED = {"f": "<f8", "i": "<i8", "b": "|b1", "t": "S"}
 """Kind of a dataset -> its type in the file."""
 

@@ -1,6 +1,7 @@
 """A result from its HDF5 file: link, type, shape and size of every dataset are checked before its values."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from kolsky.results.datasets import numbered as _numbered
 from kolsky.results.datasets import opened as _opened
 from kolsky.results.datasets import read as _read
 from kolsky.results.datasets import read_numbers as _read_numbers
-from kolsky.results.knowledge import read_knowledge
+from kolsky.results.knowledge import read_knowledge, read_variations
 from kolsky.results.layout import (
     CURVE,
     DESIGN,
@@ -37,11 +38,11 @@ from kolsky.results.layout import (
     NODES,
     PROFILE,
     PROFILE_MODEL,
+    READABLE,
     RECORDED,
     RESPONSE,
     ROUTE,
     TERMS,
-    VERSION,
 )
 from kolsky.results.methods import read_methods
 
@@ -69,9 +70,12 @@ def read_identification(path: Path) -> Identification:
     cure = "write it again with `kolsky identify`"
     try:
         with h5py.File(path, "r") as file:
-            if not (_attribute(file, "format") == FORMAT and _attribute(file, "format_version") == VERSION):
-                raise _Refused(f"not a result of version {VERSION} of the format {FORMAT!r}")
-            return _read_entry(file)
+            version = _attribute(file, "format_version")
+            if not (_attribute(file, "format") == FORMAT and version in READABLE):
+                known = " or ".join(map(str, READABLE))
+                raise _Refused(f"not a result of version {known} of the format {FORMAT!r}")
+            found = _read_entry(file, int(str(version)))
+            return found if version == 1 else replace(found, **_read_later(file))
     except FileNotFoundError:
         raise InputError(path, "no such file", cure=cure) from None
     except _Refused as error:
@@ -82,12 +86,20 @@ def read_identification(path: Path) -> Identification:
         raise InputError(path, f"not a readable HDF5 file ({cause})", cure=cure) from error
 
 
+def _read_later(file: h5py.File) -> dict[str, Any]:
+    """What the first version does not hold."""
+    return {
+        "variations": read_variations(file),
+        "image_correlation": _read_numbers(file, "entry/image_correlation"),
+    }
+
+
 def _attribute(file: h5py.File, name: str) -> object:
     value = file.attrs.get(name)
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _read_entry(file: h5py.File) -> Identification:
+def _read_entry(file: h5py.File, version: int) -> Identification:
     entry = _read(file, "entry", ENTRY, {"two": 2})
     try:
         provenance = json.loads(entry["provenance"])
@@ -97,7 +109,7 @@ def _read_entry(file: h5py.File) -> Identification:
         raise _Refused(f"/entry/provenance: a JSON {type(provenance).__name__}, expected an object")
 
     names = _read(file, "entry/estimates", {"names": ("", "entries", "t")}, {})["names"]
-    estimates = {name: _read_estimate(file, name) for name in names}
+    estimates = {name: _read_estimate(file, name, version) for name in names}
     routes = []
     for place in _numbered(file, "entry/routes"):
         parameters, sigma = (_read_numbers(file, f"{place}/{part}") for part in ("parameters", "sigma"))
@@ -130,7 +142,7 @@ def _read_entry(file: h5py.File) -> Identification:
     )
 
 
-def _read_estimate(file: h5py.File, name: str) -> Estimate:
+def _read_estimate(file: h5py.File, name: str, version: int) -> Estimate:
     if not name.isidentifier():
         raise _Refused(f"/entry/estimates/names: {name!r} is no parameter name")
     place = f"entry/estimates/{name}"
@@ -140,8 +152,9 @@ def _read_estimate(file: h5py.File, name: str) -> Estimate:
     except ValueError:
         known = ", ".join(repr(v.value) for v in Verdict)
         raise _Refused(f"/{place}/outcome: {values['outcome']!r}, expected one of {known}") from None
-    parts = {key: _read_numbers(file, f"{place}/{key}") for key in ("noise_parts", "numerical_parts")}
-    return Estimate(name=name, **values, **parts)
+    if version > 1:
+        values["numerical_parts"] = _read_numbers(file, f"{place}/numerical_parts")
+    return Estimate(name=name, **values, noise_parts=_read_numbers(file, f"{place}/noise_parts"))
 
 
 def _read_design(file: h5py.File) -> dict[str, Any]:

@@ -112,4 +112,5 @@ def _write_entry(entry: h5py.Group, result: Identification) -> None:
     energy["surface_times"] = part["surface_times"]  # one dataset, two names
     _write(energy, ENERGY, vars(response.energy), dims)
     write_knowledge(entry, result)
+    _write_numbers(entry, "image_correlation", result.image_correlation)
     write_methods(entry, result.methods)

@@ -11,8 +11,9 @@ from synthetic import synthetic
 
 from kolsky.errors import InputError
 from kolsky.identification import Identification
-from kolsky.knowledge import Declaration, PairMap, ParameterProfile, PosteriorSummary
+from kolsky.knowledge import Declaration, PairMap, ParameterProfile, PosteriorSummary, Variation
 from kolsky.report.canvas import build
+from kolsky.report.choices import choices
 from kolsky.report.figures import REGISTRY
 from kolsky.report.page import render
 from kolsky.report.shown import in_shown_units
@@ -102,6 +103,45 @@ def test_round_trip_is_exact(bound: bool, tmp_path: Path) -> None:
     assert again.posterior.converged is True
     assert [part.shifts for part in again.systematic] == [dict(part.shifts) for part in result.systematic]
     assert np.isnan(again.systematic[2].sigma)
+
+
+OTHERS = (
+    Variation("window_end", 1.2e-3, {NAMES[0]: 0.0012, NAMES[1]: -3e-7}, "searched again on the surrogate"),
+    Variation("force_bins", 4e-6, {}, "not searched: the force has no sample inside its bins"),
+)
+
+
+def test_other_choices_are_kept_and_shown(tmp_path: Path) -> None:
+    made = replace(knowing(), variations=OTHERS, image_correlation={"sigma_match_px": 0.011})
+    write_identification(tmp_path / "r.h5", made)
+    again = read_identification(tmp_path / "r.h5")
+    assert again.variations == OTHERS
+    assert again.image_correlation == {"sigma_match_px": 0.011}
+    assert to_json(made)["variations"][0]["shifts"] == OTHERS[0].shifts
+    rows = {row["done"]: row for row in choices(in_shown_units(again))}
+    row = rows["1.200 ms instead: searched again on the surrogate"]
+    assert row["words"] == "end of the window"
+    assert row["shifts"] == ["0.00120", "−0.300"]  # damping in microseconds
+    assert rows["4 µs instead: not searched: the force has no sample inside its bins"]["shifts"] == ["–", "–"]
+
+
+def test_a_file_of_the_first_version_is_still_read(tmp_path: Path) -> None:
+    path = tmp_path / "r.h5"
+    write_identification(path, replace(knowing(), variations=OTHERS))
+    with h5py.File(path, "a") as file:
+        file.attrs["format_version"] = 1
+        del file["entry/knowledge/variations"]
+        del file["entry/image_correlation"]
+        for name in NAMES:
+            del file[f"entry/estimates/{name}/numerical_parts"]
+    again = read_identification(path)
+    assert again.estimates == {n: replace(e, numerical_parts={}) for n, e in knowing().estimates.items()}
+    assert again.variations == ()
+    assert again.image_correlation == {}
+    with h5py.File(path, "a") as file:
+        file.attrs["format_version"] = 2
+    with pytest.raises(InputError, match=r"numerical_parts: missing.*kolsky identify"):
+        read_identification(path)
 
 
 def test_a_damaged_profile_is_refused(tmp_path: Path) -> None:

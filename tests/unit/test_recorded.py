@@ -4,21 +4,24 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from barrecord import classical_shot
 from synthetic import synthetic
-from synthetic_dic import synthetic_result
+from synthetic_dic import SIDE, synthetic_result
 from test_cli_new_check import OPEN_01
 
 from dic.output import write_result
-from kolsky.dicsummary import printed
+from kolsky.dicsummary import numbers, printed
 from kolsky.errors import InputError
+from kolsky.picturepair import PicturePair
 from kolsky.recorded import Recorded, recorded, recording_facts, surface_of
 from kolsky.report.canvas import build
 from kolsky.report.figures import RECORDINGS
 from kolsky.report.labels import label
 from kolsky.report.page import render
+from kolsky.results import read_identification, write_identification
 from kolsky.shots import load_shot
 
 PICTURED = """
@@ -87,7 +90,9 @@ def test_bars_alone_show_the_velocity_of_the_face() -> None:
 @pytest.mark.parametrize("bars", [False, True])
 @pytest.mark.parametrize("name", RECORDINGS)
 def test_figures_of_recordings_have_units(name: str, bars: bool, seen: Recorded) -> None:
-    shown = recorded(classical_shot(0), Path("none"), Path("none")) if bars else seen
+    shown = recorded(classical_shot(0), Path("none"), Path("none")) if bars else replace(seen, pair=pair())
+    if not RECORDINGS[name].applies(shown):
+        pytest.skip("nothing to draw")
     for ax in build(RECORDINGS[name], shown).axes:
         assert re.fullmatch(r".+ \([^()]+\)", ax.get_ylabel())
     assert RECORDINGS[name].caption(shown).endswith(".")
@@ -109,6 +114,8 @@ def test_the_surface_is_that_of_the_results_folder(tmp_path: Path) -> None:
     shown = surface_of(tmp_path, tmp_path)
     assert shown["surface"] == printed(made)
     assert (shown["surface_file"], shown["surface_page"]) == ("dic.h5", "")
+    assert shown["numbers"] == numbers(made)
+    assert "frames.csv" in shown["pair"]  # there is none, and so no picture either
     (tmp_path / "dic.html").touch()
     assert surface_of(tmp_path, tmp_path)["surface_page"] == "dic.html"
     (tmp_path / "dic.h5").write_bytes(b"no such thing")
@@ -126,4 +133,51 @@ def test_surfaces_are_shown_and_linked(seen: Recorded) -> None:
     assert "2000, 1990 alive" in html
     assert '<a href="dic.html">' in html
     assert "<a href" not in render(synthetic(), replace(shown, surface_page=""))
-    assert 'id="surface"' not in render(synthetic(), seen)
+    assert "There are no pictures: flyer and outline come from declared files" in render(synthetic(), seen)
+    said = render(synthetic(), replace(shown, pair="cam0.tif <is> missing"))
+    assert "is shown: cam0.tif &lt;is&gt; missing." in said
+
+
+def pair(frame: int = 15) -> PicturePair:
+    """Made-up pictures under made-up points."""
+    made = synthetic_result()
+    left, right = np.random.default_rng(1).integers(0, 4096, size=(2, SIDE, SIDE), dtype=np.uint16)
+    return PicturePair(made, frame, (left, right))
+
+
+def test_the_pair_shows_the_valid_points_of_both_cameras(seen: Recorded) -> None:
+    shown = pair(35)
+    figure = build(RECORDINGS["picture-pair"], replace(seen, pair=shown))
+    body = shown.result.specimen
+    valid = body.surface.valid[35]
+    assert 0 < valid.sum() < valid.size  # some are lost there
+    for ax, pixels in zip(figure.axes[:2], body.pixels, strict=True):
+        lines, points = ax.collections
+        np.testing.assert_array_equal(points.get_offsets(), pixels[35, valid])
+        ends = np.concatenate([path.vertices for path in lines.get_paths()])
+        assert np.isfinite(ends).all()  # none leads to a lost point
+        # a full grid of m x n has m (n - 1) + n (m - 1) joints; points that are lost take theirs with them
+        assert len(lines.get_paths()) < 19 * 16 + 17 * 18
+    assert f"{valid.sum()} of {valid.size} points" in RECORDINGS["picture-pair"].caption(
+        replace(seen, pair=shown)
+    )
+
+
+@pytest.mark.usefixtures("no_old_figures")
+def test_every_number_of_the_surfaces_is_in_the_file(tmp_path: Path) -> None:
+    made = synthetic_result()
+    path = tmp_path / "identification.h5"
+    write_identification(path, replace(synthetic(), image_correlation=numbers(made)))
+    kept = read_identification(path).image_correlation
+    rows = printed(made)
+    assert rows["sigma of a match"] == f"{kept['sigma_match_px']:.4f} px"
+    assert rows["epipolar rms"] == f"{kept['epipolar_rms_px']:.4f} px"
+    assert f"{1e3 * kept['cylinder_radius_m']:.4f} mm" in rows["cylinder at rest"]
+    assert f"{1e6 * kept['noise_floor_time_Z_m']:.2f} µm" in rows["noise floor in time"]
+    assert f"{1e6 * kept['sigma_x_m']:.2f}, {1e6 * kept['sigma_y_m']:.2f}" in rows["sigma of x, y, Z"]
+    for name, count in kept.items():
+        if name.startswith("points_lost, "):
+            assert f"{count:.0f} {name.removeprefix('points_lost, ')}" in rows["points lost, by outcome"]
+    assert not np.isnan(kept["flyer_travel_m"])
+    with h5py.File(path) as file:
+        assert "entry/image_correlation/values" in file

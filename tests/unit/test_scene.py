@@ -17,7 +17,16 @@ from explicit.materials.volumetric import VolumetricLaw
 from kolsky.cli import app
 from kolsky.identification import Identification
 from kolsky.report.figures import REGISTRY
-from kolsky.report.scene import FIELDS, CannotRender, NotShown, drawing, picture, stage_of, write_film
+from kolsky.report.scene import (
+    FIELDS,
+    CannotRender,
+    NotShown,
+    drawing,
+    picture,
+    stage_of,
+    stills,
+    write_film,
+)
 from kolsky.report.scene.fields import Solid
 from kolsky.report.scene.film import chosen, write_stills
 
@@ -178,3 +187,22 @@ def test_every_field_has_a_label_with_its_unit() -> None:
     for kind in FIELDS.values():
         assert kind.label.endswith(")")
     assert json.dumps(list(FIELDS)) == '["stretch", "pressure", "energy"]'
+
+
+@rendering
+def test_stills_of_another_process_are_the_pictures_of_this_one() -> None:
+    stage = stage_of(result((1.25, 0.64)))
+    found = stills.stills(result((1.25, 0.64)))
+    assert found is not None
+    times = chosen(len(stage.times), stills.COUNT)
+    np.testing.assert_array_equal(found[0].times, stage.times[times])
+    here = picture(stage, times[1], size=stills.SIZE, bar=False)
+    np.testing.assert_array_equal(found[1][1], here)
+
+
+def test_a_process_that_cannot_render(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stills, "CHILD", "import os; os.abort()")  # as VTK does
+    assert stills.stills(result((1.24, 0.64))) is None
+    assert not REGISTRY["scene"].applies(result((1.24, 0.64)))
+    assert stills.stills(result((1.24, 0.65))) is None  # one that was given up leaves nothing behind
+    assert not stills._begun

@@ -26,6 +26,7 @@ from kolsky.report.figures import (
     misfit,
     overlay_epipolar,
     overlay_sigma,
+    picture_pair,
     plan_choices,
     plan_information,
     plan_slopes,
@@ -92,7 +93,7 @@ REGISTRY: dict[str, FigureKind[Any]] = {
 }
 """Every figure of an identification by name, in the order of its report."""
 RECORDINGS: dict[str, FigureKind[Any]] = {
-    module.KIND.name: module.KIND for module in (raw_signals, flyer_path)
+    module.KIND.name: module.KIND for module in (raw_signals, flyer_path, picture_pair)
 }
 """Every figure of the recordings behind an identification, before those of `REGISTRY` in its report."""
 SURFACES: dict[str, FigureKind[Any]] = {

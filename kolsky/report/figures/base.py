@@ -54,6 +54,8 @@ class FigureKind(Generic[Shown]):
     """Further options of `Figure.subplot_mosaic`."""
     applies: Callable[[Shown], bool] = lambda result: True
     """Whether there is something to draw."""
+    ahead: Callable[[Shown], None] | None = None
+    """Begins what another process does for the figure; such a figure is drawn last."""
 
 
 def letter(ax: Axes, text: str) -> None:

@@ -1,11 +1,17 @@
 """Residual of every pair of calibration pictures, and how residuals are distributed."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
-from dic.calibration import Calibration
 from kolsky.report.figures.base import GREY, MEASURED, PAGE, FigureKind, Panels, letter
 from kolsky.report.figures.calibration_residuals import COLOURS
+
+if TYPE_CHECKING:
+    from dic.calibration import Calibration
 
 NAMED = 30
 """Up to this many pairs each has its name on the axis."""

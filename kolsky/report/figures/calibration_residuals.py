@@ -1,9 +1,15 @@
 """Residuals of a calibration over the field of each camera."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from dic.calibration import Calibration
 from kolsky.report.figures.base import COLUMN, MODEL, PAGE, SHAPE, FigureKind, Panels, letter
+
+if TYPE_CHECKING:
+    from dic.calibration import Calibration
 
 COLOURS = (SHAPE, MODEL)
 """Of camera 0 and camera 1."""

@@ -6,14 +6,8 @@ from matplotlib.colors import Normalize
 
 from kolsky.identification import Identification
 from kolsky.report.figures.base import MS, PAGE, FigureKind, Panels, smooth_bar
-from kolsky.report.scene.drawing import picture, renders
 from kolsky.report.scene.fields import FIELDS
-from kolsky.report.scene.film import chosen
-from kolsky.report.scene.stage import NotShown, stage_of
-
-COUNT = 3
-SIZE = (800, 480)
-"""Of each picture [px]: 350 dots per inch on the page."""
+from kolsky.report.scene.stills import COUNT, begin, stills
 
 
 def caption(result: Identification) -> str:
@@ -27,26 +21,22 @@ def caption(result: Identification) -> str:
 
 def applies(result: Identification) -> bool:
     """Whether the result holds what is drawn, and this machine can render."""
-    try:
-        stage_of(result)
-    except NotShown:
-        return False
-    return renders()
+    return stills(result) is not None
 
 
 def draw(result: Identification, panels: Panels) -> None:
-    """Render three times and set the pictures side by side."""
-    stage = stage_of(result)
-    shown = chosen(len(stage.times), COUNT)
-    images = np.stack([picture(stage, k, size=SIZE, bar=False) for k in shown])
+    """Set the pictures side by side."""
+    found = stills(result)
+    assert found is not None  # `applies` has looked
+    stage, images = found
     rows, columns = (np.flatnonzero((images < 255).any(axis=axes)) for axes in ((0, 2, 3), (0, 1, 3)))
     cut = images[:, rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]  # without the empty margins
     axes = [panels[f"scene {column}"] for column in range(COUNT)]
     for ax in axes:
         ax.set_axis_off()
-    for ax, image, k in zip(axes, cut, shown, strict=False):
+    for ax, image, time in zip(axes, cut, stage.times, strict=False):
         ax.imshow(image, interpolation="antialiased")
-        ax.text(0.5, 1.02, f"{MS * stage.times[k]:.2f} ms", transform=ax.transAxes, ha="center", va="bottom")
+        ax.text(0.5, 1.02, f"{MS * time:.2f} ms", transform=ax.transAxes, ha="center", va="bottom")
     kind = FIELDS[stage.field]
     colours = ScalarMappable(Normalize(*stage.limits), kind.colours)
     bar = axes[0].figure.colorbar(  # type: ignore[union-attr]
@@ -63,4 +53,5 @@ KIND = FigureKind(
     panels=lambda result: [[f"scene {column}" for column in range(COUNT)]],
     draw=draw,
     applies=applies,
+    ahead=begin,
 )

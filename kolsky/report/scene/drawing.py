@@ -57,7 +57,13 @@ def picture(stage: Stage, k: int, *, size: tuple[int, int] = SIZE, bar: bool = T
     IndexError
         If there is no such time.
     """
-    pyvista = headless()
+    return rendered(headless(), stage, k, size=size, bar=bar)
+
+
+def rendered(
+    pyvista: Any, stage: Stage, k: int, *, size: tuple[int, int] = SIZE, bar: bool = True
+) -> NDArray[np.uint8]:
+    """The same with a PyVista at hand, see `quiet`: where VTK cannot draw it may take the process with it."""
     if not 0 <= k < len(stage.times):
         raise IndexError(f"there are pictures 0 to {len(stage.times) - 1}, not {k}")
     plotter = pyvista.Plotter(off_screen=True, window_size=list(size))
@@ -84,6 +90,11 @@ def headless() -> Any:
         raise CannotRender(
             "VTK finds neither a display nor EGL nor OSMesa to draw with; install one (Debian: libegl1)"
         )
+    return quiet()
+
+
+def quiet() -> Any:
+    """PyVista without VTK's remarks about displays."""
     import pyvista
     from vtkmodules.vtkCommonCore import vtkLogger
 
@@ -161,7 +172,7 @@ def simulated(pyvista: Any, stage: Stage, k: int) -> Any:
     zero = np.zeros(len(nodes))
     front = np.column_stack([zero, nodes[:, 1], nodes[:, 0]])
     behind = np.column_stack([zero, nodes[:, 1], -nodes[:, 0]])
-    quads = np.column_stack([np.full(mesh.n_elements, 4), mesh.quads]).ravel()
+    quads = np.column_stack([np.full(len(mesh.quads), 4), mesh.quads]).ravel()
     both = np.concatenate([quads, _shifted(quads, len(nodes))])
     cut = pyvista.PolyData(np.vstack([front, behind]), faces=both)
     cut.point_data["field"] = np.tile(values, 2)

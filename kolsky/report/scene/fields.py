@@ -1,13 +1,16 @@
 """What the specimen can be coloured by. A new field is one function and one line of `FIELDS`."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from explicit.materials.volumetric import VolumetricLaw
+if TYPE_CHECKING:
+    from explicit.materials.volumetric import VolumetricLaw
 
 FloatArray = NDArray[np.float64]
 

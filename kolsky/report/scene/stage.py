@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-import explicit
-from explicit.deformation import deformation_gradient
 from kolsky.records import CentreLine
 from kolsky.report.scene.fields import FIELDS, Solid
 
 if TYPE_CHECKING:
+    import explicit
     from dic import SurfaceHistory
     from kolsky.identification import Identification
 
@@ -28,11 +28,25 @@ class NotShown(ValueError):
 
 
 @dataclass(frozen=True)
+class Mesh:
+    """Which nodes belong together: of a mesh what a picture needs."""
+
+    quads: NDArray[np.int64]
+    """Corners of the elements, shape [n_elements, 4]."""
+    lower_face: NDArray[np.int64]
+    """Nodes on the flyer's platen, from the axis outward."""
+    side: NDArray[np.int64]
+    """Nodes of the side from the transmission end, both rims among them."""
+    upper_face: NDArray[np.int64]
+    """Nodes on the other platen, from the axis outward."""
+
+
+@dataclass(frozen=True)
 class Stage:
     """One simulation, ready to be drawn."""
 
-    mesh: explicit.Mesh
-    """The undeformed mesh."""
+    mesh: Mesh
+    """The mesh."""
     times: FloatArray
     """Times of the pictures [s], shape [n_times]."""
     nodes: FloatArray
@@ -47,6 +61,11 @@ class Stage:
     """Measured outline; none if nobody looked."""
     surface: SurfaceHistory | None = None
     """Measured points of the whole visible surface, if pictures were correlated here."""
+
+    def at(self, shown: Sequence[int]) -> Stage:
+        """The same with these pictures alone."""
+        rows = np.asarray(shown)
+        return replace(self, times=self.times[rows], nodes=self.nodes[rows], values=self.values[rows])
 
     def outline(self, k: int) -> tuple[FloatArray, FloatArray]:
         """Measured heights and radii in the frame nearest to picture k [m]; empty without any."""
@@ -96,6 +115,8 @@ def stage_of(
     NotShown
         If the result does not hold what is needed.
     """
+    from explicit.deformation import deformation_gradient
+
     if field not in FIELDS:
         raise ValueError(f"there is no field {field!r}; choose from {', '.join(FIELDS)}")
     kind, response = FIELDS[field], result.response
@@ -111,7 +132,7 @@ def stage_of(
     elements = kind.values(deformation_gradient(mesh, nodes), solid)
     low, high = np.percentile(elements, RANGE)
     return Stage(
-        mesh=mesh,
+        mesh=Mesh(mesh.quads, mesh.lower_face, mesh.side, mesh.upper_face),
         times=response.surface_times[whole],
         nodes=nodes,
         values=_at_nodes(mesh, elements),
@@ -124,6 +145,8 @@ def stage_of(
 
 def _mesh(result: Identification) -> explicit.Mesh:
     """The check run's mesh, from what the result says of specimen and settings."""
+    import explicit
+
     said = result.provenance
     try:
         specimen, grading = said["specimen"], said["settings"]["numerics"]["grading"]

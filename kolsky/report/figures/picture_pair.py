@@ -1,0 +1,146 @@
+"""What both cameras saw at one time with the points on it, and how good the matches were in all frames."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from dic.outcome import FrameOutcome
+from dic.result import Body
+from kolsky.picturepair import PicturePair
+from kolsky.recorded import Recorded
+from kolsky.report.figures.base import (
+    FORCE,
+    MODEL,
+    MS,
+    PAGE,
+    SHAPE,
+    FigureKind,
+    Panels,
+    letter,
+    smooth_bar,
+)
+
+CAMERAS = ("left", "right")
+LOST = "#CC79A7"
+
+
+def caption(seen: Recorded) -> str:
+    """What is seen."""
+    pair = _pair(seen)
+    body, frame = pair.result.specimen, pair.frame
+    size = np.abs(body.epipolar[body.surface.valid])
+    largest = f"{float(np.percentile(size, 99.0)):.3f} px" if size.size else "unknown"
+    return (
+        f"(a), (b) Cameras 0 and 1 at {MS * float(pair.result.t[frame]):.3f} ms, frame {frame} counted from "
+        f"0, with the {int(body.alive[frame])} of {body.surface.n_points} points of the specimen that are "
+        "valid there, joined to their neighbours and coloured by the standard deviation of their place in "
+        "that picture. (c) Of the valid points of each frame: the median of the larger of both cameras’ "
+        "standard deviations and the rms distance from the epipolar line, 99 % of all distances below "
+        f"{largest}. (d) Points that are not valid."
+    )
+
+
+def draw(seen: Recorded, panels: Panels) -> None:
+    """Draw the pair with its points, and the histories."""
+    pair = _pair(seen)
+    body, frame = pair.result.specimen, pair.frame
+    valid = body.surface.valid[frame]
+    sigma = [camera[frame, valid] for camera in body.match_sigma]
+    low, high = np.percentile(np.concatenate(sigma), [1.0, 99.0])
+    points: Any = None
+    for number, (name, mark) in enumerate(zip(CAMERAS, "ab", strict=True)):
+        ax = panels[name]
+        _picture(ax, pair.pictures[number])
+        places = body.pixels[number][frame]
+        lines = places[_joined(body, valid)]
+        ax.add_collection(LineCollection(list(lines), colors=SHAPE, linewidths=0.5))
+        x, y = places[valid].T
+        points = ax.scatter(
+            x,
+            y,
+            c=sigma[number],
+            s=9.0,
+            vmin=low,
+            vmax=max(high, 1.01 * low),
+            cmap="plasma",
+            lw=0.4,
+            edgecolors="white",
+            zorder=3,
+        )
+        ax.set_title(f"camera {number}", loc="right", pad=2.5)
+        letter(ax, mark)
+    bar = panels["left"].figure.colorbar(  # type: ignore[union-attr]
+        points, ax=[panels[name] for name in CAMERAS], aspect=22, pad=0.02, extend="both"
+    )
+    bar.set_label("Standard deviation (px)")
+    bar.locator = MaxNLocator(5)
+    bar.update_ticks()
+    smooth_bar(bar)
+    _histories(pair, panels["quality"], panels["lost"])
+
+
+def _picture(ax: Axes, picture: NDArray[np.generic]) -> None:
+    low, high = np.percentile(np.asarray(picture, dtype=np.float64), [0.5, 99.5])
+    # Half as dark as it was taken: points must stand out.
+    ax.imshow(picture, cmap="gray", vmin=2.0 * low - high - 1, vmax=max(high, low + 1), interpolation="none")
+    ax.set_xlim(-0.5, picture.shape[1] - 0.5)
+    ax.set_ylim(picture.shape[0] - 0.5, -0.5)
+    ax.set(xlabel="$x$ (px)", ylabel="$y$ (px)")
+
+
+def _joined(body: Body, valid: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Pairs of valid points that are neighbours in the grid, shape [n, 2]."""
+    place = {tuple(cell): k for k, cell in enumerate(body.cell.tolist()) if valid[k]}
+    ends = [
+        (k, place[other])
+        for (column, row), k in place.items()
+        for other in ((column + 1, row), (column, row + 1))
+        if other in place
+    ]
+    return np.array(ends, dtype=np.int64).reshape(-1, 2)
+
+
+def _histories(pair: PicturePair, quality: Axes, lost: Axes) -> None:
+    result, body = pair.result, pair.result.specimen
+    usable = (result.outcome == FrameOutcome.VALID) & (body.alive > 0)
+    time, valid = MS * result.t[usable], body.surface.valid[usable]
+    larger = np.where(valid, np.fmax(*body.match_sigma)[usable], np.nan)
+    squares = np.where(valid, body.epipolar[usable] ** 2, np.nan)
+    quality.plot(time, np.nanmedian(larger, axis=1), color=SHAPE, label="standard deviation")
+    quality.plot(time, np.sqrt(np.nanmean(squares, axis=1)), color=MODEL, label="epipolar distance, rms")
+    quality.set(xlabel="Time (ms)", ylabel="In a picture (px)")
+    quality.set_ylim(bottom=0.0)
+    lost.plot(time, body.surface.n_points - body.alive[usable], color=FORCE)
+    lost.set(xlabel="Time (ms)", ylabel=f"Points not valid (of {body.surface.n_points})")
+    lost.set_ylim(0.0, max(1.1 * float(np.max(body.surface.n_points - body.alive[usable])), 1.0))
+    for ax, mark in ((quality, "c"), (lost, "d")):
+        ax.axvline(MS * float(result.t[pair.frame]), color=LOST, lw=0.8, ls="--", label="(a), (b)")
+        letter(ax, mark)
+    quality.legend(loc="best")
+
+
+def _pair(seen: Recorded) -> PicturePair:
+    assert isinstance(seen.pair, PicturePair)  # `applies` has looked
+    return seen.pair
+
+
+def _height(seen: Recorded) -> float:
+    """Height of the figure [mm]: pictures as wide as their panels, histories below."""
+    rows, columns = _pair(seen).pictures[0].shape
+    return float(np.clip((0.5 * PAGE - 16.0) * rows / columns + 12.0, 35.0, 140.0) + 45.0)
+
+
+KIND: FigureKind[Recorded] = FigureKind(
+    name="picture-pair",
+    width=PAGE,
+    height=_height,
+    caption=caption,
+    panels=lambda seen: [list(CAMERAS), ["quality", "lost"]],
+    draw=draw,
+    mosaic={"height_ratios": [1.7, 1.0]},
+    applies=lambda seen: isinstance(seen.pair, PicturePair),
+)
