@@ -142,7 +142,8 @@ def _listed(mask: BoolArray, every: IntArray | None = None) -> tuple[IntArray, B
     n, flat = len(mask), np.flatnonzero(mask)
     count = mask.sum(axis=1)
     row = np.repeat(np.arange(n), count)
-    column, place = flat - mask.shape[1] * row, np.arange(len(flat)) - np.repeat(np.cumsum(count) - count, count)
+    column = flat - mask.shape[1] * row
+    place = np.arange(len(flat)) - np.repeat(np.cumsum(count) - count, count)
     if every is not None and np.any(every > 1):
         kept = place % every[row] == 0
         row, column, place = row[kept], column[kept], place[kept] // every[row[kept]]

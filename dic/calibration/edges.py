@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
 FloatArray = NDArray[np.float64]
 
@@ -13,6 +12,9 @@ SETTLED = 1e-5
 AT_ONCE = 250_000
 """Pixels of the dots that are fitted in one go: many, so that pictures in other threads get on meanwhile."""
 ROOT = float(np.sqrt(2.0 * np.pi))
+"""√(2π)"""
+HASTINGS = (0.3275911, 0.254829592, -0.284496736, 1.421413741, -1.453152027, 1.061405429)
+"""Of his approximation of the error function, p and a1 to a5."""
 LARGEST = 25.0
 """Dots up to this radius [px] are fitted: a larger one's centroid is known to a few mpx, and its printed
 outline is no better an ellipse than that."""
@@ -120,11 +122,12 @@ def _model(p: FloatArray, xx: FloatArray, yy: FloatArray) -> tuple[FloatArray, F
     dx, dy = xx - x0, yy - y0
     mx, my = a * dx + b * dy, b * dx + c * dy
     q = np.sqrt(np.maximum(dx * mx + dy * my, 1e-12))
-    slope = np.maximum(np.hypot(mx, my), 1e-9)
+    slope = np.maximum(np.sqrt(mx * mx + my * my), 1e-9)
     delta = (q - 1.0) * q / slope
-    S = ndtr(-delta / s)
+    bell = np.exp(-0.5 * (delta / s) ** 2)
+    S = _upper(delta / s, bell)
     light, left = B + Bx * dx + By * dy, 1.0 - D * S
-    edge = light * D * np.exp(-0.5 * (delta / s) ** 2) / (ROOT * s)  # by δ
+    edge = light * D * bell / (ROOT * s)  # by δ
     model = light * left
     J = np.empty((len(p), 10, xx.size), dtype=np.float32)
     J[:, 0], J[:, 1] = -edge * mx / slope, -edge * my / slope
@@ -132,3 +135,17 @@ def _model(p: FloatArray, xx: FloatArray, yy: FloatArray) -> tuple[FloatArray, F
     J[:, 5] = -edge * delta / s
     J[:, 6], J[:, 7], J[:, 8], J[:, 9] = left, dx * left, dy * left, -light * S
     return model, J
+
+
+def _upper(x: FloatArray, bell: FloatArray) -> FloatArray:
+    """Normal distribution Φ(-x) to 1e-7, given exp(-x²/2).
+
+    Hastings' approximation (Abramowitz and Stegun, Handbook of Mathematical Functions, 7.1.26) takes a tenth
+    of the time of SciPy's, which was a third of that of the fit.
+    """
+    t = 1.0 / (1.0 + HASTINGS[0] / np.sqrt(2.0, dtype=x.dtype) * np.abs(x))
+    total = np.zeros_like(t)
+    for a in HASTINGS[:0:-1]:
+        total = (total + a) * t
+    tail = 0.5 * total * bell
+    return np.where(x > 0.0, tail, 1.0 - tail)

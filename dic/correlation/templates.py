@@ -34,7 +34,7 @@ class Templates:
     settings: Correlation
     """What they are for."""
     bound: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
-    """The arrays as a device names them; making names anew in every call would take as long as some points."""
+    """The arrays as a device names them; named anew in every call they would cost as much as some points."""
 
     @classmethod
     def of(cls, n: int, settings: Correlation) -> "Templates | None":
