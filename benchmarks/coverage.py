@@ -17,18 +17,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import binom
 
+from benchmarks.coverage_counts import joined, summary
 from benchmarks.coverage_problem import FloatArray, draw, experiment, template, truths
 from kolsky.forward import Numerics
-from kolsky.identify import ONE_SIDED, ORDER, identify
+from kolsky.identify import identify
 from kolsky.settings import Settings
 
 NAMES = {"m": "stiffness_factor", "f": "friction", "beta": "damping"}
 BOUNDS = {"stiffness_factor": (0.75, 1.5), "friction": (0.05, 0.8), "damping": (5e-6, 6e-5)}
 """Bounds of the design; every truth lies well inside."""
-NOMINAL = 0.9545
-"""Share that an interval of k = 2 holds of a normal distribution."""
 BATCH = 50
 """Truths of one batch on a CPU; their forces must fit into memory."""
 
@@ -51,6 +49,13 @@ class Study:
     """Where both are run."""
     seed: int = 1
     """Of the truths and of all noise."""
+    rows: tuple[int, int] | None = None
+    """First experiment, and the one after the last, of those that are done now; all if left out."""
+
+    @property
+    def numbers(self) -> range:
+        """The experiments that are done now."""
+        return range(*(self.rows or (0, self.experiments)))
 
 
 @dataclass(frozen=True)
@@ -63,16 +68,14 @@ class Found:
     """Combined standard uncertainty."""
     sigma_noise: dict[str, float]
     sigma_numerical: dict[str, float]
+    parts: dict[str, dict[str, float]]
+    """Standard uncertainties of each parameter by source, of the noise and of the numerics."""
     mesh_shift: dict[str, float]
     profile: dict[str, tuple[float, float]]
     """95 % interval of the profile likelihood, noise of force and shape alone."""
     outcome: str
     """Verdicts, or why there is no answer."""
     seconds: float
-
-    def covered(self, name: str) -> bool:
-        """Whether the k = 2 interval holds the true value; no answer holds nothing."""
-        return abs(self.value[name] - self.truth[name]) <= 2.0 * self.sigma[name]
 
 
 def identified(study: Study, number: int, truth: dict[str, float], force: FloatArray, Z: FloatArray) -> Found:
@@ -92,7 +95,7 @@ def identified(study: Study, number: int, truth: dict[str, float], force: FloatA
     try:
         result = identify(shot, settings)
     except ValueError as error:
-        return Found(truth, nothing, nothing, nothing, nothing, nothing, {}, str(error), _since(started))
+        return Found(truth, nothing, nothing, nothing, nothing, {}, nothing, {}, str(error), _since(started))
     e = result.estimates
 
     def each(field: str) -> dict[str, float]:
@@ -104,6 +107,7 @@ def identified(study: Study, number: int, truth: dict[str, float], force: FloatA
         sigma=each("sigma"),
         sigma_noise=each("sigma_noise"),
         sigma_numerical=each("sigma_numerical"),
+        parts={name: {**e[name].noise_parts, **e[name].numerical_parts} for name in study.free},
         mesh_shift=each("mesh_shift"),
         profile={profile.name: profile.interval for profile in result.profiles},
         outcome="; ".join(sorted({estimate.outcome.value for estimate in e.values()})),
@@ -117,57 +121,23 @@ def run(study: Study, *, workers: int) -> tuple[list[Found], dict[str, float]]:
     draws = draw(study.free, study.experiments, np.random.default_rng([study.seed, 0]))
     seen, forces, radii = template(), [], []
     size = BATCH if study.device == "cpu" else study.experiments
-    for first in range(0, study.experiments, size):
-        rows = slice(first, first + size)
+    numbers = study.numbers
+    for first in range(numbers.start, numbers.stop, size):
+        rows = slice(first, min(first + size, numbers.stop))
         part = type(draws)({name: value[rows] for name, value in draws.values.items()}, draws.interface)
         force, Z = truths(part, seen, mesh=study.truth_mesh, device=study.device)
         forces.append(force)
         radii.append(Z)
     made = _since(started)
     started = time.perf_counter()
-    truth = [{name: float(draws.values[name][i]) for name in study.free} for i in range(study.experiments)]
-    work = (range(study.experiments), truth, np.concatenate(forces), np.concatenate(radii))
+    truth = [{name: float(draws.values[name][i]) for name in study.free} for i in numbers]
+    work = (numbers, truth, np.concatenate(forces), np.concatenate(radii))
     if workers == 1:
         found = list(map(partial(identified, study), *work))
     else:
         with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
             found = list(pool.map(partial(identified, study), *work))
     return found, {"truths": made, "identifications": _since(started)}
-
-
-def summary(study: Study, found: list[Found]) -> dict[str, Any]:
-    """How often each interval held the truth, with what chance allows of an exact one."""
-    n = len(found)
-    low, high = binom.interval(0.95, n, NOMINAL)
-    rows: dict[str, Any] = {}
-    for name in study.free:
-        good = [one for one in found if np.isfinite(one.value[name])]
-        error = np.array([one.value[name] - one.truth[name] for one in good])
-        sigma = np.array([one.sigma[name] for one in good])
-        noise = np.array([one.sigma_noise[name] for one in good])
-        mesh = np.array([one.sigma_numerical[name] for one in good])
-        shift = np.array([one.mesh_shift[name] for one in good])
-        less = error + shift / ((study.refined_mesh[0] / study.mesh[0]) ** ORDER - 1.0)
-        half = np.hypot(noise, 0.5 * ONE_SIDED * mesh)
-        within = [  # an open end is NaN, which nothing is beyond
-            not (one.truth[name] < one.profile[name][0] or one.truth[name] > one.profile[name][1])
-            for one in good
-            if name in one.profile
-        ]
-        rows[name] = {
-            "covered": sum(one.covered(name) for one in found) / n,
-            "answers": len(good),
-            "mean error": float(error.mean()),
-            "scatter": float(error.std(ddof=1)),
-            "mean sigma": float(sigma.mean()),
-            "mean sigma noise": float(noise.mean()),
-            "mean sigma numerical": float(mesh.mean()),
-            "mean shift between meshes": float(shift.mean()),
-            "mean error less the estimated one of the mesh": float(less.mean()),
-            "covered with half the grid convergence index": float(np.mean(np.abs(error) <= 2.0 * half)),
-            "covered by the profile likelihood alone": float(np.mean(within)) if within else None,
-        }
-    return {"experiments": n, "exact interval, 95 % of studies": [low / n, high / n], **rows}
 
 
 def main() -> None:
@@ -181,8 +151,13 @@ def main() -> None:
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--workers", type=int, default=1, help="processes that identify")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--rows", help="FIRST:STOP, a part of the experiments; the parts are then joined")
+    parser.add_argument("--join", type=Path, nargs="+", help="files of parts: sum them up, run nothing")
     parser.add_argument("--out", type=Path, help="JSON file")
     given = parser.parse_args()
+    if given.join:
+        _tell(joined([json.loads(path.read_text()) for path in given.join]), given.out)
+        return
     study = Study(
         free=tuple(NAMES[name] for name in given.free.split(",")),
         experiments=given.experiments,
@@ -191,19 +166,24 @@ def main() -> None:
         truth_mesh=_mesh(given.truth_mesh),
         device=given.device,
         seed=given.seed,
+        rows=None if given.rows is None else _rows(given.rows),
     )
     found, seconds = run(study, workers=given.workers)
     machine = {"device": given.device, "processor": platform.machine(), "cores": os.cpu_count() or 1}
-    said = {
-        "machine": machine,
-        "study": asdict(study),
-        "workers": given.workers,
-        "seconds": seconds,
-        **summary(study, found),
-    }
-    print(json.dumps(said, indent=2))
-    if given.out is not None:
-        given.out.write_text(json.dumps({**said, "each": [asdict(one) for one in found]}, indent=1) + "\n")
+    each = [asdict(one) for one in found]
+    said = {"machine": machine, "study": asdict(study), "workers": given.workers, "seconds": seconds}
+    _tell({**said, **summary(each, study.refined_mesh[0] / study.mesh[0]), "each": each}, given.out)
+
+
+def _tell(said: dict[str, Any], out: Path | None) -> None:
+    print(json.dumps({key: value for key, value in said.items() if key != "each"}, indent=2))
+    if out is not None:
+        out.write_text(json.dumps(said, indent=1) + "\n")
+
+
+def _rows(text: str) -> tuple[int, int]:
+    first, stop = text.split(":")
+    return int(first), int(stop)
 
 
 def _mesh(text: str) -> tuple[int, int]:

@@ -26,10 +26,10 @@ from benchmarks.problem import (
 )
 from explicit.materials import marlow_from_curve
 from kolsky.apparatus import Interface, Specimen
-from kolsky.barforce import BarForce
 from kolsky.misfit import Observations, observe, predict
 from kolsky.records import CentreLine, FlyerMotion, ForceHistory, MaterialCurve
 from kolsky.shots import ModelSettings, Shot
+from kolsky.shots.barforce import BarForce
 
 FloatArray = NDArray[np.float64]
 

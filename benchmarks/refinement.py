@@ -13,9 +13,9 @@ from time import perf_counter
 import numpy as np
 
 from kolsky.coarse import adaptive, second_design
+from kolsky.commands.options import ranges
 from kolsky.misfit import predict
 from kolsky.objective import Objective
-from kolsky.options import ranges
 from kolsky.parameters import design_box
 from kolsky.prepare import prepare
 from kolsky.settings import Settings

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from doe import Box, ResponseSurrogate, latin_hypercube, sobol
 from doe.surrogates import ProcessSurrogate
+from kolsky.commands.options import ranges
 from kolsky.objective import Objective
-from kolsky.options import ranges
 from kolsky.parameters import design_box
 from kolsky.prepare import prepare
 from kolsky.settings import Settings

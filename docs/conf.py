@@ -46,7 +46,7 @@ _OTHERS = (
 nitpick_ignore_regex = [
     ("py:.*", rf"({_OTHERS})\..*"),
     ("py:class", r"Path|tuple\[int|[a-z][a-z_ -]*"),  # words in a type: "array", "callable, optional"
-    ("py:class", r"FloatArray|kolsky\.curvefile\.AnyShot"),  # an array of float64; any kind of shot
+    ("py:class", r"FloatArray|kolsky\.shots\.curve\.AnyShot"),  # an array of float64; any kind of shot
     # Modules that have the name of the function they offer, which is what the package documents.
     ("py:class", r"(doe\.sensitivity\.morris|kolsky\.rates\.slope)\.[A-Z]\w*"),
     ("py:class", r"(explicit|doe|dic)(\.[a-z_]+)?\.[A-Z]\w*"),  # re-exported: documented where it is defined

@@ -10,7 +10,7 @@ from explicit import Response
 from kolsky.apparatus import Interface
 from kolsky.identification import DesignTable, Identification, Verdict
 from kolsky.methods import disagreements
-from kolsky.results_text import worst_imbalance
+from kolsky.results.text import worst_imbalance
 
 PAST_CURVE = 0.01
 """Share of the specimen past the quasi-static curve from which on it is said."""

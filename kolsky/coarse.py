@@ -5,8 +5,7 @@ batch. With several a design fine enough everywhere would be too large, and the 
 batch after the other (`doe.refine`).
 """
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,10 +28,6 @@ MOST_REFINEMENTS = 3
 """Most second designs, each around the optimum of the last one."""
 MOST_ROUNDS = 10
 """Most batches of adaptive refinement."""
-MORE_ROUNDS = 3
-"""Most batches about an optimum that a run on the refined mesh moved."""
-WIDER = 1.5
-"""Edge of the first region about it over that of the last one."""
 ON_THE_WAY = 1e-4
 """Tolerance of the searches between two batches, in the unit box."""
 
@@ -95,32 +90,13 @@ def adaptive(stages: Stages, wide: Runs) -> Coarse:
     """Batches of runs about the optimum until it stays."""
     objective = Objective(stages.observations, _reached(wide.prediction.inside))
     try:
-        found = _refine(stages, objective, 0.0, max_rounds=MOST_ROUNDS)
+        found = _refine(stages, objective)
     except SurrogateError as error:
         raise _no_surrogate(error, wide) from error
-    return _settled(stages, found, 0.0)
+    return _settled(stages, found)
 
 
-def refined_about(stages: Stages, coarse: Coarse, point: FloatArray, shift: FloatArray | float) -> Coarse:
-    """More batches, about the optimum of the surrogate plus a shift of the data vector.
-
-    Parameters
-    ----------
-    stages, coarse
-        The simulations and what they were refined to.
-    point
-        Where to go on, shape [d].
-    shift
-        What another mesh adds to the surrogate, shape [k].
-    """
-    inside = np.clip(point, stages.box.lower, stages.box.upper)
-    edges = np.diff(stages.box.unit(np.array([coarse.box.lower, coarse.box.upper])), axis=0)
-    edge = float(min(WIDER * edges.max(), 1.0))
-    found = _refine(stages, coarse.objective, shift, max_rounds=MORE_ROUNDS, about=inside, edge=edge)
-    return _settled(stages, found, shift, coarse)
-
-
-def _refine(stages: Stages, objective: Objective, shift: FloatArray | float, **options: Any) -> Refinement:
+def _refine(stages: Stages, objective: Objective) -> Refinement:
     points, prediction = stages.on_surrogate_mesh()
     vectors = objective.vectors(prediction)
     whole = np.isfinite(vectors).all(axis=1)
@@ -132,7 +108,7 @@ def _refine(stages: Stages, objective: Objective, shift: FloatArray | float, **o
         return vectors
 
     def locate(surrogate: Surrogate, region: Box, start: FloatArray) -> tuple[FloatArray, FloatArray]:
-        model = replace(CorrectedSurrogate(surrogate), shift=shift).predict
+        model = CorrectedSurrogate(surrogate).predict
         best = search(region, objective, model, start=start, tolerance=ON_THE_WAY)
         covariance = best.objective.covariance(jacobian(model, region, best.x), model(best.x)[0])
         return best.x, np.sqrt(np.diag(covariance))
@@ -142,24 +118,18 @@ def _refine(stages: Stages, objective: Objective, shift: FloatArray | float, **o
         stages.box,
         points[whole],
         vectors[whole],
-        misfit=lambda found: objective.deviance(found + shift),
+        misfit=objective.deviance,
         locate=locate,
         scale=objective.noise,
         rng=stages.settings.seed,
-        **options,
+        max_rounds=MOST_ROUNDS,
     )
 
 
-def _settled(
-    stages: Stages, found: Refinement, shift: FloatArray | float, before: Coarse | None = None
-) -> Coarse:
+def _settled(stages: Stages, found: Refinement) -> Coarse:
     """The surrogate over the outline points that its own runs reach: more than the first design's."""
     points, prediction = _used(stages, found.surrogate)
-    reached = _reached(prediction.inside)
-    if before is not None:  # the shift is of the points counted so far
-        reached &= before.objective.counted
-        shift = np.asarray(shift)[_kept(before.objective, reached)]
-    objective = Objective(stages.observations, reached)
+    objective = Objective(stages.observations, _reached(prediction.inside))
     surrogate = ProcessSurrogate.fit(
         found.surrogate.box,
         points,
@@ -167,14 +137,8 @@ def _settled(
         scale=objective.noise,
         like=found.surrogate,
     )
-    model = replace(CorrectedSurrogate(surrogate), shift=shift).predict
-    best = search(found.region, objective, model, start=found.x)
+    best = search(found.region, objective, CorrectedSurrogate(surrogate).predict, start=found.x)
     return Coarse(found.region, surrogate, best.objective, best.x)
-
-
-def _kept(objective: Objective, reached: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Entries of an objective's data vector whose outline points are in another selection, shape [k]."""
-    return np.concatenate([np.ones(objective.n_force, dtype=bool), reached[objective.counted]])
 
 
 def fit_for_purpose(stages: Stages, coarse: Coarse, gain: FloatArray) -> Fitness:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import explicit
 from explicit.materials import MaterialLaw, marlow_from_curve
-from kolsky.flyerpath import FlyerPath
+from kolsky.flyer.path import FlyerPath
 from kolsky.parameters import PARAMETERS, checked_value
 from kolsky.records import MaterialCurve
 from kolsky.shots import Shot

@@ -45,7 +45,7 @@ class Estimate:
     sigma_noise: float
     """Standard uncertainty from the measured noise (force, shape, flyer motion, material curve)."""
     sigma_numerical: float
-    """Standard uncertainty from mesh and step, estimated by a refined run."""
+    """Standard uncertainty from the numerics, root sum of squares of `numerical_parts`."""
     mesh_shift: float
     """Value on the refined mesh minus value on the surrogate's mesh."""
     noise_parts: dict[str, float]
@@ -55,6 +55,9 @@ class Estimate:
     """How the search ended."""
     sigma_systematic: float = 0.0
     """Standard uncertainty from what shot.toml declares in [uncertainty], 0 if it declares nothing."""
+    numerical_parts: dict[str, float] = field(default_factory=dict)
+    """The share of `sigma_numerical` by source: "mesh" (mesh and step, or the element where that is more)
+    and, where surfaces slide or several parameters are free, "roughness" of the response."""
 
     @property
     def sigma(self) -> float:

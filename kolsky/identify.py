@@ -5,10 +5,12 @@ Stages of `identify`:
 1. A design over the free parameters is run on the surrogate mesh; a surrogate of the *response* (force
    bins and profile points) gives a first optimum.
 2. More runs around it make the surrogate exact where it matters (see `kolsky.coarse`).
-3. The optimum is run on the refined mesh. The difference of the two meshes at one point shifts the
-   surrogate, the search is repeated, and the new optimum is confirmed by a real run on the refined mesh.
+3. The optimum is moved to the refined mesh and confirmed by a real run there: by single runs that correct
+   the surrogate (one parameter, `kolsky.check`), or by a quadratic through a design of runs on the refined
+   mesh (several, or a sliding surface, `kolsky.averaged`).
 4. Noise: the residuals' covariance (see `kolsky.objective`), and replicates of the flyer's motion and of
-   the quasi-static curve drawn from their own noise. Numerics: the shift between the meshes.
+   the quasi-static curve drawn from their own noise. Numerics: the shift between the meshes, that between
+   the elements, and the roughness of the response.
 """
 
 from dataclasses import replace
@@ -17,20 +19,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kolsky.cautions import cautions
-from kolsky.check import CONFIRMED, Refined, check_refined
+from kolsky.check import check_refined
 from kolsky.coarse import Coarse, fit_for_purpose, search_coarse
-from kolsky.curvefile import with_pull
 from kolsky.identification import Identification
 from kolsky.knowledge.gather import gather
 from kolsky.knowledge.profiles import Answer
 from kolsky.misfit import terms
-from kolsky.optimum import CorrectedSurrogate, jacobian, leaves
+from kolsky.optimum import CorrectedSurrogate, jacobian
 from kolsky.parameters import PARAMETERS, design_box
 from kolsky.prepare import prepare
 from kolsky.provenance import provenance
+from kolsky.refined import Refined
 from kolsky.searches import with_methods
 from kolsky.settings import Settings
 from kolsky.shots import Shot
+from kolsky.shots.curve import with_pull
 from kolsky.stages import Progress, Stages
 from kolsky.summary import comparison, curves, estimates, routes
 
@@ -43,6 +46,9 @@ SAFETY_FACTOR = 1.25
 ONE_SIDED = 1.15
 """The index over its standard uncertainty: the mesh errs to one side, by about as much as is extrapolated,
 and not evenly about zero, where it would be 2 (ASME V&V 20-2009)."""
+EITHER_SIDE = 3.0**0.5
+"""The other element's move of the optimum over its standard uncertainty: the truth may lie anywhere between
+the two and as far on the other side (a rectangular distribution, GUM 4.3.7)."""
 
 
 def identify(
@@ -74,19 +80,14 @@ def identify(
     shot = with_pull(shot, settings.pull)
     whole = design_box(settings.free)
     stages = Stages(prepare(shot), settings, whole, progress or (lambda stage, done, total: None))
-    first = search_coarse(stages)
-    fine, coarse = check_refined(stages, first)
-    # The mesh's shift is from the optimum of the surrogate's own mesh, which the check may have left.
-    return _report(shot, stages, replace(coarse, x=first.x), fine)
+    coarse = search_coarse(stages)
+    return _report(shot, stages, coarse, check_refined(stages, coarse))
 
 
-def _input_noise(stages: Stages, coarse: Coarse, fine: Refined) -> tuple[dict[str, FloatArray], int]:
+def _input_noise(stages: Stages, fine: Refined) -> tuple[dict[str, FloatArray], int]:
     """Stage 4: standard uncertainties from the inputs' noise, and how many replicates were lost."""
     scale = {}
-    # A scale is one number, which nothing averages: of two slopes of the model, that between two runs on the
-    # refined mesh and that of the last design, the one with the larger shift counts.
-    wide = jacobian(CorrectedSurrogate(coarse.surrogate).predict, coarse.box, fine.x)
-    gains = [fine.objective.gain(slope) for slope in (fine.jacobian, wide)]
+    gains = [fine.objective.gain(slope) for slope in fine.slopes]
     if stages.observations.force_sigma_gain > 0.0:
         scale["force scale"] = _largest_shift(gains, fine.objective.scale_error)
     if stages.settings.replicates == 0:
@@ -108,18 +109,28 @@ def _largest_shift(gains: list[FloatArray], change: FloatArray) -> FloatArray:
     return np.max([np.abs(gain @ change) for gain in gains], axis=0)
 
 
+def _numerical(settings: Settings, fine: Refined) -> dict[str, FloatArray]:
+    """Standard uncertainties from the numerics by source, shape [d] each."""
+    ratio = settings.refined_mesh[0] / settings.numerics.mesh[0]
+    found = {"mesh": SAFETY_FACTOR / ONE_SIDED * np.abs(fine.mesh_shift) / (ratio**ORDER - 1.0)}
+    if fine.element_shift is not None:
+        # Both are estimates of one error, that of the discretisation: the larger counts.
+        found["mesh"] = np.fmax(found["mesh"], np.abs(fine.element_shift) / EITHER_SIDE)
+    if fine.roughness is not None:
+        found["roughness"] = fine.roughness
+    return found
+
+
 def _report(shot: Shot, stages: Stages, coarse: Coarse, fine: Refined) -> Identification:
     """Everything the stages found, with the warnings it deserves."""
     settings, n_force = stages.settings, fine.objective.n_force
     shape = stages.observations.has_shape
-    input_noise, lost = _input_noise(stages, coarse, fine)
-    mesh_shift = fine.x - coarse.x
-    ratio = settings.refined_mesh[0] / settings.numerics.mesh[0]
+    input_noise, lost = _input_noise(stages, fine)
     held = {name: p.held(shot) for name, p in PARAMETERS.items() if name not in stages.box.names}
     loo = coarse.surrogate.loo_residuals
-    found_routes = routes(coarse.box, fine.objective, fine.model, stages.box, stages.table)
+    found_routes = routes(fine.box, fine.objective, fine.model, stages.box, stages.table)
     corrected = Answer.of(
-        fine.x, coarse.box, fine.objective, fine.model, CorrectedSurrogate(coarse.surrogate).predict
+        fine.x, fine.box, fine.objective, fine.model, CorrectedSurrogate(coarse.surrogate).predict
     )
     known = gather(stages, corrected, bayes=settings.bayes)
     found = Identification(
@@ -128,9 +139,9 @@ def _report(shot: Shot, stages: Stages, coarse: Coarse, fine: Refined) -> Identi
             stages.box,
             fine.x,
             noise={"force and shape": fine.sigma, **input_noise},
-            numerical=SAFETY_FACTOR / ONE_SIDED * np.abs(mesh_shift) / (ratio**ORDER - 1.0),
-            mesh_shift=mesh_shift,
-            confirmed=fine.moved <= CONFIRMED and not leaves(fine.x, coarse.box, stages.box),
+            numerical=_numerical(settings, fine),
+            mesh_shift=fine.mesh_shift,
+            confirmed=fine.confirmed,
             outline=stages.observations.has_shape,
         ),
         fixed={**held, **dict(settings.held)},
@@ -141,7 +152,7 @@ def _report(shot: Shot, stages: Stages, coarse: Coarse, fine: Refined) -> Identi
         mesh=settings.numerics.mesh,
         refined_mesh=settings.refined_mesh,
         design=stages.table.build(stages.box),
-        curves=curves(coarse.box, fine.objective, fine.model, fine.x),
+        curves=curves(fine.box, fine.objective, fine.model, fine.x),
         surrogate={
             "loo_force": _rms(loo[:, :n_force]),
             **({"loo_shape": _rms(loo[:, n_force:])} if shape else {}),
@@ -166,7 +177,7 @@ def _report(shot: Shot, stages: Stages, coarse: Coarse, fine: Refined) -> Identi
 
 def _runs_needed(stages: Stages, coarse: Coarse, fine: Refined) -> dict[str, float]:
     """Where the check does not confirm the surrogate: how many runs would do, infinite if none."""
-    if fine.moved <= CONFIRMED:
+    if fine.confirmed:
         return {}
     gain = coarse.objective.gain(jacobian(CorrectedSurrogate(coarse.surrogate).predict, coarse.box, coarse.x))
     found = fit_for_purpose(stages, coarse, gain / (2.0 * fine.sigma[:, None]))

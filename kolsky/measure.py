@@ -21,15 +21,15 @@ from dic.outcome import FrameOutcome
 from dic.output import ResultFileError, read_result, stored_key, write_result
 from dic.result import StereoResult
 from dic.tracking import Tracking
+from kolsky.commands.outfolder import filling
 from kolsky.errors import InputError
-from kolsky.flightreport import FlightOfSpecimen, add_to, flight_of
-from kolsky.outfolder import filling
-from kolsky.pictures import Seen
+from kolsky.flyer.flightreport import FlightOfSpecimen, add_to, flight_of
 from kolsky.records import CentreLine, FlyerMotion
-from kolsky.rig import calibrated
-from kolsky.shotfile import SpecimenSection
-from kolsky.shotpictures import DicSection, RegionSection
+from kolsky.shotfiles.apparatus import SpecimenSection
+from kolsky.shotfiles.pictures import DicSection, RegionSection
 from kolsky.shots import Measured
+from kolsky.shots.pictures import Seen
+from kolsky.shots.rig import calibrated
 from kolsky.threads import opencv_alone
 
 RESULT_FILE = "dic.h5"

@@ -48,7 +48,7 @@ class IdentificationInNotebook:
         return f"Identification({self.shot!r}: {'; '.join(_answers(self))})"
 
     def _repr_html_(self: Any) -> str:
-        from kolsky.printed import details
+        from kolsky.commands.printed import details
 
         rows = [*details(self).items(), *(("warning", text) for text in self.warnings)]
         return html_table("; ".join(_answers(self)), rows)
@@ -124,19 +124,19 @@ class IdentificationInNotebook:
 
 
 def _entries(shot: ShotBase) -> list[Any]:
-    from kolsky.shotsummary import summarise
+    from kolsky.shots.summary import summarise
 
     return summarise(shot)
 
 
 def _answers(found: Identification) -> list[str]:
-    from kolsky.printed import answer
+    from kolsky.commands.printed import answer
 
     return [answer(estimate) for estimate in found.estimates.values()]
 
 
 def _tables(found: Identification) -> Mapping[str, Mapping[str, Any]]:
-    from kolsky.results_text import tables
+    from kolsky.results import tables
 
     return tables(found)
 

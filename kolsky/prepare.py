@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 
 import explicit
-from kolsky.curvefile import conditioned_ratio
-from kolsky.flyerpath import FlyerPath
+from kolsky.flyer.path import FlyerPath
 from kolsky.forward import Forward, curve_replicates, material_law
 from kolsky.misfit import Observations, observe
 from kolsky.recorded import path_of
 from kolsky.records import FlyerMotion, ForceHistory
 from kolsky.shots import Shot
+from kolsky.shots.curve import conditioned_ratio
 
 BINS = 30
 """Bins of the force where no camera's frames give their width: some ten a transit of a soft specimen, and few

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.barforce import BarForce
 from kolsky.errors import InputError
 from kolsky.flyer import fit_flyer
-from kolsky.flyerpath import FlyerPath
+from kolsky.flyer.path import FlyerPath
 from kolsky.records import FloatArray, FlyerMotion
+from kolsky.shotfiles.reading import read_shot_toml
 from kolsky.shots import Shot, find_shot_file
-from kolsky.shottoml import read_shot_toml
+from kolsky.shots.barforce import BarForce
 from kolsky.waves.frontpath import front_path
 
 PATH_POINTS = 801

@@ -29,7 +29,7 @@ def estimates(
     optimum: FloatArray,
     *,
     noise: Mapping[str, FloatArray],
-    numerical: FloatArray,
+    numerical: Mapping[str, FloatArray],
     mesh_shift: FloatArray,
     confirmed: bool,
     outline: bool = True,
@@ -44,8 +44,10 @@ def estimates(
         Values, shape [d].
     noise
         Standard uncertainties by source, shape [d] each; they add in quadrature.
-    numerical, mesh_shift
-        Standard uncertainty from the mesh, and the optimum's move between the meshes, shape [d].
+    numerical
+        Standard uncertainties from the numerics by source, shape [d] each; they add in quadrature.
+    mesh_shift
+        The optimum's move between the meshes, shape [d].
     confirmed
         Whether the last run on the refined mesh left the optimum where it was.
     outline
@@ -55,7 +57,8 @@ def estimates(
     bounds, found = on_edge(optimum, box), {}
     for i, name in enumerate(box.names):
         parts = {source: float(sigma[i]) for source, sigma in noise.items()}
-        total = float(np.sqrt(sum(sigma**2 for sigma in parts.values())))
+        computed = {source: float(sigma[i]) for source, sigma in numerical.items()}
+        total = float(np.hypot.reduce(list(parts.values())))
         if bounds[i]:
             verdict = Verdict.AT_BOUND
         elif 4.0 * total > box.upper[i] - box.lower[i]:
@@ -67,9 +70,10 @@ def estimates(
             unit=PARAMETERS[name].unit,
             value=float(optimum[i]),
             sigma_noise=total,
-            sigma_numerical=float(numerical[i]),
+            sigma_numerical=float(np.hypot.reduce(list(computed.values()))),
             mesh_shift=float(mesh_shift[i]),
             noise_parts=parts,
+            numerical_parts=computed,
             outcome=verdict,
         )
     return found

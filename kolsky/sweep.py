@@ -22,7 +22,7 @@ from kolsky.misfit import predict, terms
 from kolsky.parameters import PARAMETERS
 from kolsky.prepare import Prepared, prepare
 from kolsky.provenance import provenance
-from kolsky.results_text import ends
+from kolsky.results.text import ends
 from kolsky.shots import Shot
 
 FloatArray = NDArray[np.float64]

@@ -7,13 +7,14 @@ Regions that shot.toml leaves out are found in the pictures.
 import sys
 from pathlib import Path
 
-from kolsky import dicsummary, flightreport
+from kolsky import dicsummary
+from kolsky.flyer import flightreport
 from kolsky.identify import identify
 from kolsky.measure import measured, surfaces
 from kolsky.report import write_report
 from kolsky.report.dicpage import write_page
 from kolsky.report.view import view
-from kolsky.results_write import write_identification
+from kolsky.results import write_identification
 from kolsky.settings import Settings
 from kolsky.shots import load_pictures, load_shot
 

@@ -4,12 +4,11 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+from kolsky.commands.options import mesh
 from kolsky.forward import Numerics
 from kolsky.identify import identify
-from kolsky.options import mesh
 from kolsky.report import write_report
-from kolsky.results_text import write_csv
-from kolsky.results_write import write_identification
+from kolsky.results import write_csv, write_identification
 from kolsky.settings import Settings
 from kolsky.shots import load_shot
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.cells import text_cell
 from dic.outcome import PointOutcome
 from dic.output.whole import whole
 from dic.result import Body
@@ -88,12 +89,14 @@ def write_history(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
         raise ValueError(f"columns have different lengths: {lengths}")
     with whole(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
+        writer.writerow([text_cell(name) for name in columns])
         for row in zip(*(values.tolist() for values in columns.values()), strict=True):
             writer.writerow([_cell(value) for value in row])
 
 
 def _cell(value: float | int | str) -> float | int | str:
+    if isinstance(value, str):
+        return text_cell(value)
     if not isinstance(value, float):
         return value
     return "" if np.isnan(value) else f"{value:.9g}"

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.cells import text_cell
 from dic.result import StereoResult
 
 FloatArray = NDArray[np.float64]
@@ -196,11 +197,11 @@ def _noise(result: StereoResult) -> list[Row]:
 
 
 def as_csv(rows: tuple[Row, ...]) -> str:
-    """The table as CSV."""
+    """The table as CSV; text that begins as a formula is guarded, see `dic.cells.text_cell`."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["part", "quantity", "value"])
-    writer.writerows([row.part, row.name, row.value] for row in rows)
+    writer.writerows([text_cell(text) for text in (row.part, row.name, row.value)] for row in rows)
     return text.getvalue()
 
 

@@ -7,12 +7,14 @@ from doe.surrogates.kernels import DEFAULT_KERNELS, Kernel, SurrogateError
 from doe.surrogates.pca import PrincipalComponents
 from doe.surrogates.process import ProcessSurrogate
 from doe.surrogates.protocol import Surrogate
+from doe.surrogates.quadratic import QuadraticSurrogate
 from doe.surrogates.rbf import Candidate, RadialBasis
 from doe.surrogates.response import ResponseSurrogate
 
 SURROGATES: dict[str, Any] = {
     "response": ResponseSurrogate,
     "process": ProcessSurrogate,
+    "quadratic": QuadraticSurrogate,
     "cost": CostSurrogate,
 }
 """Surrogate classes by name; each has `fit(box, points, values, ...)` and offers `Surrogate`."""
@@ -25,6 +27,7 @@ __all__ = [
     "Kernel",
     "PrincipalComponents",
     "ProcessSurrogate",
+    "QuadraticSurrogate",
     "RadialBasis",
     "ResponseSurrogate",
     "Surrogate",

@@ -19,9 +19,9 @@ from kolsky.knowledge.records import Declaration, FloatArray
 from kolsky.misfit import predict
 from kolsky.objective import Objective
 from kolsky.parameters import PARAMETERS
+from kolsky.shotfiles.uncertainty import IDENTIFIED
 from kolsky.shots import ForceChannel, Shot
 from kolsky.stages import Stages
-from kolsky.uncertaintytoml import IDENTIFIED
 
 STEP = 0.02
 """Half the distance of the central differences by the parameters, over the edges of the whole design."""

@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 from pydantic import ConfigDict
 
-from kolsky import shotfields as f
 from kolsky.errors import InputError
 from kolsky.identification import Identification
 from kolsky.rates.motion import strain_history
 from kolsky.rates.records import PARAMETER, QuasiStatic, RatedShot
 from kolsky.records import MaterialCurve
-from kolsky.results_read import read_identification
+from kolsky.results import read_identification
+from kolsky.shotfiles import fields as f
+from kolsky.shotfiles.reading import TomlFile, read_declared
+from kolsky.shotfiles.section import Section
 from kolsky.shots import Measured, Shot, find_shot_file, folder_of, load_shot
-from kolsky.shotsection import Section
-from kolsky.shottoml import TomlFile, read_declared
 
 RESULT_FILE = "identification.h5"
 GROUP_KEYS = ("group", "material")

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kolsky.flyer import fit_flyer
-from kolsky.flyerpath import FlyerPath
+from kolsky.flyer.path import FlyerPath
 from kolsky.records import FloatArray, FlyerMotion, FrontVelocity
 from kolsky.shots import Shot
 from kolsky.waves.frontpath import front_path

@@ -11,7 +11,7 @@ from kolsky.atomic import replacing
 from kolsky.csvtable import write_table
 from kolsky.rates.records import GroupRates, RateReport
 from kolsky.rates.tables import Columns, tables
-from kolsky.results_text import jsonable
+from kolsky.results.text import jsonable
 
 FORMAT, VERSION = "kolsky-rates", 1
 _UNIT = re.compile(r" \(([^()]*)\)$")

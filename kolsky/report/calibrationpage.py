@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from dic.calibration import Calibration
-from kolsky import calibratecommand
+from kolsky.commands import calibrate
 from kolsky.report.figures import CALIBRATION
 from kolsky.report.rendering import drawn, page, write
 
@@ -37,8 +37,8 @@ def render(name: str, found: Calibration) -> str:
         heading=name,
         subject="calibration",
         figures=drawn(CALIBRATION.values(), found),
-        rows=list(calibratecommand.summary(found).items()),
-        warnings=[f"{warning}." for warning in calibratecommand.warnings(found)],
+        rows=list(calibrate.summary(found).items()),
+        warnings=[f"{warning}." for warning in calibrate.warnings(found)],
         pairs=[_row(pair) for pair in found.pairs],
     )
 

@@ -11,8 +11,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from kolsky.atomic import replacing
+from kolsky.commands.options import FIGURES
 from kolsky.identification import Identification
-from kolsky.options import FIGURES
 from kolsky.report.figuredata import write_data
 from kolsky.report.figures import REGISTRY, FigureKind
 from kolsky.report.shown import in_shown_units

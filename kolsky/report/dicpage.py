@@ -7,7 +7,8 @@ from typing import Any
 
 from dic.outcome import FrameOutcome
 from dic.output import reporting
-from kolsky import dicsummary, flightreport
+from kolsky import dicsummary
+from kolsky.flyer import flightreport
 from kolsky.report.figures import SURFACES
 from kolsky.report.rendering import drawn, page, write
 from kolsky.report.view import SurfaceView

@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import Any
 
-from kolsky.materialtables import failure
 from kolsky.quasistatic.compare import Comparison, Row
 from kolsky.quasistatic.fits import Fit
+from kolsky.quasistatic.tables import failure
 from kolsky.report import numbers
 from kolsky.report.figures import MATERIALS
 from kolsky.report.rendering import drawn, page, write

@@ -19,7 +19,7 @@ from kolsky.report.knowntables import known
 from kolsky.report.nomenclature import in_words, name_of, route_label
 from kolsky.report.rendering import drawn, environment, page, write
 from kolsky.report.shown import in_shown_units
-from kolsky.results_text import worst_imbalance
+from kolsky.results.text import worst_imbalance
 
 _VERDICTS = {
     Verdict.IDENTIFIED: "The optimum lies inside the design, and a simulation at it confirms the surrogate.",

@@ -7,18 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup
 
-from kolsky.atomic import replacing
 from kolsky.rates.records import GroupRates, RatedShot, RateReport
 from kolsky.rates.slope import Criterion, Slope, SlopeVerdict
 from kolsky.report import numbers
-from kolsky.report.canvas import inline_svg
 from kolsky.report.figures import RATES, FigureKind
 from kolsky.report.numbers import NOTHING, measured, percent, plain
-
-_HERE = Path(__file__).parent
+from kolsky.report.rendering import drawn, environment, page, write
 
 
 def write_page(path: Path, report: RateReport) -> None:
@@ -29,41 +24,29 @@ def write_page(path: Path, report: RateReport) -> None:
     OSError
         If the file cannot be written; an older one is then unchanged.
     """
-    html = render(report)
-    with replacing(Path(path)) as partial:
-        partial.write_bytes(html.encode("utf-8", errors="backslashreplace"))
+    write(path, render(report))
 
 
 def render(report: RateReport) -> str:
     """The page as HTML text; see `write_page`."""
-    environment = Environment(
-        loader=FileSystemLoader(_HERE),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["upper_first"] = lambda text: text[:1].upper() + text[1:]
-    groups, number = [], 0
+    templates = environment()
+    templates.filters["upper_first"] = lambda text: text[:1].upper() + text[1:]
+    groups, number = [], 1
     for index, group in enumerate(report.groups):
         shown = _group(group, several=len(report.groups) > 1)
-        for kind in figures_of(report, index).values():
-            number += 1
-            shown["figures"].append(
-                {
-                    "id": kind.name,
-                    "number": number,
-                    "svg": Markup(inline_svg(kind, group)),  # serialised as XML: every text is escaped
-                    "caption": kind.caption(group),
-                    "width": kind.width,
-                }
-            )
+        shown["figures"] = drawn(figures_of(report, index).values(), group, first=number)
+        number += len(shown["figures"])
         groups.append(shown)
-    return environment.get_template("ratepage.html").render(
-        css=Markup((_HERE / "page.css").read_text(encoding="utf-8")),
+    total = sum(len(group.shots) for group in report.groups)
+    several = f" in {len(groups)} groups by {report.grouped_by}" if len(groups) > 1 else ""
+    return page(
+        "ratepage.html",
+        kind="Stiffness against strain rate",
+        heading=f"{total} shots{several}",
+        subject="stiffness against strain rate",
+        using=templates,
         report=report,
         groups=groups,
-        total=sum(len(group.shots) for group in report.groups),
         shared=percent(report.shared),
     )
 
@@ -94,7 +77,6 @@ def _group(group: GroupRates, *, several: bool) -> dict[str, Any]:
         "remarks": group.remarks,
         "shots": [_shot(shot, leverage.get(shot.name)) for shot in group.shots],
         "average": _average(group),
-        "figures": [],
         "heterogeneity": _heterogeneity(group),
         "criteria": [] if group.slope is None else [_criterion(c) for c in group.slope.criteria],
         "without": _without(group),

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 
 from kolsky.apparatus import Bar
 from kolsky.flyer import fit_flyer
-from kolsky.flyerpath import FlyerPath
+from kolsky.flyer.path import FlyerPath
 from kolsky.records import FlyerMotion
 from kolsky.waves.flyer_signals import (
     CERTAIN,
@@ -35,7 +35,7 @@ AFTER_IMPACT = 8
 
 
 class Ending(Protocol):
-    """What is needed of `kolsky.flight.SymmetryEnd`."""
+    """What is needed of `kolsky.flyer.flight.SymmetryEnd`."""
 
     @property
     def row(self) -> int | None:
@@ -102,7 +102,7 @@ def flyer_events(
         from the bar's free end have it, and the arrest is the flyer's relative to that face. At rest if left
         out; needs `transmitted`.
     symmetry
-        Frame times [s] and what `kolsky.flight.symmetry_end` found at them, where there are pictures.
+        Frame times [s] and what `kolsky.flyer.flight.symmetry_end` found at them, where there are pictures.
     ringing
         Span over which the transducers' signals are averaged [s]; longer than the flyer rings.
 

@@ -1,6 +1,6 @@
 """The path of the incident bar's face from its waves: what a flyer's camera would have seen of it.
 
-The face moves with ``c0 (eps_i - eps_r)``. Its path is the cubic spline of `kolsky.flyerpath`, from rest,
+The face moves with ``c0 (eps_i - eps_r)``. Its path is the cubic spline of `kolsky.flyer.path`, from rest,
 with jerks that have a prior N(0, tau^2); tau and the noise are those of largest marginal likelihood, the
 noise not below the declared one. It differs from a flyer's (`kolsky.flyer`) in what is observed, velocities
 at many samples rather than positions at few frames, and in the prior: a bar's waves go on for the whole
@@ -12,8 +12,8 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.optimize import minimize
 
-from kolsky.flyerpath import FlyerPath, responses
-from kolsky.jerks import posterior
+from kolsky.flyer.jerks import posterior
+from kolsky.flyer.path import FlyerPath, responses
 from kolsky.records import FloatArray, ForceHistory, FrontVelocity
 from kolsky.waves.records import FaceWaves, History, Reduction
 

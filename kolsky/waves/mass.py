@@ -7,7 +7,7 @@ switched off is measured all the same.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kolsky.flyerpath import FlyerPath
+from kolsky.flyer.path import FlyerPath
 from kolsky.waves.inertia import audited, one_shape
 from kolsky.waves.records import BarSignal, Correction, History, Quantity
 

@@ -9,10 +9,10 @@ import numpy as np
 import explicit
 from explicit.materials import marlow_from_curve
 from kolsky.apparatus import Bar, Interface, Specimen
-from kolsky.barforce import BarForce
-from kolsky.barshot import bar_force, driven_by_waves
 from kolsky.records import FloatArray, ForceHistory, MaterialCurve, Recording
 from kolsky.shots import ModelSettings, Shot, ShotBase
+from kolsky.shots.barforce import BarForce
+from kolsky.shots.barwaves import bar_force, driven_by_waves
 from kolsky.waves.bridge import Linear
 from kolsky.waves.chain import StationInput, WavesInput
 from kolsky.waves.records import FaceWaves, History, Reduction

@@ -7,19 +7,17 @@ import numpy as np
 import pytest
 from barrecord import ARRIVAL, END, FACTOR, SCALE, SPECIMEN, base, classical_shot, gauges, record, truth
 
-from kolsky.barshot import bar_force, driven_by_waves
+from kolsky.commands.printed import answer, details
 from kolsky.forward import Numerics
 from kolsky.identification import Verdict
 from kolsky.identify import identify
 from kolsky.prepare import prepare
-from kolsky.printed import answer, details
 from kolsky.records import CentreLine
 from kolsky.report.page import render
-from kolsky.results_read import read_identification
-from kolsky.results_text import to_json, write_csv
-from kolsky.results_write import write_identification
+from kolsky.results import read_identification, to_json, write_csv, write_identification
 from kolsky.settings import Settings
-from kolsky.shotsummary import summarise
+from kolsky.shots.barwaves import bar_force, driven_by_waves
+from kolsky.shots.summary import summarise
 from kolsky.simulate import simulate, write_simulation
 from kolsky.waves.chain import analyse
 

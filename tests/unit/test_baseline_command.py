@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from kolsky.baselinecommand import curve_table
 from kolsky.cli import app
-from kolsky.curvefile import conditioned_ratio, with_pull
+from kolsky.commands.baselinetables import curve_table
 from kolsky.shots import load_shot
+from kolsky.shots.curve import conditioned_ratio, with_pull
 
 ROOT = Path(__file__).resolve().parents[2]
 E = 60e3

@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 
 from kolsky.cli import app
 from kolsky.errors import InputError
-from kolsky.layouttoml import LayoutSection
 from kolsky.readers.layout import Layout
+from kolsky.shotfiles.layout import LayoutSection
 from kolsky.shots import load_shot
 
 OPEN_01 = Path(__file__).parents[2] / "runs" / "open-01"

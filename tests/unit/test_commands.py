@@ -16,12 +16,12 @@ from synthetic import synthetic
 from test_cli_new_check import BAD, FILES, OPEN_01, ROOT, state
 from typer.testing import CliRunner
 
-from kolsky import printed
 from kolsky.cli import app
+from kolsky.commands import printed
+from kolsky.commands.outfolder import filling, usable_folder
 from kolsky.errors import InputError
 from kolsky.identification import Verdict
-from kolsky.outfolder import filling, usable_folder
-from kolsky.results_read import read_identification
+from kolsky.results import read_identification
 
 runner = CliRunner()
 TINY = ["--mesh", "8x11"]

@@ -12,10 +12,10 @@ from test_commands import TINY, shot_in
 from typer.testing import CliRunner
 
 from kolsky.cli import app
-from kolsky.constraints import Constraint
-from kolsky.designchoice import DesignChoice
+from kolsky.commands.constraints import Constraint
+from kolsky.commands.designchoice import DesignChoice
+from kolsky.commands.workers import Workers
 from kolsky.errors import InputError
-from kolsky.workers import Workers
 
 NAMES = ("friction", "stiffness_factor")
 POINTS = np.array([[0.0, 1.0], [1.0, 1.0], [2.0, 0.5], [0.5, 2.0]])

@@ -16,7 +16,7 @@ from benchmarks import dic as benchmark  # noqa: E402
 from benchmarks import dic_peers, dic_whole  # noqa: E402
 from benchmarks.dic_problem import PAIRS, Problem, errors, problems  # noqa: E402
 from dic.correlation import Correlation  # noqa: E402
-from kolsky.shottoml import read_shot_toml  # noqa: E402
+from kolsky.shotfiles.reading import read_shot_toml  # noqa: E402
 
 TABLE = """\
 "subset_x","subset_y","disp_u","disp_v","disp_mag","converged","cost_zncc","ftol","xtol",

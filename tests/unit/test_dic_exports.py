@@ -13,7 +13,7 @@ from kolsky.cli import app
 from kolsky.errors import InputError
 from kolsky.readers.dic_export import LAYOUTS, PointState, matching, read
 from kolsky.shots import load_shot
-from kolsky.surfaceexport import (
+from kolsky.shots.surfaceexport import (
     cylinder_placement,
     declared_placement,
     flyer_motion,

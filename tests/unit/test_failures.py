@@ -23,9 +23,7 @@ from kolsky.identification import Identification
 from kolsky.identify import identify
 from kolsky.prepare import Prepared, prepare
 from kolsky.report.page import render
-from kolsky.results_read import read_identification
-from kolsky.results_text import to_json, write_csv
-from kolsky.results_write import write_identification
+from kolsky.results import read_identification, to_json, write_csv, write_identification
 from kolsky.settings import Settings
 from kolsky.shots import load_shot
 from kolsky.simulate import simulate, write_simulation

@@ -5,8 +5,8 @@ import pytest
 
 from dic import FrameOutcome
 from dic.body_motion import BodyMotion
-from kolsky.flight import fit_flight, flyer_motion, symmetry_end
 from kolsky.flyer import fit_flyer
+from kolsky.flyer.flight import fit_flight, flyer_motion, symmetry_end
 
 FRAMES, STATIC, RATE = 100, 10, 120e3
 T = (np.arange(FRAMES) - STATIC + 1) / RATE

@@ -11,11 +11,11 @@ from synthetic_dic import STATIC, synthetic_result
 
 from dic.output import read_result, write_result
 from dic.output.csv import write_history
-from kolsky import flightreport
 from kolsky.cautions import _symmetry
-from kolsky.flightreport import SHARE, FlightOfSpecimen, flight_of
+from kolsky.flyer import flightreport
+from kolsky.flyer.flightreport import SHARE, FlightOfSpecimen, flight_of
 from kolsky.records import Recording
-from kolsky.shotwindow import window
+from kolsky.shots.window import window
 
 
 @pytest.fixture(scope="module")

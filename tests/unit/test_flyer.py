@@ -9,8 +9,8 @@ import pytest
 from scipy.optimize import approx_fprime
 
 from kolsky.flyer import fit_flyer
-from kolsky.flyerpath import responses
-from kolsky.jerks import CHANGE_PER_OCTAVE, ZERO_PRIOR, evidence, hat_functions, posterior
+from kolsky.flyer.jerks import CHANGE_PER_OCTAVE, ZERO_PRIOR, evidence, hat_functions, posterior
+from kolsky.flyer.path import responses
 from kolsky.records import FlyerMotion
 
 ROOT = Path(__file__).parents[2]

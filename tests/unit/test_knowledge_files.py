@@ -16,9 +16,7 @@ from kolsky.report.canvas import build
 from kolsky.report.figures import REGISTRY
 from kolsky.report.page import render
 from kolsky.report.shown import in_shown_units
-from kolsky.results_read import read_identification
-from kolsky.results_text import to_json
-from kolsky.results_write import write_identification
+from kolsky.results import read_identification, to_json, write_identification
 
 NAMES = ("stiffness_factor", "damping")
 

@@ -14,7 +14,7 @@ from kolsky.errors import InputError
 from kolsky.forward import Numerics, curve_replicates, material_law
 from kolsky.prepare import prepare
 from kolsky.shots import load_shot
-from kolsky.shotsummary import summarise
+from kolsky.shots.summary import summarise
 
 OPEN_01 = Path(__file__).parents[2] / "runs" / "open-01"
 LAW = """[law]

@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 
 from explicit.materials.mooneyrivlin import MooneyRivlin
 from kolsky.cli import app
+from kolsky.commands.materialfiles import Columns, read_tests
 from kolsky.errors import InputError
-from kolsky.materialfiles import Columns, read_tests
 from kolsky.quasistatic.homogeneous import incompressible_stress
 from kolsky.quasistatic.modes import Mode
 

@@ -9,14 +9,12 @@ from synthetic import CHECKS, synthetic
 
 from kolsky.apparatus import Interface
 from kolsky.cautions import cautions
+from kolsky.commands.printed import details
 from kolsky.identification import Identification
 from kolsky.methods import AGREEMENT, LEAST_SQUARES, SIMPLEX, Method, disagreements
-from kolsky.printed import details
 from kolsky.report.numbers import NOTHING
 from kolsky.report.page import render
-from kolsky.results_read import read_identification
-from kolsky.results_text import to_json
-from kolsky.results_write import write_identification
+from kolsky.results import read_identification, to_json, write_identification
 from kolsky.settings import Settings
 
 

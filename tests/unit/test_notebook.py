@@ -10,7 +10,7 @@ from synthetic import synthetic
 from test_commands import OPEN_01
 
 from dic import PointOutcome, SurfaceHistory
-from kolsky.results_text import tables
+from kolsky.results import tables
 from kolsky.shots import load_shot
 
 pytest.importorskip("pandas")

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from kolsky import options
+from kolsky.commands import options
 from kolsky.errors import InputError
 
 

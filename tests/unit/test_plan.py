@@ -16,10 +16,11 @@ from doe.sensitivity import LinearData
 from kolsky.cli import app
 from kolsky.forward import Numerics
 from kolsky.localsensitivity import Look, local_sensitivity
-from kolsky.plan import plan
-from kolsky.planchoices import camera_heights, camera_windows, window_ends
-from kolsky.planfile import rows
-from kolsky.planning import Expected, Information, Instruments, information, instruments_of
+from kolsky.planning.choices import camera_heights, camera_windows, window_ends
+from kolsky.planning.information import Expected, Information, information
+from kolsky.planning.instruments import Instruments, instruments_of
+from kolsky.planning.output import rows
+from kolsky.planning.plan import plan
 from kolsky.prepare import prepare
 from kolsky.shots import load_shot
 

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from kolsky.cli import app
 from kolsky.rates.collect import collected_shot, declarations, group_key, group_of
-from kolsky.results_write import write_identification
+from kolsky.results import write_identification
 from kolsky.shots import load_shot
 
 runner = CliRunner()

@@ -21,7 +21,7 @@ from kolsky.recorded import recording_facts
 from kolsky.report import numbers
 from kolsky.report.page import render
 from kolsky.report.rendering import HEADING, LONGEST, legible
-from kolsky.results_write import write_identification
+from kolsky.results import write_identification
 from kolsky.shots import load_shot
 
 runner = CliRunner()

@@ -16,9 +16,7 @@ from synthetic import failed, synthetic
 from kolsky.atomic import replacing
 from kolsky.errors import InputError
 from kolsky.identification import Identification
-from kolsky.results_read import read_identification
-from kolsky.results_text import to_json, write_csv
-from kolsky.results_write import write_identification
+from kolsky.results import read_identification, to_json, write_csv, write_identification
 
 CASES: dict[str, Callable[[], Identification]] = {
     "one parameter": synthetic,

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from kolsky.commands.new import template
 from kolsky.errors import InputError, InputErrors
-from kolsky.newshot import template
-from kolsky.shottoml import key_lines, line_of, read_shot_toml
+from kolsky.shotfiles.reading import key_lines, line_of, read_shot_toml
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 
 from doe.ledger import Ledger
 from kolsky.cli import app
-from kolsky.designfile import read_design
+from kolsky.commands.designfile import read_design
 from kolsky.errors import InputError
 from kolsky.forward import Forward, Numerics
 from kolsky.prepare import prepare

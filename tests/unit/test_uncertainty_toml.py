@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from kolsky.errors import InputError
+from kolsky.shotfiles.uncertainty import IDENTIFIED, UncertaintySection
 from kolsky.shots import load_shot
-from kolsky.uncertaintytoml import IDENTIFIED, UncertaintySection
 
 OPEN_01 = Path(__file__).parents[2] / "runs" / "open-01"
 

@@ -32,10 +32,10 @@ from softlaws import (  # noqa: E402
     sse,
 )
 
-from kolsky.materialtables import failure  # noqa: E402
 from kolsky.quasistatic.compare import Comparison, candidates, compare  # noqa: E402
 from kolsky.quasistatic.fits import Fit, FitOutcome, fit  # noqa: E402
 from kolsky.quasistatic.stability import Stability, drucker  # noqa: E402
+from kolsky.quasistatic.tables import failure  # noqa: E402
 from kolsky.report.canvas import build  # noqa: E402
 from kolsky.report.figures import MATERIALS  # noqa: E402
 

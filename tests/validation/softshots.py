@@ -9,7 +9,7 @@ import numpy as np
 
 from kolsky.apparatus import Specimen
 from kolsky.flyer import fit_flyer
-from kolsky.flyerpath import FlyerPath
+from kolsky.flyer.path import FlyerPath
 from kolsky.records import FloatArray, FlyerMotion
 from kolsky.waves.records import History, Quantity, Signal
 

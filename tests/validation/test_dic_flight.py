@@ -19,9 +19,9 @@ from dic.images import frame_health, grey_noise, open_pictures
 from dic.poses import flyer_poses
 from dic.tracking import Tracking
 from dic.travel import flyer_travel
-from kolsky.flightreport import FlightOfSpecimen
-from kolsky.flightreport import flight_of as report
 from kolsky.flyer import fit_flyer
+from kolsky.flyer.flightreport import FlightOfSpecimen
+from kolsky.flyer.flightreport import flight_of as report
 from kolsky.records import FlyerMotion
 
 CROP, STATIC, LENGTH, RADIUS = (192, 192), 12, 6.5e-3, 4.75e-3

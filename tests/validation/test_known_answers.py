@@ -9,9 +9,7 @@ import pytest
 
 from kolsky.identification import Identification, Verdict
 from kolsky.identify import identify
-from kolsky.results_read import read_identification
-from kolsky.results_text import to_json
-from kolsky.results_write import write_identification
+from kolsky.results import read_identification, to_json, write_identification
 from kolsky.shots import Shot, load_shot
 
 ROOT = Path(__file__).resolve().parents[2]

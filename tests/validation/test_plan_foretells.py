@@ -8,7 +8,7 @@ import pytest
 from kolsky.forward import Numerics
 from kolsky.identify import identify
 from kolsky.localsensitivity import Look, local_sensitivity
-from kolsky.plan import Plan, plan
+from kolsky.planning.plan import Plan, plan
 from kolsky.prepare import prepare
 from kolsky.settings import Settings
 from kolsky.shots import load_shot

@@ -5,7 +5,7 @@ import numpy as np
 from kolsky.identification import Identification
 from kolsky.report.figures.base import COLUMN, GREY, MEASURED, MJ, MS, FigureKind, Panels, largest, say_empty
 from kolsky.report.numbers import percent
-from kolsky.results_text import worst_imbalance
+from kolsky.results.text import worst_imbalance
 
 PARTS = {
     "elastic": "#0072B2",

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from kolsky.plan import Plan
+from kolsky.planning.plan import Plan
 from kolsky.report.figures.base import GREY, MS, PAGE, FigureKind, Panels, letter
 from kolsky.report.nomenclature import name_of
 

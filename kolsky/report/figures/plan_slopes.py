@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kolsky.plan import Plan
+from kolsky.planning.plan import Plan
 from kolsky.report.figures.base import BAND, FORCE, GREY, MS, PAGE, UM, FigureKind, Panels, letter
 from kolsky.report.figures.maps import draw_map
 from kolsky.report.nomenclature import name_of

@@ -1,0 +1,147 @@
+"""A surrogate that averages: a quadratic through many runs by least squares, and the roughness it leaves.
+
+Where contact makes a response jump a little from point to point, an interpolant follows every jump and
+its slope is that of the jumps. A quadratic through more runs than it has terms does not: its slope is the
+response's, and what it leaves over tells how rough the response is (Box and Draper, Response Surfaces).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from doe.box import Box
+from doe.surrogates.kernels import SurrogateError
+from doe.surrogates.protocol import checked_runs, unit_points
+
+FloatArray = NDArray[np.float64]
+
+RUNS_PER_TERM = 2.5
+"""Runs for each term of the quadratic that a design for it should have."""
+LARGEST_CONDITION = 1e6
+"""Condition number of the terms at the runs beyond which they do not determine the quadratic."""
+
+
+def terms(dimension: int) -> int:
+    """Number of terms of a quadratic of `dimension` variables: (d + 1)(d + 2) / 2."""
+    return (dimension + 1) * (dimension + 2) // 2
+
+
+def runs_wanted(dimension: int) -> int:
+    """Runs of a design for a quadratic: `RUNS_PER_TERM` for each of its terms."""
+    return ceil(RUNS_PER_TERM * terms(dimension))
+
+
+@dataclass(frozen=True)
+class QuadraticSurrogate:
+    """Predicts the response vector, each entry a quadratic of the unit coordinates."""
+
+    box: Box
+    """Where it holds."""
+    points: FloatArray
+    """The runs it was built from, in parameter units, shape [n, d]."""
+    coefficients: FloatArray
+    """Of the terms, in response units, shape [`terms`, k]."""
+    residuals: FloatArray
+    """Run minus quadratic, in response units, shape [n, k]."""
+    leverage: FloatArray
+    """Share of each run in what is predicted for it [-], shape [n]."""
+
+    @classmethod
+    def fit(
+        cls, box: Box, points: ArrayLike, responses: ArrayLike, *, scale: ArrayLike = 1.0
+    ) -> QuadraticSurrogate:
+        """Build it from runs by least squares.
+
+        Parameters
+        ----------
+        box
+            Where the runs lie.
+        points
+            The runs, in parameter units, shape [n, d].
+        responses
+            Their responses, shape [n, k].
+        scale
+            Of no account here, as every entry is fitted alone; other surrogates ask for it.
+
+        Raises
+        ------
+        ValueError
+            If a point is outside the box, or shapes do not match.
+        SurrogateError
+            If a response is not finite, there are no more runs than terms, or the runs do not determine
+            the quadratic.
+        """
+        del scale
+        x, y = checked_runs(box, points, responses)
+        n, p = len(x), terms(box.dimension)
+        if n <= p:
+            raise SurrogateError(
+                f"a quadratic of {box.dimension} variables has {p} terms and takes at least {p + 1} runs, "
+                f"better {runs_wanted(box.dimension)}; there are {n}"
+            )
+        left, values, right = np.linalg.svd(_terms(box.unit(x)), full_matrices=False)
+        if values[0] > LARGEST_CONDITION * values[-1]:
+            raise SurrogateError(
+                f"the {n} runs do not determine a quadratic of {box.dimension} variables (condition number "
+                f"{values[0] / values[-1]:.2g}): spread them over the box"
+            )
+        fitted = left.T @ y
+        coefficients = right.T @ (fitted / values[:, None])
+        return cls(box, x, coefficients, y - left @ fitted, (left**2).sum(axis=1))
+
+    def predict(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
+        """The response at points in parameter units, shape [m, d] -> [m, k].
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong, or a point is outside the box and `extrapolate` is False.
+        """
+        return np.asarray(_terms(unit_points(self.box, points, extrapolate=extrapolate)) @ self.coefficients)
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Runs beyond the number of terms."""
+        return len(self.points) - len(self.coefficients)
+
+    def roughness(self, gain: ArrayLike) -> FloatArray:
+        """Covariance of what a linear map makes of one run's deviation from the quadratic.
+
+        Parameters
+        ----------
+        gain
+            The map, e.g. from a change of the response to the move of an optimum, shape [m, k].
+
+        Returns
+        -------
+        ndarray
+            Shape [m, m]; from n - `terms` degrees of freedom. It holds the quadratic's lack of fit too.
+        """
+        moves = self.residuals @ np.asarray(gain, dtype=np.float64).T
+        return np.asarray(moves.T @ moves / self.degrees_of_freedom)
+
+    @property
+    def nugget_error(self) -> FloatArray:
+        """Largest |run - quadratic| over the runs, in response units, shape [k]."""
+        return np.asarray(np.abs(self.residuals).max(axis=0))
+
+    @property
+    def loo_residuals(self) -> FloatArray:
+        """Run minus what the other runs predict for it, in response units, shape [n, k].
+
+        Infinite where the other runs do not determine the quadratic at all.
+        """
+        rest = 1.0 - self.leverage
+        alone = rest <= 1e-12  # the leverage's round-off
+        return np.where(alone[:, None], np.inf, self.residuals / np.where(alone, 1.0, rest)[:, None])
+
+
+def _terms(unit: FloatArray) -> FloatArray:
+    """Values of the terms at unit coordinates, shape [n, d] -> [n, terms]; centred, which conditions them."""
+    z = 2.0 * unit - 1.0
+    first, second = np.triu_indices(z.shape[1])
+    return np.concatenate([np.ones((len(z), 1)), z, z[:, first] * z[:, second]], axis=1)

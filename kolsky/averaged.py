@@ -1,0 +1,161 @@
+"""The optimum on the refined mesh of several parameters, or of a rough response: many runs, averaged.
+
+Nodes of a sliding surface stick, slip, land and lift by decisions that a small change of a parameter tips.
+An interpolant, or a correction by single runs, follows each of those jumps, and parameters that only their
+small differences tell apart follow with it. A quadratic through more runs than it has terms averages them
+out. What it leaves over is the response's roughness: a part of the answer's uncertainty.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import latin_hypercube
+from doe.surrogates import QuadraticSurrogate, SurrogateError
+from doe.surrogates.quadratic import runs_wanted
+from kolsky.coarse import Coarse
+from kolsky.forward import Numerics
+from kolsky.objective import Objective
+from kolsky.optimum import jacobian, leaves, search
+from kolsky.refined import CONFIRMED, ROUGH, Refined, refined, run_refined
+from kolsky.stages import Stages
+
+FloatArray = NDArray[np.float64]
+
+EDGE = 0.2
+"""Edge of the quadratic's box in the unit box: wide, so that the jumps are small beside what it spans."""
+MOST_MOVES = 4
+"""Most designs on the refined mesh, each about the optimum of the last one, until it lies inside."""
+MOST_HALVINGS = 2
+"""Most times the box is halved because what is left over is larger than the residuals' sigma."""
+GAIN = 0.7
+"""A halved box is kept if the leftover falls to less than this share: then it was the quadratic's lack of
+fit. Where it does not fall, the response is rough and the wider box averages more."""
+
+
+@dataclass(frozen=True)
+class Averaged:
+    """A quadratic on the refined mesh and its optimum."""
+
+    surrogate: QuadraticSurrogate
+    """Of the data vector."""
+    objective: Objective
+    """With the discrepancies of the optimum."""
+    x: FloatArray
+    """The optimum, shape [d]."""
+    jacobian: FloatArray
+    """At the optimum, shape [k, d]."""
+    sigma: FloatArray
+    """Standard deviation of the optimum from the residuals, shape [d]."""
+
+    def model(self, points: FloatArray) -> FloatArray:
+        """Data vectors at points of shape [n, d] or [d], shape [n, k]."""
+        return self.surrogate.predict(np.atleast_2d(points), extrapolate=True)
+
+    @property
+    def gain(self) -> FloatArray:
+        """Linear map from a change of the data vector to the move of the optimum, shape [d, k]."""
+        return self.objective.gain(self.jacobian)
+
+    @property
+    def roughness(self) -> FloatArray:
+        """What one run's deviation from the quadratic does to the optimum, standard deviation, [d]."""
+        return np.asarray(np.sqrt(np.diag(self.surrogate.roughness(self.gain))))
+
+
+def averaged(stages: Stages, coarse: Coarse) -> Refined:
+    """Stage 3 of `kolsky.identify.identify` for several parameters, or with a sliding surface.
+
+    Parameters
+    ----------
+    stages, coarse
+        The simulations, and the optimum on the surrogate's mesh.
+
+    Raises
+    ------
+    ValueError
+        If the run at the optimum does not complete, or too few of a design do.
+    """
+    found = _settled(stages, coarse.x)
+    x = found.x
+    check = run_refined(stages, x[None])
+    missed = found.objective.vectors(check.prediction)[0] - found.model(x)[0]
+    move = np.abs(found.gain @ missed)
+    little = np.fmax(CONFIRMED * found.sigma, ROUGH * found.roughness)
+    inside = not leaves(x, found.surrogate.box, stages.box)
+    on_coarse = _moved_by(stages, found, stages.settings.numerics)
+    element = "fbar" if stages.settings.numerics.element == "one_point" else "one_point"
+    return Refined(
+        x=x,
+        box=found.surrogate.box,
+        objective=found.objective,
+        model=found.model,
+        jacobian=found.jacobian,
+        slopes=(found.jacobian,),
+        sigma=found.sigma,
+        check=check,
+        moved=float(np.max(move / np.hypot(found.sigma, found.roughness))),
+        confirmed=inside and bool((move <= little).all()),
+        missed=missed,
+        mesh_shift=x - coarse.x if on_coarse is None else -on_coarse,
+        roughness=found.roughness,
+        element_shift=_moved_by(stages, found, replace(refined(stages), element=element)),
+    )
+
+
+def _moved_by(stages: Stages, found: Averaged, numerics: Numerics) -> FloatArray | None:
+    """Where other numerics would put the optimum, minus where it is, shape [d]; None if their run is lost.
+
+    By one run at the optimum: a search of its own would follow that mesh's roughness too.
+    """
+    _, prediction = stages.evaluate("check", found.x[None], numerics)
+    if prediction is None:
+        return None
+    change = found.objective.vectors(prediction)[0] - found.model(found.x)[0]
+    return -found.gain @ np.nan_to_num(change)  # a point that the run does not reach adds nothing
+
+
+def _settled(stages: Stages, start: FloatArray) -> Averaged:
+    """The quadratic of the last design: about its optimum, and no wider than the response is quadratic."""
+    edge, found = EDGE, _fit(stages, start, EDGE)
+    for _ in range(MOST_MOVES - 1):
+        if not leaves(found.x, found.surrogate.box, stages.box):
+            break
+        found = _fit(stages, found.x, edge)
+    for _ in range(MOST_HALVINGS):
+        left = _leftover(found)
+        if left <= 1.0:
+            break
+        edge *= 0.5
+        smaller = _fit(stages, found.x, edge)
+        if leaves(smaller.x, smaller.surrogate.box, stages.box) or _leftover(smaller) > GAIN * left:
+            break
+        found = smaller
+    return found
+
+
+def _leftover(found: Averaged) -> float:
+    return float(np.max(found.roughness / found.sigma))
+
+
+def _fit(stages: Stages, middle: FloatArray, edge: float) -> Averaged:
+    """A design in a box about a point, run on the refined mesh, and the quadratic through it."""
+    box = stages.box.around(middle, edge)
+    design = latin_hypercube(box, runs_wanted(box.dimension), rng=stages.rng, optimise=True)
+    runs = stages.simulate("check", design, refined(stages))
+    objective = Objective(stages.observations, np.asarray(runs.prediction.inside.all(axis=0)))
+    try:
+        surrogate = QuadraticSurrogate.fit(box, runs.points, objective.vectors(runs.prediction))
+    except SurrogateError as error:
+        lost = f": {runs.lost}" if runs.lost else ""
+        raise ValueError(f"the runs on the refined mesh do not carry a surrogate ({error}){lost}") from error
+    start = np.clip(middle, box.lower, box.upper)
+
+    def model(points: FloatArray) -> FloatArray:
+        return surrogate.predict(np.atleast_2d(points), extrapolate=True)
+
+    best = search(box, objective, model, start=start)
+    slope = jacobian(model, box, best.x)
+    covariance = best.objective.covariance(slope, model(best.x)[0])
+    return Averaged(surrogate, best.objective, best.x, slope, np.sqrt(np.diag(covariance)))

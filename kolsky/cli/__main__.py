@@ -1,0 +1,5 @@
+"""`python -m kolsky.cli`."""
+
+from kolsky.cli.commandline import main
+
+main()

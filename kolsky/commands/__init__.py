@@ -1,0 +1,1 @@
+"""What a command does once its options are typed: load, call, write, print."""

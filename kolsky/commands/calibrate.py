@@ -1,0 +1,208 @@
+"""`kolsky calibrate`: from pictures of a target to two cameras, with all that speaks for and against them."""
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from dic.calibration import Calibration
+from dic.camera_files import FORMATS, CameraFileError, write_rig
+from dic.cells import text_cell
+from kolsky.commands import options, printed
+from kolsky.commands.outfolder import filling, usable_folder
+from kolsky.commands.parts import tell
+from kolsky.errors import InputError
+from kolsky.progress import bars
+from kolsky.shotfiles.calibration import read_calibration_toml
+from kolsky.shots.rig import calibration_of
+from kolsky.threads import opencv_alone
+
+RIG_FILE = "rig.yml"
+"""The cameras with their covariance, in OpenCV's storage format."""
+
+
+def calibrate(
+    source: Path, *, out: Path | None, exports: Sequence[str], formats: Sequence[str], as_json: bool
+) -> None:
+    """Calibrate, write and print.
+
+    Parameters
+    ----------
+    source
+        A calibration.toml, a shot.toml, or a folder with one of them.
+    out
+        Where results go; by default the folder "results" beside the file.
+    exports
+        Also write the cameras in these formats of `dic.camera_files`.
+    formats
+        Also save each figure alone, in these formats.
+    as_json
+        Print one JSON object instead of tables.
+
+    Raises
+    ------
+    InputError
+        If the description or the pictures cannot be used, or results cannot be written.
+    """
+    started = perf_counter()
+    known = {known.name: known for known in FORMATS}
+    for name in exports:
+        options.one_of("--export", name, tuple(known))
+    for name in formats:
+        options.one_of("--figures", name, options.FIGURES)
+    toml, section = read_calibration_toml(source)
+    folder = usable_folder(out or toml.path.parent / "results")
+    with bars() as progress, opencv_alone():
+        found = calibration_of(toml, section, progress)
+    from kolsky.report.calibrationpage import write_page
+    from kolsky.report.canvas import save_figures
+    from kolsky.report.figures import CALIBRATION
+
+    with filling(folder) as partial:
+        try:
+            write_rig(partial / RIG_FILE, found.rig, "opencv")
+            for name in exports:
+                write_rig(partial / f"rig-{name}{known[name].suffix}", found.rig, name)
+        except CameraFileError as error:
+            raise InputError(folder, str(error)) from None
+        _write_points(partial / "calibration.csv", found)
+        write_page(partial / "calibration.html", toml.path.parent.resolve().name, found)
+        if formats:
+            save_figures(partial / "figures", found, formats=tuple(formats), registry=CALIBRATION)
+    tell(
+        [] if as_json else _pairs(found),
+        summary(found),
+        as_object(found) if as_json else None,
+        rest={
+            "cameras": folder / RIG_FILE,
+            "page": folder / "calibration.html",
+            "wall time": f"{perf_counter() - started:.1f} s",
+        },
+        warnings=warnings(found),
+    )
+
+
+def summary(found: Calibration) -> dict[str, str]:
+    """A name and a value for each line of the table."""
+    checks, sigma = found.checks, found.sigma
+    used = sum(pair.outcome.used for pair in found.pairs)
+    rows = {
+        "pairs used": f"{used} of {len(found.pairs)}",
+        "residual, rms": f"{checks.fit_rms:.4f} px ({found.unit:.3g} times the pictures' noise)",
+        "held-out pairs, rms": f"{checks.held_out_rms:.4f} px"
+        if checks.held_out_rms > 0
+        else "too few pairs",
+        "distances on the target": f"{1e6 * (checks.distance_ratio - 1.0):+.1f} ppm, points off by "
+        f"{1e6 * checks.distance_rms:.2f} um rms",
+        "clustering of residuals": f"{found.clustering:.2f} (1: independent)",
+    }
+    for k, camera in enumerate(found.rig.cameras):
+        values = {
+            "fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy, "skew": camera.skew,
+            **dict(zip(("k1", "k2", "p1", "p2", "k3"), camera.distortion, strict=True)),
+        }  # fmt: skip
+        rows |= {
+            f"camera {k}, {name}": _measured(values[name], sigma[f"{name}{k}"], "px" if name in _PX else "")
+            for name in found.free
+        }
+    from scipy.spatial.transform import Rotation
+
+    R, t = found.rig.relative
+    angle = Rotation.from_matrix(R).magnitude()
+    rows["stereo angle"] = f"{57.29577951308232 * angle:.4f} deg"
+    rows |= {
+        f"relative {name}": _measured(1e3 * value, 1e3 * sigma[name], "mm")
+        for name, value in zip(("tx", "ty", "tz"), t, strict=True)
+    }
+    return rows
+
+
+def warnings(found: Calibration) -> list[str]:
+    """What a user must know before using it."""
+    said = [f"pair {pair.name} was left out: {pair.reason}. {pair.outcome.cure}" for pair in found.rejected]
+    if found.clustering > 2.0:
+        said.append(
+            f"residuals of a picture hang together (factor {found.clustering:.1f} on variances): the target "
+            "may be bent or misprinted, or the lens model too simple; sigmas are enlarged accordingly"
+        )
+    return [*said, *found.advice]
+
+
+def as_object(found: Calibration) -> dict[str, Any]:
+    """The calibration as one JSON object, in SI and px."""
+    R, t = found.rig.relative
+    checks = {name: value if value == value else None for name, value in vars(found.checks).items()}
+    return {
+        "cameras": [
+            {
+                "matrix": camera.matrix.tolist(),
+                "distortion": list(camera.distortion),
+                "sensor": list(camera.sensor or ()),
+            }
+            for camera in found.rig.cameras
+        ],
+        "rotation": R.tolist(),
+        "translation": t.tolist(),
+        "sigma": found.sigma,
+        "unit": found.unit,
+        "clustering": found.clustering,
+        "checks": checks,
+        "pairs": [
+            {"name": pair.name, "outcome": pair.outcome.name, "reason": pair.reason, "rms": _number(pair.rms)}
+            for pair in found.pairs
+        ],
+        "warnings": warnings(found),
+    }
+
+
+_PX = ("fx", "fy", "cx", "cy", "skew")
+
+
+def _pairs(found: Calibration) -> list[str]:
+    """A line for each pair: residuals of the two cameras, and what became of it."""
+    lines = ["  pair        camera 0    camera 1    points"]
+    for pair in found.pairs:
+        rms = [f"{view.rms:9.4f} px" if view is not None else "         -  " for view in pair.views]
+        points = " + ".join(str(int(view.used.sum())) for view in pair.views if view is not None)
+        word = "" if pair.outcome.value == 0 else f"  {pair.outcome.name.lower().replace('_', ' ')}"
+        lines.append(f"  {pair.name:<8}{rms[0]}{rms[1]}  {points}{word}")
+    return lines
+
+
+def _measured(value: float, sigma: float, unit: str) -> str:
+    from kolsky.report import numbers
+
+    best, uncertainty = numbers.measured(float(value), 2.0 * sigma) if sigma > 0.0 else (f"{value:.6g}", "0")
+    return printed.plain(f"{best} ± {uncertainty} {unit}".strip()) + " (k = 2)"
+
+
+def _number(value: float) -> float | None:
+    return value if value == value else None
+
+
+def _write_points(path: Path, found: Calibration) -> None:
+    """Every point of every picture as one row of a table."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file)
+        table.writerow(
+            [
+                "pair",
+                "camera",
+                "point",
+                "x (px)",
+                "y (px)",
+                "sigma (px)",
+                "residual x (px)",
+                "residual y (px)",
+                "used",
+            ]
+        )
+        for pair in found.pairs:
+            for camera, view in enumerate(pair.views):
+                if view is None:
+                    continue
+                rows = zip(view.ids, view.pixels, view.sigma, view.residual, view.used, strict=True)
+                for point, (x, y), sigma, (dx, dy), used in rows:
+                    numbers = [f"{value:.5f}" for value in (x, y, sigma, dx, dy)]
+                    table.writerow([text_cell(pair.name), camera, int(point), *numbers, int(used)])

@@ -1,0 +1,1 @@
+"""Planning a test: what it would tell, where and when to look, how fast to strike."""

@@ -1,0 +1,166 @@
+"""A result from its HDF5 file: link, type, shape and size of every dataset are checked before its values."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from explicit import EnergyLedger, Outcome, Response
+from kolsky.errors import InputError
+from kolsky.identification import (
+    Comparison,
+    DesignTable,
+    Estimate,
+    Identification,
+    Route,
+    SurrogateCurve,
+    Terms,
+    Verdict,
+)
+from kolsky.records import CentreLine, ForceHistory
+from kolsky.results.datasets import Refused as _Refused
+from kolsky.results.datasets import numbered as _numbered
+from kolsky.results.datasets import opened as _opened
+from kolsky.results.datasets import read as _read
+from kolsky.results.datasets import read_numbers as _read_numbers
+from kolsky.results.knowledge import read_knowledge
+from kolsky.results.layout import (
+    CURVE,
+    DESIGN,
+    ENERGY,
+    ENTRY,
+    ESTIMATE,
+    FORCE,
+    FORMAT,
+    NODES,
+    PROFILE,
+    PROFILE_MODEL,
+    RECORDED,
+    RESPONSE,
+    ROUTE,
+    TERMS,
+    VERSION,
+)
+from kolsky.results.methods import read_methods
+
+
+def read_identification(path: Path) -> Identification:
+    """Read a file of `kolsky.results.write.write_identification`, trusting nothing in it.
+
+    Parameters
+    ----------
+    path : Path
+        The HDF5 file.
+
+    Returns
+    -------
+    Identification
+        The same numbers, bit for bit.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, truncated or no such result, or if a dataset is missing, a link to another
+        file, of another type or shape, or larger than 1 GiB. The message is one line.
+    """
+    path = Path(path)
+    cure = "write it again with `kolsky identify`"
+    try:
+        with h5py.File(path, "r") as file:
+            if not (_attribute(file, "format") == FORMAT and _attribute(file, "format_version") == VERSION):
+                raise _Refused(f"not a result of version {VERSION} of the format {FORMAT!r}")
+            return _read_entry(file)
+    except FileNotFoundError:
+        raise InputError(path, "no such file", cure=cure) from None
+    except _Refused as error:
+        raise InputError(path, str(error), cure=cure) from None
+    except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:
+        # What h5py raises on damaged files; its messages can span lines.
+        cause = " ".join(str(error).split())
+        raise InputError(path, f"not a readable HDF5 file ({cause})", cure=cure) from error
+
+
+def _attribute(file: h5py.File, name: str) -> object:
+    value = file.attrs.get(name)
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _read_entry(file: h5py.File) -> Identification:
+    entry = _read(file, "entry", ENTRY, {"two": 2})
+    try:
+        provenance = json.loads(entry["provenance"])
+    except (ValueError, RecursionError) as error:
+        raise _Refused(f"/entry/provenance: not JSON ({error})") from None
+    if not isinstance(provenance, dict):
+        raise _Refused(f"/entry/provenance: a JSON {type(provenance).__name__}, expected an object")
+
+    names = _read(file, "entry/estimates", {"names": ("", "entries", "t")}, {})["names"]
+    estimates = {name: _read_estimate(file, name) for name in names}
+    routes = []
+    for place in _numbered(file, "entry/routes"):
+        parameters, sigma = (_read_numbers(file, f"{place}/{part}") for part in ("parameters", "sigma"))
+        routes.append(Route(**_read(file, place, ROUTE, {}), parameters=parameters, sigma=sigma))
+    points: dict[str, int] = {}
+    comparison = Comparison(
+        **_read(file, "entry/force", FORCE, {}),
+        centre_line=CentreLine(**_read(file, "entry/profile", PROFILE, points)),
+        **_read(file, "entry/profile", PROFILE_MODEL, points),
+        recorded=ForceHistory(**_read(file, "entry/recorded", RECORDED, {})),
+    )
+    return Identification(
+        shot=entry["shot"],
+        estimates=estimates,
+        fixed=_read_numbers(file, "entry/fixed"),
+        routes=tuple(routes),
+        terms=Terms(**_read(file, "entry/terms", TERMS, {})),
+        comparison=comparison,
+        response=_read_response(file),
+        mesh=(int(entry["mesh"][0]), int(entry["mesh"][1])),
+        refined_mesh=(int(entry["refined_mesh"][0]), int(entry["refined_mesh"][1])),
+        design=DesignTable(**_read_design(file)),
+        curves=tuple(SurrogateCurve(**_read(file, p, CURVE, {})) for p in _numbered(file, "entry/curves")),
+        surrogate=_read_numbers(file, "entry/surrogate"),
+        seconds=_read_numbers(file, "entry/seconds"),
+        warnings=entry["warnings"],
+        provenance=provenance,
+        methods=read_methods(file),
+        **read_knowledge(file),
+    )
+
+
+def _read_estimate(file: h5py.File, name: str) -> Estimate:
+    if not name.isidentifier():
+        raise _Refused(f"/entry/estimates/names: {name!r} is no parameter name")
+    place = f"entry/estimates/{name}"
+    values = _read(file, place, ESTIMATE, {})
+    try:
+        values["outcome"] = Verdict(values["outcome"])
+    except ValueError:
+        known = ", ".join(repr(v.value) for v in Verdict)
+        raise _Refused(f"/{place}/outcome: {values['outcome']!r}, expected one of {known}") from None
+    return Estimate(name=name, **values, noise_parts=_read_numbers(file, f"{place}/noise_parts"))
+
+
+def _read_design(file: h5py.File) -> dict[str, Any]:
+    values = _read(file, "entry/design", DESIGN, {"two": 2})
+    _known_outcomes("entry/design", values["outcomes"])
+    return values
+
+
+def _known_outcomes(place: str, names: tuple[str, ...]) -> None:
+    unknown = sorted(set(names) - set(Outcome.__members__))
+    if unknown:
+        known = ", ".join(Outcome.__members__)
+        raise _Refused(f"/{place}/outcomes: {unknown[0]!r}, expected one of {known}")
+
+
+def _read_response(file: h5py.File) -> Response:
+    dims = {"two": 2}
+    values = _read(file, "entry/response", RESPONSE, dims)
+    _known_outcomes("entry/response", values["outcomes"])
+    values["outcomes"] = tuple(Outcome[name] for name in values["outcomes"])
+    if "nodes" in _opened(file, "entry/response", h5py.Group):
+        values |= _read(file, "entry/response", NODES, dims)
+    return Response(**values, energy=EnergyLedger(**_read(file, "entry/energy", ENERGY, dims)))
