@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+Single = NDArray[np.float32]
 
 STEPS = 8
 """Gauss-Newton steps at most."""
@@ -113,7 +114,7 @@ def _scaled(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
     return normal * scale[:, :, None] * scale[:, None] + 1e-9 * np.eye(10), scale
 
 
-def _model(p: FloatArray, xx: FloatArray, yy: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _model(p: FloatArray, xx: Single, yy: Single) -> tuple[Single, Single]:
     """Grey values, Eq. (C.3), shape [n, pixels], and their derivatives, shape [n, 10, pixels].
 
     In fp32: a rounding of a grey value is some hundred thousandth of its noise.
@@ -137,7 +138,7 @@ def _model(p: FloatArray, xx: FloatArray, yy: FloatArray) -> tuple[FloatArray, F
     return model, J
 
 
-def _upper(x: FloatArray, bell: FloatArray) -> FloatArray:
+def _upper(x: Single, bell: Single) -> Single:
     """Normal distribution Φ(-x) to 1e-7, given exp(-x²/2).
 
     Hastings' approximation (Abramowitz and Stegun, Handbook of Mathematical Functions, 7.1.26) takes a tenth
