@@ -24,19 +24,24 @@ from kolsky.stages import Stages
 FloatArray = NDArray[np.float64]
 
 EDGE = 0.2
-"""Edge of the quadratic's box in the unit box: wide, so that the jumps are small beside what it spans."""
+"""Edge of the first box in the unit box: wide, so that the jumps are small beside what it spans."""
+LEFTOVER = 0.3
+"""The box is halved while a run's deviation from the quadratic moves the optimum by more than this share of
+the residuals' sigma."""
+GAIN = 0.7
+"""A halved box is kept if the response is fitted there to less than this share of what was left over: then
+it was the quadratic's lack of fit. Where it is not, the response is rough and the wider box averages more."""
+PATIENCE = 2
+"""Halvings after which it must have: where a response rings, its fit gets better only within a period."""
+SMALLEST = 0.01
+"""Smallest edge of a box to be halved. All of this is done on the surrogate's mesh, where runs are cheap."""
 MOST_MOVES = 4
 """Most designs on the refined mesh, each about the optimum of the last one, until it lies inside."""
-MOST_HALVINGS = 2
-"""Most times the box is halved because what is left over is larger than the residuals' sigma."""
-GAIN = 0.7
-"""A halved box is kept if the leftover falls to less than this share: then it was the quadratic's lack of
-fit. Where it does not fall, the response is rough and the wider box averages more."""
 
 
 @dataclass(frozen=True)
 class Averaged:
-    """A quadratic on the refined mesh and its optimum."""
+    """A quadratic through runs on one mesh, and its optimum."""
 
     surrogate: QuadraticSurrogate
     """Of the data vector."""
@@ -48,6 +53,8 @@ class Averaged:
     """At the optimum, shape [k, d]."""
     sigma: FloatArray
     """Standard deviation of the optimum from the residuals, shape [d]."""
+    edge: float
+    """Of the quadratic's box, in the unit box [-]."""
 
     def model(self, points: FloatArray) -> FloatArray:
         """Data vectors at points of shape [n, d] or [d], shape [n, k]."""
@@ -57,6 +64,12 @@ class Averaged:
     def gain(self) -> FloatArray:
         """Linear map from a change of the data vector to the move of the optimum, shape [d, k]."""
         return self.objective.gain(self.jacobian)
+
+    @property
+    def leftover(self) -> float:
+        """Root mean square of run minus quadratic over the data's noise, from the degrees of freedom [-]."""
+        square = ((self.surrogate.residuals / self.objective.noise) ** 2).mean(axis=1).sum()
+        return float(np.sqrt(square / self.surrogate.degrees_of_freedom))
 
     @property
     def roughness(self) -> FloatArray:
@@ -77,7 +90,7 @@ def averaged(stages: Stages, coarse: Coarse) -> Refined:
     ValueError
         If the run at the optimum does not complete, or too few of a design do.
     """
-    found = _settled(stages, coarse.x)
+    found = _on_refined(stages, _settled(stages, coarse))
     x = found.x
     check = run_refined(stages, x[None])
     missed = found.objective.vectors(check.prediction)[0] - found.model(x)[0]
@@ -116,40 +129,46 @@ def _moved_by(stages: Stages, found: Averaged, numerics: Numerics) -> FloatArray
     return -found.gain @ np.nan_to_num(change)  # a point that the run does not reach adds nothing
 
 
-def _settled(stages: Stages, start: FloatArray) -> Averaged:
-    """The quadratic of the last design: about its optimum, and no wider than the response is quadratic."""
-    edge, found = EDGE, _fit(stages, start, EDGE)
-    for _ in range(MOST_MOVES - 1):
-        if not leaves(found.x, found.surrogate.box, stages.box):
-            break
-        found = _fit(stages, found.x, edge)
-    for _ in range(MOST_HALVINGS):
-        left = _leftover(found)
-        if left <= 1.0:
-            break
+def _settled(stages: Stages, coarse: Coarse) -> Averaged:
+    """On the surrogate's mesh: in a box no wider than the response is quadratic, apart from its roughness."""
+    numerics, edge, patience = stages.settings.numerics, EDGE, PATIENCE
+    found = last = _fit(stages, coarse.x, edge, numerics)
+    while patience and (found.roughness > LEFTOVER * found.sigma).any() and edge > SMALLEST:
         edge *= 0.5
-        smaller = _fit(stages, found.x, edge)
-        if leaves(smaller.x, smaller.surrogate.box, stages.box) or _leftover(smaller) > GAIN * left:
-            break
-        found = smaller
+        last = _fit(stages, last.x, edge, numerics)
+        if last.leftover <= GAIN * found.leftover:
+            found, patience = last, PATIENCE
+        else:
+            patience -= 1
     return found
 
 
-def _leftover(found: Averaged) -> float:
-    return float(np.max(found.roughness / found.sigma))
+def _on_refined(stages: Stages, coarse: Averaged) -> Averaged:
+    """On the refined mesh: about its optimum, in a box as wide as on the surrogate's mesh."""
+    first = run_refined(stages, coarse.x[None])
+    change = coarse.objective.vectors(first.prediction)[0] - coarse.model(coarse.x)[0]
+    guess = coarse.x - coarse.gain @ np.nan_to_num(change)  # a point that the run does not reach adds nothing
+    middle = np.clip(guess, stages.box.lower, stages.box.upper)
+    for _ in range(MOST_MOVES):
+        found = _fit(stages, middle, coarse.edge, refined(stages))
+        if not leaves(found.x, found.surrogate.box, stages.box):
+            break
+        middle = found.x
+    return found
 
 
-def _fit(stages: Stages, middle: FloatArray, edge: float) -> Averaged:
-    """A design in a box about a point, run on the refined mesh, and the quadratic through it."""
+def _fit(stages: Stages, middle: FloatArray, edge: float, numerics: Numerics) -> Averaged:
+    """A design in a box about a point, its runs, and the quadratic through them."""
     box = stages.box.around(middle, edge)
     design = latin_hypercube(box, runs_wanted(box.dimension), rng=stages.rng, optimise=True)
-    runs = stages.simulate("check", design, refined(stages))
+    stage = "refinement" if numerics.mesh == stages.settings.numerics.mesh else "check"
+    runs = stages.simulate(stage, design, numerics)
     objective = Objective(stages.observations, np.asarray(runs.prediction.inside.all(axis=0)))
     try:
         surrogate = QuadraticSurrogate.fit(box, runs.points, objective.vectors(runs.prediction))
     except SurrogateError as error:
         lost = f": {runs.lost}" if runs.lost else ""
-        raise ValueError(f"the runs on the refined mesh do not carry a surrogate ({error}){lost}") from error
+        raise ValueError(f"the runs that completed do not carry a surrogate ({error}){lost}") from error
     start = np.clip(middle, box.lower, box.upper)
 
     def model(points: FloatArray) -> FloatArray:
@@ -158,4 +177,4 @@ def _fit(stages: Stages, middle: FloatArray, edge: float) -> Averaged:
     best = search(box, objective, model, start=start)
     slope = jacobian(model, box, best.x)
     covariance = best.objective.covariance(slope, model(best.x)[0])
-    return Averaged(surrogate, best.objective, best.x, slope, np.sqrt(np.diag(covariance)))
+    return Averaged(surrogate, best.objective, best.x, slope, np.sqrt(np.diag(covariance)), edge)

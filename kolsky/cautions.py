@@ -332,10 +332,18 @@ def _outline_noise(result: Identification) -> Iterator[str]:
 
 def _numerical(result: Identification) -> Iterator[str]:
     for name, e in result.estimates.items():
-        if e.sigma_numerical > e.sigma_noise:
+        rough = e.numerical_parts.get("roughness", 0.0)
+        mesh = e.numerical_parts.get("mesh", e.sigma_numerical)
+        if mesh > e.sigma_noise:
             yield (
-                f"the mesh contributes more to the uncertainty of {name} ({e.sigma_numerical:.2g}) than the "
+                f"the mesh contributes more to the uncertainty of {name} ({mesh:.2g}) than the "
                 f"measured noise ({e.sigma_noise:.2g}); refine both meshes"
+            )
+        if rough > e.sigma_noise:
+            yield (
+                f"the simulated response is so rough that it contributes more to the uncertainty of {name} "
+                f"({rough:.2g}) than the measured noise ({e.sigma_noise:.2g}); refine both meshes, or hold "
+                "another parameter"
             )
 
 

@@ -98,9 +98,10 @@ class RatedShot:
             for name, way in COMMON_PARTS.items()
             if estimate.noise_parts.get(name, 0.0) > 0.0
         }
-        if estimate.sigma_numerical > 0.0:  # the mesh errs to the same side in all of them
+        mesh = estimate.numerical_parts.get("mesh", estimate.sigma_numerical)
+        if mesh > 0.0:  # it errs to the same side in all of them
             sign = -1.0 if estimate.mesh_shift < 0.0 else 1.0
-            parts["mesh and step", self.conditions["mesh"]] = sign * estimate.sigma_numerical
+            parts["mesh and step", self.conditions["mesh"]] = sign * mesh
         declared = {
             (f"declared {key.replace('_', ' ')}", through[COMMON_DECLARED[key]]): shift
             for key, shift in self._declared().items()

@@ -21,7 +21,11 @@ SOURCES = {
     "material curve": "the uncertainty of the quasi-static curve",
 }
 """Words for the keys of `Estimate.noise_parts`."""
-NUMERICAL = "the error of mesh and step"
+NUMERICS = {
+    "mesh": "the error of mesh and step",
+    "roughness": "the roughness of the simulated response",
+}
+"""Words for the keys of `Estimate.numerical_parts`."""
 UNDECLARED = "not declared, counted as exact"
 """`Declaration.status` of an input that could be declared."""
 LEAST = 0.02
@@ -43,7 +47,8 @@ def changes(result: Identification) -> list[str]:
 def parts(result: Identification, estimate: Estimate) -> dict[str, float]:
     """Every standard uncertainty that is in the interval, by its cause, the largest first."""
     found = {SOURCES.get(source, source): sigma for source, sigma in estimate.noise_parts.items()}
-    found[NUMERICAL] = estimate.sigma_numerical
+    computed = estimate.numerical_parts or {"mesh": estimate.sigma_numerical}
+    found |= {NUMERICS.get(source, source): sigma for source, sigma in computed.items()}
     for declared in result.systematic:
         if estimate.name in declared.shifts:
             words = INPUTS.get(declared.key, declared.key)

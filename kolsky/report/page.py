@@ -21,6 +21,8 @@ from kolsky.report.rendering import drawn, environment, page, write
 from kolsky.report.shown import in_shown_units
 from kolsky.results.text import worst_imbalance
 
+_NUMERICS = {"mesh": "mesh and step", "roughness": "roughness of the response"}
+"""Words for the keys of `Estimate.numerical_parts`."""
 _VERDICTS = {
     Verdict.IDENTIFIED: "The optimum lies inside the design, and a simulation at it confirms the surrogate.",
     Verdict.FORCE_ALONE: "The optimum lies inside the design, and a simulation at it confirms the surrogate. "
@@ -160,7 +162,9 @@ def _answer(estimate: Estimate) -> dict[str, Any]:
     variance = estimate.sigma**2 if 0.0 < estimate.sigma < np.inf else np.nan
     budget = [(f"noise: {name}", part, "part") for name, part in estimate.noise_parts.items()]
     budget.append(("noise, all sources", estimate.sigma_noise, "sum"))
-    budget.append(("mesh and step", estimate.sigma_numerical, "sum"))
+    computed = estimate.numerical_parts if len(estimate.numerical_parts) > 1 else {}
+    budget += [(f"numerics: {_NUMERICS.get(name, name)}", part, "part") for name, part in computed.items()]
+    budget.append(("numerics, all sources" if computed else "mesh and step", estimate.sigma_numerical, "sum"))
     if estimate.sigma_systematic > 0.0:
         budget.append(("declared uncertainties of the inputs", estimate.sigma_systematic, "sum"))
     parts = np.array(list(estimate.noise_parts.values()))

@@ -53,6 +53,7 @@ def shown_estimate(e: Estimate) -> Estimate:
         sigma_systematic=e.sigma_systematic * factor,
         mesh_shift=e.mesh_shift * factor,
         noise_parts={source: sigma * factor for source, sigma in e.noise_parts.items()},
+        numerical_parts={source: sigma * factor for source, sigma in e.numerical_parts.items()},
     )
 
 

@@ -140,7 +140,8 @@ def _read_estimate(file: h5py.File, name: str) -> Estimate:
     except ValueError:
         known = ", ".join(repr(v.value) for v in Verdict)
         raise _Refused(f"/{place}/outcome: {values['outcome']!r}, expected one of {known}") from None
-    return Estimate(name=name, **values, noise_parts=_read_numbers(file, f"{place}/noise_parts"))
+    parts = {key: _read_numbers(file, f"{place}/{key}") for key in ("noise_parts", "numerical_parts")}
+    return Estimate(name=name, **values, **parts)
 
 
 def _read_design(file: h5py.File) -> dict[str, Any]:

@@ -22,8 +22,8 @@ def to_json(identification: Identification) -> dict[str, Any]:
     """The result as one object of JSON types.
 
     Every free parameter is a key with `value`, `interval` (k = 2), `sigma`, `sigma_noise`,
-    `sigma_numerical`, `sigma_systematic`, `mesh_shift`, `noise_parts`, `unit` and `outcome`; `failed_runs`
-    lists the runs that did not complete. Numbers that are not finite become null.
+    `sigma_numerical`, `sigma_systematic`, `mesh_shift`, `noise_parts`, `numerical_parts`, `unit` and
+    `outcome`; `failed_runs` lists the runs that did not complete. Numbers that are not finite become null.
 
     Raises
     ------
@@ -69,6 +69,7 @@ def to_json(identification: Identification) -> dict[str, Any]:
             "sigma_systematic": e.sigma_systematic,
             "mesh_shift": e.mesh_shift,
             "noise_parts": e.noise_parts,
+            "numerical_parts": e.numerical_parts,
             "unit": e.unit,
             "outcome": e.outcome.value,
         }

@@ -75,6 +75,7 @@ def _write_entry(entry: h5py.Group, result: Identification) -> None:
         part = _group(estimates, _safe(name), "NXcollection")
         _write(part, ESTIMATE, vars(estimate), {}, unit=estimate.unit)
         _write_numbers(part, "noise_parts", estimate.noise_parts, estimate.unit)
+        _write_numbers(part, "numerical_parts", estimate.numerical_parts, estimate.unit)
         for derived, value in (("sigma", estimate.sigma), ("interval", estimate.interval)):
             part.create_dataset(derived, data=value).attrs["units"] = estimate.unit
         part["interval"].attrs["coverage_factor"] = 2

@@ -33,6 +33,7 @@ def found(name: str, m: float, *, parts: dict[str, float], numerical: float = 0.
         sigma_numerical=numerical,
         mesh_shift=-numerical,
         noise_parts=parts,
+        numerical_parts={"mesh": numerical},
     )
     return replace(result, estimates={"stiffness_factor": estimate})
 

@@ -106,6 +106,7 @@ def synthetic(
             value=OPTIMUM[name],
             sigma_noise=SIGMA[name],
             sigma_numerical=SIGMA_NUMERICAL[name],
+            numerical_parts={"mesh": 0.8 * SIGMA_NUMERICAL[name], "roughness": 0.6 * SIGMA_NUMERICAL[name]},
             mesh_shift=MESH_SHIFT[name],
             noise_parts={
                 "force and shape": 0.8 * SIGMA[name],

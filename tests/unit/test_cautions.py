@@ -182,7 +182,11 @@ def test_an_interval_past_the_design() -> None:
 
 def test_numbers_that_cannot_be_trusted() -> None:
     assert "the mesh contributes more to the uncertainty of stiffness_factor (0.002)" in said(
-        estimate(sigma_numerical=0.002)
+        estimate(sigma_numerical=0.002, numerical_parts={})
+    )
+    rough = {"mesh": 0.0001, "roughness": 0.002}
+    assert "so rough that it contributes more to the uncertainty of stiffness_factor (0.002)" in said(
+        estimate(sigma_numerical=0.002, numerical_parts=rough)
     )
     text = said(replace(estimate(outcome=Verdict.DISAGREEING), surrogate={"check_shift_sigmas": 0.63}))
     assert "still moved the optimum by 0.63 sigma" in text

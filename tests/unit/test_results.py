@@ -248,6 +248,7 @@ def test_json_has_the_agreed_keys() -> None:
             "sigma_systematic",
             "mesh_shift",
             "noise_parts",
+            "numerical_parts",
             "unit",
             "outcome",
         }
