@@ -51,7 +51,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-VERSION = 8
+VERSION = 9
 """Raised when the same pictures and settings give other numbers: results kept from before are made
 anew."""
 LEAST_GATE = 0.1

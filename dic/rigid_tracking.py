@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.correlation import Correlation, Noise, PictureStack, Shape, Templates, correlate
-from dic.correlation.warp import identity
+from dic.correlation import Correlation, Match, Noise, PictureStack, Shape, Templates, correlate
+from dic.correlation.warp import gradient, identity
 from dic.images import PictureError, Pictures
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.tracking import Track
@@ -153,9 +153,12 @@ def _step(
         for axis in (1, 0) if off else (0,):
             guess = root.copy()
             guess[:, :2] += predicted + off * np.eye(2)[axis]
-            match = correlate(
-                stack, here, points, guess, settings, reference_warp=root, mask=mask, templates=templates
-            )
+            if _in_view(points, guess, here.shape, settings).any():
+                match = correlate(
+                    stack, here, points, guess, settings, reference_warp=root, mask=mask, templates=templates
+                )
+            else:  # as it will be in most frames of a body that is still to come
+                match = _nothing(guess)
             fine = match.outcome == PointOutcome.VALID
             move = match.warp[:, :2] - root[:, :2]
             if fine.any():
@@ -175,3 +178,30 @@ def _step(
     found.warp[frame], found.zncc[frame], found.outcome[frame] = match.warp, match.zncc, outcome
     found.covariance[frame] = match.covariance + common
     return np.asarray(middle) if agree.any() else None
+
+
+def _in_view(
+    points: FloatArray, warp: FloatArray, shape: tuple[int, int], settings: Correlation
+) -> BoolArray:
+    """Points of whose subsets enough may be in a picture of this shape, where these warps put them, [n].
+
+    Of a parallelogram that reaches r from its centre along an axis, less than (1 - d/r)/2 lies beyond d.
+    """
+    half = 0.5 * settings.subset
+    bend = np.abs(warp[:, 6:].reshape(-1, 2, 3)) @ np.array([0.5, 1.0, 0.5])
+    share = max(1.0 - 2.0 * settings.least_pixels, 0.0)
+    beyond = share * half * np.abs(gradient(warp)).sum(axis=2) + half**2 * bend + 1.0
+    place = points + warp[:, :2]
+    return np.asarray(np.all((place > -beyond) & (place < np.array(shape[::-1]) - 1.0 + beyond), axis=1))
+
+
+def _nothing(guess: FloatArray) -> Match:
+    """What a match from these warps gives where no subset reaches into the picture."""
+    n = len(guess)
+    return Match(
+        warp=guess,
+        covariance=np.zeros((n, 2, 2)),
+        zncc=np.zeros(n),
+        iterations=np.zeros(n, dtype=np.int64),
+        outcome=np.full(n, int(PointOutcome.OUT_OF_VIEW)),
+    )

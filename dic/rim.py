@@ -166,11 +166,11 @@ class RimSearch:
         best = int(np.argmax(score))
         if score[best] < 0.0:
             return None
-        y, fit = self._settled(pictures, near, float(tried[best]), whole)
-        edge = EDGE / self._scale
-        if self._compare(pictures, near, y, clear)[-1] >= FEWEST:
-            y, fit = self._settled(pictures, near, y, clear)
-            edge = 0.0
+        y, fit = self._settled(pictures, near, float(tried[best]), clear)
+        edge = 0.0
+        if fit[-1] < FEWEST:
+            y, fit = self._settled(pictures, near, float(tried[best]), whole)
+            edge = EDGE / self._scale
         zncc, _, variance, offset, n = fit
         if zncc < LEAST_ZNCC or abs(y - tried[best]) > CORE:
             return None
@@ -283,11 +283,12 @@ def _pair(
     hit = np.isfinite(view.X).all(axis=1)
     X = view.X[hit] + motion
     X[:, 1] -= offset[view.row[hit]]
-    at = np.round(first.project(frame.in_rig(X))).astype(np.int64)
+    chosen = first.project(frame.in_rig(X))
+    at = np.round(chosen).astype(np.int64)
     rows, columns = inner.shape
     within = (at[:, 0] >= 0) & (at[:, 0] < columns) & (at[:, 1] >= 0) & (at[:, 1] < rows)
     within[within] = inner[at[within, 1], at[within, 0]]
-    seen = view.camera.project(frame.in_rig(X[within]))
+    seen = chosen[within] if view.camera is first else view.camera.project(frame.in_rig(X[within]))
     beside = view.camera.project(frame.in_rig(X[within] - [0.0, 1e-6, 0.0]))
     held = np.all((seen >= 3.0) & (seen <= np.array([columns, rows]) - 4.0), axis=1)
     here = view.x[hit][within][held].astype(np.int64)

@@ -56,7 +56,7 @@ def _together(image: FloatArray, ellipses: FloatArray, reach: int, noise: float)
         False,
         True,
     ):  # a second time about the centre found, so that the window is centred on the dot
-        part = _Window.around(image, x0[rows], y0[rows], ellipses[rows, 2:], reach)
+        part = _Window(image, x0[rows], y0[rows], ellipses[rows, 2:], reach)
         plane, fine = _plane(part)
         around = plane[:, :1] + plane[:, 1:2] * part.inner_x + plane[:, 2:] * part.inner_y
         least = np.where(part.inner, around, np.inf).min(axis=1, initial=np.inf)
@@ -82,47 +82,56 @@ def _together(image: FloatArray, ellipses: FloatArray, reach: int, noise: float)
 
 
 class _Window:
-    """Pixels in and around n dots, listed: offsets from the centre [px], grey values, which of them count."""
+    """Pixels in and around n dots, listed: offsets from the centre [px], grey values, which of them count.
 
-    def __init__(self, dx: FloatArray, dy: FloatArray, grey: FloatArray, inner: BoolArray, ring: BoolArray):
-        index, self.inner = _listed(inner)
-        self.inner_x, self.inner_y, self.inner_grey = (
-            np.take_along_axis(a, index, axis=1) for a in (dx, dy, grey)
-        )
-        every = np.maximum(1, ring.sum(axis=1) // RING_PIXELS)
-        index, self.ring = _listed(ring, every)
-        self.ring_x, self.ring_y, self.ring_grey = (
-            np.take_along_axis(a, index, axis=1) for a in (dx, dy, grey)
-        )
+    Parameters
+    ----------
+    image
+        Grey values, shape [rows, columns].
+    x0, y0
+        Centres of the windows [px], shape [n].
+    ellipses
+        Diameters [px] and angle [degrees], shape [n, 3].
+    reach
+        Half side of the windows [px].
+    """
 
-    @classmethod
-    def around(
-        cls, image: FloatArray, x0: FloatArray, y0: FloatArray, ellipses: FloatArray, reach: int
-    ) -> "_Window":
-        """Windows of half side `reach` about the centres; `ellipses` as diameters and angle, shape [n, 3]."""
+    def __init__(
+        self, image: FloatArray, x0: FloatArray, y0: FloatArray, ellipses: FloatArray, reach: int
+    ) -> None:
         rows, columns = image.shape
         offsets = np.arange(-reach, reach + 1)
         along, down = np.tile(offsets, len(offsets)), np.repeat(offsets, len(offsets))
         x, y = np.round(x0).astype(int), np.round(y0).astype(int)
-        far = (x < reach) | (y < reach) | (x >= columns - reach) | (y >= rows - reach)
-        place = (y * columns + x)[:, None] + (down * columns + along)
-        inside = np.ones(place.shape, dtype=bool)
-        for k in np.flatnonzero(far):  # a window over the picture's edge
-            i, j = x[k] + along, y[k] + down
-            inside[k] = (i >= 0) & (j >= 0) & (i < columns) & (j < rows)
-            place[k, ~inside[k]] = 0
-        grey = image.reshape(-1).take(place)
         dx, dy = along + (x - x0)[:, None], down + (y - y0)[:, None]
         major, minor, angle = (ellipses[:, k, None] for k in range(3))
         c, s = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
         u, v = c * dx + s * dy, c * dy - s * dx  # along the ellipse's axes
         u *= u
         v *= v
-        wide = [
+        wide, ring = (
             u * (1.0 / (0.5 * major * by + margin) ** 2) + v * (1.0 / (0.5 * minor * by + margin) ** 2) <= 1.0
             for by, margin in ((WINDOW, MARGIN), (RING, 2.0 * MARGIN))
-        ]
-        return cls(dx, dy, grey, wide[0] & inside, wide[1] & ~wide[0] & inside)
+        )
+        ring &= ~wide
+        far = (x < reach) | (y < reach) | (x >= columns - reach) | (y >= rows - reach)
+        for k in np.flatnonzero(far):  # a window over the picture's edge
+            i, j = x[k] + along, y[k] + down
+            inside = (i >= 0) & (j >= 0) & (i < columns) & (j < rows)
+            wide[k] &= inside
+            ring[k] &= inside
+
+        flat, shift = image.reshape(-1), down * columns + along
+
+        def taken(index: IntArray, there: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+            place = np.where(there, (y * columns + x)[:, None] + shift[index], 0)
+            return along[index] + (x - x0)[:, None], down[index] + (y - y0)[:, None], flat[place]
+
+        index, self.inner = _listed(wide)
+        self.inner_x, self.inner_y, self.inner_grey = taken(index, self.inner)
+        every = np.maximum(1, ring.sum(axis=1) // RING_PIXELS)
+        index, self.ring = _listed(ring, every)
+        self.ring_x, self.ring_y, self.ring_grey = taken(index, self.ring)
 
 
 def _listed(mask: BoolArray, every: IntArray | None = None) -> tuple[IntArray, BoolArray]:
@@ -130,14 +139,16 @@ def _listed(mask: BoolArray, every: IntArray | None = None) -> tuple[IntArray, B
 
     Of row i only every ``every[i]``-th is listed.
     """
-    flat = np.flatnonzero(mask)
-    row, column = np.divmod(flat, mask.shape[1])
-    place = np.arange(len(flat)) - np.searchsorted(row, np.arange(len(mask)))[row]
-    if every is not None:
+    n, flat = len(mask), np.flatnonzero(mask)
+    count = mask.sum(axis=1)
+    row = np.repeat(np.arange(n), count)
+    column = flat - mask.shape[1] * row
+    place = np.arange(len(flat)) - np.repeat(np.cumsum(count) - count, count)
+    if every is not None and np.any(every > 1):
         kept = place % every[row] == 0
         row, column, place = row[kept], column[kept], place[kept] // every[row[kept]]
-    count = np.bincount(row, minlength=len(mask))
-    index = np.zeros((len(mask), max(int(count.max(initial=0)), 1)), dtype=np.int64)
+        count = np.bincount(row, minlength=n)
+    index = np.zeros((n, max(int(count.max(initial=0)), 1)), dtype=np.int64)
     index[row, place] = column
     return index, np.arange(index.shape[1]) < count[:, None]
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
 FloatArray = NDArray[np.float64]
+Single = NDArray[np.float32]
 
 STEPS = 8
 """Gauss-Newton steps at most."""
@@ -12,6 +12,10 @@ SETTLED = 1e-5
 """A dot whose centre a step moves by less than this is done [px]; noise is some hundred times larger."""
 AT_ONCE = 250_000
 """Pixels of the dots that are fitted in one go: many, so that pictures in other threads get on meanwhile."""
+ROOT = float(np.sqrt(2.0 * np.pi))
+"""√(2π)"""
+HASTINGS = (0.3275911, 0.254829592, -0.284496736, 1.421413741, -1.453152027, 1.061405429)
+"""Of his approximation of the error function, p and a1 to a5."""
 LARGEST = 25.0
 """Dots up to this radius [px] are fitted: a larger one's centroid is known to a few mpx, and its printed
 outline is no better an ellipse than that."""
@@ -67,8 +71,9 @@ def _fitted(
     column, row = np.round(centre).astype(int).T
     inside = (column >= w) & (row >= w) & (column < image.shape[1] - w) & (row < image.shape[0] - w)
     column, row = np.where(inside, column, w), np.where(inside, row, w)
-    xx, yy = np.tile(offsets, len(offsets)).astype(np.float64), np.repeat(offsets, len(offsets)).astype(float)
-    values = image[row[:, None] + yy.astype(int), column[:, None] + xx.astype(int)]
+    across, down = np.tile(offsets, len(offsets)), np.repeat(offsets, len(offsets))
+    values = image[row[:, None] + down, column[:, None] + across]
+    xx, yy = across.astype(np.float32), down.astype(np.float32)
     top, bottom = np.percentile(values, [90.0, 10.0], axis=1)
     p = np.zeros((n, 10))  # x, y, Mxx, Mxy, Myy, s, B, gx, gy, D
     p[:, :2] = np.where(inside[:, None], centre - np.stack([column, row], axis=1), 0.0)
@@ -79,8 +84,9 @@ def _fitted(
     with np.errstate(all="ignore"):  # a dot whose fit runs away becomes NaN and is left to the caller
         for _ in range(STEPS):
             model, J = _model(p[rows], xx, yy)
-            N = J @ np.swapaxes(J, 1, 2)
-            right = (J @ (values[rows] - model)[..., None])[..., 0]
+            N = (J @ np.swapaxes(J, 1, 2)).astype(np.float64)
+            off = (values[rows] - model).astype(np.float32)
+            right = (J @ off[..., None])[..., 0].astype(np.float64)
             bad = ~(np.isfinite(N).all(axis=(1, 2)) & np.isfinite(right).all(axis=1))
             N[bad], right[bad] = np.eye(10), np.nan
             scaled, scale = _scaled(N)
@@ -108,21 +114,39 @@ def _scaled(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
     return normal * scale[:, :, None] * scale[:, None] + 1e-9 * np.eye(10), scale
 
 
-def _model(p: FloatArray, xx: FloatArray, yy: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Grey values, Eq. (C.3), shape [n, pixels], and their derivatives, shape [n, 10, pixels]."""
-    x0, y0, a, b, c, s, B, Bx, By, D = (p[:, k : k + 1] for k in range(10))
+def _model(p: FloatArray, xx: Single, yy: Single) -> tuple[Single, Single]:
+    """Grey values, Eq. (C.3), shape [n, pixels], and their derivatives, shape [n, 10, pixels].
+
+    In fp32: a rounding of a grey value is some hundred thousandth of its noise.
+    """
+    x0, y0, a, b, c, s, B, Bx, By, D = (p[:, k : k + 1].astype(np.float32) for k in range(10))
     dx, dy = xx - x0, yy - y0
     mx, my = a * dx + b * dy, b * dx + c * dy
     q = np.sqrt(np.maximum(dx * mx + dy * my, 1e-12))
-    slope = np.maximum(np.hypot(mx, my), 1e-9)
+    slope = np.maximum(np.sqrt(mx * mx + my * my), 1e-9)
     delta = (q - 1.0) * q / slope
-    S = ndtr(-delta / s)
+    bell = np.exp(-0.5 * (delta / s) ** 2)
+    S = _upper(delta / s, bell)
     light, left = B + Bx * dx + By * dy, 1.0 - D * S
-    edge = light * D * np.exp(-0.5 * (delta / s) ** 2) / (np.sqrt(2.0 * np.pi) * s)  # by δ
+    edge = light * D * bell / (ROOT * s)  # by δ
     model = light * left
-    J = np.empty((len(p), 10, xx.size))
+    J = np.empty((len(p), 10, xx.size), dtype=np.float32)
     J[:, 0], J[:, 1] = -edge * mx / slope, -edge * my / slope
     J[:, 2], J[:, 3], J[:, 4] = (edge * k / slope for k in (0.5 * dx * dx, dx * dy, 0.5 * dy * dy))
     J[:, 5] = -edge * delta / s
     J[:, 6], J[:, 7], J[:, 8], J[:, 9] = left, dx * left, dy * left, -light * S
     return model, J
+
+
+def _upper(x: Single, bell: Single) -> Single:
+    """Normal distribution Φ(-x) to 1e-7, given exp(-x²/2).
+
+    Hastings' approximation (Abramowitz and Stegun, Handbook of Mathematical Functions, 7.1.26) takes a tenth
+    of the time of SciPy's, which was a third of that of the fit.
+    """
+    t = 1.0 / (1.0 + HASTINGS[0] / np.sqrt(2.0, dtype=x.dtype) * np.abs(x))
+    total = np.zeros_like(t)
+    for a in HASTINGS[:0:-1]:
+        total = (total + a) * t
+    tail = 0.5 * total * bell
+    return np.where(x > 0.0, tail, 1.0 - tail)

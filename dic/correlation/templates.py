@@ -1,6 +1,7 @@
 """Templates that are matched again and again, kept from one call to the next."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,8 @@ class Templates:
     """1 where the others hold something, shape [n]."""
     settings: Correlation
     """What they are for."""
+    bound: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
+    """The arrays as a device names them; named anew in every call they would cost as much as some points."""
 
     @classmethod
     def of(cls, n: int, settings: Correlation) -> "Templates | None":

@@ -46,6 +46,8 @@ def apply(points: FloatArray, warp: FloatArray, xi: FloatArray | float = 0.0) ->
     xi
         Offsets within the subset [px], shape [..., 2] or 0 for the points themselves.
     """
+    if np.isscalar(xi) and xi == 0.0:
+        return np.asarray(points + warp[..., :2])
     xi = np.broadcast_to(np.asarray(xi, dtype=np.float64), points.shape)
     x, y = xi[..., 0], xi[..., 1]
     terms = np.stack([x * x / 2.0, x * y, y * y / 2.0], axis=-1)

@@ -4,11 +4,13 @@ import cv2
 import numpy as np
 import pytest
 from boards import averaged, dots, flat, pose
+from scipy.special import ndtr
 
 from dic import PointOutcome
 from dic.adjustment import Habits, Sights, adjust
 from dic.calibration import TargetNotFound, detect, detect_series
 from dic.calibration.centroids import centroids
+from dic.calibration.edges import _upper
 from dic.calibration.noise import quantiles
 from dic.calibration.projection import Sight, derivatives, joined, seen
 from dic.calibration.targets import FiducialDots
@@ -17,6 +19,7 @@ from dic.correlation import Correlation, PictureStack, Shape, Templates, correla
 from dic.correlation.warp import identity
 from dic.images import PictureError
 from dic.images.kept import KeptPictures, kept
+from dic.rigid_tracking import _in_view, _nothing
 from dic.speckle import render, speckle_pattern
 from kolsky.threads import opencv_alone
 
@@ -257,3 +260,28 @@ def test_opencv_gets_its_threads_back():
         fails()
     assert inside == [1]
     assert cv2.getNumThreads() == before
+
+
+def test_subsets_that_cannot_be_in_view_are_those_the_search_finds_out_of_view():
+    """No point that a match would have found is spared it, and what is spared has the match's own numbers."""
+    first, _ = pair()
+    where, settings = points(), Correlation(subset=15, shape=Shape.RIGID, least_pixels=0.4)
+    spared = 0
+    for along in np.arange(-110.0, 111.0, 11.0):
+        guess = identity(len(where))
+        guess[:, 1], guess[:, 2], guess[:, 5] = along, 0.05, -0.3  # flattened, as from another camera
+        still = np.where(np.arange(12) == 1, 0.0, guess)
+        match = correlate(first, first, where, guess, settings, reference_warp=still)
+        out = ~_in_view(where, guess, first.shape, settings)
+        spared += int(out.sum())
+        empty = _nothing(guess)
+        for name in ("warp", "covariance", "zncc", "iterations", "outcome"):
+            np.testing.assert_array_equal(getattr(match, name)[out], getattr(empty, name)[out])
+    assert spared > 500
+
+
+def test_normal_distribution_of_the_disc_fit():
+    x = np.linspace(-12.0, 12.0, 4801, dtype=np.float32)
+    found = _upper(x, np.exp(-0.5 * x * x))
+    # Hastings' bound, 1.5e-7 of erf, halved; the rest is rounding to fp32.
+    np.testing.assert_allclose(found, ndtr(-x.astype(np.float64)), atol=3e-7)

@@ -153,6 +153,16 @@ def test_who_is_noisier_out_of_the_plane(challenge, opencorr):
         deep[name] = MPX * spread(roughness(points, (X[1] - X[0])[:, 2]) * scale)
         deep[f"{name} - theirs"] = MPX * spread(((X[1] - X[0])[:, 2] - depth) * scale)
     deep["theirs"] = MPX * spread(roughness(points, depth) * scale)
+    # What the angle between the cameras makes of a disparity's noise: by the covariance, and in closed form.
+    lines = [X[0] - camera.centre for camera in rig.cameras]
+    cosine = np.sum(lines[0] * lines[1], axis=1) / np.prod([np.linalg.norm(r, axis=1) for r in lines], axis=0)
+    angle = float(np.nanmedian(np.arccos(cosine)))
+    variance = triangulate(rig, left[0], right[0], np.eye(2), np.eye(2)).covariance[:, 2, 2]
+    gain = float(np.nanmedian(np.sqrt(variance / 2.0) * scale))
+    print(
+        f"\n  angle {np.degrees(angle):.1f} deg: a pixel of disparity is {gain:.2f} out of the plane, "
+        f"0.5 cot(angle / 2) = {0.5 / np.tan(0.5 * angle):.2f}"
+    )
     print(f"\n  {len(points)} points; disparity in frames 0 and 273 [mpx]: {found}")
     print(f"  out-of-plane displacement [mpx-equivalent]: {deep}")
     # Theirs are quadratic between the cameras. Ours are as rough as theirs with that shape function, within
@@ -161,6 +171,12 @@ def test_who_is_noisier_out_of_the_plane(challenge, opencorr):
         assert 0.7 < found["quadratic"][k] / found["theirs"][k] < 1.4
         assert found["affine"][k] < 0.6 * found["theirs"][k]
     assert deep["affine"] < 0.6 * deep["theirs"]
+    assert gain == pytest.approx(0.5 / np.tan(0.5 * angle), rel=0.03)  # the cameras are not quite symmetric
+    # The noise out of the plane is that of the two disparities, so enlarged, less what the frames share.
+    for name in found:
+        assert 0.6 < deep[name] / (gain * np.hypot(*found[name])) < 1.1
+    # A difference from them of 0.02 px is out of reach: their own noise is larger, ours would not matter.
+    assert deep["theirs"] > 20.0
     # The difference is no smaller than their noise and ours together, so it says nothing against either.
     assert deep["quadratic - theirs"] > np.hypot(deep["quadratic"], deep["theirs"])
 

@@ -189,10 +189,9 @@ def prepare(reference: PictureStack, deformed: PictureStack, batch: Batch, setti
         )
         job.mask_rows, job.mask_cols = batch.mask.shape
     if batch.templates is not None and not device.is_cuda:
-        kept, job.has_kept = batch.templates, 1
-        job.known = wp.array(kept.known, dtype=wp.int32, device=device, copy=False)
-        job.kept_pixels = wp.array(kept.pixels.reshape(-1), dtype=wp.float32, device=device, copy=False)
-        job.kept_sums = wp.array(kept.sums.reshape(-1), dtype=wp.float64, device=device, copy=False)
+        job.has_kept = 1
+        for name, array in _kept(batch.templates, device).items():
+            setattr(job, name, array)
     job.subset, job.max_iterations = settings.subset, settings.max_iterations
     job.tolerance, job.least_zncc = settings.tolerance, settings.least_zncc
     job.least_pixels = settings.least_pixels
@@ -201,6 +200,16 @@ def prepare(reference: PictureStack, deformed: PictureStack, batch: Batch, setti
     job.offsets, job.room = offsets(settings.subset, reference.device)
     job.found = wp.empty(FOUND * n, dtype=wp.float64, device=device)
     return job
+
+
+def _kept(templates: Templates, device: Any) -> dict[str, Any]:
+    """Kept templates as a CPU reads and writes them where they are."""
+    if not templates.bound:
+        for name, array in (
+            ("known", templates.known), ("kept_pixels", templates.pixels), ("kept_sums", templates.sums),
+        ):  # fmt: skip
+            templates.bound[name] = wp.array(array.reshape(-1), device=device, copy=False)
+    return templates.bound
 
 
 def search(
