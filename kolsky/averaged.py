@@ -103,6 +103,7 @@ def averaged(stages: Stages, coarse: Coarse) -> Refined:
         box=found.surrogate.box,
         objective=found.objective,
         model=found.model,
+        surrogate=found.model,
         jacobian=found.jacobian,
         slopes=(found.jacobian,),
         sigma=found.sigma,

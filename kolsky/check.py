@@ -77,6 +77,7 @@ def _judged(
         box=coarse.box,
         objective=best.objective,
         model=model.predict,
+        surrogate=CorrectedSurrogate(coarse.surrogate).predict,
         jacobian=slope,
         slopes=(slope, wide),
         sigma=sigma,

@@ -129,9 +129,7 @@ def _report(shot: Shot, stages: Stages, coarse: Coarse, fine: Refined) -> Identi
     held = {name: p.held(shot) for name, p in PARAMETERS.items() if name not in stages.box.names}
     loo = coarse.surrogate.loo_residuals
     found_routes = routes(fine.box, fine.objective, fine.model, stages.box, stages.table)
-    corrected = Answer.of(
-        fine.x, fine.box, fine.objective, fine.model, CorrectedSurrogate(coarse.surrogate).predict
-    )
+    corrected = Answer.of(fine.x, fine.box, fine.objective, fine.model, fine.surrogate)
     known = gather(stages, corrected, fine.check.prediction, bayes=settings.bayes)
     found = Identification(
         shot=shot.name,

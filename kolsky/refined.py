@@ -31,6 +31,8 @@ class Refined:
     """With the discrepancies of the optimum."""
     model: Model
     """What the runs on the refined mesh would give."""
+    surrogate: Model
+    """What `model` was before it was bent to agree with runs on the refined mesh; itself if it never was."""
     jacobian: FloatArray
     """Of the model at the optimum, shape [k, d]."""
     slopes: tuple[FloatArray, ...]
