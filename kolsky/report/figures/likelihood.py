@@ -34,13 +34,15 @@ def draw(result: Identification, panels: Panels) -> None:
         ax.axvline(result.estimates[profile.name].value, color=MEASURED, lw=0.6, ls=":")
         rise = profile.rise / profile.correlation
         side = np.where(np.arange(rise.size) < np.argmin(rise), -1.0, 1.0)
-        # Between its points a profile is nearly a parabola: its signed root is nearly straight.
-        fine = np.linspace(left, right, 2001)
-        ax.plot(fine, np.interp(fine, profile.values, side * np.sqrt(rise)) ** 2, color=MODEL)
+        if rise.min() < 0.0:  # a rough one, on which a lower point than the optimum was found
+            ax.plot(profile.values, rise, color=MODEL)
+        else:  # nearly a parabola between its points: its signed root is nearly straight
+            fine = np.linspace(left, right, 2001)
+            ax.plot(fine, np.interp(fine, profile.values, side * np.sqrt(rise)) ** 2, color=MODEL)
         ax.plot(profile.values, rise, "o", color=MODEL, ms=1.8, mew=0.0)
         margin = 0.6 * (high - low)
         ax.set_xlim(max(left, low - margin), min(right, high + margin))
-        ax.set_ylim(0.0, 2.5 * THRESHOLD)
+        ax.set_ylim(min(0.0, rise.min()), 2.5 * THRESHOLD)
         ax.set_xlabel(axis_label(profile.name, result.estimates[profile.name].unit))
         ax.set_ylabel(r"Rise of $-2\,\ln L$ (–)")
         ax.locator_params(axis="x", nbins=5)
