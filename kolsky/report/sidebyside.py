@@ -9,6 +9,8 @@ from typing import Any
 
 Draw = Callable[[], str]
 """Draws one figure."""
+LONGEST = 60.0
+"""Seconds that the copy is waited for when nothing else is left to draw; then its figures are drawn here."""
 
 
 def can_share() -> bool:
@@ -40,8 +42,9 @@ def drawn_by(processes: int, draws: Sequence[Draw]) -> list[str]:
         while (number := _next(taken)) < len(draws):
             found[number] = draws[number]()
         with suppress(EOFError):  # it ended early, and so without a word
-            found |= here.recv()
-        other.join()
+            if here.poll(LONGEST):
+                found |= here.recv()
+                other.join()
     finally:
         here.close()
         if other.is_alive():

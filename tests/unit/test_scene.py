@@ -27,7 +27,7 @@ from kolsky.report.scene import (
     stills,
     write_film,
 )
-from kolsky.report.scene.fields import Solid
+from kolsky.report.scene.fields import Solid, smallest_stretch
 from kolsky.report.scene.film import chosen, write_stills
 
 SOLID = Solid(neo_hookean(1e5), VolumetricLaw(1e7), 1.1)
@@ -206,3 +206,13 @@ def test_a_process_that_cannot_render(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not REGISTRY["scene"].applies(result((1.24, 0.64)))
     assert stills.stills(result((1.24, 0.65))) is None  # one that was given up leaves nothing behind
     assert not stills._begun
+
+
+def test_the_smallest_stretch_is_the_smallest_singular_value() -> None:
+    rng = np.random.default_rng(5)
+    F = np.zeros((50, 3, 3))
+    F[:, :2, :2] = np.eye(2) + 0.4 * rng.standard_normal((50, 2, 2))
+    F[:, 2, 2] = rng.uniform(0.3, 1.8, 50)
+    expected = np.linalg.svd(F, compute_uv=False)[:, -1]
+    # A difference of squares: the root of round-off where the plane is nearly flattened.
+    np.testing.assert_allclose(smallest_stretch(F), expected, atol=1e-7)

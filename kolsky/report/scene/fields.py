@@ -42,9 +42,14 @@ class FieldKind:
 
 
 def smallest_stretch(F: FloatArray, solid: Solid | None = None) -> FloatArray:
-    """Smallest principal stretch: the largest compression of any line [-]."""
-    C = np.einsum("...ki,...kj->...ij", F, F)
-    return np.asarray(np.sqrt(np.linalg.eigvalsh(C)[..., 0]))
+    """Smallest principal stretch: the largest compression of any line [-].
+
+    The hoop's, or the smaller of the two in the meridian, whose squares are the eigenvalues of F^T F there.
+    """
+    r, y = F[..., :2, 0], F[..., :2, 1]
+    rr, yy, ry = (r**2).sum(axis=-1), (y**2).sum(axis=-1), (r * y).sum(axis=-1)
+    in_plane = 0.5 * (rr + yy) - np.hypot(0.5 * (rr - yy), ry)
+    return np.asarray(np.minimum(np.sqrt(np.maximum(in_plane, 0.0)), np.abs(F[..., 2, 2])))
 
 
 def pressure(F: FloatArray, solid: Solid | None) -> FloatArray:
