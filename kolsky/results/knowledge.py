@@ -119,7 +119,7 @@ def read_variations(file: h5py.File) -> tuple[Variation, ...]:
 
     Raises
     ------
-    kolsky.results_datasets.Refused
+    kolsky.results.datasets.Refused
         If a dataset is missing or not as it was written.
     """
     return tuple(
