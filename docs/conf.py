@@ -58,7 +58,8 @@ _OTHERS = (
 nitpick_ignore_regex = [
     ("py:.*", rf"({_OTHERS})\..*"),
     ("py:class", r"Path|tuple\[int|[a-z][a-z_ -]*"),  # words in a type: "array", "callable, optional"
-    ("py:class", r"FloatArray|NDArray|Panels|kolsky\.shots\.curve\.AnyShot"),  # an array of float64; any kind of shot
+    # Names of ours for types: arrays, the panels of a figure, any kind of shot.
+    ("py:class", r"FloatArray|NDArray|Panels|kolsky\.shots\.curve\.AnyShot"),
     ("py:class", r"(explicit|doe|dic)(\.[a-z_]+)?\.[A-Z]\w*"),  # re-exported: documented where it is defined
 ]
 suppress_warnings = ["ref.python"]  # "shape" in a type is a word, not one of several attributes of that name
