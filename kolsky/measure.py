@@ -21,9 +21,9 @@ from dic.outcome import FrameOutcome
 from dic.output import ResultFileError, read_result, stored_key, write_result
 from dic.result import StereoResult
 from dic.tracking import Tracking
-from kolsky.commands.outfolder import filling
 from kolsky.errors import InputError
 from kolsky.flyer.flightreport import FlightOfSpecimen, add_to, flight_of
+from kolsky.outfolder import filling
 from kolsky.records import CentreLine, FlyerMotion
 from kolsky.shotfiles.apparatus import SpecimenSection
 from kolsky.shotfiles.pictures import DicSection, RegionSection

@@ -48,7 +48,7 @@ class IdentificationInNotebook:
         return f"Identification({self.shot!r}: {'; '.join(_answers(self))})"
 
     def _repr_html_(self: Any) -> str:
-        from kolsky.commands.printed import details
+        from kolsky.report.printed import details
 
         rows = [*details(self).items(), *(("warning", text) for text in self.warnings)]
         return html_table("; ".join(_answers(self)), rows)
@@ -130,7 +130,7 @@ def _entries(shot: ShotBase) -> list[Any]:
 
 
 def _answers(found: Identification) -> list[str]:
-    from kolsky.commands.printed import answer
+    from kolsky.report.printed import answer
 
     return [answer(estimate) for estimate in found.estimates.values()]
 

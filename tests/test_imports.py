@@ -23,6 +23,9 @@ MAY_IMPORT = {
 READERS_MAY_IMPORT = ("kolsky.records", "kolsky.errors", "kolsky.units", "kolsky.readers")
 """A reader knows one instrument format and no physics."""
 
+COMMAND_LINE = {"kolsky.commands": ("kolsky.commands", "kolsky.cli"), "kolsky.cli": ("kolsky.cli",)}
+"""Rooms of the command line, each with those that may import it."""
+
 PLOTTING = {"matplotlib", "pyvista", "vtk", "vtkmodules"}
 HEAVY = sorted({"warp", "scipy", "cv2", *PLOTTING})
 
@@ -74,6 +77,10 @@ def imports_of(source: str, module: str, *, is_package: bool = False) -> Iterato
             yield Import(node.lineno, name.value if known else "a name computed at run time")
 
 
+def _inside(module: str, room: str) -> bool:
+    return module == room or module.startswith(f"{room}.")
+
+
 def violation(module: str, target: str) -> str | None:
     """The rule that `module` breaks by importing `target`, or None."""
     package, top = module.split(".")[0], target.split(".")[0]
@@ -89,6 +96,9 @@ def violation(module: str, target: str) -> str | None:
         dic_kernel = package == "dic" and any("kernels" in part for part in module.split(".")[1:])
         if package != "explicit" and not dic_kernel:
             return "Warp belongs in explicit and in the kernels of dic"
+    for room, users in COMMAND_LINE.items():
+        if _inside(target, room) and not any(_inside(module, user) for user in users):
+            return f"{room} is the command line's: what others need of it belongs elsewhere"
     in_report = module == "kolsky.report" or module.startswith("kolsky.report.")
     if top in PLOTTING and not in_report:
         return "Matplotlib and PyVista belong in kolsky.report"
@@ -142,6 +152,9 @@ def test_every_exception_has_a_reason_and_is_used():
         ("kolsky.readers.scope", "from kolsky import apparatus"),
         ("kolsky.readers.scope", "import explicit"),
         ("kolsky.readers.scope", "import kolsky"),
+        ("kolsky.notebook", "from kolsky.commands import options"),
+        ("kolsky.report.page", "import kolsky.commands.options"),
+        ("kolsky.commands.sweep", "from kolsky.cli.shared import ShotPath"),
     ],
 )
 def test_the_checker_sees_a_violation(module, source):
@@ -156,6 +169,7 @@ def test_the_checker_sees_a_violation(module, source):
         ("dic.kernels.subset", "import warp as wp"),
         ("kolsky.report.figures.force", "import matplotlib.pyplot as plt\nfrom ... import misfit"),
         ("kolsky.readers.scope", "from kolsky.records import Recording\nfrom kolsky import records"),
+        ("kolsky.cli.sweep", "from kolsky.commands.sweep import sweep\nfrom kolsky.cli import shared"),
         ("kolsky.readers.scope", "from . import text\nfrom ..records import Recording\nimport numpy"),
     ],
 )

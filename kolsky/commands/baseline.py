@@ -7,10 +7,11 @@ from typing import Any
 from kolsky.commands import options
 from kolsky.commands.baselinetables import curve_table, in_words, summary, write_curve, write_modulus
 from kolsky.commands.baselinetests import Given, read_tests, treatment_of
-from kolsky.commands.outfolder import filling, usable_folder
 from kolsky.commands.parts import tell
 from kolsky.errors import InputError
+from kolsky.outfolder import filling, usable_folder
 from kolsky.quasistatic.baseline import Pull, baseline
+from kolsky.report.formats import FIGURES
 
 
 def make_baseline(given: Given, *, out: Path, formats: Sequence[str], as_json: bool) -> None:
@@ -22,7 +23,7 @@ def make_baseline(given: Given, *, out: Path, formats: Sequence[str], as_json: b
         If a declaration or a file cannot be used, or the results cannot be written.
     """
     for name in formats:
-        options.one_of("--figures", name, options.FIGURES)
+        options.one_of("--figures", name, FIGURES)
     if out.suffix != ".csv":
         raise InputError(options.COMMAND_LINE, "is no table", key="--out", value=str(out), allowed="FILE.csv")
     folder = usable_folder(out.parent)

@@ -9,11 +9,13 @@ from typing import Any
 from dic.calibration import Calibration
 from dic.camera_files import FORMATS, CameraFileError, write_rig
 from dic.cells import text_cell
-from kolsky.commands import options, printed
-from kolsky.commands.outfolder import filling, usable_folder
+from kolsky.commands import options
 from kolsky.commands.parts import tell
 from kolsky.errors import InputError
+from kolsky.outfolder import filling, usable_folder
 from kolsky.progress import bars
+from kolsky.report.calibrationsummary import summary, warnings
+from kolsky.report.formats import FIGURES
 from kolsky.shotfiles.calibration import read_calibration_toml
 from kolsky.shots.rig import calibration_of
 from kolsky.threads import opencv_alone
@@ -50,7 +52,7 @@ def calibrate(
     for name in exports:
         options.one_of("--export", name, tuple(known))
     for name in formats:
-        options.one_of("--figures", name, options.FIGURES)
+        options.one_of("--figures", name, FIGURES)
     toml, section = read_calibration_toml(source)
     folder = usable_folder(out or toml.path.parent / "results")
     with bars() as progress, opencv_alone():
@@ -83,52 +85,6 @@ def calibrate(
     )
 
 
-def summary(found: Calibration) -> dict[str, str]:
-    """A name and a value for each line of the table."""
-    checks, sigma = found.checks, found.sigma
-    used = sum(pair.outcome.used for pair in found.pairs)
-    rows = {
-        "pairs used": f"{used} of {len(found.pairs)}",
-        "residual, rms": f"{checks.fit_rms:.4f} px ({found.unit:.3g} times the pictures' noise)",
-        "held-out pairs, rms": f"{checks.held_out_rms:.4f} px"
-        if checks.held_out_rms > 0
-        else "too few pairs",
-        "distances on the target": f"{1e6 * (checks.distance_ratio - 1.0):+.1f} ppm, points off by "
-        f"{1e6 * checks.distance_rms:.2f} um rms",
-        "clustering of residuals": f"{found.clustering:.2f} (1: independent)",
-    }
-    for k, camera in enumerate(found.rig.cameras):
-        values = {
-            "fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy, "skew": camera.skew,
-            **dict(zip(("k1", "k2", "p1", "p2", "k3"), camera.distortion, strict=True)),
-        }  # fmt: skip
-        rows |= {
-            f"camera {k}, {name}": _measured(values[name], sigma[f"{name}{k}"], "px" if name in _PX else "")
-            for name in found.free
-        }
-    from scipy.spatial.transform import Rotation
-
-    R, t = found.rig.relative
-    angle = Rotation.from_matrix(R).magnitude()
-    rows["stereo angle"] = f"{57.29577951308232 * angle:.4f} deg"
-    rows |= {
-        f"relative {name}": _measured(1e3 * value, 1e3 * sigma[name], "mm")
-        for name, value in zip(("tx", "ty", "tz"), t, strict=True)
-    }
-    return rows
-
-
-def warnings(found: Calibration) -> list[str]:
-    """What a user must know before using it."""
-    said = [f"pair {pair.name} was left out: {pair.reason}. {pair.outcome.cure}" for pair in found.rejected]
-    if found.clustering > 2.0:
-        said.append(
-            f"residuals of a picture hang together (factor {found.clustering:.1f} on variances): the target "
-            "may be bent or misprinted, or the lens model too simple; sigmas are enlarged accordingly"
-        )
-    return [*said, *found.advice]
-
-
 def as_object(found: Calibration) -> dict[str, Any]:
     """The calibration as one JSON object, in SI and px."""
     R, t = found.rig.relative
@@ -156,9 +112,6 @@ def as_object(found: Calibration) -> dict[str, Any]:
     }
 
 
-_PX = ("fx", "fy", "cx", "cy", "skew")
-
-
 def _pairs(found: Calibration) -> list[str]:
     """A line for each pair: residuals of the two cameras, and what became of it."""
     lines = ["  pair        camera 0    camera 1    points"]
@@ -168,13 +121,6 @@ def _pairs(found: Calibration) -> list[str]:
         word = "" if pair.outcome.value == 0 else f"  {pair.outcome.name.lower().replace('_', ' ')}"
         lines.append(f"  {pair.name:<8}{rms[0]}{rms[1]}  {points}{word}")
     return lines
-
-
-def _measured(value: float, sigma: float, unit: str) -> str:
-    from kolsky.report import numbers
-
-    best, uncertainty = numbers.measured(float(value), 2.0 * sigma) if sigma > 0.0 else (f"{value:.6g}", "0")
-    return printed.plain(f"{best} ± {uncertainty} {unit}".strip()) + " (k = 2)"
 
 
 def _number(value: float) -> float | None:

@@ -11,11 +11,12 @@ from dic.output.csv import MM, write_frames, write_history
 from dic.result import StereoResult
 from kolsky import dicsummary
 from kolsky.commands import options
-from kolsky.commands.outfolder import filling, usable_folder
 from kolsky.commands.parts import tell
 from kolsky.flyer import flightreport
 from kolsky.measure import RESULT_FILE, surfaces
+from kolsky.outfolder import filling, usable_folder
 from kolsky.progress import bars
+from kolsky.report.formats import FIGURES
 from kolsky.shots import load_pictures
 
 
@@ -56,7 +57,7 @@ def correlate(
     """
     started = perf_counter()
     for name in formats:
-        options.one_of("--figures", name, options.FIGURES)
+        options.one_of("--figures", name, FIGURES)
     loaded = load_pictures(shot)
     folder = usable_folder(out or loaded.folder / "results")
     with bars() as progress:

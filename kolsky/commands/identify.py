@@ -6,10 +6,12 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from kolsky.commands import options, printed
-from kolsky.commands.outfolder import filling
+from kolsky.commands import options
 from kolsky.commands.parts import Arithmetic, load, since, tell, usable
+from kolsky.outfolder import filling
 from kolsky.progress import bars
+from kolsky.report import printed
+from kolsky.report.formats import FIGURES
 from kolsky.shots import Shot
 
 
@@ -34,7 +36,7 @@ def identify(
     started = perf_counter()
     options.finer("--refined-mesh", refined_mesh, "--mesh", mesh)
     for name in formats:
-        options.one_of("--figures", name, options.FIGURES)
+        options.one_of("--figures", name, FIGURES)
     options.one_of("--methods", methods, ("surrogate", "all"))
     options.one_of("--pull", pull, ("first", "conditioned"))
     options.apart("--free", free, "--parameter", held)

@@ -8,16 +8,17 @@ from time import perf_counter
 from kolsky.atomic import replacing
 from kolsky.commands import options
 from kolsky.commands.materialfiles import Columns, read_tests
-from kolsky.commands.outfolder import filling, usable_folder
 from kolsky.commands.parts import since, tell
 from kolsky.csvtable import write_table
 from kolsky.errors import InputError
+from kolsky.outfolder import filling, usable_folder
 from kolsky.progress import bars
 from kolsky.quasistatic.compare import Comparison, candidates, compare
 from kolsky.quasistatic.fits import FitOutcome
 from kolsky.quasistatic.residuals import Weighting
 from kolsky.quasistatic.tables import as_json as to_json
 from kolsky.quasistatic.tables import failure, tables
+from kolsky.report.formats import FIGURES
 
 __all__ = ["Columns", "fit_laws"]
 
@@ -64,7 +65,7 @@ def fit_laws(
     """
     started = perf_counter()
     for name in formats:
-        options.one_of("--figures", name, options.FIGURES)
+        options.one_of("--figures", name, FIGURES)
     options.one_of("--weighting", weighting, tuple(kind.value for kind in Weighting))
     try:
         tried = candidates(laws)

@@ -19,8 +19,6 @@ DESIGNS = (
     "d-optimal",
     "csv",
 )
-FIGURES = ("pdf", "svg", "png", "csv")
-"""Formats of a figure saved alone; csv is the data that it shows."""
 MOST_RUNS = 1_000_000
 """Most runs of a sweep; their histories must fit into memory."""
 

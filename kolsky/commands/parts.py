@@ -12,10 +12,11 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from kolsky.commands import options, printed
-from kolsky.commands.outfolder import usable_folder
+from kolsky.commands import options
 from kolsky.errors import InputError
+from kolsky.outfolder import usable_folder
 from kolsky.progress import bars
+from kolsky.report import printed
 from kolsky.shots import Measured, Shot, folder_of, load_shot
 from kolsky.shots.pictures import Seen
 

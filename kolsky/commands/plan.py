@@ -8,10 +8,11 @@ from time import perf_counter
 from typing import Any
 
 from kolsky.commands import options
-from kolsky.commands.outfolder import filling
 from kolsky.commands.parts import Arithmetic, load, since, tell, usable
 from kolsky.errors import InputError
+from kolsky.outfolder import filling
 from kolsky.progress import bars
+from kolsky.report.formats import FIGURES
 from kolsky.units import UnitError, quantity
 
 
@@ -103,7 +104,7 @@ def plan(
     """
     started = perf_counter()
     for name in formats:
-        options.one_of("--figures", name, options.FIGURES)
+        options.one_of("--figures", name, FIGURES)
     options.one_of("--discrepancy", wishes.discrepancy, ("mesh", "none"))
     changes = wishes.changes()
     names = tuple(options.ranges("--free", [_bare(name) for name in free])) if free else None

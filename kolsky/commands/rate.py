@@ -6,16 +6,17 @@ from time import perf_counter
 from typing import Any
 
 from kolsky.commands import options
-from kolsky.commands.outfolder import filling, usable_folder
 from kolsky.commands.parts import tell
-from kolsky.commands.printed import plain
 from kolsky.errors import InputError
+from kolsky.outfolder import filling, usable_folder
 from kolsky.progress import bars
 from kolsky.rates.collect import collected_shot, declarations, group_key, group_of, result_of
 from kolsky.rates.comparison import compare
 from kolsky.rates.output import summary, write_csv, write_hdf5
 from kolsky.rates.records import GroupRates, RateReport
 from kolsky.report import numbers
+from kolsky.report.formats import FIGURES
+from kolsky.report.printed import plain
 from kolsky.shots import Shot, folder_of
 
 
@@ -58,7 +59,7 @@ def rate(
     """
     started = perf_counter()
     for name in formats:
-        options.one_of("--figures", name, options.FIGURES)
+        options.one_of("--figures", name, FIGURES)
     folder = usable_folder(out)
     files = [declarations(shot)[0] for shot in shots]  # bad input is refused before any work
     key = group_key(files, group or None)

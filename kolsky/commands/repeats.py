@@ -4,11 +4,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from kolsky.commands import options
-from kolsky.commands.outfolder import filling, usable_folder
 from kolsky.commands.parts import tell
 from kolsky.csvtable import write_table
 from kolsky.errors import InputError
+from kolsky.outfolder import filling, usable_folder
 from kolsky.progress import bars
+from kolsky.report.formats import FIGURES
 from kolsky.shots import folder_of
 from kolsky.shots.bars import load_waves
 from kolsky.waves.chain import analyse
@@ -38,7 +39,7 @@ def repeats(shots: Sequence[Path], *, out: Path, formats: Sequence[str], as_json
         If there are fewer than two shots, two have one name, or one cannot be used or results written.
     """
     for name in formats:
-        options.one_of("--figures", name, options.FIGURES)
+        options.one_of("--figures", name, FIGURES)
     if len(shots) < FEWEST:
         raise InputError(
             options.COMMAND_LINE,

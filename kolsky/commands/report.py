@@ -6,9 +6,10 @@ from time import perf_counter
 from typing import Any
 
 from kolsky.commands import options
-from kolsky.commands.outfolder import filling
 from kolsky.commands.parts import load, since, tell, usable
 from kolsky.errors import InputError
+from kolsky.outfolder import filling
+from kolsky.report.formats import FIGURES
 
 RESULT_FILE = "identification.h5"
 PAGE = "report.html"
@@ -35,7 +36,7 @@ def report(shot: Path, *, out: Path | None, formats: Sequence[str], as_json: boo
     """
     started = perf_counter()
     for name in formats:
-        options.one_of("--figures", name, options.FIGURES)
+        options.one_of("--figures", name, FIGURES)
     from kolsky.recorded import recorded
     from kolsky.results import read_identification
 
@@ -62,13 +63,13 @@ def write_page(
     Parameters
     ----------
     folder
-        An empty folder of `kolsky.commands.outfolder.filling`.
+        An empty folder of `kolsky.outfolder.filling`.
     found
         The identification.
     recordings
         What the shot's own files show, a `kolsky.recorded.Recorded`.
     formats
-        Any of `kolsky.commands.options.FIGURES`.
+        Any of `kolsky.report.formats.FIGURES`.
     processes
         How many draw, 1 or 2; see `kolsky.report.sidebyside.drawn_by`.
     """

@@ -5,9 +5,9 @@ from pathlib import Path
 from time import perf_counter
 
 from kolsky.commands import options
-from kolsky.commands.outfolder import filling
 from kolsky.commands.parts import Arithmetic, failure, load, since, tell, usable
 from kolsky.errors import InputError
+from kolsky.outfolder import filling
 from kolsky.progress import bars
 
 

@@ -7,11 +7,12 @@ from time import perf_counter
 
 from kolsky.commands import options
 from kolsky.commands.designchoice import DesignChoice
-from kolsky.commands.outfolder import filling
 from kolsky.commands.parts import Arithmetic, load, since, tell, usable
 from kolsky.commands.sweeprecords import Records
 from kolsky.commands.workers import Workers
+from kolsky.outfolder import filling
 from kolsky.progress import paced
+from kolsky.report.formats import FIGURES
 
 
 def sweep(
@@ -30,7 +31,7 @@ def sweep(
     """`kolsky sweep`."""
     started = perf_counter()
     for name in formats:
-        options.one_of("--figures", name, options.FIGURES)
+        options.one_of("--figures", name, FIGURES)
     chosen = choice.design()
     options.apart("--points" if choice.points else "--vary", chosen.box.names, "--parameter", held)
     points = records.part(chosen)

@@ -5,10 +5,11 @@ from pathlib import Path
 from time import perf_counter
 
 from kolsky.commands import options
-from kolsky.commands.outfolder import filling, usable_folder
 from kolsky.commands.parts import tell
 from kolsky.errors import InputError
+from kolsky.outfolder import filling, usable_folder
 from kolsky.progress import bars
+from kolsky.report.formats import FIGURES
 from kolsky.shotfiles.bars import AnyFile
 from kolsky.shotfiles.reading import read_declared
 from kolsky.shots import find_shot_file, folder_of, load_shot
@@ -39,7 +40,7 @@ def waves(shot: Path, *, out: Path | None, formats: Sequence[str], as_json: bool
     """
     started = perf_counter()
     for name in formats:
-        options.one_of("--figures", name, options.FIGURES)
+        options.one_of("--figures", name, FIGURES)
     place = out or folder_of(shot) / "results"
     result = _reduced(shot, usable_folder(place))
     folder = usable_folder(place)

@@ -4,10 +4,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from kolsky.commands import options
-from kolsky.commands.outfolder import filling, usable_folder
 from kolsky.commands.parts import tell
 from kolsky.csvtable import write_table
 from kolsky.errors import InputError
+from kolsky.outfolder import filling, usable_folder
+from kolsky.report.formats import FIGURES
 from kolsky.shots import folder_of
 from kolsky.shots.bars import load_bars
 from kolsky.waves.bars_together import BarsTogether, wave_speed
@@ -36,7 +37,7 @@ def wavespeed(shot: Path, *, out: Path | None, formats: Sequence[str], as_json: 
         If the shot or its files cannot be used, or results cannot be written.
     """
     for name in formats:
-        options.one_of("--figures", name, options.FIGURES)
+        options.one_of("--figures", name, FIGURES)
     given = load_bars(shot)
     folder = usable_folder(out or folder_of(shot) / "results")
     try:

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from dic.calibration import Calibration
-from kolsky.commands import calibrate
+from kolsky.report.calibrationsummary import summary, warnings
 from kolsky.report.figures import CALIBRATION
 from kolsky.report.rendering import drawn, page, write
 
@@ -37,8 +37,8 @@ def render(name: str, found: Calibration) -> str:
         heading=name,
         subject="calibration",
         figures=drawn(CALIBRATION.values(), found),
-        rows=list(calibrate.summary(found).items()),
-        warnings=[f"{warning}." for warning in calibrate.warnings(found)],
+        rows=list(summary(found).items()),
+        warnings=[f"{warning}." for warning in warnings(found)],
         pairs=[_row(pair) for pair in found.pairs],
     )
 

@@ -11,10 +11,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from kolsky.atomic import replacing
-from kolsky.commands.options import FIGURES
 from kolsky.identification import Identification
 from kolsky.report.figuredata import write_data
 from kolsky.report.figures import REGISTRY, FigureKind
+from kolsky.report.formats import FIGURES
 from kolsky.report.shown import in_shown_units
 
 STYLE = Path(__file__).with_name("kolsky.mplstyle")

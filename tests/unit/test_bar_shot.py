@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from barrecord import ARRIVAL, END, FACTOR, SCALE, SPECIMEN, base, classical_shot, gauges, record, truth
 
-from kolsky.commands.printed import answer, details
 from kolsky.forward import Numerics
 from kolsky.identification import Verdict
 from kolsky.identify import identify
 from kolsky.prepare import prepare
 from kolsky.records import CentreLine
 from kolsky.report.page import render
+from kolsky.report.printed import answer, details
 from kolsky.results import read_identification, to_json, write_csv, write_identification
 from kolsky.settings import Settings
 from kolsky.shots.barwaves import bar_force, driven_by_waves

@@ -17,10 +17,10 @@ from test_cli_new_check import BAD, FILES, OPEN_01, ROOT, state
 from typer.testing import CliRunner
 
 from kolsky.cli import app
-from kolsky.commands import printed
-from kolsky.commands.outfolder import filling, usable_folder
 from kolsky.errors import InputError
 from kolsky.identification import Verdict
+from kolsky.outfolder import filling, usable_folder
+from kolsky.report import printed
 from kolsky.results import read_identification
 
 runner = CliRunner()

@@ -9,11 +9,11 @@ from synthetic import CHECKS, synthetic
 
 from kolsky.apparatus import Interface
 from kolsky.cautions import cautions
-from kolsky.commands.printed import details
 from kolsky.identification import Identification
 from kolsky.methods import AGREEMENT, LEAST_SQUARES, SIMPLEX, Method, disagreements
 from kolsky.report.numbers import NOTHING
 from kolsky.report.page import render
+from kolsky.report.printed import details
 from kolsky.results import read_identification, to_json, write_identification
 from kolsky.settings import Settings
 

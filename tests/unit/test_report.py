@@ -152,7 +152,7 @@ def test_saved_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_no_figures_are_loaded_before_a_report_is_written() -> None:
     code = (
-        "import sys, kolsky.report, kolsky.commands.printed; "
+        "import sys, kolsky.report, kolsky.report.printed; "
         "print({'matplotlib', 'pyvista'} & set(sys.modules))"
     )
     run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
