@@ -36,6 +36,8 @@ SMALLEST = 0.01
 """Smallest edge of a box to be halved. All of this is done on the surrogate's mesh, where runs are cheap."""
 MOST_MOVES = 4
 """Most designs on the refined mesh, each about the optimum of the last one, until it lies inside."""
+REACH = 4.0
+"""A narrow box is moved further, where a Gauss-Newton step leads: by so many of its edges at most."""
 
 
 @dataclass(frozen=True)
@@ -166,6 +168,10 @@ def _on_refined(stages: Stages, middle: FloatArray, edge: float) -> Averaged:
         if not leaves(found.x, found.surrogate.box, stages.box):
             break
         middle = found.x
+        if edge < EDGE:
+            further = found.gain @ (found.objective.data - found.model(found.x)[0])
+            reach = stages.box.around(found.x, min(2.0 * REACH * edge, 1.0))
+            middle = np.clip(found.x + further, reach.lower, reach.upper)
     return found
 
 
