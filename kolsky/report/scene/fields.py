@@ -49,6 +49,7 @@ def smallest_stretch(F: FloatArray, solid: Solid | None = None) -> FloatArray:
     r, y = F[..., :2, 0], F[..., :2, 1]
     rr, yy, ry = (r**2).sum(axis=-1), (y**2).sum(axis=-1), (r * y).sum(axis=-1)
     in_plane = 0.5 * (rr + yy) - np.hypot(0.5 * (rr - yy), ry)
+    # Below zero only by round-off, where an element is flattened.
     return np.asarray(np.minimum(np.sqrt(np.maximum(in_plane, 0.0)), np.abs(F[..., 2, 2])))
 
 
