@@ -1,0 +1,9 @@
+"""From two series of pictures and their cameras to surfaces: the whole way.
+
+`stages.measure` has its stages in the order of the work; each is a module beside it.
+"""
+
+from dic.chain.settings import DIRECTIONS, ChainError, ChainSettings
+from dic.chain.stages import VERSION, measure
+
+__all__ = ["DIRECTIONS", "VERSION", "ChainError", "ChainSettings", "measure"]

@@ -1,0 +1,140 @@
+"""The stages in the order of the work. The flyer's run beside the specimen's, on a thread of their own."""
+
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic import remarks
+from dic.bodies import Progress, Region
+from dic.camera import StereoRig
+from dic.chain.clock import Clock
+from dic.chain.facts import facts_of, speckles_of
+from dic.chain.following import follow_flyer, follow_specimen, poses_of, travel_of
+from dic.chain.gating import between_ends, near_epipolar_lines, on_surface
+from dic.chain.looking import check_cameras, look
+from dic.chain.placing import place
+from dic.chain.settings import ChainError, ChainSettings
+from dic.chain.surface import outline_of, strains_of, surface_of, surface_of_flyer
+from dic.images import Pictures
+from dic.noise import noise_floor
+from dic.result import StereoResult
+from dic.setup_check import check_setup
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+VERSION = 9
+"""Raised when the same pictures and settings give other numbers: results kept from before are made
+anew."""
+
+
+def measure(
+    pictures: tuple[Pictures, Pictures],
+    rig: StereoRig,
+    settings: ChainSettings,
+    *,
+    t: FloatArray,
+    static: BoolArray,
+    specimen: Region,
+    flyer: Region | None = None,
+    facts: Mapping[str, Any] | None = None,
+    progress: Progress | None = None,
+) -> StereoResult:
+    """Surfaces, outline and the flyer's travel from two series of pictures.
+
+    Parameters
+    ----------
+    pictures
+        The series of camera 0 and camera 1, frame by frame at the same times.
+    rig
+        The cameras, for pictures with the crop of the series (`StereoRig.cropped`).
+    settings
+        What to measure, and how.
+    t
+        Frame times [s], shape [n_frames].
+    static
+        Frames in which specimen and flyer rest, shape [n_frames].
+    specimen
+        Where the specimen is.
+    flyer
+        Where the flyer is; None if it is not to be measured.
+    facts
+        What else is known about the pictures, for the reporting table.
+    progress
+        Told of the frames done, stage by stage.
+
+    Returns
+    -------
+    StereoResult
+        A frame or point that failed has an outcome in it; nothing is left out in silence.
+
+    Raises
+    ------
+    ChainError
+        If nothing can be measured: no usable static frame, no point matched between the cameras, points that
+        lie on no cylinder.
+    """
+    clock = Clock()
+    given = clock("look at the pictures", lambda: look(pictures, rig, settings, t=t, static=static))
+    findings = clock("cameras", lambda: check_cameras(given, specimen))
+    with ThreadPoolExecutor(1) as beside:  # the flyer's work waits for the specimen in two places only
+        flying_later = None
+        if flyer is not None:
+            flying_later = beside.submit(clock, "flyer", partial(follow_flyer, given, flyer, progress))
+        try:
+            followed = clock("specimen", lambda: follow_specimen(given, specimen, progress))
+            placed = clock("test frame", lambda: place(given, followed))
+        except ChainError as error:
+            said = [*(f"{f.what} ({f.cure})" for f in findings), str(error)]
+            raise ChainError("; ".join(said)) from error
+        placement, rest = placed.placement, placed.rest
+        flying = None if flying_later is None else flying_later.result()
+        travel_later = beside.submit(clock, "flyer's travel", lambda: travel_of(given, flying, placement))
+        in_time = clock("steps of the cameras", lambda: check_setup(rig, *followed.reconstruction.pixels))
+        body = near_epipolar_lines(given, followed, placed)
+        flyer_surface = surface_of_flyer(given, flying, placement)
+        travel = travel_later.result()
+        motion_later = beside.submit(
+            clock, "flyer's poses", lambda: poses_of(given, flying, placement, travel)
+        )
+        body = on_surface(between_ends(given, body, placed, travel), placed)
+        surface, left_out = surface_of(given, body, placement, rest)
+        centre, uncertain = outline_of(surface, settings)
+        strain = clock("strains", lambda: strains_of(surface, settings))
+        motion, unposed = motion_later.result()
+    found = {finding.fault: finding for finding in (*in_time, *findings)}
+    return StereoResult(
+        t=t,
+        frames=given.health,
+        static=static,
+        specimen=surface,
+        flyer=flyer_surface,
+        travel=travel,
+        centre=centre,
+        strain=strain,
+        placement=placement,
+        noise=noise_floor(surface.surface, static),
+        remarks=(
+            *remarks.of_findings(found.values()),
+            *remarks.of_edge(placed.edges),
+            *remarks.of_flyer(flyer is not None, travel),
+            *unposed,
+            *remarks.of_radius(placement, settings.radius),
+            *remarks.of_missing_points(left_out),
+            *remarks.of_uncertain_rows(uncertain, settings.largest_sigma),
+            *remarks.of_frames(given.health),
+            *remarks.of_material(followed, specimen),
+        ),
+        rig=rig,
+        facts={
+            **(facts or {}),
+            **facts_of(given),
+            "speckle": clock("speckles", lambda: speckles_of(given, surface, rest)),
+        },
+        seconds=clock.seconds,
+        motion=motion,
+    )
