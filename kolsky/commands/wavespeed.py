@@ -12,8 +12,9 @@ from kolsky.report.formats import FIGURES
 from kolsky.shots import folder_of
 from kolsky.shots.bars import load_bars
 from kolsky.waves.bars_together import BarsTogether, wave_speed
-from kolsky.waves.chain import SIDES, station_of
+from kolsky.waves.inputs import SIDES
 from kolsky.waves.records import BarSignal
+from kolsky.waves.variedtest import station_of
 from kolsky.waves.windows import averaging_time, incident_arrival
 
 

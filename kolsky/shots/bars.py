@@ -15,7 +15,7 @@ from kolsky.shotfiles.reading import TomlFile, read_declared
 from kolsky.shots.find import find_shot_file
 from kolsky.waves.audit import Switches
 from kolsky.waves.bridge import Bridge, Calibration, Linear
-from kolsky.waves.chain import FAR, SIDES, StationInput, WavesInput
+from kolsky.waves.inputs import FAR, SIDES, StationInput, WavesInput
 from kolsky.waves.polymer_waveguide import PronyModulus
 from kolsky.waves.records import Windows
 from kolsky.waves.shunt import Shunt, with_shunt

@@ -1,7 +1,7 @@
 """The numbers that a reduction is quoted by: their budget, the record's facts, what has to be said."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -10,14 +10,12 @@ from kolsky.waves.arrival import Arrival
 from kolsky.waves.bridge import Bridge, Calibration
 from kolsky.waves.budget import Budget, quoted
 from kolsky.waves.equilibrium import report_equilibrium
+from kolsky.waves.inputs import WavesInput
 from kolsky.waves.records import Reduction, Windows
 from kolsky.waves.result import BudgetTable
 from kolsky.waves.stations import Station
 from kolsky.waves.summary import Summary, mean_over, spread_of
 from kolsky.waves.windows import Reckoning
-
-if TYPE_CHECKING:
-    from kolsky.waves.chain import WavesInput
 
 WAY = "three waves"
 """The analysis whose numbers are quoted."""
@@ -109,7 +107,7 @@ def facts(
 
 
 def remarks(
-    reduction: Reduction, budget: Budget, seen: tuple[Reckoning, Reckoning], given: "WavesInput"
+    reduction: Reduction, budget: Budget, seen: tuple[Reckoning, Reckoning], given: WavesInput
 ) -> list[str]:
     """What must be known before the numbers are used, each with its cure."""
     found = []

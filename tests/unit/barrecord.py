@@ -14,7 +14,7 @@ from kolsky.shots import ModelSettings, Shot, ShotBase
 from kolsky.shots.barforce import BarForce
 from kolsky.shots.barwaves import bar_force, driven_by_waves
 from kolsky.waves.bridge import Linear
-from kolsky.waves.chain import StationInput, WavesInput
+from kolsky.waves.inputs import StationInput, WavesInput
 from kolsky.waves.records import FaceWaves, History, Reduction
 
 BAR = Bar(diameter=12.7e-3, length=1.5, youngs_modulus=70e9, density=2700.0)
