@@ -8,7 +8,7 @@ from kolsky.apparatus import Specimen
 from kolsky.commands import options
 from kolsky.errors import InputError
 from kolsky.quasistatic.baseline import Treatment
-from kolsky.quasistatic.friction import EndFriction
+from kolsky.quasistatic.endfriction import EndFriction
 from kolsky.quasistatic.slowtest import SlowNumerics
 from kolsky.quasistatic.toe import Toe
 from kolsky.quasistatic.uniaxial import UniaxialTest

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from kolsky.apparatus import Specimen
 from kolsky.quasistatic.apparent import ApparentModulus, apparent_modulus
 from kolsky.quasistatic.band import CurveBand, mean_of_repeats, resampled
-from kolsky.quasistatic.friction import EndFriction, FrictionCorrection, correct_friction
+from kolsky.quasistatic.endfriction import EndFriction, FrictionCorrection
+from kolsky.quasistatic.friction import correct_friction
 from kolsky.quasistatic.slowtest import SlowNumerics
 from kolsky.quasistatic.toe import Begun, Toe, correct_toe
 from kolsky.quasistatic.uniaxial import UniaxialTest, loading_ramps

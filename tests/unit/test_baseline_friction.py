@@ -8,7 +8,8 @@ import pytest
 from explicit.materials import MarlowLaw, neo_hookean
 from kolsky.apparatus import Specimen
 from kolsky.quasistatic.band import CurveBand
-from kolsky.quasistatic.friction import EndFriction, correct_friction
+from kolsky.quasistatic.endfriction import EndFriction
+from kolsky.quasistatic.friction import correct_friction
 from kolsky.quasistatic.slowtest import SlowNumerics, slow_tests
 
 REFERENCE = Path(__file__).resolve().parents[1] / "reference"

@@ -12,7 +12,7 @@ from kolsky.identification import Estimate
 from kolsky.identify import identify
 from kolsky.quasistatic.band import CurveBand
 from kolsky.quasistatic.baseline import Baseline, Treatment, baseline
-from kolsky.quasistatic.friction import EndFriction
+from kolsky.quasistatic.endfriction import EndFriction
 from kolsky.quasistatic.slowtest import SlowNumerics, slow_tests
 from kolsky.quasistatic.uniaxial import UniaxialTest
 from kolsky.records import MaterialCurve

@@ -7,7 +7,8 @@ from baseline_on_shot import SETTINGS, SPECIMENS, bonded_tests, stiffness
 
 from kolsky.apparatus import Specimen
 from kolsky.quasistatic.band import CurveBand
-from kolsky.quasistatic.friction import EndFriction, FrictionCorrection, correct_friction
+from kolsky.quasistatic.endfriction import EndFriction, FrictionCorrection
+from kolsky.quasistatic.friction import correct_friction
 from kolsky.quasistatic.slowtest import SlowNumerics
 from kolsky.report.canvas import save_figures
 from kolsky.report.figures import BASELINES
