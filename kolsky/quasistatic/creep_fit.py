@@ -46,7 +46,7 @@ class CreepFit:
 
     @property
     def aic(self) -> float:
-        """Akaike's criterion [-], to compare with `kolsky.quasistatic.viscoelastic.RateFit.aic`."""
+        """Akaike's criterion [-], to compare with `kolsky.quasistatic.ratefit.RateFit.aic`."""
         return self.chi_square + 2.0 * len(NAMES)
 
 

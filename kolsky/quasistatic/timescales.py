@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kolsky.quasistatic.rate_evidence import DynamicTest, HistoryTest
-from kolsky.quasistatic.viscoelastic import RateFit
+from kolsky.quasistatic.ratefit import RateFit
 
 FloatArray = NDArray[np.float64]
 

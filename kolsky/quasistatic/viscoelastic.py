@@ -6,133 +6,16 @@ evaluated in one batch, which suits evidence that is expensive one by one, such 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
-from explicit.relaxation import PronySeries
+from kolsky.quasistatic.pronyproblem import PronyProblem, logs_of
 from kolsky.quasistatic.rate_evidence import Evidence, RateModel
-
-FloatArray = NDArray[np.float64]
-
-STRENGTHS = (1e-4, 1e3)
-"""Allowed strengths of a branch [-]: below, no evidence knows it from none."""
-FACTORS = (1e-3, 1e3)
-"""Allowed factors on the long-term law [-]."""
-BEYOND = 10.0
-"""How far outside the evidence's own time scales a relaxation time may lie [-]."""
-FACTOR_GRID = (0.4, 2.5, 32)
-"""Factors that a search without branches begins among: first, last and how many."""
-GRID = (0.1, 0.5, 2.0)
-"""Strengths a further branch is looked for with [-]."""
-GRID_TIMES = 7
-"""Relaxation times it is looked for at."""
-REFUSED = 1e6
-"""Residual of every value of a model that cannot be simulated [-]."""
-DIFFERENCE = 1e-2
-"""Half of the central difference in a logarithm: its error is of the square, 1e-4, and a node that lands on a
-platen on one side of it alone, which is a jump, weighs little."""
-SIGNIFICANT = 0.01
-"""Probability below which chance does not explain what a branch improves."""
-
-
-@dataclass(frozen=True)
-class RateFit:
-    """A fitted rate model."""
-
-    model: RateModel
-    """The best model; branches in order of ascending relaxation time."""
-    names: tuple[str, ...]
-    """Names of the free parameters: "factor", "strength 1" and so on."""
-    values: FloatArray
-    """Their values, shape [n_parameters]."""
-    covariance: FloatArray
-    """Covariance of their logarithms, already widened by `scatter` [-], shape [n_parameters] * 2."""
-    chi_square: float
-    """Weighted sum of squared residuals [-]."""
-    n_data: int
-    """Values with a finite sigma."""
-    residuals: tuple[FloatArray, ...]
-    """(predicted - measured) / sigma of each evidence [-]."""
-    at_bound: tuple[str, ...]
-    """Parameters that ended at the end of their range: the evidence does not determine them."""
-
-    @property
-    def scatter(self) -> float:
-        """max(1, chi_square / degrees of freedom) [-]: what the covariance is widened by (Birge)."""
-        free = self.n_data - len(self.values)
-        return max(1.0, self.chi_square / free) if free > 0 else 1.0
-
-    @property
-    def aic(self) -> float:
-        """Akaike's criterion, chi_square + 2 n_parameters [-]."""
-        return self.chi_square + 2.0 * len(self.values)
-
-    @property
-    def bic(self) -> float:
-        """Bayesian criterion, chi_square + n_parameters log(n_data) [-]."""
-        return self.chi_square + len(self.values) * float(np.log(self.n_data))
-
-    def interval(self, name: str, *, coverage_factor: float = 2.0) -> tuple[float, float]:
-        """Interval of a parameter, from the covariance of the logarithms.
-
-        Raises
-        ------
-        ValueError
-            If the fit has no such parameter.
-        """
-        if name not in self.names:
-            raise ValueError(f"parameter must be one of {', '.join(self.names)}, got {name!r}")
-        k = self.names.index(name)
-        spread = float(np.exp(coverage_factor * np.sqrt(self.covariance[k, k])))
-        return float(self.values[k] / spread), float(self.values[k] * spread)
-
-
-@dataclass(frozen=True)
-class RateVerdict:
-    """How many branches the evidence asks for."""
-
-    fits: tuple[RateFit, ...]
-    """The fits with 0, 1, 2, ... branches."""
-    probabilities: tuple[float, ...]
-    """Of each further branch: the probability that noise alone improves chi-square by so much [-].
-    Two parameters come with a branch and the time means nothing without the strength, so chi-square with two
-    degrees of freedom is used; improvements are divided by the scatter of the richest fit."""
-
-    @property
-    def branches(self) -> int:
-        """Branches that are asked for one after the other: each significant, with a lower AIC, and none of
-        its parameters at the end of its range."""
-        count = 0
-        for k, probability in enumerate(self.probabilities, start=1):
-            fit, before = self.fits[k], self.fits[k - 1]
-            if probability >= SIGNIFICANT or fit.aic >= before.aic or fit.at_bound:
-                break
-            count = k
-        return count
-
-    @property
-    def fit(self) -> RateFit:
-        """The fit with as many branches."""
-        return self.fits[self.branches]
-
-    @property
-    def sentence(self) -> str:
-        """The verdict in words."""
-        if len(self.fits) == 1:
-            return "no branch was tried"
-        k = self.branches
-        if k == 0:
-            fit, p = self.fits[1], self.probabilities[0]
-            why = f"at the end of its range: {', '.join(fit.at_bound)}" if fit.at_bound else _chance(p)
-            return f"the data do not ask for rate dependence ({why}, AIC {fit.aic - self.fits[0].aic:+.1f})"
-        p, gain = self.probabilities[k - 1], self.fits[k].aic - self.fits[k - 1].aic
-        return f"the data ask for {k} branch{'es' if k > 1 else ''} ({_chance(p)}, AIC {gain:+.1f})"
+from kolsky.quasistatic.ratefit import RateFit, RateVerdict
 
 
 def fit_prony(
@@ -173,7 +56,7 @@ def fit_prony(
         raise ValueError("a fit needs evidence, got none")
     if n_branches < 0:
         raise ValueError(f"n_branches must be >= 0, got {n_branches}")
-    problem = _Problem(law, tuple(evidence))
+    problem = PronyProblem(law, tuple(evidence))
     n_data, n_free = int(problem.known.sum()), 1 + 2 * n_branches
     if n_data <= n_free:
         raise ValueError(f"{n_free} parameters need more than {n_free} measured values, got {n_data}")
@@ -185,13 +68,13 @@ def fit_prony(
         )
     if len(start.series) > n_branches:
         raise ValueError(f"the start has {len(start.series)} branches, {n_branches} are asked for")
-    x = _logs(start)
+    x = logs_of(start)
     while len(x) < n_free:
         x = problem.extended(x)
     lower, upper = problem.bounds(n_branches)
     starts = [x]
     if len(start.series) < n_branches:
-        starts.append(problem.idle(_logs(start), n_branches))  # more branches are never worse than fewer
+        starts.append(problem.idle(logs_of(start), n_branches))  # more branches are never worse than fewer
     searches = [
         least_squares(
             problem.residuals,
@@ -223,114 +106,3 @@ def branches_asked_for(
     scatter = fits[-1].scatter
     gains = [max(a.chi_square - b.chi_square, 0.0) / scatter for a, b in pairwise(fits)]
     return RateVerdict(tuple(fits), tuple(float(chi2.sf(gain, 2)) for gain in gains))
-
-
-@dataclass(frozen=True)
-class _Problem:
-    """Residuals of all the evidence as functions of the logarithms (factor, strengths, times)."""
-
-    law: Any
-    evidence: tuple[Evidence, ...]
-
-    @property
-    def known(self) -> NDArray[np.bool_]:
-        return np.concatenate([np.isfinite(e.sigma) for e in self.evidence])
-
-    def of_many(self, points: FloatArray) -> FloatArray:
-        """Residuals of each row of logarithms, shape [n_points, n_data]."""
-        models = [_model(x) for x in points]
-        parts = [(e.predict(self.law, models) - e.values) / e.sigma for e in self.evidence]
-        return np.concatenate(parts, axis=1)[:, self.known]
-
-    def residuals(self, x: FloatArray) -> FloatArray:
-        rows = self.of_many(x[None])[0]
-        # A model that cannot be simulated is worse than any that can: the search turns back.
-        return rows if np.isfinite(rows).all() else np.full_like(rows, REFUSED)
-
-    def jacobian(self, x: FloatArray) -> FloatArray:
-        shifts = DIFFERENCE * np.eye(len(x))
-        both = self.of_many(np.concatenate([x + shifts, x - shifts]))
-        if not np.isfinite(both).all():
-            raise ValueError(
-                f"the evidence cannot be predicted beside {_model(x)}: a simulation did not complete; end "
-                "its window before the specimen is crushed"
-            )
-        return np.asarray((both[: len(x)] - both[len(x) :]).T / (2.0 * DIFFERENCE))
-
-    def bounds(self, n_branches: int) -> tuple[FloatArray, FloatArray]:
-        scales = [e.time_scales for e in self.evidence]
-        times = min(s[0] for s in scales) / BEYOND, max(s[1] for s in scales) * BEYOND
-        rows = [FACTORS, *[STRENGTHS] * n_branches, *[times] * n_branches]
-        lower, upper = np.log(np.array(rows)).T
-        return lower, upper
-
-    def scaled(self) -> RateModel:
-        """The best factor of a grid, without branches: waves give a shot more than one valley."""
-        grid = np.log(np.geomspace(*FACTOR_GRID))[:, None]
-        return _model(grid[self.best(grid)])
-
-    def best(self, points: FloatArray) -> int:
-        """Which row of logarithms has the least sum of squares; none that cannot be simulated."""
-        squares = (self.of_many(points) ** 2).sum(axis=1)
-        return int(np.argmin(np.where(np.isfinite(squares), squares, np.inf)))
-
-    def extended(self, x: FloatArray) -> FloatArray:
-        """With one more branch: the best of a grid."""
-        n = len(x) // 2
-        lower, upper = self.bounds(n + 1)
-        times = np.linspace(lower[-1] + np.log(BEYOND), upper[-1] - np.log(BEYOND), GRID_TIMES)
-        points = []
-        for strength in GRID:
-            for time in times:
-                # the long-term law gives way to the branch, so that their mean stays
-                factor = x[0] - 0.5 * np.log1p(strength)
-                points.append([factor, *x[1 : n + 1], np.log(strength), *x[n + 1 :], time])
-        grid = np.array(points)
-        return np.asarray(grid[self.best(grid)])
-
-    def idle(self, x: FloatArray, n_branches: int) -> FloatArray:
-        """With more branches, of the least strength."""
-        n = len(x) // 2
-        more = n_branches - n
-        lower, upper = self.bounds(n_branches)
-        times = np.full(more, 0.5 * (lower[-1] + upper[-1]))
-        return np.concatenate([x[: n + 1], np.full(more, np.log(STRENGTHS[0])), x[n + 1 :], times])
-
-    def fit(self, x: FloatArray, jacobian: FloatArray, lower: FloatArray, upper: FloatArray) -> RateFit:
-        n = len(x) // 2
-        order = np.argsort(x[n + 1 :])
-        kept = np.concatenate([[0], 1 + order, 1 + n + order]).astype(int)
-        ends = (x - lower < 1e-3) | (upper - x < 1e-3)
-        x, jacobian, ends = x[kept], jacobian[:, kept], ends[kept]
-        names = ("factor", *(f"strength {k + 1}" for k in range(n)), *(f"time {k + 1}" for k in range(n)))
-        rows = self.of_many(x[None])[0]
-        chi_square, free = float(rows @ rows), len(rows) - len(x)
-        covariance = np.linalg.pinv(jacobian.T @ jacobian) * max(1.0, chi_square / free)
-        counts = [int(np.isfinite(e.sigma).sum()) for e in self.evidence]
-        return RateFit(
-            model=_model(x),
-            names=names,
-            values=np.exp(x),
-            covariance=np.asarray(covariance, dtype=np.float64),
-            chi_square=chi_square,
-            n_data=len(rows),
-            residuals=tuple(np.split(rows, np.cumsum(counts)[:-1])),
-            at_bound=tuple(name for name, end in zip(names, ends, strict=True) if end),
-        )
-
-
-def _model(x: FloatArray) -> RateModel:
-    n = len(x) // 2
-    values = np.exp(x)
-    return RateModel(
-        float(values[0]), PronySeries(tuple(values[1 : n + 1].tolist()), tuple(values[n + 1 :].tolist()))
-    )
-
-
-def _chance(probability: float) -> str:
-    return "p < 1e-99" if probability < 1e-99 else f"p = {probability:.2g}"
-
-
-def _logs(model: RateModel) -> FloatArray:
-    strengths = np.maximum(model.series.strengths, STRENGTHS[0])
-    return np.log(np.concatenate([[model.factor], strengths, model.series.times]))
