@@ -11,7 +11,7 @@ from synthetic_dic import STATIC, synthetic_result
 
 from dic.output import read_result, write_result
 from dic.output.csv import write_history
-from kolsky.cautions import _symmetry
+from kolsky.cautions.inputs import symmetry
 from kolsky.flyer import flightreport
 from kolsky.flyer.flightreport import SHARE, FlightOfSpecimen, flight_of
 from kolsky.records import Recording
@@ -110,6 +110,6 @@ def test_the_window_ends_with_symmetry(result, tmp_path):
     ended = window(toml, t, t[-1], scope, t, symmetry_end=float(t[30]))
     assert whole == (t[STATIC - 1], t[-1])
     assert ended == (t[STATIC - 1], t[29])
-    assert "where the flyer leaves" in next(_symmetry({"symmetry_end": t[30], "window_end": ended[1]}))
-    assert "end the window there" in next(_symmetry({"symmetry_end": t[30], "window_end": t[-1]}))
-    assert not list(_symmetry({"symmetry_end": np.inf, "window_end": t[-1]}))
+    assert "where the flyer leaves" in next(symmetry({"symmetry_end": t[30], "window_end": ended[1]}))
+    assert "end the window there" in next(symmetry({"symmetry_end": t[30], "window_end": t[-1]}))
+    assert not list(symmetry({"symmetry_end": np.inf, "window_end": t[-1]}))
