@@ -74,6 +74,7 @@ def run_on_gpu(plan: Plan, progress: Progress | None) -> dict[str, FloatArray]:
         )
         ends.append(stream.record_event())
     parcels = Parcels(plan.output, plan.where)
+    parcels.make_room(min(part, plan.n_samples))
     for first, end in zip(firsts, ends, strict=True):
         count = min(part, plan.n_samples - first)
         wp.synchronize_event(end)

@@ -42,6 +42,12 @@ class Parcels:
         self._emptied: list[Future[None] | None] = [None] * PIECES
         self._sent = 0
 
+    def make_room(self, count: int) -> None:
+        """Touch the memory that the first `count` simulations need, while the device is still at work: the
+        system hands it out page by page, which takes longer than to fill it."""
+        for place in self._places.values():
+            place[:count] = 0.0
+
     def send(self, first: int, count: int, after: Any) -> None:
         """Bring the histories of simulations `first` to `first + count`, once the event `after` happened."""
         self._stream.wait_event(after)

@@ -176,9 +176,18 @@ def _for_groups(snippet: str, dtype: Any) -> str:
 
 
 _FOUR = """
+#if defined(__CUDA_ARCH__)
+    const TYPE* first = (const TYPE*)row.data + place;
+    QUAD
+#else
     const TYPE* number = (const TYPE*)row.data + place;
     return wp::vec_t<4, TYPE>(number[0], number[1], number[2], number[3]);
+#endif
 """
+_QUAD = {
+    wp.float32: _LOAD[wp.float32],
+    wp.float64: _LOAD[wp.float64].replace("2 * GROUP", "2"),
+}
 _FOUR_BACKWARD = """
     if (row.grad) for (int c = 0; c < 4; ++c) wp::atomic_add((TYPE*)row.grad + place + c, adj_ret[c]);
 """
@@ -186,9 +195,13 @@ _FOUR_BACKWARD = """
 
 @cache
 def four_function(precision: Precision) -> Any:
-    """Generate ``four(row, place)``: four numbers that follow each other in a row without gaps."""
+    """Generate ``four(row, place)``: four numbers that follow each other in a row without gaps.
+
+    A GPU loads them at once: `place` and the distance of rows are multiples of four.
+    """
     real, vec4 = precision.real, precision.vec4
-    forward, backward = (text.replace("TYPE", f"wp::{real.__name__}") for text in (_FOUR, _FOUR_BACKWARD))
+    whole = _FOUR.replace("QUAD", _QUAD[real])
+    forward, backward = (text.replace("TYPE", f"wp::{real.__name__}") for text in (whole, _FOUR_BACKWARD))
 
     @wp.func_native(snippet=forward, adj_snippet=backward)
     def four(row: wp.array(dtype=real), place: int) -> vec4: ...

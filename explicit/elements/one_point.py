@@ -195,6 +195,11 @@ def element_functions(law: type, precision: Precision, bound: str, volumetric: s
         h11, h12 = wp.dot(ur, shape.gradient_r), wp.dot(ur, shape.gradient_y)
         h21, h22 = wp.dot(uy, shape.gradient_r), wp.dot(uy, shape.gradient_y)
         h33 = wp.dot(ur, shape.hoop)
+        k11, k12 = wp.dot(vr, shape.gradient_r), wp.dot(vr, shape.gradient_y)
+        k21, k22 = wp.dot(vy, shape.gradient_r), wp.dot(vy, shape.gradient_y)
+        k33 = wp.dot(vr, shape.hoop)
+        q_r, q_y = wp.dot(shape.gamma, ur), wp.dot(shape.gamma, uy)
+        p_r, p_y = wp.dot(shape.gamma, vr), wp.dot(shape.gamma, vy)
         # J - 1 from the displacement gradient keeps its digits where K multiplies it.
         plane = h11 + h22 + h11 * h22 - h12 * h21
         dilatation = plane * (one + h33) + h33
@@ -211,13 +216,14 @@ def element_functions(law: type, precision: Precision, bound: str, volumetric: s
         ry = iso * (f11 * h21 + h12 * f22)
         tt = iso * f33 * f33
         tau = law_stress(rr, yy, ry, tt, row)
+        # The inverse of F and the velocity gradient, from the rates of F.
         area = f33 * inverse
-        b_r = (f22 * area) * shape.gradient_r - (h21 * area) * shape.gradient_y
-        b_y = (f11 * area) * shape.gradient_y - (h12 * area) * shape.gradient_r
-        c = shape.hoop * ((one + plane) * inverse)
-        # Velocity gradient and the damping stress 2 eta dev D + zeta tr D.
-        d11, d22, d33 = wp.dot(vr, b_r), wp.dot(vy, b_y), wp.dot(vr, c)
-        d12 = half * (wp.dot(vr, b_y) + wp.dot(vy, b_r))
+        i11, i12, i21, i22 = f22 * area, -h12 * area, -h21 * area, f11 * area
+        i33 = (one + plane) * inverse
+        d11, d22 = k11 * i11 + k12 * i21, k21 * i12 + k22 * i22
+        d33 = k33 * i33
+        d12 = half * (k11 * i12 + k12 * i22 + k21 * i11 + k22 * i21)
+        # The damping stress 2 eta dev D + zeta tr D.
         rate = d11 + d22 + d33
         eta = two * solid.shear_viscosity * jacobian
         pressure_rate = solid.bulk_viscosity * jacobian * rate
@@ -231,18 +237,23 @@ def element_functions(law: type, precision: Precision, bound: str, volumetric: s
         t12 = solid.scale * tau[2] + s12
         t33 = solid.scale * tau[3] + pressure + s33
         # Hourglass: stiffness and viscosity of the part one point does not see.
-        q_r, q_y = wp.dot(shape.gamma, ur), wp.dot(shape.gamma, uy)
-        p_r, p_y = wp.dot(shape.gamma, vr), wp.dot(shape.gamma, vy)
         viscous_r, viscous_y = pattern_viscosity(shape, solid)
         g_r = shape.hourglass_r * solid.hourglass * q_r + viscous_r * p_r
         g_y = shape.hourglass_y * solid.hourglass * q_y + viscous_y * p_y
+        # Corner forces from the first Piola-Kirchhoff stress, so that no gradient is pushed forward.
         volume = shape.volume
-        f_r = (volume * t11) * b_r + (volume * t12) * b_y + (volume * t33) * c + g_r * shape.gamma
-        f_y = (volume * t12) * b_r + (volume * t22) * b_y + g_y * shape.gamma
+        w11, w12, w22 = volume * t11, volume * t12, volume * t22
+        f_r = (w11 * i11 + w12 * i12) * shape.gradient_r + (w11 * i21 + w12 * i22) * shape.gradient_y
+        f_r += (volume * t33 * i33) * shape.hoop + g_r * shape.gamma
+        f_y = (w12 * i11 + w22 * i12) * shape.gradient_r + (w12 * i21 + w22 * i22) * shape.gradient_y
+        f_y += g_y * shape.gamma
         power = volume * (s11 * d11 + s22 * d22 + s33 * d33 + two * s12 * d12)
         artificial = viscous_r * p_r * p_r + viscous_y * p_y * p_y
         if measure == 1 and omega_squared == zero:
             shear = shear_of(rr, yy, ry, tt, row, solid, jacobian, dilatation)
+            b_r = i11 * shape.gradient_r + i21 * shape.gradient_y
+            b_y = i12 * shape.gradient_r + i22 * shape.gradient_y
+            c = i33 * shape.hoop
             omega_squared = step_bound(shape, solid, b_r, b_y, c, jacobian, dilatation, shear)
         return f_r, f_y, omega_squared, power, artificial
 
