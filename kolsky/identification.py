@@ -28,6 +28,7 @@ class Verdict(StrEnum):
     IDENTIFIED = "identified"
     FORCE_ALONE = "identified by the force alone"
     AT_BOUND = "at a bound of the design"
+    CONDITIONAL = "only if the parameter at its bound is right"
     NOT_SEEN = "not seen by the data"
     DISAGREEING = "the check run disagrees with the surrogate"
     FAILED = "no simulation of the design completed"

@@ -36,6 +36,9 @@ def estimates(
 ) -> dict[str, Estimate]:
     """Every free parameter with its uncertainties and verdict.
 
+    Where one lies at a bound, the data ask for a value beyond it, and the others make up for what it may not
+    do: their values hold only if the bound is where that parameter is.
+
     Parameters
     ----------
     box
@@ -63,8 +66,10 @@ def estimates(
             verdict = Verdict.AT_BOUND
         elif 4.0 * total > box.upper[i] - box.lower[i]:
             verdict = Verdict.NOT_SEEN
+        elif not confirmed:
+            verdict = Verdict.DISAGREEING
         else:
-            verdict = good if confirmed else Verdict.DISAGREEING
+            verdict = Verdict.CONDITIONAL if any(bounds) else good
         found[name] = Estimate(
             name=name,
             unit=PARAMETERS[name].unit,

@@ -29,6 +29,9 @@ _VERDICTS = {
     "No outline was measured, so that the force is not checked by the shape.",
     Verdict.AT_BOUND: "The optimum lies on a bound of the design: read the value as a limit, not as an "
     "estimate. Widen the design and run again.",
+    Verdict.CONDITIONAL: "Another parameter lies on a bound of the design, and this one makes up for what it "
+    "may not do: the value and its interval hold only if that bound is right. Widen that bound, or hold that "
+    "parameter at an independent value.",
     Verdict.NOT_SEEN: "The data hardly change with this parameter: the interval says what can be "
     "excluded, the value says little. Hold it fixed at an independent value.",
     Verdict.DISAGREEING: "The simulation at the optimum does not confirm the surrogate: do not use the "
