@@ -13,10 +13,16 @@ from kolsky.report.canvas import STYLE
 
 
 def test_cycles_are_looked_for_seldom_until_the_end_or_an_error():
-    before = gc.get_threshold()
-    with pytest.raises(KeyError), collected_seldom():
-        assert gc.get_threshold() == (SELDOM, *before[1:])
+    before, within = gc.get_threshold(), []
+
+    @collected_seldom()
+    def failing():
+        within.append(gc.get_threshold())
         raise KeyError("a figure")
+
+    with pytest.raises(KeyError):
+        failing()
+    assert within == [(SELDOM, *before[1:])]
     assert gc.get_threshold() == before
 
 
