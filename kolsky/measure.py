@@ -23,6 +23,7 @@ from dic.result import StereoResult
 from dic.tracking import Tracking
 from kolsky.errors import InputError
 from kolsky.flyer.flightreport import FlightOfSpecimen, add_to, flight_of
+from kolsky.garbage import collected_seldom
 from kolsky.outfolder import filling
 from kolsky.records import CentreLine, FlyerMotion
 from kolsky.shotfiles.apparatus import SpecimenSection
@@ -87,7 +88,7 @@ def surfaces(
             return Surfaces(result=result, path=path, fresh=False, flight=flight_of(result, length))
         except ResultFileError:
             pass  # damaged since it was written: made anew
-    with opencv_alone():
+    with opencv_alone(), collected_seldom():
         result = _correlated(seen, device, progress)
     flight = flight_of(result, length)
     with filling(folder) as partial:

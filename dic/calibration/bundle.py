@@ -14,13 +14,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.calibration.projection import OWN, SHARED, Sight, derivatives, exponential, joined, seen
+from dic.calibration.projection import OWN, SHARED, Sight, derivatives, exponential, joined, poses_of, seen
 from dic.camera import PARAMETERS, Camera
 
 FloatArray = NDArray[np.float64]
 Pose = tuple[FloatArray, FloatArray]
 
 MOST_STEPS = 100
+DAMPED, HARDLY = 1e-4, 1e-12
+"""Damping of the first step, from a start somewhere near the solution and from one that is all but it."""
 ROUGH = 1e-8
 """A relative tolerance that is no less asks for no more than the way to the valley."""
 SMALL = 3
@@ -126,7 +128,14 @@ def moved(rig: Rig, shared: FloatArray, poses: Mapping[int, FloatArray]) -> Rig:
     return Rig((cameras[0], cameras[1]), new)
 
 
-def adjust(rig: Rig, sights: Iterable[Sight], columns: FloatArray, *, tolerance: float = 1e-10) -> Fit:
+def adjust(
+    rig: Rig,
+    sights: Iterable[Sight],
+    columns: FloatArray,
+    *,
+    tolerance: float = 1e-10,
+    damping: float = DAMPED,
+) -> Fit:
     """The least squares over all sights, from a start near enough.
 
     Parameters
@@ -139,6 +148,8 @@ def adjust(rig: Rig, sights: Iterable[Sight], columns: FloatArray, *, tolerance:
         What is adjusted (`free_columns`), beside the poses.
     tolerance
         Relative decrease of the sum of squares at which the search ends.
+    damping
+        Of the first step.
 
     Raises
     ------
@@ -154,8 +165,9 @@ def adjust(rig: Rig, sights: Iterable[Sight], columns: FloatArray, *, tolerance:
             f"{columns.shape[1]} parameters and {len(pairs)} poses; take more pictures, or free fewer "
             "parameters"
         )
-    damping, cost = 1e-4, _cost(rig, sights)
-    normal = _normal_equations(rig, sights, columns)
+    cameras = _by_camera(sights)
+    off, cost = _weighted(rig, cameras)
+    normal = _normal_equations(rig, cameras, columns, off)
     small = 0
     for _ in range(MOST_STEPS):
         step = _step(normal, damping)
@@ -163,13 +175,13 @@ def adjust(rig: Rig, sights: Iterable[Sight], columns: FloatArray, *, tolerance:
         if step is not None:
             try:
                 trial = moved(rig, columns @ step[0], step[1])
-                trial_cost = _cost(trial, sights)
+                off, trial_cost = _weighted(trial, cameras)
             except (ValueError, FloatingPointError):  # a focal length below zero
                 trial_cost = np.inf
         if trial_cost <= cost:
             gain = (cost - trial_cost) / max(cost, 1e-300)
             rig, cost, damping = trial, trial_cost, max(damping / 10.0, 1e-15)
-            normal = _normal_equations(rig, sights, columns)
+            normal = _normal_equations(rig, cameras, columns, off)
             small = small + 1 if gain < tolerance else 0
             if small == (SMALL if tolerance < ROUGH else 1):
                 break
@@ -202,7 +214,8 @@ def clustering(fit: Fit, sights: Iterable[Sight], columns: FloatArray) -> float:
         return 1.0
     S, pulls = np.zeros((columns.shape[1],) * 2), []
     for pair, own in views.items():
-        U, b, parts = _normal_equations(fit.rig, own, columns)
+        cameras = _by_camera(own)
+        U, b, parts = _normal_equations(fit.rig, cameras, columns, _weighted(fit.rig, cameras)[0])
         V, W, c = parts[pair]
         back = np.linalg.solve(V, np.column_stack([W.T, c]))
         S += U - W @ back[:, :-1]
@@ -213,22 +226,22 @@ def clustering(fit: Fit, sights: Iterable[Sight], columns: FloatArray) -> float:
     return total / (fit.unit**2 * columns.shape[1]) * len(pulls) / (len(pulls) - 1)
 
 
+OneCamera = tuple[list[Sight], Sight]
 Normal = tuple[FloatArray, FloatArray, dict[int, tuple[FloatArray, FloatArray, FloatArray]]]
 
 
-def _normal_equations(rig: Rig, sights: list[Sight], columns: FloatArray) -> Normal:
-    """U, its right side, and of each pair V, W and its right side."""
+def _normal_equations(
+    rig: Rig, cameras: list[OneCamera], columns: FloatArray, off: list[FloatArray]
+) -> Normal:
+    """U, its right side, and of each pair V, W and its right side; `off` is what `_weighted` says."""
     m = columns.shape[1]
     U, b = np.zeros((m, m)), np.zeros(m)
     pairs: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}
-    for own in _by_camera(sights):
-        view, R, t = joined(own, rig.poses)
-        camera = rig.cameras[view.camera]
-        shared, pose = derivatives(camera, view, R, t)
+    for (own, view), r in zip(cameras, off, strict=True):
+        shared, pose = derivatives(rig.cameras[view.camera], view, *poses_of(own, rig.poses))
         weight = np.repeat(1.0 / view.sigma, 2)[:, None]
         A = weight * (shared.reshape(-1, SHARED) @ columns)
         P = weight * pose.reshape(-1, 6)
-        r = weight[:, 0] * (view.pixels - seen(camera, view, R, t)).reshape(-1)
         U += A.T @ A
         b += A.T @ r
         last = 0
@@ -240,10 +253,10 @@ def _normal_equations(rig: Rig, sights: list[Sight], columns: FloatArray) -> Nor
     return U, b, pairs
 
 
-def _by_camera(sights: list[Sight]) -> list[list[Sight]]:
-    """The views of each camera, of those that have some."""
+def _by_camera(sights: list[Sight]) -> list[OneCamera]:
+    """The views of each camera that has some, one by one and as one."""
     parts = [[sight for sight in sights if sight.camera == camera] for camera in (0, 1)]
-    return [part for part in parts if part]
+    return [(part, joined(part)) for part in parts if part]
 
 
 def _step(normal: Normal, damping: float) -> tuple[FloatArray, dict[int, FloatArray]] | None:
@@ -292,13 +305,14 @@ def _covariances(normal: Normal, columns: FloatArray) -> tuple[FloatArray, dict[
     return columns @ C @ columns.T, poses
 
 
-def _cost(rig: Rig, sights: list[Sight]) -> float:
-    total = 0.0
-    for own in _by_camera(sights):
-        view, R, t = joined(own, rig.poses)
-        off = (view.pixels - seen(rig.cameras[view.camera], view, R, t)) / view.sigma[:, None]
-        total += float(np.sum(np.where(np.isfinite(off), off, FAR) ** 2))
-    return total
+def _weighted(rig: Rig, cameras: list[OneCamera]) -> tuple[list[FloatArray], float]:
+    """Residuals of each camera over their sigma, x and y in turn, and the sum of their squares."""
+    off, total = [], 0.0
+    for own, view in cameras:
+        expected = seen(rig.cameras[view.camera], view, *poses_of(own, rig.poses))
+        off.append(((view.pixels - expected) / view.sigma[:, None]).reshape(-1))
+        total += float(np.sum(np.where(np.isfinite(off[-1]), off[-1], FAR) ** 2))
+    return off, total
 
 
 def _orthonormal(R: FloatArray) -> FloatArray:

@@ -11,8 +11,9 @@ WINDOW, RING = 1.35, 1.85
 """The centroid is taken over this many radii of the dot, the brightness around it out to the second."""
 MARGIN = 1.5
 """Further out by this much, for the blur of the lens [px]."""
-AT_ONCE = 500_000
-"""Pixels looked at in one go: many, so that pictures in other threads get on meanwhile."""
+AT_ONCE = 60_000
+"""Pixels looked at in one go: many, so that pictures in other threads get on meanwhile, but so few that
+memory is not asked of the system for each array anew."""
 RING_PIXELS = 1000
 """Pixels around a dot that are enough for a plane; of more, every so many are taken."""
 

@@ -6,7 +6,7 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.calibration.bundle import Fit, Rig, adjust, residuals
+from dic.calibration.bundle import HARDLY, Fit, Rig, adjust, residuals
 from dic.calibration.projection import SHARED, Sight, seen
 from dic.camera import StereoRig
 from dic.stereo import triangulate
@@ -42,7 +42,8 @@ def held_out(fit: Fit, sights: Sequence[Sight], columns: FloatArray, folds: int)
     for k in range(min(folds, len(joint))):
         out = set(joint[k::folds])
         try:
-            part = adjust(fit.rig, [s for s in sights if s.pair not in out], columns, tolerance=ENOUGH)
+            kept = [s for s in sights if s.pair not in out]
+            part = adjust(fit.rig, kept, columns, tolerance=ENOUGH, damping=HARDLY)
         except ValueError:
             return float("nan")
         for pair in out:

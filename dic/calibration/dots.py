@@ -80,12 +80,15 @@ def find_dots(picture: NDArray[np.generic], *, dark: bool = True, round_dots: bo
 def _alike(outlines: list[tuple[FloatArray, bool]]) -> tuple[list[tuple[FloatArray, bool]], float]:
     """The outlines of one size, with the sum of their radii: many dots outweigh specks and a few patches."""
     radius = np.array([0.5 * np.sqrt(ellipse[2] * ellipse[3]) for ellipse, _ in outlines])
-    best, most = np.zeros(len(radius), dtype=bool), 0.0
-    for smallest in np.unique(radius):
-        rows = (radius >= smallest) & (radius <= ALIKE * smallest)
-        if radius[rows].sum() > most:
-            best, most = rows, float(radius[rows].sum())
-    return [outline for outline, kept in zip(outlines, best, strict=True) if kept], most
+    if not radius.size:
+        return [], 0.0
+    ordered = np.sort(radius)
+    total = np.concatenate([[0.0], np.cumsum(ordered)])
+    ends = np.searchsorted(ordered, ALIKE * ordered, side="right")
+    smallest = ordered[np.argmax(total[ends] - total[:-1])]
+    best = (radius >= smallest) & (radius <= ALIKE * smallest)
+    alike = [outline for outline, kept in zip(outlines, best, strict=True) if kept]
+    return alike, float(radius[best].sum())
 
 
 def _nothing() -> Dots:
@@ -101,7 +104,7 @@ def _outlines(
     if tree is None or len(contours) > MOST_DOTS:
         return []
     rows, columns = eight.shape
-    kept = []
+    numbers, found = [], []
     for k, contour in enumerate(contours):
         if tree[0, k, 3] >= 0 or len(contour) < 8:
             continue
@@ -111,24 +114,23 @@ def _outlines(
         # A patch larger than the window is filled only along its rim.
         if area < LEAST_AREA or not inside or max(w, h) > 0.7 * size:
             continue
-        ellipse = cv2.fitEllipseDirect(contour)
-        (cx, cy), (major, minor), angle = ellipse
-        major, minor = major + 1.0, minor + 1.0
-        if not np.isfinite([cx, cy, major, minor]).all() or min(major, minor) < 0.2 * max(major, minor):
-            continue
-        filled = area / (0.25 * np.pi * major * minor)
-        # A square fills more of its ellipse's outline, or less, than a disc does.
-        if not (0.9 if round_dots else 0.7) < filled < (1.1 if round_dots else 1.3):
-            continue
-        kept.append(
-            (np.array([cx, cy, major, minor, angle]), _has_hole(contours, tree[0], k, (cx, cy), area))
-        )
-    return kept
+        centre, diameters, angle = cv2.fitEllipseDirect(contour)
+        numbers.append(k)
+        found.append((*centre, *diameters, angle, area))
+    ellipses, areas = np.split(np.reshape(found, (-1, 6)), [5], axis=1)
+    ellipses[:, 2:4] += 1.0
+    narrow, wide = np.sort(ellipses[:, 2:4], axis=1).T
+    filled = areas[:, 0] / (0.25 * np.pi * narrow * wide)
+    # A square fills more of its ellipse's outline, or less, than a disc does.
+    least, most = (0.9, 1.1) if round_dots else (0.7, 1.3)
+    fine = np.isfinite(ellipses).all(axis=1) & (narrow >= 0.2 * wide) & (least < filled) & (filled < most)
+    return [
+        (ellipses[k], _has_hole(contours, tree[0], numbers[k], ellipses[k], areas[k, 0]))
+        for k in np.flatnonzero(fine)
+    ]
 
 
-def _has_hole(
-    contours: Sequence[Any], tree: NDArray[Any], k: int, centre: tuple[float, float], area: float
-) -> bool:
+def _has_hole(contours: Sequence[Any], tree: NDArray[Any], k: int, ellipse: FloatArray, area: float) -> bool:
     """Whether a child outline lies in the middle and is large enough to be meant."""
     child = tree[k, 2]
     while child >= 0:
@@ -136,7 +138,7 @@ def _has_hole(
         if len(hole) >= 4:
             middle = hole[:, 0].mean(axis=0)
             inner = max(cv2.contourArea(hole) - 0.5 * len(hole), 1.0)
-            near = np.hypot(*(middle - centre)) < 0.25 * np.sqrt(area)
+            near = np.hypot(*(middle - ellipse[:2])) < 0.25 * np.sqrt(area)
             if near and 0.015 < inner / area < 0.6:
                 return True
         child = tree[child, 0]

@@ -80,10 +80,11 @@ def _fitted(
     p[:, 2:5], p[:, 5], p[:, 6], p[:, 9] = shape, 0.8, top, 1.0 - bottom / np.maximum(top, 1e-9)
     start = p[:, :2].copy()
     normal, last = np.tile(np.eye(10), (n, 1, 1)), np.full((n, 2), np.nan)
-    rows = np.arange(n)
+    rows, room = np.arange(n), np.empty((n, p.shape[1], xx.size), dtype=np.float32)
     with np.errstate(all="ignore"):  # a dot whose fit runs away becomes NaN and is left to the caller
         for _ in range(STEPS):
-            model, J = _model(p[rows], xx, yy)
+            J = room[: len(rows)]
+            model = _model(p[rows], xx, yy, J)
             N = (J @ np.swapaxes(J, 1, 2)).astype(np.float64)
             off = (values[rows] - model).astype(np.float32)
             right = (J @ off[..., None])[..., 0].astype(np.float64)
@@ -114,8 +115,8 @@ def _scaled(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
     return normal * scale[:, :, None] * scale[:, None] + 1e-9 * np.eye(10), scale
 
 
-def _model(p: FloatArray, xx: Single, yy: Single) -> tuple[Single, Single]:
-    """Grey values, Eq. (C.3), shape [n, pixels], and their derivatives, shape [n, 10, pixels].
+def _model(p: FloatArray, xx: Single, yy: Single, J: Single) -> Single:
+    """Grey values, Eq. (C.3), shape [n, pixels]; their derivatives go to J, shape [n, 10, pixels].
 
     In fp32: a rounding of a grey value is some hundred thousandth of its noise.
     """
@@ -125,17 +126,16 @@ def _model(p: FloatArray, xx: Single, yy: Single) -> tuple[Single, Single]:
     q = np.sqrt(np.maximum(dx * mx + dy * my, 1e-12))
     slope = np.maximum(np.sqrt(mx * mx + my * my), 1e-9)
     delta = (q - 1.0) * q / slope
-    bell = np.exp(-0.5 * (delta / s) ** 2)
-    S = _upper(delta / s, bell)
+    x = delta / s
+    bell = np.exp(-0.5 * x**2)
+    S = _upper(x, bell)
     light, left = B + Bx * dx + By * dy, 1.0 - D * S
     edge = light * D * bell / (ROOT * s)  # by δ
-    model = light * left
-    J = np.empty((len(p), 10, xx.size), dtype=np.float32)
     J[:, 0], J[:, 1] = -edge * mx / slope, -edge * my / slope
     J[:, 2], J[:, 3], J[:, 4] = (edge * k / slope for k in (0.5 * dx * dx, dx * dy, 0.5 * dy * dy))
     J[:, 5] = -edge * delta / s
     J[:, 6], J[:, 7], J[:, 8], J[:, 9] = left, dx * left, dy * left, -light * S
-    return model, J
+    return light * left
 
 
 def _upper(x: Single, bell: Single) -> Single:

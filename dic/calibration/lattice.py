@@ -1,7 +1,5 @@
 """Which dot is which: a lattice grown from dots whose place in it is known."""
 
-from collections import deque
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -9,6 +7,8 @@ from scipy.spatial import cKDTree
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+SIDES = ((1, 0), (-1, 0), (0, 1), (0, -1))
+"""Columns and rows to the neighbours of a place."""
 NEAR = 0.3
 """A dot belongs to a lattice place if it lies this close to where it is expected [steps]."""
 
@@ -39,31 +39,31 @@ def grow(
     tree = cKDTree(points)
     places = {place: number for number, place in seeds.items()}
     used = set(seeds)
-    local = {place: np.array(steps, dtype=np.float64) for place in places}
-    queue = deque(places)
-    while queue:
-        column, row = place = queue.popleft()
-        here, own = points[places[place]], local[place]
-        sides = [
-            (axis, sign, beside)
-            for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1))
-            if (beside := (column + sign * (axis == 0), row + sign * (axis == 1))) not in places
-        ]
-        if not sides:
-            continue
-        near = NEAR * np.sqrt(np.min(np.sum(own * own, axis=1)))
-        distances, numbers = tree.query(here + np.array([sign * own[axis] for axis, sign, _ in sides]))
-        for (axis, sign, beside), distance, found in zip(
-            sides, distances.tolist(), numbers.tolist(), strict=True
-        ):
-            if distance > near or found in used:
-                continue
-            places[beside] = found
-            used.add(found)
-            next_steps = own.copy()
-            next_steps[axis] = 0.5 * (own[axis] + sign * (points[found] - here))
-            local[beside] = next_steps
-            queue.append(beside)
+    rim, local = list(places), np.tile(np.asarray(steps, dtype=np.float64), (len(places), 1, 1))
+    while rim:
+        here = points[[places[place] for place in rim]]
+        near = NEAR * np.sqrt(np.min(np.sum(local * local, axis=2), axis=1))
+        distances, numbers = tree.query(here[:, None] + np.stack([local, -local], axis=2).reshape(-1, 4, 2))
+        fits, found = (distances <= near[:, None]).tolist(), numbers.tolist()
+        reached: list[tuple[int, int]] = []
+        origins: list[tuple[int, int]] = []
+        for k, (column, row) in enumerate(rim):
+            for side, (right, down) in enumerate(SIDES):
+                beside = (column + right, row + down)
+                if beside in places or not fits[k][side] or found[k][side] in used:
+                    continue
+                places[beside] = found[k][side]
+                used.add(found[k][side])
+                reached.append(beside)
+                origins.append((k, side))
+        if not reached:
+            break
+        k, side = np.array(origins).T
+        local, axis, sign = local[k], side // 2, 1.0 - 2.0 * (side % 2)
+        step = sign[:, None] * (points[[places[place] for place in reached]] - here[k])
+        own = np.arange(len(k))
+        local[own, axis] = 0.5 * (local[own, axis] + step)
+        rim = reached
     return places
 
 

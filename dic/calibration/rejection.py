@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.calibration.bundle import Fit, Rig, Undetermined, adjust, residuals
+from dic.calibration.bundle import HARDLY, Fit, Rig, Undetermined, adjust, residuals
 from dic.calibration.checks import by_pair, posed
 from dic.calibration.projection import Sight
 from dic.calibration.start import rms
@@ -79,7 +79,7 @@ def solve_without_bad(
         bad = now
     used = _points(fit, pairs, bad, reject)
     kept = [only(s, used[s.pair, s.camera]) for p, views in pairs.items() if p not in bad for s in views]
-    fit = adjust(fit.rig, kept, columns[1])
+    fit = adjust(fit.rig, kept, columns[1], damping=HARDLY)
     poses = dict(fit.rig.poses)
     for pair in bad:
         poses[pair] = posed(fit.rig, pairs[pair]).rig.poses[pair]

@@ -70,7 +70,7 @@ def focal_start(sensor: tuple[int, int], sights: Sequence[Sight]) -> Camera:
     def off(logarithm: float) -> float:
         f = float(np.exp(logarithm)) * max(sensor)
         camera = Camera(fx=f, fy=f, cx=middle[0], cy=middle[1], sensor=sensor)
-        best = [min((misfit(camera, s, p) for p in resection(camera, s)), default=np.inf) for s in few]
+        best = [min((misfit(camera, s, p) for p in resection(camera, s)[:1]), default=np.inf) for s in few]
         return float(np.median(best))
 
     low, high = np.log(FOCAL)

@@ -3,6 +3,7 @@
 import io
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,11 @@ _MM_PER_INCH = 25.4
 _SVG, _LINK = "{http://www.w3.org/2000/svg}", "{http://www.w3.org/1999/xlink}"
 
 
+@cache
+def _style() -> matplotlib.RcParams:
+    return matplotlib.rc_params_from_file(STYLE, use_default_template=False)
+
+
 def build(kind: FigureKind[Any], shown: Any) -> Figure:
     """Draw one figure in its journal size.
 
@@ -36,12 +42,15 @@ def build(kind: FigureKind[Any], shown: Any) -> Figure:
         What that registry's figures show; `kind.applies` must be true for it.
     """
     size = (kind.width / _MM_PER_INCH, kind.height(shown) / _MM_PER_INCH)
-    with matplotlib.rc_context(fname=STYLE):
+    with matplotlib.rc_context(_style()):
         figure = Figure(figsize=size, layout="constrained")
         FigureCanvasAgg(figure)
         mosaic: list[Any] = kind.panels(shown)
         drawn = in_shown_units(shown) if isinstance(shown, Identification) else shown
         kind.draw(drawn, figure.subplot_mosaic(mosaic, **kind.mosaic))
+        for ax in figure.axes:
+            for spine in ax.spines.values():
+                spine.set_in_layout(False)  # ticks point inward: a spine lies on the edge of its axes
         layout = figure.get_layout_engine()
         assert layout is not None
         layout.execute(figure)  # once and for all: each saving would draw twice for it
@@ -102,9 +111,9 @@ def inline_svg(kind: FigureKind[Any], shown: Any) -> str:
     Ids carry the figure's name, so that several figures of a page cannot clash. Namespaces, metadata and
     the document head are left out: HTML needs none, and nothing in the page then names another address.
     """
-    buffer = io.BytesIO()
+    buffer = io.StringIO()
     _save(build(kind, shown), buffer, "svg", dpi=ON_PAGE)
-    root = ElementTree.fromstring(buffer.getvalue().decode())
+    root = ElementTree.fromstring(buffer.getvalue())
     for metadata in root.findall(f"{_SVG}metadata"):
         root.remove(metadata)
     prefix = f"{kind.name}-"
@@ -126,8 +135,8 @@ def _renamed(key: str, value: str, prefix: str) -> str:
     return value.replace("url(#", f"url(#{prefix}")
 
 
-def _save(figure: Figure, target: Path | io.BytesIO, name: str, *, dpi: float | None = None) -> None:
+def _save(figure: Figure, target: Path | io.StringIO, name: str, *, dpi: float | None = None) -> None:
     # No date and no program: the same result gives the same bytes.
     metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {}}[name]
-    with matplotlib.rc_context(fname=STYLE):
+    with matplotlib.rc_context(_style()):
         figure.savefig(target, format=name, metadata=metadata, dpi=dpi or matplotlib.rcParams["savefig.dpi"])

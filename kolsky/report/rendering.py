@@ -10,6 +10,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from kolsky.atomic import replacing
+from kolsky.garbage import collected_seldom
 from kolsky.report.canvas import inline_svg
 from kolsky.report.figures import FigureKind
 from kolsky.report.sidebyside import drawn_by
@@ -80,9 +81,10 @@ def drawn(
         if kind.ahead is not None:
             kind.ahead(about)
     alone = [kind for kind in kinds if kind.ahead is None and kind.applies(about)]
-    pictures = drawn_by(processes, [partial(inline_svg, kind, shown) for kind in alone])
-    svgs = dict(zip((kind.name for kind in alone), pictures, strict=True))
-    svgs |= {kind.name: inline_svg(kind, shown) for kind in apart if kind.applies(about)}
+    with collected_seldom():
+        pictures = drawn_by(processes, [partial(inline_svg, kind, shown) for kind in alone])
+        svgs = dict(zip((kind.name for kind in alone), pictures, strict=True))
+        svgs |= {kind.name: inline_svg(kind, shown) for kind in apart if kind.applies(about)}
     return [
         {
             "id": kind.name,

@@ -12,7 +12,7 @@ from dic.calibration import TargetNotFound, detect, detect_series
 from dic.calibration.centroids import centroids
 from dic.calibration.edges import _upper
 from dic.calibration.noise import quantiles
-from dic.calibration.projection import Sight, derivatives, joined, seen
+from dic.calibration.projection import Sight, derivatives, joined, poses_of, seen
 from dic.calibration.targets import FiducialDots
 from dic.camera import Camera
 from dic.correlation import Correlation, PictureStack, Shape, Templates, correlate
@@ -218,7 +218,7 @@ def test_views_joined_are_the_views_one_by_one():
               np.ones(len(ids)))
         for k, ids in enumerate((np.arange(80), np.arange(5, 30), np.arange(1)))
     ]  # fmt: skip
-    view, R, t = joined(views, poses)
+    view, (R, t) = joined(views), poses_of(views, poses)
     np.testing.assert_allclose(
         seen(camera, view, R, t), np.concatenate([seen(camera, v, *poses[v.pair]) for v in views]), rtol=1e-12
     )
