@@ -1,7 +1,7 @@
 """Pictures prepared for the match: spline coefficients on a device, with the noise of their grey values."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -52,8 +52,6 @@ class PictureStack:
     """Of the quintic B-splines, fp32, with mirrored margins; arrays of the device."""
     addresses: Any
     """Where each picture's lie on the device, an array of it."""
-    bound: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
-    """The stack as a device names it, once it has been matched."""
 
     @property
     def memory(self) -> int:

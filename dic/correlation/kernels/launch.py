@@ -48,21 +48,31 @@ class Batch:
 
 
 @wp.struct
-class Series:
-    """The pictures of a stack."""
+class Job:
+    """Everything that a search reads and writes."""
 
-    pictures: wp.array(dtype=wp.uint64)
-    first: int
-    rows: int
-    cols: int
-    stride: int
-    noise: wp.array(dtype=wp.float64)
-
-
-@wp.struct
-class Rules:
-    """How all searches with the same settings go about."""
-
+    f: wp.array(dtype=wp.uint64)
+    f_first: int
+    f_rows: int
+    f_cols: int
+    f_stride: int
+    f_noise: wp.array(dtype=wp.float64)
+    g: wp.array(dtype=wp.uint64)
+    g_first: int
+    g_rows: int
+    g_cols: int
+    g_stride: int
+    g_noise: wp.array(dtype=wp.float64)
+    mask: wp.array(dtype=wp.uint8)
+    has_mask: int
+    mask_rows: int
+    mask_cols: int
+    given: wp.array(dtype=wp.float64)
+    has_kept: int
+    known: wp.array(dtype=wp.int32)
+    kept_pixels: wp.array(dtype=wp.float32)
+    kept_sums: wp.array(dtype=wp.float64)
+    has_reference: int
     subset: int
     room: int
     max_iterations: int
@@ -75,28 +85,6 @@ class Rules:
     spread: wp.vec4f
     slope: wp.vec4f
     offsets: wp.array(dtype=wp.float32)
-
-
-@wp.struct
-class Kept:
-    """Templates of calls before, if there are `any`."""
-
-    any: int
-    known: wp.array(dtype=wp.int32)
-    pixels: wp.array(dtype=wp.float32)
-    sums: wp.array(dtype=wp.float64)
-
-
-@wp.struct
-class Job:
-    """What one search reads and writes beside the pictures."""
-
-    mask: wp.array(dtype=wp.uint8)
-    has_mask: int
-    mask_rows: int
-    mask_cols: int
-    given: wp.array(dtype=wp.float64)
-    has_reference: int
     scratch: wp.array(dtype=wp.float32)
     found: wp.array(dtype=wp.float64)
 
@@ -106,31 +94,11 @@ def search_kernel(parameters: int) -> Any:
     """Generate the kernel of a shape function."""
 
     @wp.func_native(snippet=search_source(parameters))
-    def search(
-        series_f: Series,
-        series_g: Series,
-        rules: Rules,
-        kept: Kept,
-        job: Job,
-        slot: int,
-        slots: int,
-        first: int,
-        count: int,
-    ): ...
+    def search(job: Job, slot: int, slots: int, first: int, count: int): ...
 
     @wp.kernel(module="unique", enable_backward=False, module_options={"cpu_compiler_flags": FLAGS})
-    def search_points(
-        series_f: Series,
-        series_g: Series,
-        rules: Rules,
-        kept: Kept,
-        job: Job,
-        slots: int,
-        first: int,
-        count: int,
-        lanes: int,
-    ):
-        search(series_f, series_g, rules, kept, job, wp.tid() // lanes, slots, first, count)
+    def search_points(job: Job, slots: int, first: int, count: int, lanes: int):
+        search(job, wp.tid() // lanes, slots, first, count)
 
     return search_points
 
@@ -153,57 +121,36 @@ def grey_noise(noise: tuple[Noise, ...], device: str) -> Any:
     return wp.array(values, dtype=wp.float64, device=select_device(device))
 
 
-def series(stack: PictureStack) -> Any:
-    """The pictures of a stack as a search reads them."""
-    if not stack.bound:
-        named, stride = Series(), stack.coefficients[0].shape[2]
-        named.pictures, named.noise = stack.addresses, grey_noise(stack.noise, stack.device)
-        named.rows, named.cols = stack.shape
-        named.first, named.stride = PAD * stride + PAD, stride
-        stack.bound["series"] = named
-    return stack.bound["series"]
+@cache
+def _between(prefilter: float) -> tuple[float, Any, Any]:
+    mean, spread, slope = between_pixels(prefilter)
+    return mean, wp.vec4f(*spread), wp.vec4f(*slope)
 
 
-@lru_cache(maxsize=64)
-def rules(settings: Correlation, device: str) -> Any:
-    """Settings as a search reads them."""
-    named = Rules()
-    named.subset, named.max_iterations = settings.subset, settings.max_iterations
-    named.tolerance, named.least_zncc = settings.tolerance, settings.least_zncc
-    named.least_pixels = settings.least_pixels
-    named.prefilter, named.grit = settings.prefilter, gradient_noise(settings.prefilter)
-    named.between, spread, slope = between_pixels(settings.prefilter)
-    named.spread, named.slope = wp.vec4f(*spread), wp.vec4f(*slope)
-    named.offsets, named.room = offsets(settings.subset, device)
-    return named
-
-
-def launch(given: list[Any], job: Any, parameters: int, n: int, device: Any, threads: int) -> None:
-    """Search all points of a job with the `given` pictures, rules and templates."""
-    kernel, room = search_kernel(parameters), given[2].room
+def launch(job: Any, parameters: int, n: int, device: Any, threads: int) -> None:
+    """Search all points of a job."""
+    kernel = search_kernel(parameters)
     if device.is_cuda:
         slots = min(n, device.sm_count * WARPS_PER_PROCESSOR)
-        job.scratch = wp.empty(slots * ARRAYS * room, dtype=wp.float32, device=device)
-        inputs = [*given, job, slots, 0, n, 32]
-        wp.launch(kernel, dim=slots * 32, inputs=inputs, device=device, block_dim=BLOCK)
+        job.scratch = wp.empty(slots * ARRAYS * job.room, dtype=wp.float32, device=device)
+        wp.launch(kernel, dim=slots * 32, inputs=[job, slots, 0, n, 32], device=device, block_dim=BLOCK)
         return
     wp.load_module(kernel.module, device=device, block_dim=1)
     threads = min(threads, -(-n // SHARE))
     if threads == 1:
-        _share(kernel, given, job, device, range(0, n, SHARE), n)
+        _share(kernel, job, device, range(0, n, SHARE), n)
         return
     with ThreadPoolExecutor(threads) as pool:
         shares = [range(thread * SHARE, n, threads * SHARE) for thread in range(threads)]
-        jobs = [pool.submit(_share, kernel, given, _copy(job), device, share, n) for share in shares]
-        for done in jobs:
+        for done in [pool.submit(_share, kernel, _copy(job), device, share, n) for share in shares]:
             done.result()
 
 
-def _share(kernel: Any, given: list[Any], job: Any, device: Any, firsts: range, n: int) -> None:
+def _share(kernel: Any, job: Any, device: Any, firsts: range, n: int) -> None:
     """Search the points of a CPU thread, in the order of their number."""
-    job.scratch = wp.empty(ARRAYS * given[2].room, dtype=wp.float32, device=device)
+    job.scratch = wp.empty(ARRAYS * job.room, dtype=wp.float32, device=device)
     for first in firsts:
-        inputs = [*given, job, 1, first, min(SHARE, n - first), 1]
+        inputs = [job, 1, first, min(SHARE, n - first), 1]
         wp.launch(kernel, dim=1, inputs=inputs, device=device, block_dim=1)
 
 
@@ -215,9 +162,18 @@ def _copy(job: Any) -> Any:
     return other
 
 
-def prepare(batch: Batch, device: Any) -> Any:
-    """What a search reads and writes beside the pictures, on their device."""
-    job, n = Job(), len(batch.points)
+def prepare(reference: PictureStack, deformed: PictureStack, batch: Batch, settings: Correlation) -> Any:
+    """Everything that a launch reads and writes, on the device of the pictures."""
+    device, n = select_device(reference.device), len(batch.points)
+    job = Job()
+    for name, stack in (("f", reference), ("g", deformed)):
+        stride = stack.coefficients[0].shape[2]
+        setattr(job, name, stack.addresses)
+        setattr(job, f"{name}_first", PAD * stride + PAD)
+        setattr(job, f"{name}_rows", stack.shape[0])
+        setattr(job, f"{name}_cols", stack.shape[1])
+        setattr(job, f"{name}_stride", stride)
+        setattr(job, f"{name}_noise", grey_noise(stack.noise, stack.device))
     which = (batch.reference_picture, batch.deformed_picture, batch.place)
     columns = [*(column[:, None] for column in which), batch.points, batch.guess]
     if batch.reference is not None:
@@ -232,37 +188,37 @@ def prepare(batch: Batch, device: Any) -> Any:
             1,
         )
         job.mask_rows, job.mask_cols = batch.mask.shape
+    if batch.templates is not None and not device.is_cuda:
+        job.has_kept = 1
+        for name, array in _kept(batch.templates, device).items():
+            setattr(job, name, array)
+    job.subset, job.max_iterations = settings.subset, settings.max_iterations
+    job.tolerance, job.least_zncc = settings.tolerance, settings.least_zncc
+    job.least_pixels = settings.least_pixels
+    job.prefilter, job.grit = settings.prefilter, gradient_noise(settings.prefilter)
+    job.between, job.spread, job.slope = _between(settings.prefilter)
+    job.offsets, job.room = offsets(settings.subset, reference.device)
     job.found = wp.empty(FOUND * n, dtype=wp.float64, device=device)
     return job
 
 
-def _kept(templates: Templates, device: Any) -> Any:
+def _kept(templates: Templates, device: Any) -> dict[str, Any]:
     """Kept templates as a CPU reads and writes them where they are."""
     if not templates.bound:
-        kept = Kept()
-        kept.any = 1
-        for name in ("known", "pixels", "sums"):
-            array = getattr(templates, name).reshape(-1)
-            setattr(kept, name, wp.array(array, device=device, copy=False))
-        templates.bound["kept"] = kept
-    return templates.bound["kept"]
+        for name, array in (
+            ("known", templates.known), ("kept_pixels", templates.pixels), ("kept_sums", templates.sums),
+        ):  # fmt: skip
+            templates.bound[name] = wp.array(array.reshape(-1), device=device, copy=False)
+    return templates.bound
 
 
 def search(
     reference: PictureStack, deformed: PictureStack, batch: Batch, settings: Correlation, threads: int
 ) -> Match:
     """Search a batch on the device of its pictures."""
-    device, n = select_device(reference.device), len(batch.points)
-    job = prepare(batch, device)
+    job, n = prepare(reference, deformed, batch, settings), len(batch.points)
     if n:
-        templates = None if device.is_cuda else batch.templates
-        given = [
-            series(reference),
-            series(deformed),
-            rules(settings, reference.device),
-            Kept() if templates is None else _kept(templates, device),
-        ]
-        launch(given, job, int(settings.shape), n, device, threads)
+        launch(job, int(settings.shape), n, select_device(reference.device), threads)
     found = job.found.numpy().reshape(n, FOUND)
     return Match(
         warp=found[:, :12].copy(),

@@ -15,10 +15,10 @@ PACE = 6
 """Updates over which the pace of a search is judged: one that cannot end in time is not continued."""
 
 _SEARCH = """
-    const double h = 0.5 * (rules.subset - 1);
-    const int square = rules.subset * rules.subset, room = rules.room;
+    const double h = 0.5 * (job.subset - 1);
+    const int square = job.subset * job.subset, room = job.room;
     float* W = job.scratch.data + (long long)slot * ARRAYS * room;
-    const float* X = rules.offsets.data;
+    const float* X = job.offsets.data;
     const float* Y = X + room;
     const float* U = Y + room;  // 1 for a pixel of the subset, 0 for what fills the last pack
     const int start = STEP == 32 ? lane : 0;
@@ -34,16 +34,14 @@ _SEARCH = """
         }
         const long long a = (long long)given[0], b = (long long)given[1];  // which pictures
         // The template, in memory that lasts if its point has some: B is W where the whole subset is in view.
-        const long long place = kept.any ? (long long)given[2] : -1;
-        const bool ready = place >= 0 && kept.known.data[place];
-        float* T = place >= 0 ? kept.pixels.data + place * 4 * room : W + room;
+        const long long place = job.has_kept ? (long long)given[2] : -1;
+        const bool ready = place >= 0 && job.known.data[place];
+        float* T = place >= 0 ? job.kept_pixels.data + place * 4 * room : W + room;
         float* GX = T + room; float* GY = GX + room; float* B = GY + room;
-        const view f = {(const float*)series_f.pictures.data[a] + series_f.first,
-                        series_f.rows, series_f.cols, series_f.stride};
-        const view g = {(const float*)series_g.pictures.data[b] + series_g.first,
-                        series_g.rows, series_g.cols, series_g.stride};
-        const double* grey_f = series_f.noise.data + 2 * a;  // variance in the dark, gain
-        const double* grey_g = series_g.noise.data + 2 * b;
+        const view f = {(const float*)job.f.data[a] + job.f_first, job.f_rows, job.f_cols, job.f_stride};
+        const view g = {(const float*)job.g.data[b] + job.g_first, job.g_rows, job.g_cols, job.g_stride};
+        const double* grey_f = job.f_noise.data + 2 * a;  // variance in the dark, gain
+        const double* grey_g = job.g_noise.data + 2 * b;
         const material body = {job.mask.data, job.mask_rows, job.mask_cols, cx, cy, h};
         int outcome = NOT_CONVERGED, iterations = 0;
         double zncc = 0.0, covariance[3] = {0.0, 0.0, 0.0}, odd = 0.0;
@@ -58,17 +56,17 @@ _SEARCH = """
         } else if (!from.sane || !jet::inverse(F0, A)) {
             outcome = OUT_OF_VIEW;
         } else if (to.set(g, cx, cy, w, h), to.sane && !to.within
-                   && to.seen(X, Y, U, room, start) < rules.least_pixels * square) {
+                   && to.seen(X, Y, U, room, start) < job.least_pixels * square) {
             outcome = OUT_OF_VIEW;  // as it would be found after the template's work
         } else {
             double level = 0.0, between_f = 0.0, drift[K];
             bool enough = true;
             monomials at;
             if (ready) {
-                const double* sums = kept.sums.data + place * SUMS;
-                N.load(sums);
-                level = sums[SUMS - K - 2]; between_f = sums[SUMS - K - 1];
-                for (int j = 0; j < K; ++j) drift[j] = sums[SUMS - K + j];
+                const double* kept = job.kept_sums.data + place * SUMS;
+                N.load(kept);
+                level = kept[SUMS - K - 2]; between_f = kept[SUMS - K - 1];
+                for (int j = 0; j < K; ++j) drift[j] = kept[SUMS - K + j];
                 for (int k = start; k < room; k += STEP) op::store(W + k, op::load(B + k));
             } else {
                 // The template and its gradient by the offset in the subset.
@@ -87,7 +85,7 @@ _SEARCH = """
                     op::store(GX + k, gx); op::store(GY + k, gy);
                     counted += u; total += u * t;
                     pack dx, dy;
-                    grit += u * grain::drift(&rules.spread[0], &rules.slope[0], px, py, &dx, &dy);
+                    grit += u * grain::drift(&job.spread[0], &job.slope[0], px, py, &dx, &dy);
                     from.turn(x, y, &dx, &dy);
                     at.set(x, y);
                     for (int j = 0; j < ORDER; ++j) {
@@ -96,7 +94,7 @@ _SEARCH = """
                     }
                 }
                 const double n = op::sum(counted);
-                enough = n >= rules.least_pixels * square;
+                enough = n >= job.least_pixels * square;
                 if (enough) {
                     const float mean = (float)(op::sum(total) / n);  // sums of small numbers
                     #pragma unroll 1
@@ -106,11 +104,11 @@ _SEARCH = """
                     for (int j = 0; j < K; ++j) drift[j] = op::sum(tilt[j]);
                     between_f = op::sum(grit) / n;
                     if (place >= 0) {
-                        double* sums = kept.sums.data + place * SUMS;
-                        N.save(sums);
-                        sums[SUMS - K - 2] = level; sums[SUMS - K - 1] = between_f;
-                        for (int j = 0; j < K; ++j) sums[SUMS - K + j] = drift[j];
-                        kept.known.data[place] = 1;
+                        double* kept = job.kept_sums.data + place * SUMS;
+                        N.save(kept);
+                        kept[SUMS - K - 2] = level; kept[SUMS - K - 1] = between_f;
+                        for (int j = 0; j < K; ++j) kept[SUMS - K + j] = drift[j];
+                        job.known.data[place] = 1;
                     }
                 }
             }
@@ -125,7 +123,7 @@ _SEARCH = """
                 while (true) {
                     // Gradients must hold more of the pattern than of the reference's noise.
                     noise_f = grey_f[0] + grey_f[1] * op::positive(N.mean + level);
-                    const double added = rules.grit * noise_f * N.n;
+                    const double added = job.grit * noise_f * N.n;
                     const double xx = N.gradient[0] - 2.0 * added * (F0[0] * F0[0] + F0[2] * F0[2]);
                     const double xy = N.gradient[1] - 2.0 * added * (F0[0] * F0[1] + F0[2] * F0[3]);
                     const double yy = N.gradient[2] - 2.0 * added * (F0[1] * F0[1] + F0[3] * F0[3]);
@@ -149,7 +147,7 @@ _SEARCH = """
                             left += u;
                             changed += (u - before) * (u - before);
                         }
-                        if (op::sum(left) < rules.least_pixels * square) { outcome = OUT_OF_VIEW; break; }
+                        if (op::sum(left) < job.least_pixels * square) { outcome = OUT_OF_VIEW; break; }
                         if (op::sum(changed) > 0.0) N.sum(W, T, GX, GY, X, Y, room, start);
                         whole = to.within;
                         if (!N.definite) { outcome = LOW_CONTRAST; break; }
@@ -178,14 +176,14 @@ _SEARCH = """
                     brightness = mean + zero;
                     noise_g = grey_g[0] + grey_g[1] * op::positive(brightness);
                     // Little more than noise, or than what fp32 leaves of a grey value.
-                    if (!(energy > N.n * (1.5 * rules.between * noise_g + 1e-10 * brightness * brightness))) {
+                    if (!(energy > N.n * (1.5 * job.between * noise_g + 1e-10 * brightness * brightness))) {
                         outcome = LOW_CONTRAST;
                         break;
                     }
                     zncc = cross / sqrt(energy * N.energy);
                     contrast = sqrt(energy / N.energy);
                     offset = brightness;
-                    if (iterations == rules.max_iterations) { outcome = NOT_CONVERGED; break; }
+                    if (iterations == job.max_iterations) { outcome = NOT_CONVERGED; break; }
                     double d[K];
                     const double slope = cross / N.energy;
                     for (int j = 0; j < K; ++j)
@@ -210,14 +208,14 @@ _SEARCH = """
                     if (far < least) least = far;
                     earlier[iterations % PACE] = least;
                     // At the pace of the last updates twice as many as are left would not do.
-                    if (!(far < rules.tolerance) && iterations > PACE
-                        && wp::log(least / rules.tolerance) * PACE
-                            > 2.0 * (rules.max_iterations - iterations) * wp::log(ago / least)) {
+                    if (!(far < job.tolerance) && iterations > PACE
+                        && wp::log(least / job.tolerance) * PACE
+                            > 2.0 * (job.max_iterations - iterations) * wp::log(ago / least)) {
                         outcome = NOT_CONVERGED;
                         break;
                     }
-                    if (far < rules.tolerance) {
-                        outcome = zncc < rules.least_zncc ? LOW_CORRELATION : VALID;
+                    if (far < job.tolerance) {
+                        outcome = zncc < job.least_zncc ? LOW_CORRELATION : VALID;
                         double column[2][K];
                         for (int c = 0; c < 2; ++c) {
                             for (int j = 0; j < K; ++j) column[c][j] = j == c * ORDER ? 1.0 : 0.0;
@@ -226,18 +224,18 @@ _SEARCH = """
                         jet::at(w, 0.0, 0.0, here, F1);
                         const double spectrum[3] = {N.gradient[0] / N.energy, N.gradient[1] / N.energy,
                                                     N.gradient[2] / N.energy};
-                        const double smooth = rules.prefilter * rules.prefilter;
-                        const double rest = 1.0 - share;
+                        const double smooth = job.prefilter * job.prefilter;
+                        const double kept = 1.0 - share;
                         const double likely = (1.0 + 2.0 * sqrt(2.0 / N.n))
-                            * (noise_f * between_f + noise_g * rules.between / (contrast * contrast));
+                            * (noise_f * between_f + noise_g * job.between / (contrast * contrast));
                         // Where the residual is larger than noise and chance explain, so is the variance.
                         const double excess = (2.0 - 2.0 * zncc) * N.energy / N.n;
                         const double gain_f = grain::gain(F0, smooth, spectrum);
                         const double gain_g = grain::gain(F1, smooth, spectrum);
-                        double variance = (noise_f * gain_f * rest + noise_g * gain_g / (contrast * contrast))
-                            / (rest * rest);
+                        double variance = (noise_f * gain_f * kept + noise_g * gain_g / (contrast * contrast))
+                            / (kept * kept);
                         if (!(likely > 0.0))  // none declared: the residual is all there is
-                            variance = excess * (gain_f + gain_g) / (between_f + rules.between);
+                            variance = excess * (gain_f + gain_g) / (between_f + job.between);
                         else if (excess > likely) variance *= excess / likely;
                         const double xx = column[0][0] * variance, xy = column[0][ORDER] * variance;
                         const double yy = column[1][ORDER] * variance;
