@@ -104,9 +104,11 @@ def _correlate(
     n, k, h = A.shape[:3]
     nowhere = ~np.all(np.isfinite(centre), axis=-1)
     middle = np.where(nowhere[..., None], 0.0, centre).astype(np.float32)[:, :, None]
-    slope = np.nan_to_num(A).astype(np.float32).reshape(-1, 2, 2)  # one product for all: no small ones
+    # A product a point: those of its places are no small ones, and one for all would be shared out among
+    # threads that then wait for more by spinning.
+    slope = np.nan_to_num(A).astype(np.float32).reshape(n, k * h, 2, 2)
+    x, y = ((slope[:, :, c] @ wanted.xi.T.astype(np.float32)).reshape(n * k * h, -1) for c in (0, 1))
     origin = np.repeat(middle, h, axis=2).reshape(-1, 2)
-    x, y = (slope[:, c] @ wanted.xi.T.astype(np.float32) for c in (0, 1))
     x += origin[:, 0, None]
     y += origin[:, 1, None]
     grey = sample(picture, x, y).reshape(n, k * h, -1)
