@@ -92,7 +92,7 @@ def triangulate(
     Returns
     -------
     Triangulation
-        Position, covariance, epipolar distance.
+        Position, covariance, epipolar distance and its sigma.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def triangulate(
     noise = (_covariances(covariance0, seen, 0), _covariances(covariance1, seen, 1))
     position = np.full((*seen.shape, 3), np.nan)
     covariance = np.full((*seen.shape, 3, 3), np.nan)
-    epipolar, sigma = np.full((2, *seen.shape), np.nan)
+    epipolar, sigma = np.full(seen.shape, np.nan), np.full(seen.shape, np.nan)
     pixels = (pixels0[seen], pixels1[seen])
     aims = [Aim.of(camera, places) for camera, places in zip(rig.cameras, pixels, strict=True)]
     epipolar[seen], *slopes = slopes_between(rig, aims[0], aims[1])
