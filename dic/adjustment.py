@@ -185,7 +185,7 @@ def _chain(sights: Sights) -> tuple[IntArray, IntArray, FloatArray, FloatArray, 
 def _determined(x: FloatArray, W: FloatArray) -> bool:
     """Whether points fix a pose."""
     J = lever(x - x.mean(axis=0))
-    A = np.einsum("nia,nij,njb->ab", J, W, J, optimize=True)
+    A = J.reshape(-1, 6).T @ (W @ J).reshape(-1, 6)
     unit = np.sqrt(np.diag(A))
     return bool((unit > 0.0).all() and np.linalg.eigvalsh(A / np.outer(unit, unit))[0] > FLATTEST)
 
@@ -214,10 +214,13 @@ def _step(
     D = np.linalg.inv(np.einsum("kja,kijb->iab", R, WR, optimize=True))
     pose = np.einsum("kija,kij->ka", WJ, e, optimize=True).ravel()
     point = np.einsum("kija,kij->ia", WR, e, optimize=True)
-    BD = np.einsum("rib,ibc->ric", B.reshape(6 * n, m, 3), D, optimize=True).reshape(6 * n, 3 * m)
-    S = -BD @ B.T
+    # B D Bᵀ of D's factors: a matrix times its own transpose is half the work
+    root = np.linalg.cholesky(D)
+    BL = np.einsum("rib,ibc->ric", B.reshape(6 * n, m, 3), root, optimize=True).reshape(6 * n, 3 * m)
+    S = BL @ BL.T
+    np.negative(S, out=S)
     S.reshape(n, 6, n, 6)[np.arange(n), :, np.arange(n)] += A
-    right = pose - BD @ point.ravel()
+    right = pose - B @ np.einsum("iab,ib->ia", D, point).ravel()
     for prior, what in ((habits.turn, "turn"), (habits.sway, "sway")):
         if prior is not None:
             scaled = prior / unit[0 if what == "turn" else 3]
@@ -225,8 +228,9 @@ def _step(
     # The body's own frame is open: its six motions get a value of their own.
     common = np.zeros((n, 6, 6))
     common[:, :3, :3] = common[:, 3:, 3:] = R
-    N = common.reshape(6 * n, 6)
-    factor = cho_factor(S + float(np.trace(S)) / (6 * n) ** 2 * (N @ N.T), check_finite=False)
+    N = common.reshape(6 * n, 6) * np.sqrt(float(np.trace(S))) / (6 * n)
+    S += N @ N.T
+    factor = cho_factor(S, overwrite_a=True, check_finite=False)
     change = cho_solve(factor, right).reshape(n, 6)
     moved = np.einsum("iab,ib->ia", D, point - (change.ravel() @ B).reshape(m, 3)) * sigma
 

@@ -153,12 +153,16 @@ def _step(
         for axis in (1, 0) if off else (0,):
             guess = root.copy()
             guess[:, :2] += predicted + off * np.eye(2)[axis]
-            if _in_view(points, guess, here.shape, settings).any():
-                match = correlate(
-                    stack, here, points, guess, settings, reference_warp=root, mask=mask, templates=templates
-                )
-            else:  # as it will be in most frames of a body that is still to come
-                match = _nothing(guess)
+            match = _nothing(guess)
+            # in most frames of a body that is still to come, no point is in view
+            rows = np.flatnonzero(_in_view(points, guess, here.shape, settings))
+            if rows.size:
+                part = correlate(
+                    stack, here, points[rows], guess[rows], settings, reference_warp=root[rows], mask=mask,
+                    templates=templates, template_rows=rows,
+                )  # fmt: skip
+                for name in ("warp", "covariance", "zncc", "iterations", "outcome"):
+                    getattr(match, name)[rows] = getattr(part, name)
             fine = match.outcome == PointOutcome.VALID
             move = match.warp[:, :2] - root[:, :2]
             if fine.any():

@@ -69,12 +69,19 @@ class View:
     camera: Camera
     coefficients: FloatArray
     """Quintic spline of the picture in which the points were chosen, shape [rows, columns]."""
-    x: FloatArray
+    x: IntArray
     """Pixels of the rim (x, y), shape [n, 2]."""
     X: FloatArray
-    """Where their rays meet the body's cylinder, in the test frame, shape [n, 3]; NaN where they miss it."""
+    """Where their rays meet the body's cylinder, in the test frame, shape [n, 3]; those that miss it are
+    left out."""
     row: IntArray
     """Their rows, counted from the border that the body comes in by, shape [n]."""
+
+    def grey(self, places: FloatArray) -> FloatArray:
+        """Grey values of the picture in which the points were chosen [grey], at places (x, y) [px]."""
+        at = places[:, ::-1].T
+        grey = ndimage.map_coordinates(self.coefficients, at, order=5, mode="mirror", prefilter=False)
+        return np.asarray(grey)
 
 
 class RimSearch:
@@ -162,7 +169,7 @@ class RimSearch:
             None if too few pixels show the body, or no place tried looks like it.
         """
         whole, clear = self._masks
-        score = np.array([self._compare(pictures, near, y, whole)[0] for y in tried])
+        score = np.array([_zncc(self._shown(pictures, near, y, whole)) for y in tried])
         best = int(np.argmax(score))
         if score[best] < 0.0:
             return None
@@ -195,41 +202,76 @@ class RimSearch:
         known."""
         off = np.full((2, RIM), np.nan)
         for camera, (view, picture) in enumerate(zip(self._views, pictures, strict=True)):
-            still, moved, slope, row = _pair(
+            shown = _pair(
                 view, picture, self._first, self._frame, self._masks[1], self._move - move, np.zeros(RIM)
             )
+            slope = shown.slope(self._frame)
             for k in range(RIM):
-                of = row == k
+                of = shown.row == k
                 if of.sum() >= FEWEST_ROW:
-                    step, variance = _fit(still[of], moved[of], slope[of])
+                    step, variance = _fit(shown.still[of], shown.moved[of], slope[of])
                     off[camera, k] = step if np.isfinite(variance) else np.nan
         return off
+
+    def _shown(
+        self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float, mask: BoolArray
+    ) -> list["Shown"]:
+        """What both cameras show of the body at a translation y."""
+        motion = self._move - np.array([near[0], y, near[2]])
+        return [
+            _pair(view, picture, self._first, self._frame, mask, motion, offset)
+            for view, picture, offset in zip(self._views, pictures, self._offset, strict=True)
+        ]
 
     def _compare(
         self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float, mask: BoolArray
     ) -> tuple[float, float, float, float, int]:
         """Correlation at a translation y, the step of y by Gauss-Newton [m], its variance, what the rows'
         offsets add to its sigma [m], and the pixels."""
-        motion = self._move - np.array([near[0], y, near[2]])
-        parts = [
-            _pair(view, picture, self._first, self._frame, mask, motion, offset)
-            for view, picture, offset in zip(self._views, pictures, self._offset, strict=True)
-        ]
-        still, moved, slope = (np.concatenate([part[k] for part in parts]) for k in range(3))
-        n = len(still)
-        if n < FEWEST:
+        parts = self._shown(pictures, near, y, mask)
+        zncc, n = _zncc(parts), sum(len(part.still) for part in parts)
+        if zncc <= -1.0:
             return -1.0, 0.0, np.inf, 0.0, n
-        f, g = still - still.mean(), moved - moved.mean()
-        energy = float((f @ f) * (g @ g))
+        still = np.concatenate([part.still for part in parts])
+        moved = np.concatenate([part.moved for part in parts])
+        slope = np.concatenate([part.slope(self._frame) for part in parts])
         step, variance = _fit(still, moved, slope)
-        if not (energy > 0.0 and np.isfinite(variance)):
-            return -1.0, 0.0, np.inf, 0.0, n
         weight = slope**2 / float(slope @ slope)
         known = np.concatenate(
-            [sigma[part[3]] for sigma, part in zip(self._offset_sigma, parts, strict=True)]
+            [sigma[part.row] for sigma, part in zip(self._offset_sigma, parts, strict=True)]
         )
         # An offset is common to its row's pixels; the plain sum over rows is the most they can add up to.
-        return float(f @ g) / float(np.sqrt(energy)), step, variance, float(weight @ known), n
+        return zncc, step, variance, float(weight @ known), n
+
+
+@dataclass(frozen=True)
+class Shown:
+    """The pixels of a camera that show the body, side by side with the picture of its points."""
+
+    view: View
+    X: FloatArray
+    """Where the body was when the points were chosen, in the test frame [m], shape [n, 3]."""
+    still: FloatArray
+    """Grey values here, shape [n]."""
+    moved: FloatArray
+    """Those of the same places in the picture of the points, shape [n]."""
+    row: IntArray
+    """The pixels' rows from the border, shape [n]."""
+
+    def slope(self, frame: SpecimenFrame) -> FloatArray:
+        """By how much `moved` grows if the body is further along y here [grey/m], shape [n]."""
+        beside = self.view.camera.project(frame.in_rig(self.X - [0.0, 1e-6, 0.0]))
+        return (self.view.grey(beside) - self.moved) / 1e-6
+
+
+def _zncc(parts: list[Shown]) -> float:
+    """Correlation of what all cameras show; -1 for too few pixels, or grey values that are all one."""
+    still, moved = (np.concatenate([getattr(part, name) for part in parts]) for name in ("still", "moved"))
+    if len(still) < FEWEST:
+        return -1.0
+    f, g = still - still.mean(), moved - moved.mean()
+    energy = float((f @ f) * (g @ g))
+    return float(f @ g) / float(np.sqrt(energy)) if energy > 0.0 else -1.0
 
 
 def _fit(still: FloatArray, moved: FloatArray, slope: FloatArray) -> tuple[float, float]:
@@ -266,7 +308,9 @@ def _view(
     under = b * b - a * (start[0] ** 2 + start[2] ** 2 - radius**2)
     depth = np.where(under >= 0.0, (-b - np.sqrt(np.maximum(under, 0.0))) / a, np.nan)
     smooth = ndimage.spline_filter(np.asarray(material, dtype=np.float64), order=5, mode="mirror")
-    return View(camera, smooth, pixels, start + depth[:, None] * d, row[near].astype(np.int64))
+    X = start + depth[:, None] * d
+    hit = np.isfinite(X).all(axis=1)
+    return View(camera, smooth, pixels[hit].astype(np.int64), X[hit], row[near][hit].astype(np.int64))
 
 
 def _pair(
@@ -277,26 +321,17 @@ def _pair(
     inner: BoolArray,
     motion: FloatArray,
     offset: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
-    """Grey values of the pixels that show the body, here and in the picture of its points, by how much the
-    latter grow if the body is further along y here [grey/m], and the pixels' rows from the border."""
-    hit = np.isfinite(view.X).all(axis=1)
-    X = view.X[hit] + motion
-    X[:, 1] -= offset[view.row[hit]]
+) -> Shown:
+    """The pixels that show the body, moved by `motion` to where it was when its points were chosen."""
+    X = view.X + motion
+    X[:, 1] -= offset[view.row]
     chosen = first.project(frame.in_rig(X))
     at = np.round(chosen).astype(np.int64)
     rows, columns = inner.shape
     within = (at[:, 0] >= 0) & (at[:, 0] < columns) & (at[:, 1] >= 0) & (at[:, 1] < rows)
     within[within] = inner[at[within, 1], at[within, 0]]
     seen = chosen[within] if view.camera is first else view.camera.project(frame.in_rig(X[within]))
-    beside = view.camera.project(frame.in_rig(X[within] - [0.0, 1e-6, 0.0]))
     held = np.all((seen >= 3.0) & (seen <= np.array([columns, rows]) - 4.0), axis=1)
-    here = view.x[hit][within][held].astype(np.int64)
-    value, further = (
-        ndimage.map_coordinates(
-            view.coefficients, places[held, ::-1].T, order=5, mode="mirror", prefilter=False
-        )
-        for places in (seen, beside)
-    )
-    row = view.row[hit][within][held]
-    return picture[here[:, 1], here[:, 0]], value, (further - value) / 1e-6, row
+    shown = np.flatnonzero(within)[held]
+    x, y = view.x[shown].T
+    return Shown(view, X[shown], picture[y, x], view.grey(seen[held]), view.row[shown])

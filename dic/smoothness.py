@@ -99,7 +99,9 @@ def _scores(
         x = np.where(used[chosen, :, None], position[around], 0.0)
         noise = np.where(used[chosen, :, None], sigma[around], 0.0)
         ridge = 1e-9 * np.eye(order)  # neighbours on one line fix no plane: its variance then is large
-        weights = np.linalg.solve(np.swapaxes(A, 1, 2) @ A + ridge, np.swapaxes(A, 1, 2))[:, 0]
+        # the surface's height at the point itself: the constant term of the fit
+        constant = np.eye(order)[:, :1]
+        weights = (A @ np.linalg.solve(np.swapaxes(A, 1, 2) @ A + ridge, constant))[..., 0]
         spread = np.sqrt(np.einsum("nm,nmk->nk", weights**2, noise**2))
         expected = np.einsum("nm,nmk->nk", weights, x)
         # Weights that extrapolate magnify what the surface does between its points, too.

@@ -1,6 +1,7 @@
 """How far the flyer went: one translation a frame, from whatever either camera saw of it."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from dic.surfaces.overlap import overlap_correlation
 from dic.tracking import Track
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 SIDEWAYS = 50e-6
@@ -241,48 +243,66 @@ def _translation(
 ) -> tuple[float, float, int] | None:
     """Translation along y in frame `k` [m], its standard deviation and the number of points; None if not
     seen."""
-    move = near.copy()
-    tracks = [track.outcome[k] == PointOutcome.VALID for track in body.tracks]
-    used = [known & valid for valid in tracks]
-    if not any(points.any() for points in used):
+    seen = [
+        _Seen.of(camera, track, k, places, known)
+        for camera, track in zip(rig.cameras, body.tracks, strict=True)
+    ]
+    if not any(points.rows.size for points in seen):
         return None
-    keep = [points.copy() for points in used]
+    move, keep = near.copy(), [np.ones(len(points.rows), dtype=bool) for points in seen]
+    off = [points.off(frame, move) for points in seen]
     across = 1.0 / (10.0 * SIDEWAYS if both else SIDEWAYS) ** 2
     for _ in range(3):
         H = np.diag([across, 0.0, across])
         g = H @ (near - move)
-        for camera, track, points in zip(rig.cameras, body.tracks, keep, strict=True):
-            if not points.any():
+        for points, fine, away in zip(seen, keep, off, strict=True):
+            if not fine.any():
                 continue
-            x = frame.in_rig(places[points] + move)
-            off = _off(camera, track, k, x, points)
-            J = projection_slope(camera, x) @ frame.rotation.T
-            factor = overlap[points] @ points
-            weighted = np.linalg.solve(track.covariance[k, points] * factor[:, None, None], J)
+            J = projection_slope(points.camera, frame.in_rig(points.places[fine] + move)) @ frame.rotation.T
+            rows = points.rows[fine]
+            factor = overlap[np.ix_(rows, rows)].sum(axis=1)
+            weighted = np.linalg.solve(points.covariance[fine] * factor[:, None, None], J)
             H += np.tensordot(J, weighted, axes=([0, 1], [0, 1]))
-            g += np.tensordot(weighted, off, axes=([0, 1], [0, 1]))
+            g += np.tensordot(weighted, away[fine], axes=([0, 1], [0, 1]))
         move = move + np.linalg.solve(H, g)
-        keep = [
-            points & _near_enough(camera, track, k, frame.in_rig(places + move), points)
-            for camera, track, points in zip(rig.cameras, body.tracks, used, strict=True)
-        ]
-        if not any(points.any() for points in keep):
+        off = [points.off(frame, move) for points in seen]
+        keep = [points.near_enough(away) for points, away in zip(seen, off, strict=True)]
+        if not any(fine.any() for fine in keep):
             return None
-    return float(move[1]), float(np.sqrt(np.linalg.inv(H)[1, 1])), int((keep[0] | keep[1]).sum())
+    counted = np.unique(np.concatenate([points.rows[fine] for points, fine in zip(seen, keep, strict=True)]))
+    return float(move[1]), float(np.sqrt(np.linalg.inv(H)[1, 1])), len(counted)
 
 
-def _off(camera: Camera, track: Track, k: int, X: FloatArray, points: BoolArray) -> FloatArray:
-    """What a camera saw in frame `k` less what it should have seen of points at X [px], shape [n, 2]."""
-    return np.asarray(apply(track.points[points], track.warp[k, points]) - camera.project(X))
+@dataclass(frozen=True)
+class _Seen:
+    """What one camera saw of a body's points in one frame."""
 
+    camera: Camera
+    rows: IntArray
+    """The points, shape [n]."""
+    places: FloatArray
+    """Their places on the body [m], shape [n, 3]."""
+    pixels: FloatArray
+    """Where they were seen [px], shape [n, 2]."""
+    covariance: FloatArray
+    """Of the pixels [px²], shape [n, 2, 2]."""
 
-def _near_enough(camera: Camera, track: Track, k: int, X: FloatArray, points: BoolArray) -> BoolArray:
-    """Points whose pixel agrees with the body's motion, shape [n_points]."""
-    fine = np.zeros(len(points), dtype=bool)
-    if points.any():
-        off = _off(camera, track, k, X[points], points)
+    @classmethod
+    def of(cls, camera: Camera, track: Track, k: int, places: FloatArray, known: BoolArray) -> "_Seen":
+        """The `known` points that were found in frame `k`."""
+        rows = np.flatnonzero(known & (track.outcome[k] == PointOutcome.VALID))
+        pixels = apply(track.points[rows], track.warp[k, rows])
+        return cls(camera, rows, places[rows], pixels, track.covariance[k, rows])
+
+    def off(self, frame: SpecimenFrame, move: FloatArray) -> FloatArray:
+        """What was seen less what a body moved by `move` would show [px], shape [n, 2]."""
+        return np.asarray(self.pixels - self.camera.project(frame.in_rig(self.places + move)))
+
+    def near_enough(self, off: FloatArray) -> BoolArray:
+        """Which points agree with the body's motion, shape [n]."""
+        if not len(off):
+            return np.zeros(0, dtype=bool)
         size = np.linalg.norm(off - np.median(off, axis=0), axis=1)
-        noise = np.sqrt(0.5 * np.trace(track.covariance[k, points], axis1=1, axis2=2))
+        noise = np.sqrt(0.5 * np.trace(self.covariance, axis1=1, axis2=2))
         spread = max(1.0, float(np.median(size / noise)) / 1.18)
-        fine[points] = size <= GATE * spread * noise
-    return fine
+        return np.asarray(size <= GATE * spread * noise)

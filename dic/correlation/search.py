@@ -137,4 +137,4 @@ def _mask(mask: ArrayLike) -> NDArray[np.uint8]:
         raise ValueError(
             f"mask must be true or false with shape [rows, columns], got {found.dtype} {found.shape}"
         )
-    return np.ascontiguousarray(found, dtype=np.uint8)
+    return np.ascontiguousarray(found).view(np.uint8)

@@ -104,17 +104,24 @@ def _correlate(
     n, k, h = A.shape[:3]
     nowhere = ~np.all(np.isfinite(centre), axis=-1)
     middle = np.where(nowhere[..., None], 0.0, centre).astype(np.float32)[:, :, None]
-    slope = np.nan_to_num(A).astype(np.float32).reshape(-1, 2, 2)  # one product for all: no small ones
+    # A product a point: those of its places are no small ones, and one for all would be shared out among
+    # threads that then wait for more by spinning.
+    slope = np.nan_to_num(A).astype(np.float32).reshape(n, k * h, 2, 2)
+    x, y = ((slope[:, :, c] @ wanted.xi.T.astype(np.float32)).reshape(n * k * h, -1) for c in (0, 1))
     origin = np.repeat(middle, h, axis=2).reshape(-1, 2)
-    x, y = (slope[:, c] @ wanted.xi.T.astype(np.float32) + origin[:, c, None] for c in (0, 1))
+    x += origin[:, 0, None]
+    y += origin[:, 1, None]
     grey = sample(picture, x, y).reshape(n, k * h, -1)
     template, weight = wanted.template[:, None], wanted.weight[:, None]
     zncc = correlation(grey, template, weight)
     # what lies beyond the picture's rim does not count, and less than half a subset is none
-    beyond = (x < 0.0) | (y < 0.0) | (x > picture.shape[1] - 1.0) | (y > picture.shape[0] - 1.0)
-    i, j = np.nonzero(beyond.any(axis=1).reshape(n, k * h))
+    right, bottom = picture.shape[1] - 1.0, picture.shape[0] - 1.0
+    crossing = (x.min(axis=1) < 0.0) | (y.min(axis=1) < 0.0)
+    crossing |= (x.max(axis=1) > right) | (y.max(axis=1) > bottom)
+    i, j = np.nonzero(crossing.reshape(n, k * h))
     if len(i):
-        seen = wanted.weight[i] * ~beyond.reshape(n, k * h, -1)[i, j]
+        x, y = x[crossing], y[crossing]
+        seen = wanted.weight[i] * ~((x < 0.0) | (y < 0.0) | (x > right) | (y > bottom))
         part = correlation(grey[i, j], wanted.template[i], seen)
         zncc[i, j] = np.where(2.0 * seen.sum(axis=1) < wanted.weight[i].sum(axis=1), -1.0, part)
     zncc = zncc.reshape(n, k, h)

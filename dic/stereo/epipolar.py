@@ -6,11 +6,13 @@ View Geometry, 2nd ed., eq. 9.11). A lens bends that line into a curve. Distance
 as it was taken: ``d = g / |∇g|`` with ``g(p1) = l . undistort(p1)`` and its gradient by the pixel p1.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.camera import StereoRig
-from dic.stereo.sight import directions, pixel_slope
+from dic.camera import Camera, StereoRig
+from dic.stereo.sight import directions, inside, pixel_slope
 
 FloatArray = NDArray[np.float64]
 
@@ -59,6 +61,13 @@ def epipolar_sigma(
         Of the pixels, independent between the cameras [px²], shapes [..., 2, 2] or [2, 2].
     """
     _, slope0, slope1 = epipolar_slopes(rig, pixels0, pixels1)
+    return sigma_of(slope0, slope1, covariance0, covariance1)
+
+
+def sigma_of(
+    slope0: FloatArray, slope1: FloatArray, covariance0: FloatArray, covariance1: FloatArray
+) -> FloatArray:
+    """`epipolar_sigma` where the slopes of `epipolar_slopes` are known."""
     variance = np.einsum("...i,...ij,...j->...", slope0, covariance0, slope0)
     return np.asarray(np.sqrt(variance + np.einsum("...i,...ij,...j->...", slope1, covariance1, slope1)))
 
@@ -94,18 +103,35 @@ def epipolar_slopes(
     the focal length.
     """
     first, second = rig.cameras
+    return slopes_between(rig, Aim.of(first, pixels0), Aim.of(second, pixels1))
+
+
+class Aim(NamedTuple):
+    """Where a camera's pixels look, found once for all that they are compared with."""
+
+    x: FloatArray
+    """Ideal image points on the plane z = 1, with that 1 [-], shape [..., 3]."""
+    slope: FloatArray
+    """Derivatives of the pixels by them [px], shape [..., 2, 2]."""
+
+    @classmethod
+    def of(cls, camera: Camera, pixels: FloatArray) -> "Aim":
+        """That of `pixels` (x, y) [px], shape [..., 2]; a ValueError if the lens cannot be undone there."""
+        x = inside(camera, pixels)
+        return cls(x, pixel_slope(camera, x[..., :2]))
+
+
+def slopes_between(rig: StereoRig, aim0: Aim, aim1: Aim) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """`epipolar_slopes` of pixels whose `Aim` is known."""
     R, t = rig.relative
     if not np.any(t):
         raise ValueError("both cameras have the same centre, 0 m apart: two views of one place give no depth")
-    ideal0, ideal1 = first.undistort(pixels0), second.undistort(pixels1)
-    x0, x1 = (np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1) for x in (ideal0, ideal1))
     sign = np.sign(-t[0]) if abs(t[0]) >= abs(t[1]) else np.sign(t[1])
     E = (sign or 1.0) * np.cross(t, R, axisa=0, axisb=0, axisc=0)
-    line1, line0 = x0 @ E.T, x1 @ E
-    gradient1 = _by_pixel(line1, pixel_slope(second, ideal1))
-    gradient0 = _by_pixel(line0, pixel_slope(first, ideal0))
+    line1, line0 = aim0.x @ E.T, aim1.x @ E
+    gradient0, gradient1 = _by_pixel(line0, aim0.slope), _by_pixel(line1, aim1.slope)
     length = np.linalg.norm(gradient1, axis=-1)
-    distance = np.sum(line1 * x1, axis=-1) / length
+    distance = np.sum(line1 * aim1.x, axis=-1) / length
     return distance, gradient0 / length[..., None], gradient1 / length[..., None]
 
 

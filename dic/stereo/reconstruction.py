@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from dic.camera import StereoRig
 from dic.correlation.warp import apply, gradient
 from dic.outcome import PointOutcome
-from dic.stereo.epipolar import epipolar_sigma
 from dic.stereo.sight import projection_slope
 from dic.stereo.triangulation import Triangulation, triangulate
+from dic.stereo.twobytwo import inverse, largest_eigenvalue
 from dic.tracking.history import Track
 
 FloatArray = NDArray[np.float64]
@@ -111,7 +111,7 @@ def reconstruct(
         met = triangulate(rig, *seen, *noise)
         along = _along(rig, met, noise, slopes)
         met = met._replace(covariance=met.covariance + along @ shared @ np.swapaxes(along, -1, -2))
-    allowed = np.maximum(gate, gate_sigmas * epipolar_sigma(rig, *seen, *noise))
+    allowed = np.maximum(gate, gate_sigmas * met.epipolar_sigma)
     fine = np.all(np.isfinite(met.position), axis=-1) & (np.abs(met.epipolar) <= allowed)
 
     shape = both.shape
@@ -139,8 +139,7 @@ def _apart(noise: Pair, slopes: Pair, common: FloatArray) -> tuple[Pair, FloatAr
     inside = [F @ common @ np.swapaxes(F, -1, -2) for F in slopes]
     most = np.zeros(len(common))
     for whole, part in zip(noise, inside, strict=True):
-        ratio = np.linalg.eigvals(np.linalg.solve(whole + TINY * np.eye(2), part)).real
-        most = np.maximum(most, ratio.max(axis=-1))
+        most = np.maximum(most, largest_eigenvalue(inverse(whole + TINY * np.eye(2)) @ part))
     scale = (MOST_COMMON / np.maximum(most, MOST_COMMON))[:, None, None]
     own = [whole - scale * part for whole, part in zip(noise, inside, strict=True)]
     return (own[0], own[1]), scale * common
@@ -151,7 +150,7 @@ def _along(rig: StereoRig, met: Triangulation, noise: Pair, slopes: Pair) -> Flo
     total = np.zeros((len(met.position), 3, 2))
     for camera, own, F in zip(rig.cameras, noise, slopes, strict=True):
         J = projection_slope(camera, met.position)
-        total += met.covariance @ np.swapaxes(J, -1, -2) @ np.linalg.solve(own + TINY * np.eye(2), F)
+        total += met.covariance @ np.swapaxes(J, -1, -2) @ (inverse(own + TINY * np.eye(2)) @ F)
     return total
 
 

@@ -28,9 +28,18 @@ def directions(camera: Camera, pixels: FloatArray) -> FloatArray:
     ValueError
         If the lens distortion cannot be undone there.
     """
+    return towards(camera, inside(camera, pixels))
+
+
+def inside(camera: Camera, pixels: FloatArray) -> FloatArray:
+    """Ideal image points on the plane z = 1 of the camera's own frame, with that 1 [-], shape [..., 3]."""
     ideal = camera.undistort(pixels)
-    inside = np.concatenate([ideal, np.ones((*ideal.shape[:-1], 1))], axis=-1)
-    return np.asarray(inside @ camera.rotation / np.linalg.norm(inside, axis=-1, keepdims=True))
+    return np.concatenate([ideal, np.ones((*ideal.shape[:-1], 1))], axis=-1)
+
+
+def towards(camera: Camera, x: FloatArray) -> FloatArray:
+    """`directions` of what `inside` gave."""
+    return np.asarray(x @ camera.rotation / np.linalg.norm(x, axis=-1, keepdims=True))
 
 
 def pixel_slope(camera: Camera, ideal: FloatArray) -> FloatArray:
@@ -49,9 +58,9 @@ def projection_slope(camera: Camera, X: FloatArray) -> FloatArray:
     X
         Points in the rig's frame, in front of the camera [m], shape [..., 3].
     """
-    inside = camera.in_camera(X)
-    depth = inside[..., 2]
-    ideal = inside[..., :2] / depth[..., None]
+    place = camera.in_camera(X)
+    depth = place[..., 2]
+    ideal = place[..., :2] / depth[..., None]
     perspective = np.zeros((*depth.shape, 2, 3))
     perspective[..., 0, 0] = perspective[..., 1, 1] = 1.0 / depth
     perspective[..., :, 2] = -ideal / depth[..., None]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.camera import StereoRig
-from dic.stereo.epipolar import epipolar_slopes
+from dic.stereo.epipolar import Aim, slopes_between
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -85,24 +85,25 @@ def synchronisation(
         raise ValueError(f"farthest must be from 1 to {n - 3} (of {n} frames), got {farthest}")
     step = -(-pixels0.shape[1] // POINTS)
     pixels0, pixels1 = (_without_jumps(pixels[:, ::step]) for pixels in (pixels0, pixels1))
-    e, slope1 = _shifted(rig, pixels0, pixels1, 0)
+    aims = Aim.of(rig.cameras[0], pixels0), Aim.of(rig.cameras[1], pixels1)
+    shifts = np.arange(-farthest, farthest + 1)
+    shifted = {int(shift): _shifted(rig, *aims, int(shift)) for shift in shifts}
+    slope1 = shifted[0][1]
     velocity = np.full_like(pixels1, np.nan)
     velocity[1:-1] = (pixels1[2:] - pixels1[:-2]) / 2.0
     across = np.sum(slope1 * velocity, axis=-1)
     speed = _median(np.abs(across), axis=1)
     calm = speed <= np.nanquantile(speed, 0.2) if np.any(np.isfinite(speed)) else np.zeros(n, dtype=bool)
 
-    shifts = np.arange(-farthest, farthest + 1)
     scatter = np.full(len(shifts), np.inf)
-    for i, shift in enumerate(shifts):
-        e, _ = _shifted(rig, pixels0, pixels1, int(shift))
+    for i, (e, _) in enumerate(shifted.values()):
         free = e - _median(np.where(calm[:, None], e, np.nan), axis=0)
         if np.sum(np.isfinite(free)) >= LEAST_PAIRS:
             scatter[i] = 1.4826 * np.nanmedian(np.abs(free))
     late, late_sigma, motion = 0.0, float("nan"), 0.0
     for _ in range(3):  # w is the motion at the frame paired: pair anew once the shift is known
         best = int(np.clip(np.round(late), -farthest, farthest))
-        e, _ = _shifted(rig, pixels0, pixels1, best)
+        e, _ = shifted[best]
         rest, late_sigma, motion = _regression(e, _moved(across, best))
         if not np.isfinite(rest) or round(best + rest) == best:
             late = best + rest
@@ -120,13 +121,12 @@ def _without_jumps(pixels: FloatArray) -> FloatArray:
     return np.where((off <= max(1.0, 10.0 * usual))[..., None], pixels, np.nan)
 
 
-def _shifted(rig: StereoRig, p0: FloatArray, p1: FloatArray, shift: int) -> tuple[FloatArray, FloatArray]:
+def _shifted(rig: StereoRig, aim0: Aim, aim1: Aim, shift: int) -> tuple[FloatArray, FloatArray]:
     """Distances [n_frames, n_points] with camera 1 late by `shift`, and their slopes by its pixels.
 
     Rows are the frames of camera 0; those without a partner are NaN.
     """
-    partner = _moved(p1, shift)
-    e, _, slope1 = epipolar_slopes(rig, p0, partner)
+    e, _, slope1 = slopes_between(rig, aim0, Aim(*(_moved(part, shift) for part in aim1)))
     return e, slope1
 
 

@@ -111,7 +111,8 @@ def correlation(g: NDArray[np.float32], t: NDArray[np.float32], weight: NDArray[
     tw = t * weight
     gw = g * weight
     sg, st = total(g, weight), total(t, weight)
-    vg, vt = total(g, gw) - sg * sg / count, total(t, tw) - st * st / count
-    flat = (vg <= 1e-6 * total(g, gw)) | (vt <= 1e-6 * total(t, tw))
+    gg, tt = total(g, gw), total(t, tw)
+    vg, vt = gg - sg * sg / count, tt - st * st / count
+    flat = (vg <= 1e-6 * gg) | (vt <= 1e-6 * tt)
     norm = np.sqrt(np.where(flat, 1.0, vg * vt))
     return np.asarray(np.where(flat, -1.0, (total(g, tw) - sg * st / count) / norm))

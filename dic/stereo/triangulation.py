@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.camera import StereoRig
-from dic.stereo.epipolar import epipolar_distance
-from dic.stereo.sight import directions, projection_slope
+from dic.stereo.epipolar import Aim, sigma_of, slopes_between
+from dic.stereo.sight import directions, projection_slope, towards
+from dic.stereo.twobytwo import inverse
 
 FloatArray = NDArray[np.float64]
 
@@ -35,6 +36,8 @@ class Triangulation(NamedTuple):
     """Of the position, from the noise of the pixels [m²], shape [..., 3, 3]."""
     epipolar: FloatArray
     """Distance of camera 1's point from the epipolar line of camera 0's, signed [px], shape [...]."""
+    epipolar_sigma: FloatArray
+    """Its standard deviation, from the noise of the pixels [px], shape [...]."""
 
 
 def midpoint(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> FloatArray:
@@ -53,7 +56,12 @@ def midpoint(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> FloatA
         If a lens distortion cannot be undone.
     """
     first, second = rig.cameras
-    d0, d1 = directions(first, pixels0), directions(second, pixels1)
+    return _middle(rig, directions(first, pixels0), directions(second, pixels1))
+
+
+def _middle(rig: StereoRig, d0: FloatArray, d1: FloatArray) -> FloatArray:
+    """`midpoint` of lines of sight along unit vectors d0 and d1, shapes [..., 3]."""
+    first, second = rig.cameras
     base = second.centre - first.centre
     c, a0, a1 = np.sum(d0 * d1, axis=-1), d0 @ base, d1 @ base
     parallel = 1.0 - c * c
@@ -84,7 +92,7 @@ def triangulate(
     Returns
     -------
     Triangulation
-        Position, covariance, epipolar distance.
+        Position, covariance, epipolar distance and its sigma.
 
     Raises
     ------
@@ -97,14 +105,18 @@ def triangulate(
             f"pixels0 and pixels1 must have one shape [..., 2], got {pixels0.shape} and {pixels1.shape}"
         )
     seen = np.all(np.isfinite(pixels0) & np.isfinite(pixels1), axis=-1)
-    weights = (_weight(covariance0, seen, 0), _weight(covariance1, seen, 1))
+    noise = (_covariances(covariance0, seen, 0), _covariances(covariance1, seen, 1))
     position = np.full((*seen.shape, 3), np.nan)
     covariance = np.full((*seen.shape, 3, 3), np.nan)
-    epipolar = np.full(seen.shape, np.nan)
+    epipolar, sigma = np.full(seen.shape, np.nan), np.full(seen.shape, np.nan)
     pixels = (pixels0[seen], pixels1[seen])
-    epipolar[seen] = epipolar_distance(rig, *pixels)
-    position[seen], covariance[seen] = _nearest(rig, pixels, weights)
-    return Triangulation(position, covariance, epipolar)
+    aims = [Aim.of(camera, places) for camera, places in zip(rig.cameras, pixels, strict=True)]
+    epipolar[seen], *slopes = slopes_between(rig, aims[0], aims[1])
+    sigma[seen] = sigma_of(slopes[0], slopes[1], *noise)
+    d0, d1 = (towards(camera, aim.x) for camera, aim in zip(rig.cameras, aims, strict=True))
+    weights = inverse(noise[0] + EXACT * np.eye(2)), inverse(noise[1] + EXACT * np.eye(2))
+    position[seen], covariance[seen] = _nearest(rig, _middle(rig, d0, d1), pixels, weights)
+    return Triangulation(position, covariance, epipolar, sigma)
 
 
 def projection_error(
@@ -130,8 +142,8 @@ def projection_error(
     return np.asarray(np.sqrt((square[0] + square[1]) / 2.0))
 
 
-def _weight(covariance: FloatArray, seen: NDArray[np.bool_], camera: int) -> FloatArray:
-    """Inverse covariances of the pixels that were seen [1/px²], shape [n, 2, 2]."""
+def _covariances(covariance: FloatArray, seen: NDArray[np.bool_], camera: int) -> FloatArray:
+    """Covariances of the pixels that were seen [px²], shape [n, 2, 2]."""
     covariance = np.asarray(covariance, dtype=np.float64)
     if covariance.shape not in ((2, 2), (*seen.shape, 2, 2)):
         raise ValueError(
@@ -147,16 +159,17 @@ def _weight(covariance: FloatArray, seen: NDArray[np.bool_], camera: int) -> Flo
             f"covariance{camera} of point {point} is {found} px², must be symmetric and have no negative "
             "eigenvalue: give the point an outcome instead"
         )
-    a, d = a + EXACT, d + EXACT
-    inverse = np.stack([np.stack([d, -b], axis=-1), np.stack([-c, a], axis=-1)], axis=-2)
-    return np.asarray(inverse / (a * d - b * c)[:, None, None])
+    return used
 
 
 def _nearest(
-    rig: StereoRig, pixels: tuple[FloatArray, FloatArray], weights: tuple[FloatArray, FloatArray]
+    rig: StereoRig,
+    start: FloatArray,
+    pixels: tuple[FloatArray, FloatArray],
+    weights: tuple[FloatArray, FloatArray],
 ) -> tuple[FloatArray, FloatArray]:
     """Positions [n, 3] and covariances [n, 3, 3] by Gauss-Newton; NaN where no point lies before both."""
-    X = midpoint(rig, *pixels)
+    X = start.copy()
     covariance = np.full((len(X), 3, 3), np.nan)
     searching = np.flatnonzero(_before(rig, X))
     settled = np.zeros(len(X), dtype=bool)

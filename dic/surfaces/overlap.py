@@ -25,8 +25,8 @@ def overlap_correlation(first: ArrayLike, second: ArrayLike, subset: float) -> F
         Shape [n, m].
     """
     a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
-    apart = np.abs(a[:, None, :] - b[None, :, :]) / subset
-    return np.asarray(np.prod(np.maximum(1.0 - apart, 0.0), axis=-1))
+    across, down = (np.maximum(1.0 - np.abs(a[:, None, c] - b[None, :, c]) / subset, 0.0) for c in (0, 1))
+    return np.asarray(across * down)
 
 
 def overlap_factor(points: ArrayLike, subset: float, valid: ArrayLike | None = None) -> FloatArray:

@@ -73,17 +73,18 @@ def strains(
     V = np.full((frames, n, 3, 3), np.nan)
     share, centre = np.zeros((frames, n)), np.full((frames, n, 2), np.nan)
     outcome = np.where(surface.valid, StrainOutcome.TOO_FEW_NEIGHBOURS, StrainOutcome.POINT_LOST)
+    valid, position = surface.valid, surface.position
     reach = (0.5 * (gauge.window - 1) + 1e-6) * gauge.step
     for i in range(n):
         near = np.flatnonzero((np.abs(grid - grid[i]) <= reach).all(axis=1) & (label == label[i]))
         q = (grid[near] - grid[i]) / gauge.step
-        alive = surface.valid[:, near] & surface.valid[:, i, None]
+        alive = valid[:, near] & valid[:, i, None]
         k, weights = _slopes(q, alive, gauge.order)
         if not k.size:
             continue
         alive = alive[k]
         A0 = weights @ surface.X[near]
-        A = weights @ np.where(alive[..., None], surface.position[np.ix_(k, near)], 0.0)
+        A = weights @ np.where(alive[..., None], position[np.ix_(k, near)], 0.0)
         B = _tangents(np.swapaxes(A0, 1, 2))
         inverse = np.linalg.inv(A0 @ B)  # (BᵀA0)⁻¹, transposed
         F[k, i] = np.swapaxes(inverse @ A, 1, 2)
@@ -114,7 +115,8 @@ def _slopes(q: FloatArray, alive: BoolArray, order: int) -> tuple[IntArray, Floa
     enough = (count >= FEWEST[order]) & (np.linalg.eigvalsh(scatter)[:, 0] >= THINNEST**2)
     enough &= np.linalg.eigvalsh(normal)[:, 0] > 1e-6
     k = np.flatnonzero(enough)
-    return k, np.linalg.solve(normal[k], here[k, None, :] * T.T)[:, 1:3]
+    slopes = np.eye(T.shape[1])[:, 1:3]
+    return k, np.swapaxes(np.linalg.solve(normal[k], slopes), 1, 2) @ T.T * here[k, None, :]
 
 
 def _tangents(A0: FloatArray) -> FloatArray:

@@ -76,25 +76,32 @@ class Matcher:
         current
             Whether those are the ones that the points have now, whose templates are kept.
         """
-        m = len(rows)
-        result = Match(
-            np.array(guess), np.zeros((m, 2, 2)), np.zeros(m), np.zeros(m, np.int64), np.zeros(m, np.int64)
-        )
         stack, picture = self.references.prepared(template.frame)
-        for subset in np.unique(template.subset):
-            part = np.flatnonzero(template.subset == subset)
-            found = correlate(
+
+        def of(part: IntArray | slice, subset: int) -> Match:
+            return correlate(
                 stack,
                 deformed,
                 self.points[rows[part]],
                 guess[part],
-                replace(self.settings, subset=int(subset)),
+                self.settings if subset == self.settings.subset else replace(self.settings, subset=subset),
                 reference_picture=picture[part],
                 reference_warp=template.warp[part],
                 mask=self.mask,
                 templates=self.references.templates if current else None,
                 template_rows=rows[part],
             )
+
+        subsets = np.unique(template.subset).tolist()
+        if len(subsets) == 1:
+            return of(slice(None), subsets[0])
+        m = len(rows)
+        result = Match(
+            np.array(guess), np.zeros((m, 2, 2)), np.zeros(m), np.zeros(m, np.int64), np.zeros(m, np.int64)
+        )
+        for subset in subsets:
+            part = np.flatnonzero(template.subset == subset)
+            found = of(part, subset)
             for name in ("warp", "covariance", "zncc", "iterations", "outcome"):
                 getattr(result, name)[part] = getattr(found, name)
         return result

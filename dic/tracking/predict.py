@@ -49,9 +49,10 @@ class Predictor:
             past = np.flatnonzero(self.known[rows] > highest)
             past = past[:: max(len(past) // JURY, 1)]
             found = warp[past]
-            off = [np.abs(self._foretold[k][rows[past]] - found) for k in ORDERS[: highest + 1]]
+            foretold = np.stack([self._foretold[k][rows[past]] for k in ORDERS[: highest + 1]])
+            off = np.abs(foretold - found)
             for k, part in enumerate(PARTS):
-                self.order[k] = int(np.argmin([np.median(o[:, part].max(axis=1)) for o in off]))
+                self.order[k] = int(np.argmin(np.median(off[..., part].max(axis=-1), axis=-1)))
         self._foretold = {}
         again = (self.known[rows] > 0) & (self.frame[0, rows] == frame)  # a first guess, now found
         later = rows[~again]
@@ -68,8 +69,10 @@ class Predictor:
             times = self.frame[: reach + 1, rows].astype(np.float64)
             total = np.zeros((len(rows), 12))
             for j in range(reach + 1):
-                others = [times[i] for i in range(reach + 1) if i != j]
-                weight = np.prod([(frame - t) / (times[j] - t) for t in others], axis=0)
+                weight = np.ones(len(rows))
+                for i in range(reach + 1):
+                    if i != j:
+                        weight *= (frame - times[i]) / (times[j] - times[i])
                 total += weight[:, None] * self.warp[j, rows]
             result[rows] = total
         return result

@@ -104,18 +104,22 @@ class References:
             np.zeros((DEPTH, n)),
         )
         self._stacks: dict[int, PictureStack] = {}
+        self._joined: tuple[PictureStack, IntArray] | None = None
         self.pictures: dict[int, Picture] = {}
         """Pictures by frame, as recorded."""
 
     def add(self, frame: int, picture: Picture, stack: PictureStack) -> None:
         """Keep a picture that points may take as their reference."""
         self._stacks[frame], self.pictures[frame] = stack, picture
+        self._joined = None
 
     def prepared(self, frames: IntArray) -> tuple[PictureStack, IntArray]:
         """A stack that has the pictures of these frames, and where in it they are, shape of `frames`."""
-        wanted = np.unique(frames)
-        stack = PictureStack.join([self._stacks[int(frame)] for frame in wanted])
-        return stack, np.searchsorted(wanted, frames)
+        if self._joined is None:  # of all frames: it serves until they change
+            kept = sorted(self._stacks)
+            self._joined = PictureStack.join([self._stacks[frame] for frame in kept]), np.array(kept)
+        stack, kept_frames = self._joined
+        return stack, np.searchsorted(kept_frames, frames)
 
     def start(self, template: Template) -> None:
         """Give all points the root of their chains."""
@@ -158,6 +162,7 @@ class References:
         used = {keep, *self._in_use().tolist()}
         for frame in [frame for frame in self._stacks if frame not in used]:
             del self._stacks[frame], self.pictures[frame]
+            self._joined = None
 
     def _in_use(self) -> IntArray:
         levels = [np.unique(self._chain.frame[level, self.level >= level]) for level in range(DEPTH)]

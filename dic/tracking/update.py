@@ -57,6 +57,8 @@ def grown(subset: int, warp: FloatArray, limit: float) -> IntArray:
     limit
         Largest growth [-].
     """
+    if limit == 1.0:
+        return np.full(len(warp), subset)
     smallest = principal(gradient(warp))[1]
     growth = np.clip(1.0 / np.maximum(smallest, 1e-6), 1.0, limit)
     # few sizes, so that points can be matched together

@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 from boards import averaged, dots, flat, pose
+from scipy import ndimage
 from scipy.special import ndtr
 
 from dic import PointOutcome
@@ -16,11 +17,14 @@ from dic.calibration.projection import Sight, derivatives, joined, poses_of, see
 from dic.calibration.targets import FiducialDots
 from dic.camera import Camera
 from dic.correlation import Correlation, PictureStack, Shape, Templates, correlate
+from dic.correlation.kernels.pictures import coefficients
+from dic.correlation.kernels.spline import PAD
 from dic.correlation.warp import identity
 from dic.images import PictureError
 from dic.images.kept import KeptPictures, kept
 from dic.rigid_tracking import _in_view, _nothing
 from dic.speckle import render, speckle_pattern
+from dic.stereo.twobytwo import inverse, largest_eigenvalue
 from kolsky.threads import opencv_alone
 
 SIDE = 96
@@ -285,3 +289,27 @@ def test_normal_distribution_of_the_disc_fit():
     found = _upper(x, np.exp(-0.5 * x * x))
     # Hastings' bound, 1.5e-7 of erf, halved; the rest is rounding to fp32.
     np.testing.assert_allclose(found, ndtr(-x.astype(np.float64)), atol=3e-7)
+
+
+def test_two_by_two_matrices_in_closed_form_are_those_of_lapack():
+    rng = np.random.default_rng(5)
+    root = rng.normal(size=(50, 2, 2))
+    whole = root @ np.swapaxes(root, 1, 2) + 0.1 * np.eye(2)
+    part = np.diag([2.0, 0.5]) @ whole
+    # conditions up to some hundred: what is lost to rounding is some hundred times 1e-16
+    np.testing.assert_allclose(inverse(whole), np.linalg.inv(whole), rtol=1e-12)
+    ratio = inverse(whole) @ part @ whole  # similar to a symmetric matrix: its eigenvalues are real
+    expected = np.linalg.eigvals(ratio).real.max(axis=1)
+    np.testing.assert_allclose(largest_eigenvalue(ratio), expected, rtol=1e-12)
+    assert largest_eigenvalue(np.eye(2)[None]) == 1.0
+
+
+@pytest.mark.parametrize("shape", [(8, 8), (9, 40), (SIDE, SIDE)])
+def test_margins_of_the_coefficients_are_mirrored(shape):
+    grey = np.random.default_rng(7).uniform(0.0, 255.0, shape).astype(np.float32)
+    plain = ndimage.spline_filter(grey.astype(np.float64), order=5, mode="mirror")
+    found = coefficients(grey, 0.0)
+    assert found.shape[1] % 16 == 0
+    beyond = found.shape[1] - shape[1] - PAD  # a small picture is mirrored more than once
+    expected = np.pad(plain, ((PAD, PAD), (PAD, beyond)), mode="reflect").astype(np.float32)
+    np.testing.assert_array_equal(found, expected)

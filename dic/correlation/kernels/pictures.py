@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+import cv2
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
@@ -20,12 +21,13 @@ def coefficients(grey: NDArray[np.float32], prefilter: float) -> NDArray[np.floa
         smooth = ndimage.gaussian_filter(smooth, prefilter, mode="mirror", truncate=REACH)
     found = ndimage.spline_filter(smooth, order=5, output=np.float64, mode="mirror")
     right = PAD + -(grey.shape[1] + 2 * PAD) % 16  # rows begin on a cache line
-    return np.pad(found, ((PAD, PAD), (PAD, right)), mode="reflect").astype(np.float32)
+    wide = cv2.copyMakeBorder(found.astype(np.float32), PAD, PAD, PAD, right, cv2.BORDER_REFLECT_101)
+    return np.asarray(wide)
 
 
 def upload(planes: list[NDArray[np.float32]], device: str) -> Any:
     """The planes on a device, shape [n, rows + 2 PAD, columns + 2 PAD and more]."""
-    return wp.array(np.stack(planes), dtype=wp.float32, device=select_device(device))
+    return wp.array(np.stack(planes), dtype=wp.float32, device=select_device(device), copy=False)
 
 
 def addresses(parts: Sequence[Any]) -> Any:
