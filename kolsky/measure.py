@@ -31,7 +31,7 @@ from kolsky.shotfiles.pictures import DicSection, RegionSection
 from kolsky.shots import Measured
 from kolsky.shots.pictures import Seen
 from kolsky.shots.rig import calibrated
-from kolsky.threads import opencv_alone
+from kolsky.threads import libraries_alone
 
 RESULT_FILE = "dic.h5"
 Progress = Callable[[str, int, int], None]
@@ -88,9 +88,9 @@ def surfaces(
             return Surfaces(result=result, path=path, fresh=False, flight=flight_of(result, length))
         except ResultFileError:
             pass  # damaged since it was written: made anew
-    with opencv_alone(), collected_seldom():
+    with libraries_alone(), collected_seldom():
         result = _correlated(seen, device, progress)
-    flight = flight_of(result, length)
+        flight = flight_of(result, length)
     with filling(folder) as partial:
         write_result(partial / RESULT_FILE, result, key=key)
         if not isinstance(flight, str):

@@ -27,7 +27,7 @@ from dic.setup_check import check_setup
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-VERSION = 9
+VERSION = 10
 """Raised when the same pictures and settings give other numbers: results kept from before are made
 anew."""
 

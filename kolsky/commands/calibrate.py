@@ -18,7 +18,7 @@ from kolsky.report.calibrationsummary import summary, warnings
 from kolsky.report.formats import FIGURES
 from kolsky.shotfiles.calibration import read_calibration_toml
 from kolsky.shots.rig import calibration_of
-from kolsky.threads import opencv_alone
+from kolsky.threads import libraries_alone
 
 RIG_FILE = "rig.yml"
 """The cameras with their covariance, in OpenCV's storage format."""
@@ -55,7 +55,7 @@ def calibrate(
         options.one_of("--figures", name, FIGURES)
     toml, section = read_calibration_toml(source)
     folder = usable_folder(out or toml.path.parent / "results")
-    with bars() as progress, opencv_alone():
+    with bars() as progress, libraries_alone():
         found = calibration_of(toml, section, progress)
     from kolsky.report.calibrationpage import write_page
     from kolsky.report.canvas import save_figures

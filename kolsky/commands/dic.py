@@ -78,7 +78,7 @@ def correlate(
         if not isinstance(found.flight, str):
             write_history(partial / "flight.csv", flightreport.columns(found.flight))
         now = perf_counter()
-        write_page(partial / "dic.html", shown, loaded.inputs)
+        write_page(partial / "dic.html", shown, loaded.inputs, processes=2)
         times["page"] = perf_counter() - now
         if formats:
             save_figures(partial / "figures", shown, formats=tuple(formats), registry=SURFACES)

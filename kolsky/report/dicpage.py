@@ -14,7 +14,7 @@ from kolsky.report.rendering import drawn, page, write
 from kolsky.report.view import SurfaceView
 
 
-def write_page(path: Path, shown: SurfaceView, inputs: Mapping[str, str]) -> None:
+def write_page(path: Path, shown: SurfaceView, inputs: Mapping[str, str], *, processes: int = 1) -> None:
     """Write the page as a single HTML file without scripts or outside resources.
 
     Parameters
@@ -25,16 +25,18 @@ def write_page(path: Path, shown: SurfaceView, inputs: Mapping[str, str]) -> Non
         The result with some pictures.
     inputs : mapping
         SHA-256 of every file that was read, by name.
+    processes : int
+        How many draw, 1 or 2; see `kolsky.report.sidebyside.drawn_by`.
 
     Raises
     ------
     OSError
         If the file cannot be written; an older one is then unchanged.
     """
-    write(path, render(shown, inputs))
+    write(path, render(shown, inputs, processes=processes))
 
 
-def render(shown: SurfaceView, inputs: Mapping[str, str]) -> str:
+def render(shown: SurfaceView, inputs: Mapping[str, str], *, processes: int = 1) -> str:
     """The page as HTML text; see `write_page`."""
     result = shown.result
     table = reporting.reporting_table(result)
@@ -43,7 +45,7 @@ def render(shown: SurfaceView, inputs: Mapping[str, str]) -> str:
         kind="Surfaces from two series of pictures",
         heading=shown.shot,
         subject="surfaces",
-        figures=drawn(SURFACES.values(), shown),
+        figures=drawn(SURFACES.values(), shown, processes=processes),
         rows=list({**dicsummary.printed(result), **flightreport.printed(shown.flight)}.items()),
         remarks=result.remarks,
         outcomes=_outcomes(shown),

@@ -6,6 +6,7 @@ import pytest
 from boards import averaged, dots, flat, pose
 from scipy import ndimage
 from scipy.special import ndtr
+from threadpoolctl import threadpool_info
 
 from dic import PointOutcome
 from dic.adjustment import Habits, Sights, adjust
@@ -25,7 +26,7 @@ from dic.images.kept import KeptPictures, kept
 from dic.rigid_tracking import _in_view, _nothing
 from dic.speckle import render, speckle_pattern
 from dic.stereo.twobytwo import inverse, largest_eigenvalue
-from kolsky.threads import opencv_alone
+from kolsky.threads import libraries_alone
 
 SIDE = 96
 HOLLOW = ((2, 2), (7, 2), (2, 5))
@@ -251,19 +252,24 @@ def test_poses_leave_out_what_is_far_off_and_settle():
     np.testing.assert_allclose([cv2.Rodrigues(r)[0][2, 0] for r in relative], turn, atol=1.2e-3)
 
 
-def test_opencv_gets_its_threads_back():
-    before = cv2.getNumThreads()
+def blas_threads():
+    return [pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"]
+
+
+def test_the_libraries_get_their_threads_back():
+    before = (cv2.getNumThreads(), blas_threads())
+    assert before[1]  # NumPy has loaded one, or nothing would be tested
     inside = []
 
     def fails():
-        with opencv_alone():
-            inside.append(cv2.getNumThreads())
+        with libraries_alone():
+            inside.extend([cv2.getNumThreads(), *blas_threads()])
             raise RuntimeError
 
     with pytest.raises(RuntimeError):
         fails()
-    assert inside == [1]
-    assert cv2.getNumThreads() == before
+    assert set(inside) == {1}
+    assert (cv2.getNumThreads(), blas_threads()) == before
 
 
 def test_subsets_that_cannot_be_in_view_are_those_the_search_finds_out_of_view():
