@@ -6,7 +6,7 @@ from math import hypot, isfinite
 import numpy as np
 
 from kolsky.cautions.runs import lost_runs
-from kolsky.identification import Identification, Verdict
+from kolsky.identification import Estimate, Identification, Verdict
 from kolsky.methods import disagreements
 from kolsky.results.text import worst_imbalance
 
@@ -14,6 +14,11 @@ RESIDUALS = "force and shape"
 """The part of an estimate's noise that comes from the residuals."""
 IMBALANCE = 0.01
 """Share of the external work that may be unaccounted for before it is said."""
+
+
+def _unit(e: Estimate) -> str:
+    """The unit behind a number; text and files are in SI."""
+    return "" if e.unit == "1" else f" {e.unit}"
 
 
 def disagreement(result: Identification) -> Iterator[str]:
@@ -64,7 +69,7 @@ def routes(result: Identification) -> Iterator[str]:
             edge = any(min(x - low, high - x) <= near for x in (a, b))
             yield (
                 f"force and shape disagree about {name}: {a:.5g} by the force alone, {b:.5g} by the shape "
-                f"alone, further apart than the k = 2 uncertainty of their difference, {both:.2g}"
+                f"alone, further apart than the k = 2 uncertainty of their difference, {both:.2g}{_unit(e)}"
                 f"{' (and one of them at the edge of the box that was searched)' if edge else ''}; the joint "
                 "value is a compromise between them"
             )
@@ -75,8 +80,9 @@ def methods(result: Identification) -> Iterator[str]:
     for method, name, distance in disagreements(result.methods):
         if isfinite(distance):
             yield (
-                f"methods disagree about {name}: {method.name} ends at {method.values[name]:.5g}, "
-                f"{abs(distance):.2g} of the k = 2 half width from the answer ({method.ended})"
+                f"methods disagree about {name}: {method.name} ends at {method.values[name]:.5g}"
+                f"{_unit(result.estimates[name])}, {abs(distance):.2g} of the k = 2 half width from the "
+                f"answer ({method.ended})"
             )
         else:
             yield f"{method.name} has no value of {name} to compare ({method.ended})"

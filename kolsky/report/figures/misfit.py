@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
@@ -140,6 +141,7 @@ def _draw_routes(ax: Axes, parameter: str, estimate: Estimate, result: Identific
         ax.errorbar(value, row, xerr=2.0 * sigma if np.isfinite(sigma) else None, fmt="o", ms=3, color=colour)
         at: dict[str, Any] = {"xycoords": ax.get_yaxis_transform(), "textcoords": "offset points"}
         name = ax.annotate(route_label(route.name), (0.03, row), xytext=(0, 4), color=colour, **at)
+        name.set_path_effects([withStroke(linewidth=1.5, foreground="white")])  # lines pass behind it
         name.set_in_layout(False)  # it lies inside, but its place is known only when the layout is
     ax.margins(x=0.2)
     ax.xaxis.set_major_locator(MaxNLocator(4))
