@@ -1,6 +1,6 @@
 """Does the interval cover the truth as often as it says? `python -m benchmarks.coverage`.
 
-Every experiment is identified by `kolsky.identify.identify` itself, as a laboratory would, from its own
+Every experiment is identified by `kolsky.identification.identify` itself, as a laboratory would, from its own
 noisy force, outline, flyer and curve. Counted is how often the k = 2 interval holds the true value.
 """
 
@@ -20,9 +20,9 @@ import numpy as np
 
 from benchmarks.coverage_counts import joined, summary
 from benchmarks.coverage_problem import FloatArray, draw, experiment, template, truths
-from kolsky.forward import Numerics
-from kolsky.identify import identify
-from kolsky.settings import Settings
+from kolsky.identification import identify
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.settings import Settings
 
 NAMES = {"m": "stiffness_factor", "f": "friction", "beta": "damping"}
 BOUNDS = {"stiffness_factor": (0.75, 1.5), "friction": (0.05, 0.8), "damping": (5e-6, 6e-5)}

@@ -25,11 +25,11 @@ from benchmarks.problem import (
     stroke,
 )
 from explicit.materials import marlow_from_curve
-from kolsky.apparatus import Interface, Specimen
-from kolsky.misfit import Observations, observe, predict
-from kolsky.records import CentreLine, FlyerMotion, ForceHistory, MaterialCurve
-from kolsky.shots import ModelSettings, Shot
-from kolsky.shots.barforce import BarForce
+from kolsky.bars.bar_force import BarForce
+from kolsky.base.apparatus import Interface, Specimen
+from kolsky.base.records import CentreLine, FlyerMotion, ForceHistory, MaterialCurve
+from kolsky.inverse.misfit import Observations, observe, predict
+from kolsky.shot.records import ModelSettings, Shot
 
 FloatArray = NDArray[np.float64]
 

@@ -96,7 +96,7 @@ def runs(raw: Path, repeats: int, *, say: Callable[[str], Any] = print) -> list[
         Told of each run.
     """
     from dic.output import read_result
-    from kolsky.commands.dic import correlate
+    from kolsky.cli.work.dic import correlate
 
     found = []
     with tempfile.TemporaryDirectory() as name:

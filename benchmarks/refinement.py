@@ -12,15 +12,15 @@ from time import perf_counter
 
 import numpy as np
 
-from kolsky.coarse import adaptive, second_design
-from kolsky.commands.options import ranges
-from kolsky.misfit import predict
-from kolsky.objective import Objective
-from kolsky.parameters import design_box
-from kolsky.prepare import prepare
-from kolsky.settings import Settings
-from kolsky.shots import load_shot
-from kolsky.stages import Stages
+from kolsky.cli.work.options import ranges
+from kolsky.inverse.coarse_search import adaptive, second_design
+from kolsky.inverse.misfit import predict
+from kolsky.inverse.objective import Objective
+from kolsky.inverse.parameters import design_box
+from kolsky.inverse.prepare import prepare
+from kolsky.inverse.settings import Settings
+from kolsky.inverse.stages import Stages
+from kolsky.shot.load import load_shot
 
 WAYS = {"second designs": second_design, "adaptive refinement": adaptive}
 

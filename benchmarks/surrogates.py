@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from doe import Box, ResponseSurrogate, latin_hypercube, sobol
 from doe.surrogates import ProcessSurrogate
-from kolsky.commands.options import ranges
-from kolsky.objective import Objective
-from kolsky.parameters import design_box
-from kolsky.prepare import prepare
-from kolsky.settings import Settings
-from kolsky.shots import load_shot
-from kolsky.stages import Stages
+from kolsky.cli.work.options import ranges
+from kolsky.inverse.objective import Objective
+from kolsky.inverse.parameters import design_box
+from kolsky.inverse.prepare import prepare
+from kolsky.inverse.settings import Settings
+from kolsky.inverse.stages import Stages
+from kolsky.shot.load import load_shot
 
 FloatArray = NDArray[np.float64]
 

@@ -1,16 +1,14 @@
-"""How a measured surface shows itself in a notebook, and as a table of pandas or xarray."""
+"""A measured surface in a notebook, and as a table of pandas or xarray."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dic.outcome import PointOutcome
-
-if TYPE_CHECKING:
-    from dic.surface import SurfaceHistory
+from dic.surface import SurfaceHistory
 
 COMPONENTS = ("x", "y", "Z")
 """Names of the last axis of positions."""
@@ -79,7 +77,7 @@ def facts(surface: SurfaceHistory) -> list[tuple[str, str]]:
     return rows
 
 
-def data_frame(surface: SurfaceHistory) -> Any:
+def to_dataframe(surface: SurfaceHistory) -> Any:
     """A row a point of a frame: time [s], reference X [m], displacement u [m], sigma [m], outcome."""
     frame, point = np.indices(surface.outcome.shape)
     columns: dict[str, NDArray[Any]] = {
@@ -100,7 +98,7 @@ def data_frame(surface: SurfaceHistory) -> Any:
     return pandas().DataFrame(columns)
 
 
-def dataset(surface: SurfaceHistory) -> Any:
+def to_xarray(surface: SurfaceHistory) -> Any:
     """Frames x points x components with coordinates; lost points are NaN, `outcome` says why."""
     valid = surface.valid[..., None]
     dims = ("frame", "point", "component")

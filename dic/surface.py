@@ -3,12 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dic import notebook
 from dic.outcome import PointOutcome
 
 FloatArray = NDArray[np.float64]
@@ -98,17 +96,6 @@ class SurfaceHistory:
     def __repr__(self) -> str:
         found = f", {100.0 * self.valid.mean():.3g} % found" if self.outcome.size else ""
         return f"SurfaceHistory({self.n_frames} frames, {self.n_points} points{found})"
-
-    def _repr_html_(self) -> str:
-        return notebook.html_table("Measured surface", notebook.facts(self))
-
-    def to_dataframe(self) -> Any:
-        """A `pandas.DataFrame`, a row a point of a frame; see `dic.notebook.data_frame`."""
-        return notebook.data_frame(self)
-
-    def to_xarray(self) -> Any:
-        """An `xarray.Dataset` over frames, points and components; see `dic.notebook.dataset`."""
-        return notebook.dataset(self)
 
 
 @dataclass(frozen=True)

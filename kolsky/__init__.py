@@ -1,1 +1,86 @@
-"""The Kolsky test and its meaning: apparatus, shots, identification, reports, command line."""
+"""One impact test on a soft material, in; its dynamic stiffness with a defensible uncertainty, out.
+
+What a laboratory's script needs is here by name: ``import kolsky``, then ``kolsky.load_shot``,
+``kolsky.identify`` and so on. Each name is loaded when it is first used. The rooms behind them are in the
+order of their imports in `docs/architecture.md`.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+from kolsky.report.ipython import register as _register_views
+
+if TYPE_CHECKING:
+    from kolsky.base.errors import InputError
+    from kolsky.base.files import write_table
+    from kolsky.identification import identify
+    from kolsky.inverse.forward import Numerics
+    from kolsky.inverse.result import Identification
+    from kolsky.inverse.settings import Settings
+    from kolsky.inverse.simulate import simulate
+    from kolsky.material.fits.compare import compare_laws
+    from kolsky.material.fits.fit import fit_law
+    from kolsky.material.reference_curve import reference_curve
+    from kolsky.report.canvas import save_figures
+    from kolsky.report.notebook import to_dataframe, to_xarray
+    from kolsky.report.page import write_report
+    from kolsky.results.read import read_identification
+    from kolsky.results.text import write_csv
+    from kolsky.results.write import write_identification
+    from kolsky.shot.dic import dic
+    from kolsky.shot.load import check_shot, load_shot
+    from kolsky.shot.records import Shot
+    from kolsky.shot.waves import waves
+    from kolsky.studies.planning.plan import plan
+    from kolsky.studies.rates.rate import rate
+    from kolsky.studies.sweep import sweep
+    from kolsky.studies.sweep_analysis import analyse_sweep
+
+_HOME = {
+    "Identification": "kolsky.inverse.result",
+    "InputError": "kolsky.base.errors",
+    "Numerics": "kolsky.inverse.forward",
+    "Settings": "kolsky.inverse.settings",
+    "Shot": "kolsky.shot.records",
+    "analyse_sweep": "kolsky.studies.sweep_analysis",
+    "check_shot": "kolsky.shot.load",
+    "compare_laws": "kolsky.material.fits.compare",
+    "dic": "kolsky.shot.dic",
+    "fit_law": "kolsky.material.fits.fit",
+    "identify": "kolsky.identification",
+    "load_shot": "kolsky.shot.load",
+    "plan": "kolsky.studies.planning.plan",
+    "rate": "kolsky.studies.rates.rate",
+    "read_identification": "kolsky.results.read",
+    "reference_curve": "kolsky.material.reference_curve",
+    "save_figures": "kolsky.report.canvas",
+    "simulate": "kolsky.inverse.simulate",
+    "sweep": "kolsky.studies.sweep",
+    "to_dataframe": "kolsky.report.notebook",
+    "to_xarray": "kolsky.report.notebook",
+    "waves": "kolsky.shot.waves",
+    "write_csv": "kolsky.results.text",
+    "write_identification": "kolsky.results.write",
+    "write_report": "kolsky.report.page",
+    "write_table": "kolsky.base.files",
+}
+"""Where each public name is defined. The imports above tell a type checker the same; a test compares both."""
+
+__all__ = [*_HOME]
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name when it is first asked for."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'kolsky' has no attribute {name!r}; it offers {', '.join(_HOME)}")
+    from importlib import import_module
+
+    value = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOME})
+
+
+_register_views()

@@ -1,268 +1,186 @@
-"""The answer: identified parameters with their intervals, and everything needed to defend them."""
+"""The inverse method: design -> batch of runs -> surrogate of the response -> search -> finer mesh.
 
-from dataclasses import dataclass, field
-from enum import StrEnum
-from typing import Any
+Stages of `identify`:
+
+1. A design over the free parameters is run on the surrogate mesh; a surrogate of the *response* (force
+   bins and profile points) gives a first optimum.
+2. More runs around it make the surrogate exact where it matters (see `kolsky.inverse.coarse_search`).
+3. The optimum is moved to the refined mesh and confirmed by a real run there: by single runs that correct
+   the surrogate (one parameter, `kolsky.inverse.refined_search`), or by a quadratic through a design of runs
+   on the refined mesh (several, or a sliding surface, `kolsky.inverse.quadratic_fit`).
+4. Noise: the residuals' covariance (see `kolsky.inverse.objective`), and replicates of the flyer's motion
+   and of the quasi-static curve drawn from their own noise. Numerics: the shift between the meshes, that
+   between the elements, and the roughness of the response.
+"""
+
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from explicit import Ending, Outcome, Response
-from kolsky.knowledge.records import (
-    Declaration,
-    PairMap,
-    ParameterProfile,
-    PosteriorSummary,
-    Variation,
-)
-from kolsky.methods import Method
-from kolsky.notebook import IdentificationInNotebook
-from kolsky.records import CentreLine, ForceHistory
+from kolsky.inverse.coarse_search import Coarse, fit_for_purpose, search_coarse
+from kolsky.inverse.estimates import comparison, curves, estimates, routes
+from kolsky.inverse.misfit import terms
+from kolsky.inverse.optimum import CorrectedSurrogate, jacobian
+from kolsky.inverse.parameters import PARAMETERS, design_box
+from kolsky.inverse.prepare import prepare
+from kolsky.inverse.provenance import provenance
+from kolsky.inverse.refined_runs import Refined
+from kolsky.inverse.refined_search import check_refined
+from kolsky.inverse.result import Identification
+from kolsky.inverse.settings import Settings
+from kolsky.inverse.solver_search import with_methods
+from kolsky.inverse.stages import Progress, Stages
+from kolsky.shot.curve import with_pull
+from kolsky.shot.records import Shot
+from kolsky.uncertainty.analyse import gather
+from kolsky.uncertainty.profile_likelihood import Answer
+from kolsky.uncertainty.warnings.collected import cautions
 
 FloatArray = NDArray[np.float64]
 
-
-class Verdict(StrEnum):
-    """How the search for one parameter ended."""
-
-    IDENTIFIED = "identified"
-    FORCE_ALONE = "identified by the force alone"
-    AT_BOUND = "at a bound of the design"
-    CONDITIONAL = "only if the parameter at its bound is right"
-    NOT_SEEN = "not seen by the data"
-    DISAGREEING = "the check run disagrees with the surrogate"
-    FAILED = "no simulation of the design completed"
-
-    @property
-    def confirmed(self) -> bool:
-        """Whether the search came to rest: a run on the refined mesh left the optimum where it was."""
-        return self not in (Verdict.DISAGREEING, Verdict.FAILED)
+ORDER = 2.0
+"""Order of the mesh error used for the refined mesh's remaining error; fitted in the verification manual."""
+SAFETY_FACTOR = 1.25
+"""Factor on the extrapolated mesh error (Roache's grid convergence index with a fitted order)."""
+ONE_SIDED = 1.15
+"""The index over its standard uncertainty: the mesh errs to one side, by about as much as is extrapolated,
+and not evenly about zero, where it would be 2 (ASME V&V 20-2009)."""
+EITHER_SIDE = 3.0**0.5
+"""The other element's move of the optimum over its standard uncertainty: the truth may lie anywhere between
+the two and as far on the other side (a rectangular distribution, GUM 4.3.7)."""
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """One free parameter."""
+def identify(
+    shot: Shot, settings: Settings | None = None, *, progress: Progress | None = None
+) -> Identification:
+    """Identify the free parameters of a shot.
 
-    name: str
-    """Parameter name, e.g. "stiffness_factor"."""
-    unit: str
-    """Unit, "1" if none."""
-    value: float
-    """Optimum of the joint chi-square."""
-    sigma_noise: float
-    """Standard uncertainty from the measured noise (force, shape, flyer motion, material curve)."""
-    sigma_numerical: float
-    """Standard uncertainty from the numerics, root sum of squares of `numerical_parts`."""
-    mesh_shift: float
-    """Value on the refined mesh minus value on the surrogate's mesh."""
-    noise_parts: dict[str, float]
-    """The share of `sigma_noise` by source: "force and shape", "force scale", "motion scale", "flyer
-    motion" (the noise of whatever moves the front face), "material curve"."""
-    outcome: Verdict
-    """How the search ended."""
-    sigma_systematic: float = 0.0
-    """Standard uncertainty from what shot.toml declares in [uncertainty], 0 if it declares nothing."""
-    numerical_parts: dict[str, float] = field(default_factory=dict)
-    """The share of `sigma_numerical` by source: "mesh" (mesh and step, or the element where that is more)
-    and, where surfaces slide or several parameters are free, "roughness" of the response."""
+    Parameters
+    ----------
+    shot
+        A loaded shot.
+    settings
+        What is free, what is held, numerical choices.
+    progress : callable, optional
+        Called as ``progress(stage, runs done, runs in the stage)``.
 
-    @property
-    def sigma(self) -> float:
-        """Combined standard uncertainty, root sum of squares."""
-        return float(np.sqrt(self.sigma_noise**2 + self.sigma_numerical**2 + self.sigma_systematic**2))
+    Returns
+    -------
+    Identification
+        Estimates with intervals and verdicts, the check run beside the data, every run of the design.
 
-    @property
-    def interval(self) -> tuple[float, float]:
-        """The k = 2 interval."""
-        return (self.value - 2.0 * self.sigma, self.value + 2.0 * self.sigma)
-
-
-@dataclass(frozen=True)
-class Route:
-    """The optimum that one part of the data alone would choose."""
-
-    name: str
-    """ "joint", "force only", "shape only", "paper" (the cost Phi of Eq. (M.5))."""
-    parameters: dict[str, float]
-    """Optimum in parameter units."""
-    cost: float
-    """Cost at the optimum."""
-    sigma: dict[str, float]
-    """Standard uncertainty from the residuals of this route; empty for the paper's cost."""
-
-
-@dataclass(frozen=True)
-class Terms:
-    """The misfit terms of one simulation: Eqs. (M.3)-(M.8) and chi-square.
-
-    Where no outline was measured those that need one are NaN: they are not known.
+    Raises
+    ------
+    ValueError
+        If a parameter is unknown, a bound or value is outside its range, or too few runs completed; the
+        message says how, when and where the first one failed.
     """
-
-    phi_shape: float
-    """Phi_S, Eq. (M.3) [-]."""
-    phi_force: float
-    """Phi_F, Eq. (M.4) [N]."""
-    phi: float
-    """Phi, Eq. (M.5) [-]."""
-    sigma_phi_shape: float
-    """delta Phi_S, Eq. (M.6) [-]."""
-    sigma_phi_force: float
-    """delta Phi_F, Eq. (M.7) [N]."""
-    sigma_phi: float
-    """delta Phi, Eq. (M.8) [-]."""
-    chi2_force: float
-    """Noise-weighted sum of squares of the force residual [-]."""
-    chi2_shape: float
-    """Noise-weighted sum of squares of the shape residual [-]."""
-    n_force: int
-    """Number of force values counted."""
-    n_shape: int
-    """Number of shape points counted."""
-    n_outside: int
-    """Number of shape points outside the model's range, not counted."""
-
-    @property
-    def chi2(self) -> float:
-        """Joint chi-square [-]; the force's where no outline was measured."""
-        return self.chi2_force + (self.chi2_shape if self.has_shape else 0.0)
-
-    @property
-    def has_shape(self) -> bool:
-        """Whether an outline was measured."""
-        return self.n_shape + self.n_outside > 0
+    settings = settings or Settings()
+    shot = with_pull(shot, settings.pull)
+    whole = design_box(settings.free)
+    stages = Stages(prepare(shot), settings, whole, progress or (lambda stage, done, total: None))
+    coarse = search_coarse(stages)
+    return _report(shot, stages, coarse, check_refined(stages, coarse))
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """The check run beside the data, ready to draw."""
-
-    force_time: FloatArray
-    """Bin centres [s], shape [n_bins]."""
-    force_measured: FloatArray
-    """Bin means of the measured transmitted force [N], shape [n_bins]."""
-    force_sigma: FloatArray
-    """Their standard deviation [N], shape [n_bins]."""
-    force_model: FloatArray
-    """Bin means of the simulated force [N], shape [n_bins]."""
-    centre_line: CentreLine
-    """The measured points inside the window; none if nobody looked."""
-    Z_model: FloatArray
-    """Simulated Z at the measured points [m], shape [n_points]; NaN where `inside` is False."""
-    inside: NDArray[np.bool_]
-    """Points inside the model's range, shape [n_points]."""
-    recorded: ForceHistory
-    """The transmitted force at every recorded sample."""
-
-
-@dataclass(frozen=True)
-class DesignTable:
-    """Every run of the design, in run order."""
-
-    names: tuple[str, ...]
-    """Free parameters, column order of `points`."""
-    points: FloatArray
-    """Parameter values, shape [n_runs, n_parameters]."""
-    lower: FloatArray
-    """Lower bounds of the design, shape [n_parameters]."""
-    upper: FloatArray
-    """Upper bounds, shape [n_parameters]."""
-    outcomes: tuple[str, ...]
-    """`explicit.Outcome` names, length n_runs."""
-    end_times: FloatArray
-    """Time each run reached [s], shape [n_runs]."""
-    failed_elements: NDArray[np.int64]
-    """Element where it failed, of its own mesh; -1 if it completed, shape [n_runs]."""
-    failed_places: FloatArray
-    """Centre (R, Y) of that element in the undeformed mesh [m], shape [n_runs, 2]; NaN if it completed."""
-    stage: tuple[str, ...]
-    """Why the run was made: "design", "refinement" or "check", length n_runs."""
-    phi_shape: FloatArray
-    """Phi_S of each run [-], shape [n_runs]; NaN for a run that did not complete, or without an outline."""
-    phi_force: FloatArray
-    """Phi_F of each run [N], shape [n_runs]; NaN for a run that did not complete."""
-    chi2_shape: FloatArray
-    """Shape chi-square of each run [-], shape [n_runs]; NaN likewise."""
-    chi2_force: FloatArray
-    """Force chi-square of each run [-], shape [n_runs]; NaN for a run that did not complete."""
-
-    def ending(self, run: int) -> Ending:
-        """How, when and where a run ended."""
-        r, y = self.failed_places[run]
-        return Ending(
-            outcome=Outcome[self.outcomes[run]],
-            time=float(self.end_times[run]),
-            element=int(self.failed_elements[run]),
-            place=(float(r), float(y)),
-        )
-
-    @property
-    def lost(self) -> tuple[int, ...]:
-        """The runs that did not complete."""
-        return tuple(i for i, name in enumerate(self.outcomes) if name != Outcome.COMPLETED.name)
+def _input_noise(stages: Stages, fine: Refined) -> tuple[dict[str, FloatArray], int]:
+    """Stage 4: standard uncertainties from the inputs' noise, and how many replicates were lost."""
+    scale = {}
+    gains = [fine.objective.gain(slope) for slope in fine.slopes]
+    if stages.observations.force_sigma_gain > 0.0:
+        scale["force scale"] = _largest_shift(gains, fine.objective.scale_error)
+    if stages.settings.replicates == 0:
+        return scale, 0
+    replicates = stages.replicate(fine.x)
+    vectors = fine.objective.vectors(replicates.prediction)
+    change = np.nan_to_num(vectors - vectors[0])  # a point that one replicate leaves adds nothing
+    moves = change @ fine.objective.gain(fine.jacobian).T
+    if replicates.scale.any():
+        scale["motion scale"] = _largest_shift(gains, change[replicates.scale][0])
+    return {
+        **scale,
+        "flyer motion": np.sqrt((moves[replicates.flyer] ** 2).mean(axis=0)),
+        "material curve": np.sqrt((moves[replicates.curve] ** 2).mean(axis=0)),
+    }, replicates.lost
 
 
-@dataclass(frozen=True)
-class SurrogateCurve:
-    """The surrogate along one parameter, the others at their optimum."""
-
-    parameter: str
-    """The parameter that varies."""
-    x: FloatArray
-    """Its values, shape [n]."""
-    chi2: FloatArray
-    """Joint chi-square (with the discrepancy weights of the final search) [-], shape [n]."""
-    phi_shape: FloatArray
-    """Phi_S [-], shape [n]; NaN without an outline."""
-    phi_force: FloatArray
-    """Phi_F [N], shape [n]."""
+def _largest_shift(gains: list[FloatArray], change: FloatArray) -> FloatArray:
+    return np.max([np.abs(gain @ change) for gain in gains], axis=0)
 
 
-@dataclass(frozen=True, repr=False)
-class Identification(IdentificationInNotebook):
-    """What `kolsky identify` returns."""
+def _numerical(settings: Settings, fine: Refined) -> dict[str, FloatArray]:
+    """Standard uncertainties from the numerics by source, shape [d] each."""
+    ratio = settings.refined_mesh[0] / settings.numerics.mesh[0]
+    found = {"mesh": SAFETY_FACTOR / ONE_SIDED * np.abs(fine.mesh_shift) / (ratio**ORDER - 1.0)}
+    if fine.element_shift is not None:
+        # Both are estimates of one error, that of the discretisation: the larger counts.
+        found["mesh"] = np.fmax(found["mesh"], np.abs(fine.element_shift) / EITHER_SIDE)
+    if fine.roughness is not None:
+        found["roughness"] = fine.roughness
+    return found
 
-    shot: str
-    """Name of the shot."""
-    estimates: dict[str, Estimate]
-    """One entry per free parameter."""
-    fixed: dict[str, float]
-    """The parameters held fixed, in SI."""
-    routes: tuple[Route, ...]
-    """Joint, force-only, shape-only and the paper's optimum; only the force's without an outline."""
-    terms: Terms
-    """Misfit terms of the check run at the optimum."""
-    comparison: Comparison
-    """The check run beside the data."""
-    response: Response
-    """The check run itself: a batch of one on the refined mesh, with all nodes."""
-    mesh: tuple[int, int]
-    """Elements across the radius and along the length, the surrogate's mesh."""
-    refined_mesh: tuple[int, int]
-    """The refined mesh: the check runs and the answer are on it."""
-    design: DesignTable
-    """Every run."""
-    curves: tuple[SurrogateCurve, ...]
-    """The surrogate along each free parameter."""
-    surrogate: dict[str, float]
-    """Surrogate quality: "loo_force" [N], "loo_shape" [m] (root-mean-square leave-one-out),
-    "check_force" [N], "check_shape" [m] (surrogate against the check run, rms)."""
-    seconds: dict[str, float]
-    """Wall time by stage [s]."""
-    warnings: tuple[str, ...] = ()
-    """What a user must know before using the answer, one sentence each; see `kolsky.cautions`."""
-    methods: tuple[Method, ...] = ()
-    """What other methods find from the same data; the answer's own is the first."""
-    systematic: tuple[Declaration, ...] = ()
-    """What declared uncertainties of the inputs do to the answer, and what was not declared."""
-    profiles: tuple[ParameterProfile, ...] = ()
-    """The profile likelihood of each free parameter."""
-    ridge: PairMap | None = None
-    """The likelihood over the plane of two free parameters; None for another number of them."""
-    posterior: PosteriorSummary | None = None
-    """The posterior, if it was asked for."""
-    variations: tuple[Variation, ...] = ()
-    """What other choices of the analyst do to the answer."""
-    image_correlation: dict[str, float] = field(default_factory=dict)
-    """Numbers of the surfaces that the shot's pictures gave, see `kolsky.dicsummary.numbers`."""
-    provenance: dict[str, Any] = field(default_factory=dict)
-    """Input hashes, settings, versions, seed, machine class, precision."""
+
+def _report(shot: Shot, stages: Stages, coarse: Coarse, fine: Refined) -> Identification:
+    """Everything the stages found, with the warnings it deserves."""
+    settings, n_force = stages.settings, fine.objective.n_force
+    shape = stages.observations.has_shape
+    input_noise, lost = _input_noise(stages, fine)
+    held = {name: p.held(shot) for name, p in PARAMETERS.items() if name not in stages.box.names}
+    loo = coarse.surrogate.loo_residuals
+    found_routes = routes(fine.box, fine.objective, fine.model, stages.box, stages.table)
+    corrected = Answer.of(fine.x, fine.box, fine.objective, fine.model, fine.surrogate)
+    known = gather(stages, corrected, fine.check.prediction, bayes=settings.bayes)
+    found = Identification(
+        shot=shot.name,
+        estimates=estimates(
+            stages.box,
+            fine.x,
+            noise={"force and shape": fine.sigma, **input_noise},
+            numerical=_numerical(settings, fine),
+            mesh_shift=fine.mesh_shift,
+            confirmed=fine.confirmed,
+            outline=stages.observations.has_shape,
+        ),
+        fixed={**held, **dict(settings.held)},
+        routes=found_routes,
+        terms=terms(fine.check.prediction, stages.observations, 0),
+        comparison=comparison(fine.check.prediction, stages.observations),
+        response=fine.check.response,
+        mesh=settings.numerics.mesh,
+        refined_mesh=settings.refined_mesh,
+        design=stages.table.build(stages.box),
+        curves=curves(fine.box, fine.objective, fine.model, fine.x),
+        surrogate={
+            "loo_force": _rms(loo[:, :n_force]),
+            **({"loo_shape": _rms(loo[:, n_force:])} if shape else {}),
+            "check_shift_sigmas": fine.moved,
+            "check_force": _rms(fine.missed[:n_force]),
+            **({"check_shape": _rms(fine.missed[n_force:])} if shape else {}),
+            "counted_points": float(fine.objective.counted.sum()),
+            "force_discrepancy": fine.objective.force_discrepancy,
+            **({"shape_discrepancy": fine.objective.shape_discrepancy} if shape else {}),
+            **_runs_needed(stages, coarse, fine),
+        },
+        seconds=stages.seconds,
+        provenance=provenance(
+            shot, settings, stages.prepared, sliding="friction" in {*settings.free, *settings.held}
+        ),
+    )
+    found = with_methods(known.added_to(found), stages, fine.objective)
+    checks = stages.prepared.checks
+    said = cautions(found, checks=checks, interface=shot.interface, lost_replicates=lost)
+    return replace(found, warnings=(*said, *known.warnings))
+
+
+def _runs_needed(stages: Stages, coarse: Coarse, fine: Refined) -> dict[str, float]:
+    """Where the check does not confirm the surrogate: how many runs would do, infinite if none."""
+    if fine.confirmed:
+        return {}
+    gain = coarse.objective.gain(jacobian(CorrectedSurrogate(coarse.surrogate).predict, coarse.box, coarse.x))
+    found = fit_for_purpose(stages, coarse, gain / (2.0 * fine.sigma[:, None]))
+    return {"runs_needed": float("inf") if found.runs_needed is None else float(found.runs_needed)}
+
+
+def _rms(x: FloatArray) -> float:
+    return float(np.sqrt(np.mean(np.asarray(x) ** 2)))

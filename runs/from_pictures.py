@@ -7,16 +7,16 @@ Regions that shot.toml leaves out are found in the pictures.
 import sys
 from pathlib import Path
 
-from kolsky import dicsummary
-from kolsky.flyer import flightreport
-from kolsky.identify import identify
-from kolsky.measure import measured, surfaces
-from kolsky.report import write_report
+from kolsky.bars.flyer import flight_report
+from kolsky.identification import identify
+from kolsky.inverse.settings import Settings
 from kolsky.report.dicpage import write_page
+from kolsky.report.page import write_report
 from kolsky.report.view import view
-from kolsky.results import write_identification
-from kolsky.settings import Settings
-from kolsky.shots import load_pictures, load_shot
+from kolsky.results.write import write_identification
+from kolsky.shot import dic_summary
+from kolsky.shot.load import load_pictures, load_shot
+from kolsky.shot.optical_data import measured, surfaces
 
 if len(sys.argv) < 2:
     sys.exit("give the folder of a shot with pictures")
@@ -29,7 +29,7 @@ write_page(
     view(pictured.name, found.result, pictured.seen.pictures, found.flight),
     pictured.inputs,
 )
-for name, value in {**dicsummary.printed(found.result), **flightreport.printed(found.flight)}.items():
+for name, value in {**dic_summary.printed(found.result), **flight_report.printed(found.flight)}.items():
     print(f"{name:24} {value}")
 
 shot = load_shot(sys.argv[1], measure=lambda seen: measured(seen, folder))
@@ -38,5 +38,5 @@ write_identification(folder / "identification.h5", result)
 write_report(folder / "report.html", result)
 m = result.estimates["stiffness_factor"]
 print(f"{result.shot}: m = {m.value:.4f} ± {2 * m.sigma:.4f} (k = 2): {m.outcome}")
-warnings = (*dicsummary.warnings(found.result), *result.warnings)
+warnings = (*dic_summary.warnings(found.result), *result.warnings)
 print(*(f"warning: {warning}" for warning in warnings), sep="\n", file=sys.stderr)

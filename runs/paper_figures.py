@@ -10,8 +10,8 @@ from pathlib import Path
 
 from kolsky.report.canvas import build
 from kolsky.report.figures import TRENDS
-from kolsky.shots import load_shot
-from kolsky.trends import trends
+from kolsky.shot.load import load_shot
+from kolsky.studies.trends import trends
 
 STIFFNESS = 1.12  # the known answer of open-01; the paper's Fig. 8 has 1, where its specimen turned out to be
 

@@ -4,13 +4,14 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from kolsky.commands.options import mesh
-from kolsky.forward import Numerics
-from kolsky.identify import identify
-from kolsky.report import write_report
-from kolsky.results import write_csv, write_identification
-from kolsky.settings import Settings
-from kolsky.shots import load_shot
+from kolsky.cli.work.options import mesh
+from kolsky.identification import identify
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.settings import Settings
+from kolsky.report.page import write_report
+from kolsky.results.text import write_csv
+from kolsky.results.write import write_identification
+from kolsky.shot.load import load_shot
 
 shot = load_shot(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "open-01")
 settings = Settings(free={"stiffness_factor": (0.75, 1.5)})

@@ -7,10 +7,10 @@ group without which the mean moves most.
 import sys
 from pathlib import Path
 
-from kolsky.rates import compare
-from kolsky.rates.collect import collected_shot, declarations, group_key, group_of
-from kolsky.rates.output import write_csv, write_hdf5
 from kolsky.report.ratepage import write_page
+from kolsky.studies.rates.collect import collected_shot, declarations, group_key, group_of
+from kolsky.studies.rates.comparison import compare
+from kolsky.studies.rates.output import write_csv, write_hdf5
 
 folders = [Path(word) for word in sys.argv[1:]]
 if not folders:

@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 
 import explicit
-from kolsky.csvtable import write_table
-from kolsky.flyer import fit_flyer
-from kolsky.forward import Forward, Numerics, material_law
-from kolsky.profile import radius_at
-from kolsky.records import FlyerMotion
-from kolsky.shots import load_shot
+from kolsky.bars.flyer.fit import fit_flyer
+from kolsky.base.files import write_table
+from kolsky.base.records import FlyerMotion
+from kolsky.inverse.forward import Forward, Numerics, material_law
+from kolsky.inverse.side_surface import radius_at
+from kolsky.shot.load import load_shot
 
 ORIGIN = Path(__file__).resolve().parent / "open-01"
 NUMERICS = Numerics(mesh=(48, 64), element="fbar")

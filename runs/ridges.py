@@ -7,11 +7,11 @@ with both profiles to SHOT/results/ridges, and prints the verdicts.
 import sys
 from pathlib import Path
 
-from kolsky.identify import identify
+from kolsky.identification import identify
+from kolsky.inverse.settings import Settings
 from kolsky.report.canvas import save_figures
 from kolsky.report.figures import REGISTRY
-from kolsky.settings import Settings
-from kolsky.shots import load_shot
+from kolsky.shot.load import load_shot
 
 shot = load_shot(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "open-01")
 folder = shot.folder / "results" / "ridges"

@@ -8,11 +8,11 @@ import sys
 from pathlib import Path
 
 from doe import Box
-from kolsky.forward import Numerics
-from kolsky.globalsensitivity import global_sensitivity, screening, solver_sensitivity
+from kolsky.inverse.forward import Numerics
 from kolsky.report.canvas import save_figures
 from kolsky.report.figures import SENSITIVITY
-from kolsky.shots import load_shot
+from kolsky.shot.load import load_shot
+from kolsky.studies.global_sensitivity import global_sensitivity, screening, solver_sensitivity
 
 BOX = Box.of({"stiffness_factor": (1.0, 1.25), "poisson": (0.495, 0.4995), "damping": (1e-5, 1e-4)})
 COARSE = Numerics(mesh=(16, 22))  # indices are shares: a mesh that is too soft by 1 % does not change them

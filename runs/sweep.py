@@ -9,13 +9,13 @@ from pathlib import Path
 
 from doe import Box
 from doe.designs import sobol
-from kolsky.forward import Numerics
+from kolsky.inverse.forward import Numerics
 from kolsky.report.canvas import save_figures
 from kolsky.report.figures import SWEEPS
 from kolsky.report.sweeppage import write_page
-from kolsky.shots import load_shot
-from kolsky.sweep import sweep, write_sweep
-from kolsky.sweepanalysis import analyse_sweep
+from kolsky.shot.load import load_shot
+from kolsky.studies.sweep import sweep, write_sweep
+from kolsky.studies.sweep_analysis import analyse_sweep
 
 BOX = Box.of({"stiffness_factor": (1.0, 1.25), "damping": (1e-5, 5e-5)})
 

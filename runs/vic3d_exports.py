@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kolsky.shots import load_shot
+from kolsky.shot.load import load_shot
 
 if len(sys.argv) < 2:
     sys.exit("give a folder for the shot with exports")

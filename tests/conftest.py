@@ -9,8 +9,9 @@ TESTS = Path(__file__).resolve().parent
 VERIFICATION = TESTS / "verification"
 SHARED = TESTS.parent.parent / "shared"
 
-if str(TESTS) not in sys.path:
-    sys.path.insert(0, str(TESTS))  # helpers beside this file: tests/order.py
+HELPERS = TESTS / "helpers"
+if str(HELPERS) not in sys.path:
+    sys.path.insert(0, str(HELPERS))  # what several tests use: order.py and others
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

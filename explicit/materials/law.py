@@ -12,9 +12,9 @@ To add a law write one file in this package with
 
 The class then has all of `explicit.materials.base.MaterialLaw`: stress, energy, the bound of the tangent for
 the stable step, in NumPy and in Warp, for every driver, element and precision.
-`tests/unit/test_material_laws.py` goes over `LAWS` and holds every member to its own energy. A law gives the
-isochoric part alone; the volumetric part is `explicit.materials.volumetric`'s, and the solver's stiffness
-factor multiplies both.
+`tests/unit/explicit/test_material_laws.py` goes over `LAWS` and holds every member to its own energy. A law
+gives the isochoric part alone; the volumetric part is `explicit.materials.volumetric`'s, and the solver's
+stiffness factor multiplies both.
 """
 
 from dataclasses import dataclass, field, replace

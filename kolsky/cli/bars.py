@@ -22,7 +22,7 @@ def waves(
     flyer test. Writes waves.h5, waves.html and CSV tables into SHOT/results.
     """
     with refusing_bad_input():
-        from kolsky.commands.waves import waves as run
+        from kolsky.cli.work.waves import waves as run
 
         run(
             shot,
@@ -46,7 +46,7 @@ def wavespeed(
     SHOT/results.
     """
     with refusing_bad_input():
-        from kolsky.commands.wavespeed import wavespeed as run
+        from kolsky.cli.work.wavespeed import wavespeed as run
 
         run(
             shot,
@@ -71,7 +71,7 @@ def repeats(
     Writes repeats.csv: the mean, its 95 % band (scatter and shared uncertainties), every test.
     """
     with refusing_bad_input():
-        from kolsky.commands.repeats import repeats as run
+        from kolsky.cli.work.repeats import repeats as run
 
         run(
             shots,

@@ -1,4 +1,4 @@
-"""The options of `kolsky material baseline`; its body is in `kolsky.commands.baseline`."""
+"""The options of `kolsky material baseline`; its body is in `kolsky.cli.work.baseline`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -89,8 +89,8 @@ def baseline(
         "bulge": bulge,
     }
     with refusing_bad_input():
-        from kolsky.commands.baseline import make_baseline
-        from kolsky.commands.baselinetests import Given
+        from kolsky.cli.work.baseline import make_baseline
+        from kolsky.cli.work.baselinetests import Given
 
         make_baseline(
             Given(

@@ -31,11 +31,11 @@ def rate(
 
     Writes rates.h5, rates.html and CSV tables. A slope that the rates cannot carry is refused.
     """
-    from kolsky.commands import options
+    from kolsky.cli.work import options
 
     with refusing_bad_input():
         at = options.strains("--strains", strains)
-        from kolsky.commands.rate import rate as run
+        from kolsky.cli.work.rate import rate as run
 
         run(
             shots,
@@ -62,7 +62,7 @@ def report(
     Needs the results of `kolsky identify`, in SHOT/results or the folder of --out.
     """
     with refusing_bad_input():
-        from kolsky.commands.report import report as run
+        from kolsky.cli.work.report import report as run
 
         run(shot, out=out, formats=listed(figures), as_json=as_json)
 
@@ -87,7 +87,7 @@ def film(
     Needs the results of `kolsky identify`; writes into their folder film.
     """
     with refusing_bad_input():
-        from kolsky.commands.film import film as run
+        from kolsky.cli.work.film import film as run
 
         run(
             shot,

@@ -66,9 +66,9 @@ def identify(
 
     Writes identification.h5, report.html and CSV tables into SHOT/results.
     """
-    from kolsky.commands import options
-    from kolsky.commands.identify import identify as run
-    from kolsky.commands.parts import Arithmetic
+    from kolsky.cli.work import options
+    from kolsky.cli.work.identify import identify as run
+    from kolsky.cli.work.parts import Arithmetic
 
     with refusing_bad_input():
         run(
@@ -110,9 +110,9 @@ def simulate(
 
     A run that fails is written up to its end; the exit code is then 1.
     """
-    from kolsky.commands import options
-    from kolsky.commands.parts import Arithmetic
-    from kolsky.commands.simulate import simulate as run
+    from kolsky.cli.work import options
+    from kolsky.cli.work.parts import Arithmetic
+    from kolsky.cli.work.simulate import simulate as run
 
     with refusing_bad_input():
         completed = run(

@@ -75,7 +75,7 @@ def fit(
     Several tests are fitted at once. Writes material.html, material.json and CSV tables.
     """
     with refusing_bad_input():
-        from kolsky.commands.material import Columns, fit_laws
+        from kolsky.cli.work.material import Columns, fit_laws
 
         fit_laws(
             files,

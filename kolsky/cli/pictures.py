@@ -28,7 +28,7 @@ def dic(
     identify` does the same by itself for a shot without exports.
     """
     with refusing_bad_input():
-        from kolsky.commands.dic import correlate
+        from kolsky.cli.work.dic import correlate
 
         correlate(
             shot,
@@ -69,7 +69,7 @@ def calibrate(
     Writes rig.yml, calibration.html and calibration.csv.
     """
     with refusing_bad_input():
-        from kolsky.commands.calibrate import calibrate as run
+        from kolsky.cli.work.calibrate import calibrate as run
 
         run(
             source,

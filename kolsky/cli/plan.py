@@ -81,10 +81,10 @@ def plan(
     Writes plan.h5, plan.json, CSV tables and figures into SHOT/results.
     """
     with refusing_bad_input():
-        from kolsky.commands import options
-        from kolsky.commands.parts import Arithmetic
-        from kolsky.commands.plan import Wishes
-        from kolsky.commands.plan import plan as run
+        from kolsky.cli.work import options
+        from kolsky.cli.work.parts import Arithmetic
+        from kolsky.cli.work.plan import Wishes
+        from kolsky.cli.work.plan import plan as run
 
         run(
             shot,

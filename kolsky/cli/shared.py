@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from kolsky.errors import InputError
+from kolsky.base.errors import InputError
 
 ShotPath = Annotated[Path, typer.Argument(metavar="SHOT", help="A shot's folder, or its shot.toml.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object (SI units) instead of a table.")]

@@ -17,7 +17,7 @@ def new(
     ] = False,
 ) -> None:
     """Write an annotated shot.toml to fill in; an existing one is left as it is."""
-    from kolsky.commands.new import write_template
+    from kolsky.cli.work.new import write_template
 
     with refusing_bad_input():
         path = write_template(folder, bars=bars)
@@ -29,15 +29,15 @@ def check(shot: ShotPath, as_json: AsJson = False) -> None:
     """Read a shot, refuse what cannot be right, and show what was understood."""
     import json
 
-    from kolsky.shots import check_shot
-    from kolsky.shots.summary import as_json as summary_json
+    from kolsky.shot.load import check_shot
+    from kolsky.shot.summary import as_json as summary_json
 
     with refusing_bad_input():
         loaded = check_shot(shot)
     if as_json:
         typer.echo(json.dumps(summary_json(loaded), indent=2, allow_nan=False))
     else:
-        from kolsky.shots.summary import print_table
+        from kolsky.shot.summary import print_table
 
         print_table(loaded)
 
@@ -66,7 +66,7 @@ def channels(
     The options are the keys of a `layout` in shot.toml, to try them out.
     """
     with refusing_bad_input():
-        from kolsky.commands.channels import show
+        from kolsky.cli.work.channels import show
 
         show(
             file,

@@ -100,12 +100,12 @@ def sweep(
     as_json: AsJson = False,
 ) -> None:
     """Run a design of experiments over a shot's parameters; writes sweep.csv, a row a run, and sweep.html."""
-    from kolsky.commands import options
-    from kolsky.commands.designchoice import DesignChoice
-    from kolsky.commands.parts import Arithmetic
-    from kolsky.commands.sweep import sweep as run
-    from kolsky.commands.sweeprecords import Records
-    from kolsky.commands.workers import Workers
+    from kolsky.cli.work import options
+    from kolsky.cli.work.designchoice import DesignChoice
+    from kolsky.cli.work.parts import Arithmetic
+    from kolsky.cli.work.sweep import sweep as run
+    from kolsky.cli.work.sweeprecords import Records
+    from kolsky.cli.work.workers import Workers
 
     with refusing_bad_input():
         if options.one_of("--design", design, options.DESIGNS) == "factorial":

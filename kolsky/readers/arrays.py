@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kolsky.errors import InputError
+from kolsky.base.errors import InputError
 from kolsky.readers.contents import Channel, Clock, FloatArray, check_samples, stated_clock
 from kolsky.readers.headerclock import INTERVAL_KEYS, RATE_KEYS, START_KEYS, bare_key
 from kolsky.readers.layout import Layout

@@ -3,7 +3,7 @@
 import hashlib
 from pathlib import Path
 
-from kolsky.errors import InputError
+from kolsky.base.errors import InputError
 from kolsky.readers.delimited import lines_of
 from kolsky.readers.encoding import decode_text
 from kolsky.readers.layout import Layout

@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
-from kolsky.errors import InputError
+from kolsky.base.errors import InputError
 from kolsky.readers.contents import Contents, head_of
 from kolsky.readers.dialect import find_dialect
 from kolsky.readers.encoding import decode_text

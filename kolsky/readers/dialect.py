@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from kolsky.errors import InputError
+from kolsky.base.errors import InputError
 
 DELIMITERS = {"tab": "\t", "semicolon": ";", "comma": ",", "blanks": " "}
 """Name -> character, in the order in which they are tried; "blanks" is any run of blanks and tabs."""

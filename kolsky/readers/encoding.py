@@ -3,7 +3,7 @@
 import codecs
 from pathlib import Path
 
-from kolsky.errors import InputError
+from kolsky.base.errors import InputError
 
 ENCODINGS = ("utf-8", "utf-16", "utf-16-le", "utf-16-be", "cp1252", "latin-1", "cp932", "gb18030")
 """Encodings that may be stated; the first three and cp1252 are found without."""

@@ -5,7 +5,7 @@ import zipfile
 import zlib
 from pathlib import Path
 
-from kolsky.errors import InputError
+from kolsky.base.errors import InputError
 from kolsky.readers.contents import Contents, file_hash, head_of
 from kolsky.readers.delimited import read_lines
 from kolsky.readers.layout import Layout

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-from kolsky.errors import InputError
+from kolsky.base.errors import InputError
 from kolsky.readers.signalunits import si_unit
 
 INTERVAL_KEYS = (

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kolsky.errors import InputError
+from kolsky.base.errors import InputError
 from kolsky.readers.contents import Channel, Contents
 from kolsky.readers.layout import Layout
 from kolsky.readers.recordings import read_contents

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kolsky.errors import InputError
+from kolsky.base.errors import InputError
 from kolsky.readers.contents import Channel, FloatArray
 
 SHORTEST_FLAT_TOP = 8

@@ -8,7 +8,7 @@ column names, samples. The header names separator and decimal sign; X_Columns is
 import hashlib
 from pathlib import Path
 
-from kolsky.errors import InputError
+from kolsky.base.errors import InputError
 from kolsky.readers.contents import Contents, head_of
 from kolsky.readers.delimited import lines_of
 from kolsky.readers.dialect import Dialect

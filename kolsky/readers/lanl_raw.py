@@ -6,7 +6,7 @@ Tab-separated; line 1 names the signals, line 2 holds the time of the first samp
 
 from pathlib import Path
 
-from kolsky.errors import InputError
+from kolsky.base.errors import InputError
 from kolsky.readers.beside import check_width, keys_beside, read_text
 from kolsky.readers.contents import Channel, Clock, Contents, check_samples, head_of
 from kolsky.readers.dialect import Dialect

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kolsky.errors import InputError
+from kolsky.base.errors import InputError
 from kolsky.readers.arrays import NamedArray, array_channels, column_of, columns_of
 from kolsky.readers.contents import SAMPLES_LIMIT, Contents, FloatArray, file_hash, head_of
 from kolsky.readers.hdf5 import inside

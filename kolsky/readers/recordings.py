@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
-from kolsky.errors import InputError
+from kolsky.base.errors import InputError
+from kolsky.base.records import Recording
 from kolsky.readers import judge
 from kolsky.readers.contents import Channel, Contents
 from kolsky.readers.formats import FORMATS
 from kolsky.readers.layout import ChannelInfo, Layout
 from kolsky.readers.signalunits import si_unit
-from kolsky.records import Recording
 
 _FOUND = Layout()
 

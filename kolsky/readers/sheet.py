@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kolsky.errors import InputError
+from kolsky.base.errors import InputError
 from kolsky.readers.contents import FloatArray
 from kolsky.readers.dialect import Dialect
 from kolsky.readers.headerclock import KEYS, bare_key

@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from kolsky.errors import InputError
+from kolsky.base.errors import InputError
 
 _PREFIXES = {"": 1.0, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3, "M": 1e6}
 _WORDS = {

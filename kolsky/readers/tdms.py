@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.errors import InputError
+from kolsky.base.errors import InputError
 from kolsky.readers.contents import (
     Channel,
     Clock,

@@ -5,7 +5,7 @@ from decimal import Context, Decimal
 
 import numpy as np
 
-from kolsky.errors import InputError
+from kolsky.base.errors import InputError
 from kolsky.readers.contents import Clock, FloatArray
 
 LARGEST_JITTER = 0.1

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kolsky.errors import InputError
+from kolsky.base.errors import InputError
 from kolsky.readers.table import Column, FloatArray, Table, read_table
 
 MOST_MODES = 1000

@@ -11,8 +11,8 @@ import matplotlib
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from kolsky.atomic import replacing
-from kolsky.identification import Identification
+from kolsky.base.files import replacing
+from kolsky.inverse.result import Identification
 from kolsky.report.figuredata import write_data
 from kolsky.report.figures import REGISTRY, FigureKind
 from kolsky.report.formats import FIGURES

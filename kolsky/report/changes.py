@@ -7,11 +7,11 @@ from math import isclose, isfinite, sqrt
 
 import numpy as np
 
-from kolsky.cautions import PAST_CURVE, equivalent_strain
-from kolsky.identification import Estimate, Identification
+from kolsky.inverse.result import Estimate, Identification
 from kolsky.report import numbers
 from kolsky.report.knowntables import INPUTS
 from kolsky.report.nomenclature import name_of
+from kolsky.uncertainty.warnings.runs import PAST_CURVE, equivalent_strain
 
 SOURCES = {
     "force and shape": "the noise of force and outline",

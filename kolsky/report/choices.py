@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from kolsky.identification import Identification
+from kolsky.inverse.result import Identification
 from kolsky.report import numbers
 from kolsky.report.knowntables import INPUTS
 from kolsky.report.nomenclature import name_of, route_label
@@ -11,7 +11,7 @@ CHOSEN = ("poisson", "damping", "friction")
 """Inputs that no file of the shot measures."""
 NOT_VARIED = "not varied"
 WINDOW_END, FORCE_BINS = "window_end", "force_bins"
-"""Keys of `kolsky.knowledge.records.Variation`."""
+"""Keys of `kolsky.inverse.findings.Variation`."""
 
 
 def choices(result: Identification) -> list[dict[str, Any]]:

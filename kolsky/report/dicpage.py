@@ -7,11 +7,11 @@ from typing import Any
 
 from dic.outcome import FrameOutcome
 from dic.output import reporting
-from kolsky import dicsummary
-from kolsky.flyer import flightreport
+from kolsky.bars.flyer import flight_report
 from kolsky.report.figures import SURFACES
 from kolsky.report.rendering import drawn, page, write
 from kolsky.report.view import SurfaceView
+from kolsky.shot import dic_summary
 
 
 def write_page(path: Path, shown: SurfaceView, inputs: Mapping[str, str], *, processes: int = 1) -> None:
@@ -46,7 +46,7 @@ def render(shown: SurfaceView, inputs: Mapping[str, str], *, processes: int = 1)
         heading=shown.shot,
         subject="surfaces",
         figures=drawn(SURFACES.values(), shown, processes=processes),
-        rows=list({**dicsummary.printed(result), **flightreport.printed(shown.flight)}.items()),
+        rows=list({**dic_summary.printed(result), **flight_report.printed(shown.flight)}.items()),
         remarks=result.remarks,
         outcomes=_outcomes(shown),
         frames=_frames(shown),
@@ -71,7 +71,7 @@ def _outcomes(shown: SurfaceView) -> list[dict[str, Any]]:
             rows.append(
                 {
                     "body": name,
-                    "outcome": dicsummary.words(outcome),
+                    "outcome": dic_summary.words(outcome),
                     "count": count,
                     "share": f"{100.0 * count / total:.3g} %",
                     "cause": outcome.cause,
@@ -85,7 +85,7 @@ def _outcomes(shown: SurfaceView) -> list[dict[str, Any]]:
 def _frames(shown: SurfaceView) -> list[tuple[str, str, str, str]]:
     """Frames that gave no points: number, what, cause, cure."""
     rows = []
-    for frame, name in dicsummary.bad_frames(shown.result).items():
+    for frame, name in dic_summary.bad_frames(shown.result).items():
         outcome = FrameOutcome[name.upper().replace(" ", "_")]
         rows.append((frame, name, outcome.cause, outcome.cure))
     return rows

@@ -21,7 +21,7 @@ from matplotlib.patches import Patch, StepPatch
 from matplotlib.quiver import Quiver
 from numpy.typing import NDArray
 
-from kolsky.csvtable import write_table
+from kolsky.base.files import write_table
 
 Points = tuple[str, NDArray[Any], NDArray[Any], NDArray[Any] | None]
 """Kind, x, y and values of an artist."""

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from doe.uncertainty import VerdictKind
-from kolsky.identification import Identification
-from kolsky.knowledge.records import Declaration, ParameterProfile
+from kolsky.inverse.findings import Declaration, ParameterProfile
+from kolsky.inverse.result import Identification
 from kolsky.report import numbers
 from kolsky.report.nomenclature import name_of
 

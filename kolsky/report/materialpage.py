@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import Any
 
-from kolsky.quasistatic.compare import Comparison, Row
-from kolsky.quasistatic.fits import Fit
-from kolsky.quasistatic.tables import failure
+from kolsky.material.fits.compare import Comparison, Row
+from kolsky.material.fits.fit import Fit
+from kolsky.material.fits.tables import failure
 from kolsky.report import numbers
 from kolsky.report.figures import MATERIALS
 from kolsky.report.rendering import drawn, page, write

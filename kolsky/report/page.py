@@ -9,8 +9,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from explicit import Ending
-from kolsky.identification import Estimate, Identification, Verdict
-from kolsky.recorded import Recorded
+from kolsky.inverse.result import Estimate, Identification, Verdict, worst_imbalance
 from kolsky.report import labels, numbers
 from kolsky.report.changes import changes
 from kolsky.report.choices import choices
@@ -19,7 +18,7 @@ from kolsky.report.knowntables import known
 from kolsky.report.nomenclature import in_words, name_of, route_label
 from kolsky.report.rendering import drawn, environment, page, write
 from kolsky.report.shown import in_shown_units
-from kolsky.results.text import worst_imbalance
+from kolsky.shot.recorded import Recorded
 
 _NUMERICS = {"mesh": "mesh and step", "roughness": "roughness of the response"}
 """Words for the keys of `Estimate.numerical_parts`."""

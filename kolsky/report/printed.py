@@ -4,9 +4,9 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from kolsky.identification import Estimate, Identification, Route, Verdict
-from kolsky.methods import Method
-from kolsky.parameters import PARAMETERS
+from kolsky.inverse.methods import Method
+from kolsky.inverse.parameters import PARAMETERS
+from kolsky.inverse.result import Estimate, Identification, Route, Verdict
 from kolsky.report import numbers
 from kolsky.report.shown import in_shown_units, shown_estimate
 

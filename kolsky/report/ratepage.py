@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.rates.records import GroupRates, RatedShot, RateReport
-from kolsky.rates.regression import Criterion, Slope, SlopeVerdict
 from kolsky.report import numbers
 from kolsky.report.figures import RATES, FigureKind
 from kolsky.report.numbers import NOTHING, measured, percent, plain
 from kolsky.report.rendering import drawn, environment, page, write
+from kolsky.studies.rates.records import GroupRates, RatedShot, RateReport
+from kolsky.studies.rates.regression import Criterion, Slope, SlopeVerdict
 
 
 def write_page(path: Path, report: RateReport) -> None:

@@ -9,8 +9,8 @@ from unicodedata import category
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from kolsky.atomic import replacing
-from kolsky.garbage import collected_seldom
+from kolsky.base.files import replacing
+from kolsky.base.process import infrequent_gc
 from kolsky.report.canvas import inline_svg
 from kolsky.report.figures import FigureKind
 from kolsky.report.sidebyside import drawn_by
@@ -81,7 +81,7 @@ def drawn(
         if kind.ahead is not None:
             kind.ahead(about)
     alone = [kind for kind in kinds if kind.ahead is None and kind.applies(about)]
-    with collected_seldom():
+    with infrequent_gc():
         pictures = drawn_by(processes, [partial(inline_svg, kind, shown) for kind in alone])
         svgs = dict(zip((kind.name for kind in alone), pictures, strict=True))
         svgs |= {kind.name: inline_svg(kind, shown) for kind in apart if kind.applies(about)}

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.misfit import SCALE_FORCE, SCALE_SHAPE
+from kolsky.inverse.misfit import SCALE_FORCE, SCALE_SHAPE
 from kolsky.report import numbers
 from kolsky.report.figures import SWEEPS
 from kolsky.report.nomenclature import name_of
 from kolsky.report.rendering import drawn, page, write
-from kolsky.sweepanalysis import OUTPUTS, SweepAnalysis
+from kolsky.studies.sweep_analysis import OUTPUTS, SweepAnalysis
 
 MOST_LISTED = 200
 """Most runs in the page's table; the CSV file has them all."""

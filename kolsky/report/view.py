@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from dic.images import PictureError, Pictures
 from dic.result import StereoResult
 from dic.speckle_report import Speckles, speckles_of
-from kolsky.flyer.flightreport import FlightOfSpecimen
+from kolsky.bars.flyer.flight_report import FlightOfSpecimen
 
 FloatArray = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.result import Body
-from kolsky.atomic import replacing
+from kolsky.base.files import replacing
 
 
 def write_vtp(folder: Path, body: Body, name: str = "specimen") -> list[Path]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explicit import Response
-from kolsky.atomic import replacing
+from kolsky.base.files import replacing
 
 VTK_QUAD = 9
 

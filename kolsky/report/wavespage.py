@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import Any
 
+from kolsky.bars.result import FlyerResult, ReducedTest
 from kolsky.report import numbers
 from kolsky.report.figures import FLYER_TESTS, WAVES, FigureKind
 from kolsky.report.rendering import drawn, page, write
-from kolsky.waves.result import FlyerResult, ReducedTest
 
 SHOWN = {"Pa": (1e-6, "MPa"), "s": (1e6, "µs"), "m": (1e3, "mm"), "1/V": (1e6, "µm/m/V")}
 """SI unit -> factor and unit of the page; others are shown as they are."""

@@ -5,14 +5,8 @@ from typing import Any
 
 import h5py
 
-from kolsky.identification import Identification
-from kolsky.knowledge.records import (
-    Declaration,
-    PairMap,
-    ParameterProfile,
-    PosteriorSummary,
-    Variation,
-)
+from kolsky.inverse.findings import Declaration, PairMap, ParameterProfile, PosteriorSummary, Variation
+from kolsky.inverse.result import Identification
 from kolsky.results.datasets import data, group, numbered, read, read_numbers, write, write_numbers
 from kolsky.results.layout import Table
 

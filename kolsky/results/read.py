@@ -9,8 +9,9 @@ import h5py
 import numpy as np
 
 from explicit import EnergyLedger, Outcome, Response
-from kolsky.errors import InputError
-from kolsky.identification import (
+from kolsky.base.errors import InputError
+from kolsky.base.records import CentreLine, ForceHistory
+from kolsky.inverse.result import (
     Comparison,
     DesignTable,
     Estimate,
@@ -20,7 +21,6 @@ from kolsky.identification import (
     Terms,
     Verdict,
 )
-from kolsky.records import CentreLine, ForceHistory
 from kolsky.results.datasets import Refused as _Refused
 from kolsky.results.datasets import numbered as _numbered
 from kolsky.results.datasets import opened as _opened

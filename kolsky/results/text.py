@@ -9,13 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from explicit import Response
-from kolsky.csvtable import write_table
-from kolsky.identification import DesignTable, Identification
+from kolsky.base.files import write_table
+from kolsky.inverse.result import DesignTable, Identification, worst_imbalance
 from kolsky.results.knowledge import knowledge_json
 from kolsky.results.methods import methods_json
 
-__all__ = ["ends", "jsonable", "to_json", "worst_imbalance", "write_csv"]
+__all__ = ["ends", "jsonable", "to_json", "write_csv"]
 
 
 def to_json(identification: Identification) -> dict[str, Any]:
@@ -109,16 +108,6 @@ def ends(design: DesignTable) -> dict[str, Any]:
         "element Y (m)": [f"{x:.9g}" if np.isfinite(x) else "" for x in y],
         "ending": [design.ending(i).sentence if i in lost else "" for i in range(len(design.points))],
     }
-
-
-def worst_imbalance(response: Response) -> float:
-    """Largest |energy residual| of the batch's first simulation over its largest external work [-].
-
-    NaN if it has no ledger, as when no simulation of a design completed.
-    """
-    if not np.isfinite(response.energy.external[0]).any():
-        return float("nan")
-    return float(response.energy.imbalance()[0])
 
 
 def jsonable(value: Any, where: str) -> Any:

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import h5py
 
-from kolsky.atomic import replacing
-from kolsky.identification import Identification
+from kolsky.base.files import replacing
+from kolsky.inverse.result import Identification
 from kolsky.results.datasets import data as _data
 from kolsky.results.datasets import group as _group
 from kolsky.results.datasets import safe as _safe

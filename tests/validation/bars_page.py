@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 TESTS = Path(__file__).resolve().parent.parent
-for folder in (TESTS.parent, TESTS, TESTS / "verification", TESTS / "validation"):
+for folder in (TESTS.parent, TESTS / "helpers", TESTS / "verification", TESTS / "validation"):
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
 
@@ -30,11 +30,11 @@ from real_bars import (  # noqa: E402
     preston_tonks_wallace,
 )
 
-from kolsky.waves.baseline import quantisation_step  # noqa: E402
-from kolsky.waves.combine import stiffness  # noqa: E402
-from kolsky.waves.equilibrium import ALLOWANCE  # noqa: E402
-from kolsky.waves.reduction import cauchy_stress, hencky_strain  # noqa: E402
-from kolsky.waves.windows import travel_time  # noqa: E402
+from kolsky.bars.guides.combine import stiffness  # noqa: E402
+from kolsky.bars.reduction.equilibrium import ALLOWANCE  # noqa: E402
+from kolsky.bars.reduction.stress_strain import cauchy_stress, hencky_strain  # noqa: E402
+from kolsky.bars.reduction.windows import travel_time  # noqa: E402
+from kolsky.bars.signals.signal_zero import quantisation_step  # noqa: E402
 
 DOCS = TESTS.parent / "docs" / "validation"
 BLUE, RED, GREEN, BLACK = "#0072B2", "#D55E00", "#009E73", "black"

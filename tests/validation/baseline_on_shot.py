@@ -6,18 +6,19 @@ from pathlib import Path
 
 import numpy as np
 
-from kolsky.apparatus import Specimen
-from kolsky.forward import Numerics, material_law
-from kolsky.identification import Estimate
-from kolsky.identify import identify
-from kolsky.quasistatic.band import CurveBand
-from kolsky.quasistatic.baseline import Baseline, Treatment, baseline
-from kolsky.quasistatic.endfriction import EndFriction
-from kolsky.quasistatic.slowtest import SlowNumerics, slow_tests
-from kolsky.quasistatic.uniaxial import UniaxialTest
-from kolsky.records import MaterialCurve
-from kolsky.settings import Settings
-from kolsky.shots import Shot, load_shot
+from kolsky.base.apparatus import Specimen
+from kolsky.base.records import MaterialCurve
+from kolsky.identification import identify
+from kolsky.inverse.forward import Numerics, material_law
+from kolsky.inverse.result import Estimate
+from kolsky.inverse.settings import Settings
+from kolsky.material.curves.band import CurveBand
+from kolsky.material.curves.uniaxial import UniaxialTest
+from kolsky.material.end_friction.records import EndFriction
+from kolsky.material.end_friction.slow_test import SlowNumerics, slow_tests
+from kolsky.material.reference_curve import ReferenceCurve, Treatment, reference_curve
+from kolsky.shot.load import load_shot
+from kolsky.shot.records import Shot
 
 OPEN_01 = Path(__file__).resolve().parents[2] / "runs" / "open-01"
 TRUE_M = 1.12
@@ -43,8 +44,8 @@ class Compared:
     """The curve analysed in two ways."""
 
     shot: Shot
-    as_if_frictionless: Baseline
-    rightly: Baseline
+    as_if_frictionless: ReferenceCurve
+    rightly: ReferenceCurve
     truth: MaterialCurve
 
 
@@ -73,7 +74,7 @@ def bonded_tests() -> Compared:
     numerics = SlowNumerics(passages=160.0, poisson=shot.model.poisson)
     loose = Treatment(points=40)
     bonded = replace(loose, specimen=size, ends=EndFriction("bonded"), numerics=numerics)
-    return Compared(shot, baseline(tests, loose), baseline(tests, bonded), shot.curve)
+    return Compared(shot, reference_curve(tests, loose), reference_curve(tests, bonded), shot.curve)
 
 
 def curve_of(band: CurveBand) -> MaterialCurve:

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 from baseline_on_shot import SETTINGS, SPECIMENS, bonded_tests, stiffness
 
-from kolsky.apparatus import Specimen
-from kolsky.quasistatic.band import CurveBand
-from kolsky.quasistatic.endfriction import EndFriction, FrictionCorrection
-from kolsky.quasistatic.friction import correct_friction
-from kolsky.quasistatic.slowtest import SlowNumerics
+from kolsky.base.apparatus import Specimen
+from kolsky.material.curves.band import CurveBand
+from kolsky.material.end_friction.correct import correct_friction
+from kolsky.material.end_friction.records import EndFriction, FrictionCorrection
+from kolsky.material.end_friction.slow_test import SlowNumerics
 from kolsky.report.canvas import save_figures
 from kolsky.report.figures import BASELINES
 
@@ -79,7 +79,7 @@ def page() -> str:
     return f"""# End friction in the quasi-static test
 
 `python tests/validation/baseline_page.py` writes this page; `pytest --slow
-tests/validation/test_baseline_on_shot.py tests/unit/test_baseline_friction.py` asserts what it says.
+tests/validation/test_baseline_on_shot.py tests/unit/material/test_baseline_friction.py` asserts what it says.
 
 ## Against other programs
 

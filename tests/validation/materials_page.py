@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 TESTS = Path(__file__).resolve().parent.parent
-for folder in (TESTS.parent, TESTS / "validation"):
+for folder in (TESTS.parent, TESTS / "helpers", TESTS / "validation"):
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
 
@@ -32,17 +32,17 @@ from softlaws import (  # noqa: E402
     sse,
 )
 
-from kolsky.quasistatic.compare import Comparison, candidates, compare  # noqa: E402
-from kolsky.quasistatic.fits import Fit, FitOutcome, fit  # noqa: E402
-from kolsky.quasistatic.stability import Stability, drucker  # noqa: E402
-from kolsky.quasistatic.tables import failure  # noqa: E402
+from kolsky.material.fits.compare import Comparison, candidates, compare_laws  # noqa: E402
+from kolsky.material.fits.fit import Fit, FitOutcome, fit_law  # noqa: E402
+from kolsky.material.fits.stability import Stability, drucker  # noqa: E402
+from kolsky.material.fits.tables import failure  # noqa: E402
 from kolsky.report.canvas import build  # noqa: E402
 from kolsky.report.figures import MATERIALS  # noqa: E402
 
 DOCS = TESTS.parent / "docs" / "validation"
 PAGE = """# Laws fitted to silicones and rubbers
 
-Other laboratories' homogeneous tests, fitted by `kolsky.quasistatic` ({{doc}}`../theory/homogeneous`) and
+Other laboratories' homogeneous tests, fitted by `kolsky.material` ({{doc}}`../theory/homogeneous`) and
 held against what was published of them. `python tests/validation/materials_page.py` writes this page;
 `pytest --slow tests/validation/test_soft_laws.py` asserts what it says. The data are not part of the
 project.
@@ -82,7 +82,7 @@ not the least squares of these data, in absolute or in relative stress.
 
 All three modes at once, unweighted: root mean square residual in kPa, and of residual over measured
 stress in brackets; laws in the order of their AIC. "Drucker" is the first mode, by logarithmic strain, in
-which the law is not stable ({{py:mod}}`kolsky.quasistatic.stability`).
+which the law is not stable ({{py:mod}}`kolsky.material.fits.stability`).
 
 {rubbers}
 
@@ -122,8 +122,8 @@ Found when their tables were recomputed; the tests hold the arithmetic.
 - The transverse strain is taken as ε₂ = −νε₁ up to ε₁ = 1.28. That leaves J = {J:.3f}: the specimen would
   have lost {lost:.0f} % of its volume. With the paper's own constants the sides would then carry
   {across:.2f} MPa (true stress, tension-positive) where they are free, and the axial true stress is
-  {along:.2f} MPa instead of {right:.2f} MPa. {{py:func}}`kolsky.quasistatic.homogeneous.free_stretch`
-  finds the stretch that leaves the sides free, and {{py:func}}`kolsky.quasistatic.measures.side_stretch`
+  {along:.2f} MPa instead of {right:.2f} MPa. {{py:func}}`kolsky.material.fits.homogeneous.free_stretch`
+  finds the stretch that leaves the sides free, and {{py:func}}`kolsky.material.fits.measures.side_stretch`
   has the constant logarithmic ratio λ^−ν.
 - The second invariant is printed with a plus sign, ½ [(tr B)² + tr B²]; it is a minus.
 """
@@ -215,7 +215,7 @@ def single_mode_table() -> str:
         tests = [test for test in rubber("Treloar 1944") if test.mode is mode]
         for name, constants in laws.items():
             tried = candidates([name])[0]
-            found = fit(tried.law, tests, bounded=False, held=tried.held)
+            found = fit_law(tried.law, tests, bounded=False, held=tried.held)
             here = [found.values[key] for key in found.free]
             ratio = sse(tried.law(*constants), tests) / found.sse
             kpa = [", ".join(f"{1e-3 * x:.4g}" for x in values) for values in (constants, here)]
@@ -225,7 +225,7 @@ def single_mode_table() -> str:
 
 def compared(name: str) -> Comparison:
     """All laws on the three modes of a rubber."""
-    return compare(candidates(), rubber(name))
+    return compare_laws(candidates(), rubber(name))
 
 
 def rubber_table(name: str, made: Comparison) -> str:

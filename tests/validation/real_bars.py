@@ -11,20 +11,20 @@ from pathlib import Path
 
 import numpy as np
 
-from kolsky.apparatus import Bar, Specimen
+from kolsky.bars.guides.waveguide import ElasticWaveguide
+from kolsky.bars.records import BarSignal, Correction, FaceWaves, Reduction, Signal
+from kolsky.bars.reduction.equilibrium import Equilibrium, report_equilibrium
+from kolsky.bars.reduction.faces import face_waves
+from kolsky.bars.reduction.punching import correct_punching
+from kolsky.bars.reduction.stress_strain import cauchy_stress, hencky_strain, reduce
+from kolsky.bars.reduction.summary import Summary, mean_over, summarise
+from kolsky.bars.reduction.windows import Reckoning, check_windows, find_windows, incident_arrival
+from kolsky.bars.signals.arrival import Arrival, find_arrival
+from kolsky.bars.signals.bridge import Linear
+from kolsky.bars.signals.stations import bar_signal
+from kolsky.base.apparatus import Bar, Specimen
 from kolsky.readers.layout import Layout
 from kolsky.readers.recordings import read_contents, read_recordings
-from kolsky.waves.arrival import Arrival, find_arrival
-from kolsky.waves.bridge import Linear
-from kolsky.waves.equilibrium import Equilibrium, report_equilibrium
-from kolsky.waves.faces import face_waves
-from kolsky.waves.punching import correct_punching
-from kolsky.waves.records import BarSignal, Correction, FaceWaves, Reduction, Signal
-from kolsky.waves.reduction import cauchy_stress, hencky_strain, reduce
-from kolsky.waves.stations import bar_signal
-from kolsky.waves.summary import Summary, mean_over, summarise
-from kolsky.waves.waveguide import ElasticWaveguide
-from kolsky.waves.windows import Reckoning, check_windows, find_windows, incident_arrival
 
 BARS = Path(__file__).resolve().parent.parent.parent.parent / "shared" / "data" / "bars"
 SIDES = ("incident", "transmission")

@@ -9,11 +9,11 @@ import numpy as np
 
 from explicit.materials import LAWS, AnyLaw
 from explicit.materials.volumetric import VolumetricLaw
-from kolsky.quasistatic.compare import Candidate, candidates
-from kolsky.quasistatic.fits import Fit, fit
-from kolsky.quasistatic.homogeneous import compressible_stress, free_stretch, incompressible_stress
-from kolsky.quasistatic.modes import Mode
-from kolsky.quasistatic.testdata import HomogeneousTest, mean_test
+from kolsky.material.fits.compare import Candidate, candidates
+from kolsky.material.fits.fit import Fit, fit_law
+from kolsky.material.fits.homogeneous import compressible_stress, free_stretch, incompressible_stress
+from kolsky.material.fits.modes import Mode
+from kolsky.material.fits.test_data import HomogeneousTest, mean_test
 from kolsky.readers import homogeneous
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "quasistatic"
@@ -97,7 +97,7 @@ def candidate(name: str) -> Candidate:
 def fitted(name: str, material: str, *, bounded: bool) -> Fit:
     """That law fitted here to the same curve."""
     tried = candidate(name)
-    return fit(tried.law, [phantom(material)], bounded=bounded, held=tried.held, name=tried.name)
+    return fit_law(tried.law, [phantom(material)], bounded=bounded, held=tried.held, name=tried.name)
 
 
 def sse(law: AnyLaw, tests: list[HomogeneousTest]) -> float:

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from kolsky.apparatus import Specimen
-from kolsky.flyer import fit_flyer
-from kolsky.flyer.path import FlyerPath
-from kolsky.records import FloatArray, FlyerMotion
-from kolsky.waves.records import History, Quantity, Signal
+from kolsky.bars.flyer.fit import fit_flyer
+from kolsky.bars.flyer.path import FlyerPath
+from kolsky.bars.records import History, Quantity, Signal
+from kolsky.base.apparatus import Specimen
+from kolsky.base.records import FloatArray, FlyerMotion
 
 STATIC = 12
 SIGMA_FLYER = 1e-6

@@ -7,9 +7,9 @@ side of the interface.
 import numpy as np
 import pytest
 
-from kolsky.apparatus import Bar
-from kolsky.waves.bars_together import wave_speed
-from kolsky.waves.records import BarSignal, Signal
+from kolsky.bars.guides.bars_together import wave_speed
+from kolsky.bars.records import BarSignal, Signal
+from kolsky.base.apparatus import Bar
 
 BAR = Bar(diameter=0.02, length=2.0, youngs_modulus=200e9, density=7850.0, poisson=0.29)
 DISTANCE = 0.589

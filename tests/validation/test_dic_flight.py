@@ -19,10 +19,10 @@ from dic.images import frame_health, grey_noise, open_pictures
 from dic.poses import flyer_poses
 from dic.tracking import Tracking
 from dic.travel import flyer_travel
-from kolsky.flyer import fit_flyer
-from kolsky.flyer.flightreport import FlightOfSpecimen
-from kolsky.flyer.flightreport import flight_of as report
-from kolsky.records import FlyerMotion
+from kolsky.bars.flyer.fit import fit_flyer
+from kolsky.bars.flyer.flight_report import FlightOfSpecimen
+from kolsky.bars.flyer.flight_report import flight_of as report
+from kolsky.base.records import FlyerMotion
 
 CROP, STATIC, LENGTH, RADIUS = (192, 192), 12, 6.5e-3, 4.75e-3
 SUBSET = 21

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from benchmarks.dic_whole import shot_of
-from kolsky.measure import surfaces
-from kolsky.shots import load_pictures
+from kolsky.shot.load import load_pictures
+from kolsky.shot.optical_data import surfaces
 
 LENGTH, SUBSET = 6.5e-3, 25
 PIXEL = 54.6e-6

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from dic.output import read_result
 from kolsky.cli import app
-from kolsky.shots import load_shot
+from kolsky.shot.load import load_shot
 
 ROOT = Path(__file__).parents[2]
 FRAMES = 64
@@ -229,7 +229,7 @@ def test_dic_writes_what_it_says(short, correlated):
 @pytest.mark.slow
 def test_a_shot_without_exports_is_its_pictures(short, correlated, source):
     out, _ = correlated
-    from kolsky.measure import measured
+    from kolsky.shot.optical_data import measured
 
     shot = load_shot(short, measure=lambda seen: measured(seen, out))
     with np.load(source / "truth_surface.npz") as truth:

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from kolsky.apparatus import Bar
+from kolsky.bars.signals.bridge import Bridge, Linear
+from kolsky.bars.signals.signal_zero import measure_baseline
+from kolsky.bars.signals.stations import bar_signal
+from kolsky.base.apparatus import Bar
 from kolsky.readers.layout import Layout
 from kolsky.readers.recordings import read_recordings
-from kolsky.waves.baseline import measure_baseline
-from kolsky.waves.bridge import Bridge, Linear
-from kolsky.waves.stations import bar_signal
 
 STEEL = Bar(diameter=20e-3, length=2.1, youngs_modulus=210e9, density=7800.0)
 TITANIUM = Bar(diameter=9.47e-3, length=1.5, youngs_modulus=109.297e9, density=4416.0, poisson=0.33)

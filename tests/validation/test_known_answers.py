@@ -7,10 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kolsky.identification import Identification, Verdict
-from kolsky.identify import identify
-from kolsky.results import read_identification, to_json, write_identification
-from kolsky.shots import Shot, load_shot
+from kolsky.identification import identify
+from kolsky.inverse.result import Identification, Verdict
+from kolsky.results.read import read_identification
+from kolsky.results.text import to_json
+from kolsky.results.write import write_identification
+from kolsky.shot.load import load_shot
+from kolsky.shot.records import Shot
 
 ROOT = Path(__file__).resolve().parents[2]
 OPEN_01 = ROOT / "runs" / "open-01"

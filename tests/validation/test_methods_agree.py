@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from kolsky.identification import Identification, Verdict
-from kolsky.identify import identify
-from kolsky.methods import AGREEMENT, LEAST_SQUARES, PROFILE, SIMPLEX
-from kolsky.settings import Settings
-from kolsky.shots import load_shot
+from kolsky.identification import identify
+from kolsky.inverse.methods import AGREEMENT, LEAST_SQUARES, PROFILE, SIMPLEX
+from kolsky.inverse.result import Identification, Verdict
+from kolsky.inverse.settings import Settings
+from kolsky.shot.load import load_shot
 
 OPEN_01 = Path(__file__).resolve().parents[2] / "runs" / "open-01"
 TRUTH = json.loads((OPEN_01 / "truth.json").read_text())

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kolsky.forward import Numerics
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.simulate import simulate
 from kolsky.report.canvas import build
 from kolsky.report.figures import TRENDS
-from kolsky.shots import load_shot
-from kolsky.simulate import simulate
-from kolsky.trends import Trends, trends
+from kolsky.shot.load import load_shot
+from kolsky.studies.trends import Trends, trends
 
 pytestmark = pytest.mark.slow
 

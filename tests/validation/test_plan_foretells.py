@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kolsky.forward import Numerics
-from kolsky.identify import identify
-from kolsky.localsensitivity import Look, local_sensitivity
-from kolsky.planning.plan import Plan, plan
-from kolsky.prepare import prepare
-from kolsky.settings import Settings
-from kolsky.shots import load_shot
+from kolsky.identification import identify
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.prepare import prepare
+from kolsky.inverse.settings import Settings
+from kolsky.shot.load import load_shot
+from kolsky.studies.local_sensitivity import Look, local_sensitivity
+from kolsky.studies.planning.plan import Plan, plan
 
 pytestmark = pytest.mark.slow
 

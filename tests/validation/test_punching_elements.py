@@ -5,8 +5,8 @@ import pytest
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import spsolve
 
-from kolsky.apparatus import Bar
-from kolsky.waves.punching import punching_compliance
+from kolsky.bars.reduction.punching import punching_compliance
+from kolsky.base.apparatus import Bar
 
 GAUSS = 1.0 / np.sqrt(3.0)
 

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from kolsky.forward import Numerics
-from kolsky.prepare import prepare
-from kolsky.quasistatic.rate_shots import ShotEvidence
-from kolsky.quasistatic.viscoelastic import branches_asked_for
-from kolsky.shots import load_shot
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.prepare import prepare
+from kolsky.material.relaxation.prony_fit import branches_asked_for
+from kolsky.shot.load import load_shot
+from kolsky.studies.shot_evidence import ShotEvidence
 
 OPEN_01 = Path(__file__).resolve().parents[2] / "runs" / "open-01"
 

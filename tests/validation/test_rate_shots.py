@@ -7,13 +7,13 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from kolsky.forward import Numerics
-from kolsky.identify import identify
-from kolsky.rates.collect import collected_shot
-from kolsky.rates.comparison import compare
-from kolsky.rates.records import GroupRates
-from kolsky.rates.regression import SlopeVerdict
-from kolsky.settings import Settings
+from kolsky.identification import identify
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.settings import Settings
+from kolsky.studies.rates.collect import collected_shot
+from kolsky.studies.rates.comparison import compare
+from kolsky.studies.rates.records import GroupRates
+from kolsky.studies.rates.regression import SlopeVerdict
 
 SCRIPT = Path(__file__).resolve().parents[2] / "runs" / "rate_shots.py"
 COARSE = Settings(

@@ -15,8 +15,8 @@ from real_bars import (
     preston_tonks_wallace,
 )
 
-from kolsky.waves.records import History
-from kolsky.waves.reduction import integrated
+from kolsky.bars.records import History
+from kolsky.bars.reduction.stress_strain import integrated
 
 pytestmark = pytest.mark.skipif(
     not BARS.is_dir(), reason="no folder 'shared' beside the repository: its data are not shipped"

@@ -25,12 +25,12 @@ from softlaws import (
 from explicit.materials import LAWS
 from explicit.materials.neohookean import NeoHookean
 from explicit.materials.ogden import Ogden1
-from kolsky.quasistatic.compare import candidates
-from kolsky.quasistatic.fits import FitOutcome, fit
-from kolsky.quasistatic.homogeneous import incompressible_stress
-from kolsky.quasistatic.modes import Mode
-from kolsky.quasistatic.stability import Stability, drucker
-from kolsky.quasistatic.testdata import HomogeneousTest
+from kolsky.material.fits.compare import candidates
+from kolsky.material.fits.fit import FitOutcome, fit_law
+from kolsky.material.fits.homogeneous import incompressible_stress
+from kolsky.material.fits.modes import Mode
+from kolsky.material.fits.stability import Stability, drucker
+from kolsky.material.fits.test_data import HomogeneousTest
 
 DIGITS = 5e-5
 """Half a unit of the fourth digit. The curves differ by less: the authors' last strain is not printed."""
@@ -97,7 +97,7 @@ def test_moduli_of_either_sign_fit_four_times_better(material):
 def test_one_mode_of_treloar_against_published_constants(mode, name):
     tests = [test for test in rubber("Treloar 1944") if test.mode is mode]
     tried = candidates([name])[0]
-    found = fit(tried.law, tests, bounded=False, held=tried.held)
+    found = fit_law(tried.law, tests, bounded=False, held=tried.held)
     theirs = tried.law(*STEINMANN_2012[mode][name])
     assert found.sse <= sse(theirs, tests)
     if (mode, name) not in ((Mode.EQUIBIAXIAL, "neo_hookean"), (Mode.PLANAR, "neo_hookean")):
@@ -108,7 +108,7 @@ def test_one_mode_of_treloar_against_published_constants(mode, name):
 @pytest.mark.slow
 def test_three_modes_at_once_do_better_than_ogden_did():
     tests = list(rubber("Treloar 1944"))
-    found = fit(LAWS["ogden3"], tests, starts=4)
+    found = fit_law(LAWS["ogden3"], tests, starts=4)
     # His constants were fitted by hand over less of the tension curve.
     assert found.sse < 0.1 * sse(OGDEN_1972, tests)
     assert found.r_squared > 0.998
@@ -124,7 +124,7 @@ def test_three_modes_at_once_do_better_than_ogden_did():
 def test_the_second_invariant_is_needed_for_several_modes(name):
     # Treloar 1975, ch. 10: a function of I1 alone cannot meet tension and equibiaxial tension at once.
     tests = list(rubber(name))
-    yeoh, ogden = (fit(LAWS[law], tests, starts=4) for law in ("yeoh", "ogden3"))
+    yeoh, ogden = (fit_law(LAWS[law], tests, starts=4) for law in ("yeoh", "ogden3"))
     assert ogden.chi2 < 0.5 * yeoh.chi2
     worst = max(yeoh.parts, key=lambda part: part.relative_rms)
     assert (

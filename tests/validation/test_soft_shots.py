@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from softshots import RAMP, SoftShot, soft_shot
 
-from kolsky.records import FlyerMotion
-from kolsky.waves.flyer_events import flyer_events
-from kolsky.waves.inertia import axial_stress, correct_radial_inertia, radial_pressure
-from kolsky.waves.mass import compensate_mass, path_acceleration
-from kolsky.waves.nominal import path_strain
-from kolsky.waves.records import History
-from kolsky.waves.sync import Agreement, synchronise
-from kolsky.waves.validity import Reason, validity
+from kolsky.bars.flyer.events import flyer_events
+from kolsky.bars.flyer.synchronisation import Agreement, synchronise
+from kolsky.bars.records import History
+from kolsky.bars.reduction.inertia import axial_stress, correct_radial_inertia, radial_pressure
+from kolsky.bars.reduction.mass import compensate_mass, path_acceleration
+from kolsky.bars.reduction.nominal import path_strain
+from kolsky.bars.reduction.validity import Reason, validity
+from kolsky.base.records import FlyerMotion
 
 SHOTS = ("open-01", "open-02")
 

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from doe import Box, from_points
-from kolsky.forward import Numerics
-from kolsky.identification import Identification
-from kolsky.identify import identify
-from kolsky.settings import Settings
-from kolsky.shots import load_shot
-from kolsky.sweep import sweep
+from kolsky.identification import identify
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.result import Identification
+from kolsky.inverse.settings import Settings
+from kolsky.shot.load import load_shot
+from kolsky.studies.sweep import sweep
 
 SHOT = Path(__file__).resolve().parents[2] / "runs" / "open-01"
 COARSE = Numerics(mesh=(16, 22))

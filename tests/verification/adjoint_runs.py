@@ -15,9 +15,9 @@ from explicit.adjoint import Gradient, Objective, by_curve_stress, by_table, for
 from explicit.histories import Histories
 from explicit.materials import MarlowLaw, marlow_from_curve
 from explicit.stencils import scale_of
-from kolsky.forward import Numerics
-from kolsky.prepare import prepare
-from kolsky.shots import load_shot
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.prepare import prepare
+from kolsky.shot.load import load_shot
 
 FloatArray = NDArray[np.float64]
 

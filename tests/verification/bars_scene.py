@@ -66,9 +66,9 @@ def apparatus() -> Apparatus:
 @cache
 def open_01(mesh: tuple[int, int] = (16, 22)) -> tuple[Model, Samples]:
     """Model and parameters of the known-answer shot open-01."""
-    from kolsky.forward import Numerics
-    from kolsky.prepare import prepare
-    from kolsky.shots import load_shot
+    from kolsky.inverse.forward import Numerics
+    from kolsky.inverse.prepare import prepare
+    from kolsky.shot.load import load_shot
 
     shot = load_shot(Path(__file__).resolve().parents[2] / "runs" / "open-01")
     model = prepare(shot).forward.model(Numerics(mesh=mesh))

@@ -14,12 +14,12 @@ from scene import table
 from scipy.optimize import brentq
 
 from explicit.bars import elastic_bar
-from kolsky.apparatus import Bar
-from kolsky.waves import pochhammer
-from kolsky.waves.frequency_equation import rayleigh_speed
-from kolsky.waves.propagation import propagate
-from kolsky.waves.records import Signal
-from kolsky.waves.waveguide import ElasticWaveguide
+from kolsky.bars.guides import pochhammer
+from kolsky.bars.guides.frequency_equation import rayleigh_speed
+from kolsky.bars.guides.propagation import propagate
+from kolsky.bars.guides.waveguide import ElasticWaveguide
+from kolsky.bars.records import Signal
+from kolsky.base.apparatus import Bar
 
 FloatArray = NDArray[np.float64]
 

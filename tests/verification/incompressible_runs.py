@@ -23,9 +23,9 @@ from explicit import (
     run_nearly_incompressible,
 )
 from explicit.incompressible import COMPRESSIBLE
-from kolsky.forward import Numerics
-from kolsky.misfit import predict
-from kolsky.objective import Objective
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.misfit import predict
+from kolsky.inverse.objective import Objective
 
 FloatArray = NDArray[np.float64]
 

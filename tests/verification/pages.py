@@ -21,7 +21,7 @@ from typing import Any
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
-for folder in (ROOT, HERE.parent):  # the packages, and tests/order.py
+for folder in (ROOT, HERE.parent / "helpers"):  # the packages, and tests/helpers/order.py
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
 

@@ -9,17 +9,17 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scene import table
 
-from kolsky.apparatus import Bar
-from kolsky.waves.polymer_waveguide import PronyModulus, ViscoelasticWaveguide
-from kolsky.waves.propagation import propagation
-from kolsky.waves.records import BarSignal, Signal
-from kolsky.waves.viscoelastic import (
+from kolsky.bars.guides.polymer_waveguide import PronyModulus, ViscoelasticWaveguide
+from kolsky.bars.guides.propagation import propagation
+from kolsky.bars.guides.viscoelastic import (
     FittedModulus,
     Pass,
     PropagationCoefficient,
     fit_modulus,
     propagation_coefficient,
 )
+from kolsky.bars.records import BarSignal, Signal
+from kolsky.base.apparatus import Bar
 
 FloatArray = NDArray[np.float64]
 

@@ -9,11 +9,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scene import table
 
-from kolsky.apparatus import Bar
-from kolsky.waves.polymer_waveguide import PronyModulus, ViscoelasticWaveguide
-from kolsky.waves.records import BarSignal, Signal
-from kolsky.waves.separation import SeparatedWaves, separate
-from kolsky.waves.waveguide import ElasticWaveguide, Waveguide
+from kolsky.bars.guides.polymer_waveguide import PronyModulus, ViscoelasticWaveguide
+from kolsky.bars.guides.separation import SeparatedWaves, separate
+from kolsky.bars.guides.waveguide import ElasticWaveguide, Waveguide
+from kolsky.bars.records import BarSignal, Signal
+from kolsky.base.apparatus import Bar
 
 FloatArray = NDArray[np.float64]
 

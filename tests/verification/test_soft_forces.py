@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import soft_forces as topic
 
-from kolsky.waves.sync import Agreement
-from kolsky.waves.validity import Reason
+from kolsky.bars.flyer.synchronisation import Agreement
+from kolsky.bars.reduction.validity import Reason
 
 pytestmark = pytest.mark.slow
 

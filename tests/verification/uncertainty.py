@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 from uncertainty_gum import Example, by_draws, by_sensitivities, quantity
 
-from kolsky.apparatus import Bar, Specimen
-from kolsky.waves.bridge import Bridge
-from kolsky.waves.budget import Budget, propagate
-from kolsky.waves.montecarlo import Spread, monte_carlo
-from kolsky.waves.records import FaceWaves
-from kolsky.waves.reduction import reduce
-from kolsky.waves.repeats import Curve, average
+from kolsky.bars.budget.budget import Budget, propagate
+from kolsky.bars.budget.monte_carlo import Spread, monte_carlo
+from kolsky.bars.records import FaceWaves
+from kolsky.bars.reduction.repeats import Curve, average
+from kolsky.bars.reduction.stress_strain import reduce
+from kolsky.bars.signals.bridge import Bridge
+from kolsky.base.apparatus import Bar, Specimen
 
 FloatArray = NDArray[np.float64]
 
@@ -235,7 +235,7 @@ By draws:
 {table(result.drawn)}
 
 In JCGM 101, 9.2.4, one rectangular quantity outweighs the others, and the GUM's interval misses that of the
-draws by {result.wide:.2f} u: {{py:func}}`kolsky.waves.montecarlo.difference` says so.
+draws by {result.wide:.2f} u: {{py:func}}`kolsky.bars.budget.monte_carlo.difference` says so.
 
 ## A bar test
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kolsky.waves.budget import Budget, propagate
-from kolsky.waves.montecarlo import difference, monte_carlo
-from kolsky.waves.records import Quantity
+from kolsky.bars.budget.budget import Budget, propagate
+from kolsky.bars.budget.monte_carlo import difference, monte_carlo
+from kolsky.bars.records import Quantity
 
 
 def quantity(name: str, value: float, sigma: float, freedom: float = np.inf, unit: str = "1") -> Quantity:

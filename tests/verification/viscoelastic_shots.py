@@ -10,9 +10,9 @@ from scene import DENSITY, LENGTH, RADIUS, speed_after_rise
 from explicit import Model, cylinder
 from explicit.materials import neo_hookean
 from explicit.relaxation import PronySeries
-from kolsky.quasistatic.rate_evidence import Evidence, HistoryTest, RateModel
-from kolsky.quasistatic.rate_shots import ShotEvidence
-from kolsky.quasistatic.viscoelastic import branches_asked_for, fit_prony
+from kolsky.material.relaxation.evidence import Evidence, HistoryTest, RateModel
+from kolsky.material.relaxation.prony_fit import branches_asked_for, fit_prony
+from kolsky.studies.shot_evidence import ShotEvidence
 
 FloatArray = NDArray[np.float64]
 

@@ -14,12 +14,12 @@ from scipy.optimize import minimize_scalar
 
 from doe import Box
 from explicit import Response
-from kolsky.forward import Numerics
-from kolsky.misfit import Prediction, predict
-from kolsky.objective import Objective
-from kolsky.optimum import search
-from kolsky.prepare import Prepared, prepare
-from kolsky.shots import load_shot
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.misfit import Prediction, predict
+from kolsky.inverse.objective import Objective
+from kolsky.inverse.optimum import search
+from kolsky.inverse.prepare import Prepared, prepare
+from kolsky.shot.load import load_shot
 
 FloatArray = NDArray[np.float64]
 Mesh = tuple[int, int]
@@ -100,7 +100,7 @@ def identified(form: str, mesh: Mesh, grading: float = 2.0, *, weights: str = "n
     """The stiffness factor of least joint chi-square [-].
 
     `weights`: "noise" takes the measured noise alone; "identify" adds the discrepancy that
-    `kolsky.optimum.search` estimates, as `kolsky identify` does.
+    `kolsky.inverse.optimum.search` estimates, as `kolsky identify` does.
     """
     found = prediction(form, mesh, grading)
     assert found.inside.all()

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from kolsky.errors import InputError
+from kolsky.base.errors import InputError
 from kolsky.readers.contents import FloatArray
 from kolsky.readers.delimited import lines_of
 from kolsky.readers.dialect import find_dialect

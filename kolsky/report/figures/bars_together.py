@@ -1,7 +1,7 @@
 """Bars without a specimen: the pulse at the far gauge and what is left of it after dispersion."""
 
+from kolsky.bars.guides.bars_together import BarsTogether
 from kolsky.report.figures.base import COLUMN, GREY, MEASURED, MODEL, FigureKind, Panels
-from kolsky.waves.bars_together import BarsTogether
 
 US, MICRO = 1e6, 1e6
 

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.colorbar import Colorbar
 from numpy.typing import NDArray
 
-from kolsky.identification import Identification
+from kolsky.inverse.result import Identification
 
 Panels = Mapping[str, Axes]
 Shown = TypeVar("Shown")

@@ -1,14 +1,14 @@
 """A quasi-static baseline: tests, mean, the material's curve with its band, and the apparent modulus."""
 
-from kolsky.quasistatic.baseline import Baseline
-from kolsky.quasistatic.uniaxial import gaussian_strain
+from kolsky.material.curves.uniaxial import gaussian_strain
+from kolsky.material.reference_curve import ReferenceCurve
 from kolsky.report.figures.base import BAND, GREY, MEASURED, MODEL, PAGE, FigureKind, Panels, letter
 
 KPA = 1e-3
 """Factor from Pa to kPa."""
 
 
-def caption(made: Baseline) -> str:
+def caption(made: ReferenceCurve) -> str:
     """What is seen."""
     corrected = "" if made.friction is None else ", their mean (dashed) and the curve without end friction"
     return (
@@ -17,7 +17,7 @@ def caption(made: Baseline) -> str:
     )
 
 
-def draw(made: Baseline, panels: Panels) -> None:
+def draw(made: ReferenceCurve, panels: Panels) -> None:
     """Draw the tests, the mean, the material's curve and its modulus."""
     left, right = panels["curve"], panels["modulus"]
     for number, one in enumerate(made.tests):
@@ -47,7 +47,7 @@ def draw(made: Baseline, panels: Panels) -> None:
     letter(right, "b")
 
 
-KIND: FigureKind[Baseline] = FigureKind(
+KIND: FigureKind[ReferenceCurve] = FigureKind(
     name="baseline",
     width=PAGE,
     height=lambda made: 70.0,

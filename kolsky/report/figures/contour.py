@@ -9,7 +9,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.tri import CubicTriInterpolator, Triangulation, UniformTriRefiner
 from numpy.typing import NDArray
 
-from kolsky.identification import Identification
+from kolsky.inverse.result import Identification
 from kolsky.report.figures.base import (
     BAND,
     MEASURED,

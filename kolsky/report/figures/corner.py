@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kolsky.identification import Identification
+from kolsky.inverse.result import Identification
 from kolsky.report.figures.base import GREY, MEASURED, MODEL, PAGE, FigureKind, Panels
 from kolsky.report.nomenclature import name_of
 

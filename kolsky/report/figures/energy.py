@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from kolsky.identification import Identification
+from kolsky.inverse.result import Identification, worst_imbalance
 from kolsky.report.figures.base import COLUMN, GREY, MEASURED, MJ, MS, FigureKind, Panels, largest, say_empty
 from kolsky.report.numbers import percent
-from kolsky.results.text import worst_imbalance
 
 PARTS = {
     "elastic": "#0072B2",

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kolsky.flyer.flightreport import FlightOfSpecimen
+from kolsky.bars.flyer.flight_report import FlightOfSpecimen
 from kolsky.report.figures.base import BAND, COLUMN, MEASURED, MODEL, MS, SHAPE, FigureKind, Panels, letter
 
 COVERAGE = 2.0

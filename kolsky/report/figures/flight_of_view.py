@@ -1,6 +1,6 @@
 """The flyer's flight among the figures of the surfaces that pictures gave."""
 
-from kolsky.flyer.flightreport import FlightOfSpecimen
+from kolsky.bars.flyer.flight_report import FlightOfSpecimen
 from kolsky.report.figures import flight
 from kolsky.report.figures.base import FigureKind, Panels
 from kolsky.report.view import SurfaceView

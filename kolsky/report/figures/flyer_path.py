@@ -1,6 +1,5 @@
 """What moves the front face: measured, fitted, and the part of it that is used."""
 
-from kolsky.recorded import Recorded
 from kolsky.report.figures.base import (
     BAND,
     COLUMN,
@@ -14,6 +13,7 @@ from kolsky.report.figures.base import (
     Panels,
     letter,
 )
+from kolsky.shot.recorded import Recorded
 
 
 def caption(shown: Recorded) -> str:

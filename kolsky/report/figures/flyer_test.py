@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.axes import Axes
 
+from kolsky.bars.result import FlyerResult
 from kolsky.report.figures.base import (
     BAND,
     FORCE,
@@ -17,7 +18,6 @@ from kolsky.report.figures.base import (
     letter,
 )
 from kolsky.report.figures.waves import band, stress_scale
-from kolsky.waves.result import FlyerResult
 
 
 def caption(result: FlyerResult) -> str:

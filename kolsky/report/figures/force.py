@@ -1,6 +1,6 @@
 """Measured and simulated force, and what is left between them."""
 
-from kolsky.identification import Identification
+from kolsky.inverse.result import Identification
 from kolsky.report.figures.base import BAND, COLUMN, GREY, MEASURED, MODEL, MS, FigureKind, Panels
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kolsky.identification import Identification
+from kolsky.inverse.result import Identification
 from kolsky.report.figures.base import BAND, COLUMN, GREY, MODEL, MS, FigureKind, Panels, largest, say_empty
 
 

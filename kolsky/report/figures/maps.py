@@ -5,8 +5,8 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from kolsky.localsensitivity import Look
 from kolsky.report.figures.base import MM, MS, largest, smooth_bar
+from kolsky.studies.local_sensitivity import Look
 
 
 def draw_map(

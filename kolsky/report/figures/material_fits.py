@@ -1,7 +1,7 @@
 """Homogeneous tests and the laws fitted to them, a panel for each mode."""
 
-from kolsky.quasistatic.compare import Comparison, Row
-from kolsky.quasistatic.modes import Mode
+from kolsky.material.fits.compare import Comparison, Row
+from kolsky.material.fits.modes import Mode
 from kolsky.report.figures.base import GREY, MEASURED, PAGE, FigureKind, Panels, letter
 from kolsky.report.figures.waves import stress_scale
 

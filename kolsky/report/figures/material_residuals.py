@@ -1,7 +1,7 @@
 """What each law leaves over, a panel for each of the best."""
 
-from kolsky.quasistatic.compare import Comparison
-from kolsky.quasistatic.modes import Mode
+from kolsky.material.fits.compare import Comparison
+from kolsky.material.fits.modes import Mode
 from kolsky.report.figures.base import GREY, PAGE, FigureKind, Panels
 from kolsky.report.figures.material_fits import COLOURS, MARKERS, shown
 from kolsky.report.figures.waves import stress_scale

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from kolsky.quasistatic.compare import Comparison, Row
-from kolsky.quasistatic.modes import Mode
-from kolsky.quasistatic.stability import PathStability, Stability
+from kolsky.material.fits.compare import Comparison, Row
+from kolsky.material.fits.modes import Mode
+from kolsky.material.fits.stability import PathStability, Stability
 from kolsky.report.figures.base import BAND, GREY, MEASURED, MODEL, PAGE, FigureKind, Panels
 
 PATHS = (

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.collections import LineCollection
 
-from kolsky.identification import Identification
+from kolsky.inverse.result import Identification
 from kolsky.report.figures.base import MEASURED, MM, MODEL, MS, PAGE, FigureKind, Panels, largest
 
 COUNT = 4

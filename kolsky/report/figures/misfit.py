@@ -8,7 +8,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
-from kolsky.identification import DesignTable, Estimate, Identification, SurrogateCurve
+from kolsky.inverse.result import DesignTable, Estimate, Identification, SurrogateCurve
 from kolsky.report.figures.base import (
     BAND,
     FORCE,

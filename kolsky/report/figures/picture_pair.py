@@ -10,19 +10,9 @@ from numpy.typing import NDArray
 
 from dic.outcome import FrameOutcome
 from dic.result import Body
-from kolsky.picturepair import PicturePair
-from kolsky.recorded import Recorded
-from kolsky.report.figures.base import (
-    FORCE,
-    MODEL,
-    MS,
-    PAGE,
-    SHAPE,
-    FigureKind,
-    Panels,
-    letter,
-    smooth_bar,
-)
+from kolsky.report.figures.base import FORCE, MODEL, MS, PAGE, SHAPE, FigureKind, Panels, letter, smooth_bar
+from kolsky.shot.picture_pair import PicturePair
+from kolsky.shot.recorded import Recorded
 
 CAMERAS = ("left", "right")
 LOST = "#CC79A7"

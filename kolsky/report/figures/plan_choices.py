@@ -7,9 +7,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from kolsky.planning.plan import Plan
 from kolsky.report.figures.base import GREY, MS, PAGE, FigureKind, Panels, letter
 from kolsky.report.nomenclature import name_of
+from kolsky.studies.planning.plan import Plan
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 MARKERS = "osDv^"

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from kolsky.planning.plan import Plan
 from kolsky.report.figures.base import FORCE, GREY, MM, MS, PAGE, FigureKind, Panels, letter
 from kolsky.report.figures.maps import draw_map
 from kolsky.report.nomenclature import name_of
+from kolsky.studies.planning.plan import Plan
 
 PER_MM_MS, PER_MS = 1e-6, 1e-3
 """From shares per m and s, and per s, to shares per mm and ms, and per ms."""

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from kolsky.planning.plan import Plan
 from kolsky.report.figures.base import BAND, FORCE, GREY, MS, PAGE, UM, FigureKind, Panels, letter
 from kolsky.report.figures.maps import draw_map
 from kolsky.report.nomenclature import name_of
+from kolsky.studies.planning.plan import Plan
 
 CHANGE = 0.01
 """Change of a parameter that is drawn, over its scale."""

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from kolsky.rates.records import GroupRates
 from kolsky.report.figures.base import GREY, MEASURED, MM, PAGE, FigureKind, Panels, letter, say_empty
 from kolsky.report.figures.rate_stiffness import COLOURS, MARKERS
 from kolsky.report.labels import shortened
+from kolsky.studies.rates.records import GroupRates
 
 
 def caption(group: GroupRates) -> str:

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from kolsky.rates.records import GroupRates
 from kolsky.report.figures.base import BAND, MEASURED, PAGE, ROUTES, FigureKind, Panels, letter
 from kolsky.report.labels import shortened
+from kolsky.studies.rates.records import GroupRates
 
 DRAWN = ("joint", "force only", "shape only")
 STEP = 0.22

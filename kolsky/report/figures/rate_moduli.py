@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from kolsky.quasistatic.timescales import ApparentModuli
+from kolsky.material.relaxation.time_scales import ApparentModuli
 from kolsky.report.figures.base import BAND, COLUMN, MODEL, FigureKind, Panels
 
 KPA = 1e-3
@@ -16,9 +16,10 @@ class TimeScales:
     """What is drawn on one axis."""
 
     tests: Sequence[ApparentModuli]
-    """Each test's own moduli, see `kolsky.quasistatic.timescales.apparent_moduli`."""
+    """Each test's own moduli, see `kolsky.material.relaxation.time_scales.apparent_moduli`."""
     fitted: ApparentModuli | None = None
-    """The fitted model, its modulus and uncertainty from `kolsky.quasistatic.timescales.fitted_modulus`."""
+    """The fitted model, its modulus and uncertainty from
+    `kolsky.material.relaxation.time_scales.fitted_modulus`."""
 
 
 def caption(shown: TimeScales) -> str:

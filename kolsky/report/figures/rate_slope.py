@@ -4,9 +4,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from kolsky.rates.records import GroupRates
-from kolsky.rates.regression import SlopeVerdict
 from kolsky.report.figures.base import BAND, FORCE, GREY, MEASURED, MODEL, PAGE, FigureKind, Panels, letter
+from kolsky.studies.rates.records import GroupRates
+from kolsky.studies.rates.regression import SlopeVerdict
 
 POINTS = 101
 

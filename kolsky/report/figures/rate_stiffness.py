@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from kolsky.rates.records import GroupRates
 from kolsky.report.figures.base import PAGE, FigureKind, Panels, letter
+from kolsky.studies.rates.records import GroupRates
 
 KPA = 1e-3
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")

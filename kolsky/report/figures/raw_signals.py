@@ -1,7 +1,7 @@
 """The force channel as it was recorded, with the windows that were used of it."""
 
-from kolsky.recorded import Recorded
 from kolsky.report.figures.base import BAND, COLUMN, GREY, MEASURED, MODEL, MS, FigureKind, Panels
+from kolsky.shot.recorded import Recorded
 
 
 def caption(shown: Recorded) -> str:

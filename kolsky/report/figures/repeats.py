@@ -1,8 +1,8 @@
 """Repeated tests: every stress-strain curve, their mean and its confidence band."""
 
+from kolsky.bars.reduction.repeated import RepeatedTests
 from kolsky.report.figures.base import BAND, COLUMN, GREY, MEASURED, FigureKind, Panels
 from kolsky.report.figures.waves import stress_scale
-from kolsky.waves.repeated import RepeatedTests
 
 
 def caption(mean: RepeatedTests) -> str:

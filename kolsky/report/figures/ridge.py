@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from kolsky.identification import Identification
+from kolsky.inverse.result import Identification
 from kolsky.report.figures.base import (
     COLUMN,
     FORCE,

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 
-from kolsky.identification import Identification
+from kolsky.inverse.result import Identification
 from kolsky.report.figures.base import MS, PAGE, FigureKind, Panels, smooth_bar
 from kolsky.report.scene.fields import FIELDS
 from kolsky.report.scene.stills import COUNT, begin, stills

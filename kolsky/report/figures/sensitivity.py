@@ -5,9 +5,9 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
-from kolsky.globalsensitivity import GlobalSensitivity
 from kolsky.report.figures.base import MEASURED, MS, PAGE, FigureKind, Panels, letter
 from kolsky.report.nomenclature import name_of
+from kolsky.studies.global_sensitivity import GlobalSensitivity
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 WORDS = {"Phi_F": r"$\Phi_F$", "Phi_S": r"$\Phi_S$", "Phi": r"$\Phi$", "peak force": "peak force"}

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from numpy.typing import NDArray
 
-from kolsky.identification import Identification
+from kolsky.inverse.result import Identification
 from kolsky.report.figures.base import (
     COLUMN,
     MEASURED,

@@ -2,7 +2,7 @@
 
 from kolsky.report.figures.base import BAND, MEASURED, PAGE, SHAPE, FigureKind, Panels
 from kolsky.report.nomenclature import axis_label, name_of
-from kolsky.sweepanalysis import SweepAnalysis
+from kolsky.studies.sweep_analysis import SweepAnalysis
 
 LABELS = {"Phi_F": r"$\Phi_F$ (N)", "Phi_S": r"$\Phi_S$ (–)", "Phi": r"$\Phi$ (–)"}
 

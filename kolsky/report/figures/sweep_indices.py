@@ -4,7 +4,7 @@ import numpy as np
 
 from kolsky.report.figures.base import COLUMN, MEASURED, FigureKind, Panels
 from kolsky.report.nomenclature import name_of
-from kolsky.sweepanalysis import SweepAnalysis
+from kolsky.studies.sweep_analysis import SweepAnalysis
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442")
 WORDS = {"Phi_F": r"$\Phi_F$", "Phi_S": r"$\Phi_S$", "Phi": r"$\Phi$"}

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 
 from kolsky.report.figures.base import MEASURED, PAGE, FigureKind, Panels, smooth_bar
 from kolsky.report.nomenclature import axis_label, name_of
-from kolsky.sweepanalysis import Output, SweepAnalysis
+from kolsky.studies.sweep_analysis import Output, SweepAnalysis
 
 LABELS = {
     "Phi_F": r"$\log_{10}\,\Phi_F$ (N)",

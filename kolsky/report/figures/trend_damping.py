@@ -1,7 +1,7 @@
 """Transmitted force for several dampings, beside the measured one."""
 
 from kolsky.report.figures.base import MEASURED, MS, PAGE, FigureKind, Panels, letter
-from kolsky.trends import Trends
+from kolsky.studies.trends import Trends
 
 COLOURS = ("#56B4E9", "#0072B2", "#E69F00", "#D55E00", "#CC79A7")
 

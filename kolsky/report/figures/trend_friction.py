@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from kolsky.report.figures.base import MEASURED, PAGE, FigureKind, Panels, letter, smooth_bar
 from kolsky.report.nomenclature import axis_label
-from kolsky.trends import Plane, Trends
+from kolsky.studies.trends import Plane, Trends
 
 
 def caption(result: Trends) -> str:

@@ -4,7 +4,7 @@ import numpy as np
 
 from kolsky.report.figures.base import COLUMN, GREY, SHAPE, FigureKind, Panels
 from kolsky.report.nomenclature import axis_label
-from kolsky.trends import Trends
+from kolsky.studies.trends import Trends
 
 
 def caption(result: Trends) -> str:

@@ -2,7 +2,7 @@
 
 from kolsky.report.figures.base import FORCE, GREY, MEASURED, PAGE, SHAPE, FigureKind, Panels, letter
 from kolsky.report.nomenclature import axis_label
-from kolsky.trends import Trends
+from kolsky.studies.trends import Trends
 
 
 def caption(result: Trends) -> str:

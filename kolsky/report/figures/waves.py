@@ -3,6 +3,8 @@
 import numpy as np
 from matplotlib.axes import Axes
 
+from kolsky.bars.records import History
+from kolsky.bars.result import WavesResult
 from kolsky.report.figures.base import (
     BAND,
     FORCE,
@@ -17,8 +19,6 @@ from kolsky.report.figures.base import (
     letter,
     say_empty,
 )
-from kolsky.waves.records import History
-from kolsky.waves.result import WavesResult
 
 US = 1e6
 WAYS = {"one wave": (SHAPE, "-"), "two waves": (FORCE, "--"), "three waves": (MEASURED, "-")}

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from kolsky.records import CentreLine
+from kolsky.base.records import CentreLine
 from kolsky.report.scene.fields import FIELDS, Solid
 
 if TYPE_CHECKING:
     import explicit
     from dic import SurfaceHistory
-    from kolsky.identification import Identification
+    from kolsky.inverse.result import Identification
 
 FloatArray = NDArray[np.float64]
 

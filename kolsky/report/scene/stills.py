@@ -23,7 +23,7 @@ from kolsky.report.scene.film import chosen
 from kolsky.report.scene.stage import NotShown, Stage, stage_of
 
 if TYPE_CHECKING:
-    from kolsky.identification import Identification
+    from kolsky.inverse.result import Identification
 
 COUNT = 3
 """Stills of a report."""

@@ -1,0 +1,215 @@
+"""The audit log: every correction with its switch, its size and its reason, applied or not."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kolsky.bars.records import BoolArray, Correction, FloatArray
+
+CORRECTIONS: Mapping[str, tuple[bool, str]] = MappingProxyType(
+    {
+        "bridge nonlinearity": (True, "exact formula of the bridge instead of its slope at zero"),
+        "bending": (True, "mean of opposed gauges instead of the first one alone"),
+        "baseline drift": (False, "slope of the baseline, extrapolated over the pulse"),
+        "droop": (True, "discharge of a piezoelectric transducer"),
+        "dispersion": (True, "phase velocity of each frequency instead of the bar wave speed"),
+        "separation": (True, "overlapping waves told apart by two gauges"),
+        "punching": (True, "elastic indentation of the bars' faces by a smaller specimen"),
+        "mass": (True, "inertia of what lies between sensor and specimen"),
+        "radial inertia": (False, "pressure of the specimen's own radial acceleration"),
+        "axial inertia": (False, "momentum of the specimen itself"),
+    }
+)
+"""Every switch: its default and what it stands for. A new correction is one line here."""
+
+
+@dataclass(frozen=True)
+class Switches(Mapping[str, bool]):
+    """Which corrections are applied; what is not stated has its default of `CORRECTIONS`.
+
+    Raises
+    ------
+    ValueError
+        If a key is unknown (the nearest known one is named) or a value is not true or false.
+    """
+
+    stated: Mapping[str, bool] = field(default_factory=dict)
+    """Keys that were stated."""
+
+    def __post_init__(self) -> None:
+        stated: dict[str, bool] = {}
+        for key, value in self.stated.items():
+            if not isinstance(value, bool):
+                raise ValueError(f"switch '{key}' must be true or false, got {value!r}")
+            if known_key(key) in stated:
+                raise ValueError(
+                    f"switch '{known_key(key)}' is stated twice, with blanks and with underscores"
+                )
+            stated[known_key(key)] = value
+        object.__setattr__(self, "stated", MappingProxyType(stated))
+
+    def __getitem__(self, key: str) -> bool:
+        known = known_key(key)
+        return self.stated.get(known, CORRECTIONS[known][0])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(CORRECTIONS)
+
+    def __len__(self) -> int:
+        return len(CORRECTIONS)
+
+    def said(self, key: str) -> str:
+        """Why a switch stands as it does: "on by default", "switched off", ..."""
+        state = "on" if self[key] else "off"
+        return f"switched {state}" if known_key(key) in self.stated else f"{state} by default"
+
+
+def known_key(key: str) -> str:
+    """The switch of `CORRECTIONS` that a key means; underscores stand for blanks.
+
+    Raises
+    ------
+    ValueError
+        Naming the nearest one, and all.
+    """
+    known = str(key).replace("_", " ")
+    if known not in CORRECTIONS:
+        near = get_close_matches(known, CORRECTIONS, n=1)
+        hint = f"; did you mean '{near[0]}'? Known are" if near else "; known are"
+        raise ValueError(f"no correction is called {key!r}{hint} {', '.join(map(repr, CORRECTIONS))}")
+    return known
+
+
+def compare(
+    name: str,
+    key: str,
+    before: ArrayLike,
+    after: ArrayLike,
+    *,
+    applied: bool,
+    unit: str,
+    reason: str,
+    over: BoolArray | slice | None = None,
+) -> Correction:
+    """Measure what a correction changes, or would change, over a pulse.
+
+    Parameters
+    ----------
+    name
+        What it is, e.g. "dispersion, incident wave".
+    key
+        Its switch.
+    before, after
+        The signal without and with it, shape [n].
+    applied
+        Whether the result has it.
+    unit
+        Unit of the signal.
+    reason
+        Why, with the values it rests on, in one sentence.
+    over
+        The samples of the pulse; all of them by default.
+
+    Raises
+    ------
+    ValueError
+        If the key is unknown, the shapes differ, no sample or a value that is not finite is compared, or
+        the reason is missing.
+    """
+    key = known_key(key)
+    a, b = np.asarray(before, dtype=float), np.asarray(after, dtype=float)
+    if a.shape != b.shape:
+        raise ValueError(
+            f"{name}: before and after have the shapes {a.shape} and {b.shape}; they must be one"
+        )
+    change = np.atleast_1d(b - a)[slice(None) if over is None else over]
+    if not change.size:
+        raise ValueError(f"{name}: there is no sample to measure the change over")
+    if not np.isfinite(change).all():
+        raise ValueError(f"{name}: the change is not finite at sample {np.argmin(np.isfinite(change))}")
+    if not reason.strip():
+        raise ValueError(f"{name}: a correction needs a reason")
+    return Correction(
+        name=name,
+        key=key,
+        applied=applied,
+        size=float(np.abs(change).max()),
+        rms=float(np.sqrt(np.mean(change**2))),
+        unit=unit,
+        reason=reason,
+    )
+
+
+class AuditLog:
+    """Collects the corrections of one reduction in the order in which they were made.
+
+    Parameters
+    ----------
+    switches
+        Which corrections are to be applied.
+    """
+
+    def __init__(self, switches: Switches | None = None) -> None:
+        self.switches = Switches() if switches is None else switches
+        self._entries: list[Correction] = []
+
+    @property
+    def corrections(self) -> tuple[Correction, ...]:
+        """The entries so far."""
+        return tuple(self._entries)
+
+    def add(self, *corrections: Correction) -> None:
+        """Append entries that were measured elsewhere.
+
+        Raises
+        ------
+        ValueError
+            If a key is unknown.
+        """
+        self._entries.extend([replace(entry, key=known_key(entry.key)) for entry in corrections])
+
+    def compare(self, name: str, key: str, before: ArrayLike, after: ArrayLike, **options: Any) -> Correction:
+        """Measure a change as the function `compare` does and append it."""
+        entry = compare(name, key, before, after, **options)
+        self.add(entry)
+        return entry
+
+    def choose(
+        self,
+        name: str,
+        key: str,
+        before: FloatArray,
+        after: FloatArray,
+        *,
+        unit: str,
+        reason: str,
+        over: BoolArray | slice | None = None,
+    ) -> FloatArray:
+        """The corrected signal if its switch is on, else the other; listed with its size either way."""
+        on = self.switches[key]
+        why = f"{reason}; {self.switches.said(key)}"
+        self.compare(name, key, before, after, applied=on, unit=unit, reason=why, over=over)
+        return after if on else before
+
+    def columns(self) -> dict[str, list[Any]]:
+        """The log as a table, ready for `kolsky.base.files.write_table`."""
+        rows = self._entries
+        return {
+            "correction": [row.name for row in rows],
+            "switch": [row.key for row in rows],
+            "applied": ["yes" if row.applied else "no" for row in rows],
+            "largest change": [row.size for row in rows],
+            "rms change": [row.rms for row in rows],
+            "unit": [row.unit for row in rows],
+            "reason": [row.reason for row in rows],
+        }
+
+
+def samples_in(time: FloatArray, span: tuple[float, float]) -> NDArray[np.bool_]:
+    """Which samples lie in a span, both ends included: the `over` of a comparison, shape [n]."""
+    return np.asarray((time >= span[0]) & (time <= span[1]))

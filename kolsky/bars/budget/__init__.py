@@ -1,0 +1,1 @@
+"""Uncertainty budgets: quantities, their propagation, and the Monte Carlo check."""

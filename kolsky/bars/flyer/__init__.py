@@ -1,0 +1,1 @@
+"""The flyer: its path, smooth from rest; its flight in three dimensions; the events of its test."""

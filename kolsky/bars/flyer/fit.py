@@ -1,0 +1,120 @@
+"""The flyer's path: a smooth motion from its noisy displacement at the frames.
+
+The path is a cubic spline with a knot at every frame, so its jerk is constant between frames, and it
+starts with x = v = a = 0. The jerks have a prior N(0, tau(t)^2): tau is large where the flyer is set in
+motion and falls by orders of magnitude afterwards, so it is a free function of time (log tau linear in the
+logarithm of the frames since the start, one control point an octave). tau and the noise are those of largest
+marginal likelihood, the noise not below the declared sigma; the path is the posterior mean, and its
+covariance the posterior one. The displacement's zero, which the static frames hold, is one more unknown.
+
+Why this way. On the known motion of two flyer shots (2.6 and 2.3 m/s within 50 and 60 us, noise 1 um,
+8 noise draws each) the errors of the candidates were, root mean square:
+
+=========================================  =============  =============  =============
+method                                     position [um]  velocity       velocity later
+                                           first 70 us    first 70 us    [m/s]
+=========================================  =============  =============  =============
+cubic, knots inserted greedily, BIC        1.00           0.11           0.04
+cubic, knots inserted greedily, AIC        0.75           0.08           0.14
+quintic, knots inserted greedily, BIC      1.03           0.13           0.007
+cubic, `scipy.interpolate.generate_knots`  3.28           0.22           0.02
+jerk prior (this module)                   0.44           0.03           0.002
+=========================================  =============  =============  =============
+
+Least-squares splines pay for every knot in full: few knots lag in the ramp, many ring. The prior lets the
+ramp follow the data frame by frame and the slow part average over a hundred frames. What moves the flyer by
+less than the noise within a few frames (bar ringing of 0.1 m/s at 25 kHz is 0.6 um) cannot be seen and is
+not in the path's uncertainty either; `chi2_per_dof` above 1 at a trusted sigma is its only trace.
+"""
+
+import numpy as np
+
+from kolsky.bars.flyer.jerks import ZERO_PRIOR, hat_functions, most_likely, posterior
+from kolsky.bars.flyer.path import FlyerPath, responses
+from kolsky.base.records import FloatArray, FlyerMotion
+
+FEWEST_STATIC = 3
+FEWEST_MOVING = 8
+
+
+def fit_flyer(motion: FlyerMotion, *, start: float, covariance: FloatArray | None = None) -> FlyerPath:
+    """Fit the path of a flyer that is at rest until `start`.
+
+    Parameters
+    ----------
+    motion : FlyerMotion
+        The displacement at the frames; its zero is arbitrary. The frames may be unevenly spaced.
+    start : float
+        A time in the static frames [s]: there the motion starts with x = v = a = 0. Later than the
+        beginning of the true motion it would distort the ramp; earlier does no harm.
+    covariance
+        Of the displacements between the frames [m²], shape [n_frames, n_frames], if they have a common part
+        beside `FlyerMotion.sigma`, the noise that is each frame's own. The path is the same; what the fit
+        makes of the common part is added to its covariance.
+
+    Returns
+    -------
+    FlyerPath
+        From `start` to the last frame.
+
+    Raises
+    ------
+    ValueError
+        If times are not increasing, a value is not finite, a sigma is not positive, fewer than 3 frames
+        are at or before `start`, or fewer than 8 after it, or the covariance is of another shape.
+    """
+    _check(motion, start)
+    if covariance is not None and covariance.shape != 2 * motion.time.shape:
+        raise ValueError(f"covariance has shape {covariance.shape}, must be {2 * motion.time.shape}")
+    t, sigma = motion.time, motion.sigma
+    frame = float(np.median(np.diff(t)))
+    unit = float(np.median(sigma))
+    static = t <= start
+    knots = np.concatenate([[start], t[~static]])
+    about = np.average(motion.displacement[static], weights=sigma[static] ** -2)
+    y = (motion.displacement - about) / sigma
+    # Unknowns in units of sigma: the zero, then the jerks per frame^3.
+    weight = unit / sigma
+    G = np.column_stack([np.ones(t.size), responses(t, knots, 0) / frame**3]) * weight[:, None]
+    hats = hat_functions((0.5 * (knots[1:] + knots[:-1]) - start) / frame)
+    log_scale, log_tau = most_likely(y, weight, np.diff(knots) / frame, hats)
+    s = np.exp(log_scale)
+    prior = np.concatenate([[ZERO_PRIOR], np.exp(hats @ log_tau)])
+    z, V, rest = posterior(y / s, G * (prior / s))
+    effective = prior.size - float(np.trace(V))
+    dof = t.size - effective
+    u = prior[1:] * unit / frame**3
+    spread = u[:, None] * V[1:, 1:] * u
+    if covariance is not None:
+        gain = u[:, None] * (V @ (G * (prior / s)).T)[1:] / (s * sigma)  # of the jerks by the displacements
+        spread = spread + gain @ (covariance - np.diag(sigma**2)) @ gain.T
+    return FlyerPath(
+        knots=knots,
+        jerk=u * z[1:],
+        covariance=spread,
+        zero=float(about + ZERO_PRIOR * unit * z[0]),
+        noise_scale=float(s),
+        chi2_per_dof=float(s**2 * (rest @ rest) / dof),
+        dof=dof,
+        static_scatter=float(np.sqrt(np.sum(y[static] ** 2) / (static.sum() - 1))),
+    )
+
+
+def _check(motion: FlyerMotion, start: float) -> None:
+    t = motion.time
+    if not (np.diff(t) > 0.0).all():
+        row = int(np.flatnonzero(~(np.diff(t) > 0.0))[0]) + 1
+        raise ValueError(f"frame times must increase; row {row} has {t[row]:.9g} s after {t[row - 1]:.9g} s")
+    if not (np.isfinite(motion.displacement).all() and np.isfinite(t).all()):
+        raise ValueError("every time and displacement of the flyer must be finite; drop the failed frames")
+    if not (motion.sigma > 0.0).all():
+        raise ValueError(f"the flyer's sigma must be > 0 m everywhere, got {motion.sigma.min():.3g} m")
+    for count, least, where in (
+        (int((t <= start).sum()), FEWEST_STATIC, "at or before"),
+        (int((t > start).sum()), FEWEST_MOVING, "after"),
+    ):
+        if count < least:
+            raise ValueError(
+                f"{count} flyer frames are {where} the start {start:.9g} s, at least {least} are needed;"
+                f" choose a start inside the static frames (the record spans {t[0]:.9g} to {t[-1]:.9g} s)"
+            )

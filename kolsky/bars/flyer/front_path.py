@@ -1,0 +1,178 @@
+"""The path of the incident bar's face from its waves: what a flyer's camera would have seen of it.
+
+The face moves with ``c0 (eps_i - eps_r)``. Its path is the cubic spline of `kolsky.bars.flyer.path`, from
+rest, with jerks that have a prior N(0, tau^2); tau and the noise are those of largest marginal likelihood,
+the noise not below the declared one. It differs from a flyer's (`kolsky.bars.flyer`) in what is observed,
+velocities at many samples rather than positions at few frames, and in the prior: a bar's waves go on for the
+whole record, so tau is one number. Scale and zero of the velocity are common to all samples and carried as
+such.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.optimize import minimize
+
+from kolsky.bars.flyer.jerks import posterior
+from kolsky.bars.flyer.path import FlyerPath, responses
+from kolsky.bars.records import FaceWaves, History, Reduction
+from kolsky.base.records import FloatArray, ForceHistory, FrontVelocity
+
+MOST_KNOTS = 300
+"""Largest number of knots of a path, and of the means of samples it is fitted to."""
+LEAD = 4
+"""Knots before the first sample: an arrival is found a little after the wave has begun."""
+FEWEST_SAMPLES = 20
+
+
+def front_velocity(reduction: Reduction, waves: FaceWaves, *, sigma_zero: float = 0.0) -> FrontVelocity:
+    """The face's velocity on the shot's clock, with its uncertainty split into noise and scale.
+
+    Parameters
+    ----------
+    reduction
+        Its `front_velocity` has noise and systematic parts in one sigma.
+    waves
+        The waves it was made from: their noise is that of the samples.
+    sigma_zero
+        Standard uncertainty of the velocity's zero [m/s].
+    """
+    speed, v = waves.incident_bar.wave_speed, reduction.front_velocity
+    own, slow = (speed * float(np.hypot(s["incident"], s["reflected"])) for s in _sigmas(waves))
+    time = waves.origin + reduction.time
+    return FrontVelocity(time, v.value, slow, _scale(v, own), sigma_zero)
+
+
+def back_force(reduction: Reduction, waves: FaceWaves) -> tuple[ForceHistory, float]:
+    """The force on the transmission bar on the shot's clock, with its noise; its scale's sigma [-].
+
+    The noise is that which means and integrals collect.
+    """
+    bar, F = waves.transmission_bar, reduction.back_force
+    own, slow = (bar.impedance * bar.wave_speed * s["transmitted"] for s in _sigmas(waves))
+    time = waves.origin + reduction.time
+    return ForceHistory(time, F.value, np.full(F.value.shape, slow)), _scale(F, own)
+
+
+def front_path(motion: FrontVelocity) -> FlyerPath:
+    """Fit the path of a face whose velocity is known.
+
+    Parameters
+    ----------
+    motion
+        The velocity from the wave's arrival on; the path starts a few samples before it.
+
+    Returns
+    -------
+    FlyerPath
+        With the covariance of noise, scale and zero. There are no static frames: `static_scatter` is that of
+        the declared noise, 1.
+
+    Raises
+    ------
+    ValueError
+        If times are not uniform and increasing, a value is not finite, there are fewer than 20 samples, the
+        noise is not positive, or the fit fails.
+    """
+    _check(motion)
+    per_mean = -(-motion.time.size // MOST_KNOTS)
+    n = motion.time.size // per_mean
+    t = motion.time[: n * per_mean]
+    step = per_mean * float(motion.time[1] - motion.time[0])
+    knots = motion.time[0] + step * np.arange(-LEAD, n + 1)
+    knots = np.append(knots[knots < motion.time[-1]], motion.time[-1])
+    noise = motion.noise / np.sqrt(per_mean)
+    y = motion.velocity[: t.size].reshape(n, per_mean).mean(axis=1) / noise
+    # Unknowns in units of noise: jerk times step^2.
+    G = responses(t, knots, 1).reshape(n, per_mean, -1).mean(axis=1) / step**2
+    log_scale, log_tau = _most_likely(y, G)
+    s, tau = float(np.exp(log_scale)), float(np.exp(log_tau))
+    z, V, rest = posterior(y / s, G * (tau / s))
+    effective = z.size - float(np.trace(V))
+    unit = tau * noise / step**2
+    jerk = unit * z
+    covariance = unit**2 * V + motion.sigma_gain**2 * np.outer(jerk, jerk)
+    if motion.sigma_zero > 0.0:
+        # What the fit makes of a constant velocity of one sigma.
+        offset = unit * posterior(np.full(n, motion.sigma_zero / (noise * s)), G * (tau / s))[0]
+        covariance = covariance + np.outer(offset, offset)
+    return FlyerPath(
+        knots=knots,
+        jerk=jerk,
+        covariance=covariance,
+        zero=0.0,
+        noise_scale=s,
+        chi2_per_dof=float(s**2 * (rest @ rest) / (n - effective)),
+        dof=n - effective,
+        static_scatter=1.0,
+    )
+
+
+def _most_likely(y: FloatArray, G: FloatArray) -> tuple[float, float]:
+    """Log noise scale (>= 0) and log tau of largest marginal likelihood of ``y = G u + e``."""
+    U, S, _ = np.linalg.svd(G, full_matrices=False)
+    along = (U.T @ y) ** 2
+    across = max(float(y @ y - along.sum()), 0.0)
+    beyond = y.size - S.size
+
+    def cost(theta: FloatArray) -> float:
+        noise = np.exp(2.0 * theta[0])
+        variance = np.exp(2.0 * theta[1]) * S**2 + noise
+        inside = float(np.sum(np.log(variance) + along / variance))
+        return inside + beyond * float(np.log(noise)) + across / noise
+
+    # The highest tau takes the largest velocity within a step, the lowest does nothing over the record.
+    high = float(np.log(10.0 * max(np.abs(y).max(), 10.0)))
+    low = high - np.log(max(np.abs(y).max(), 10.0)) - 2.0 * np.log(float(y.size)) - 5.0
+    starts = np.linspace(low, high, 5)[1:]
+    best = min(
+        (
+            minimize(cost, [0.1, start], method="L-BFGS-B", bounds=[(0.0, None), (low, high)])
+            for start in starts
+        ),
+        key=lambda found: float(found.fun),
+    )
+    if not np.isfinite(best.fun):
+        raise ValueError(
+            "the smoothness of the face's motion could not be found: is its noise far too small?"
+        )
+    return float(best.x[0]), float(best.x[1])
+
+
+def _sigmas(waves: FaceWaves) -> tuple[Mapping[str, float], Mapping[str, float]]:
+    """Noise of a sample, and that of white noise as strong where it matters here, at low frequencies."""
+    return waves.sigma, waves.sigma if waves.white is None else waves.white
+
+
+def _scale(history: History, noise: float) -> float:
+    """What is left of a history's sigma beyond the noise, relative to the values [-]."""
+    size = float(np.sum(history.value**2))
+    left = float(np.sum(history.sigma**2 - noise**2))
+    # A sigma of noise alone leaves nothing but rounding of either sign.
+    return float(np.sqrt(left / size)) if size > 0.0 and left > 0.0 else 0.0
+
+
+def _check(motion: FrontVelocity) -> None:
+    t, v = motion.time, motion.velocity
+    if t.shape != v.shape or t.ndim != 1 or t.size < FEWEST_SAMPLES:
+        raise ValueError(
+            f"the face's velocity needs {FEWEST_SAMPLES} samples or more, as many as times; got {v.size} at"
+            f" {t.size} times"
+        )
+    if not (np.isfinite(t).all() and np.isfinite(v).all()):
+        raise ValueError("every time and velocity of the face must be finite")
+    step = np.diff(t)
+    if not (step > 0.0).all() or np.ptp(step) > 1e-3 * step.mean():
+        raise ValueError(
+            f"the times of the face's velocity must be uniform, got steps from {step.min():.6g} to"
+            f" {step.max():.6g} s; resample the reduction"
+        )
+    if not motion.noise > 0.0:
+        raise ValueError(
+            f"the noise of the face's velocity is {motion.noise:g} m/s, must be > 0 m/s; take it from the"
+            " pre-trigger stretch of the gauges"
+        )
+    if not (motion.sigma_gain >= 0.0 and motion.sigma_zero >= 0.0):
+        raise ValueError(
+            f"sigma_gain and sigma_zero must be >= 0, got {motion.sigma_gain:g} and {motion.sigma_zero:g} m/s"
+        )

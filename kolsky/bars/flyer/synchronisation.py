@@ -1,0 +1,286 @@
+"""Cameras against oscilloscope: does the flyer move when the signals say it does?
+
+The clocks are tied by a trigger; this is the cross-check. What a transducer behind a mass feels, twice
+integrated, is that mass's motion; what the bar's waves give as a velocity, once integrated, is the motion of
+its face. Either is laid over the displacement that the cameras saw, with the lag between the clocks as the
+one nonlinear unknown. It is done on displacements because there the noise of the cameras is white and known.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+from scipy.optimize import minimize_scalar
+
+from kolsky.bars.records import FloatArray, Signal
+from kolsky.base.records import FlyerMotion
+
+REACH = 200e-6
+"""Largest lag that is looked for, either way [s]."""
+FEWEST_FRAMES = 8
+"""Moving frames that are needed: three more than there are unknowns."""
+UNLIKE = 25.0
+"""Chi-square per degree of freedom beyond which the signal is another motion's: five times the noise."""
+COVERAGE = 2.0
+"""Standard uncertainties within which clocks agree [-]."""
+
+
+class Agreement(StrEnum):
+    """What the cross-check says of the declared clocks."""
+
+    AGREES = "agrees"
+    DIFFERS = "differs"
+    UNDECIDED = "not decided"
+    UNLIKE = "no match"
+
+
+@dataclass(frozen=True)
+class Synchronisation:
+    """The lag of the cameras' clock, found from what both instruments saw of one motion."""
+
+    lag: float
+    """To be added to the cameras' times, beyond what is declared [s]."""
+    sigma: float
+    """Its standard uncertainty, of the fit and of the declared trigger [s]."""
+    gain: float
+    """Motion seen by the cameras over motion computed from the signal [-]; 1 if mass and sensitivity are
+    right."""
+    sigma_gain: float
+    """Its standard uncertainty [-]."""
+    chi2_per_dof: float
+    """Residual sum of squares in the cameras' sigmas over degrees of freedom [-]."""
+    frames: int
+    """Frames used, those at rest included."""
+    frame_interval: float
+    """Median time from frame to frame [s]."""
+    at_edge: bool
+    """Whether the best lag is at the edge of those searched."""
+
+    @property
+    def agreement(self) -> Agreement:
+        """The verdict at k = 2; not decided if the lag is less well known than a frame interval."""
+        if self.chi2_per_dof > UNLIKE:
+            return Agreement.UNLIKE
+        if self.at_edge or COVERAGE * self.sigma > self.frame_interval:
+            return Agreement.UNDECIDED
+        return Agreement.AGREES if abs(self.lag) <= COVERAGE * self.sigma else Agreement.DIFFERS
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in words."""
+        found = f"{1e6 * self.lag:+.2f} us +- {COVERAGE * 1e6 * self.sigma:.2f} us (k = 2)"
+        gain = f"gain {self.gain:.4f} +- {COVERAGE * self.sigma_gain:.4f}"
+        match self.agreement:
+            case Agreement.AGREES:
+                return f"the cameras' clock agrees with the signals': lag {found}, {gain}"
+            case Agreement.DIFFERS:
+                return (
+                    f"the cameras' clock differs from the signals' by {found}, {gain}; add the lag to "
+                    "frames.clock_offset, or find out which trigger was late"
+                )
+            case Agreement.UNDECIDED if self.at_edge:
+                return "the clocks differ by more than the lags searched; correct frames.clock_offset first"
+            case Agreement.UNDECIDED:
+                return f"the cross-check does not decide: lag {found}, more than a frame interval"
+        return (
+            f"the flyer's motion is not that of the signal: residuals of {self.chi2_per_dof**0.5:.3g} times"
+            " the cameras' sigma; is it the right channel, and the mass between transducer and specimen?"
+        )
+
+
+def synchronise(
+    motion: FlyerMotion,
+    force: Signal,
+    *,
+    mass: float,
+    rest: float,
+    travel: float,
+    sigma_zero: float = 0.0,
+    sigma_trigger: float = 0.0,
+    reach: float = REACH,
+) -> Synchronisation:
+    """Lag between the cameras and a transducer that sits behind a mass on the flyer.
+
+    ``F = m a + F_s``, so ``x = (integral of (F - F_s)) / m`` twice. What the specimen holds against it,
+    F_s, is not known; for a short travel it is taken as ``Z v + k x`` plus a part that grows with a, and so
+    is the integrals' own response with free factors: the one of a counts as `gain`.
+
+    Parameters
+    ----------
+    motion
+        The flyer's displacement at the frames, on the declared clock; its zero is arbitrary.
+    force
+        Force at the transducer [N], compression positive, baseline removed.
+    mass
+        Mass between its sensing plane and the specimen [kg].
+    rest
+        A time on the signal's clock before the wave arrives [s]; integration begins there.
+    travel
+        Displacement up to which frames are used [m]; some 5 % of the specimen's length.
+    sigma_zero
+        Standard uncertainty of the force's zero [N].
+    sigma_trigger
+        Standard uncertainty of the declared clocks against each other [s]; added in quadrature.
+    reach
+        Largest lag that is looked for, either way [s].
+
+    Raises
+    ------
+    ValueError
+        If the mass or the travel is not positive, too few frames move within the travel, or the signal does
+        not cover them.
+    """
+    if not mass > 0.0:
+        raise ValueError(f"the mass before the transducer is {mass:g} kg, must be > 0 kg")
+    t, F = _from(force, rest)
+    v = cumulative_trapezoid(F, t, initial=0.0) / mass
+    x = cumulative_trapezoid(v, t, initial=0.0)
+    once = cumulative_trapezoid(x, t, initial=0.0)
+    twice = cumulative_trapezoid(once, t, initial=0.0)
+    curves = np.stack([x, once, twice, 0.5 * (t - t[0]) ** 2 / mass])
+    free = np.inf
+    fit = _Fit(motion, t, curves, np.array([free, free, free, sigma_zero]), travel, reach)
+    return fit.solve(sigma_trigger)
+
+
+def synchronise_velocity(
+    motion: FlyerMotion,
+    velocity: Signal,
+    *,
+    rest: float,
+    travel: float,
+    sigma_zero: float = 0.0,
+    sigma_trigger: float = 0.0,
+    reach: float = REACH,
+) -> Synchronisation:
+    """Lag between the cameras and the velocity of the face that they saw, from the bar's waves.
+
+    Parameters
+    ----------
+    motion
+        The face's displacement at the frames, on the declared clock; its zero is arbitrary.
+    velocity
+        Velocity of the face toward the specimen [m/s], on the specimen's clock.
+    rest
+        A time before the wave arrives [s].
+    travel
+        Displacement up to which frames are used [m]; a flyer must not have left the bar.
+    sigma_zero
+        Standard uncertainty of the velocity's zero [m/s].
+    sigma_trigger, reach
+        As for `synchronise`.
+
+    Raises
+    ------
+    ValueError
+        As `synchronise`.
+    """
+    t, v = _from(velocity, rest)
+    curves = np.stack([cumulative_trapezoid(v, t, initial=0.0), t - t[0]])
+    return _Fit(motion, t, curves, np.array([np.inf, sigma_zero]), travel, reach).solve(sigma_trigger)
+
+
+class _Fit:
+    """Displacements at the frames as a sum of curves over the signal's time, shifted by a lag."""
+
+    def __init__(
+        self,
+        motion: FlyerMotion,
+        time: FloatArray,
+        curves: FloatArray,
+        prior: FloatArray,
+        travel: float,
+        reach: float,
+    ) -> None:
+        if not travel > 0.0 or not reach > 0.0:
+            raise ValueError(f"travel and reach must be > 0, got {travel:g} m and {reach:g} s")
+        moved = motion.displacement - motion.displacement[:3].mean()
+        beyond = np.flatnonzero(moved > travel)
+        last = int(beyond[0]) if beyond.size else moved.size
+        moving = int((moved[:last] > 5.0 * motion.sigma[:last]).sum())
+        if moving < FEWEST_FRAMES:
+            raise ValueError(
+                f"{moving} frames show the flyer between rest and {1e3 * travel:.3g} mm, at least "
+                f"{FEWEST_FRAMES} are needed; allow a longer travel"
+            )
+        self.t, self.y, self.sigma = (
+            array[:last] for array in (motion.time, motion.displacement, motion.sigma)
+        )
+        if not self.t[-1] + reach <= time[-1]:
+            raise ValueError(
+                f"the signal ends at {time[-1]:.9g} s, the frames used at {self.t[-1]:.9g} s and may lag by"
+                f" {reach:.3g} s; shorten reach or travel"
+            )
+        self.time, self.reach = time, reach
+        scale = np.abs(curves).max(axis=1)
+        self.curves, self.scale = curves / scale[:, None], scale
+        self.known = np.isfinite(prior)
+        self.prior = prior * scale
+        self.interval = float(np.median(np.diff(motion.time)))
+
+    def columns(self, lag: float) -> FloatArray:
+        """The curves at the frames, and the constant: before the signal's start they are zero."""
+        at = np.maximum(self.t + lag, self.time[0])
+        return np.column_stack([np.ones(at.size), *(np.interp(at, self.time, row) for row in self.curves)])
+
+    def weighted(self, lag: float) -> tuple[FloatArray, FloatArray]:
+        """Equations in units of sigma, the known zeros' priors below."""
+        G, y = self.columns(lag) / self.sigma[:, None], self.y / self.sigma
+        keep = np.append(True, ~self.known | (self.prior > 0.0))
+        rows = np.flatnonzero(self.known & (self.prior > 0.0))
+        below = np.zeros((rows.size, G.shape[1]))
+        below[np.arange(rows.size), rows + 1] = 1.0 / self.prior[rows]
+        return np.vstack([G, below])[:, keep], np.append(y, np.zeros(rows.size))
+
+    def chi2(self, lag: float) -> float:
+        """Least sum of squares at a lag."""
+        G, y = self.weighted(lag)
+        rest = y - G @ np.linalg.lstsq(G, y, rcond=None)[0]
+        return float(rest @ rest)
+
+    def solve(self, sigma_trigger: float) -> Synchronisation:
+        """The best lag with its uncertainty."""
+        step = 0.25 * self.interval
+        grid = step * np.arange(-int(self.reach / step), int(self.reach / step) + 1)
+        best = int(np.argmin([self.chi2(lag) for lag in grid]))
+        at_edge = best in (0, grid.size - 1)
+        lag = float(grid[best])
+        if not at_edge:
+            chi2: Callable[[float], float] = self.chi2
+            found = minimize_scalar(
+                chi2, bounds=(lag - step, lag + step), method="bounded", options={"xatol": 1e-10}
+            )
+            lag = float(found.x)
+        G, y = self.weighted(lag)
+        solution = np.linalg.lstsq(G, y, rcond=None)[0]
+        slope = (self.weighted(lag + 0.1 * step)[0] - self.weighted(lag - 0.1 * step)[0]) @ solution
+        J = np.column_stack([G, slope / (0.2 * step)])
+        size = np.linalg.norm(J, axis=0)
+        size[size == 0.0] = 1.0
+        covariance = np.linalg.pinv((J / size).T @ (J / size)) / np.outer(size, size)
+        dof = self.t.size + int((self.prior[self.known] > 0.0).sum()) - J.shape[1]
+        rest = y - G @ solution
+        ratio = float(rest @ rest) / dof
+        growth = max(1.0, ratio)
+        return Synchronisation(
+            lag=lag,
+            sigma=float(np.hypot(np.sqrt(growth * covariance[-1, -1]), sigma_trigger)),
+            gain=float(solution[1] / self.scale[0]),
+            sigma_gain=float(np.sqrt(growth * covariance[1, 1]) / self.scale[0]),
+            chi2_per_dof=ratio,
+            frames=int(self.t.size),
+            frame_interval=self.interval,
+            at_edge=at_edge,
+        )
+
+
+def _from(signal: Signal, rest: float) -> tuple[FloatArray, FloatArray]:
+    """The signal from `rest` on."""
+    if not signal.start <= rest < signal.end:
+        raise ValueError(
+            f"the time of rest {rest:.9g} s is outside the signal, {signal.start:.9g} to {signal.end:.9g} s"
+        )
+    use = signal.time >= rest
+    return signal.time[use], signal.value[use]

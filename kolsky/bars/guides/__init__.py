@@ -1,0 +1,1 @@
+"""Bars as wave guides: dispersion, attenuation, propagation, separation of waves."""

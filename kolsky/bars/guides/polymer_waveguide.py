@@ -1,0 +1,195 @@
+"""Bars that fade waves: from a complex modulus, or from a measured propagation coefficient.
+
+Numbers of equations are those of docs/theory/bar_waves.md.
+"""
+
+from dataclasses import dataclass
+from math import inf, isfinite, pi
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import PchipInterpolator
+
+from kolsky.bars.guides import pochhammer
+from kolsky.bars.guides.waveguide import area, check_bar, speed_of
+from kolsky.base.apparatus import Bar
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class PronyModulus:
+    """Complex modulus of springs and dashpots, E + sum of E_j i omega tau_j / (1 + i omega tau_j).
+
+    One pair is the standard linear solid (Zener).
+    """
+
+    long_term: float
+    """Modulus at rest E [Pa], > 0."""
+    moduli: tuple[float, ...]
+    """Moduli E_j of the Maxwell elements [Pa], > 0."""
+    times: tuple[float, ...]
+    """Their relaxation times tau_j [s], > 0."""
+
+    def __post_init__(self) -> None:
+        if len(self.moduli) != len(self.times):
+            raise ValueError(f"a modulus for each time, got {len(self.moduli)} and {len(self.times)}")
+        for value in (self.long_term, *self.moduli, *self.times):
+            if not (isfinite(value) and value > 0.0):
+                raise ValueError(f"moduli and times of a Prony series must be > 0 and finite, got {value}")
+
+    def __call__(self, omega: ArrayLike) -> ComplexArray:
+        """Complex modulus E* [Pa] at angular frequencies [rad/s]."""
+        w = np.asarray(omega, dtype=complex)
+        modulus = np.full(w.shape, self.long_term, dtype=complex)
+        for part, time in zip(self.moduli, self.times, strict=True):
+            modulus += part * 1j * w * time / (1.0 + 1j * w * time)
+        return modulus
+
+    def scaled(self, factor: float) -> "PronyModulus":
+        """The same with all moduli times `factor`."""
+        if factor == 1.0:
+            return self
+        return PronyModulus(self.long_term * factor, tuple(factor * part for part in self.moduli), self.times)
+
+    @property
+    def instantaneous(self) -> float:
+        """Modulus at infinite frequency [Pa]: what the fastest wave feels."""
+        return self.long_term + sum(self.moduli)
+
+
+@dataclass(frozen=True)
+class ViscoelasticWaveguide:
+    """A polymer bar with a complex modulus and, by the correspondence principle, geometric dispersion.
+
+    Poisson's ratio is real and constant. The bar's own Young's modulus is not used.
+    """
+
+    bar: Bar
+    """The bar: diameter, density, Poisson's ratio."""
+    modulus: PronyModulus
+    """Its complex modulus."""
+    dispersive: bool = True
+    """Whether waves also disperse by the bar's finite radius."""
+
+    def __post_init__(self) -> None:
+        check_bar(self.bar)
+
+    @property
+    def wave_speed(self) -> float:
+        """Speed of the first arrival, with the instantaneous modulus [m/s]."""
+        return float(np.sqrt(self.modulus.instantaneous / self.bar.density))
+
+    @property
+    def largest_frequency(self) -> float:
+        """Everywhere [Hz]."""
+        return inf
+
+    def wavenumber(self, omega: ArrayLike) -> ComplexArray:
+        """Eq. (B.8): the first mode at the complex omega a (rho / E*)^(1/2) [rad/m]."""
+        w = np.asarray(omega)
+        plain = w * np.sqrt(self.bar.density / self.modulus(w))
+        if not self.dispersive:
+            return plain
+        radius = 0.5 * self.bar.diameter
+        return np.asarray(pochhammer.wavenumber(plain * radius, self.bar.poisson) / radius)
+
+    def stiffness(self, omega: ArrayLike) -> ComplexArray:
+        """Eq. (B.6): rho A (omega / k)^2, which is E* A in a thin bar [N]."""
+        w = np.asarray(omega)
+        return self.bar.density * area(self.bar) * self._speed(w) ** 2
+
+    def impedance(self, omega: ArrayLike) -> ComplexArray:
+        """Eq. (B.5): rho A omega / k [N s/m]."""
+        return self.bar.density * area(self.bar) * self._speed(np.asarray(omega))
+
+    def _speed(self, omega: NDArray[Any]) -> ComplexArray:
+        return speed_of(
+            omega, self.wavenumber(omega), float(np.sqrt(self.modulus.long_term / self.bar.density))
+        )
+
+
+@dataclass(frozen=True)
+class TabulatedWaveguide:
+    """A bar whose propagation coefficient was measured; `kolsky.bars.guides.viscoelastic` measures it.
+
+    Slowness and attenuation are interpolated monotonically; below the first frequency the slowness keeps its
+    first value and the attenuation falls to zero linearly.
+    """
+
+    bar: Bar
+    """The bar: diameter and density."""
+    frequency: FloatArray
+    """Frequencies [Hz], ascending, > 0, shape [n], n >= 2."""
+    phase_velocity: FloatArray
+    """Phase velocity at each [m/s], shape [n]."""
+    attenuation: FloatArray
+    """Attenuation at each [1/m], >= 0, shape [n]."""
+
+    def __post_init__(self) -> None:
+        check_bar(self.bar)
+        f = self.frequency
+        if f.size < 2 or not (f[0] > 0.0 and (np.diff(f) > 0.0).all() and isfinite(f[-1])):
+            raise ValueError(
+                "frequencies of a propagation coefficient must ascend from above 0, two at least"
+            )
+        if not (np.isfinite(self.phase_velocity).all() and (self.phase_velocity > 0.0).all()):
+            raise ValueError(
+                f"phase velocities must be > 0 and finite, got {self.phase_velocity.min():g} m/s"
+            )
+        if not (np.isfinite(self.attenuation).all() and (self.attenuation >= 0.0).all()):
+            raise ValueError(
+                f"attenuations must be >= 0 and finite, got {self.attenuation.min():g} 1/m; a bar does not "
+                "amplify. Cure: tabulate where the signal stands above its noise"
+            )
+
+    @property
+    def wave_speed(self) -> float:
+        """Largest of the phase velocities [m/s]."""
+        return float(self.phase_velocity.max())
+
+    @property
+    def largest_frequency(self) -> float:
+        """Last frequency of the table [Hz]."""
+        return float(self.frequency[-1])
+
+    def wavenumber(self, omega: ArrayLike) -> ComplexArray:
+        """Interpolated wavenumber [rad/m]; small imaginary parts of omega by the first derivative.
+
+        Raises
+        ------
+        ValueError
+            If a frequency lies beyond the table.
+        """
+        w = np.asarray(omega)
+        f = np.abs(w.real) / (2.0 * pi)
+        if f.max(initial=0.0) > self.largest_frequency * (1.0 + 1e-12):
+            raise ValueError(
+                f"the propagation coefficient is known up to {self.largest_frequency:g} Hz, asked for "
+                f"{f.max():g} Hz. Cure: limit the band"
+            )
+        knots = np.concatenate([[0.0], self.frequency])
+        phase = PchipInterpolator(
+            knots, 2.0 * pi * knots / np.concatenate([self.phase_velocity[:1], self.phase_velocity])
+        )
+        fading = PchipInterpolator(knots, np.concatenate([[0.0], self.attenuation]))
+        f = np.minimum(f, self.largest_frequency)
+        sign = np.where(w.real < 0.0, -1.0, 1.0)
+        k = sign * phase(f) - 1j * fading(f)
+        if np.iscomplexobj(w):
+            k = k + 1j * w.imag * (phase(f, 1) - 1j * sign * fading(f, 1)) / (2.0 * pi)
+        return np.asarray(k, dtype=complex)
+
+    def stiffness(self, omega: ArrayLike) -> ComplexArray:
+        """Eq. (B.6): rho A (omega / k)^2 [N]."""
+        w = np.asarray(omega)
+        return self.bar.density * area(self.bar) * self._speed(w) ** 2
+
+    def impedance(self, omega: ArrayLike) -> ComplexArray:
+        """Eq. (B.5): rho A omega / k [N s/m]."""
+        return self.bar.density * area(self.bar) * self._speed(np.asarray(omega))
+
+    def _speed(self, omega: NDArray[Any]) -> ComplexArray:
+        return speed_of(omega, self.wavenumber(omega), float(self.phase_velocity[0]))

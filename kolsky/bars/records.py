@@ -1,0 +1,178 @@
+"""What flows through the reduction of bar signals (SI, float64, compression positive, the shot's clock)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kolsky.base.apparatus import Bar
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A uniformly sampled quantity; sample i belongs to the time ``start + i * interval``."""
+
+    start: float
+    """Time of the first sample on the shot's clock [s]."""
+    interval: float
+    """Time from sample to sample [s]."""
+    value: FloatArray
+    """Samples in `unit`, shape [n]."""
+    sigma: float
+    """Standard deviation of one sample's noise, in `unit`."""
+    unit: str
+    """Unit of `value`: "1" for strain, "N", "m/s", "V"."""
+    name: str = ""
+    """What it is, in words, e.g. "incident gauge"."""
+    memory: float = 1.0
+    """Samples that carry the information of one [-]: 1 for white noise, more where it is slow."""
+
+    @property
+    def time(self) -> FloatArray:
+        """Sample times on the shot's clock [s], shape [n]."""
+        return np.asarray(self.start + self.interval * np.arange(self.value.size), dtype=np.float64)
+
+    @property
+    def end(self) -> float:
+        """Time of the last sample [s]."""
+        return self.start + self.interval * (self.value.size - 1)
+
+
+@dataclass(frozen=True)
+class BarSignal:
+    """Strain at a gauge station, compression positive: the mean of its gauges, bending removed."""
+
+    strain: Signal
+    """Axial strain at the station, compression positive [-]."""
+    bar: Bar
+    """The bar it sits on."""
+    position: float
+    """Distance of the station from the bar's specimen end [m], > 0."""
+    side: str
+    """"incident" or "transmission"."""
+    bending: FloatArray | None = None
+    """Half the difference of opposed gauges [-], shape [n]; None with one gauge."""
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Where the three pulses lie, at the gauges: pairs of first and last time on the shot's clock [s]."""
+
+    incident: tuple[float, float]
+    """At the incident gauge."""
+    reflected: tuple[float, float]
+    """At the incident gauge."""
+    transmitted: tuple[float, float]
+    """At the transmission gauge."""
+    source: str
+    """How they were found: "arrival", "dead reckoning" or "shot file"."""
+
+
+@dataclass(frozen=True)
+class FaceWaves:
+    """The waves where the bars touch the specimen, on one clock: strains, compression positive."""
+
+    time: FloatArray
+    """Times at the specimen's faces, from the arrival of the incident wave [s], shape [n], uniform."""
+    incident: FloatArray
+    """Toward the specimen, in the incident bar [-], shape [n]."""
+    reflected: FloatArray
+    """From the specimen, in the incident bar [-], shape [n]; a tensile pulse is negative."""
+    transmitted: FloatArray
+    """From the specimen, in the transmission bar [-], shape [n]."""
+    sigma: Mapping[str, float]
+    """Standard deviation of a sample's noise of "incident", "reflected", "transmitted" [-]."""
+    incident_bar: Bar
+    """The bar before the specimen."""
+    transmission_bar: Bar
+    """The bar behind it."""
+    origin: float = 0.0
+    """Time 0 of `time` on the shot's clock: when the incident wave arrives at the specimen [s]."""
+    white: Mapping[str, float] | None = None
+    """Sigma of white noise as strong as each wave's at low frequencies [-], which integrals and means keep;
+    None if the noise is white, as `sigma`."""
+    band: float = float("inf")
+    """Frequency above which the waves were left out [Hz]."""
+
+
+@dataclass(frozen=True)
+class History:
+    """One quantity over the times of a reduction, with what is known of its error."""
+
+    value: FloatArray
+    """Its values, shape [n]."""
+    sigma: FloatArray
+    """Standard uncertainty (k = 1) of each, noise and systematic parts together, shape [n]."""
+    unit: str
+    """Its unit."""
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """Strain, rate and stress of a specimen by one-, two- and three-wave analysis.
+
+    Keys of the mappings are "one wave", "two waves" and "three waves". All nominal, compression positive.
+    """
+
+    time: FloatArray
+    """Times at the specimen [s], shape [n]."""
+    strain: Mapping[str, History]
+    """Nominal strain [-]."""
+    rate: Mapping[str, History]
+    """Nominal strain rate [1/s]."""
+    stress: Mapping[str, History]
+    """Nominal stress [Pa]."""
+    front_force: History
+    """Force of the incident bar on the specimen [N]."""
+    back_force: History
+    """Force of the specimen on the transmission bar [N]."""
+    front_velocity: History
+    """Velocity of the incident bar's face toward the specimen [m/s]."""
+    back_velocity: History
+    """Velocity of the transmission bar's face, in the same direction [m/s]."""
+    imbalance: FloatArray
+    """Equilibrium R(t) = 2 (F1 - F2) / (F1 + F2) [-], shape [n]; inf where forces are within their noise."""
+    balanced: tuple[float, float] | None
+    """Longest time span in which R stays within its allowance [s]; None if there is none."""
+
+
+@dataclass(frozen=True)
+class Correction:
+    """One entry of the audit log: what was done to a signal, and how much it changed."""
+
+    name: str
+    """What it is, e.g. "dispersion, incident wave"; the switch in shot.toml has the words of `key`."""
+    key: str
+    """Its switch, e.g. "dispersion"."""
+    applied: bool
+    """Whether it was applied; a correction that was left out is listed with its size too."""
+    size: float
+    """Largest change over the pulse, in `unit`."""
+    rms: float
+    """Root mean square of the change over the pulse, in `unit`."""
+    unit: str
+    """Unit of the sizes."""
+    reason: str
+    """Why it was applied or left out, with the values it rests on, in one sentence."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """An input of the uncertainty budget (GUM 4.1)."""
+
+    name: str
+    """Its name, e.g. "incident bar, Young's modulus"."""
+    value: float
+    """Best estimate, SI."""
+    sigma: float
+    """Standard uncertainty (k = 1), SI."""
+    unit: str
+    """SI unit."""
+    kind: str
+    """"A" from repeated observations, "B" from a certificate, a resolution or a judgement."""
+    freedom: float = float("inf")
+    """Degrees of freedom of the standard uncertainty."""

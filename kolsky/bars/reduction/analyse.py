@@ -1,0 +1,143 @@
+"""The chain: gauges to strain, windows, waves at the faces, reduction, corrections, budget."""
+
+from collections.abc import Callable, Mapping
+
+from numpy.typing import ArrayLike
+
+from kolsky.bars.audit import AuditLog
+from kolsky.bars.budget.budget import Budget, propagate
+from kolsky.bars.budget.quantities import merged
+from kolsky.bars.records import BarSignal, FaceWaves, Quantity, Reduction, Windows
+from kolsky.bars.reduction import quoted
+from kolsky.bars.reduction.histories import each, histories, turned
+from kolsky.bars.reduction.inputs import FAR, SIDES, WavesInput
+from kolsky.bars.reduction.overlap import overlapping_windows
+from kolsky.bars.reduction.summary import Summary, summarise
+from kolsky.bars.reduction.varied import bar_quantities, length_quantities
+from kolsky.bars.reduction.varied_test import VariedTest, station_of
+from kolsky.bars.reduction.windows import check_windows, find_windows, incident_arrival
+from kolsky.bars.result import WavesResult
+from kolsky.bars.signals.stations import Station
+
+LARGEST_BEND = 1.0
+"""Disagreement of the budget's two steps that ends the work, in combined standard uncertainties: steep fronts
+that a wave speed moves bend more than any straight line; `quoted.remarks` says where it matters."""
+Progress = Callable[[str, int, int], None]
+
+
+def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total: None) -> WavesResult:
+    """Reduce a classical test, with every correction listed and every uncertainty carried.
+
+    Parameters
+    ----------
+    given
+        The test.
+    progress
+        Called with "waves", the steps done and the steps there are.
+
+    Raises
+    ------
+    ValueError
+        If the signals hold no such test: see the parts in `kolsky.bars`.
+    """
+    progress("waves", 0, 3)
+    tension = given.load == "tension"
+    best = {side: station_of(given, side) for side in SIDES}
+    incident, transmission = (best[side].signal for side in SIDES)
+    arrival = incident_arrival(incident, tension=tension)
+    windows = _windows(given, incident, transmission, tension)
+    seen = check_windows(incident, transmission, tension=tension)
+    progress("waves", 1, 3)
+
+    log = AuditLog(given.switches)
+    for side in SIDES:
+        log.add(*best[side].corrections)
+    varied = VariedTest(given, windows, arrival.time)
+    plain, carried = varied.carried({}, dispersive=False), varied.carried({}, dispersive=True)
+    _log_dispersion(log, plain, carried, given)
+    faces = varied.faces({}, log)
+    reduction, punching = varied.reduced(faces, {})
+    log.add(punching)
+    summary = summarise(reduction, faces, given.specimen)
+    progress("waves", 2, 3)
+
+    budget = _budget(varied, best, reduction, summary)
+    reduction = _with_bands(reduction, budget)
+    progress("waves", 3, 3)
+    sign = -1.0 if tension else 1.0
+    return WavesResult(
+        name=given.name,
+        specimen=given.specimen,
+        load=given.load,
+        incident=incident,
+        transmission=transmission,
+        windows=windows,
+        faces=faces,
+        reduction=turned(reduction) if tension else reduction,
+        corrections=log.corrections,
+        budget=quoted.table(budget, sign),
+        facts=quoted.facts(best, arrival, seen, windows, reduction, summary, given.specimen),
+        remarks=tuple(quoted.remarks(reduction, budget, seen, given)),
+        inputs=given.inputs,
+        settings=given.settings,
+    )
+
+
+def _windows(given: WavesInput, incident: BarSignal, transmission: BarSignal, tension: bool) -> Windows:
+    """Windows by hand, by dead reckoning or, with two stations on a bar, in spite of an overlap."""
+    if given.windows is None and FAR in given.stations and given.switches["separation"]:
+        return overlapping_windows(incident, station_of(given, FAR).signal, transmission, tension=tension)
+    return find_windows(incident, transmission, tension=tension, manual=given.windows)
+
+
+def _log_dispersion(log: AuditLog, plain: FaceWaves, carried: FaceWaves, given: WavesInput) -> None:
+    for wave, side in (("incident", "incident"), ("reflected", "incident"), ("transmitted", "transmission")):
+        bar, distance = given.bars[side], given.stations[side].position
+        log.choose(
+            f"dispersion, {wave} wave",
+            "dispersion",
+            getattr(plain, wave),
+            getattr(carried, wave),
+            unit="1",
+            reason=(
+                f"first mode of a bar of {1e3 * bar.diameter:.4g} mm with nu = {bar.poisson:g} over "
+                f"{1e3 * distance:.4g} mm, against a shift at {bar.wave_speed:.1f} m/s"
+            ),
+        )
+
+
+def _budget(
+    varied: VariedTest, best: Mapping[str, Station], reduction: Reduction, summary: Summary
+) -> Budget:
+    """Uncertainties of all histories and quoted numbers."""
+    given = varied.given
+    quantities: list[Quantity] = []
+    for side in SIDES:
+        quantities += best[side].quantities
+        quantities += bar_quantities(given.bars[side], side, given.uncertainty)
+    quantities += length_quantities(
+        given.specimen, {key: station.position for key, station in given.stations.items()}, given.uncertainty
+    )
+    known = merged(quantities)
+    noise: dict[str, ArrayLike] = {
+        **{name: history.sigma for name, history in histories(reduction).items()},
+        **quoted.noise(reduction, summary),
+    }
+    names = {q.name for q in known}
+    pairs = {
+        (f"incident bar, {prop}", f"transmission bar, {prop}"): 1.0
+        for prop in ("Young's modulus", "wave speed", "density", "diameter", "Poisson's ratio")
+        if given.alike and f"incident bar, {prop}" in names and f"transmission bar, {prop}" in names
+    }
+    return propagate(
+        lambda values: varied.outputs(values, summary),
+        known,
+        noise=noise,
+        correlations=pairs,
+        tolerance=LARGEST_BEND,
+    )
+
+
+def _with_bands(reduction: Reduction, budget: Budget) -> Reduction:
+    """The reduction with the combined standard uncertainties."""
+    return each(reduction, lambda name, history: budget.history(name, history.unit))

@@ -1,0 +1,196 @@
+"""From the gauges to the specimen: each wave cut, carried to the bar's face and put on one clock."""
+
+from dataclasses import replace
+from math import inf, pi, sqrt
+
+import numpy as np
+
+from kolsky.bars.guides.propagation import propagate
+from kolsky.bars.guides.waveguide import Waveguide
+from kolsky.bars.records import BarSignal, FaceWaves, FloatArray, Signal, Windows
+from kolsky.bars.reduction.windows import travel_time, usable_limits
+
+BAND = 2.0
+"""omega a / c0 up to which waves are kept under dispersion: a second mode travels above 2.3 or so."""
+GUARD = 256
+"""Samples on either side of a window that take part in an interpolation."""
+
+
+def face_waves(
+    incident: BarSignal,
+    transmission: BarSignal,
+    windows: Windows,
+    *,
+    guides: tuple[Waveguide, Waveguide] | None = None,
+    band: float | None = None,
+    arrival: float | None = None,
+    follow_windows: bool = False,
+    transit: float = 0.0,
+) -> FaceWaves:
+    """The three waves at the specimen's faces.
+
+    The incident wave is carried forward by its gauge's distance, the others back by theirs, Eq. (R.4), with
+    the dispersion and attenuation of the guides. Without guides a wave is only moved in time, by x / c0;
+    fractions of a sample are then interpolated as for a band-limited signal, which changes neither its
+    energy nor its noise.
+
+    Parameters
+    ----------
+    incident, transmission
+        The strains at the two stations, on one clock, with equal sampling intervals.
+    windows
+        Where the waves lie at the gauges. The shortest decides how long the result is.
+    guides
+        The incident and the transmission bar as waveguides; None leaves dispersion out.
+    band
+        Frequency up to which the guides carry waves [Hz], inf for all. Without it the lower `BAND` of the
+        bars: above, a gauge sees several modes at once, and noise would be carried as if it were a wave of
+        the first.
+    arrival
+        When the incident wave arrives at its gauge [s]; carried to the face this is time 0 of the result.
+        The beginning of the incident window if it is left out.
+    follow_windows
+        Whether the windows' beginnings are the same instant at the specimen, instead of what distances and
+        wave speeds say: for windows aligned by hand.
+    transit
+        Time by which the transmitted wave is moved forward [s]: the specimen's transit, to compare waves
+        that belong together instead of forces of the same instant.
+
+    Returns
+    -------
+    FaceWaves
+
+    Raises
+    ------
+    ValueError
+        If the sampling intervals differ, or a window is too short or leaves its record.
+    """
+    interval = incident.strain.interval
+    if abs(transmission.strain.interval / interval - 1.0) > 1e-9:
+        raise ValueError(
+            f"the sampling intervals of {incident.strain.name}, {interval:.9g} s, and of "
+            f"{transmission.strain.name}, {transmission.strain.interval:.9g} s, must be equal. Cure: "
+            "resample one of the recordings"
+        )
+    pairs = (windows.incident, windows.reflected, windows.transmitted)
+    count = int(min(last - first for first, last in pairs) / interval + 1e-6) + 1
+    if count < 4:
+        raise ValueError(f"the shortest window holds {count} samples; it takes 4 or more")
+    first = windows.incident[0]
+    if follow_windows:
+        reflected, transmitted = windows.reflected[0], windows.transmitted[0]
+    else:
+        reflected = first + 2.0 * travel_time(incident)
+        transmitted = first + travel_time(incident) + travel_time(transmission) + transit
+    zero = first if arrival is None else arrival
+    stations = (incident, incident, transmission)
+    pairs_of = zip(
+        stations,
+        (first, reflected, transmitted),
+        pairs if follow_windows else _widened(pairs, incident, transmission),
+        (incident.position, -incident.position, -transmission.position),
+        (None, None, None) if guides is None else (guides[0], guides[0], guides[1]),
+        strict=True,
+    )
+    limit = inf if guides is None else min(_band(s) for s in stations) if band is None else band
+    waves = [_at_face(s, start, pair, count, way, guide, limit) for s, start, pair, way, guide in pairs_of]
+    names = ("incident", "reflected", "transmitted")
+    return FaceWaves(
+        time=np.asarray(first - zero + interval * np.arange(count), dtype=np.float64),
+        incident=waves[0].value,
+        reflected=waves[1].value,
+        transmitted=waves[2].value,
+        sigma={name: wave.sigma for name, wave in zip(names, waves, strict=True)},
+        incident_bar=incident.bar,
+        transmission_bar=transmission.bar,
+        origin=zero + travel_time(incident),
+        white={name: s.strain.sigma * sqrt(s.strain.memory) for name, s in zip(names, stations, strict=True)},
+        band=limit,
+    )
+
+
+def _widened(
+    pairs: tuple[tuple[float, float], ...], incident: BarSignal, transmission: BarSignal
+) -> tuple[tuple[float, float], ...]:
+    """The windows, longer where the gauge shows the same wave alone, or rest before it.
+
+    A wave that is cut off while it still presses has an edge there, and what is fast in an edge is carried
+    into the window by dispersion. The fade of a tenth beyond the window must not touch the next wave.
+    """
+    before = (incident.strain.start, pairs[1][0], transmission.strain.start)
+    widened = []
+    for (begin, end), start, limit, signal in zip(
+        pairs,
+        before,
+        usable_limits(incident, transmission),
+        (incident, incident, transmission),
+        strict=True,
+    ):
+        clean = min(begin + limit.time, signal.strain.end)
+        widened.append((start, max(end, (clean + 0.1 * start) / 1.1)))
+    return tuple(widened)
+
+
+def _band(signal: BarSignal) -> float:
+    return BAND * signal.bar.wave_speed / (pi * signal.bar.diameter)
+
+
+def _at_face(
+    signal: BarSignal,
+    start: float,
+    window: tuple[float, float],
+    count: int,
+    distance: float,
+    guide: Waveguide | None,
+    band: float,
+) -> Signal:
+    """`count` samples of one wave at the face; the first belongs to the time `start` at the gauge."""
+    strain = signal.strain
+    if guide is None:
+        return replace(strain, value=sampled_from(strain, start, count))
+    travelled = start + distance / signal.bar.wave_speed
+    return propagate(strain, guide, distance, window=window, band=band, start=travelled, samples=count)
+
+
+def sampled_from(signal: Signal, start: float, count: int) -> FloatArray:
+    """A signal's values at ``start + k * interval``, band-limited between its samples.
+
+    Parameters
+    ----------
+    signal
+        The signal.
+    start
+        Time of the first value [s]; a fraction of a sample is a turn of phase in the Fourier transform of the
+        samples and `GUARD` more on either side, less the line through their ends.
+    count
+        Number of values.
+
+    Returns
+    -------
+    ndarray
+        Values in the signal's unit, shape [count].
+
+    Raises
+    ------
+    ValueError
+        If a value lies outside the signal.
+    """
+    place = (start - signal.start) / signal.interval
+    whole = round(place)
+    fraction = place - whole
+    if abs(fraction) < 1e-6:
+        fraction = 0.0
+    if whole < 0 or whole + count > signal.value.size:
+        raise ValueError(
+            f"{signal.name}: {count} samples from {start:.6g} s leave the record, "
+            f"[{signal.start:.6g}, {signal.end:.6g}] s. Cure: a longer record, or shorter windows"
+        )
+    if fraction == 0.0:
+        return signal.value[whole : whole + count].copy()
+    low, high = max(0, whole - GUARD), min(signal.value.size, whole + count + GUARD)
+    part = signal.value[low:high]
+    line = np.linspace(part[0], part[-1], part.size)
+    turn = np.exp(2j * np.pi * np.fft.rfftfreq(part.size) * fraction)
+    slope = (part[-1] - part[0]) / (part.size - 1)
+    moved = np.fft.irfft(np.fft.rfft(part - line) * turn, part.size) + line + fraction * slope
+    return moved[whole - low : whole - low + count]

@@ -1,0 +1,69 @@
+"""A classical test as it is declared and recorded, ready to be reduced."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from kolsky.bars.audit import Switches
+from kolsky.bars.guides.polymer_waveguide import PronyModulus
+from kolsky.bars.records import Windows
+from kolsky.bars.reduction.equilibrium import ALLOWANCE
+from kolsky.bars.signals.bridge import Calibration
+from kolsky.base.apparatus import Bar, Specimen
+from kolsky.base.records import Recording
+
+SIDES = ("incident", "transmission")
+FAR = "incident far"
+"""Key of the incident bar's second station."""
+
+
+@dataclass(frozen=True)
+class StationInput:
+    """What was recorded at one place of a bar."""
+
+    recordings: tuple[Recording, ...]
+    """One channel, or two of opposed gauges."""
+    calibration: Calibration
+    """Recorded values to strain."""
+    position: float
+    """Distance from the bar's specimen end [m]."""
+    baseline: tuple[float, float]
+    """Span of rest on the shot's clock [s]."""
+    clock_offset: float
+    """Shot's clock minus recorder's clock [s]."""
+    compression: int
+    """+1 if compression gives positive values, -1 otherwise."""
+    full_scale: float | None = None
+    """Largest magnitude that the recorder shows; None if it is not known."""
+
+
+@dataclass(frozen=True)
+class WavesInput:
+    """A classical test, ready to be reduced (SI)."""
+
+    name: str
+    """Name of the shot."""
+    specimen: Specimen
+    """The specimen before the test."""
+    bars: Mapping[str, Bar]
+    """Bars by side, "incident" and "transmission"."""
+    stations: Mapping[str, StationInput]
+    """Gauge stations by side; "incident far" is a second one on the incident bar, for overlapping pulses."""
+    load: str = "compression"
+    """"compression" or "tension"."""
+    polymers: Mapping[str, PronyModulus] = field(default_factory=dict)
+    """Complex moduli of the bars that are not elastic, by side."""
+    windows: Windows | None = None
+    """Windows given by hand; None to have the pulses found."""
+    allowance: float = ALLOWANCE
+    """|R| up to which the forces count as balanced [-]."""
+    switches: Switches = field(default_factory=Switches)
+    """Which corrections are applied."""
+    uncertainty: Mapping[str, float] = field(default_factory=dict)
+    """Standard uncertainties (k = 1) by the keys of [uncertainty]; relative but for lengths and Poisson's
+    ratio."""
+    alike: bool = False
+    """Whether the bars' errors of one property are one and the same, as of bars cut from one rod."""
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    """SHA-256 of every file, by name."""
+    settings: Mapping[str, str] = field(default_factory=dict)
+    """What was declared, and the versions."""

@@ -1,0 +1,271 @@
+"""Where the three pulses lie at the gauges: dead reckoning from the incident pulse, and what it is worth."""
+
+from dataclasses import dataclass, replace
+from math import inf, isfinite
+
+from kolsky.bars.records import BarSignal, Windows
+from kolsky.bars.signals.arrival import Arrival, find_arrival
+
+TAIL = 0.25
+"""Share of the incident pulse's duration by which the windows outlast it."""
+
+OTHER_SIGN = 0.2
+"""Share of the incident pulse's level from which a pulse of the other sign before it is no mere ripple."""
+
+VISIBLE = 0.05
+"""Share of the incident pulse's level that a reflected or transmitted one needs to be seen."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """When a gauge no longer shows the pulse alone."""
+
+    time: float
+    """Time after the arrival of its pulse at the gauge [s]."""
+    reason: str
+    """What ends it, in words."""
+
+
+@dataclass(frozen=True)
+class Reckoning:
+    """A pulse as dead reckoning has it and as it is seen."""
+
+    reckoned: float
+    """Arrival by dead reckoning [s]."""
+    seen: Arrival | None
+    """The arrival that the signal shows; None if it shows none."""
+    reason: str
+    """Why none is seen, or how far the two are apart, in words."""
+
+    @property
+    def late(self) -> float:
+        """By how much the pulse is seen later than reckoned [s]; nan if it is not seen."""
+        return float("nan") if self.seen is None else self.seen.time - self.reckoned
+
+
+def incident_arrival(incident: BarSignal, *, tension: bool = False) -> Arrival:
+    """Arrival of the incident pulse at its gauge.
+
+    Raises
+    ------
+    ValueError
+        If there is none of the declared sign, or one of the other sign comes first.
+    """
+    sign, average = -1 if tension else 1, averaging_time(incident)
+    arrival = find_arrival(incident.strain, sign=sign, average=average)
+    try:
+        other = find_arrival(incident.strain, sign=-sign, average=average, before=arrival.onset)
+    except ValueError:
+        return arrival  # nothing of the other sign before it: as it should be
+    if abs(other.level) < OTHER_SIGN * abs(arrival.level):
+        return arrival
+    declared, found = ("tension", "compression") if tension else ("compression", "tension")
+    raise ValueError(
+        f"{incident.strain.name}: a pulse of {found} comes first, at {other.time:.6g} s ({other.level:.3g}), "
+        f"before that of {declared} at {arrival.time:.6g} s, and the shot is declared one of {declared}. "
+        "Cure: check the kind of test and the channel's declared sign"
+    )
+
+
+def averaging_time(signal: BarSignal) -> float:
+    """The time a wave needs to cross the bar's diameter, below which one-dimensional theory is blind [s]."""
+    return signal.bar.diameter / signal.bar.wave_speed
+
+
+def find_windows(
+    incident: BarSignal,
+    transmission: BarSignal,
+    *,
+    tension: bool = False,
+    transit: float = 0.0,
+    tail: float = TAIL,
+    manual: Windows | None = None,
+) -> Windows:
+    """Windows of the incident, reflected and transmitted pulse.
+
+    The incident pulse is found by its arrival t_i. The others follow by dead reckoning from the gauges'
+    distances x and the bars' wave speeds c0, Eqs. (R.1) and (R.2) of the theory page:
+
+        t_r = t_i + 2 x_i / c_i,    t_t = t_i + x_i / c_i + x_t / c_t + transit.
+
+    All windows are equally long: from two diameters' travel before the arrival until `tail` times the
+    incident pulse's duration after its end, or until the first `usable_limits` of any of them.
+
+    Parameters
+    ----------
+    incident, transmission
+        The strains at the two stations, on one clock.
+    tension
+        Whether the incident pulse is one of tension, as the shot declares it.
+    transit
+        Time a wave needs through the specimen [s], >= 0. With 0 the transmitted window starts where a wave
+        would arrive without a specimen, which is never too late.
+    tail
+        Share of the pulse's duration by which the windows outlast it, >= 0.
+    manual
+        Windows given by hand: they are checked against the records and returned.
+
+    Returns
+    -------
+    Windows
+        With the source "dead reckoning", or "shot file" for `manual`.
+
+    Raises
+    ------
+    ValueError
+        If there is no incident pulse of the declared sign, if it overlaps with the reflected one at the
+        gauge, or if a window leaves its record.
+    """
+    if manual is not None:
+        return _checked(manual, incident, transmission)
+    if not (transit >= 0.0 and tail >= 0.0):
+        raise ValueError(f"transit = {transit} s and tail = {tail} must be >= 0")
+    _check_sides(incident, transmission)
+    arrival = incident_arrival(incident, tension=tension)
+    limits = usable_limits(incident, transmission)
+    duration = arrival.end - arrival.time
+    apart = limits[0]
+    if duration > apart.time:
+        found = f"{duration:.4g} s long" if isfinite(duration) else "not over before the record ends"
+        raise ValueError(
+            f"{incident.strain.name}: the incident pulse is {found}, and the reflected one arrives at the "
+            f"gauge {apart.time:.4g} s after it: they overlap. It must be shorter than 2 x / c0. Cure: a "
+            "second gauge on the bar and wave separation, a gauge farther from the specimen, or a shorter "
+            "striker"
+        )
+    lead = 2.0 * averaging_time(incident)
+    reflected = arrival.time + 2.0 * travel_time(incident)
+    transmitted = arrival.time + travel_time(incident) + travel_time(transmission) + transit
+    for signal, at in ((incident, reflected), (transmission, transmitted)):
+        left = signal.strain.end - at
+        if left < duration:
+            raise ValueError(
+                f"{signal.strain.name}: the record ends {left:.4g} s after its pulse should arrive, at "
+                f"{at:.6g} s, and the incident pulse lasts {duration:.4g} s. Cure: a longer record, check "
+                "wave speed and distance, or windows by hand"
+            )
+    longest = min(
+        min(limit.time for limit in limits),
+        incident.strain.end - reflected,
+        transmission.strain.end - transmitted,
+    )
+    start = min(arrival.time, arrival.onset) - lead - arrival.time
+    length = min((1.0 + tail) * duration, longest)
+
+    def window(at: float) -> tuple[float, float]:
+        return at + start, at + length
+
+    reckoned = Windows(window(arrival.time), window(reflected), window(transmitted), source="dead reckoning")
+    return _checked(reckoned, incident, transmission)
+
+
+def travel_time(signal: BarSignal) -> float:
+    """Time of a wave between the gauge and the specimen [s]."""
+    return signal.position / signal.bar.wave_speed
+
+
+def usable_limits(incident: BarSignal, transmission: BarSignal) -> tuple[Limit, Limit, Limit]:
+    """When another wave reaches a gauge, counted from the arrival of its pulse there.
+
+    Returns
+    -------
+    tuple of Limit
+        The reflected wave at the incident gauge, the reflected wave's return from the far end of the
+        incident bar, and the transmitted wave's return from the far end of the transmission bar, Eq. (R.3).
+        Each is early by one diameter's travel, for what runs ahead of a dispersed pulse's foot.
+    """
+    margin = max(averaging_time(incident), averaging_time(transmission))
+
+    def far_end(signal: BarSignal) -> float:
+        return 2.0 * (signal.bar.length - signal.position) / signal.bar.wave_speed - margin
+
+    return (
+        Limit(2.0 * travel_time(incident) - margin, "the reflected wave reaches the incident gauge"),
+        Limit(far_end(incident), "the reflected wave returns from the far end of the incident bar"),
+        Limit(far_end(transmission), "the transmitted wave returns from the far end of the transmission bar"),
+    )
+
+
+def check_windows(
+    incident: BarSignal, transmission: BarSignal, *, tension: bool = False, transit: float = 0.0
+) -> tuple[Reckoning, Reckoning]:
+    """The reflected and the transmitted pulse as reckoned and as seen.
+
+    A reflected pulse that comes earlier or later than reckoned says that distance or wave speed are wrong;
+    a specimen that does not touch the bars, or is slow to load, makes the transmitted one late.
+
+    Parameters
+    ----------
+    incident, transmission, tension, transit
+        As for `find_windows`.
+
+    Returns
+    -------
+    tuple of Reckoning
+        Of the reflected and of the transmitted pulse.
+    """
+    sign = -1 if tension else 1
+    arrival = incident_arrival(incident, tension=tension)
+    limits = usable_limits(incident, transmission)
+    reflected = arrival.time + 2.0 * travel_time(incident)
+    transmitted = arrival.time + travel_time(incident) + travel_time(transmission) + transit
+    return (
+        _seen(incident, reflected, limits[1].time, -sign, VISIBLE * abs(arrival.level)),
+        _seen(transmission, transmitted, limits[2].time, sign, VISIBLE * abs(arrival.level)),
+    )
+
+
+def _seen(signal: BarSignal, reckoned: float, length: float, sign: int, smallest: float) -> Reckoning:
+    average = averaging_time(signal)
+    before = reckoned - min(5.0 * average, 0.5 * travel_time(signal))
+    strain = signal.strain
+    # The incident pulse leaves a tail on which the reflected one sits; its level is taken off.
+    tail = (strain.time >= before) & (strain.time < before + 2.0 * average)
+    if not tail.any():
+        return Reckoning(reckoned, None, f"{strain.name}: the record ends before {before:.6g} s")
+    flat = replace(strain, value=strain.value - strain.value[tail].mean())
+    try:
+        seen = find_arrival(
+            flat, sign=sign, average=average, after=before, before=reckoned + length, smallest=smallest
+        )
+    except ValueError as missing:
+        return Reckoning(reckoned, None, str(missing))
+    late = seen.time - reckoned
+    word = "later" if late > 0.0 else "earlier"
+    reason = f"seen {abs(late):.3g} s {word} than reckoned (sigma of what is seen: {seen.sigma:.2g} s)"
+    return Reckoning(reckoned, seen, reason)
+
+
+def _check_sides(incident: BarSignal, transmission: BarSignal) -> None:
+    for signal, side in ((incident, "incident"), (transmission, "transmission")):
+        if signal.side != side:
+            raise ValueError(
+                f"{signal.strain.name} is of the {signal.side} bar, it must be of the {side} bar"
+            )
+        if not 0.0 < signal.position < signal.bar.length:
+            raise ValueError(
+                f"{signal.strain.name}: its distance to the specimen = {signal.position} m must lie between "
+                f"0 and the bar's length, {signal.bar.length} m"
+            )
+
+
+def _checked(windows: Windows, incident: BarSignal, transmission: BarSignal) -> Windows:
+    """The windows, if each is in order and inside its record."""
+    for name, (first, last), record in (
+        ("incident", windows.incident, incident.strain),
+        ("reflected", windows.reflected, incident.strain),
+        ("transmitted", windows.transmitted, transmission.strain),
+    ):
+        if not -inf < first < last < inf:
+            raise ValueError(f"the {name} window [{first}, {last}] s must end after it begins")
+        if first < record.start or last > record.end:
+            raise ValueError(
+                f"the {name} window [{first:.6g}, {last:.6g}] s leaves the record of {record.name}, "
+                f"[{record.start:.6g}, {record.end:.6g}] s. Cure: a longer record, or windows by hand"
+            )
+    if windows.reflected[0] < windows.incident[0]:
+        raise ValueError(
+            f"the reflected window begins at {windows.reflected[0]:.6g} s, before the incident one "
+            f"({windows.incident[0]:.6g} s)"
+        )
+    return windows

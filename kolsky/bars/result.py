@@ -1,0 +1,96 @@
+"""What `kolsky waves` finds: signals, windows, waves, reduction, its corrections and its budget."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from kolsky.bars.records import (
+    BarSignal,
+    Correction,
+    FaceWaves,
+    FloatArray,
+    Quantity,
+    Reduction,
+    Signal,
+    Windows,
+)
+from kolsky.base.apparatus import Specimen
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """What one input of the budget adds to one result."""
+
+    quantity: Quantity
+    """The input."""
+    shares: Mapping[str, float]
+    """Its share of the variance of each result, by the result's name [-]."""
+
+
+@dataclass(frozen=True)
+class BudgetTable:
+    """The uncertainty budget at the numbers that are quoted."""
+
+    results: Mapping[str, tuple[float, float, str]]
+    """Quoted number by name: value, standard uncertainty (k = 1), unit."""
+    contributions: tuple[Contribution, ...]
+    """One row an input, noise last."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReducedTest:
+    """A reduced test, however it was measured, with everything that its numbers rest on."""
+
+    name: str
+    """Name of the shot."""
+    specimen: Specimen
+    """The specimen before the test."""
+    load: str
+    """"compression" or "tension"."""
+    reduction: Reduction
+    """Strain, rate, stress and forces, with bands."""
+    corrections: tuple[Correction, ...]
+    """The audit log."""
+    budget: BudgetTable
+    """The uncertainty budget."""
+    facts: Mapping[str, tuple[float, str]]
+    """Numbers of the record and its reduction: value and unit by name."""
+    remarks: tuple[str, ...]
+    """What a user must know before the numbers are used, each with its cure."""
+    inputs: Mapping[str, str]
+    """SHA-256 of every file that was read, by name."""
+    settings: Mapping[str, str] = field(default_factory=dict)
+    """What was declared, and the versions."""
+    extra: Mapping[str, FloatArray] = field(default_factory=dict)
+    """Further histories on the reduction's times, "name (unit)" to values, shape [n]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WavesResult(ReducedTest):
+    """A test between bars, reduced from their gauges."""
+
+    incident: BarSignal
+    """Strain at the incident gauge."""
+    transmission: BarSignal
+    """Strain at the transmission gauge."""
+    windows: Windows
+    """Where the pulses lie."""
+    faces: FaceWaves
+    """The waves at the specimen."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlyerResult(ReducedTest):
+    """A test with a flyer, reduced from its transducers and its motion."""
+
+    signals: tuple[Signal, ...]
+    """Forces at the transducers over the whole record [N]."""
+    events: tuple[tuple[str, float | None, float | None, str], ...]
+    """Name, time [s], sigma [s] and how it was found, of every event that was looked for."""
+    valid: tuple[float, float] | None
+    """Span in which a classical curve may be read [s]; None if there is none."""
+    validity: str
+    """The same in words, with the share that was allowed."""
+    synchronisation: str | None
+    """What the cross-check of cameras and transducers says; None where there is no incident transducer."""
+    inertia: Mapping[str, FloatArray]
+    """Shares of the mean stress: "imbalance" and "inertia" at "time" [s], shape [n_intervals]."""

@@ -1,0 +1,257 @@
+"""Wheatstone bridges: volts to strain with the exact formula, what the arms see, and the inverse."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kolsky.bars.records import FloatArray, Quantity
+
+Arms = tuple[float, float, float, float]
+
+AXIAL, ACROSS, REST = "axial", "across", "rest"
+KINDS: Mapping[str, tuple[str, str, str, str]] = {
+    "quarter": (AXIAL, REST, REST, REST),
+    "half, opposed": (AXIAL, REST, AXIAL, REST),
+    "half, Poisson": (AXIAL, ACROSS, REST, REST),
+    "full, Poisson": (AXIAL, ACROSS, AXIAL, ACROSS),
+}
+"""What arms 1 to 4 see, in their order round the bridge: 1 and 3 face each other.
+
+"half, opposed" and "full, Poisson" have the gauges of arms 1 and 3 on opposite sides of the bar, which takes
+bending out; the others see it. Gauges in series in one arm count as one that sees their mean.
+"""
+
+
+@dataclass(frozen=True)
+class Bridge:
+    """A strain-gauge bridge of four equal resistances, its supply and its amplifier.
+
+    Raises
+    ------
+    ValueError
+        If the kind is unknown, a value is impossible, or Poisson's ratio is missing or without effect.
+    """
+
+    kind: str
+    """Which arms are gauges and what they see, a key of `KINDS`."""
+    gauge_factor: float
+    """Relative change of resistance per strain [-], > 0."""
+    excitation: float
+    """Supply voltage at the bridge [V], > 0."""
+    gain: float = 1.0
+    """Recorded volts per volt of the bridge's output [-], > 0."""
+    poisson: float | None = None
+    """Poisson's ratio of the bar [-], where a gauge lies across."""
+    gauge_resistance: float = 120.0
+    """Resistance of a gauge [ohm]."""
+    lead_resistance: float = 0.0
+    """Resistance in series with a gauge inside its arm [ohm]: one lead with three wires, both with two."""
+
+    UNIT: ClassVar[str] = "V"
+    WORDS: ClassVar[Mapping[str, tuple[str, str]]] = {
+        "gauge_factor": ("gauge factor", "1"),
+        "excitation": ("excitation", "V"),
+        "gain": ("gain", "1"),
+        "poisson": ("Poisson's ratio", "1"),
+        "gauge_resistance": ("gauge resistance", "ohm"),
+        "lead_resistance": ("lead resistance", "ohm"),
+    }
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise ValueError(f"bridge kind must be one of {_listed(KINDS)}, got {self.kind!r}")
+        for field in ("gauge_factor", "excitation", "gain", "gauge_resistance"):
+            value = getattr(self, field)
+            if not (np.isfinite(value) and value > 0.0):
+                raise ValueError(f"{field} of a bridge must be finite and > 0, got {value}")
+        if not (np.isfinite(self.lead_resistance) and self.lead_resistance >= 0.0):
+            raise ValueError(f"lead_resistance must be finite and >= 0 ohm, got {self.lead_resistance}")
+        across = ACROSS in KINDS[self.kind]
+        if across and (self.poisson is None or not 0.0 <= self.poisson < 0.5):
+            raise ValueError(f"a bridge '{self.kind}' needs poisson in [0, 0.5), got {self.poisson}")
+        if not across and self.poisson is not None:
+            raise ValueError(
+                f"a bridge '{self.kind}' has no gauge across, so poisson has no effect; remove it"
+            )
+
+    @property
+    def arms(self) -> Arms:
+        """Strain that arms 1 to 4 see per axial strain [-]."""
+        seen = {AXIAL: 1.0, ACROSS: -(self.poisson or 0.0), REST: 0.0}
+        a, b, c, d = (seen[what] for what in KINDS[self.kind])
+        return a, b, c, d
+
+    @property
+    def arm_factor(self) -> float:
+        """Gauge factor of an arm with its leads, Eq. (U.3) [-]."""
+        return self.gauge_factor * self.gauge_resistance / (self.gauge_resistance + self.lead_resistance)
+
+    @property
+    def strain_per_volt(self) -> float:
+        """Strain per recorded volt for small strains, Eq. (U.4) [1/V]."""
+        s = self.arms
+        return 4.0 / ((s[0] - s[1] + s[2] - s[3]) * self.arm_factor * self.excitation * self.gain)
+
+    def strain(self, volts: ArrayLike) -> FloatArray:
+        """Strain of the bar, tension positive, from recorded volts that rise in tension, Eq. (U.2).
+
+        Parameters
+        ----------
+        volts
+            Recorded volts above rest [V], any shape.
+
+        Raises
+        ------
+        ValueError
+            If no strain gives such an output.
+        """
+        V = np.asarray(volts, dtype=float)
+        e = V / (self.gain * self.excitation)
+        s1, s2, s3, s4 = self.arms
+        A, B, C, D = s1 + s2, s3 + s4, s1 - s2 + s3 - s4, s1 * s3 - s2 * s4
+        slope = C - 2.0 * e * (A + B)
+        under = slope**2 - 16.0 * e * (e * A * B - D)
+        bottom = slope + np.sqrt(np.maximum(under, 0.0))  # a negative one is refused below
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x = 8.0 * e / bottom
+            possible = (under >= 0.0) & (bottom > 0.0)
+            for s in (s1, s2, s3, s4):
+                possible &= 1.0 + s * x > 0.0
+        if not possible.all():
+            worst = float(V[~possible].flat[0])
+            raise ValueError(
+                f"no strain gives {worst:.6g} V with a bridge '{self.kind}', gain {self.gain:g} and"
+                f" excitation {self.excitation:g} V: a resistance would be negative; correct them"
+            )
+        return np.asarray(x / self.arm_factor)
+
+    def linear_strain(self, volts: ArrayLike) -> FloatArray:
+        """The same with the slope at zero, which is what most instruments take for granted."""
+        return self.strain_per_volt * np.asarray(volts, dtype=float)
+
+    def volts(self, strain: ArrayLike) -> FloatArray:
+        """Recorded volts of a strain, tension positive, Eq. (U.1): the inverse of `strain` [V]."""
+        return self.gain * self.excitation * self.ratio(self.arm_factor * np.asarray(strain, dtype=float))
+
+    def ratio(self, x: FloatArray) -> FloatArray:
+        """Output over excitation, Eq. (U.1), where axial gauges change by the share `x` [-]."""
+        s1, s2, s3, s4 = self.arms
+        return (1.0 + s1 * x) / (2.0 + (s1 + s2) * x) - (1.0 + s4 * x) / (2.0 + (s3 + s4) * x)
+
+    def quantities(
+        self, gauge: str, uncertainty: Mapping[str, float], *, bar: str | None = None
+    ) -> list[Quantity]:
+        """What the strain rests on, for a budget.
+
+        Parameters
+        ----------
+        gauge
+            Whose values they are, e.g. "incident gauge"; begins the names.
+        uncertainty
+            Standard uncertainties (k = 1, SI) by field; a field without one is listed with 0.
+        bar
+            Whose Poisson's ratio it is; begins its name.
+
+        Raises
+        ------
+        ValueError
+            If an uncertainty belongs to no field that matters here.
+        """
+        used = self._fields()
+        check_fields(uncertainty, used, f"a bridge '{self.kind}'")
+        return [
+            Quantity(
+                self._name(f, gauge, bar), getattr(self, f), uncertainty.get(f, 0.0), self.WORDS[f][1], "B"
+            )
+            for f in used
+        ]
+
+    def with_values(self, gauge: str, values: Mapping[str, float], *, bar: str | None = None) -> "Bridge":
+        """The bridge with other values of its `quantities`, by their names; the rest stays."""
+        names = {f: self._name(f, gauge, bar) for f in self._fields()}
+        changed: dict[str, Any] = {f: values[name] for f, name in names.items() if name in values}
+        return replace(self, **changed)
+
+    def _fields(self) -> list[str]:
+        used = ["gauge_factor", "excitation", "gain"]
+        if self.poisson is not None:
+            used.append("poisson")
+        return used + (["gauge_resistance", "lead_resistance"] if self.lead_resistance > 0.0 else [])
+
+    def _name(self, field: str, gauge: str, bar: str | None) -> str:
+        owner = bar if field == "poisson" and bar is not None else gauge
+        return f"{owner}, {self.WORDS[field][0]}"
+
+
+@dataclass(frozen=True)
+class Linear:
+    """A stated factor from recorded values to strain, e.g. from a calibration of the whole chain.
+
+    Raises
+    ------
+    ValueError
+        If the factor is not finite and positive.
+    """
+
+    factor: float
+    """Strain per recorded unit [1/unit], > 0; its sign belongs to the declared sign of compression."""
+    unit: str = "V"
+    """Unit of the recording: "V", or "1" if it is strain already."""
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.factor) and self.factor > 0.0):
+            raise ValueError(
+                f"a calibration factor must be finite and > 0, got {self.factor}; its sign is declared apart"
+            )
+
+    @property
+    def UNIT(self) -> str:
+        """Unit that a recording must have."""
+        return self.unit
+
+    def strain(self, volts: ArrayLike) -> FloatArray:
+        """Strain, tension positive, of values that rise in tension."""
+        return self.factor * np.asarray(volts, dtype=float)
+
+    def quantities(
+        self, gauge: str, uncertainty: Mapping[str, float], *, bar: str | None = None
+    ) -> list[Quantity]:
+        """The factor, for a budget; see `Bridge.quantities`.
+
+        Raises
+        ------
+        ValueError
+            If an uncertainty belongs to another field.
+        """
+        check_fields(uncertainty, ["factor"], "a calibration factor")
+        unit = "1/V" if self.unit == "V" else "1"
+        return [Quantity(f"{gauge}, strain per volt", self.factor, uncertainty.get("factor", 0.0), unit, "B")]
+
+    def with_values(self, gauge: str, values: Mapping[str, float], *, bar: str | None = None) -> "Linear":
+        """The calibration with another factor, if `values` names it."""
+        return replace(self, factor=values.get(f"{gauge}, strain per volt", self.factor))
+
+
+Calibration = Bridge | Linear
+
+
+def check_fields(uncertainty: Mapping[str, float], used: list[str], owner: str) -> None:
+    """Refuse uncertainties of fields that have no effect, and impossible ones.
+
+    Raises
+    ------
+    ValueError
+        Naming the field and those that matter.
+    """
+    for field, sigma in uncertainty.items():
+        if field not in used:
+            raise ValueError(f"uncertainty of {field!r} has no effect on {owner}; allowed: {_listed(used)}")
+        if not (np.isfinite(sigma) and sigma >= 0.0):
+            raise ValueError(f"standard uncertainty of {field} must be finite and >= 0, got {sigma}")
+
+
+def _listed(names: Mapping[str, object] | list[str]) -> str:
+    return ", ".join(f"'{name}'" for name in names)

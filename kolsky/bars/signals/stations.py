@@ -1,0 +1,284 @@
+"""From the recordings of a gauge station to the strain of its bar: calibration, zero, sign, bending."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+
+from kolsky.bars.audit import AuditLog, Switches
+from kolsky.bars.records import BarSignal, BoolArray, Correction, FloatArray, Quantity, Signal
+from kolsky.bars.signals.bridge import Bridge, Calibration
+from kolsky.bars.signals.signal_zero import Baseline, check_clipping, measure_baseline
+from kolsky.base.apparatus import Bar
+from kolsky.base.records import Recording
+
+T = TypeVar("T")
+
+SIDES = ("incident", "transmission")
+LARGEST_JITTER = 0.01
+"""Share of the interval by which a sample time may be off an even division."""
+
+
+class Station(NamedTuple):
+    """A bar's strain with its corrections and the quantities it rests on."""
+
+    signal: BarSignal
+    """The strain."""
+    corrections: list[Correction]
+    """What was done to it."""
+    quantities: list[Quantity]
+    """Inputs of its budget: calibration, zero, and a significant drift."""
+
+
+def bar_signal(
+    recordings: Sequence[Recording],
+    calibration: Calibration | Sequence[Calibration],
+    bar: Bar,
+    position: float,
+    side: str,
+    *,
+    baseline: tuple[float, float],
+    clock_offset: float,
+    compression: int | Sequence[int],
+    full_scale: float | None = None,
+    switches: Switches | None = None,
+    uncertainty: Mapping[str, float] | None = None,
+    values: Mapping[str, float] | None = None,
+) -> Station:
+    """Strain of a bar at a gauge station, compression positive, on the shot's clock.
+
+    Parameters
+    ----------
+    recordings
+        One channel, or one for each of two opposed gauges.
+    calibration
+        One for all channels, whose errors they then share, or one each.
+    bar
+        The bar the gauges sit on.
+    position
+        Their distance from the bar's specimen end [m].
+    side
+        "incident" or "transmission".
+    baseline
+        First and last time of the rest on the shot's clock [s].
+    clock_offset
+        Shot's clock minus recorder's clock [s].
+    compression
+        +1 if compression gives positive values, -1 otherwise; one for all channels, or one each.
+    full_scale
+        Largest magnitude the recorder can show, in the unit of the recordings; None if it is not known.
+    switches
+        Which corrections are applied: "bridge nonlinearity", "bending", "baseline drift".
+    uncertainty
+        Standard uncertainties of the calibration's fields, by their names.
+    values
+        Values to take instead of the estimates of `quantities`, by name, as
+        `kolsky.bars.budget.budget.propagate` hands them out.
+
+    Raises
+    ------
+    ValueError
+        If a recording has the wrong unit, is not finite, not uniform, constant or clipped, the baseline is
+        too short, opposed gauges differ in their times or in sign, or an option is impossible.
+    """
+    if side not in SIDES:
+        raise ValueError(f"side must be 'incident' or 'transmission', got {side!r}")
+    if not 0.0 < position <= bar.length:
+        raise ValueError(f"the {side} gauge's position must be in (0, {bar.length:g}] m, got {position:g}")
+    if len(recordings) not in (1, 2):
+        raise ValueError(f"a station has one channel or two of opposed gauges, got {len(recordings)}")
+    gauge, wave, given = f"{side} gauge", f"{side} bar", values or {}
+    shared = not isinstance(calibration, Sequence)
+    calibrations: list[Calibration] = _each(calibration, len(recordings), "calibration")
+    signs: list[int] = _each(compression, len(recordings), "compression")
+    labels = [gauge if shared else f"{gauge} {i + 1}" for i in range(len(recordings))]
+    log = AuditLog(switches)
+
+    start, interval = uniform_clock(recordings[0])
+    for other in recordings[1:]:
+        _same_times(recordings[0], other, interval)
+    start += clock_offset
+    time: FloatArray = start + interval * np.arange(recordings[0].value.size, dtype=float)
+    after = time > baseline[1]
+    if not after.any():
+        raise ValueError(
+            f"{gauge}: the record ends at {time[-1]:.9g} s, before or with the baseline's last time"
+        )
+
+    strains, quantities = [], []
+    for i, (recording, calibrated, label, sign) in enumerate(
+        zip(recordings, calibrations, labels, signs, strict=True)
+    ):
+        name = gauge if len(recordings) == 1 else f"{gauge} {i + 1}"
+        if not (shared and i):
+            quantities += calibrated.quantities(label, uncertainty or {}, bar=wave)
+        known = calibrated.with_values(label, given, bar=wave)
+        rest = measure_baseline(time, recording.value, baseline, name=name)
+        check_clipping(recording.value, rest, name=name, full_scale=full_scale)
+        strains.append(_strain(recording, known, rest, sign, name=name, log=log, after=after))
+    axial, bending = _axial(strains, gauge, log, after)
+    axial, zero = _settled(axial, time, baseline, gauge, log, after, given)
+    return Station(
+        signal=BarSignal(
+            strain=Signal(
+                start, interval, axial, zero[0].noise.sigma, "1", gauge, memory=zero[0].noise.memory
+            ),
+            bar=bar,
+            position=position,
+            side=side,
+            bending=bending,
+        ),
+        corrections=list(log.corrections),
+        quantities=quantities + zero[1],
+    )
+
+
+def _strain(
+    recording: Recording,
+    calibration: Calibration,
+    rest: Baseline,
+    sign: int,
+    *,
+    name: str,
+    log: AuditLog,
+    after: BoolArray,
+) -> FloatArray:
+    """One channel in strain, compression positive, its zero taken out."""
+    if sign not in (1, -1):
+        raise ValueError(f"{name}: compression must be +1 or -1, got {sign}")
+    if recording.unit != calibration.UNIT:
+        raise ValueError(
+            f"{name}: the calibration is for {calibration.UNIT!r}, the recording is in {recording.unit!r}"
+        )
+    volts = -sign * (recording.value - rest.mean)  # rises in tension, as a gauge does
+    exact = calibration.strain(volts)
+    if not isinstance(calibration, Bridge):
+        return -exact  # a stated factor knows no nonlinearity
+    linear = calibration.linear_strain(volts)
+    return -log.choose(
+        f"bridge nonlinearity, {name}",
+        "bridge nonlinearity",
+        linear,
+        exact,
+        unit="1",
+        reason=f"largest strain {np.abs(linear[after]).max():.3g}",
+        over=after,
+    )
+
+
+def _axial(
+    strains: list[FloatArray], gauge: str, log: AuditLog, after: BoolArray
+) -> tuple[FloatArray, FloatArray | None]:
+    """Mean and half the difference of opposed gauges."""
+    if len(strains) == 1:
+        return strains[0], None
+    mean, bending = 0.5 * (strains[0] + strains[1]), 0.5 * (strains[0] - strains[1])
+    share = float(np.linalg.norm(bending[after]) / np.linalg.norm(mean[after]))
+    if share > 1.0:
+        raise ValueError(
+            f"{gauge}: the two gauges disagree in sign: half their difference is {share:.3g} times their mean"
+            " (rms after the baseline), it must be below 1; declare the sign of compression of each"
+        )
+    axial = log.choose(
+        f"bending, {gauge}",
+        "bending",
+        strains[0],
+        mean,
+        unit="1",
+        reason=f"bending is {100 * share:.3g} % of the axial strain (rms after the baseline)",
+        over=after,
+    )
+    return axial, bending
+
+
+def _settled(
+    axial: FloatArray,
+    time: FloatArray,
+    baseline: tuple[float, float],
+    gauge: str,
+    log: AuditLog,
+    after: BoolArray,
+    values: Mapping[str, float],
+) -> tuple[FloatArray, tuple[Baseline, list[Quantity]]]:
+    """Drift taken out or reported; zero and drift as quantities of the budget, at their values."""
+    rest = measure_baseline(time, axial, baseline, name=gauge)
+    verdict = "significant" if rest.drifts else "not significant"
+    fixed = log.choose(
+        f"baseline drift, {gauge}",
+        "baseline drift",
+        axial,
+        axial - rest.line(time),
+        unit="1",
+        reason=(
+            f"slope {rest.slope:.3g} +- {rest.slope_sigma:.2g} 1/s over {rest.count} samples, {verdict}"
+            f" at 1 %; noise correlated over {rest.noise.memory:.3g} samples, step {rest.step:.3g}"
+        ),
+        over=after,
+    )
+    zero = Quantity(f"{gauge}, zero", 0.0, rest.mean_sigma, "1", "A", rest.freedom)
+    quantities = [zero]
+    fixed = fixed + values.get(zero.name, 0.0)
+    if rest.drifts or log.switches["baseline drift"]:
+        # GUM F.2.4.5: what is known and left in is an uncertainty as large as itself.
+        left = 0.0 if log.switches["baseline drift"] else rest.slope
+        sigma = float(np.hypot(left, rest.slope_sigma))
+        drift = Quantity(f"{gauge}, drift", 0.0, sigma, "1/s", "A", rest.freedom)
+        quantities.append(drift)
+        middle = 0.5 * (rest.first + rest.last)
+        fixed = fixed + values.get(drift.name, 0.0) * (time - middle)
+    return fixed, (rest, quantities)
+
+
+def uniform_clock(recording: Recording) -> tuple[float, float]:
+    """First time and interval of a recording [s], which must be uniform.
+
+    Raises
+    ------
+    ValueError
+        If lengths differ, a value is not finite, or a time is off an even division by 1 % of the interval.
+    """
+    time, value, name = recording.time, recording.value, recording.channel
+    if time.shape != value.shape or time.ndim != 1 or time.size < 2:
+        raise ValueError(
+            f"{name}: time and value need one length of 2 or more, got {time.shape}, {value.shape}"
+        )
+    bad = np.flatnonzero(~(np.isfinite(time) & np.isfinite(value)))
+    if bad.size:
+        raise ValueError(
+            f"{name}: sample {bad[0]} is ({time[bad[0]]} s, {value[bad[0]]}); every sample must be finite"
+        )
+    interval = float(time[-1] - time[0]) / (time.size - 1)
+    if not interval > 0.0:
+        raise ValueError(f"{name}: times must increase, got {time[0]:.9g} to {time[-1]:.9g} s")
+    off = np.abs(time - time[0] - interval * np.arange(time.size))
+    worst = int(np.argmax(off))
+    if off[worst] > LARGEST_JITTER * interval:
+        raise ValueError(
+            f"{name}: sample {worst} is {off[worst] / interval:.3g} intervals off an even division, allowed"
+            f" is {LARGEST_JITTER:g}; a rounded time column must be replaced by a stated start and interval"
+        )
+    return float(time[0]), interval
+
+
+def _same_times(first: Recording, other: Recording, interval: float) -> None:
+    start, step = uniform_clock(other)
+    n = first.time.size
+    if (
+        other.time.size == n
+        and abs(start - first.time[0]) + n * abs(step - interval) < LARGEST_JITTER * interval
+    ):
+        return
+    raise ValueError(
+        f"opposed gauges {first.channel} and {other.channel} must have the same times, got {n} samples from"
+        f" {first.time[0]:.9g} s and {other.time.size} from {start:.9g} s, intervals {interval:.9g} and"
+        f" {step:.9g} s; record them with one time base"
+    )
+
+
+def _each(given: T | Sequence[T], count: int, what: str) -> list[T]:
+    """One for every channel."""
+    if not isinstance(given, Sequence):
+        return [given] * count
+    if len(given) != count:
+        raise ValueError(f"{what} must be one, or one for each of {count} channels, got {len(given)}")
+    return list(given)

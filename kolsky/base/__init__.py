@@ -1,0 +1,1 @@
+"""What every room uses: measured histories, units, errors, files; no physics."""

@@ -1,0 +1,130 @@
+"""Files and folders of results: complete or not there at all; CSV tables."""
+
+import csv
+import os
+import secrets
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from dic.cells import text_cell
+from kolsky.base.errors import InputError
+
+__all__ = ["filling", "replacing", "usable_folder", "write_table"]
+
+CURE = "give another place with --out FOLDER"
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A new empty file beside `path` that takes its place when the block ends without an exception.
+
+    The data are on the disk before the name changes, so a reader finds the old file or the whole new one.
+    After an exception the old file is untouched and nothing else is left.
+    """
+    path = Path(path)
+    # The suffix stays last: some writers choose their format by it.
+    partial = path.with_name(f".{secrets.token_hex(6)}.{path.name}")
+    os.close(os.open(partial, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+    try:
+        yield partial
+        with partial.open("rb+") as file:
+            os.fsync(file.fileno())
+        os.replace(partial, path)
+    except BaseException:
+        partial.unlink(missing_ok=True)
+        raise
+    if os.name == "posix":  # the new name itself; Windows cannot open a folder
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+
+
+def write_table(path: Path, columns: Mapping[str, Iterable[Any]]) -> Path:
+    """Write named columns of equal length, floats with 9 significant digits; returns the path.
+
+    Text that a spreadsheet would take for a formula gets a leading apostrophe; see `dic.cells.text_cell`.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow([text_cell(name) for name in columns])
+        rows.writerows([_cell(value) for value in row] for row in zip(*columns.values(), strict=True))
+    return path
+
+
+def _cell(value: Any) -> str:
+    return f"{value:.9g}" if isinstance(value, float) else text_cell(str(value))
+
+
+def usable_folder(folder: Path) -> Path:
+    """The folder, if results can go there; nothing is made yet.
+
+    Raises
+    ------
+    InputError
+        If it is a file, or if it or the nearest folder above it that exists cannot be written to.
+    """
+    folder = Path(folder)
+    above = folder
+    try:
+        while not above.exists() and above != above.parent:
+            above = above.parent
+        if not above.is_dir():
+            raise InputError(above, "is a file; results need a folder", cure=CURE)
+    except OSError as error:  # a name that is too long, a folder that may not be entered
+        raise InputError(folder, f"cannot be used for results: {error.strerror}", cure=CURE) from None
+    if not os.access(above, os.W_OK | os.X_OK):
+        raise InputError(above, "is not writable", cure=CURE)
+    return folder
+
+
+@contextmanager
+def filling(folder: Path) -> Iterator[Path]:
+    """An empty folder whose files take their places in `folder` when the block ends without an exception.
+
+    They are written beside the old ones first, so a full disk, an error or an interrupt half-way leaves
+    every old result as it was, and no folder that was not there before.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be written or put in its place.
+    """
+    made = _missing(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".partial-", dir=folder) as partial:
+            yield Path(partial)
+            files = sorted(p for p in Path(partial).rglob("*") if p.is_file())
+            places = [folder / p.relative_to(partial) for p in files]
+            for place in places:
+                if place.is_dir():
+                    raise InputError(place, "is a folder where a result must go", cure=CURE)
+            for place in places:
+                place.parent.mkdir(parents=True, exist_ok=True)
+            for file, place in zip(files, places, strict=True):
+                os.replace(file, place)
+    except OSError as error:
+        _remove_empty(made)
+        cause = error.strerror or str(error)
+        raise InputError(folder, f"results cannot be written: {cause}", cure=CURE) from error
+    except BaseException:
+        _remove_empty(made)
+        raise
+
+
+def _missing(folder: Path) -> list[Path]:
+    """The folder and those above it that do not exist, innermost first."""
+    return [path for path in (folder, *folder.parents) if not path.exists()]
+
+
+def _remove_empty(folders: list[Path]) -> None:
+    for path in folders:
+        if path.is_dir() and not any(path.iterdir()):
+            path.rmdir()

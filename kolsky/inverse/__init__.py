@@ -1,0 +1,1 @@
+"""The inverse method: parameters, simulations of a shot, misfit, searches, result."""

@@ -1,0 +1,180 @@
+"""The optimum on the surrogate's mesh: a design over the whole box, then more runs where they matter.
+
+With one parameter a second design of seven levels about the first optimum is as good as anything, and one
+batch. With several a design fine enough everywhere would be too large, and the runs are placed one small
+batch after the other (`doe.refine`).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import Box, ResponseSurrogate, Surrogate, from_points
+from doe.refine import Refinement, refine
+from doe.surrogates import ProcessSurrogate, SurrogateError
+from doe.surrogates.quality import Fitness, fitness
+from kolsky.inverse.methods import AGREEMENT
+from kolsky.inverse.misfit import Prediction
+from kolsky.inverse.objective import Objective
+from kolsky.inverse.optimum import CorrectedSurrogate, jacobian, leaves, search
+from kolsky.inverse.stages import Runs, Stages
+
+FloatArray = NDArray[np.float64]
+
+LOCAL_FRACTION = 0.12
+"""Edge of the second design's box over the first one's."""
+MOST_REFINEMENTS = 3
+"""Most second designs, each around the optimum of the last one."""
+MOST_ROUNDS = 10
+"""Most batches of adaptive refinement."""
+ON_THE_WAY = 1e-4
+"""Tolerance of the searches between two batches, in the unit box."""
+
+
+@dataclass(frozen=True)
+class Coarse:
+    """The optimum on the surrogate's mesh."""
+
+    box: Box
+    """Where the surrogate was refined."""
+    surrogate: Surrogate
+    """Of the data vector."""
+    objective: Objective
+    """With the discrepancies of the optimum."""
+    x: FloatArray
+    """The optimum, shape [d]."""
+
+
+def search_coarse(stages: Stages) -> Coarse:
+    """Stages 1 and 2 of `kolsky.identification.identify`.
+
+    Raises
+    ------
+    ValueError
+        If the runs that completed do not carry a surrogate.
+    """
+    wide = stages.simulate("design", stages.design(stages.box), stages.settings.numerics)
+    return second_design(stages, wide) if stages.box.dimension == 1 else adaptive(stages, wide)
+
+
+def second_design(stages: Stages, wide: Runs) -> Coarse:
+    """Smaller boxes until the optimum lies inside one."""
+    numerics, whole = stages.settings.numerics, stages.box
+    objective, surrogate = _fit(stages, whole, wide)
+    centre = search(whole, objective, CorrectedSurrogate(surrogate).predict).x
+    for _ in range(MOST_REFINEMENTS):
+        box = whole.around(centre, LOCAL_FRACTION)
+        local = stages.simulate("refinement", stages.design(box), numerics)
+        objective, surrogate = _fit(stages, box, local)
+        best = search(box, objective, CorrectedSurrogate(surrogate).predict)
+        if not leaves(best.x, box, whole):
+            break
+        centre = best.x
+    return Coarse(box, surrogate, best.objective, best.x)
+
+
+def _fit(stages: Stages, box: Box, runs: Runs) -> tuple[Objective, ResponseSurrogate]:
+    """The objective over the points that every run reaches, and the surrogate of its data vector."""
+    objective = Objective(stages.observations, _reached(runs.prediction.inside))
+    use = box.contains(runs.points)
+    vectors = objective.vectors(runs.prediction)
+    try:
+        surrogate = ResponseSurrogate.fit(box, runs.points[use], vectors[use], scale=objective.noise)
+    except SurrogateError as error:
+        raise _no_surrogate(error, runs) from error
+    return objective, surrogate
+
+
+def adaptive(stages: Stages, wide: Runs) -> Coarse:
+    """Batches of runs about the optimum until it stays."""
+    objective = Objective(stages.observations, _reached(wide.prediction.inside))
+    try:
+        found = _refine(stages, objective)
+    except SurrogateError as error:
+        raise _no_surrogate(error, wide) from error
+    return _settled(stages, found)
+
+
+def _refine(stages: Stages, objective: Objective) -> Refinement:
+    points, prediction = stages.on_surrogate_mesh()
+    vectors = objective.vectors(prediction)
+    whole = np.isfinite(vectors).all(axis=1)
+
+    def run(points: FloatArray) -> FloatArray:
+        done = stages.simulate("refinement", from_points(stages.box, points), stages.settings.numerics)
+        vectors = np.full((len(points), len(objective.data)), np.nan)
+        vectors[done.rows] = objective.vectors(done.prediction)
+        return vectors
+
+    def locate(surrogate: Surrogate, region: Box, start: FloatArray) -> tuple[FloatArray, FloatArray]:
+        model = CorrectedSurrogate(surrogate).predict
+        best = search(region, objective, model, start=start, tolerance=ON_THE_WAY)
+        covariance = best.objective.covariance(jacobian(model, region, best.x), model(best.x)[0])
+        return best.x, np.sqrt(np.diag(covariance))
+
+    return refine(
+        run,
+        stages.box,
+        points[whole],
+        vectors[whole],
+        misfit=objective.deviance,
+        locate=locate,
+        scale=objective.noise,
+        rng=stages.settings.seed,
+        max_rounds=MOST_ROUNDS,
+    )
+
+
+def _settled(stages: Stages, found: Refinement) -> Coarse:
+    """The surrogate over the outline points that its own runs reach: more than the first design's."""
+    points, prediction = _used(stages, found.surrogate)
+    objective = Objective(stages.observations, _reached(prediction.inside))
+    surrogate = ProcessSurrogate.fit(
+        found.surrogate.box,
+        points,
+        objective.vectors(prediction),
+        scale=objective.noise,
+        like=found.surrogate,
+    )
+    best = search(found.region, objective, CorrectedSurrogate(surrogate).predict, start=found.x)
+    return Coarse(found.region, surrogate, best.objective, best.x)
+
+
+def fit_for_purpose(stages: Stages, coarse: Coarse, gain: FloatArray) -> Fitness:
+    """Whether the surrogate's error moves the optimum by less than its interval allows, and what would do.
+
+    Parameters
+    ----------
+    stages, coarse
+        The simulations and the optimum on their mesh.
+    gain
+        Linear map from a change of the data vector to the move of the optimum over its half width, [d, k].
+    """
+    points, prediction = _used(stages, coarse.surrogate)
+    vectors = coarse.objective.vectors(prediction)
+    scale, box = coarse.objective.noise, coarse.surrogate.box
+    kind = ResponseSurrogate if isinstance(coarse.surrogate, ResponseSurrogate) else ProcessSurrogate
+
+    def fit(x: FloatArray, y: FloatArray) -> Surrogate:
+        return kind.fit(box, x, y, scale=scale)
+
+    return fitness(fit, box, points, vectors, sigma=scale, allowed=AGREEMENT, gain=gain)
+
+
+def _used(stages: Stages, surrogate: Surrogate) -> tuple[FloatArray, Prediction]:
+    """The runs that a surrogate was built from, each once, and what they predict."""
+    points, prediction = stages.on_surrogate_mesh()
+    places = {tuple(x): row for row, x in enumerate(points)}
+    rows = [places[tuple(x)] for x in surrogate.points]
+    parts = {name: getattr(prediction, name)[rows] for name in Prediction.__dataclass_fields__}
+    return points[rows], Prediction(**parts)
+
+
+def _reached(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    return np.asarray(inside.all(axis=0))
+
+
+def _no_surrogate(error: SurrogateError, runs: Runs) -> ValueError:
+    lost = f": {runs.lost}" if runs.lost else ""
+    return ValueError(f"the runs that completed do not carry a surrogate ({error}){lost}")

@@ -1,0 +1,161 @@
+"""What an identification reports once its optimum is found: estimates, routes, curves, comparison."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import Box, CostSurrogate
+from doe import nelder_mead as minimise
+from kolsky.inverse.misfit import Observations, Prediction
+from kolsky.inverse.objective import Objective, Part
+from kolsky.inverse.optimum import Model, jacobian, on_edge, search
+from kolsky.inverse.parameters import PARAMETERS
+from kolsky.inverse.result import Comparison, Estimate, Route, SurrogateCurve, Verdict
+from kolsky.inverse.run_table import RunTable
+
+FloatArray = NDArray[np.float64]
+
+ROUTES: tuple[tuple[str, Part], ...] = (
+    ("joint", "joint"),
+    ("force only", "force"),
+    ("shape only", "shape"),
+)
+"""The parts of the data that are searched on their own, with the name of the route."""
+
+
+def estimates(
+    box: Box,
+    optimum: FloatArray,
+    *,
+    noise: Mapping[str, FloatArray],
+    numerical: Mapping[str, FloatArray],
+    mesh_shift: FloatArray,
+    confirmed: bool,
+    outline: bool = True,
+) -> dict[str, Estimate]:
+    """Every free parameter with its uncertainties and verdict.
+
+    Where one lies at a bound, the data ask for a value beyond it, and the others make up for what it may not
+    do: their values hold only if the bound is where that parameter is.
+
+    Parameters
+    ----------
+    box
+        The whole range of the design.
+    optimum
+        Values, shape [d].
+    noise
+        Standard uncertainties by source, shape [d] each; they add in quadrature.
+    numerical
+        Standard uncertainties from the numerics by source, shape [d] each; they add in quadrature.
+    mesh_shift
+        The optimum's move between the meshes, shape [d].
+    confirmed
+        Whether the last run on the refined mesh left the optimum where it was.
+    outline
+        Whether an outline was measured; without one the verdict says that the force decides alone.
+    """
+    good = Verdict.IDENTIFIED if outline else Verdict.FORCE_ALONE
+    bounds, found = on_edge(optimum, box), {}
+    for i, name in enumerate(box.names):
+        parts = {source: float(sigma[i]) for source, sigma in noise.items()}
+        computed = {source: float(sigma[i]) for source, sigma in numerical.items()}
+        total = float(np.hypot.reduce(list(parts.values())))
+        if bounds[i]:
+            verdict = Verdict.AT_BOUND
+        elif 4.0 * total > box.upper[i] - box.lower[i]:
+            verdict = Verdict.NOT_SEEN
+        elif not confirmed:
+            verdict = Verdict.DISAGREEING
+        else:
+            verdict = Verdict.CONDITIONAL if any(bounds) else good
+        found[name] = Estimate(
+            name=name,
+            unit=PARAMETERS[name].unit,
+            value=float(optimum[i]),
+            sigma_noise=total,
+            sigma_numerical=float(np.hypot.reduce(list(computed.values()))),
+            mesh_shift=float(mesh_shift[i]),
+            noise_parts=parts,
+            numerical_parts=computed,
+            outcome=verdict,
+        )
+    return found
+
+
+def routes(local: Box, objective: Objective, model: Model, whole: Box, table: RunTable) -> tuple[Route, ...]:
+    """The optima of the joint data, of the force and the outline alone, and of the paper's cost, Eq. (M.5).
+
+    Without an outline there is one route, that of the force: the others would be it by another name, or
+    need what was not measured.
+
+    Parameters
+    ----------
+    local, objective, model
+        The last design's box, the joint objective and the corrected surrogate.
+    whole, table
+        The first design's box and every run, for the paper's cost surrogate.
+    """
+    found = []
+    shape = objective.observations.has_shape
+    for label, part in ROUTES if shape else ROUTES[1:2]:
+        best = search(local, objective, model, part)
+        vector = model(best.x)[0]
+        covariance = best.objective.covariance(jacobian(model, local, best.x), vector, part)
+        found.append(
+            Route(
+                name=label,
+                parameters=local.as_dict(best.x),
+                cost=float(best.objective.chi2(vector, part)),
+                sigma=dict(zip(local.names, np.sqrt(np.diag(covariance)).tolist(), strict=True)),
+            )
+        )
+    if not shape:
+        return tuple(found)
+    points, cost = table.paper_cost()
+    paper = CostSurrogate.fit(whole, points, cost)
+    least = minimise(paper.cost, whole, start=points[np.argmin(cost)])
+    return (*found, Route("paper", whole.as_dict(least.x), least.value, {}))
+
+
+def curves(box: Box, objective: Objective, model: Model, optimum: FloatArray) -> tuple[SurrogateCurve, ...]:
+    """The misfits along every parameter through the optimum."""
+    found = []
+    force, shape = objective.mask("force"), objective.mask("shape")
+    samples = len(objective.observations.force.time) / objective.n_force
+    for i, name in enumerate(box.names):
+        x = np.linspace(box.lower[i], box.upper[i], 121)
+        points = np.tile(optimum, (len(x), 1))
+        points[:, i] = x
+        vectors = model(points)
+        residual = np.abs(vectors - objective.data)
+        found.append(
+            SurrogateCurve(
+                parameter=name,
+                x=x,
+                chi2=objective.chi2(vectors),
+                phi_shape=(
+                    (residual / objective.data)[:, shape].mean(axis=1)
+                    if shape.any()
+                    else np.full(len(x), np.nan)
+                ),
+                phi_force=residual[:, force].sum(axis=1) * samples,
+            )
+        )
+    return tuple(found)
+
+
+def comparison(prediction: Prediction, observations: Observations) -> Comparison:
+    """The first run of a prediction beside what was measured."""
+    bins = observations.bins
+    return Comparison(
+        force_time=0.5 * (bins.edges[1:] + bins.edges[:-1]),
+        force_measured=bins.mean,
+        force_sigma=bins.sigma,
+        force_model=prediction.force_bins[0],
+        centre_line=observations.centre_line,
+        Z_model=prediction.Z[0],
+        inside=prediction.inside[0],
+        recorded=observations.force,
+    )

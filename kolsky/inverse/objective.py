@@ -1,0 +1,141 @@
+"""The joint least-squares objective and what its curvature says about uncertainty.
+
+The data of a shot are one vector: the force's bin means, then the counted profile points. Each part is
+weighted by its measured noise *and* by a discrepancy tau that is estimated from the residual at the
+optimum: sigma_eff^2 = sigma^2 + tau^2. Without it a channel whose residual is dominated by what the
+model leaves out would be trusted as if only its noise were wrong.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kolsky.inverse.misfit import Observations, Prediction
+
+FloatArray = NDArray[np.float64]
+Part = Literal["joint", "force", "shape"]
+
+BLOCKS = (2, 4, 8, 16)
+"""Block lengths, in force bins, over which residuals may be correlated in time."""
+
+
+@dataclass(frozen=True)
+class Objective:
+    """Chi-square of a predicted data vector."""
+
+    observations: Observations
+    """What was measured."""
+    counted: NDArray[np.bool_]
+    """Profile points that lie inside the model's range in every run, shape [n_points]."""
+    force_discrepancy: float = 0.0
+    """tau of the force's bin means [N]."""
+    shape_discrepancy: float = 0.0
+    """tau of the profile points [m]."""
+
+    @property
+    def n_force(self) -> int:
+        """Number of force bins at the head of the data vector."""
+        return len(self.observations.bins.mean)
+
+    @property
+    def data(self) -> FloatArray:
+        """Measured data vector, shape [k]: force [N], then Z [m]."""
+        return np.concatenate([self.observations.bins.mean, self.observations.centre_line.Z[self.counted]])
+
+    @property
+    def noise(self) -> FloatArray:
+        """Measured standard deviations of the data vector, shape [k]."""
+        line = self.observations.centre_line
+        return np.concatenate([self.observations.bins.sigma, line.sigma[self.counted]])
+
+    @property
+    def sigma(self) -> FloatArray:
+        """Noise and discrepancy in quadrature, shape [k]."""
+        tau = np.full(len(self.data), self.shape_discrepancy)
+        tau[: self.n_force] = self.force_discrepancy
+        return np.sqrt(self.noise**2 + tau**2)
+
+    @property
+    def times(self) -> FloatArray:
+        """Time of each entry [s], shape [k]."""
+        edges = self.observations.bins.edges
+        return np.concatenate(
+            [0.5 * (edges[1:] + edges[:-1]), self.observations.centre_line.time[self.counted]]
+        )
+
+    def vectors(self, prediction: Prediction) -> FloatArray:
+        """Predicted data vectors, shape [n_samples, k]."""
+        return np.concatenate([prediction.force_bins, prediction.Z[:, self.counted]], axis=1)
+
+    def mask(self, part: Part) -> NDArray[np.bool_]:
+        """Entries of a part of the data, shape [k]."""
+        force = np.arange(len(self.data)) < self.n_force
+        return np.ones_like(force) if part == "joint" else (force if part == "force" else ~force)
+
+    def chi2(self, vectors: FloatArray, part: Part = "joint") -> FloatArray:
+        """Sum of squared weighted residuals of each vector, shape [...]."""
+        use = self.mask(part)
+        return (((vectors - self.data) / self.sigma)[..., use] ** 2).sum(axis=-1)
+
+    def with_discrepancy(self, vector: FloatArray) -> "Objective":
+        """The objective whose discrepancies explain this vector's residual beyond the noise."""
+        excess = (vector - self.data) ** 2 - self.noise**2
+        force, shape = excess[: self.n_force], excess[self.n_force :]
+        return replace(
+            self,
+            force_discrepancy=float(np.sqrt(max(force.mean(), 0.0))),
+            shape_discrepancy=float(np.sqrt(max(shape.mean(), 0.0))) if shape.size else 0.0,
+        )
+
+    def deviance(self, vectors: FloatArray, part: Part = "joint") -> FloatArray:
+        """Minus twice the log-likelihood of vectors [n, k], each with its own discrepancies, shape [n].
+
+        Up to a constant; unlike `chi2` it can be compared between points whose discrepancies differ.
+        """
+        use = self.mask(part)
+        found = []
+        for vector in vectors:
+            variance = self.with_discrepancy(vector).sigma[use] ** 2
+            found.append(float(((vector - self.data)[use] ** 2 / variance + np.log(variance)).sum()))
+        return np.array(found)
+
+    def gain(self, jacobian: FloatArray, part: Part = "joint") -> FloatArray:
+        """Linear map from a change of the data vector to the change of the optimum, shape [d, k]."""
+        weighted = np.where(self.mask(part), 1.0 / self.sigma**2, 0.0)[:, None] * jacobian
+        change: FloatArray = np.linalg.solve(jacobian.T @ weighted, weighted.T).astype(np.float64)
+        return change
+
+    @property
+    def scale_error(self) -> FloatArray:
+        """Change of the data vector by one standard uncertainty of the force's scale, shape [k].
+
+        A wrong scale is no noise: it bends every force alike, and the residuals need not show it.
+        """
+        return np.where(self.mask("force"), self.observations.force_sigma_gain * self.data, 0.0)
+
+    def covariance(self, jacobian: FloatArray, vector: FloatArray, part: Part = "joint") -> FloatArray:
+        """Covariance of the optimum from the residuals, correlated in time or not, shape [d, d].
+
+        The Gauss-Newton covariance for independent residuals, and the block "sandwich" in which the
+        residuals of a block of time may be correlated in any way; of the block lengths in `BLOCKS` the
+        one with the largest variances counts. A smaller estimate is never preferred.
+        """
+        use = self.mask(part)
+        gain = self.gain(jacobian, part)
+        score = gain * (self.data - vector)
+        best = gain @ np.diag(self.sigma**2) @ gain.T
+        width = float(np.diff(self.observations.bins.edges).mean())
+        block = ((self.times - self.times.min()) / width).astype(int)
+        d = jacobian.shape[1]
+        for length in BLOCKS:
+            label = block // length
+            n_blocks = label.max() + 1
+            if n_blocks <= 4 * d:
+                continue
+            sums = np.array([np.bincount(label[use], row[use], minlength=n_blocks) for row in score])
+            sandwich = sums @ sums.T * n_blocks / (n_blocks - d)
+            if np.trace(sandwich / np.diag(best)) > np.trace(best / np.diag(best)):
+                best = sandwich
+        return best

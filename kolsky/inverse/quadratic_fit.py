@@ -1,0 +1,198 @@
+"""The optimum on the refined mesh of several parameters, or of a rough response: many runs, averaged.
+
+Nodes of a sliding surface stick, slip, land and lift by decisions that a small change of a parameter tips.
+An interpolant, or a correction by single runs, follows each of those jumps, and parameters that only their
+small differences tell apart follow with it. A quadratic through more runs than it has terms averages them
+out. What it leaves over is the response's roughness: a part of the answer's uncertainty.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import latin_hypercube
+from doe.surrogates import QuadraticSurrogate, SurrogateError
+from doe.surrogates.quadratic import runs_wanted
+from kolsky.inverse.coarse_search import Coarse
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.objective import Objective
+from kolsky.inverse.optimum import jacobian, leaves, search
+from kolsky.inverse.refined_runs import CONFIRMED, ROUGH, Refined, refined, run_refined, slides
+from kolsky.inverse.stages import Stages
+
+FloatArray = NDArray[np.float64]
+
+EDGE = 0.2
+"""Edge of the first box in the unit box: wide, so that the jumps are small beside what it spans."""
+LEFTOVER = 0.3
+"""The box is halved while a run's deviation from the quadratic moves the optimum by more than this share of
+the residuals' sigma."""
+GAIN = 0.7
+"""A halved box is kept if the response is fitted there to less than this share of what was left over."""
+PATIENCE = 2
+"""Halvings after which it must have: where a response rings, its fit gets better only within a period."""
+SMALLEST = 0.01
+"""Smallest edge of a box to be halved. All of this is done on the surrogate's mesh, where runs are cheap."""
+MOST_MOVES = 4
+"""Most designs on the refined mesh, each about the optimum of the last one, until it lies inside."""
+REACH = 4.0
+"""A narrow box is moved further, where a Gauss-Newton step leads: by so many of its edges at most."""
+
+
+@dataclass(frozen=True)
+class Averaged:
+    """A quadratic through runs on one mesh, and its optimum."""
+
+    surrogate: QuadraticSurrogate
+    """Of the data vector."""
+    objective: Objective
+    """With the discrepancies of the optimum."""
+    x: FloatArray
+    """The optimum, shape [d]."""
+    jacobian: FloatArray
+    """At the optimum, shape [k, d]."""
+    sigma: FloatArray
+    """Standard deviation of the optimum from the residuals, shape [d]."""
+    edge: float
+    """Of the quadratic's box, in the unit box [-]."""
+
+    def model(self, points: FloatArray) -> FloatArray:
+        """Data vectors at points of shape [n, d] or [d], shape [n, k]."""
+        return self.surrogate.predict(np.atleast_2d(points), extrapolate=True)
+
+    @property
+    def gain(self) -> FloatArray:
+        """Linear map from a change of the data vector to the move of the optimum, shape [d, k]."""
+        return self.objective.gain(self.jacobian)
+
+    @property
+    def leftover(self) -> float:
+        """Root mean square of run minus quadratic over the data's noise, from the degrees of freedom [-]."""
+        square = ((self.surrogate.residuals / self.objective.noise) ** 2).mean(axis=1).sum()
+        return float(np.sqrt(square / self.surrogate.degrees_of_freedom))
+
+    @property
+    def roughness(self) -> FloatArray:
+        """What one run's deviation from the quadratic does to the optimum, standard deviation, [d]."""
+        return np.asarray(np.sqrt(np.diag(self.surrogate.roughness(self.gain))))
+
+
+def averaged(stages: Stages, coarse: Coarse) -> Refined:
+    """Stage 3 of `kolsky.identification.identify` for several parameters, or with a sliding surface.
+
+    Parameters
+    ----------
+    stages, coarse
+        The simulations, and the optimum on the surrogate's mesh.
+
+    Raises
+    ------
+    ValueError
+        If the run at the optimum does not complete, or too few of a design do.
+    """
+    found = _on_refined(stages, *_start(stages, coarse))
+    x = found.x
+    check = run_refined(stages, x[None])
+    missed = found.objective.vectors(check.prediction)[0] - found.model(x)[0]
+    move = np.abs(found.gain @ missed)
+    little = np.fmax(CONFIRMED * found.sigma, ROUGH * found.roughness)
+    inside = not leaves(x, found.surrogate.box, stages.box)
+    on_coarse = _moved_by(stages, found, stages.settings.numerics)
+    element = "fbar" if stages.settings.numerics.element == "one_point" else "one_point"
+    return Refined(
+        x=x,
+        box=found.surrogate.box,
+        objective=found.objective,
+        model=found.model,
+        surrogate=found.model,
+        jacobian=found.jacobian,
+        slopes=(found.jacobian,),
+        sigma=found.sigma,
+        check=check,
+        moved=float(np.max(move / np.hypot(found.sigma, found.roughness))),
+        confirmed=inside and bool((move <= little).all()),
+        missed=missed,
+        mesh_shift=x - coarse.x if on_coarse is None else -on_coarse,
+        roughness=found.roughness,
+        element_shift=_moved_by(stages, found, replace(refined(stages), element=element)),
+    )
+
+
+def _moved_by(stages: Stages, found: Averaged, numerics: Numerics) -> FloatArray | None:
+    """Where other numerics would put the optimum, minus where it is, shape [d]; None if their run is lost.
+
+    By one run at the optimum: a search of its own would follow that mesh's roughness too.
+    """
+    _, prediction = stages.evaluate("check", found.x[None], numerics)
+    if prediction is None:
+        return None
+    change = found.objective.vectors(prediction)[0] - found.model(found.x)[0]
+    return -found.gain @ np.nan_to_num(change)  # a point that the run does not reach adds nothing
+
+
+def _start(stages: Stages, coarse: Coarse) -> tuple[FloatArray, float]:
+    """Middle and edge of the first box on the refined mesh.
+
+    Where a surface slides the box stays wide: in a narrow one the jumps are fewer, and the slope is theirs.
+    Otherwise it is no wider than the response is quadratic, and its middle where one run on the refined mesh
+    puts the optimum.
+    """
+    if slides(stages):
+        return coarse.x, EDGE
+    own = _settled(stages, coarse)
+    first = run_refined(stages, own.x[None])
+    change = own.objective.vectors(first.prediction)[0] - own.model(own.x)[0]
+    guess = own.x - own.gain @ np.nan_to_num(change)  # a point that the run does not reach adds nothing
+    return np.clip(guess, stages.box.lower, stages.box.upper), own.edge
+
+
+def _settled(stages: Stages, coarse: Coarse) -> Averaged:
+    """A quadratic on the surrogate's mesh, its box halved until it fits."""
+    numerics, edge, patience = stages.settings.numerics, EDGE, PATIENCE
+    found = last = _fit(stages, coarse.x, edge, numerics)
+    while patience and (found.roughness > LEFTOVER * found.sigma).any() and edge > SMALLEST:
+        edge *= 0.5
+        last = _fit(stages, last.x, edge, numerics)
+        if last.leftover <= GAIN * found.leftover:
+            found, patience = last, PATIENCE
+        else:
+            patience -= 1
+    return found
+
+
+def _on_refined(stages: Stages, middle: FloatArray, edge: float) -> Averaged:
+    """A quadratic on the refined mesh, about its optimum."""
+    for _ in range(MOST_MOVES):
+        found = _fit(stages, middle, edge, refined(stages))
+        if not leaves(found.x, found.surrogate.box, stages.box):
+            break
+        middle = found.x
+        if edge < EDGE:
+            further = found.gain @ (found.objective.data - found.model(found.x)[0])
+            reach = stages.box.around(found.x, min(2.0 * REACH * edge, 1.0))
+            middle = np.clip(found.x + further, reach.lower, reach.upper)
+    return found
+
+
+def _fit(stages: Stages, middle: FloatArray, edge: float, numerics: Numerics) -> Averaged:
+    """A design in a box about a point, its runs, and the quadratic through them."""
+    box = stages.box.around(middle, edge)
+    design = latin_hypercube(box, runs_wanted(box.dimension), rng=stages.rng, optimise=True)
+    stage = "refinement" if numerics.mesh == stages.settings.numerics.mesh else "check"
+    runs = stages.simulate(stage, design, numerics)
+    objective = Objective(stages.observations, np.asarray(runs.prediction.inside.all(axis=0)))
+    try:
+        surrogate = QuadraticSurrogate.fit(box, runs.points, objective.vectors(runs.prediction))
+    except SurrogateError as error:
+        lost = f": {runs.lost}" if runs.lost else ""
+        raise ValueError(f"the runs that completed do not carry a surrogate ({error}){lost}") from error
+    start = np.clip(middle, box.lower, box.upper)
+
+    def model(points: FloatArray) -> FloatArray:
+        return surrogate.predict(np.atleast_2d(points), extrapolate=True)
+
+    best = search(box, objective, model, start=start)
+    slope = jacobian(model, box, best.x)
+    covariance = best.objective.covariance(slope, model(best.x)[0])
+    return Averaged(surrogate, best.objective, best.x, slope, np.sqrt(np.diag(covariance)), edge)

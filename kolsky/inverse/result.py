@@ -1,0 +1,278 @@
+"""The answer: identified parameters with their intervals, and everything needed to defend them."""
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from explicit import Ending, Outcome, Response
+from kolsky.base.records import CentreLine, ForceHistory
+from kolsky.inverse.findings import Declaration, PairMap, ParameterProfile, PosteriorSummary, Variation
+from kolsky.inverse.methods import Method
+
+FloatArray = NDArray[np.float64]
+
+
+class Verdict(StrEnum):
+    """How the search for one parameter ended."""
+
+    IDENTIFIED = "identified"
+    FORCE_ALONE = "identified by the force alone"
+    AT_BOUND = "at a bound of the design"
+    CONDITIONAL = "only if the parameter at its bound is right"
+    NOT_SEEN = "not seen by the data"
+    DISAGREEING = "the check run disagrees with the surrogate"
+    FAILED = "no simulation of the design completed"
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether the search came to rest: a run on the refined mesh left the optimum where it was."""
+        return self not in (Verdict.DISAGREEING, Verdict.FAILED)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One free parameter."""
+
+    name: str
+    """Parameter name, e.g. "stiffness_factor"."""
+    unit: str
+    """Unit, "1" if none."""
+    value: float
+    """Optimum of the joint chi-square."""
+    sigma_noise: float
+    """Standard uncertainty from the measured noise (force, shape, flyer motion, material curve)."""
+    sigma_numerical: float
+    """Standard uncertainty from the numerics, root sum of squares of `numerical_parts`."""
+    mesh_shift: float
+    """Value on the refined mesh minus value on the surrogate's mesh."""
+    noise_parts: dict[str, float]
+    """The share of `sigma_noise` by source: "force and shape", "force scale", "motion scale", "flyer
+    motion" (the noise of whatever moves the front face), "material curve"."""
+    outcome: Verdict
+    """How the search ended."""
+    sigma_systematic: float = 0.0
+    """Standard uncertainty from what shot.toml declares in [uncertainty], 0 if it declares nothing."""
+    numerical_parts: dict[str, float] = field(default_factory=dict)
+    """The share of `sigma_numerical` by source: "mesh" (mesh and step, or the element where that is more)
+    and, where surfaces slide or several parameters are free, "roughness" of the response."""
+
+    @property
+    def sigma(self) -> float:
+        """Combined standard uncertainty, root sum of squares."""
+        return float(np.sqrt(self.sigma_noise**2 + self.sigma_numerical**2 + self.sigma_systematic**2))
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The k = 2 interval."""
+        return (self.value - 2.0 * self.sigma, self.value + 2.0 * self.sigma)
+
+
+@dataclass(frozen=True)
+class Route:
+    """The optimum that one part of the data alone would choose."""
+
+    name: str
+    """ "joint", "force only", "shape only", "paper" (the cost Phi of Eq. (M.5))."""
+    parameters: dict[str, float]
+    """Optimum in parameter units."""
+    cost: float
+    """Cost at the optimum."""
+    sigma: dict[str, float]
+    """Standard uncertainty from the residuals of this route; empty for the paper's cost."""
+
+
+@dataclass(frozen=True)
+class Terms:
+    """The misfit terms of one simulation: Eqs. (M.3)-(M.8) and chi-square.
+
+    Where no outline was measured those that need one are NaN: they are not known.
+    """
+
+    phi_shape: float
+    """Phi_S, Eq. (M.3) [-]."""
+    phi_force: float
+    """Phi_F, Eq. (M.4) [N]."""
+    phi: float
+    """Phi, Eq. (M.5) [-]."""
+    sigma_phi_shape: float
+    """delta Phi_S, Eq. (M.6) [-]."""
+    sigma_phi_force: float
+    """delta Phi_F, Eq. (M.7) [N]."""
+    sigma_phi: float
+    """delta Phi, Eq. (M.8) [-]."""
+    chi2_force: float
+    """Noise-weighted sum of squares of the force residual [-]."""
+    chi2_shape: float
+    """Noise-weighted sum of squares of the shape residual [-]."""
+    n_force: int
+    """Number of force values counted."""
+    n_shape: int
+    """Number of shape points counted."""
+    n_outside: int
+    """Number of shape points outside the model's range, not counted."""
+
+    @property
+    def chi2(self) -> float:
+        """Joint chi-square [-]; the force's where no outline was measured."""
+        return self.chi2_force + (self.chi2_shape if self.has_shape else 0.0)
+
+    @property
+    def has_shape(self) -> bool:
+        """Whether an outline was measured."""
+        return self.n_shape + self.n_outside > 0
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The check run beside the data, ready to draw."""
+
+    force_time: FloatArray
+    """Bin centres [s], shape [n_bins]."""
+    force_measured: FloatArray
+    """Bin means of the measured transmitted force [N], shape [n_bins]."""
+    force_sigma: FloatArray
+    """Their standard deviation [N], shape [n_bins]."""
+    force_model: FloatArray
+    """Bin means of the simulated force [N], shape [n_bins]."""
+    centre_line: CentreLine
+    """The measured points inside the window; none if nobody looked."""
+    Z_model: FloatArray
+    """Simulated Z at the measured points [m], shape [n_points]; NaN where `inside` is False."""
+    inside: NDArray[np.bool_]
+    """Points inside the model's range, shape [n_points]."""
+    recorded: ForceHistory
+    """The transmitted force at every recorded sample."""
+
+
+@dataclass(frozen=True)
+class DesignTable:
+    """Every run of the design, in run order."""
+
+    names: tuple[str, ...]
+    """Free parameters, column order of `points`."""
+    points: FloatArray
+    """Parameter values, shape [n_runs, n_parameters]."""
+    lower: FloatArray
+    """Lower bounds of the design, shape [n_parameters]."""
+    upper: FloatArray
+    """Upper bounds, shape [n_parameters]."""
+    outcomes: tuple[str, ...]
+    """`explicit.Outcome` names, length n_runs."""
+    end_times: FloatArray
+    """Time each run reached [s], shape [n_runs]."""
+    failed_elements: NDArray[np.int64]
+    """Element where it failed, of its own mesh; -1 if it completed, shape [n_runs]."""
+    failed_places: FloatArray
+    """Centre (R, Y) of that element in the undeformed mesh [m], shape [n_runs, 2]; NaN if it completed."""
+    stage: tuple[str, ...]
+    """Why the run was made: "design", "refinement" or "check", length n_runs."""
+    phi_shape: FloatArray
+    """Phi_S of each run [-], shape [n_runs]; NaN for a run that did not complete, or without an outline."""
+    phi_force: FloatArray
+    """Phi_F of each run [N], shape [n_runs]; NaN for a run that did not complete."""
+    chi2_shape: FloatArray
+    """Shape chi-square of each run [-], shape [n_runs]; NaN likewise."""
+    chi2_force: FloatArray
+    """Force chi-square of each run [-], shape [n_runs]; NaN for a run that did not complete."""
+
+    def ending(self, run: int) -> Ending:
+        """How, when and where a run ended."""
+        r, y = self.failed_places[run]
+        return Ending(
+            outcome=Outcome[self.outcomes[run]],
+            time=float(self.end_times[run]),
+            element=int(self.failed_elements[run]),
+            place=(float(r), float(y)),
+        )
+
+    @property
+    def lost(self) -> tuple[int, ...]:
+        """The runs that did not complete."""
+        return tuple(i for i, name in enumerate(self.outcomes) if name != Outcome.COMPLETED.name)
+
+
+@dataclass(frozen=True)
+class SurrogateCurve:
+    """The surrogate along one parameter, the others at their optimum."""
+
+    parameter: str
+    """The parameter that varies."""
+    x: FloatArray
+    """Its values, shape [n]."""
+    chi2: FloatArray
+    """Joint chi-square (with the discrepancy weights of the final search) [-], shape [n]."""
+    phi_shape: FloatArray
+    """Phi_S [-], shape [n]; NaN without an outline."""
+    phi_force: FloatArray
+    """Phi_F [N], shape [n]."""
+
+
+@dataclass(frozen=True, repr=False)
+class Identification:
+    """What `kolsky identify` returns."""
+
+    shot: str
+    """Name of the shot."""
+    estimates: dict[str, Estimate]
+    """One entry per free parameter."""
+    fixed: dict[str, float]
+    """The parameters held fixed, in SI."""
+    routes: tuple[Route, ...]
+    """Joint, force-only, shape-only and the paper's optimum; only the force's without an outline."""
+    terms: Terms
+    """Misfit terms of the check run at the optimum."""
+    comparison: Comparison
+    """The check run beside the data."""
+    response: Response
+    """The check run itself: a batch of one on the refined mesh, with all nodes."""
+    mesh: tuple[int, int]
+    """Elements across the radius and along the length, the surrogate's mesh."""
+    refined_mesh: tuple[int, int]
+    """The refined mesh: the check runs and the answer are on it."""
+    design: DesignTable
+    """Every run."""
+    curves: tuple[SurrogateCurve, ...]
+    """The surrogate along each free parameter."""
+    surrogate: dict[str, float]
+    """Surrogate quality: "loo_force" [N], "loo_shape" [m] (root-mean-square leave-one-out),
+    "check_force" [N], "check_shape" [m] (surrogate against the check run, rms)."""
+    seconds: dict[str, float]
+    """Wall time by stage [s]."""
+    warnings: tuple[str, ...] = ()
+    """What a user must know before using the answer, one sentence each; see `kolsky.uncertainty.warnings`."""
+    methods: tuple[Method, ...] = ()
+    """What other methods find from the same data; the answer's own is the first."""
+    systematic: tuple[Declaration, ...] = ()
+    """What declared uncertainties of the inputs do to the answer, and what was not declared."""
+    profiles: tuple[ParameterProfile, ...] = ()
+    """The profile likelihood of each free parameter."""
+    ridge: PairMap | None = None
+    """The likelihood over the plane of two free parameters; None for another number of them."""
+    posterior: PosteriorSummary | None = None
+    """The posterior, if it was asked for."""
+    variations: tuple[Variation, ...] = ()
+    """What other choices of the analyst do to the answer."""
+    image_correlation: dict[str, float] = field(default_factory=dict)
+    """Numbers of the surfaces that the shot's pictures gave, see `kolsky.shot.dic_summary.numbers`."""
+    provenance: dict[str, Any] = field(default_factory=dict)
+    """Input hashes, settings, versions, seed, machine class, precision."""
+
+    def __repr__(self) -> str:
+        said = "; ".join(
+            f"{name} = {e.value:.6g} ± {2.0 * e.sigma:.2g} (k = 2, SI), {e.outcome}"
+            for name, e in self.estimates.items()
+        )
+        return f"Identification({self.shot!r}: {said})"
+
+
+def worst_imbalance(response: Response) -> float:
+    """Largest |energy residual| of the batch's first simulation over its largest external work [-].
+
+    NaN if it has no ledger, as when no simulation of a design completed.
+    """
+    if not np.isfinite(response.energy.external[0]).any():
+        return float("nan")
+    return float(response.energy.imbalance()[0])

@@ -1,0 +1,136 @@
+"""One simulation of a shot beside its data."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from explicit import Response
+from kolsky.base.files import write_table
+from kolsky.base.records import CentreLine
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.misfit import Prediction, predict, terms
+from kolsky.inverse.prepare import Prepared, prepare
+from kolsky.inverse.result import Terms
+from kolsky.inverse.side_surface import LEAST_STEP, radius_at
+from kolsky.shot.records import Shot
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """One run and how far it is from the data."""
+
+    parameters: dict[str, float]
+    """The parameters that were named, in SI."""
+    response: Response
+    """The run, a batch of one, with all nodes."""
+    prediction: Prediction | None
+    """What the instruments would have seen; None if the run did not complete."""
+    terms: Terms | None
+    """Misfit terms, Eqs. (M.3)-(M.8); None if the run did not complete: they belong to the whole window."""
+    prepared: Prepared
+    """The observations it is compared with."""
+
+
+def simulate(
+    shot: Shot,
+    parameters: Mapping[str, float],
+    *,
+    numerics: Numerics | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Simulation:
+    """Simulate a shot with given parameters; those not named keep the shot's values.
+
+    A run that does not complete is a result too: `Simulation.response.describe(0)` says what happened.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is unknown or outside its range.
+    """
+    prepared = prepare(shot)
+    response = prepared.forward.run(
+        {name: np.array([value]) for name, value in parameters.items()},
+        numerics or Numerics(),
+        all_nodes=True,
+        progress=progress,
+    )
+    completed = response.outcomes[0].ok
+    prediction = predict(response, prepared.observations) if completed else None
+    return Simulation(
+        parameters=dict(parameters),
+        response=response,
+        prediction=prediction,
+        terms=None if prediction is None else terms(prediction, prepared.observations, 0),
+        prepared=prepared,
+    )
+
+
+def write_simulation(folder: Path, simulation: Simulation) -> list[Path]:
+    """Write force.csv and, where an outline was measured, profile.csv: measured beside simulated, atomically.
+
+    Of a run that did not complete the tables hold what lies before its end.
+    """
+    observations, response = simulation.prepared.observations, simulation.response
+    line, force = observations.centre_line, observations.force
+    if simulation.prediction is not None:
+        seen = slice(None), simulation.prediction.force[0]
+        points, Z, inside = slice(None), simulation.prediction.Z[0], simulation.prediction.inside[0]
+    else:
+        seen, (points, Z, inside) = _force_so_far(response, force.time), _outline_so_far(response, line)
+    samples, simulated = seen
+    folder = Path(folder)
+    forces = write_table(
+        folder / "force.csv",
+        {
+            "time (s)": force.time[samples],
+            "measured force (N)": force.force[samples],
+            "sigma (N)": force.sigma[samples],
+            "simulated force (N)": simulated,
+        },
+    )
+    if not observations.has_shape:
+        return [forces]
+    return [
+        forces,
+        write_table(
+            folder / "profile.csv",
+            {
+                "frame": line.frame[points],
+                "time (s)": line.time[points],
+                "y (m)": line.y[points],
+                "Z measured (m)": line.Z[points],
+                "sigma Z (m)": line.sigma[points],
+                "Z simulated (m)": Z,
+                "inside (0/1)": inside.astype(np.int64),
+            },
+        ),
+    ]
+
+
+def _force_so_far(response: Response, recorded: FloatArray) -> tuple[slice, FloatArray]:
+    """The recorded samples before the run's end, and the simulated force there [N]."""
+    known = np.isfinite(response.force_transmission[0])
+    time, force = response.force_times[known], response.force_transmission[0, known]
+    count = int(np.searchsorted(recorded, time[-1], side="right")) if known.any() else 0
+    return slice(count), np.interp(recorded[:count], time, force) if count else np.empty(0)
+
+
+def _outline_so_far(response: Response, line: CentreLine) -> tuple[slice, FloatArray, NDArray[np.bool_]]:
+    """The outline points before the run's end, the simulated radius there [m] and where it reaches them."""
+    known = np.isfinite(response.surface_r[0]).all(axis=1)
+    times = response.surface_times[known]
+    count = int(np.searchsorted(line.time, times[-1], side="right")) if known.any() else 0
+    Z, inside = np.full(count, np.nan), np.zeros(count, dtype=bool)
+    row = np.searchsorted(times, line.time[:count])
+    for k in np.unique(row):
+        r, y = response.surface_r[0, known][k : k + 1], response.surface_y[0, known][k : k + 1]
+        if not (np.diff(y) >= LEAST_STEP).any():
+            continue  # crushed: no height is left between the platens, so no point is inside
+        here = np.flatnonzero(row == k)
+        Z[here], inside[here] = radius_at(r, y, np.zeros(len(here), dtype=np.intp), line.y[here])
+    return slice(count), Z, inside

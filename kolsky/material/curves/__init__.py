@@ -1,0 +1,1 @@
+"""Quasi-static uniaxial tests: strain, toe, scatter, apparent modulus."""

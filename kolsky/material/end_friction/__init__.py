@@ -1,0 +1,1 @@
+"""End friction in quasi-static compression, and the material curve without it."""

@@ -1,0 +1,1 @@
+"""Material laws fitted to homogeneous tests: residuals, searches, stability, comparison."""

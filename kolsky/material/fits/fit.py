@@ -1,0 +1,242 @@
+"""A law fitted to homogeneous tests by weighted least squares in nominal stress."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from explicit.materials import AnyLaw
+from kolsky.material.fits import goodness
+from kolsky.material.fits.modes import FloatArray
+from kolsky.material.fits.residuals import Residuals, Weighting, residuals_of
+from kolsky.material.fits.search import SAME, Found, search
+from kolsky.material.fits.test_data import HomogeneousTest
+
+STARTS = 12
+"""Starts that are polished where a law has more than moduli."""
+WEAKEST = 1e-7
+"""Ratio of the least to the largest singular value of the scaled Jacobian below which the data do not tell
+the constants apart: half the digits of the residuals."""
+
+
+class FitOutcome(Enum):
+    """What the data say of a law's constants."""
+
+    DETERMINED = "determined"
+    """One minimum, inside the bounds."""
+    AT_BOUND = "at a bound"
+    """The least sum of squares lies on a bound: the data ask for a constant outside."""
+    NOT_DETERMINED = "not determined"
+    """Different constants meet the data alike: fix some, or take a law with fewer."""
+
+
+@dataclass(frozen=True)
+class PartFit:
+    """How one test is met."""
+
+    test: HomogeneousTest
+    """The test."""
+    predicted: FloatArray
+    """Nominal stress of the law at its points [Pa], shape [n]."""
+
+    @property
+    def residual(self) -> FloatArray:
+        """Law less measurement [Pa], shape [n]."""
+        return self.predicted - self.test.stress
+
+    @property
+    def sse(self) -> float:
+        """Sum of squared residuals [Pa^2]."""
+        return float(np.sum(self.residual**2))
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square residual [Pa]."""
+        return goodness.rmse(self.residual)
+
+    @property
+    def r_squared(self) -> float:
+        """Coefficient of determination [-]."""
+        return goodness.r_squared(self.residual, self.test.stress)
+
+    @property
+    def relative_rms(self) -> float:
+        """Root mean square of residual over measured stress, where that is not zero [-]."""
+        loaded = self.test.stress != 0.0
+        return goodness.rmse(self.residual[loaded] / self.test.stress[loaded])
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted law with what the data leave open."""
+
+    name: str
+    """The law, and what was held of it."""
+    law: AnyLaw
+    """The law with its constants."""
+    free: tuple[str, ...]
+    """Names of the fitted constants."""
+    parts: tuple[PartFit, ...]
+    """How each test is met."""
+    weighting: Weighting
+    """What residuals were divided by."""
+    poisson: float | None
+    """Poisson's ratio at rest; None for the incompressible solution."""
+    chi2: float
+    """Sum of the weighted squared residuals [-]."""
+    n: int
+    """Residuals that counted."""
+    covariance: FloatArray
+    """Of the fitted constants, SI, shape [n_free, n_free]: that of independent residuals. Rows of constants
+    at a bound are zero; NaN throughout if the constants are not determined."""
+    outcome: FitOutcome
+    """What the data say of the constants."""
+    at_bound: tuple[str, ...]
+    """Constants at a bound."""
+    ends: tuple[float, ...]
+    """Weighted sum of squares each start reached, least first."""
+
+    @property
+    def values(self) -> dict[str, float]:
+        """All constants in SI, by name."""
+        return {s.name: float(x) for s, x in zip(self.law.PARAMETERS, self.law.constants(), strict=True)}
+
+    @property
+    def sigma(self) -> dict[str, float]:
+        """Standard uncertainty of the fitted constants in SI, by name."""
+        return dict(zip(self.free, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+    @property
+    def youngs_modulus(self) -> float:
+        """E_0 at rest [Pa]: 3 mu_0, or 2 mu_0 (1 + nu)."""
+        return 2.0 * self.law.shear_modulus * (1.0 + (0.5 if self.poisson is None else self.poisson))
+
+    @property
+    def sse(self) -> float:
+        """Sum of squared residuals of all tests, unweighted [Pa^2]."""
+        return sum(part.sse for part in self.parts)
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square residual of all tests, unweighted [Pa]."""
+        return float(np.sqrt(self.sse / sum(len(part.residual) for part in self.parts)))
+
+    @property
+    def r_squared(self) -> float:
+        """Coefficient of determination of all tests together [-]."""
+        whole = np.concatenate([part.residual for part in self.parts])
+        return goodness.r_squared(whole, np.concatenate([part.test.stress for part in self.parts]))
+
+    @property
+    def aic(self) -> float:
+        """Akaike's criterion; compare only laws fitted to the same points with the same weights."""
+        return goodness.aic(self.chi2, self.n, len(self.free), known_noise=self.weighting is Weighting.SIGMA)
+
+    @property
+    def bic(self) -> float:
+        """Schwarz's criterion; likewise."""
+        return goodness.bic(self.chi2, self.n, len(self.free), known_noise=self.weighting is Weighting.SIGMA)
+
+    @property
+    def durbin_watson(self) -> float:
+        """Least Durbin-Watson number of the tests: far below 2 the law misses the curve's shape, and
+        `covariance`, which counts every point as new, is too small."""
+        return min(goodness.durbin_watson(part.residual) for part in self.parts)
+
+    @property
+    def agreeing(self) -> int:
+        """Starts that reached the least sum of squares."""
+        return sum(end <= self.ends[0] * (1.0 + SAME) for end in self.ends)
+
+
+def fit_law(
+    law: type[AnyLaw],
+    tests: Sequence[HomogeneousTest],
+    *,
+    weighting: Weighting = Weighting.ABSOLUTE,
+    bounded: bool = True,
+    held: Mapping[str, float] | None = None,
+    poisson: float | None = None,
+    starts: int = STARTS,
+    seed: int = 1,
+    name: str = "",
+) -> Fit:
+    """Fit a law to one or several homogeneous tests at once.
+
+    Parameters
+    ----------
+    law
+        One of `explicit.materials.LAWS`.
+    tests
+        The tests; each may carry a weight.
+    weighting
+        What residuals are divided by.
+    bounded
+        Keep the constants in the bounds in which the energy is positive at any deformation. Without them only
+        those bounds stay in which the law exists.
+    held
+        Constants that are not fitted, in SI.
+    poisson
+        Poisson's ratio at rest for the compressible solution with K/2 (J - 1)^2; incompressible if not given.
+    starts
+        Starts that are polished.
+    seed
+        Seed of the starts.
+    name
+        How the fit is called; the law's name with what is held, if not given.
+
+    Returns
+    -------
+    Fit
+        The best minimum of all starts; `outcome` says whether the data determine it.
+
+    Raises
+    ------
+    ValueError
+        If the tests and the law cannot be fitted to each other; the message says why.
+    """
+    if starts < 1:
+        raise ValueError(f"starts must be >= 1, got {starts}")
+    problem = residuals_of(law, tests, weighting=weighting, held=held, poisson=poisson)
+    found = search(problem, bounded=bounded, starts=starts, seed=seed)
+    made = problem.build(found.unknowns)
+    covariance, told_apart = _covariance(problem, found)
+    at_bound = tuple(spec.name for spec, at in zip(problem.free, found.at_bound, strict=True) if at)
+    outcome = FitOutcome.AT_BOUND if at_bound else FitOutcome.DETERMINED
+    return Fit(
+        name=name or law.NAME + "".join(f", {key} = {value:g}" for key, value in problem.held.items()),
+        law=made,
+        free=tuple(spec.name for spec in problem.free),
+        parts=tuple(PartFit(*pair) for pair in zip(problem.tests, problem.stress(made), strict=True)),
+        weighting=weighting,
+        poisson=poisson,
+        chi2=found.chi2,
+        n=problem.n,
+        covariance=covariance,
+        outcome=outcome if told_apart else FitOutcome.NOT_DETERMINED,
+        at_bound=at_bound,
+        ends=found.ends,
+    )
+
+
+def _covariance(problem: Residuals, found: Found) -> tuple[FloatArray, bool]:
+    """Covariance of the free constants in SI, and whether the data tell them apart."""
+    inside = ~np.array(found.at_bound)
+    k = len(inside)
+    whole = np.zeros((k, k))
+    J = found.jacobian[:, inside]
+    length = np.sqrt(np.sum(J**2, axis=0))
+    if (length == 0.0).any():
+        return np.full((k, k), np.nan), False
+    _, s, vt = np.linalg.svd(J / length, full_matrices=False)
+    if s.size and s[-1] < WEAKEST * s[0]:
+        return np.full((k, k), np.nan), False
+    # Unknown noise: its variance from the residuals; known noise: not less than that, if the law misses more.
+    variance = found.chi2 / (problem.n - int(inside.sum()))
+    if problem.weighting is Weighting.SIGMA:
+        variance = max(1.0, variance)
+    covariance = (vt.T / s**2) @ vt * variance / np.outer(length, length)
+    units = problem.units[inside]
+    whole[np.ix_(inside, inside)] = covariance * np.outer(units, units)
+    return whole, True

@@ -1,0 +1,144 @@
+r"""Nominal stress of a hyperelastic law in homogeneous tests, incompressible and compressible.
+
+With beta_i = lam_i dW/dlam_i the Kirchhoff stress of an incompressible solid is tau_i = beta_i - p; the free
+face 3 has tau_3 = 0, so p = beta_3 and the nominal stress is
+
+    T = (beta_1 - beta_3) / lam,                        uniaxial, equibiaxial, planar,         (Q.2)
+    T = (beta_1 - beta_3) / (lam_1 + 1 / lam_1),        simple shear, gamma = lam_1 - 1 / lam_1,   (Q.3)
+
+both dW/d(deformation) (half of it in equibiaxial tension, where two pairs of faces work). A compressible
+solid has W(lam_i / J^(1/3)) + U(J) and
+
+    tau_i = beta_i - (beta_1 + beta_2 + beta_3) / 3 + J U'(J),                                 (Q.4)
+
+and the stretch of the free faces is the root of tau_3 = 0, found here to the last digits. Simple shear keeps
+the volume: its shear stress is Eq. (Q.3) for any U.
+
+References: Ogden, Non-linear Elastic Deformations, 1984, ch. 7; Treloar, The Physics of Rubber Elasticity,
+1975.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import elementwise
+
+from explicit.materials.law import Stretches
+from explicit.materials.volumetric import VolumetricLaw
+from kolsky.material.fits.modes import FloatArray, Mode, check_deformation
+
+
+def incompressible_stress(law: Stretches, mode: Mode, deformation: ArrayLike) -> FloatArray:
+    """Nominal stress of an incompressible solid, Eqs. (Q.2) and (Q.3).
+
+    Parameters
+    ----------
+    law
+        The strain energy.
+    mode
+        The test.
+    deformation
+        Stretch along the load, or amount of shear [-], shape [...].
+
+    Returns
+    -------
+    array, shape [...]
+        Nominal stress, tension-positive [Pa].
+
+    Raises
+    ------
+    ValueError
+        If a stretch is not > 0.
+    """
+    lam = mode.principal_stretches(deformation)
+    slopes = law.principal(*lam)
+    difference = lam[0] * slopes[0] - lam[2] * slopes[2]
+    if mode is Mode.SIMPLE_SHEAR:
+        return np.asarray(difference / (lam[0] + lam[2]))
+    return np.asarray(difference / lam[0])
+
+
+def compressible_stress(
+    law: Stretches, volume: VolumetricLaw, mode: Mode, deformation: ArrayLike
+) -> FloatArray:
+    """Nominal stress of a compressible solid with stress-free free faces, Eq. (Q.4).
+
+    Parameters
+    ----------
+    law
+        The isochoric strain energy.
+    volume
+        The volumetric energy.
+    mode
+        The test.
+    deformation
+        Stretch along the load, or amount of shear [-], shape [...].
+
+    Returns
+    -------
+    array, shape [...]
+        Nominal stress, tension-positive [Pa].
+
+    Raises
+    ------
+    ValueError
+        If a stretch is not > 0, or no stretch leaves the free faces without stress.
+    """
+    if mode is Mode.SIMPLE_SHEAR:
+        return incompressible_stress(law, mode, deformation)
+    d = np.asarray(deformation, dtype=float)
+    lam = _stretches(mode, d, free_stretch(law, volume, mode, d))
+    return np.asarray(_kirchhoff(law, volume, lam)[0] / d)
+
+
+def free_stretch(law: Stretches, volume: VolumetricLaw, mode: Mode, deformation: ArrayLike) -> FloatArray:
+    """Stretch of the free faces of a compressible solid [-], shape [...]: the root of tau_3 = 0.
+
+    Raises
+    ------
+    ValueError
+        If a stretch is not > 0, the mode has no free face, or no stretch leaves the face without stress.
+    """
+    if mode is Mode.SIMPLE_SHEAR:
+        raise ValueError("simple shear prescribes the whole deformation: no face is free")
+    d = np.asarray(deformation, dtype=float)
+    check_deformation(mode, d)
+    start = np.log(mode.principal_stretches(d)[2])
+
+    def side_stress(x: FloatArray, stretch: FloatArray) -> FloatArray:
+        return _kirchhoff(law, volume, _stretches(mode, stretch, np.exp(x)))[2]
+
+    with np.errstate(over="ignore", invalid="ignore"):
+        bracket = elementwise.bracket_root(side_stress, start - 0.02, start + 0.02, args=(d,), maxiter=100)
+        found = elementwise.find_root(
+            side_stress,
+            bracket.bracket,
+            args=(d,),
+            # In ln(lam_3), so relative in lam_3; under a stiff volume the stress itself is no measure.
+            tolerances={"xatol": 1e-15, "xrtol": 0.0, "fatol": 0.0, "frtol": 0.0},
+        )
+    failed = ~np.asarray(bracket.success & found.success)
+    if failed.any():
+        worst = np.broadcast_to(d, failed.shape)[failed].flat[0]
+        raise ValueError(
+            f"{mode.value} at stretch {worst:.6g}: no stretch of the free faces leaves them without "
+            "stress; the law is not stable there"
+        )
+    return np.asarray(np.exp(found.x))
+
+
+def _stretches(mode: Mode, load: FloatArray, free: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    if mode is Mode.UNIAXIAL:
+        return load, free, free
+    return (load, load, free) if mode is Mode.EQUIBIAXIAL else (load, np.ones_like(load), free)
+
+
+def _kirchhoff(
+    law: Stretches, volume: VolumetricLaw, lam: tuple[FloatArray, FloatArray, FloatArray]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Principal Kirchhoff stresses [Pa], Eq. (Q.4)."""
+    J = lam[0] * lam[1] * lam[2]
+    bar = tuple(x / np.cbrt(J) for x in lam)
+    beta = [x * slope for x, slope in zip(bar, law.principal(*bar), strict=True)]
+    mean = (beta[0] + beta[1] + beta[2]) / 3.0
+    pressure = J * volume.pressure(J)
+    return beta[0] - mean + pressure, beta[1] - mean + pressure, beta[2] - mean + pressure

@@ -1,0 +1,196 @@
+"""The search for the least sum of squares: many starts, each polished, and what they agree on.
+
+A stress is linear in the moduli of every law here. So only the other constants (exponents, locking stretches)
+are drawn, over decades; for each draw the best moduli are one linear least-squares problem (variable
+projection, Golub and Pereyra 1973). The best draws are then polished in all constants by a trust-region
+method within the bounds (Branch, Coleman and Li 1999; `scipy.optimize.least_squares`), which assumes nothing
+of the law.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares, lsq_linear
+from scipy.stats import qmc
+
+from explicit.materials.law import ParameterSpec
+from kolsky.material.fits.modes import FloatArray
+from kolsky.material.fits.residuals import REFUSED, Residuals
+
+DECADES = 2.0
+"""Decades to each side of the example over which a constant without two finite bounds is drawn."""
+LEAST_SIZE = 0.3
+"""Smallest size drawn of a constant that may have both signs, as an exponent of Ogden's law."""
+ROUGH, FINE = 60, 500
+"""Most evaluations of the Jacobian for every start, and then for the best of them."""
+BEST = 3
+"""Starts that are polished to the end."""
+TIGHT = 1e-14
+"""Relative change of sum, constants or gradient at which a search ends: the last digits."""
+SAME = 1e-6
+"""Relative difference of sums of squares below which two searches have found one minimum."""
+NO_MODULUS = 1e-6
+"""Initial shear modulus over the largest stress below which a search has run to the edge of what is a law."""
+_NO_LAW = (
+    "{}: least squares lead to constants that are no law (the initial shear modulus would not be > 0, or "
+    "there is no stress at a point); keep the bounds of a positive energy, or take a law with fewer constants"
+)
+NEAR_BOUND = 1e-7
+"""Distance from a bound, relative to the constant's size, within which a constant lies at it."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """The least sum of squares that was found."""
+
+    unknowns: FloatArray
+    """Free constants in the units of `Residuals`, shape [n_free]."""
+    chi2: float
+    """Sum of squared residuals [-]."""
+    jacobian: FloatArray
+    """Derivative of the residuals by the unknowns, shape [n_points, n_free]."""
+    at_bound: tuple[bool, ...]
+    """Which unknowns lie at a bound."""
+    ends: tuple[float, ...]
+    """Sum of squares that each polished start reached, least first."""
+
+
+def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> Found:
+    """Minimise the sum of squares.
+
+    Parameters
+    ----------
+    residuals
+        The problem.
+    bounded
+        Keep within the bounds in which the energy is positive; otherwise in those in which the law exists.
+    starts
+        Starts that are polished.
+    seed
+        Of the draws.
+
+    Raises
+    ------
+    ValueError
+        If the least squares lie where there is no law: its initial shear modulus would not be > 0, or it
+        has no stress at a point.
+    """
+    lower, upper = _bounds(residuals, bounded)
+    begun = _starts(residuals, lower, upper, starts, seed)
+    ends = [_polished(residuals, start, lower, upper, ROUGH, "2-point") for start in begun]
+    ends = sorted((end for end in ends if end[0] < REFUSED), key=lambda end: end[0])
+    if not ends:
+        raise ValueError(_NO_LAW.format(residuals.law.NAME))
+    ends[:BEST] = [_polished(residuals, x, lower, upper, FINE, "3-point") for _, x in ends[:BEST]]
+    ends.sort(key=lambda end: end[0])
+    chi2, x = ends[0]
+    if residuals.build(x).shear_modulus < NO_MODULUS * residuals.stress_scale:
+        raise ValueError(_NO_LAW.format(residuals.law.NAME))
+    chi2, x, at = _settled(residuals, chi2, x, lower, upper)
+    jacobian = least_squares(residuals, x, jac="3-point", max_nfev=1, x_scale="jac").jac
+    return Found(x, chi2, np.asarray(jacobian), tuple(bool(a) for a in at), tuple(end[0] for end in ends))
+
+
+def _bounds(residuals: Residuals, bounded: bool) -> tuple[FloatArray, FloatArray]:
+    lower, upper = [], []
+    for spec, unit in zip(residuals.free, residuals.units, strict=True):
+        kept = bounded or spec.strict
+        lower.append(spec.lower / unit if kept else -np.inf)
+        upper.append(spec.upper / unit if kept else np.inf)
+    return np.array(lower), np.array(upper)
+
+
+def _starts(
+    residuals: Residuals, lower: FloatArray, upper: FloatArray, count: int, seed: int
+) -> list[FloatArray]:
+    """Starts inside the bounds, most promising first."""
+    linear = np.array([spec.unit == "Pa" for spec in residuals.free])
+    shapes = [spec for spec in residuals.free if spec.unit != "Pa"]
+    examples = np.array([spec.example for spec in residuals.free]) / residuals.units
+    if shapes:
+        cube = qmc.LatinHypercube(len(shapes), rng=np.random.default_rng(seed)).random(16 * count)
+        drawn = np.column_stack([_drawn(spec, u) for spec, u in zip(shapes, cube.T, strict=True)])
+    else:
+        drawn, count = np.empty((1, 0)), 1
+    ranked = []
+    for shape in drawn:
+        x = examples.copy()
+        x[~linear] = shape
+        x = _with_best_moduli(residuals, x, linear, lower, upper)
+        chi2 = float(np.sum(residuals(x) ** 2))
+        if chi2 < REFUSED:
+            ranked.append((chi2, x))
+    ranked.sort(key=lambda pair: pair[0])
+    chosen: list[FloatArray] = []
+    for _, x in ranked:
+        # Starts of nearly the same exponents would end in the same place.
+        if all(np.max(np.abs(x - y) / (np.abs(x) + np.abs(y) + 1e-12)) > 0.05 for y in chosen):
+            chosen.append(x)
+        if len(chosen) == count:
+            break
+    return chosen
+
+
+def _drawn(spec: ParameterSpec, u: FloatArray) -> FloatArray:
+    """Values of a pure number, log-uniform in size, inside the bounds of a positive energy."""
+    if spec.lower < 0.0 < spec.upper:
+        sign, share = np.where(u < 0.5, -1.0, 1.0), np.where(u < 0.5, 2.0 * u, 2.0 * u - 1.0)
+        return np.asarray(sign * LEAST_SIZE * (min(-spec.lower, spec.upper) / LEAST_SIZE) ** share)
+    low = max(spec.lower, spec.example * 10.0**-DECADES)
+    return np.asarray(low * (min(spec.upper, spec.example * 10.0**DECADES) / low) ** u)
+
+
+def _with_best_moduli(
+    residuals: Residuals, x: FloatArray, linear: NDArray[np.bool_], lower: FloatArray, upper: FloatArray
+) -> FloatArray:
+    """The same pure numbers with the moduli of least squares, the stress taken as linear in them."""
+    if not linear.any():
+        return x
+    columns = []
+    for k in np.flatnonzero(linear):
+        higher = x.copy()
+        higher[k] += abs(x[k])
+        columns.append((residuals(higher) - residuals(x)) / abs(x[k]))
+    A = np.column_stack(columns)
+    if not np.isfinite(A).all() or np.abs(A).max() >= REFUSED:
+        return x
+    with np.errstate(invalid="ignore"):  # SciPy multiplies by the infinite way to a bound that is not there
+        solved = lsq_linear(A, A @ x[linear] - residuals(x), (lower[linear], upper[linear]), tol=1e-13)
+    best = x.copy()
+    best[linear] = solved.x
+    return best
+
+
+def _polished(
+    residuals: Residuals, x: FloatArray, lower: FloatArray, upper: FloatArray, most: int, jac: str
+) -> tuple[float, FloatArray]:
+    """Sum of squares and unknowns where a search from x ends."""
+    size = np.maximum(np.abs(x), 1e-6)
+    inside = np.clip(x, np.where(np.isfinite(lower), lower + 1e-9 * size, lower), upper - 1e-9 * size)
+    with np.errstate(over="ignore", invalid="ignore"):
+        end = least_squares(
+            residuals,
+            inside,
+            jac=jac,
+            bounds=(lower, upper),
+            x_scale="jac",
+            ftol=TIGHT,
+            xtol=TIGHT,
+            gtol=TIGHT,
+            max_nfev=most,
+        )
+    return float(2.0 * end.cost), np.asarray(end.x)
+
+
+def _settled(
+    residuals: Residuals, chi2: float, x: FloatArray, lower: FloatArray, upper: FloatArray
+) -> tuple[float, FloatArray, NDArray[np.bool_]]:
+    """The minimum with what is next to a bound put on it: a trust region only comes near."""
+    size = np.maximum(np.abs(x), 1.0)
+    low, high = x - lower < NEAR_BOUND * size, upper - x < NEAR_BOUND * size
+    placed = np.where(low, lower, np.where(high, upper, x))
+    there = float(np.sum(residuals(placed) ** 2))
+    if there <= chi2 * (1.0 + SAME):
+        return there, placed, low | high
+    return chi2, x, np.zeros(len(x), dtype=bool)

@@ -1,0 +1,178 @@
+"""A comparison of laws as tables and as JSON: one place for what is written, printed and shown."""
+
+import math
+from typing import Any
+
+from kolsky.material.fits.compare import Comparison, Row
+from kolsky.material.fits.fit import Fit
+
+Columns = dict[str, list[Any]]
+
+
+def tables(comparison: Comparison) -> dict[str, Columns]:
+    """Columns by heading, of every table by name; numbers that do not exist are empty text."""
+    return {
+        "material_laws": _laws(comparison),
+        "material_constants": _constants(comparison),
+        "material_errors": _errors(comparison),
+        "material_stability": _stability(comparison),
+        "material_curves": _curves(comparison),
+    }
+
+
+def as_json(comparison: Comparison, hashes: dict[str, str]) -> dict[str, Any]:
+    """Everything but the curves, in SI units."""
+    best = comparison.best
+    return {
+        "tests": [
+            {"name": t.name, "mode": t.mode.value, "points": len(t.stress), "weight": t.weight}
+            for t in comparison.tests
+        ],
+        "weighting": comparison.weighting.value,
+        "bounded": comparison.bounded,
+        "poisson": comparison.poisson,
+        "best": None if best is None else best.candidate.name,
+        "laws": [_row(row) for row in comparison.rows],
+        "inputs": hashes,
+    }
+
+
+def failure(row: Row) -> str:
+    """Where a law stops being stable, in words."""
+    if row.fit is None:
+        return ""
+    first = row.first_failure
+    if first is not None:
+        return str(first)
+    lam = max(abs(math.log1p(path.strain)) for path in row.stability if path.direction != "shear")
+    return f"stable to stretch {math.exp(lam):.3g}"
+
+
+def _row(row: Row) -> dict[str, Any]:
+    said: dict[str, Any] = {"law": row.candidate.name, "held": dict(row.candidate.held)}
+    if row.fit is None:
+        return {**said, "fit": None, "reason": row.reason}
+    f = row.fit
+    return {
+        **said,
+        "fit": {
+            "constants": f.values,
+            "sigma": {name: _finite(value) for name, value in f.sigma.items()},
+            "outcome": f.outcome.value,
+            "at_bound": list(f.at_bound),
+            "outside": list(f.law.outside()),
+            "shear_modulus": f.law.shear_modulus,
+            "youngs_modulus": f.youngs_modulus,
+            "sse": f.sse,
+            "rmse": f.rmse,
+            "r_squared": f.r_squared,
+            "aic": _finite(f.aic),
+            "bic": _finite(f.bic),
+            "durbin_watson": _finite(f.durbin_watson),
+            "starts": len(f.ends),
+            "starts_agreeing": f.agreeing,
+        },
+        "errors": [
+            {
+                "test": p.test.name,
+                "rmse": p.rmse,
+                "r_squared": p.r_squared,
+                "relative_rms": p.relative_rms,
+            }
+            for p in f.parts
+        ],
+        "stable_over_data": row.stable,
+        "stability": [
+            {
+                "mode": path.mode.value,
+                "direction": path.direction,
+                "outcome": path.outcome.value,
+                "strain": path.strain,
+            }
+            for path in row.stability
+        ],
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _fitted(comparison: Comparison) -> list[tuple[Row, Fit]]:
+    return [(row, row.fit) for row in comparison.rows if row.fit is not None]
+
+
+def _laws(comparison: Comparison) -> Columns:
+    rows = _fitted(comparison)
+    least = min((f.aic for _, f in rows), default=0.0)
+    return {
+        "law": [row.candidate.name for row, _ in rows],
+        "free constants": [len(f.free) for _, f in rows],
+        "initial Young's modulus (Pa)": [f.youngs_modulus for _, f in rows],
+        "initial shear modulus (Pa)": [f.law.shear_modulus for _, f in rows],
+        "SSE (Pa^2)": [f.sse for _, f in rows],
+        "RMSE (Pa)": [f.rmse for _, f in rows],
+        "R squared": [f.r_squared for _, f in rows],
+        "AIC": [f.aic for _, f in rows],
+        "AIC less the least": [f.aic - least if math.isfinite(f.aic) else 0.0 for _, f in rows],
+        "BIC": [f.bic for _, f in rows],
+        "Durbin-Watson": [f.durbin_watson for _, f in rows],
+        "constants are": [f.outcome.value for _, f in rows],
+        "stable over the data": ["yes" if row.stable else "no" for row, _ in rows],
+        "stability ends": [failure(row) for row, _ in rows],
+    }
+
+
+def _constants(comparison: Comparison) -> Columns:
+    made: Columns = {k: [] for k in ("law", "constant", "value (SI)", "u (SI)", "unit", "state")}
+    for row, f in _fitted(comparison):
+        for spec in f.law.PARAMETERS:
+            free = spec.name in f.free
+            state = "at a bound" if spec.name in f.at_bound else "fitted" if free else "held"
+            made["law"].append(row.candidate.name)
+            made["constant"].append(spec.name)
+            made["value (SI)"].append(f.values[spec.name])
+            sigma = f.sigma[spec.name] if state == "fitted" else math.nan
+            made["u (SI)"].append(sigma if math.isfinite(sigma) else "")
+            made["unit"].append(spec.unit)
+            made["state"].append(state)
+    return made
+
+
+def _errors(comparison: Comparison) -> Columns:
+    parts = [(row, part) for row, f in _fitted(comparison) for part in f.parts]
+    return {
+        "law": [row.candidate.name for row, _ in parts],
+        "test": [p.test.name for _, p in parts],
+        "mode": [p.test.mode.value for _, p in parts],
+        "points": [len(p.residual) for _, p in parts],
+        "SSE (Pa^2)": [p.sse for _, p in parts],
+        "RMSE (Pa)": [p.rmse for _, p in parts],
+        "R squared": [p.r_squared for _, p in parts],
+        "relative rms": [p.relative_rms for _, p in parts],
+    }
+
+
+def _stability(comparison: Comparison) -> Columns:
+    paths = [(row, path) for row, _ in _fitted(comparison) for path in row.stability]
+    return {
+        "law": [row.candidate.name for row, _ in paths],
+        "mode": [path.mode.value for _, path in paths],
+        "direction": [path.direction for _, path in paths],
+        "outcome": [path.outcome.value for _, path in paths],
+        "strain": [path.strain for _, path in paths],
+    }
+
+
+def _curves(comparison: Comparison) -> Columns:
+    rows = _fitted(comparison)
+    tests = comparison.tests
+    made: Columns = {
+        "test": [t.name for t in tests for _ in t.stress],
+        "mode": [t.mode.value for t in tests for _ in t.stress],
+        "nominal strain or amount of shear": [float(x) for t in tests for x in t.strain],
+        "measured (Pa)": [float(x) for t in tests for x in t.stress],
+    }
+    for row, f in rows:
+        made[f"{row.candidate.name} (Pa)"] = [float(x) for p in f.parts for x in p.predicted]
+    return made

@@ -1,0 +1,216 @@
+"""From repeated quasi-static tests to the curve that a dynamic test is compared with."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import sqrt
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kolsky.base.apparatus import Specimen
+from kolsky.material.curves.apparent import ApparentModulus, apparent_modulus
+from kolsky.material.curves.band import CurveBand, mean_of_repeats, resampled
+from kolsky.material.curves.toe import Begun, Toe, correct_toe
+from kolsky.material.curves.uniaxial import UniaxialTest, loading_ramps
+from kolsky.material.end_friction.correct import correct_friction
+from kolsky.material.end_friction.records import EndFriction, FrictionCorrection
+from kolsky.material.end_friction.slow_test import SlowNumerics
+
+FloatArray = NDArray[np.float64]
+Pull = Literal["first", "conditioned"]
+
+PAST_DATA = 0.25
+"""Share of the specimen past the curve's end from which on it is said."""
+FEWEST_POINTS = 8
+"""Fewest points of a curve; a law needs 5 away from rest."""
+
+
+@dataclass(frozen=True)
+class Treatment:
+    """What is declared of the tests; nothing of it is found in the data."""
+
+    toe: Toe = field(default_factory=Toe)
+    """How the zero of the strain is found."""
+    compliance: float = 0.0
+    """Compliance of the machine [m/N]; needs `specimen`."""
+    scale_sigma: float = 0.0
+    """Relative standard uncertainty that all tests share, of load cell and cross-section [-]."""
+    specimen: Specimen | None = None
+    """Undeformed size, for the compliance and for the friction."""
+    ends: EndFriction | None = None
+    """What held the specimen at its ends; None: it slid freely."""
+    bulge_sigma: float = 0.0
+    """Standard deviation of the radius at mid-height [m]."""
+    points: int = 60
+    """Points of the curve."""
+    last: float | None = None
+    """Strain at which the curve ends [-]; None: where the first of the tests does."""
+    numerics: SlowNumerics | None = None
+    """Of the friction's correction."""
+
+    def __post_init__(self) -> None:
+        if self.points < FEWEST_POINTS:
+            raise ValueError(f"a curve needs at least {FEWEST_POINTS} points, got {self.points}")
+        if not 0.0 <= self.scale_sigma < 0.5:
+            raise ValueError(f"the scale's relative sigma must be in [0, 0.5), got {self.scale_sigma}")
+        if self.specimen is None and (self.compliance > 0.0 or self.ends is not None):
+            raise ValueError("compliance and end friction need the specimen's diameter and length")
+
+
+@dataclass(frozen=True)
+class ReferenceCurve:
+    """The curve of the material, and the steps that led to it."""
+
+    pull: Pull
+    """Which ramps: the first pull, or the last one of conditioned specimens."""
+    compression: bool
+    """Whether the branch is compression."""
+    tests: tuple[Begun, ...]
+    """Every test's ramp after compliance and toe."""
+    apparent: CurveBand
+    """Mean of the tests as if the ends had slid freely."""
+    band: CurveBand
+    """The material's curve: `apparent`, or without the friction where that is declared."""
+    modulus: ApparentModulus
+    """E_a of the material's curve, Eq. (M.9)."""
+    friction: FrictionCorrection | None
+    """The friction's correction."""
+    remarks: tuple[str, ...]
+    """What a user should know, in words."""
+
+
+def reference_curve(
+    tests: Sequence[UniaxialTest], treatment: Treatment, *, pull: Pull = "first"
+) -> ReferenceCurve:
+    """Average repeats and take out what is not the material.
+
+    Compliance, choice of the ramp, toe, mean with its band, end friction: in this order.
+
+    Parameters
+    ----------
+    tests
+        Repeats of one test on specimens of one size and one branch.
+    treatment
+        What is declared of them.
+    pull
+        "first": the first loading ramp of each record. "conditioned": the last of two or more, on the first
+        pull's length, so that a permanent set is in its toe's offset.
+
+    Raises
+    ------
+    ValueError
+        If the tests differ in branch, a record has no such ramp, a toe cannot be found, the tests have no
+        range of strain in common, or friction is to be taken out of a tension test or cannot be.
+    """
+    if not tests:
+        raise ValueError("a baseline needs at least one test")
+    compression = tests[0].compression
+    if any(test.compression is not compression for test in tests):
+        raise ValueError("a baseline is of one branch; these tests are of tension and of compression")
+    if treatment.ends is not None and not compression:
+        raise ValueError("end friction can be taken out of compression tests only")
+    begun = tuple(correct_toe(_ramp(test, treatment, pull), treatment.toe) for test in tests)
+    axis = _axis([one.test for one in begun], treatment)
+    apparent, remarks = _mean(begun, axis, treatment)
+    times, bulge = _beside(begun, axis)
+    friction, band = None, apparent
+    if treatment.ends is not None:
+        assert treatment.specimen is not None
+        friction = correct_friction(
+            apparent,
+            treatment.specimen,
+            treatment.ends,
+            bulge=bulge,
+            bulge_sigma=treatment.bulge_sigma / sqrt(len(tests)),
+            numerics=treatment.numerics,
+        )
+        band = friction.band
+        if friction.slow.past_data > PAST_DATA:
+            remarks += (
+                f"at the largest strain {100.0 * friction.slow.past_data:.0f} % of the barrelled specimen was"
+                " strained past the curve's own end: there the correction rests on its continuation",
+            )
+    return ReferenceCurve(
+        pull=pull,
+        compression=compression,
+        tests=begun,
+        apparent=apparent,
+        band=band,
+        modulus=apparent_modulus(band, compression=compression, time=times),
+        friction=friction,
+        remarks=remarks,
+    )
+
+
+def _ramp(test: UniaxialTest, treatment: Treatment, pull: Pull) -> UniaxialTest:
+    if treatment.compliance > 0.0:
+        size = treatment.specimen
+        assert size is not None
+        test = test.without_machine(treatment.compliance, area=size.area, length=size.length)
+    ramps = loading_ramps(test)
+    if pull == "conditioned" and len(ramps) < 2:
+        raise ValueError(
+            f"{test.name}: the record has one loading ramp; a conditioned specimen was loaded before"
+        )
+    return test.part(ramps[0] if pull == "first" else ramps[-1])
+
+
+def _axis(tests: Sequence[UniaxialTest], treatment: Treatment) -> FloatArray:
+    """Equal steps from rest to the end that all tests reach, from where all of them have left their toes."""
+    low, high = max(t.strain.min() for t in tests), min(t.strain.max() for t in tests)
+    if treatment.last is not None:
+        if not 0.0 < treatment.last <= high:
+            raise ValueError(f"the curve may end at a strain in (0, {high:.4g}], got {treatment.last:.4g}")
+        high = treatment.last
+    axis = np.linspace(0.0, high, treatment.points + 1)[1:]
+    kept = axis[axis >= low - 1e-12]
+    if kept.size < FEWEST_POINTS:
+        first = max(tests, key=lambda t: float(t.strain.min())).name
+        last = min(tests, key=lambda t: float(t.strain.max())).name
+        raise ValueError(
+            f"the tests have too little strain in common: {first} begins at {low:.4g}, {last} ends at"
+            f" {high:.4g}; {kept.size} of {treatment.points} points are left, {FEWEST_POINTS} are needed"
+        )
+    return kept
+
+
+def _mean(
+    begun: Sequence[Begun], axis: FloatArray, treatment: Treatment
+) -> tuple[CurveBand, tuple[str, ...]]:
+    found = [resampled(one.test.strain, one.test.stress, axis) for one in begun]
+    values = np.stack([value for value, _ in found])
+    wrong = np.argwhere(values <= 0.0)
+    if wrong.size:
+        test, place = begun[wrong[0, 0]].test, wrong[0, 1]
+        raise ValueError(
+            f"{test.name}: the stress is {values[tuple(wrong[0])]:.4g} Pa at strain {axis[place]:.4g}, not"
+            " > 0; declare a toe, or correct the sign or the zero of the force"
+        )
+    remarks: tuple[str, ...] = ()
+    if len(begun) > 1:
+        band = mean_of_repeats(axis, values)
+    else:
+        noise = np.full(axis.size, found[0][1])
+        band = CurveBand(axis, values[0], noise, np.empty((0, axis.size)), ())
+        if begun[0].sigma > 0.0:
+            band = band.with_mode("toe", begun[0].sigma * np.gradient(values[0], axis))
+        remarks = ("one test: how specimens differ is unknown and not in the band",)
+    if treatment.scale_sigma > 0.0:
+        band = band.with_mode("force and section", treatment.scale_sigma * band.stress)
+    return band, remarks
+
+
+def _beside(begun: Sequence[Begun], axis: FloatArray) -> tuple[FloatArray | None, FloatArray | None]:
+    """Mean time since the strain was zero, and mean radius at mid-height, where all tests have them."""
+    tests = [one.test for one in begun]
+    times, radii = [], []
+    for test in tests:
+        if test.time is not None:
+            when, _ = resampled(test.strain, test.time, axis)
+            rate = np.polyfit(when, axis, 1)[0]
+            times.append(when - (when[0] - axis[0] / rate))
+        if test.bulge is not None:
+            radii.append(resampled(test.strain, test.bulge, axis)[0])
+    complete = [np.mean(rows, axis=0) if len(rows) == len(tests) else None for rows in (times, radii)]
+    return complete[0], complete[1]

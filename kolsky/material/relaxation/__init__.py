@@ -1,0 +1,1 @@
+"""Rate dependence from relaxation, oscillation and tests at several rates."""

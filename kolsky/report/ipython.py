@@ -1,0 +1,34 @@
+"""IPython is told which types have an HTML view; by name, so that nothing is imported before it is shown."""
+
+import sys
+from collections.abc import Callable
+from typing import Any
+
+__all__ = ["register"]
+
+SHOWN = (
+    ("dic.surface", "SurfaceHistory"),
+    ("kolsky.inverse.result", "Identification"),
+    ("kolsky.shot.records", "ShotBase"),
+)
+"""Module and name of every type with a view in `kolsky.report.notebook`; subclasses are shown alike."""
+
+
+def register() -> None:
+    """Tell the running IPython, if there is one, how shots, surfaces and identifications are shown."""
+    ipython = sys.modules.get("IPython")
+    shell = ipython.get_ipython() if ipython is not None else None
+    if shell is not None:
+        register_with(shell.display_formatter.formatters["text/html"].for_type_by_name)
+
+
+def register_with(for_type_by_name: Callable[[str, str, Callable[[Any], str]], Any]) -> None:
+    """Call ``for_type_by_name(module, name, view)`` of a formatter once for every type that has a view."""
+    for module, name in SHOWN:
+        for_type_by_name(module, name, _html)
+
+
+def _html(data: Any) -> str:
+    from kolsky.report.notebook import html  # loads the report's rooms: when something is shown, not before
+
+    return html(data)

@@ -1,0 +1,185 @@
+"""Shots, surfaces and answers in a notebook: HTML for IPython, tables for pandas and xarray.
+
+Data know nothing of this: the views are functions of the data; `kolsky.report.ipython` tells IPython of them.
+"""
+
+from __future__ import annotations
+
+from functools import singledispatch
+from typing import Any
+
+from dic import notebook as surface_views
+from dic.notebook import html_table, pandas, xarray
+from dic.surface import SurfaceHistory
+from kolsky.inverse.result import Identification
+from kolsky.report.printed import answer, details
+from kolsky.results.text import tables
+from kolsky.shot.records import ShotBase
+from kolsky.shot.summary import summarise
+
+__all__ = ["html", "to_dataframe", "to_xarray"]
+
+
+@singledispatch
+def html(data: object) -> str:
+    """A shot, a measured surface or an identification as an HTML table for a notebook.
+
+    Raises
+    ------
+    TypeError
+        If it is something else.
+    """
+    raise TypeError(_no_view(data, "a notebook"))
+
+
+@singledispatch
+def to_dataframe(data: object, table: str = "") -> Any:
+    """A shot, a measured surface or an identification as a table of pandas (SI, units in the headers).
+
+    Parameters
+    ----------
+    data
+        A shot: a row a value that was understood of it. A surface: a row a point of a frame. An
+        identification: the `table` that is named.
+    table
+        Of an identification: "estimates" (the default), "routes", "force", "profile", "design" or "energy";
+        the last four are the CSV files of the same names.
+
+    Returns
+    -------
+    pandas.DataFrame
+
+    Raises
+    ------
+    ValueError
+        If there is no such table.
+    TypeError
+        If it is something else.
+    ImportError
+        If pandas is not installed.
+    """
+    raise TypeError(_no_view(data, "pandas"))
+
+
+@singledispatch
+def to_xarray(data: object) -> Any:
+    """A measured surface or an identification as a dataset of xarray, SI.
+
+    An identification has the check run beside the data: force over "force_time" [s], outline over "point",
+    energies over "surface_time" [s]; the estimates are its attributes. A surface has "frame", "point" and
+    "component"; lost points are NaN, and `outcome` says why.
+
+    Returns
+    -------
+    xarray.Dataset
+
+    Raises
+    ------
+    TypeError
+        If it is something else.
+    ImportError
+        If xarray is not installed.
+    """
+    raise TypeError(_no_view(data, "xarray"))
+
+
+@html.register
+def _(data: ShotBase) -> str:
+    rows = [(f"{e.section}, {e.name.replace('_', ' ')}", e.written()) for e in summarise(data)]
+    return html_table(f"Shot {data.name}", rows)
+
+
+@html.register
+def _(data: SurfaceHistory) -> str:
+    return html_table("Measured surface", surface_views.facts(data))
+
+
+@html.register
+def _(data: Identification) -> str:
+    rows = [*details(data).items(), *(("warning", text) for text in data.warnings)]
+    return html_table("; ".join(answer(estimate) for estimate in data.estimates.values()), rows)
+
+
+@to_dataframe.register
+def _(data: ShotBase, table: str = "") -> Any:
+    entries = summarise(data)
+    names = ("section", "name", "value", "unit")
+    return pandas().DataFrame({n: [getattr(e, n) for e in entries] for n in names})
+
+
+@to_dataframe.register
+def _(data: SurfaceHistory, table: str = "") -> Any:
+    return surface_views.to_dataframe(data)
+
+
+@to_dataframe.register
+def _(data: Identification, table: str = "estimates") -> Any:
+    known = {**_summaries(data), **tables(data)}
+    if table not in known:
+        raise ValueError(f"there is no table {table!r}; choose from {', '.join(known)}")
+    return pandas().DataFrame(dict(known[table]))
+
+
+@to_xarray.register
+def _(data: SurfaceHistory) -> Any:
+    return surface_views.to_xarray(data)
+
+
+@to_xarray.register
+def _(data: Identification) -> Any:
+    c, ledger = data.comparison, data.response.energy
+    newton, metre = {"units": "N"}, {"units": "m"}
+    energies = {
+        f"energy_{name}": ("surface_time", getattr(ledger, name)[0], {"units": "J"}) for name in vars(ledger)
+    }
+    return xarray().Dataset(
+        {
+            "force_measured": ("force_time", c.force_measured, newton),
+            "force_sigma": ("force_time", c.force_sigma, newton),
+            "force_simulated": ("force_time", c.force_model, newton),
+            "frame": ("point", c.centre_line.frame),
+            "time": ("point", c.centre_line.time, {"units": "s"}),
+            "y": ("point", c.centre_line.y, metre),
+            "Z_measured": ("point", c.centre_line.Z, metre),
+            "Z_sigma": ("point", c.centre_line.sigma, metre),
+            "Z_simulated": ("point", c.Z_model, metre),
+            **energies,
+        },
+        coords={
+            "force_time": ("force_time", c.force_time, {"units": "s"}),
+            "surface_time": ("surface_time", data.response.surface_times, {"units": "s"}),
+        },
+        attrs={
+            "shot": data.shot,
+            **{name: e.value for name, e in data.estimates.items()},
+            **{f"{name}_sigma": e.sigma for name, e in data.estimates.items()},
+        },
+    )
+
+
+def _summaries(found: Identification) -> dict[str, dict[str, Any]]:
+    estimates, routes = list(found.estimates.values()), found.routes
+    names = list(found.estimates)
+    return {
+        "estimates": {
+            "parameter": names,
+            "unit": [e.unit for e in estimates],
+            "value": [e.value for e in estimates],
+            "sigma": [e.sigma for e in estimates],
+            "lower (k = 2)": [e.interval[0] for e in estimates],
+            "upper (k = 2)": [e.interval[1] for e in estimates],
+            "sigma noise": [e.sigma_noise for e in estimates],
+            "sigma mesh and step": [e.sigma_numerical for e in estimates],
+            "verdict": [e.outcome.value for e in estimates],
+        },
+        "routes": {
+            "route": [route.name for route in routes],
+            **{name: [route.parameters[name] for route in routes] for name in names},
+            **{f"sigma {name}": [route.sigma.get(name, float("nan")) for route in routes] for name in names},
+            "cost": [route.cost for route in routes],
+        },
+    }
+
+
+def _no_view(data: object, where: str) -> str:
+    return f"{type(data).__name__} has no view for {where}; shots, surfaces and identifications have one"

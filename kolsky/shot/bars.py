@@ -1,0 +1,276 @@
+"""A shot with bars and gauges: from its shot.toml and files to what `kolsky.bars.reduction.analyse`
+reduces."""
+
+import platform
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from kolsky.bars.audit import Switches
+from kolsky.bars.guides.polymer_waveguide import PronyModulus
+from kolsky.bars.records import Windows
+from kolsky.bars.reduction.inputs import FAR, SIDES, StationInput, WavesInput
+from kolsky.bars.signals.bridge import Bridge, Calibration, Linear
+from kolsky.bars.signals.shunt import Shunt, with_shunt
+from kolsky.base.apparatus import Bar, Specimen
+from kolsky.base.errors import InputError, refuse
+from kolsky.base.records import Recording
+from kolsky.readers.recordings import read_recordings
+from kolsky.shot.find import find_shot_file
+from kolsky.shot.schema.bars import BarsShotFile, GaugeSection, WaveBarSection, WavesShotFile
+from kolsky.shot.schema.reading import TomlFile, read_declared
+
+NOTHING = Specimen(diameter=0.0, length=0.0, density=0.0)
+"""No specimen: the bars touch."""
+
+
+def load_waves(folder_or_toml: str | Path) -> WavesInput:
+    """Load and check what `kolsky waves` needs of a shot.
+
+    Parameters
+    ----------
+    folder_or_toml
+        The shot's folder with its shot.toml, or the path of such a file.
+
+    Raises
+    ------
+    InputError
+        If a file is missing or damaged, or a declaration is unknown, incomplete or impossible.
+    """
+    file, declared = read_declared(find_shot_file(Path(folder_or_toml)), lambda content: WavesShotFile)
+    bars, stations, hashes = _record(file, declared)
+    specimen = Specimen(**declared.specimen.model_dump())
+    _narrower(file, bars, specimen)
+    waves = declared.waves
+    windows = None
+    if waves.incident is not None:
+        windows = Windows(waves.incident, waves.reflected, waves.transmitted, source="shot file")
+    uncertainty = declared.uncertainty.for_waves()
+    alike = bool(uncertainty.pop("bars_alike"))
+    return WavesInput(
+        name=declared.name or file.path.parent.resolve().name,
+        specimen=specimen,
+        bars=bars,
+        stations=stations,
+        polymers={
+            side: PronyModulus(prony.long_term, tuple(prony.moduli), tuple(prony.times))
+            for side in SIDES
+            if (prony := getattr(declared.bars, side).prony) is not None
+        },
+        load=waves.load,
+        windows=windows,
+        allowance=waves.balance,
+        switches=Switches(waves.corrections),
+        uncertainty=uncertainty,
+        alike=alike,
+        inputs={file.path.name: file.sha256, **hashes},
+        settings=declared_settings(file.content),
+    )
+
+
+def load_bars(folder_or_toml: str | Path) -> WavesInput:
+    """Load and check what `kolsky wavespeed` needs: bars and gauges, no specimen.
+
+    The specimen of the result has no length and must not be used.
+
+    Raises
+    ------
+    InputError
+        As `load_waves`.
+    """
+    file, declared = read_declared(find_shot_file(Path(folder_or_toml)), lambda content: BarsShotFile)
+    bars, stations, hashes = _record(file, declared)
+    return WavesInput(
+        name=declared.name or file.path.parent.resolve().name,
+        specimen=NOTHING,
+        bars=bars,
+        stations=stations,
+        load=declared.waves.load,
+        switches=Switches(declared.waves.corrections),
+        inputs={file.path.name: file.sha256, **hashes},
+        settings=declared_settings(file.content),
+    )
+
+
+def _record(
+    file: TomlFile, declared: BarsShotFile
+) -> tuple[dict[str, Bar], dict[str, StationInput], dict[str, str]]:
+    """Bars, stations and the hashes of their files."""
+    folder = file.path.parent
+    gauges = _gauges(declared)
+    _all_there(file, declared, gauges, folder)
+    bars = {side: _bar(getattr(declared.bars, side)) for side in SIDES}
+    _on_its_bar(file, gauges, bars)
+    recordings, hashes = _recordings(file, declared, gauges, folder)
+    stations = {}
+    for key, gauge in gauges.items():
+        try:
+            stations[key] = _station(gauge, recordings[key], bars[key.removesuffix(" far")], declared)
+        except ValueError as error:
+            raise file.error(f"{_table(key)}.bridge", str(error)) from error
+    return bars, stations, hashes
+
+
+def _gauges(declared: BarsShotFile) -> dict[str, GaugeSection]:
+    """The declared stations by the chain's keys."""
+    found = {side: getattr(declared.gauges, side) for side in SIDES}
+    return found if declared.gauges.incident_far is None else found | {FAR: declared.gauges.incident_far}
+
+
+def _bar(section: WaveBarSection) -> Bar:
+    return Bar(
+        diameter=section.diameter,
+        length=section.length,
+        youngs_modulus=section.modulus,
+        density=section.density,
+        poisson=section.poisson,
+    )
+
+
+def _recordings(
+    file: TomlFile, declared: BarsShotFile, gauges: Mapping[str, GaugeSection], folder: Path
+) -> tuple[dict[str, tuple[Recording, ...]], dict[str, str]]:
+    """The channels of all stations, and the hashes of their files."""
+    found, hashes = {}, {}
+    for key, gauge in gauges.items():
+        recorder = declared.recorders[gauge.recorder]
+        wanted = "1" if gauge.strain else "V"
+        layout = recorder.as_layout(full_scale=gauge.full_scale, unit=recorder.unit or wanted)
+        names = [str(channel) for channel in gauge.channels]
+        read = read_recordings(folder / recorder.file, names, layout=layout)
+        found[key] = tuple(read[name] for name in names)
+        for recording in found[key]:
+            hashes[recorder.file] = recording.sha256
+            if recording.unit != wanted:
+                raise file.error(
+                    _table(key),
+                    f"needs a signal in {wanted!r}, channel {recording.channel!r} is in {recording.unit!r}",
+                    cure="state the unit of the samples in the recorder's table, or strain = true",
+                )
+    return found, hashes
+
+
+def _table(key: str) -> str:
+    """The table of a station in the shot file."""
+    return "gauges." + key.replace(" ", "_")
+
+
+def _station(
+    gauge: GaugeSection, recordings: tuple[Recording, ...], bar: Bar, declared: BarsShotFile
+) -> StationInput:
+    return StationInput(
+        recordings=recordings,
+        calibration=_calibration(gauge, bar),
+        position=gauge.distance,
+        baseline=gauge.baseline,
+        clock_offset=declared.recorders[gauge.recorder].clock_offset,
+        compression=1 if gauge.compression == "positive" else -1,
+        full_scale=gauge.full_scale,
+    )
+
+
+def _calibration(gauge: GaugeSection, bar: Bar) -> Calibration:
+    if gauge.strain:
+        return Linear(1.0, unit="1")
+    if gauge.strain_per_volt is not None:
+        return Linear(gauge.strain_per_volt)
+    assert gauge.bridge is not None  # the validator saw to it
+    across = "Poisson" in gauge.bridge.kind
+    stated = gauge.bridge.model_dump(exclude={"shunt"})
+    bridge = Bridge(**stated, poisson=bar.poisson if across else None)
+    if gauge.bridge.shunt is None:
+        return bridge
+    found, check = with_shunt(bridge, Shunt(**gauge.bridge.shunt.model_dump()))
+    if check.compression_sign != (1 if gauge.compression == "positive" else -1):
+        raise ValueError(
+            f"the shunt's step of {gauge.bridge.shunt.step:g} V says that compression gives "
+            f"{'positive' if check.compression_sign > 0 else 'negative'} volts, declared is "
+            f"{gauge.compression!r}; correct the sign of the step or of compression"
+        )
+    return found
+
+
+def _all_there(
+    file: TomlFile, declared: BarsShotFile, gauges: Mapping[str, GaugeSection], folder: Path
+) -> None:
+    """Unknown recorders and missing files, all at once."""
+    problems: list[InputError] = [
+        file.error(
+            f"{_table(key)}.recorder",
+            f"names no recorder; there are {', '.join(declared.recorders)}",
+            cure=f"add a table [recorders.{gauge.recorder}], or correct the name",
+        )
+        for key, gauge in gauges.items()
+        if gauge.recorder not in declared.recorders
+    ]
+    problems += [
+        file.error(
+            f"recorders.{name}.file",
+            f"names a missing file: {folder / recorder.file}",
+            cure="put it there or correct its name",
+        )
+        for name, recorder in declared.recorders.items()
+        if not (folder / recorder.file).exists()
+    ]
+    refuse(problems)
+
+
+def _on_its_bar(file: TomlFile, gauges: Mapping[str, GaugeSection], bars: Mapping[str, Bar]) -> None:
+    """Every gauge must sit on its bar."""
+    refuse(
+        [
+            file.error(
+                f"{_table(key)}.distance",
+                "lies beyond the bar's other end",
+                allowed=f"below the bar's length, {1e3 * bar.length:.6g} mm",
+            )
+            for key, gauge in gauges.items()
+            if gauge.distance >= (bar := bars[key.removesuffix(" far")]).length
+        ]
+    )
+
+
+def _narrower(file: TomlFile, bars: Mapping[str, Bar], specimen: Specimen) -> None:
+    """The specimen must not be wider than a bar."""
+    refuse(
+        [
+            file.error(
+                "specimen.diameter",
+                "is wider than a bar, which cannot press on what lies beside it",
+                allowed=f"up to the {side} bar's diameter, {1e3 * bar.diameter:.6g} mm",
+            )
+            for side, bar in bars.items()
+            if specimen.diameter > bar.diameter
+        ][:1]
+    )
+
+
+def declared_settings(content: Mapping[str, Any]) -> dict[str, str]:
+    """What was declared, key by key as written, and the versions."""
+    kept = (
+        "specimen",
+        "bars",
+        "recorders",
+        "gauges",
+        "force",
+        "incident_force",
+        "flyer",
+        "waves",
+        "uncertainty",
+    )
+    said = dict(_flat({name: content[name] for name in kept if name in content}))
+    for package in ("kolsky", "numpy", "scipy"):
+        try:
+            said[package] = version(package)
+        except PackageNotFoundError:
+            said[package] = "not installed"
+    return {**said, "python": platform.python_version()}
+
+
+def _flat(table: Mapping[str, Any], above: str = "") -> list[tuple[str, str]]:
+    rows: list[tuple[str, str]] = []
+    for key, value in table.items():
+        name = f"{above}.{key}" if above else key
+        rows += _flat(value, name) if isinstance(value, Mapping) else [(name, str(value))]
+    return rows

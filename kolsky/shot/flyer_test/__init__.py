@@ -1,0 +1,1 @@
+"""A flyer test reduced by classical means: forces, strain and stress from its own recordings."""

@@ -1,0 +1,215 @@
+"""A shot loaded from a folder and checked: from exports, from a whole surface, from pictures or from bars."""
+
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from kolsky.base.apparatus import Bar, Interface, Specimen
+from kolsky.base.records import MaterialCurve
+from kolsky.readers import frame_times
+from kolsky.readers.frame_times import FrameTimes
+from kolsky.readers.table import Column
+from kolsky.shot import force_checks, frame_checks, shape_checks
+from kolsky.shot.curve import read_curve
+from kolsky.shot.declared import all_there, flyer_motion, force_channel, outline
+from kolsky.shot.find import find_shot_file, is_bar_driven
+from kolsky.shot.picture_set import Seen, open_pictures
+from kolsky.shot.records import ForceChannel, Measured, ModelSettings, PicturedShot, Shot, ShotBase
+from kolsky.shot.schema.reading import ShotToml, read_shot_toml
+from kolsky.shot.window import window
+
+
+def load_shot(folder_or_toml: str | Path, *, measure: Callable[[Seen], Measured] | None = None) -> Shot:
+    """Load and check a shot.
+
+    Parameters
+    ----------
+    folder_or_toml
+        The shot's folder with its shot.toml, or the path of such a file.
+    measure
+        How pictures become numbers, for a shot without exports; by default
+        `kolsky.shot.optical_data.measured`, which keeps them in the shot's results folder.
+
+    Returns
+    -------
+    Shot
+        Everything declared and measured, in SI, on the shot's clock.
+
+    Raises
+    ------
+    InputError
+        If a file is missing or damaged, a declaration is unknown, incomplete or impossible, or
+        declarations and recordings contradict each other.
+    """
+    if is_bar_driven(folder_or_toml):
+        from kolsky.shot.bar_driven import load_bar_driven
+
+        return load_bar_driven(folder_or_toml)
+    toml, frames = _opened(folder_or_toml)
+    declared, folder = toml.declared, toml.path.parent
+    frame_time = frames.time + declared.frames.clock_offset
+    rest = float(frame_time[declared.frames.static - 1])
+    if declared.surface is not None:
+        return _with_surface(toml, frames, rest)
+    if declared.flyer is None or declared.centre_line is None:
+        return _with_pictures(toml, frames, rest, measure)
+    flyer, flyer_hash = flyer_motion(folder, frames, declared.flyer, toml)
+    force = force_channel(folder, rest, toml)
+    span = window(toml, frame_time, float(flyer.time[-1]), force.recording, force.time)
+    force_checks.force_sign(force.raw_force(), force.time, span, flyer, toml)
+    centre_line, outline_hash = outline(folder, frames, declared.centre_line, toml)
+    shape_checks.outline(centre_line, folder / declared.centre_line.file, rest, span, toml)
+    curve, curve_hashes = read_curve(folder, declared.baseline)
+    exports = {declared.flyer.file: flyer_hash, declared.centre_line.file: outline_hash}
+    base = _base(toml, frames, force, curve, curve_hashes, exports)
+    return Shot(**base, flyer=flyer, centre_line=centre_line, window=span)
+
+
+def load_pictures(folder_or_toml: str | Path) -> PicturedShot:
+    """Load and check what a shot with pictures has before they are correlated.
+
+    Raises
+    ------
+    InputError
+        As `load_shot`, or if the shot has no pictures.
+    """
+    toml, frames = _opened(folder_or_toml)
+    if toml.declared.pictures is None:
+        raise toml.error(
+            "pictures", "is missing: this shot has no pictures", cure="add [pictures], [calibration], [dic]"
+        )
+    return _pictured(toml, frames, open_pictures(toml, frames))
+
+
+def check_shot(folder_or_toml: str | Path) -> ShotBase:
+    """Load a shot as far as it goes without correlating pictures.
+
+    Raises
+    ------
+    InputError
+        As `load_shot`.
+    """
+    if is_bar_driven(folder_or_toml):
+        return load_shot(folder_or_toml)
+    toml, _ = _opened(folder_or_toml)
+    if toml.declared.flyer is None and toml.declared.surface is None:
+        return load_pictures(folder_or_toml)
+    if toml.declared.pictures is not None:
+        load_pictures(folder_or_toml)
+    return load_shot(folder_or_toml)
+
+
+def _with_surface(toml: ShotToml, frames: FrameTimes, rest: float) -> Shot:
+    """A shot whose outline, and perhaps flyer, come from exports of a whole surface."""
+    from kolsky.shot.surface import measured_surface
+
+    declared, folder = toml.declared, toml.path.parent
+    assert declared.surface is not None  # the caller saw to it
+    centre_line, flyer, inputs = measured_surface(toml, declared.surface, frames)
+    source = folder / declared.surface.pattern
+    if flyer is None:
+        assert declared.flyer is not None  # the schema saw to it
+        flyer, inputs[declared.flyer.file] = flyer_motion(folder, frames, declared.flyer, toml)
+    else:
+        frame_checks.body_moves(flyer, rest, source, toml)
+    force = force_channel(folder, rest, toml)
+    frame_time = frames.time + declared.frames.clock_offset
+    span = window(toml, frame_time, float(flyer.time[-1]), force.recording, force.time)
+    force_checks.force_sign(force.raw_force(), force.time, span, flyer, toml)
+    shape_checks.outline(centre_line, source, rest, span, toml)
+    curve, curve_hashes = read_curve(folder, declared.baseline)
+    base = _base(toml, frames, force, curve, curve_hashes, inputs)
+    return Shot(**base, flyer=flyer, centre_line=centre_line, window=span)
+
+
+def _with_pictures(
+    toml: ShotToml, frames: FrameTimes, rest: float, measure: Callable[[Seen], Measured] | None
+) -> Shot:
+    """A shot whose flyer and outline come from its pictures."""
+    shot = _pictured(toml, frames, open_pictures(toml, frames))
+    if measure is None:
+        from kolsky.shot.optical_data import measured
+
+        measure = measured
+    found = measure(shot.seen)
+    assert isinstance(shot.force, ForceChannel)  # `_pictured` made it so
+    frame_time = frames.time + toml.declared.frames.clock_offset
+    frame_checks.body_moves(found.flyer, rest, found.source, toml)
+    span = window(
+        toml,
+        frame_time,
+        float(found.flyer.time[-1]),
+        shot.force.recording,
+        shot.force.time,
+        symmetry_end=found.symmetry_end,
+    )
+    force_checks.force_sign(shot.force.raw_force(), shot.force.time, span, found.flyer, toml)
+    shape_checks.outline(found.centre_line, found.source, rest, span, toml)
+    base = {field.name: getattr(shot, field.name) for field in fields(ShotBase)}
+    return Shot(
+        **base,
+        flyer=found.flyer,
+        centre_line=found.centre_line,
+        window=span,
+        symmetry_end=found.symmetry_end,
+    )
+
+
+def _pictured(toml: ShotToml, frames: FrameTimes, seen: Seen) -> PicturedShot:
+    folder, declared = toml.path.parent, toml.declared
+    rest = float(frames.time[declared.frames.static - 1] + declared.frames.clock_offset)
+    force = force_channel(folder, rest, toml)
+    curve, curve_hashes = read_curve(folder, declared.baseline)
+    return PicturedShot(**_base(toml, frames, force, curve, curve_hashes, seen.inputs), seen=seen)
+
+
+def _opened(folder_or_toml: str | Path) -> tuple[ShotToml, FrameTimes]:
+    """The shot file and the frame times."""
+    toml = read_shot_toml(find_shot_file(Path(folder_or_toml)))
+    declared, folder = toml.declared, toml.path.parent
+    all_there(toml, folder)
+    frames = frame_times.read(
+        folder / declared.frames.file,
+        frame=Column(declared.frames.frame),
+        time=declared.frames.time.as_column(),
+    )
+    frame_checks.some_motion_frames(frames, toml)
+    return toml, frames
+
+
+def _base(
+    toml: ShotToml,
+    frames: FrameTimes,
+    force: ForceChannel,
+    curve: MaterialCurve,
+    curve_hashes: dict[str, str],
+    optical: dict[str, str],
+) -> dict[str, Any]:
+    """The fields of `ShotBase`; `optical` are the hashes of what tells what the cameras saw."""
+    declared, folder = toml.declared, toml.path.parent
+    specimen, interface, bar = declared.specimen, declared.interface, declared.transmission.bar
+    return {
+        "name": declared.name or folder.resolve().name,
+        "folder": folder,
+        "specimen": Specimen(diameter=specimen.diameter, length=specimen.length, density=specimen.density),
+        "interface": Interface(
+            faces=interface.faces,
+            side=interface.side,
+            friction=interface.friction or 0.0,
+            release_stress=interface.release_stress or 0.0,
+        ),
+        "support": declared.transmission.support,
+        "transmission_bar": None if bar is None else Bar(**bar.model_dump()),
+        "model": ModelSettings(**declared.model.model_dump()),
+        "force": force,
+        "curve": curve,
+        "uncertainty": {} if declared.uncertainty is None else declared.uncertainty.for_identify(),
+        "inputs": {
+            toml.path.name: toml.sha256,
+            declared.force.file: force.recording.sha256,
+            declared.frames.file: frames.sha256,
+            **optical,
+            **curve_hashes,
+        },
+    }

@@ -1,0 +1,293 @@
+"""What the cameras of a shot saw, as numbers: correlated once, kept in the results folder, read back
+after."""
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from dic.bodies import Region
+from dic.chain import VERSION, ChainError, ChainSettings, measure
+from dic.correlation import Correlation, Shape
+from dic.found_regions import FoundRegions, find_regions
+from dic.images import frame_health
+from dic.outcome import FrameOutcome
+from dic.output import ResultFileError, read_result, stored_key, write_result
+from dic.result import StereoResult
+from dic.tracking import Tracking
+from kolsky.bars.flyer.flight_report import FlightOfSpecimen, add_to, flight_of
+from kolsky.base.errors import InputError
+from kolsky.base.files import filling
+from kolsky.base.process import infrequent_gc, single_threaded_libraries
+from kolsky.base.records import CentreLine, FlyerMotion
+from kolsky.shot.picture_set import Seen
+from kolsky.shot.records import Measured
+from kolsky.shot.rig import calibrated
+from kolsky.shot.schema.apparatus import SpecimenSection
+from kolsky.shot.schema.pictures import DicSection, RegionSection
+
+RESULT_FILE = "dic.h5"
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """The stereo result of a shot, and the file it is in."""
+
+    result: StereoResult
+    """What the pictures gave."""
+    path: Path
+    """Its file."""
+    fresh: bool
+    """True if it was computed now, False if it was read back."""
+    flight: FlightOfSpecimen | str
+    """The flyer's flight, or why it is not known."""
+
+
+def surfaces(
+    seen: Seen,
+    folder: Path,
+    *,
+    device: str = "cpu",
+    again: bool = False,
+    progress: Progress = lambda stage, done, total: None,
+) -> Surfaces:
+    """Correlate the pictures of a shot, or read back what they gave.
+
+    Parameters
+    ----------
+    seen
+        The pictures.
+    folder
+        Where `RESULT_FILE` is or will be. It is used again if inputs, declarations and the version of the
+        chain are those it was made with.
+    device
+        Where pictures are correlated, "cpu" or a CUDA device.
+    again
+        Correlate even if there is such a file.
+    progress
+        Told of the frames done, stage by stage.
+
+    Raises
+    ------
+    InputError
+        If the cameras cannot be calibrated or nothing can be measured.
+    """
+    path, key = folder / RESULT_FILE, key_of(seen)
+    length = seen.toml.declared.specimen.length
+    if not again and stored_key(path) == key:
+        try:
+            result = read_result(path)
+            return Surfaces(result=result, path=path, fresh=False, flight=flight_of(result, length))
+        except ResultFileError:
+            pass  # damaged since it was written: made anew
+    with single_threaded_libraries(), infrequent_gc():
+        result = _correlated(seen, device, progress)
+        flight = flight_of(result, length)
+    with filling(folder) as partial:
+        write_result(partial / RESULT_FILE, result, key=key)
+        if not isinstance(flight, str):
+            add_to(partial / RESULT_FILE, flight)
+    return Surfaces(result=result, path=path, fresh=True, flight=flight)
+
+
+def measured(
+    seen: Seen,
+    folder: Path | None = None,
+    *,
+    device: str = "cpu",
+    progress: Progress = lambda stage, done, total: None,
+) -> Measured:
+    """Flyer and outline of a shot from its pictures.
+
+    Parameters
+    ----------
+    seen
+        The pictures.
+    folder
+        Where the result is kept; by default the folder "results" of the shot.
+    device
+        Where pictures are correlated.
+    progress
+        Told of the frames done, stage by stage.
+
+    Raises
+    ------
+    InputError
+        As `surfaces`, or if the flyer was not found.
+    """
+    found = surfaces(seen, folder or seen.toml.path.parent / "results", device=device, progress=progress)
+    result, number = found.result, seen.frames.frame
+    if result.travel is None or result.travel.t.size == 0:
+        raise seen.toml.error(
+            "dic.flyer",
+            "was not followed back to rest, so how far it went is not known",
+            cure="declare a region clear of its edge, in a frame that shows much of it; some of its rows "
+            "must be in view of a camera at rest",
+        )
+    line = result.centre
+    return Measured(
+        flyer=FlyerMotion(
+            time=result.travel.t, displacement=result.travel.displacement, sigma=result.travel.sigma
+        ),
+        centre_line=CentreLine(time=line.t, frame=number[line.frame], y=line.y, Z=line.Z, sigma=line.sigma),
+        source=found.path,
+        symmetry_end=None if isinstance(found.flight, str) else found.flight.end,
+    )
+
+
+def key_of(seen: Seen) -> str:
+    """What a stereo result depends on: SHA-256 of inputs, declarations and the version of the chain."""
+    declared = seen.toml.declared
+    parts: dict[str, Any] = {
+        "version": VERSION,
+        "inputs": seen.inputs,
+        "specimen": [declared.specimen.diameter, declared.specimen.length],
+        "frames": [seen.frames.sha256, declared.frames.model_dump(mode="json")],
+        **{
+            name: None if section is None else section.model_dump(mode="json")
+            for name in ("pictures", "calibration", "dic", "reporting")
+            for section in [getattr(declared, name)]
+        },
+    }
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where the bodies are in camera 0's pictures."""
+
+    specimen: Region
+    """The specimen."""
+    flyer: Region
+    """The flyer."""
+    edge: tuple[float, float]
+    """Where the specimen ends at the transmission platen [px]."""
+    found: tuple[str, ...]
+    """Keys of [dic] that were not declared and were found."""
+
+    @property
+    def words(self) -> dict[str, Any]:
+        """The same for the facts of a result, as JSON can hold it."""
+        return {
+            "specimen": [list(corner) for corner in self.specimen.corners],
+            "specimen_frame": self.specimen.frame,
+            "flyer": [list(corner) for corner in self.flyer.corners],
+            "flyer_frame": self.flyer.frame,
+            "transmission_edge": list(self.edge),
+            "found": list(self.found),
+        }
+
+
+def places_of(seen: Seen) -> Places:
+    """The regions that the shot file declares, and those that it leaves to the pictures.
+
+    Raises
+    ------
+    InputError
+        If one that is not declared is not clear in the pictures.
+    """
+    section = seen.toml.declared.dic
+    assert section is not None  # shots with pictures have it
+    missing = tuple(
+        key for key in ("specimen", "flyer", "transmission_edge") if getattr(section, key) is None
+    )
+    found = None
+    if missing:
+        static = np.arange(seen.time.size) < seen.toml.declared.frames.static
+        usable = frame_health(seen.pictures[0]).outcome == FrameOutcome.VALID
+        try:
+            found = find_regions(seen.pictures[0], static, usable, toward=section.flyer_side)
+        except ValueError as error:
+            raise seen.toml.error(
+                f"dic.{missing[0]}",
+                f"is not declared and cannot be found: {error}",
+                cure="declare specimen, flyer and transmission_edge from a look at camera 0's pictures",
+            ) from error
+    specimen, flyer, edge = section.specimen, section.flyer, section.transmission_edge
+    return Places(
+        specimen=_region(specimen) if specimen is not None else _known(found).specimen,
+        flyer=_region(flyer) if flyer is not None else _known(found).flyer,
+        edge=edge if edge is not None else _known(found).edge,
+        found=missing,
+    )
+
+
+def _known(found: FoundRegions | None) -> FoundRegions:
+    assert found is not None  # something was missing
+    return found
+
+
+def chain_settings(
+    section: DicSection, specimen: SpecimenSection, edge: tuple[float, float], device: str = "cpu"
+) -> ChainSettings:
+    """The chain's settings as a shot file declares them, of this specimen that ends at `edge` [px]."""
+    subset = Correlation(
+        subset=section.subset, shape=Shape[section.shape.upper()], prefilter=section.prefilter
+    )
+    return ChainSettings(
+        toward_flyer=section.flyer_side,
+        zero=edge,
+        strip_half_width=section.strip_half_width,
+        radius=0.5 * specimen.diameter,
+        length=specimen.length,
+        largest_sigma=section.largest_sigma,
+        step=section.step,
+        strain_window=section.strain_window,
+        tracking=Tracking(correlation=subset),
+        stereo=Correlation(subset=section.subset, shape=Shape.QUADRATIC, prefilter=section.prefilter),
+        device=device,
+    )
+
+
+def _software() -> str:
+    try:
+        return f"kolsky {version('kolsky')}"
+    except PackageNotFoundError:
+        return "kolsky, not installed"
+
+
+def _correlated(seen: Seen, device: str, progress: Progress) -> StereoResult:
+    toml, declared = seen.toml, seen.toml.declared
+    section = declared.dic
+    assert section is not None  # shots with pictures have it
+    started = perf_counter()
+    cameras = calibrated(seen, progress)
+    calibrating = perf_counter() - started
+    places = places_of(seen)
+    static = np.arange(seen.time.size) < declared.frames.static
+    reporting = {} if declared.reporting is None else declared.reporting.model_dump(exclude_none=True)
+    try:
+        started = perf_counter()
+        result = measure(
+            seen.pictures,
+            cameras.rig,
+            chain_settings(section, declared.specimen, places.edge, device),
+            t=seen.time,
+            static=static,
+            specimen=places.specimen,
+            flyer=places.flyer,
+            facts={
+                "reporting": reporting,
+                "calibration": cameras.words,
+                "software": _software(),
+                "regions": places.words,
+            },
+            progress=progress,
+        )
+        whole = {"calibration": calibrating, "correlation": perf_counter() - started}
+        return replace(result, seconds={**whole, **result.seconds})
+    except ChainError as error:
+        raise InputError(toml.path, f"its pictures give no surface: {error}") from error
+    except ValueError as error:
+        raise toml.error("dic", f"does not fit the pictures: {error}") from error
+
+
+def _region(section: RegionSection) -> Region:
+    return Region(corners=section.corners, frame=section.frame)

@@ -1,0 +1,181 @@
+"""The pictures of a shot: opened, counted, and compared with what the shot file says of them."""
+
+import hashlib
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from dic.images import PictureError, Pictures
+from kolsky.base.errors import InputError, refuse
+from kolsky.base.records import FloatArray
+from kolsky.readers.frame_times import FrameTimes
+from kolsky.shot.schema.pictures import PicturesSection, SeriesSection
+from kolsky.shot.schema.reading import ShotToml
+
+CAMERAS = ("camera_0", "camera_1")
+SERIES_CURE = "export one picture for each line of the frames' file"
+
+
+@dataclass(frozen=True)
+class Seen:
+    """The pictures of a shot, not read yet, and when they were taken."""
+
+    toml: ShotToml
+    """The shot file."""
+    frames: FrameTimes
+    """Frame numbers and times; row k is picture k."""
+    pictures: tuple[Pictures, Pictures]
+    """The series of both cameras, with the bits and offsets that were declared."""
+
+    @property
+    def time(self) -> FloatArray:
+        """Frame times on the shot's clock [s], shape [n_frames]."""
+        return self.frames.time + self.toml.declared.frames.clock_offset
+
+    @cached_property
+    def inputs(self) -> dict[str, str]:
+        """SHA-256 of pictures and calibration: name or pattern as declared -> hex digest."""
+        declared, folder = self.toml.declared, self.toml.path.parent
+        assert declared.pictures is not None  # else there are no pictures to be seen
+        assert declared.calibration is not None
+        calibration = declared.calibration
+        sources = [series.source for series in declared.pictures.cameras]
+        sources += [("file", calibration.file)] if calibration.file is not None else []
+        patterns = (calibration.camera_0, calibration.camera_1)
+        sources += [("pattern", pattern) for pattern in patterns if pattern is not None]
+        return {
+            name: digest([folder / name] if kind == "file" else matching(folder, name))
+            for kind, name in sources
+        }
+
+
+def open_pictures(toml: ShotToml, frames: FrameTimes) -> Seen:
+    """Open both series of a shot: headers, and the last picture of a series that is too short.
+
+    A file that was cut off keeps its frames; the missing ones end as UNREADABLE when they are correlated.
+
+    Raises
+    ------
+    InputError
+        If a series is missing or holds no pictures, the number of pictures is not that of the frames, a crop
+        is not the one its file states, or the cameras' pictures differ in size.
+    """
+    from dic.images import open_pictures as open_series
+    from dic.images.kept import kept
+
+    section = toml.declared.pictures
+    assert section is not None  # the caller chose shots with pictures
+    folder, found, problems = toml.path.parent, [], []
+    for camera, series in zip(CAMERAS, section.cameras, strict=True):
+        key, source = series.source
+        dotted = f"pictures.{camera}.{key}"
+        try:
+            place = folder / source
+            pictures = open_series(place) if key == "file" else open_series(place.parent, pattern=place.name)
+            problem = _miscounted(pictures, frames) or _moved(pictures, series)
+            if problem:
+                problems.append(toml.error(dotted, problem, cure=SERIES_CURE))
+                continue
+            found.append(_declared(pictures, section, series, frames))
+        except PictureError as error:
+            problems.append(toml.error(dotted, f"cannot be used: {error}"))
+        except ValueError as error:
+            problems.append(toml.error(dotted, str(error)))
+    refuse(problems)
+    first, second = found
+    if first.shape != second.shape:
+        raise toml.error(
+            "pictures",
+            f"have {first.shape[1]} x {first.shape[0]} px in camera 0 and {second.shape[1]} x "
+            f"{second.shape[0]} px in camera 1",
+            cure="export both with one crop size, or declare a pair that belongs together",
+        )
+    return Seen(toml=toml, frames=frames, pictures=(kept(first), kept(second)))
+
+
+def fits_sensor(pictures: Pictures, sensor: tuple[int, int] | None) -> str | None:
+    """What is wrong with a crop on a sensor of so many columns and rows; None if nothing is."""
+    if sensor is None:
+        return None
+    (x, y), (rows, columns) = pictures.crop_offset, pictures.shape
+    if x >= 0.0 and y >= 0.0 and x + columns <= sensor[0] and y + rows <= sensor[1]:
+        return None
+    return (
+        f"puts {columns} x {rows} px at ({x:g}, {y:g}) of the {sensor[0]} x {sensor[1]} px that the "
+        "calibration is for"
+    )
+
+
+def readable(pictures: Pictures) -> int:
+    """Pictures up to the last one that can be read: all, unless the file was cut off."""
+    count = pictures.n_frames
+    while count > 0:
+        try:
+            pictures.frame(count - 1)
+        except PictureError:
+            count -= 1
+        else:
+            break
+    return count
+
+
+def matching(folder: Path, pattern: str) -> list[Path]:
+    """The files of a pattern by name; its folders are taken literally."""
+    place = folder / pattern
+    return sorted(path for path in place.parent.glob(place.name) if path.is_file())
+
+
+def digest(files: list[Path]) -> str:
+    """SHA-256 of files: of one file its own, of several that of their names and digests.
+
+    Raises
+    ------
+    InputError
+        If one cannot be read.
+    """
+    digests = []
+    for path in files:
+        try:
+            with path.open("rb") as file:
+                digests.append(hashlib.file_digest(file, "sha256").hexdigest())
+        except OSError as error:
+            raise InputError(path, f"cannot be read ({error.strerror})") from None
+    if len(files) == 1:
+        return digests[0]
+    listed = "\n".join(f"{path.name} {value}" for path, value in zip(files, digests, strict=True))
+    return hashlib.sha256(listed.encode("utf-8", errors="surrogateescape")).hexdigest()
+
+
+def _miscounted(pictures: Pictures, frames: FrameTimes) -> str | None:
+    """What is wrong with the number of pictures; a file that was cut off may have too few."""
+    count = frames.frame.size
+    if pictures.n_frames == count or (pictures.n_frames < count and _cut_off(pictures)):
+        return None
+    return f"holds {pictures.n_frames} pictures, {frames.path.name} lists {count} frames"
+
+
+def _cut_off(pictures: Pictures) -> bool:
+    """Whether the last picture that the headers promise is not there."""
+    try:
+        pictures.frame(pictures.n_frames - 1)
+    except PictureError:
+        return True
+    return False
+
+
+def _moved(pictures: Pictures, series: SeriesSection) -> str | None:
+    """What is wrong with the declared crop, if the file states its own."""
+    own = pictures.crop_offset
+    if own in ((0.0, 0.0), series.crop_offset):
+        return None
+    return (
+        f"states a crop at ({own[0]:g}, {own[1]:g}) px of the sensor, declared is {list(series.crop_offset)}"
+    )
+
+
+def _declared(
+    pictures: Pictures, section: PicturesSection, series: SeriesSection, frames: FrameTimes
+) -> Pictures:
+    from dic.images import declared
+
+    return declared(pictures, bits=section.bits, crop_offset=series.crop_offset, n_frames=frames.frame.size)

@@ -1,0 +1,212 @@
+"""What a shot's own files show, for its report: the force channel as recorded, the flyer and its path."""
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kolsky.bars.bar_force import BarForce
+from kolsky.bars.flyer.fit import fit_flyer
+from kolsky.bars.flyer.front_path import front_path
+from kolsky.bars.flyer.path import FlyerPath
+from kolsky.base.errors import InputError
+from kolsky.base.records import FloatArray, FlyerMotion
+from kolsky.shot.find import find_shot_file
+from kolsky.shot.picture_pair import PicturePair, picture_pair
+from kolsky.shot.records import Shot
+from kolsky.shot.schema.reading import read_shot_toml
+
+PATH_POINTS = 801
+"""Times at which the fitted path is drawn."""
+DIC_PAGE = "dic.html"
+"""The page of `kolsky dic`, linked if it lies beside the report."""
+
+
+@dataclass(frozen=True)
+class MotionShown:
+    """What moves the front face, measured and fitted, on the shot's clock."""
+
+    measured_time: FloatArray
+    """Frames, or samples of the bar's face [s], shape [n]."""
+    measured: FloatArray
+    """Displacement toward the specimen from rest on [m], or velocity [m/s], shape [n]."""
+    sigma: FloatArray
+    """Standard deviation of each, as declared or measured, shape [n]."""
+    is_velocity: bool
+    """Whether `measured` is a velocity."""
+    time: FloatArray
+    """Times of the fitted path [s], shape [m]."""
+    position: FloatArray
+    """Its displacement [m], shape [m]."""
+    velocity: FloatArray
+    """Its velocity [m/s], shape [m]."""
+    velocity_sigma: FloatArray
+    """Standard uncertainty of that [m/s], shape [m]."""
+    residual: FloatArray
+    """Measured minus fitted where a path is, in the unit of `measured`; NaN before it, shape [n]."""
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """The recordings behind an identification, as its report shows them."""
+
+    time: FloatArray
+    """Sample times of the force channel on the shot's clock [s], shape [k]."""
+    value: FloatArray
+    """The channel in `unit` as recorded, shape [k]."""
+    unit: str
+    """ "V" of a transducer, "N" where the force comes from the bar's waves."""
+    baseline: tuple[float, float] | None
+    """Window that gives zero and noise [s]; None where the force comes from waves."""
+    zero: float
+    """Mean of the baseline, in `unit`."""
+    window: tuple[float, float]
+    """First and last time that is simulated and compared [s]."""
+    symmetry_end: float | None
+    """Time at which the flyer leaves its first direction [s]; None if it does not or nobody saw."""
+    motion: MotionShown
+    """The flyer, or the bar's face."""
+    surface: dict[str, str] = field(default_factory=dict)
+    """What the pictures gave, in words; empty where nobody correlated any."""
+    surface_file: str = ""
+    """The file with those numbers, beside the report."""
+    surface_page: str = ""
+    """The page about them, beside the report; empty if there is none."""
+    numbers: dict[str, float] = field(default_factory=dict)
+    """The numbers of the surfaces by name, as `kolsky.shot.dic_summary.numbers` has them; empty likewise."""
+    pair: PicturePair | str = ""
+    """A pair of the pictures with the points on it, or why there is none."""
+
+
+def path_of(shot: Shot) -> FlyerPath:
+    """The smooth path of what moves the front face, its scale taken as exact.
+
+    Raises
+    ------
+    ValueError
+        If the record cannot be used.
+    """
+    if isinstance(shot.flyer, FlyerMotion):
+        return fit_flyer(shot.flyer, start=shot.window[0])
+    return front_path(replace(shot.flyer, sigma_gain=0.0))
+
+
+def recorded(shot: Shot, source: Path, folder: Path) -> Recorded:
+    """What the report shows of a shot's recordings.
+
+    Parameters
+    ----------
+    shot
+        The shot.
+    source
+        Its folder or shot file.
+    folder
+        Where its results are.
+
+    Raises
+    ------
+    InputError
+        If its pictures were correlated but the file with the result cannot be read.
+    ValueError
+        If the flyer's record cannot be used.
+    """
+    channel = shot.force
+    if isinstance(channel, BarForce):
+        time, value, unit, baseline, zero = channel.time, channel.raw_force(), "N", None, 0.0
+    else:
+        time, value, unit = channel.time, channel.recording.value, channel.recording.unit
+        baseline, zero = channel.baseline, float(channel.baseline_volts().mean())
+    return Recorded(
+        time=time,
+        value=value,
+        unit=unit,
+        baseline=baseline,
+        zero=zero,
+        window=shot.window,
+        symmetry_end=shot.symmetry_end,
+        motion=_motion(shot),
+        # Where bars are the only instruments there are no pictures.
+        **(surface_of(source, folder) if isinstance(shot.flyer, FlyerMotion) else {}),
+    )
+
+
+def recording_facts(shot: Shot) -> dict[str, Any]:
+    """The numbers with which the force and the flyer were read, for `provenance`; SI, JSON types."""
+    window = {"window_start_s": shot.window[0], "window_end_s": shot.window[1]}
+    symmetry = {} if shot.symmetry_end is None else {"symmetry_end_s": shot.symmetry_end}
+    motion = shot.flyer
+    if isinstance(motion, FlyerMotion):
+        moved = {"frames": int(motion.time.size), "flyer_sigma_m": float(np.median(motion.sigma))}
+    else:
+        moved = {"front_noise_m_per_s": motion.noise, "front_samples": int(motion.time.size)}
+    channel = shot.force
+    if isinstance(channel, BarForce):
+        force: dict[str, Any] = {"force_from": "waves in the transmission bar"}
+    else:
+        rest = channel.baseline_volts()
+        force = {
+            "force_from": "transducer",
+            "channel": channel.recording.channel,
+            "sampling_interval_s": float(np.median(np.diff(channel.time))),
+            "baseline_s": list(channel.baseline),
+            "baseline_V": float(rest.mean()),
+            "noise_V": float(rest.std(ddof=1)),
+            "sensitivity_V_per_N": channel.transducer.sensitivity,
+            "compression": "positive volts" if channel.transducer.compression_sign > 0 else "negative volts",
+            "clock_offset_s": channel.clock_offset,
+        }
+    return {**force, **moved, **window, **symmetry}
+
+
+def _motion(shot: Shot) -> MotionShown:
+    path = path_of(shot)
+    grid = np.linspace(path.start, path.end, PATH_POINTS)
+    motion = shot.flyer
+    inside = (motion.time >= path.start) & (motion.time <= path.end)
+    residual = np.full(motion.time.size, np.nan)
+    if isinstance(motion, FlyerMotion):
+        measured, sigma = motion.displacement - path.zero, motion.sigma
+        residual[inside] = measured[inside] - path.position(motion.time[inside])
+    else:
+        measured, sigma = motion.velocity, np.full(motion.time.size, motion.noise)
+        residual[inside] = measured[inside] - path.velocity(motion.time[inside])
+    return MotionShown(
+        measured_time=motion.time,
+        measured=measured,
+        sigma=sigma,
+        is_velocity=not isinstance(motion, FlyerMotion),
+        time=grid,
+        position=path.position(grid),
+        velocity=path.velocity(grid),
+        velocity_sigma=path.sigma_velocity(grid),
+        residual=residual,
+    )
+
+
+def surface_of(source: Path, folder: Path) -> dict[str, Any]:
+    """The numbers of the stereo result, for a shot that was measured from its pictures."""
+    toml = read_shot_toml(find_shot_file(source))
+    declared = toml.declared
+    from_files = declared.surface is not None or (
+        declared.flyer is not None and declared.centre_line is not None
+    )
+    if from_files:
+        return {}
+    from dic.output import ResultFileError, read_result
+    from kolsky.shot.dic_summary import numbers, printed
+    from kolsky.shot.optical_data import RESULT_FILE
+
+    try:
+        result = read_result(folder / RESULT_FILE)
+    except ResultFileError as error:
+        cause = str(error).removeprefix(f"{folder / RESULT_FILE}: ")
+        raise InputError(folder / RESULT_FILE, cause, cure="run `kolsky dic` again") from None
+    page = DIC_PAGE if (folder / DIC_PAGE).is_file() else ""
+    return {
+        "surface": printed(result),
+        "surface_file": RESULT_FILE,
+        "surface_page": page,
+        "numbers": numbers(result),
+        "pair": picture_pair(toml, result),
+    }

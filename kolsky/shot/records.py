@@ -1,0 +1,151 @@
+"""A shot: one test, its apparatus and its measurements, in SI on one clock."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from kolsky.bars.bar_force import BarForce
+from kolsky.bars.signals.transducers import force_history, noise_correlation
+from kolsky.base.apparatus import Bar, Interface, Specimen, Transducer
+from kolsky.base.records import (
+    CentreLine,
+    FloatArray,
+    FlyerMotion,
+    ForceHistory,
+    FrontVelocity,
+    MaterialCurve,
+    Recording,
+)
+from kolsky.shot.picture_set import Seen
+
+
+@dataclass(frozen=True)
+class ModelSettings:
+    """Material constants that the quasi-static curve does not give."""
+
+    poisson: float
+    """Poisson's ratio of the initial state [-]."""
+    damping: float
+    """Stiffness-proportional damping beta, Eq. (M.2) [s]."""
+    damping_kind: str
+    """What beta acts on: "deviatoric" or "full"."""
+    mass_damping: float
+    """Mass-proportional damping alpha [1/s]."""
+
+
+@dataclass(frozen=True)
+class ForceChannel:
+    """The transmitted force as volts of a recorder, with what turns them into newtons."""
+
+    recording: Recording
+    """The channel, on the recorder's own clock."""
+    transducer: Transducer
+    """Sensitivity, sign and full scale."""
+    baseline: tuple[float, float]
+    """Time span before the test that gives zero and noise, on the shot's clock [s]."""
+    clock_offset: float
+    """Shot's clock minus recorder's clock [s]."""
+    sigma_gain: float = 0.0
+    """Standard uncertainty of the sensitivity, relative to it [-]."""
+
+    @property
+    def time(self) -> FloatArray:
+        """Sample times on the shot's clock [s], shape [n_samples]."""
+        return self.recording.time + self.clock_offset
+
+    def baseline_volts(self) -> FloatArray:
+        """The samples of the baseline window [V], shape [n]."""
+        time = self.time
+        return self.recording.value[(time >= self.baseline[0]) & (time <= self.baseline[1])]
+
+    def raw_force(self) -> FloatArray:
+        """Force at every sample above the baseline's mean, compression-positive [N], shape [n_samples]."""
+        volts = self.recording.value - self.baseline_volts().mean()
+        return self.transducer.compression_sign * volts / self.transducer.sensitivity
+
+    def history(self) -> ForceHistory:
+        """The force with its noise; see `kolsky.bars.signals.transducers.force_history`.
+
+        Raises
+        ------
+        ValueError
+            If the recording, the baseline or the transducer cannot be used.
+        """
+        return force_history(
+            self.recording, self.transducer, baseline=self.baseline, clock_offset=self.clock_offset
+        )
+
+    def noise_checks(self) -> dict[str, float]:
+        """Figures that tell whether the noise of the force is believable."""
+        return {
+            "force_noise_correlation": noise_correlation(self.history(), self.baseline),
+            "force_baseline_samples": int(self.baseline_volts().size),
+        }
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class ShotBase:
+    """What a shot is apart from what its cameras saw (SI, one clock)."""
+
+    name: str
+    """Name of the shot; by default its folder's."""
+    folder: Path
+    """The folder its files are in."""
+    specimen: Specimen
+    """The specimen before the test."""
+    interface: Interface
+    """How it holds to the platens."""
+    support: str
+    """What stands behind it: "rigid" or "bar"."""
+    transmission_bar: Bar | None
+    """The bar, where support is "bar"."""
+    model: ModelSettings
+    """Material constants beside the curve."""
+    force: ForceChannel | BarForce
+    """The transmitted force, of a transducer or of the bar itself."""
+    curve: MaterialCurve
+    """The quasi-static curve, from rest outward."""
+    inputs: dict[str, str]
+    """SHA-256 of every file that was read: name in the folder -> hex digest."""
+    uncertainty: Mapping[str, float] = field(default_factory=dict)
+    """Declared standard uncertainties by their keys, SI or relative; an absent one was not declared."""
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.name!r}, {len(self.inputs)} files in {str(self.folder)!r})"
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Shot(ShotBase):
+    """One test, ready to be identified."""
+
+    flyer: FlyerMotion | FrontVelocity
+    """What moves the front face: the flyer's displacement at the frames, zero as in its file, or the
+    velocity of the incident bar's face."""
+    centre_line: CentreLine | None
+    """The specimen's outline at the frames; None if nobody looked."""
+    window: tuple[float, float]
+    """First and last time that is simulated and compared, on the shot's clock [s]."""
+    symmetry_end: float | None = None
+    """Time at which the flyer leaves its first direction, if pictures say so [s]."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class PicturedShot(ShotBase):
+    """One test whose pictures are still to be correlated."""
+
+    seen: Seen
+    """Its pictures and frames."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What the cameras saw, as numbers."""
+
+    flyer: FlyerMotion
+    """The flyer's displacement at the frames."""
+    centre_line: CentreLine
+    """The specimen's outline at the frames."""
+    source: Path
+    """The file that a complaint about them names."""
+    symmetry_end: float | None = None
+    """Time at which the flyer leaves its first direction, on the shot's clock [s]; None if it does not."""

@@ -1,0 +1,174 @@
+"""The cameras of a shot: from a calibration file, or from its pictures of a target."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
+
+from dic.camera import StereoRig
+from dic.images import PictureError, Pictures
+from kolsky.base.errors import InputError
+from kolsky.shot.picture_set import CAMERAS, Seen, fits_sensor
+from kolsky.shot.schema.pictures import CalibrationSection, TargetSection
+from kolsky.shot.schema.reading import TomlFile
+
+if TYPE_CHECKING:
+    from dic.calibration import Calibration
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """The cameras, and what speaks for them."""
+
+    rig: StereoRig
+    """For pictures with the crop of the shot's series."""
+    words: str
+    """One sentence on where it is from and how well it fits."""
+
+
+def calibrated(seen: Seen, progress: Progress) -> Calibrated:
+    """The rig for a shot's pictures.
+
+    Raises
+    ------
+    InputError
+        If the file holds no two cameras, the target is not found or cannot determine the cameras, or a crop
+        lies outside the sensor that the calibration is for.
+    """
+    toml, section = seen.toml, seen.toml.declared.calibration
+    assert section is not None  # shots with pictures have it
+    if section.file is not None:
+        rig, words = _from_file(toml, section)
+    else:
+        found = calibration_of(toml, section, progress)
+        rig, words = found.rig, _words(found)
+    for camera, pictures, name in zip(rig.cameras, seen.pictures, CAMERAS, strict=True):
+        problem = fits_sensor(pictures, camera.sensor)
+        if problem:
+            raise toml.error(
+                f"pictures.{name}",
+                f"crop_offset {problem}",
+                cure="declare where the crop lies on the sensor, or calibrate with full pictures",
+            )
+    offsets = [pictures.crop_offset for pictures in seen.pictures]
+    return Calibrated(rig=rig.cropped(offsets[0], offsets[1]), words=words)
+
+
+def target_of(section: TargetSection, toml: TomlFile) -> tuple[Any, Any]:
+    """The target that a file describes, as camera 0 and as camera 1 is to look for it.
+
+    Raises
+    ------
+    InputError
+        If its kind is unknown, a dimension is missing, has no effect or is impossible.
+    """
+    from dic.calibration import TARGETS
+
+    key = "calibration.target"
+    if section.kind not in TARGETS:
+        known = ", ".join(f'"{name}"' for name in TARGETS)
+        raise toml.error(f"{key}.kind", "is not a known target", allowed=f"one of {known}")
+    kind = TARGETS[section.kind]
+    wanted = {field.name: field for field in fields(kind)}
+    anchors = {"anchors_0", "anchors_1"}
+    given = {
+        name: value
+        for name, value in section.model_dump(exclude={"kind", *anchors}).items()
+        if value is not None
+    }
+    by_hand = [section.anchors_0, section.anchors_1]
+    if any(by_hand) and "anchors" not in wanted:
+        raise toml.error(
+            f"{key}.anchors_0" if section.anchors_0 else f"{key}.anchors_1",
+            f"is given, but a target of kind {section.kind} needs no anchors",
+            cure="remove it",
+        )
+    for name in given:
+        if name not in wanted:
+            raise toml.error(
+                f"{key}.{name}",
+                f"is given, but a target of kind {section.kind} has no such dimension",
+                cure=f"remove it; the keys are {', '.join(wanted)}",
+            )
+    try:
+        target = kind(**given)
+        if "anchors" not in wanted:
+            return target, target
+        return replace(target, anchors=by_hand[0] or ()), replace(target, anchors=by_hand[1] or ())
+    except TypeError:
+        missing = [name for name in wanted if name not in given]
+        raise toml.error(f"{key}.kind", f"needs more: some of {', '.join(missing)}") from None
+    except ValueError as error:
+        raise toml.error(key, f"is impossible: {error}") from None
+
+
+def _from_file(toml: TomlFile, section: CalibrationSection) -> tuple[StereoRig, str]:
+    from dic.camera_files import CameraFileError, read_rig
+
+    assert section.file is not None
+    try:
+        rig = read_rig(toml.path.parent / section.file, length_unit=section.length_unit)
+    except CameraFileError as error:
+        raise InputError(
+            toml.path.parent / section.file, f"is no calibration that can be read: {error}"
+        ) from None
+    return rig, f"from the file {section.file}"
+
+
+def calibration_of(toml: TomlFile, section: CalibrationSection, progress: Progress) -> "Calibration":
+    """The calibration from the pictures that a file names.
+
+    Raises
+    ------
+    InputError
+        If the pictures cannot be read or do not go together, the target is impossible, or what is seen of it
+        does not determine the cameras.
+    """
+    from dic.calibration import Undetermined, calibrate, detect_series
+
+    assert section.target is not None  # the schema saw to it
+    assert section.distortion is not None
+    targets = target_of(section.target, toml)
+    series = [_series(toml, name, getattr(section, name)) for name in CAMERAS]
+    counts = [pictures.n_frames for pictures in series]
+    numbers = [
+        getattr(pictures, "numbers", tuple(range(n))) for pictures, n in zip(series, counts, strict=True)
+    ]
+    if numbers[0] != numbers[1]:
+        spans = [f"{n} pictures numbered {of[0]} to {of[-1]}" for n, of in zip(counts, numbers, strict=True)]
+        raise toml.error(
+            "calibration",
+            f"has {spans[0]} of camera 0 and {spans[1]} of camera 1, so it is not known which are pairs",
+            cure="export the pairs with one number each",
+        )
+    views = detect_series(series, targets, progress=lambda done, total: progress("calibration", done, total))
+    sensors = [(pictures.shape[1], pictures.shape[0]) for pictures in series]
+    try:
+        return calibrate(
+            views[0],
+            views[1],
+            targets[0],
+            sensors=(sensors[0], sensors[1]),
+            distortion=section.distortion,
+            square_pixels=section.square_pixels,
+            names=[str(number) for number in numbers[0]],
+        )
+    except (Undetermined, ValueError) as error:
+        raise toml.error("calibration", f"does not determine the cameras: {error}") from None
+
+
+def _words(found: "Calibration") -> str:
+    used = sum(pair.outcome.used for pair in found.pairs)
+    rejected = "".join(f"; pair {pair.name} left out: {pair.reason}" for pair in found.rejected)
+    return f"{used} of {len(found.pairs)} pairs of pictures, residual {found.rms:.3g} px rms{rejected}"
+
+
+def _series(toml: TomlFile, name: str, pattern: str) -> Pictures:
+    from dic.images import open_pictures
+
+    place = toml.path.parent / pattern
+    try:
+        return open_pictures(place.parent, pattern=place.name)
+    except (PictureError, OSError) as error:
+        raise toml.error(f"calibration.{name}", f"cannot be used: {error}") from None

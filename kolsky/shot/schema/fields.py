@@ -1,0 +1,268 @@
+"""The values that may stand in shot.toml: written-out quantities, ranges, file names."""
+
+from collections.abc import Callable
+from pathlib import PurePosixPath
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator
+from pydantic_core import PydanticCustomError
+
+from kolsky.base.units import DIMENSIONS, UnitError, quantity, unit_factor
+
+LARGEST_POISSON = 0.4999
+
+
+def problem(message: str, **context: str) -> PydanticCustomError:
+    """An error whose context holds "allowed", "cure" and, if it is another than the field, "key"."""
+    return PydanticCustomError("shot", "{message}", {"message": message, **context})
+
+
+def _physical(unit: str, rule: str = "finite", what: str | None = None) -> Callable[[object], float]:
+    """A validator for a written-out quantity: SI unit, "> 0", ">= 0" or "finite", and what it is in words."""
+    words, example = DIMENSIONS[unit]
+    hint = f'write {what or words}, e.g. "{example}"'
+
+    def validate(text: object) -> float:
+        try:
+            value = quantity(text, unit)  # type: ignore[arg-type]  # it refuses what is no text
+        except UnitError as error:
+            raise problem(error.problem, allowed=words, cure=hint) from None
+        if (rule == "> 0" and value <= 0.0) or (rule == ">= 0" and value < 0.0):
+            raise problem("is not allowed", allowed=f"{rule} {unit}".removesuffix(" 1"), cure=hint)
+        return value
+
+    return validate
+
+
+def seconds(text: object) -> float:
+    """A written-out time [s]; a validator to build others on."""
+    return _physical("s")(text)
+
+
+def length(text: object) -> float:
+    """A written-out length of any sign [m]; a validator to build others on."""
+    return _physical("m")(text)
+
+
+def _factor(unit: str) -> Callable[[object], float]:
+    """A validator for the unit of a column."""
+    words, example = DIMENSIONS[unit]
+    sample = example.split(" ", 1)[1]
+
+    def validate(text: object) -> float:
+        try:
+            if not isinstance(text, str) or not text.strip():
+                raise UnitError(text, "is not a unit", unit)
+            return unit_factor(text, unit)
+        except UnitError as error:
+            raise problem(
+                error.problem, allowed=f"a unit of {words}", cure=f'write the unit, e.g. "{sample}"'
+            ) from None
+
+    return validate
+
+
+def _number(value: object) -> float:
+    """A plain number; bool is not one."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise problem("is not a number", cure="write a number without quotes or unit")
+    try:
+        return float(value)
+    except OverflowError:
+        raise problem("is too large") from None
+
+
+def _poisson(value: object) -> float:
+    number = _number(value)
+    if not 0.0 <= number <= LARGEST_POISSON:
+        raise problem(
+            "is not allowed",
+            allowed=f"in [0, {LARGEST_POISSON}]",
+            cure="the solver needs slight compressibility: for a rubber-like material write 0.499",
+        )
+    return number
+
+
+def _deviation(value: object) -> float:
+    number = _number(value)
+    if not 0.0 <= number < 0.5:
+        raise problem("is not allowed", allowed="in [0, 0.5)", cure="write a standard uncertainty, e.g. 0.01")
+    return number
+
+
+def _friction(value: object) -> float:
+    number = _number(value)
+    if not 0.0 <= number < float("inf"):
+        raise problem(
+            "is not allowed",
+            allowed="a finite number >= 0",
+            cure='write the Coulomb coefficient, e.g. 0.3; for no slip choose the law "rough" or "bonded"',
+        )
+    return number
+
+
+def _share(text: object) -> float:
+    value = _physical("1", ">= 0", "the standard deviation relative to the stress")(text)
+    if value >= 1.0:
+        raise problem("is not allowed", allowed="in [0, 1)", cure='write e.g. "0.2 %"')
+    return value
+
+
+def _interval(pair: object) -> tuple[float, float]:
+    if not isinstance(pair, list | tuple) or len(pair) != 2:
+        raise problem("is not a pair of times", cure='write start and end, e.g. ["-200 us", "0 us"]')
+    start, end = (_physical("s")(text) for text in pair)
+    if end <= start:
+        raise problem("ends before it begins", allowed="[start, end] with end > start")
+    return start, end
+
+
+def _file(name: object) -> str:
+    if not isinstance(name, str) or not name.strip():
+        raise problem("is not a file name", cure='write the name of a file, e.g. "scope.csv"')
+    path = PurePosixPath(name)
+    if path.is_absolute() or ".." in path.parts or "\\" in name or "\0" in name:
+        raise problem(
+            "lies outside the shot", allowed="a file in the shot's folder", cure="copy it beside shot.toml"
+        )
+    return name
+
+
+def _pattern(name: object) -> str:
+    text = _file(name)
+    if not any(character in PurePosixPath(text).name for character in "*?["):
+        raise problem("matches one file at most", cure='write a pattern, e.g. "calibration/cam0_*.png"')
+    return text
+
+
+def _pixels(values: object, count: int, example: str) -> tuple[float, ...]:
+    """So many finite numbers of size below 1e6."""
+    if not isinstance(values, list | tuple) or len(values) != count:
+        raise problem(f"is not a list of {count} numbers", cure=f"write pixels, e.g. {example}")
+    numbers = tuple(_number(value) for value in values)
+    if not all(abs(number) < 1e6 for number in numbers):
+        raise problem("is not allowed", allowed="finite and below a million pixels")
+    return numbers
+
+
+def _pixel(values: object) -> tuple[float, float]:
+    x, y = _pixels(values, 2, "[192, 192]")
+    return x, y
+
+
+def _pixel_range(values: object) -> tuple[float, float]:
+    first, last = _pixels(values, 2, "[0, 127]")
+    if last <= first:
+        raise problem("ends before it begins", allowed="[first, last] with last > first")
+    return first, last
+
+
+def _polygon(values: object) -> tuple[tuple[float, float], ...]:
+    if not isinstance(values, list | tuple) or not 3 <= len(values) <= 1000:
+        raise problem("is not a polygon", allowed="3 to 1000 corners [x, y]")
+    return tuple(_pixel(corner) for corner in values)
+
+
+def _places(values: object) -> tuple[tuple[int, int], ...]:
+    """Pairs of whole numbers."""
+    if not isinstance(values, list | tuple) or not values or len(values) > 1000:
+        raise problem("is not a list of [column, row]", cure="write e.g. [[2, 2], [11, 2], [2, 7]]")
+    pairs = [_pixel(pair) for pair in values]
+    if any(not number.is_integer() or number < 0.0 for pair in pairs for number in pair):
+        raise problem("is not allowed", allowed="whole numbers from 0: column and row of each hollow dot")
+    return tuple((int(column), int(row)) for column, row in pairs)
+
+
+def _anchors(values: object) -> tuple[tuple[int, int, float, float], ...]:
+    """Dots by column and row with their places in a picture."""
+    if not isinstance(values, list | tuple) or len(values) != 3:
+        raise problem("is not three dots", cure="write [[column, row, x, y], [...], [...]]")
+    anchors = []
+    for value in values:
+        if not isinstance(value, list | tuple) or len(value) != 4:
+            raise problem("is not three dots", cure="each dot is [column, row, x, y], x and y in pixels")
+        (column, row), (x, y) = _places([value[:2]])[0], _pixel(value[2:])
+        anchors.append((column, row, x, y))
+    return tuple(anchors)
+
+
+def _odd(low: int, high: int, unit: str) -> Callable[[object], int]:
+    def validate(value: object) -> int:
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise problem("is not a whole number", cure="write a whole number without quotes")
+        if value % 2 == 0 or not low <= value <= high:
+            raise problem("is not allowed", allowed=f"odd, from {low} to {high} {unit}")
+        return value
+
+    return validate
+
+
+def _prefilter(value: object) -> float:
+    number = _number(value)
+    if not 0.0 <= number <= 5.0:
+        raise problem("is not allowed", allowed="in [0, 5] px", cure="0 smooths nothing")
+    return number
+
+
+def _text(name: object) -> str:
+    if not isinstance(name, str) or not name.strip():
+        raise problem("is not a name", cure="write a text in quotes")
+    return name.strip()
+
+
+Length = Annotated[float, BeforeValidator(_physical("m", "> 0"))]
+Offset = Annotated[float, BeforeValidator(_physical("m"))]
+Time = Annotated[float, BeforeValidator(_physical("s"))]
+PositiveTime = Annotated[float, BeforeValidator(_physical("s", "> 0"))]
+Damping = Annotated[float, BeforeValidator(_physical("s", ">= 0", "the damping time beta"))]
+Rate = Annotated[float, BeforeValidator(_physical("1/s", ">= 0", "the mass-proportional damping alpha"))]
+StrainRate = Annotated[float, BeforeValidator(_physical("1/s", "> 0", "a nominal strain rate"))]
+Density = Annotated[float, BeforeValidator(_physical("kg/m^3", "> 0", "the mass density"))]
+Modulus = Annotated[float, BeforeValidator(_physical("Pa", "> 0", "Young's modulus"))]
+Stress = Annotated[float, BeforeValidator(_physical("Pa", ">= 0"))]
+ReleaseStress = Annotated[
+    float, BeforeValidator(_physical("Pa", ">= 0", "the tensile stress at which a bonded face lets go"))
+]
+Voltage = Annotated[float, BeforeValidator(_physical("V", "> 0", "the largest voltage the recorder shows"))]
+SignedVoltage = Annotated[float, BeforeValidator(_physical("V"))]
+Sensitivity = Annotated[
+    float,
+    BeforeValidator(_physical("V/N", "> 0", 'the size of the sensitivity (its sign is "compression")')),
+]
+Velocity = Annotated[float, BeforeValidator(_physical("m/s", "> 0"))]
+Resistance = Annotated[float, BeforeValidator(_physical("ohm", "> 0"))]
+Mass = Annotated[float, BeforeValidator(_physical("kg", ">= 0", "the mass between sensing plane and face"))]
+StrainPerVolt = Annotated[
+    float,
+    BeforeValidator(_physical("1/V", "> 0", 'the size of strain per volt (its sign is "compression")')),
+]
+Uncertainty = Annotated[
+    float, BeforeValidator(_physical("1", ">= 0", "a standard uncertainty (k = 1) relative to its quantity"))
+]
+Ratio = Annotated[float, BeforeValidator(_physical("1", "> 0", "a ratio"))]
+LeadResistance = Annotated[float, BeforeValidator(_physical("ohm", ">= 0"))]
+TimeDeviation = Annotated[float, BeforeValidator(_physical("s", ">= 0", "a standard uncertainty (k = 1)"))]
+LengthDeviation = Annotated[float, BeforeValidator(_physical("m", ">= 0", "a standard uncertainty (k = 1)"))]
+Deviation = Annotated[float, BeforeValidator(_deviation)]
+Number = Annotated[float, BeforeValidator(_number)]
+Share = Annotated[float, BeforeValidator(_share)]
+Poisson = Annotated[float, BeforeValidator(_poisson)]
+Friction = Annotated[float, BeforeValidator(_friction)]
+TimeUnit = Annotated[float, BeforeValidator(_factor("s"))]
+LengthUnit = Annotated[float, BeforeValidator(_factor("m"))]
+VoltageUnit = Annotated[float, BeforeValidator(_factor("V"))]
+StressUnit = Annotated[float, BeforeValidator(_factor("Pa"))]
+RatioUnit = Annotated[float, BeforeValidator(_factor("1"))]
+Interval = Annotated[tuple[float, float], BeforeValidator(_interval)]
+FileName = Annotated[str, BeforeValidator(_file)]
+FilePattern = Annotated[str, BeforeValidator(_pattern)]
+Pixel = Annotated[tuple[float, float], BeforeValidator(_pixel)]
+PixelRange = Annotated[tuple[float, float], BeforeValidator(_pixel_range)]
+Polygon = Annotated[tuple[tuple[float, float], ...], BeforeValidator(_polygon)]
+Anchors = Annotated[tuple[tuple[int, int, float, float], ...], BeforeValidator(_anchors)]
+Places = Annotated[tuple[tuple[int, int], ...], BeforeValidator(_places)]
+Subset = Annotated[int, BeforeValidator(_odd(5, 101, "px"))]
+StrainWindow = Annotated[int, BeforeValidator(_odd(3, 51, "points"))]
+Prefilter = Annotated[float, BeforeValidator(_prefilter)]
+Name = Annotated[str, BeforeValidator(_text)]
+Law = Literal["bonded", "bonded_release", "rough", "coulomb", "frictionless"]

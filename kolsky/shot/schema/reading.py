@@ -1,0 +1,226 @@
+"""shot.toml from text to schema; every problem is reported with its line, key, value and cure."""
+
+import difflib
+import hashlib
+import re
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+
+from kolsky.base.errors import InputError, InputErrors
+from kolsky.readers.table import decode, read_bytes
+from kolsky.shot.schema.schema import ShotFile, schema
+
+TOML_LIMIT = 1_000_000
+"""Largest shot.toml that is read [bytes]."""
+
+LINE_SHOWN = 60
+"""Most characters of a line that a message shows."""
+
+_HEADER = re.compile(r"\s*\[\s*([^\[\]]+?)\s*\]\s*(?:#.*)?")
+_ASSIGNMENT = re.compile(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*[\w-]+)*)\s*=""")
+
+
+@dataclass(frozen=True)
+class TomlFile:
+    """A valid file with what is needed to point at its lines."""
+
+    path: Path
+    """The file."""
+    sha256: str
+    """SHA-256 of it, hex."""
+    content: dict[str, Any]
+    """What it says, as written."""
+    lines: dict[str, int]
+    """Dotted key -> line, counted from 1."""
+
+    def error(
+        self, key: str, message: str, *, allowed: str | None = None, cure: str | None = None
+    ) -> InputError:
+        """An error about a declared value, with its line and the value as written."""
+        value: Any = self.content
+        for part in key.split("."):
+            value = value.get(part) if isinstance(value, dict) else None
+        return InputError(
+            self.path,
+            message,
+            line=line_of(self.lines, key),
+            key=key,
+            value=None if isinstance(value, dict) else value,
+            allowed=allowed,
+            cure=cure,
+        )
+
+
+@dataclass(frozen=True)
+class ShotToml(TomlFile):
+    """A valid shot file."""
+
+    declared: ShotFile
+    """What it declares, in SI."""
+
+
+def read_shot_toml(path: Path) -> ShotToml:
+    """Read and validate a shot file.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, is no TOML, or declares anything unknown, incomplete or impossible;
+        several problems come as one `InputErrors`.
+    """
+    file, declared = read_declared(path, schema)
+    return ShotToml(file.path, file.sha256, file.content, file.lines, declared)
+
+
+def read_declared(path: Path, schema: Callable[[dict[str, Any]], type[BaseModel]]) -> tuple[TomlFile, Any]:
+    """Read a file and validate it by the schema that its content asks for.
+
+    Raises
+    ------
+    InputError
+        As `read_shot_toml`.
+    """
+    data = read_bytes(path, limit=TOML_LIMIT)
+    text = decode(path, data)
+    try:
+        content = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # beside its own, tomllib lets these two through
+        raise _syntax_error(path, text, str(error)) from None
+    lines = key_lines(text)
+    try:
+        declared = schema(content).model_validate(content)
+    except ValidationError as error:
+        model = schema(content)
+        doubtful = _without_doubles(model, error.errors())
+        problems = [_translate(path, lines, model, details) for details in doubtful]
+        raise problems[0] if len(problems) == 1 else InputErrors(problems) from None
+    return TomlFile(path, hashlib.sha256(data).hexdigest(), content, lines), declared
+
+
+def key_lines(text: str) -> dict[str, int]:
+    """Where each key stands: dotted key -> line, counted from 1.
+
+    A key inside an inline table is not listed; `line_of` then gives the line of that table.
+    """
+    lines: dict[str, int] = {}
+    table = ""
+    for number, line in enumerate(text.split("\n"), start=1):
+        header = _HEADER.fullmatch(line.rstrip("\r"))
+        assignment = _ASSIGNMENT.match(line)
+        if header:
+            table = _plain(header.group(1))
+            lines.setdefault(table, number)
+        elif assignment:
+            key = _plain(assignment.group(1))
+            lines.setdefault(f"{table}.{key}" if table else key, number)
+    return lines
+
+
+def line_of(lines: dict[str, int], key: str) -> int | None:
+    """The line of a key, or of the nearest table around it; None for the file as a whole."""
+    parts = key.split(".")
+    for end in range(len(parts), 0, -1):
+        line = lines.get(".".join(parts[:end]))
+        if line is not None:
+            return line
+    return None
+
+
+def _plain(dotted: str) -> str:
+    return ".".join(part.strip().strip("\"'") for part in dotted.split("."))
+
+
+def _syntax_error(path: Path, text: str, message: str) -> InputError:
+    place = re.search(r"\s*\(at line (\d+), column (\d+)\)", message)
+    message = message[: place.start()] if place else message.removesuffix(" (at end of document)")
+    column, line, shown = "", None, ""
+    if place:
+        column, line = f" (column {place.group(2)})", int(place.group(1))
+        shown = f": {text.splitlines()[line - 1].strip()[:LINE_SHOWN]!r}"
+    return InputError(
+        path,
+        f"is not valid TOML: {message}{column}{shown}",
+        line=line,
+        cure='values with units stand in quotes: key = "9.5 mm"'
+        if path.suffix == ".toml"
+        else "give the folder of a shot, or its shot.toml",
+    )
+
+
+def _translate(path: Path, lines: dict[str, int], model: type[BaseModel], details: Any) -> InputError:
+    """One pydantic error as an `InputError`."""
+    location = [str(part) for part in details["loc"]]
+    context = details.get("ctx", {})
+    kind, value = details["type"], details["input"]
+    if "key" in context:
+        location.append(context["key"])
+        value = value.get(context["key"]) if isinstance(value, dict) else None
+    key = ".".join(location)
+    message, allowed, cure = _words(kind, location, context, model, details["msg"])
+    return InputError(
+        path,
+        message,
+        line=line_of(lines, key),
+        key=key,
+        value=None if kind == "missing" or isinstance(value, dict) else value,
+        allowed=allowed,
+        cure=cure,
+    )
+
+
+def _without_doubles(model: type[BaseModel], errors: list[Any]) -> list[Any]:
+    """A misspelt key is one problem, not an unknown key and a missing one."""
+    meant = {(*e["loc"][:-1], _nearest(model, e["loc"])) for e in errors if e["type"] == "extra_forbidden"}
+    return [e for e in errors if not (e["type"] == "missing" and e["loc"] in meant)]
+
+
+def _nearest(model: type[BaseModel], location: Any) -> str | None:
+    """The valid key that an unknown one resembles most."""
+    valid = _keys_of(model, [str(part) for part in location[:-1]])
+    return next(iter(difflib.get_close_matches(str(location[-1]), valid, n=1)), None)
+
+
+def _words(
+    kind: str, location: list[str], context: dict[str, Any], model: type[BaseModel], fallback: str
+) -> tuple[str, str | None, str | None]:
+    """Message, allowed values and cure of a pydantic error."""
+    if kind == "shot":
+        return context["message"], context.get("allowed"), context.get("cure")
+    if kind == "missing":
+        return "is missing", None, "add it; `kolsky new FOLDER` writes a file with every key"
+    if kind == "extra_forbidden":
+        valid = _keys_of(model, location[:-1])
+        near = _nearest(model, location)
+        cure = f"did you mean {near}?" if near else "remove it"
+        return f"is not a known key; the keys here are {', '.join(valid)}", None, cure
+    if kind == "literal_error":
+        return "is not allowed", str(context["expected"]).replace("'", '"'), None
+    if kind == "greater_than_equal":
+        return "is not allowed", f">= {context['ge']}", None
+    if kind == "less_than_equal":
+        return "is not allowed", f"<= {context['le']}", None
+    if kind == "int_type":
+        return "is not a whole number", None, "write a whole number without quotes"
+    if kind in ("model_type", "model_attributes_type"):
+        return "is not a table", None, "its keys are " + ", ".join(_keys_of(model, location))
+    return f"is not allowed ({fallback})", None, None
+
+
+def _keys_of(model: type[BaseModel], location: list[str]) -> list[str]:
+    """The valid keys of a table of the schema; in a table of named tables, any name is followed."""
+    names = iter(location)
+    for name in names:
+        annotation = model.model_fields[name].annotation
+        choices = [annotation, *get_args(annotation)]
+        tables = [c for c in choices if isinstance(c, type) and issubclass(c, BaseModel)]
+        if not tables:  # a list or a mapping of plain values
+            return []
+        model = tables[0]
+        if get_origin(annotation) is dict:
+            next(names, None)
+    return list(model.model_fields)

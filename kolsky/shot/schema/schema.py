@@ -1,0 +1,149 @@
+"""The schema of a whole shot.toml, in SI once it is read, by what a shot has: pictures, exports, or both."""
+
+from typing import Any, Literal
+
+from pydantic import Field, model_validator
+
+from kolsky.shot.schema import fields as f
+from kolsky.shot.schema.apparatus import (
+    InterfaceSection,
+    ModelSection,
+    SpecimenSection,
+    TransmissionSection,
+    WindowSection,
+)
+from kolsky.shot.schema.bars import BarsSection, GaugesSection, RecorderSection, WavesSection
+from kolsky.shot.schema.curve import CurveSection, chosen_baseline
+from kolsky.shot.schema.law import LawSection, one_baseline
+from kolsky.shot.schema.measured import (
+    CentreLineSection,
+    FlyerSection,
+    ForceSection,
+    FramesSection,
+    IncidentForceSection,
+)
+from kolsky.shot.schema.pictures import CalibrationSection, DicSection, PicturesSection, ReportingSection
+from kolsky.shot.schema.section import Section
+from kolsky.shot.schema.surface import SurfaceSection
+from kolsky.shot.schema.uncertainty import UncertaintySection
+
+
+class ShotFile(Section):
+    """A whole shot.toml, in SI: what the cameras saw is exported, in pictures, or both."""
+
+    format: Literal[1]
+    name: f.Name | None = None
+    material: f.Name | None = None
+    group: f.Name | None = None
+    rig: f.Name | None = None
+    specimen: SpecimenSection
+    interface: InterfaceSection
+    transmission: TransmissionSection
+    force: ForceSection
+    incident_force: IncidentForceSection | None = None
+    frames: FramesSection
+    flyer: FlyerSection | None = None
+    centre_line: CentreLineSection | None = None
+    surface: SurfaceSection | None = None
+    pictures: PicturesSection | None = None
+    calibration: CalibrationSection | None = None
+    dic: DicSection | None = None
+    reporting: ReportingSection | None = None
+    bars: BarsSection | None = None
+    recorders: dict[str, RecorderSection] = Field(default_factory=dict)
+    gauges: GaugesSection | None = None
+    waves: WavesSection | None = None
+    uncertainty: UncertaintySection | None = None
+    curve: CurveSection | None = None
+    law: LawSection | None = None
+    model: ModelSection
+    window: WindowSection = WindowSection()
+
+    @model_validator(mode="after")
+    def _one_baseline(self) -> "ShotFile":
+        one_baseline(self.curve, self.law)
+        return self
+
+    @property
+    def baseline(self) -> CurveSection | LawSection:
+        """What m refers to: [curve], or [law] where it is given and does not leave that to the curve."""
+        return chosen_baseline(self.curve, self.law)
+
+    @model_validator(mode="after")
+    def _pictures_where_they_act(self) -> "ShotFile":
+        for name in ("calibration", "dic", "reporting"):
+            if self.pictures is None and getattr(self, name) is not None:
+                raise f.problem(
+                    "is given, but there are no [pictures], so it would have no effect",
+                    key=name,
+                    cure="remove the table, or add [pictures]",
+                )
+        return self
+
+    def data_files(self) -> dict[str, str]:
+        """The data files this shot names one by one: dotted key -> file name."""
+        sections: dict[str, Any] = {
+            "force": self.force,
+            "incident_force": self.incident_force,
+            "frames": self.frames,
+            "flyer": self.flyer,
+            "centre_line": self.centre_line,
+            "pictures.camera_0": None if self.pictures is None else self.pictures.camera_0,
+            "pictures.camera_1": None if self.pictures is None else self.pictures.camera_1,
+            "calibration": self.calibration,
+            "curve": self.curve,
+        }
+        return {
+            f"{name}.file": section.file
+            for name, section in sections.items()
+            if section is not None and section.file is not None
+        }
+
+
+class ExportShotFile(ShotFile):
+    """A shot with exports of a DIC program."""
+
+    flyer: FlyerSection
+    centre_line: CentreLineSection
+
+
+class SurfaceShotFile(ShotFile):
+    """A shot with the whole surface as a DIC program exports it."""
+
+    surface: SurfaceSection
+
+    @model_validator(mode="after")
+    def _one_source_each(self) -> "SurfaceShotFile":
+        if self.centre_line is not None:
+            raise f.problem("is given, and so is [surface], which gives the outline too", key="centre_line")
+        if (self.flyer is None) == (self.surface.flyer is None):
+            raise f.problem(
+                "is missing; [surface] has no flyer"
+                if self.flyer is None
+                else "is given twice: [surface.flyer]",
+                key="flyer",
+                cure="give [flyer] with a file of displacements, or [surface.flyer] with a pattern",
+            )
+        return self
+
+
+class PictureShotFile(ShotFile):
+    """A shot with pictures, to be correlated here."""
+
+    pictures: PicturesSection
+    calibration: CalibrationSection
+    dic: DicSection
+
+
+class FullShotFile(ExportShotFile, PictureShotFile):
+    """A shot with both; the exports are identified from."""
+
+
+def schema(content: dict[str, Any]) -> type[ShotFile]:
+    """The schema that a file must satisfy: by whether it has pictures, exports, or both."""
+    if "surface" in content:
+        return SurfaceShotFile
+    exports = any(name in content for name in ("flyer", "centre_line"))
+    if "pictures" not in content:
+        return ExportShotFile
+    return FullShotFile if exports else PictureShotFile

@@ -1,0 +1,74 @@
+"""The table [uncertainty] of shot.toml: standard uncertainties (k = 1) of what else is declared."""
+
+from pydantic import model_validator
+
+from kolsky.shot.schema import fields as f
+from kolsky.shot.schema.section import Section
+
+IDENTIFIED = (
+    "poisson",
+    "damping",
+    "friction",
+    "curve_scale",
+    "specimen_diameter",
+    "specimen_length",
+    "specimen_density",
+    "sensitivity",
+    "clock_offset",
+    "Z_offset",
+    "y_offset",
+)
+"""Keys that `kolsky identify` carries to its answer, in the order of its report."""
+_IDENTIFIED_ONLY = {
+    "poisson",
+    "damping",
+    "friction",
+    "curve_scale",
+    "specimen_density",
+    "clock_offset",
+    "Z_offset",
+    "y_offset",
+}
+
+
+class UncertaintySection(Section):
+    """[uncertainty]: standard uncertainties (k = 1); what is not given counts as exact."""
+
+    bar_modulus: f.Uncertainty = 0.0
+    bar_wave_speed: f.Uncertainty = 0.0
+    bar_density: f.Uncertainty = 0.0
+    bar_diameter: f.Uncertainty = 0.0
+    bar_poisson: f.Deviation = 0.0
+    bars_alike: bool = False
+    gauge_calibration: f.Uncertainty = 0.0
+    gauge_distance: f.LengthDeviation = 0.0
+    specimen_diameter: f.Uncertainty = 0.0
+    specimen_length: f.Uncertainty = 0.0
+    specimen_density: f.Uncertainty = 0.0
+    sensitivity: f.Uncertainty = 0.0
+    mass: f.Uncertainty = 0.0
+    poisson: f.Deviation = 0.0
+    damping: f.TimeDeviation = 0.0
+    friction: f.Friction = 0.0
+    curve_scale: f.Uncertainty = 0.0
+    clock_offset: f.TimeDeviation = 0.0
+    Z_offset: f.LengthDeviation = 0.0
+    y_offset: f.LengthDeviation = 0.0
+
+    @model_validator(mode="after")
+    def _one_stiffness(self) -> "UncertaintySection":
+        if self.bar_modulus > 0.0 and self.bar_wave_speed > 0.0:
+            raise f.problem(
+                "is given beside bar_modulus; with the density each follows from the other",
+                key="bar_wave_speed",
+                cure="keep the one that was measured",
+            )
+        return self
+
+    def for_waves(self) -> dict[str, float | bool]:
+        """What the reduction of waves reads."""
+        return self.model_dump(exclude=_IDENTIFIED_ONLY)
+
+    def for_identify(self) -> dict[str, float]:
+        """What was declared of the keys in `IDENTIFIED`; a key that is absent was not."""
+        return {key: getattr(self, key) for key in IDENTIFIED if key in self.model_fields_set}

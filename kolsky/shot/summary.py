@@ -1,0 +1,257 @@
+"""What was understood of a shot: named values with units, for a table or for JSON."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from kolsky.bars.bar_force import BarForce
+from kolsky.base.records import CentreLine, FlyerMotion
+from kolsky.shot.picture_set import CAMERAS, readable
+from kolsky.shot.records import PicturedShot, Shot, ShotBase
+
+_WRITTEN = {"m": ("mm", 1e3), "s": ("us", 1e6), "Pa": ("kPa", 1e-3)}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One line of the summary."""
+
+    section: str
+    """The table of the shot file it belongs to."""
+    name: str
+    """What it is."""
+    value: float | int | str
+    """Its value, SI."""
+    unit: str = ""
+    """SI unit; empty for counts, ratios and words."""
+
+    def written(self) -> str:
+        """The value in the units of a laboratory, e.g. "9.5 mm"."""
+        if isinstance(self.value, str):
+            return self.value
+        unit, factor = _WRITTEN.get(self.unit, (self.unit, 1.0))
+        return f"{self.value * factor:.6g} {unit}".strip()
+
+
+def summarise(shot: ShotBase) -> list[Entry]:
+    """Everything that was understood of a shot, in the order of the shot file."""
+    laws = (shot.interface.faces, shot.interface.side)
+    return [
+        Entry("specimen", "diameter", shot.specimen.diameter, "m"),
+        Entry("specimen", "length", shot.specimen.length, "m"),
+        Entry("specimen", "density", shot.specimen.density, "kg/m^3"),
+        Entry("interface", "faces", shot.interface.faces),
+        Entry("interface", "side", shot.interface.side),
+        *([Entry("interface", "friction", shot.interface.friction)] if "coulomb" in laws else []),
+        *(
+            [Entry("interface", "release_stress", shot.interface.release_stress, "Pa")]
+            if "bonded_release" in laws
+            else []
+        ),
+        Entry("transmission", "support", shot.support),
+        *_bar(shot),
+        *_force(shot),
+        *(_motion(shot) if isinstance(shot, Shot) else []),
+        *(_centre_line(shot.centre_line, shot) if isinstance(shot, Shot) and shot.centre_line else []),
+        *(_pictures(shot) if isinstance(shot, PicturedShot) else []),
+        *_curve(shot),
+        Entry("model", "poisson", shot.model.poisson),
+        Entry("model", "damping", shot.model.damping, "s"),
+        Entry("model", "damping_kind", shot.model.damping_kind),
+        Entry("model", "mass_damping", shot.model.mass_damping, "1/s"),
+        *(_window(shot) if isinstance(shot, Shot) else []),
+    ]
+
+
+def as_json(shot: ShotBase) -> dict[str, Any]:
+    """The summary as one JSON object: section -> name -> {value, unit}, SI."""
+    result: dict[str, Any] = {"shot": shot.name, "folder": str(shot.folder)}
+    for entry in summarise(shot):
+        section = result.setdefault(entry.section, {})
+        section[entry.name.replace(" ", "_")] = {"value": entry.value, "unit": entry.unit or None}
+    result["inputs"] = dict(shot.inputs)
+    return result
+
+
+def _inside(shot: Shot, time: np.ndarray) -> np.ndarray:
+    return (time >= shot.window[0]) & (time <= shot.window[1])
+
+
+def _window(shot: Shot) -> list[Entry]:
+    (start, end), time = shot.window, shot.flyer.time
+    what = "frames" if isinstance(shot.flyer, FlyerMotion) else "samples"
+    return [
+        Entry("window", "start", start, "s"),
+        Entry("window", "end", end, "s"),
+        Entry("window", f"{what} inside", int(_inside(shot, time).sum())),
+        Entry("window", f"{what} before it", int((time < start).sum())),
+        Entry("window", f"{what} after it", int((time > end).sum())),
+    ]
+
+
+def _pictures(shot: PicturedShot) -> list[Entry]:
+    declared = shot.seen.toml.declared
+    assert declared.pictures is not None  # else there is no such shot
+    assert declared.calibration is not None
+    assert declared.dic is not None
+    rows = [Entry("frames", "frames", shot.seen.time.size), Entry("frames", "static", declared.frames.static)]
+    for name, section, pictures in zip(CAMERAS, declared.pictures.cameras, shot.seen.pictures, strict=True):
+        height, width = pictures.shape
+        x, y = pictures.crop_offset
+        rows += [
+            Entry("pictures", f"{name}, files", section.source[1]),
+            Entry("pictures", f"{name}, size", f"{width} x {height} px at ({x:g}, {y:g}) of the sensor"),
+            Entry("pictures", f"{name}, bits", pictures.bits),
+        ]
+        missing = shot.seen.time.size - readable(pictures)
+        if missing:
+            rows.append(Entry("pictures", f"{name}, pictures cut off", missing))
+    calibration, dic = declared.calibration, declared.dic
+    source = calibration.file or f"pictures of a target: {calibration.camera_0}, {calibration.camera_1}"
+    return [
+        *rows,
+        Entry("calibration", "from", source),
+        Entry("dic", "subset", f"{dic.subset} px, {dic.shape}"),
+        Entry("dic", "step", f"{dic.step} px"),
+        Entry("dic", "flyer_side", dic.flyer_side),
+        Entry("dic", "strip_half_width", dic.strip_half_width, "m"),
+    ]
+
+
+def _bar(shot: ShotBase) -> list[Entry]:
+    bar = shot.transmission_bar
+    if bar is None:
+        return []
+    return [
+        Entry("transmission", "bar impedance", bar.impedance, "N s/m"),
+        Entry("transmission", "bar round trip", bar.round_trip, "s"),
+    ]
+
+
+def _force(shot: ShotBase) -> list[Entry]:
+    channel = shot.force
+    if isinstance(channel, BarForce):
+        force = channel.raw_force()
+        return [
+            Entry("force", "from", "waves in the transmission bar"),
+            Entry("force", "samples", int(force.size)),
+            Entry("force", "record start", float(channel.time[0]), "s"),
+            Entry("force", "record end", float(channel.time[-1]), "s"),
+            Entry("force", "noise of the force", float(np.median(channel.measured.sigma)), "N"),
+            Entry("force", "sigma of its scale", channel.sigma_gain),
+            Entry("force", "largest compression", float(force.max()), "N"),
+            Entry("force", "largest tension", float(-force.min()), "N"),
+        ]
+    time, volts, zero = channel.time, channel.recording.value, channel.baseline_volts()
+    noise = float(zero.std(ddof=1))
+    return [
+        Entry("force", "channel", channel.recording.channel),
+        Entry("force", "samples", int(volts.size)),
+        Entry("force", "sample step", float(np.median(np.diff(time))), "s"),
+        Entry("force", "record start", float(time[0]), "s"),
+        Entry("force", "record end", float(time[-1]), "s"),
+        Entry("force", "sensitivity", channel.transducer.sensitivity, "V/N"),
+        Entry("force", "compression", "positive" if channel.transducer.compression_sign > 0 else "negative"),
+        Entry("force", "full_scale", channel.transducer.full_scale, "V"),
+        Entry("force", "largest voltage", float(np.abs(volts).max()), "V"),
+        Entry("force", "baseline start", channel.baseline[0], "s"),
+        Entry("force", "baseline end", channel.baseline[1], "s"),
+        Entry("force", "baseline samples", int(zero.size)),
+        Entry("force", "baseline zero", float(zero.mean()), "V"),
+        Entry("force", "baseline noise", noise, "V"),
+        Entry("force", "noise of the force", noise / channel.transducer.sensitivity, "N"),
+        Entry("force", "largest compression", float(channel.raw_force().max()), "N"),
+        Entry("force", "largest tension", float(-channel.raw_force().min()), "N"),
+    ]
+
+
+def _motion(shot: Shot) -> list[Entry]:
+    motion = shot.flyer
+    if isinstance(motion, FlyerMotion):
+        return _flyer(motion, shot)
+    return [
+        Entry("motion", "from", "waves in the incident bar"),
+        Entry("motion", "samples", int(motion.time.size)),
+        Entry("motion", "sample step", float(np.median(np.diff(motion.time))), "s"),
+        Entry("motion", "largest velocity", float(motion.velocity.max()), "m/s"),
+        Entry("motion", "noise of the velocity", motion.noise, "m/s"),
+        Entry("motion", "sigma of its scale", motion.sigma_gain),
+        Entry("motion", "sigma of its zero", motion.sigma_zero, "m/s"),
+    ]
+
+
+def _flyer(flyer: FlyerMotion, shot: Shot) -> list[Entry]:
+    rest = flyer.displacement[flyer.time <= shot.window[0]]
+    scatter = [Entry("flyer", "scatter at rest", float(rest.std(ddof=1)), "m")] if rest.size > 1 else []
+    return [
+        Entry("flyer", "frames", int(flyer.time.size)),
+        Entry("flyer", "first frame", float(flyer.time[0]), "s"),
+        Entry("flyer", "last frame", float(flyer.time[-1]), "s"),
+        Entry(
+            "flyer", "travel in the window", float(np.ptp(flyer.displacement[_inside(shot, flyer.time)])), "m"
+        ),
+        Entry("flyer", "sigma", float(flyer.sigma.max()), "m"),
+        *scatter,
+    ]
+
+
+def _centre_line(line: CentreLine, shot: Shot) -> list[Entry]:
+    inside = _inside(shot, line.time)
+    _, counts = np.unique(line.frame[inside], return_counts=True)
+    return [
+        Entry("centre_line", "points", int(line.Z.size)),
+        Entry("centre_line", "points in the window", int(inside.sum())),
+        Entry("centre_line", "frames with points in the window", int(counts.size)),
+        Entry("centre_line", "fewest points in a frame", int(counts.min())),
+        Entry("centre_line", "most points in a frame", int(counts.max())),
+        Entry("centre_line", "smallest y", float(line.y.min()), "m"),
+        Entry("centre_line", "largest y", float(line.y.max()), "m"),
+        Entry("centre_line", "smallest Z", float(line.Z.min()), "m"),
+        Entry("centre_line", "largest Z", float(line.Z.max()), "m"),
+        Entry("centre_line", "smallest sigma", float(line.sigma.min()), "m"),
+        Entry("centre_line", "largest sigma", float(line.sigma.max()), "m"),
+    ]
+
+
+def _curve(shot: ShotBase) -> list[Entry]:
+    curve = shot.curve
+    loaded = curve.stress != 0.0
+    relative = curve.total_sigma[loaded] / np.abs(curve.stress[loaded])
+    common = 0 if curve.modes is None else len(curve.modes)
+    other = [] if curve.conditioned is None else [Entry("curve", "conditioned curve", "yes")]
+    law = [] if curve.law is None else [Entry("curve", "law", curve.law.NAME)]
+    return [
+        *law,
+        Entry("curve", "branch", "compression" if curve.stretch[-1] < 1.0 else "tension"),
+        Entry("curve", "points", int(curve.stretch.size)),
+        Entry("curve", "stretch at the end", float(curve.stretch[-1])),
+        Entry("curve", "stress at the end", float(curve.stress[-1]), "Pa"),
+        Entry("curve", "smallest relative sigma", float(relative.min())),
+        Entry("curve", "largest relative sigma", float(relative.max())),
+        *([Entry("curve", "uncertainties common to all points", common)] if common else []),
+        *other,
+    ]
+
+
+def print_table(shot: ShotBase) -> None:
+    """Print the summary as a table on stdout, with the first 16 digits of each file's hash."""
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    # Text() keeps column names such as "[V]" from being read as markup.
+    table = Table(title=Text(f"shot {shot.name}"), show_edge=False)
+    for heading in ("", "what", "value"):
+        table.add_column(heading, overflow="fold")
+    section = ""
+    for entry in summarise(shot):
+        if entry.section != section and section:
+            table.add_section()
+        shown = entry.section if entry.section != section else ""
+        section = entry.section
+        table.add_row(Text(shown), Text(entry.name), Text(entry.written()))
+    table.add_section()
+    for number, (name, digest) in enumerate(shot.inputs.items()):
+        table.add_row(Text("inputs" if number == 0 else ""), Text(name), Text(f"sha256 {digest[:16]}…"))
+    Console().print(table)

@@ -1,0 +1,1 @@
+"""Studies over many simulations or many shots: sweeps, sensitivities, rates, plans."""

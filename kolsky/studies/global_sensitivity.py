@@ -1,0 +1,295 @@
+"""Which parameter matters how much over a whole range: Sobol' indices of a shot's misfits and histories.
+
+Either the solver itself is asked at every point of the sample, or runs over the box make a surrogate of the
+response. Runs that the surrogate has not seen say how wrong it is; what is wrong of an output's variance is
+no share of any parameter, and outputs of which too much is wrong are refused. Forces ring, and over a wide
+box that takes the solver.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import Box, ResponseSurrogate, latin_hypercube
+from doe.sensitivity import (
+    ElementaryEffects,
+    HistoryIndices,
+    SobolIndices,
+    history_indices,
+    morris,
+    sobol_indices,
+)
+from doe.sensitivity.histories import SILENT
+from doe.sensitivity.variance import SaltelliSample
+from doe.surrogates import SurrogateError
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.prepare import prepare
+from kolsky.shot.records import Shot
+from kolsky.studies.observables import Eye, runs_at
+
+FloatArray = NDArray[np.float64]
+
+LARGEST_ERROR = 0.1
+"""Largest share of an output's variance that the surrogate may get wrong at runs it has not seen."""
+
+
+@dataclass(frozen=True)
+class GlobalSensitivity:
+    """What over a box causes the variance of misfits and histories."""
+
+    shot: str
+    """Name of the shot."""
+    box: Box
+    """Where the parameters vary, uniformly and independently."""
+    runs: int
+    """Runs made in all."""
+    by_surrogate: bool
+    """Whether a surrogate was asked, or the solver itself."""
+    errors: dict[str, float]
+    """Share of an output's variance that the surrogate gets wrong at runs that it has not seen [-]: scalars,
+    "force", "outline"; empty without a surrogate."""
+    refused: dict[str, str]
+    """Outputs without indices, and why."""
+    scalars: SobolIndices | None
+    """Indices of misfits and peak force; None if all are refused."""
+    force_times: FloatArray
+    """Bin centres [s], shape [n_bins]."""
+    force: HistoryIndices | None
+    """Indices of the force's bin means; None if refused."""
+    outline_times: FloatArray
+    """Frame times of the outline points that every run reaches [s], shape [Q]; none without an outline."""
+    outline_heights: FloatArray
+    """Their heights [m], shape [Q]."""
+    outline: HistoryIndices | None
+    """Indices of the radius at them; None if refused, or without an outline."""
+
+    def outline_by_frame(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Generalised indices of the outline of every frame: its points' own, weighted by their variances.
+
+        Returns
+        -------
+        times
+            Frames [s], shape [M].
+        first, total
+            Indices [-], shape [d, M]; NaN where the outline hardly varies.
+
+        Raises
+        ------
+        ValueError
+            If there are no indices of the outline.
+        """
+        if self.outline is None:
+            raise ValueError("there are no indices of the outline")
+        times, frame = np.unique(self.outline_times, return_inverse=True)
+        weight = self.outline.variance
+        size = np.bincount(frame, weights=weight)
+        quiet = size <= SILENT * size.max()
+
+        def mean(index: FloatArray) -> FloatArray:
+            sums = [np.bincount(frame, weights=np.nan_to_num(row) * weight) for row in index]
+            return np.where(quiet, np.nan, np.array(sums) / np.where(quiet, 1.0, size))
+
+        return times, mean(self.outline.first), mean(self.outline.total)
+
+
+def solver_sensitivity(
+    shot: Shot,
+    box: Box,
+    *,
+    held: Mapping[str, float] | None = None,
+    n: int = 256,
+    rng: int = 1,
+    numerics: Numerics | None = None,
+) -> GlobalSensitivity:
+    """Sobol' indices by the solver itself, n (d + 2) runs.
+
+    Parameters
+    ----------
+    shot
+        A loaded shot.
+    box
+        Over parameters of `kolsky.inverse.parameters.PARAMETERS`.
+    held
+        Parameters held at another value than the shot's.
+    n
+        Points of each of the d + 2 samples, a power of two.
+    rng
+        Seed of every draw.
+    numerics
+        Mesh, precision, device.
+
+    Raises
+    ------
+    ValueError
+        If a run does not complete, a parameter is unknown or outside its range.
+    """
+    prepared = prepare(shot)
+    sample = SaltelliSample.draw(box.dimension, n, rng)
+    sets = [sample.A, sample.B, *(sample.mixed(i) for i in range(box.dimension))]
+    points = box.scale(np.concatenate(sets))
+    seen = runs_at(prepared, points, box, held or {}, numerics or Numerics())
+    eye = Eye(prepared.observations, np.asarray(seen.inside.all(axis=0)))
+    vectors = eye.vectors(seen)
+    row = {point.tobytes(): i for i, point in enumerate(points)}
+
+    def made(x: FloatArray) -> FloatArray:
+        """The runs again: the same seed asks for the same points."""
+        return vectors[[row[point.tobytes()] for point in x]]
+
+    return _indices(shot, box, eye, made, n=n, rng=rng, runs=len(points), errors={}, by_surrogate=False)
+
+
+def global_sensitivity(
+    shot: Shot,
+    box: Box,
+    *,
+    held: Mapping[str, float] | None = None,
+    runs: int = 128,
+    unseen: int = 32,
+    n: int = 1024,
+    rng: int = 1,
+    numerics: Numerics | None = None,
+) -> GlobalSensitivity:
+    """Sobol' indices on a surrogate of the response that was checked.
+
+    Parameters
+    ----------
+    shot, box, held, n, rng, numerics
+        As in `solver_sensitivity`.
+    runs, unseen
+        Runs of the surrogate's design, and others to check it with.
+
+    Raises
+    ------
+    ValueError
+        If a run does not complete, a parameter is unknown or outside its range.
+    doe.surrogates.kernels.SurrogateError
+        If the surrogate cannot be built, or nothing of it is good enough; the message says what to do.
+    """
+    prepared = prepare(shot)
+    design = latin_hypercube(box, runs, rng=rng, optimise=True)
+    others = latin_hypercube(box, unseen, rng=rng + 1)
+    points = np.concatenate([design.points, others.points])
+    seen = runs_at(prepared, points, box, held or {}, numerics or Numerics())
+    eye = Eye(prepared.observations, np.asarray(seen.inside.all(axis=0)))
+    vectors = eye.vectors(seen)
+    surrogate = ResponseSurrogate.fit(box, design.points, vectors[:runs], scale=eye.noise)
+    errors = _errors(eye, vectors, surrogate.predict(others.points))
+    if min(errors.values()) > LARGEST_ERROR:
+        raise SurrogateError("; ".join(f"{name}: {_refusal(error)}" for name, error in errors.items()))
+    return _indices(
+        shot,
+        box,
+        eye,
+        surrogate.predict,
+        n=n,
+        rng=rng,
+        runs=runs + unseen,
+        errors=errors,
+        by_surrogate=True,
+    )
+
+
+def _errors(eye: Eye, vectors: FloatArray, told: FloatArray) -> dict[str, float]:
+    """Mean square errors at the last runs over the variances of all runs."""
+    real, spread = vectors[-len(told) :], vectors.var(axis=0)
+    scalars = [eye.scalars(rows) for rows in (real, told, vectors)]
+    miss = ((scalars[1] - scalars[0]) ** 2).mean(axis=0) / scalars[2].var(axis=0)
+    errors = dict(zip(eye.outputs, miss.tolist(), strict=True))
+    for name, part in eye.histories.items():
+        scale = eye.noise[part]
+        wrong = (((told - real)[:, part] / scale) ** 2).mean()
+        errors[name] = float(wrong / (spread[part] / scale**2).mean())
+    return errors
+
+
+def _refusal(error: float) -> str:
+    return (
+        f"the surrogate gets {100 * error:.0f} % of the variance wrong, at most {100 * LARGEST_ERROR:.0f} % "
+        "are allowed; make more runs, take a smaller box, or ask the solver"
+    )
+
+
+def _indices(
+    shot: Shot,
+    box: Box,
+    eye: Eye,
+    function: Callable[[FloatArray], FloatArray],
+    *,
+    n: int,
+    rng: int,
+    runs: int,
+    errors: dict[str, float],
+    by_surrogate: bool,
+) -> GlobalSensitivity:
+    refused = {name: _refusal(error) for name, error in errors.items() if error > LARGEST_ERROR}
+    good = [i for i, name in enumerate(eye.outputs) if name not in refused]
+    line = eye.observations.centre_line
+
+    def history(name: str) -> HistoryIndices | None:
+        part = eye.histories.get(name)
+        if part is None or name in refused:
+            return None
+        return history_indices(box, lambda x: function(x)[:, part], scale=eye.noise[part], n=n, rng=rng)
+
+    scalars = None
+    if good:
+        outputs = tuple(eye.outputs[i] for i in good)
+        scalars = sobol_indices(
+            box, lambda x: eye.scalars(function(x))[:, good], outputs=outputs, n=n, rng=rng
+        )
+    return GlobalSensitivity(
+        shot=shot.name,
+        box=box,
+        runs=runs,
+        by_surrogate=by_surrogate,
+        errors=errors,
+        refused=refused,
+        scalars=scalars,
+        force_times=eye.observations.bins.centres,
+        force=history("force"),
+        outline_times=line.time[eye.counted],
+        outline_heights=line.y[eye.counted],
+        outline=history("outline"),
+    )
+
+
+def screening(
+    shot: Shot,
+    box: Box,
+    *,
+    held: Mapping[str, float] | None = None,
+    trajectories: int = 10,
+    rng: int = 1,
+    numerics: Numerics | None = None,
+) -> tuple[tuple[str, ...], ElementaryEffects]:
+    """Morris' elementary effects on the misfits and the peak force, by the solver itself.
+
+    Parameters
+    ----------
+    shot, box, held, numerics
+        As in `solver_sensitivity`.
+    trajectories
+        How many; they cost so many times one more run than there are parameters.
+    rng
+        Seed.
+
+    Returns
+    -------
+    outputs
+        Names of the outputs, length s.
+    effects
+        Of each parameter on each output.
+
+    Raises
+    ------
+    ValueError
+        If a run does not complete, or a parameter is unknown or outside its range.
+    """
+    prepared = prepare(shot)
+    walks = morris(box, trajectories, rng=rng)
+    seen = runs_at(prepared, walks.design.points, box, held or {}, numerics or Numerics())
+    eye = Eye(prepared.observations, np.asarray(seen.inside.all(axis=0)))
+    return eye.outputs, walks.effects(eye.scalars(eye.vectors(seen)))

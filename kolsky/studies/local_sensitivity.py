@@ -1,0 +1,227 @@
+"""How force and outline change with each parameter, through time and over height: dF/dp(t), dZ/dp(y, t).
+
+Slopes are those of straight lines through runs at `LEVELS` values within a *reach* of the point, all in one
+batch: what a search sees that comes from there. The derivative at the point itself can be quite another
+number. Near incompressibility the specimen rings, and a per cent of stiffness moves the phase of that ringing
+so far that dF/dp grows ever larger as the reach is made smaller (`explicit.derivatives`); no mesh knows the
+phase so well. What the lines leave out is kept beside them.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+import explicit
+from explicit.stencils import scale_of
+from kolsky.inverse.forward import Forward, Numerics
+from kolsky.inverse.parameters import PARAMETERS, checked_value, parameter
+from kolsky.inverse.side_surface import radius_at
+
+FloatArray = NDArray[np.float64]
+
+LEVELS = 10
+"""Runs a parameter, beside the point itself: enough that ringing averages out of a slope."""
+REACH = 0.1
+"""Reach of each parameter over its scale (`explicit.stencils.scale_of`) unless another is asked for."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """When and where one looks."""
+
+    edges: FloatArray
+    """Edges of the bins over which the force is averaged [s], shape [n_bins + 1]."""
+    frames: FloatArray
+    """Times of the outline [s], shape [n_frames]."""
+    heights: FloatArray
+    """Heights above the transmission platen's initial plane [m], shape [n_heights]."""
+
+    @property
+    def times(self) -> FloatArray:
+        """Centres of the bins [s], shape [n_bins]."""
+        return 0.5 * (self.edges[1:] + self.edges[:-1])
+
+
+@dataclass(frozen=True)
+class LocalSensitivity:
+    """Slopes of force and outline by d parameters about one point."""
+
+    names: tuple[str, ...]
+    """Parameters, length d."""
+    point: FloatArray
+    """Their values, in their units, shape [d]."""
+    scale: FloatArray
+    """A change of each that counts as large, in its unit, shape [d]."""
+    reach: float
+    """Largest change in the runs over the scale [-]."""
+    look: Look
+    """When and where."""
+    force: FloatArray
+    """Mean force over each bin at the point [N], shape [n_bins]."""
+    radius: FloatArray
+    """Radius of the free side surface at the point [m], shape [n_frames, n_heights]; NaN where it does not
+    reach."""
+    force_slope: FloatArray
+    """dF/dp [N per unit], shape [d, n_bins]."""
+    radius_slope: FloatArray
+    """dZ/dp [m per unit], shape [d, n_frames, n_heights]; NaN where the surface does not reach in every
+    run."""
+    force_left: FloatArray
+    """Root mean square of what the line leaves out [N], shape [d, n_bins]."""
+    radius_left: FloatArray
+    """Likewise of the radius [m], shape [d, n_frames, n_heights]; NaN likewise."""
+
+
+def local_sensitivity(
+    forward: Forward,
+    look: Look,
+    names: Sequence[str],
+    *,
+    held: Mapping[str, float] | None = None,
+    reach: float = REACH,
+    numerics: Numerics | None = None,
+) -> LocalSensitivity:
+    """Slopes of force and outline about a point, from one batch of runs.
+
+    Parameters
+    ----------
+    forward
+        The shot; its own sampling is replaced.
+    look
+        When and where.
+    names
+        Parameters of `kolsky.inverse.parameters.PARAMETERS`.
+    held
+        Values of parameters, those of `names` too, that are not the shot's own.
+    reach
+        Largest change over the parameter's scale, in (0, 0.5].
+    numerics
+        Mesh, precision, device.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is unknown, named twice or has no scale at its value, the reach is outside its range,
+        or a run does not complete.
+    """
+    if not 0.0 < reach <= 0.5:
+        raise ValueError(f"reach must be in (0, 0.5], got {reach}")
+    values = _point(forward, names, held or {})
+    point = np.array([values[name] for name in names])
+    scale = np.array([_scale(name, x) for name, x in zip(names, point, strict=True)])
+    n = 1 + LEVELS * len(names)
+    columns = {name: np.full(n, value) for name, value in values.items()}
+    changes = []
+    for i, name in enumerate(names):
+        levels = _levels(name, point[i], reach * scale[i])
+        columns[name][1 + i * LEVELS : 1 + (i + 1) * LEVELS] = levels
+        changes.append(levels - point[i])
+    force, radius = _seen(forward, look, columns, numerics or Numerics())
+    slopes = []
+    for i, change in enumerate(changes):
+        rows = [0, *range(1 + i * LEVELS, 1 + (i + 1) * LEVELS)]
+        x = np.concatenate([[0.0], change])
+        slopes.append((*_line(x, force[rows]), *_line(x, radius[rows])))
+    force_slope, force_left, radius_slope, radius_left = (
+        np.array(part) for part in zip(*slopes, strict=True)
+    )
+    return LocalSensitivity(
+        names=tuple(names),
+        point=point,
+        scale=scale,
+        reach=reach,
+        look=look,
+        force=force[0],
+        radius=radius[0],
+        force_slope=force_slope,
+        radius_slope=radius_slope,
+        force_left=force_left,
+        radius_left=radius_left,
+    )
+
+
+def mesh_change(
+    forward: Forward, look: Look, values: Mapping[str, float], numerics: Numerics, finer: tuple[int, int]
+) -> tuple[float, float]:
+    """How far force and outline move from one mesh to a finer one, root mean squares [N] and [m].
+
+    Raises
+    ------
+    ValueError
+        If a run does not complete.
+    """
+    columns = {name: np.array([value]) for name, value in values.items()}
+    here, there = (_seen(forward, look, columns, n) for n in (numerics, numerics.with_mesh(finer)))
+    force, radius = (a[0] - b[0] for a, b in zip(here, there, strict=True))
+    both = np.isfinite(radius)
+    return (
+        float(np.sqrt((force**2).mean())),
+        float(np.sqrt((radius[both] ** 2).mean())) if both.any() else 0.0,
+    )
+
+
+def _point(forward: Forward, names: Sequence[str], held: Mapping[str, float]) -> dict[str, float]:
+    """Values of the named parameters and of those that are held at another value than the shot's."""
+    if not names:
+        raise ValueError("name at least one parameter")
+    for name in names:
+        parameter(name)
+        if list(names).count(name) > 1:
+            raise ValueError(f"{name} is named {list(names).count(name)} times")
+    if "friction" in names and "friction" not in held and "coulomb" not in _laws(forward):
+        raise ValueError(
+            "the interface that the shot declares has no friction coefficient to start from; hold one, "
+            "e.g. friction = 0.3"
+        )
+    own = {name: PARAMETERS[name].held(forward.shot) for name in names}
+    return {name: checked_value(name, value) for name, value in {**own, **held}.items()}
+
+
+def _laws(forward: Forward) -> tuple[str, str]:
+    return forward.shot.interface.faces, forward.shot.interface.side
+
+
+def _scale(name: str, value: float) -> float:
+    scale = scale_of(name, value)
+    if not 0.0 < scale < np.inf:
+        raise ValueError(f"{name} = {value:.6g} has no scale of its own; hold it at a finite value > 0")
+    return scale
+
+
+def _levels(name: str, value: float, reach: float) -> FloatArray:
+    """Values about a point, moved inwards where the allowed range ends."""
+    low, high = parameter(name).allowed
+    levels = value + reach * np.setdiff1d(np.linspace(-1.0, 1.0, LEVELS + 1), [0.0])
+    levels = levels + max(0.0, low - levels[0])
+    return np.asarray(levels - max(0.0, levels[-1] - high))
+
+
+def _seen(
+    forward: Forward, look: Look, columns: Mapping[str, FloatArray], numerics: Numerics
+) -> tuple[FloatArray, FloatArray]:
+    """Force of every bin and radius at every frame and height, shapes [n, n_bins], [n, n_frames, n_y]."""
+    sampling = explicit.Sampling(force_times=look.edges, surface_times=look.frames)
+    response = replace(forward, sampling=sampling).run(columns, numerics)
+    lost = np.flatnonzero(~response.completed)
+    if lost.size:
+        at = ", ".join(f"{name} = {column[lost[0]]:.6g}" for name, column in columns.items())
+        raise ValueError(
+            f"{lost.size} of {response.n_samples} runs did not complete; the one at {at} ended "
+            f"{response.describe(int(lost[0]))}"
+        )
+    force = np.diff(response.impulse_transmission, axis=1) / np.diff(look.edges)
+    frame = np.repeat(np.arange(len(look.frames)), len(look.heights))
+    y = np.tile(look.heights, len(look.frames))
+    surfaces = zip(response.surface_r, response.surface_y, strict=True)
+    radius = np.stack([radius_at(r, h, frame, y)[0] for r, h in surfaces])
+    return force, radius.reshape(len(force), len(look.frames), len(look.heights))
+
+
+def _line(x: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Slope of the least-squares line and root mean square of what it leaves out, entry by entry."""
+    away = x - x.mean()
+    slope = np.tensordot(away, values, axes=1) / (away @ away)
+    rest = values - values.mean(axis=0) - away.reshape(-1, *[1] * slope.ndim) * slope
+    return slope, np.sqrt((rest**2).mean(axis=0))

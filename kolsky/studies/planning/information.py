@@ -1,0 +1,244 @@
+"""The information of a test that was not made yet: how much each datum would tell about each parameter.
+
+Nothing of what was measured is used but the flyer's motion, the quasi-static curve and the noise of the
+instruments. Force and outline respond with slopes J (`kolsky.studies.local_sensitivity`) and have standard
+deviations s; their information is H = J^T diag(s^-2) J (`doe.sensitivity.LinearData`).
+docs/theory/planning.md has the equations and says which of Sutula et al. (2020) they are.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.sensitivity import LinearData
+from doe.uncertainty.covariance import SingularInformationError
+from kolsky.inverse.forward import Forward, Numerics
+from kolsky.studies.local_sensitivity import REACH, LocalSensitivity, Look, local_sensitivity, mesh_change
+from kolsky.studies.planning.instruments import Instruments
+
+FloatArray = NDArray[np.float64]
+FRAMES = 97
+"""Times of the map."""
+HEIGHTS = 47
+"""Heights of the map."""
+FINER = 1.5
+"""Ratio of the meshes whose difference is taken for what the model cannot know."""
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What a set of data would tell."""
+
+    deviations: FloatArray
+    """Standard deviation of each parameter, all estimated together, in its unit, shape [d]; infinite where
+    some direction is not seen."""
+    alone: FloatArray
+    """Of each if the others were known, shape [d]; infinite where it is not seen."""
+    correlation: FloatArray | None
+    """Correlation of the estimates [-], shape [d, d]; None where some direction is not seen."""
+    unseen: str = ""
+    """What is not seen, in words."""
+
+    @classmethod
+    def of(cls, data: LinearData) -> "Expected":
+        """What linear data tell."""
+        try:
+            return cls(data.deviations, data.deviations_alone, data.correlation)
+        except SingularInformationError as error:
+            nothing = np.full(len(data.names), np.inf)
+            return cls(nothing, data.deviations_alone, None, str(error))
+
+
+@dataclass(frozen=True)
+class Information:
+    """The data of one planned test and where among them the information is."""
+
+    sensitivity: LocalSensitivity
+    """Slopes."""
+    data: LinearData
+    """Force bins, then the points of the map that are seen, each standing for the points around it."""
+    seen: NDArray[np.bool_]
+    """Which points of the map those are, shape [n_frames, n_heights]."""
+
+    @property
+    def n_force(self) -> int:
+        """Number of force bins at the head of the data."""
+        return len(self.sensitivity.force)
+
+    @property
+    def is_force(self) -> NDArray[np.bool_]:
+        """Which data are forces, shape [k]."""
+        return np.arange(len(self.data.sigma)) < self.n_force
+
+    @property
+    def time(self) -> FloatArray:
+        """Time of each datum [s], shape [k]."""
+        look = self.sensitivity.look
+        frames = np.broadcast_to(look.frames[:, None], self.seen.shape)[self.seen]
+        return np.concatenate([look.times, frames])
+
+    def mapped(self, column: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """A column over the data as forces, shape [n_bins], and as a map, NaN where nothing is seen."""
+        field = np.full(self.seen.shape, np.nan)
+        field[self.seen] = column[self.n_force :]
+        return column[: self.n_force], field
+
+    def densities(self, *, alone: bool = False) -> tuple[FloatArray, FloatArray]:
+        """Shares in what is known of each parameter, per time and per time and height.
+
+        If some direction is not seen, no parameter has shares in the estimate of all: then all are NaN.
+
+        Returns
+        -------
+        force
+            [1/s], shape [d, n_bins].
+        outline
+            [1/(m s)], shape [d, n_frames, n_heights]; NaN where nothing is seen.
+        """
+        try:
+            shares = self.data.shares_alone if alone else self.data.shares
+        except SingularInformationError:
+            shares = np.full_like(self.data.jacobian, np.nan)
+        look = self.sensitivity.look
+        area = spacing(look.frames) * spacing(look.heights)
+        parts = [self.mapped(column) for column in shares.T]
+        force = np.array([f for f, _ in parts]) / np.diff(look.edges)
+        return force, np.array([field for _, field in parts]) / area
+
+    def by_frame(self) -> FloatArray:
+        """Information of each frame's outline in parameters over their scale, shape [n_frames, d, d]."""
+        return self._grouped(np.nonzero(self.seen)[0], self.seen.shape[0])
+
+    def by_height(self) -> FloatArray:
+        """Information of all that is seen at each height, shape [n_heights, d, d]."""
+        return self._grouped(np.nonzero(self.seen)[1], self.seen.shape[1])
+
+    @property
+    def of_force(self) -> FloatArray:
+        """Information of the force, shape [d, d]."""
+        return self.data.select(self.is_force).information
+
+    def _grouped(self, label: NDArray[np.intp], count: int) -> FloatArray:
+        rows = self.data.rows[self.n_force :]
+        groups = np.zeros((count, rows.shape[1], rows.shape[1]))
+        np.add.at(groups, label, rows[:, :, None] * rows[:, None, :])
+        return groups
+
+
+def spacing(places: FloatArray) -> float:
+    """Distance of evenly spaced places."""
+    return float(places[-1] - places[0]) / (len(places) - 1)
+
+
+def at_rate(forward: Forward, factor: float) -> Forward:
+    """The same test with the flyer's path run through `factor` times as fast."""
+    if factor == 1.0:
+        return forward
+    return replace(forward, paths=(forward.paths[0].faster(factor),))
+
+
+def information(
+    forward: Forward,
+    instruments: Instruments,
+    names: Sequence[str],
+    *,
+    held: Mapping[str, float] | None = None,
+    rate: float = 1.0,
+    reach: float = REACH,
+    numerics: Numerics | None = None,
+    discrepancy: tuple[float, float] = (0.0, 0.0),
+) -> Information:
+    """The information of a planned test about some parameters.
+
+    Parameters
+    ----------
+    forward
+        The shot.
+    instruments
+        What is measured, and how well.
+    names, held, reach, numerics
+        As in `kolsky.studies.local_sensitivity.local_sensitivity`.
+    rate
+        Speed of the flyer over that of the shot, > 0; the path is the same, and the window ends where it
+        would have, so the specimen is compressed as far, only sooner.
+    discrepancy
+        Standard deviations of what the model leaves out of a force bin [N] and an outline point [m], beside
+        the noise.
+
+    Raises
+    ------
+    ValueError
+        If a value is outside its range or a run does not complete.
+    """
+    look = look_of(forward, instruments, rate)
+    moved = at_rate(forward, rate)
+    slopes = local_sensitivity(moved, look, names, held=held, reach=reach, numerics=numerics)
+    gap = forward.shot.specimen.length - moved.paths[0].position(look.frames)
+    seen = (
+        np.isfinite(slopes.radius_slope).all(axis=0)
+        & (look.heights >= instruments.clearance)
+        & (look.heights <= gap[:, None] - instruments.clearance)
+        & (instruments.points > 0.0)
+    )
+    # A point of the map stands for the pictures and points around it.
+    count = spacing(look.frames) / instruments.frame_interval * spacing(look.heights) * instruments.points
+    sigma_force = np.hypot(instruments.force_sigma, discrepancy[0])
+    sigma_point = np.hypot(instruments.outline_sigma, discrepancy[1]) / np.sqrt(count) if count > 0.0 else 1.0
+    bins = len(look.times)
+    data = LinearData(
+        names=slopes.names,
+        jacobian=np.concatenate([slopes.force_slope.T, slopes.radius_slope[:, seen].T]),
+        sigma=np.concatenate([np.full(bins, sigma_force), np.full(int(seen.sum()), sigma_point)]),
+        scale=slopes.scale,
+    )
+    return Information(slopes, data, seen)
+
+
+def discrepancies(
+    forward: Forward,
+    instruments: Instruments,
+    values: Mapping[str, float],
+    *,
+    rate: float = 1.0,
+    numerics: Numerics,
+) -> tuple[float, float]:
+    """What the model leaves out at least: its change to a mesh `FINER` times as fine [N], [m].
+
+    Raises
+    ------
+    ValueError
+        If a run does not complete.
+    """
+    across, along = numerics.mesh
+    return mesh_change(
+        at_rate(forward, rate),
+        look_of(forward, instruments, rate),
+        values,
+        numerics,
+        (round(FINER * across), round(FINER * along)),
+    )
+
+
+def look_of(forward: Forward, instruments: Instruments, rate: float) -> Look:
+    """Bins, times and heights of the map of a test at some rate.
+
+    Raises
+    ------
+    ValueError
+        If the window leaves the flyer's known motion.
+    """
+    (start, end), path = instruments.window, forward.paths[0]
+    if not (path.start <= start and end <= path.end):
+        raise ValueError(
+            f"the window {start:.9g} to {end:.9g} s must lie within the flyer's motion, "
+            f"{path.start:.9g} to {path.end:.9g} s"
+        )
+    first, last = (path.start + (t - path.start) / rate for t in (start, end))
+    bins = max(2, round((last - first) / instruments.bin_width))
+    return Look(
+        edges=np.linspace(first, last, bins + 1),
+        frames=np.linspace(first, last, FRAMES),
+        heights=np.linspace(0.0, forward.shot.specimen.length, HEIGHTS + 2)[1:-1],
+    )

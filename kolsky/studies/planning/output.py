@@ -1,0 +1,204 @@
+"""A plan as one JSON object, as CSV tables and as an HDF5 file."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from kolsky.base.files import replacing, write_table
+from kolsky.inverse.parameters import PARAMETERS
+from kolsky.results.text import jsonable
+from kolsky.studies.planning.choices import CRITERIA, Choice, best_rate
+from kolsky.studies.planning.information import Expected
+from kolsky.studies.planning.plan import Plan, correlations
+
+VERSION = 1
+"""Of the HDF5 file's layout."""
+
+
+def to_json(plan: Plan) -> dict[str, Any]:
+    """The plan as one object of JSON types, SI; numbers that are not finite become null."""
+    names = plan.names
+    slopes = plan.information.sensitivity
+    parameters = {
+        name: {
+            "value": slopes.point[j],
+            "unit": PARAMETERS[name].unit,
+            "sigma": plan.expected["all"].deviations[j],
+            "interval": plan.interval(name),
+            "sigma_others_known": plan.expected["all"].alone[j],
+            "shift_by_force_scale": plan.force_scale[j],
+            **{f"sigma_{part}": e.deviations[j] for part, e in plan.expected.items() if part != "all"},
+        }
+        for j, name in enumerate(names)
+    }
+    whole = {
+        "shot": plan.shot,
+        "parameters": parameters,
+        "correlations": correlations(plan.expected["all"], names),
+        "unseen": {part: e.unseen for part, e in plan.expected.items() if e.unseen},
+        "instruments": vars(plan.instruments),
+        "discrepancy": {"force_N": plan.discrepancy[0], "outline_m": plan.discrepancy[1]},
+        "camera_windows": [
+            {"share_of_window": share, **_choice(choice, names)}
+            for share, choices in plan.windows.items()
+            for choice in choices
+        ],
+        "camera_heights": [_choice(c, names) for choices in plan.heights.values() for c in choices],
+        "rates": [
+            {
+                "speed_factor": rate.factor,
+                "mean_strain_rate": rate.mean_rate,
+                "peak_force": rate.peak_force,
+                "discrepancy": {"force_N": rate.discrepancy[0], "outline_m": rate.discrepancy[1]},
+                **_expected(rate.expected, names),
+            }
+            for rate in plan.rates
+        ],
+        "best_rate": {c: best_rate(plan.rates, c).factor for c in CRITERIA},
+        "provenance": plan.provenance,
+    }
+    return {key: jsonable(value, key) for key, value in whole.items()}
+
+
+def _expected(expected: Expected, names: tuple[str, ...]) -> dict[str, Any]:
+    return {
+        "sigma": dict(zip(names, expected.deviations, strict=True)),
+        "sigma_others_known": dict(zip(names, expected.alone, strict=True)),
+        "correlations": correlations(expected, names),
+    }
+
+
+def _choice(choice: Choice, names: tuple[str, ...]) -> dict[str, Any]:
+    return {
+        "criterion": choice.criterion,
+        "places": choice.places,
+        "sigma": dict(zip(names, choice.deviations, strict=True)),
+    }
+
+
+def write_csv(folder: Path, plan: Plan) -> list[Path]:
+    """Write plan_force.csv, plan_outline.csv and plan_rates.csv, units in the headers, each atomically."""
+    found, slopes = plan.information, plan.information.sensitivity
+    look, names = slopes.look, plan.names
+    units = [PARAMETERS[name].unit for name in names]
+    force, outline = found.densities()
+    time, height = np.meshgrid(look.frames, look.heights, indexing="ij")
+    of_force: dict[str, Any] = {"time (s)": look.times, "force (N)": slopes.force}
+    of_outline: dict[str, Any] = {
+        "time (s)": time.ravel(),
+        "y (m)": height.ravel(),
+        "Z (m)": slopes.radius.ravel(),
+    }
+    for j, name in enumerate(names):
+        per = "" if units[j] == "1" else f"/({units[j]})"
+        of_force[f"dF/d {name} (N{per})"] = slopes.force_slope[j]
+        of_force[f"share of information on {name} (1/s)"] = force[j]
+        of_outline[f"dZ/d {name} (m{per})"] = slopes.radius_slope[j].ravel()
+        of_outline[f"share of information on {name} (1/(m s))"] = outline[j].ravel()
+    of_rates: dict[str, Any] = {
+        "speed over the shot's (1)": [rate.factor for rate in plan.rates],
+        "mean strain rate (1/s)": [rate.mean_rate for rate in plan.rates],
+        "peak force (N)": [rate.peak_force for rate in plan.rates],
+    }
+    for j, name in enumerate(names):
+        of_rates[f"sigma {name} ({units[j]})"] = [float(rate.expected.deviations[j]) for rate in plan.rates]
+        alone = [float(rate.expected.alone[j]) for rate in plan.rates]
+        of_rates[f"sigma {name}, others known ({units[j]})"] = alone
+    tables = {"plan_force": of_force, "plan_outline": of_outline, "plan_rates": of_rates}
+    return [write_table(Path(folder) / f"{name}.csv", columns) for name, columns in tables.items()]
+
+
+def write_hdf5(path: Path, plan: Plan) -> Path:
+    """Write everything of a plan to one HDF5 file, atomically; arrays carry their `units`."""
+    found, slopes = plan.information, plan.information.sensitivity
+    look = slopes.look
+    force, outline = found.densities()
+    force_alone, outline_alone = found.densities(alone=True)
+    units = [PARAMETERS[name].unit for name in plan.names]
+    with replacing(path) as partial, h5py.File(partial, "w") as file:
+        file.attrs["format"] = "kolsky plan"
+        file.attrs["version"] = VERSION
+        file.attrs["shot"] = plan.shot
+        file.attrs["summary"] = json.dumps(to_json(plan), allow_nan=False)
+        _put(file, "force_edges", look.edges, "s")
+        _put(file, "frames", look.frames, "s")
+        _put(file, "heights", look.heights, "m")
+        _put(file, "force", slopes.force, "N")
+        _put(file, "radius", slopes.radius, "m")
+        _put(file, "end_times", plan.end_times, "s")
+        for j, name in enumerate(plan.names):
+            group, per = file.create_group(name), "" if units[j] == "1" else f"/({units[j]})"
+            group.attrs["value"] = slopes.point[j]
+            group.attrs["scale"] = slopes.scale[j]
+            group.attrs["units"] = units[j]
+            _put(group, "force_slope", slopes.force_slope[j], f"N{per}")
+            _put(group, "radius_slope", slopes.radius_slope[j], f"m{per}")
+            _put(group, "force_left", slopes.force_left[j], "N")
+            _put(group, "radius_left", slopes.radius_left[j], "m")
+            _put(group, "force_information", force[j], "1/s")
+            _put(group, "outline_information", outline[j], "1/(m s)")
+            _put(group, "force_information_others_known", force_alone[j], "1/s")
+            _put(group, "outline_information_others_known", outline_alone[j], "1/(m s)")
+            _put(group, "sigma_by_end", np.array([e.deviations[j] for e in plan.by_end]), units[j])
+    return path
+
+
+def _put(place: Any, name: str, values: np.ndarray, unit: str) -> None:
+    data = place.create_dataset(name, data=values)
+    data.attrs["units"] = unit
+
+
+def rows(plan: Plan) -> Mapping[str, Any]:
+    """What the command prints: a name and a value each, SI but for times, heights and percentages."""
+    names, slopes, whole = plan.names, plan.information.sensitivity, plan.expected["all"]
+    shown: dict[str, Any] = {"shot": plan.shot}
+    for j, name in enumerate(names):
+        p = PARAMETERS[name]
+        unit = "" if p.unit == "1" else f" {p.unit}"
+        value = f"{slopes.point[j]:.6g} ± {2.0 * whole.deviations[j]:.2g}{unit} (k = 2, expected)"
+        shown[p.symbol] = f"{value}; {2.0 * whole.alone[j]:.2g} if the others were known"
+        parts = [f"{part} {2.0 * e.deviations[j]:.2g}" for part, e in plan.expected.items() if part != "all"]
+        shown[f"{p.symbol}, from one kind of data"] = ", ".join(parts)
+        if plan.force_scale[j] > 0.0:
+            shown[f"{p.symbol}, apart"] = f"± {2.0 * plan.force_scale[j]:.2g}{unit} by the force's scale"
+    for pair, r in correlations(whole, names).items():
+        symbols = "-".join(PARAMETERS[name].symbol for name in pair.split(", "))
+        shown[f"correlation {symbols}"] = "not known" if r is None else f"{r:.2f}"
+    for share, choices in plan.windows.items():
+        for choice in choices:
+            begin, end = 1e3 * choice.places
+            shown[f"{100 * share:g} % of frames, {choice.criterion}-optimal"] = (
+                f"{begin:.2f} to {end:.2f} ms: {_sigmas(choice, names)}"
+            )
+    for count, choices in plan.heights.items():
+        for choice in choices:
+            places = ", ".join(f"{1e3 * y:.2f}" for y in choice.places)
+            shown[f"{count} height{'s' if count > 1 else ''}, {choice.criterion}-optimal"] = (
+                f"{places} mm: {_sigmas(choice, names)}"
+            )
+    for rate in plan.rates:
+        first_pair = next(iter(correlations(rate.expected, names).values()), None)
+        shown[f"speed x {rate.factor:g}"] = (
+            f"{rate.mean_rate:.0f}/s: "
+            + ", ".join(
+                f"{PARAMETERS[n].symbol} ± {2.0 * s:.2g}"
+                for n, s in zip(names, rate.expected.deviations, strict=True)
+            )
+            + ("" if first_pair is None else f"; first correlation {first_pair:.2f}")
+        )
+    best = [f"{c}-optimal x {best_rate(plan.rates, c).factor:g}" for c in CRITERIA]
+    for j, name in enumerate(names):
+        sigmas = [float(rate.expected.deviations[j]) for rate in plan.rates]
+        rate = plan.rates[sigmas.index(min(sigmas))]
+        best.append(f"for {PARAMETERS[name].symbol} x {rate.factor:g}")
+    shown["best speed"] = ", ".join(best)
+    return shown
+
+
+def _sigmas(choice: Choice, names: tuple[str, ...]) -> str:
+    pairs = zip(names, choice.deviations, strict=True)
+    return ", ".join(f"{PARAMETERS[name].symbol} ± {2.0 * s:.2g}" for name, s in pairs)

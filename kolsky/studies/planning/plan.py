@@ -1,0 +1,201 @@
+"""`plan`: what a test like this shot would tell, before its data are looked at."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.uncertainty.covariance import SingularInformationError
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.prepare import Prepared, prepare
+from kolsky.inverse.provenance import provenance
+from kolsky.shot.records import Shot
+from kolsky.studies.local_sensitivity import REACH
+from kolsky.studies.planning.choices import (
+    SHARES,
+    Choice,
+    Rate,
+    camera_heights,
+    camera_windows,
+    rate_of,
+    window_ends,
+)
+from kolsky.studies.planning.information import Expected, Information, discrepancies, information
+from kolsky.studies.planning.instruments import Instruments, instruments_of
+
+FloatArray = NDArray[np.float64]
+
+NAMES = ("stiffness_factor", "poisson", "damping")
+"""Parameters whose estimates are foretold unless others are asked for."""
+RATES = (0.5, 1.0, 2.0)
+"""Speeds of the flyer over the shot's that are compared."""
+ENDS = np.linspace(0.1, 1.0, 19)
+"""Ends of the window that are compared, as shares of it."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Where and when a measurement would tell most about each parameter, and how well they would be known."""
+
+    shot: str
+    """Name of the shot."""
+    instruments: Instruments
+    """What is measured, and how well."""
+    discrepancy: tuple[float, float]
+    """What the model is taken to leave out of a force bin [N] and an outline point [m]."""
+    information: Information
+    """Slopes and information at the shot's own rate."""
+    expected: dict[str, Expected]
+    """What "all", "force" and "outline" would tell; no outline without cameras."""
+    force_scale: FloatArray
+    """Shift of each estimate by one standard uncertainty of the force's scale, in no deviation above, in its
+    unit, shape [d]; 0 where the shot declares none, infinite where some direction is not seen."""
+    end_times: FloatArray
+    """Ends of the window [s], shape [n]."""
+    by_end: tuple[Expected, ...]
+    """What the data up to there would tell, length n."""
+    windows: dict[float, tuple[Choice, ...]]
+    """When the cameras should record, by the share of the window that their memory holds."""
+    heights: dict[int, tuple[Choice, ...]]
+    """Where outlines tell most, by the number of heights."""
+    rates: tuple[Rate, ...]
+    """The test at other speeds of the flyer."""
+    provenance: dict[str, Any]
+    """Inputs and settings."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Parameters."""
+        return self.information.sensitivity.names
+
+    def interval(self, name: str) -> tuple[float, float]:
+        """The expected k = 2 interval of a parameter if the truth is its assumed value."""
+        j = self.names.index(name)
+        value = float(self.information.sensitivity.point[j])
+        half = 2.0 * float(self.expected["all"].deviations[j])
+        return value - half, value + half
+
+
+def plan(
+    shot: Shot,
+    *,
+    names: Sequence[str] = NAMES,
+    held: Mapping[str, float] | None = None,
+    instruments: Callable[[Prepared], Instruments] = instruments_of,
+    rates: Sequence[float] = RATES,
+    heights: Sequence[int] = (1, 2, 3),
+    reach: float = REACH,
+    discrepancy: tuple[float, float] | None = None,
+    numerics: Numerics | None = None,
+    progress: Callable[[str, int, int], None] = lambda stage, done, total: None,
+) -> Plan:
+    """Foretell what a test would tell.
+
+    Parameters
+    ----------
+    shot
+        A loaded shot: specimen, interface, flyer's motion and curve are those of the planned test.
+    names
+        Parameters to be estimated together.
+    held
+        Values of parameters, those of `names` too, that are not the shot's own.
+    instruments
+        What the instruments can do; those of the shot itself if left out.
+    rates
+        Speeds of the flyer over the shot's own; 1 is always among them.
+    heights
+        Numbers of heights to choose.
+    reach
+        Range over which slopes are taken (`kolsky.studies.local_sensitivity`).
+    discrepancy
+        Standard deviations of what the model leaves out of a force bin [N] and an outline point [m]; its
+        change to a finer mesh, at each rate, if left out.
+    numerics
+        Mesh, precision, device.
+    progress
+        Told of the rates done.
+
+    Raises
+    ------
+    ValueError
+        If a value is outside its range or a run does not complete.
+    """
+    numerics, held = numerics or Numerics(), dict(held or {})
+    prepared = prepare(shot)
+    tools = instruments(prepared)
+    factors = sorted({1.0, *rates})
+    for factor in factors:
+        if not 0.0 < factor < np.inf:
+            raise ValueError(f"a rate must be finite and > 0, got {factor}")
+    path, (start, end) = prepared.path, tools.window
+    judged, own = [], None
+    for done, factor in enumerate(factors):
+        progress("rates", done, len(factors))
+        left_out = discrepancy or discrepancies(prepared.forward, tools, held, rate=factor, numerics=numerics)
+        found = information(
+            prepared.forward,
+            tools,
+            names,
+            held=held,
+            rate=factor,
+            reach=reach,
+            numerics=numerics,
+            discrepancy=left_out,
+        )
+        travel = float(path.position(end) - path.position(start))
+        judged.append(
+            rate_of(found, factor, length=shot.specimen.length, travel=travel, discrepancy=left_out)
+        )
+        if factor == 1.0:
+            own = found, left_out
+    progress("rates", len(factors), len(factors))
+    assert own is not None  # 1 is among the factors
+    found, left_out = own
+    parts = {"all": found.data, "force": found.data.select(found.is_force)}
+    if found.seen.any():
+        parts["outline"] = found.data.select(~found.is_force)
+    times, by_end = window_ends(found, ENDS)
+    settings = {
+        "free": list(names),
+        "held": held,
+        "reach": reach,
+        "rates": factors,
+        "discrepancy": list(left_out),
+        "numerics": numerics,
+    }
+    sliding = "friction" in {*names, *held}
+    return Plan(
+        shot=shot.name,
+        instruments=tools,
+        discrepancy=left_out,
+        information=found,
+        expected={name: Expected.of(data) for name, data in parts.items()},
+        force_scale=_scale_shift(found, prepared.observations.force_sigma_gain),
+        end_times=times,
+        by_end=tuple(by_end),
+        windows={share: tuple(camera_windows(found, share)) for share in SHARES},
+        heights={count: tuple(camera_heights(found, count)) for count in heights},
+        rates=tuple(judged),
+        provenance=provenance(shot, settings, prepared, sliding=sliding),
+    )
+
+
+def _scale_shift(found: Information, sigma_gain: float) -> FloatArray:
+    """A wrong scale bends all forces alike: no number of samples averages it."""
+    if sigma_gain == 0.0:
+        return np.zeros(len(found.data.names))
+    try:
+        gain = found.data.gain[:, : found.n_force]
+    except SingularInformationError:
+        return np.full(len(found.data.names), np.inf)
+    return np.abs(gain @ (sigma_gain * found.sensitivity.force))
+
+
+def correlations(expected: Expected, names: Sequence[str]) -> dict[str, float | None]:
+    """Correlations of the estimates by pair, e.g. "stiffness_factor, damping"."""
+    pairs = list(chain.from_iterable(((i, j) for j in range(i + 1, len(names))) for i in range(len(names))))
+    R = expected.correlation
+    return {f"{names[i]}, {names[j]}": None if R is None else float(R[i, j]) for i, j in pairs}

@@ -1,0 +1,117 @@
+"""Shape and force of several shots at equal strain (Figs. 13 and 14 of Mates et al. 2012)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from kolsky.base.records import FloatArray
+from kolsky.studies.rates.records import EqualStrain, RatedShot, ShapeAtStrain
+from kolsky.studies.rates.stiffness import Baselines
+
+HEIGHTS = 41
+"""Relative heights at which outlines are compared."""
+BASELINE = 61
+"""Points of the quasi-static line."""
+FEWEST_POINTS = 4
+"""Fewest points of an outline that is compared."""
+
+
+def equal_strain(
+    shots: Sequence[RatedShot], strains: Sequence[float], baselines: Baselines
+) -> EqualStrain | None:
+    """Force and outline of every shot at the strains that all of them reached; None if there is none.
+
+    The force is the mean over a bin, interpolated to the time of the strain; the outline is that of the
+    nearest frame, and says at which strain it was taken.
+
+    Parameters
+    ----------
+    shots
+        Shots of one group, at least one.
+    strains
+        Nominal compressive strains, each in (0, 1).
+    baselines
+        The laws of their quasi-static curves.
+    """
+    kept = [e for e in strains if e > 0.0 and all(shot.history.largest >= e for shot in shots)]
+    if not shots or not kept:
+        return None
+    e = np.array(kept)
+    rows: dict[str, list[FloatArray]] = {"force_measured": [], "force_sigma": [], "force_model": []}
+    for shot in shots:
+        c, time = shot.found.comparison, shot.history.time_at(e)
+        for name, row in rows.items():
+            row.append(np.interp(time, c.force_time, getattr(c, name)))
+    shapes = tuple(shape for strain in kept for shot in shots if (shape := _shape(shot, strain)) is not None)
+    first = shots[0]
+    area = 0.25 * np.pi * first.specimen[0] ** 2
+    line = np.linspace(0.0, min(shot.history.largest for shot in shots), BASELINE)
+    curve = first.quasi_static
+    base = [baselines.stress(curve, x) if baselines.reaches(curve, x) else np.nan for x in line]
+    scatter = [_scatter([s for s in shapes if s.strain == x], shots) for x in kept]
+    return EqualStrain(
+        strains=e,
+        shots=tuple(shot.name for shot in shots),
+        force=np.stack(rows["force_measured"]),
+        sigma=np.stack(rows["force_sigma"]),
+        force_model=np.stack(rows["force_model"]),
+        baseline_strain=line,
+        baseline_force=area * np.array(base),
+        shapes=shapes,
+        shape_scatter=np.array([s[0] for s in scatter]),
+        residual_scatter=np.array([s[1] for s in scatter]),
+    )
+
+
+def _shape(shot: RatedShot, strain: float) -> ShapeAtStrain | None:
+    """The outline in the frame nearest to a strain; None if none was measured or it has too few points."""
+    c, history = shot.found.comparison, shot.history
+    line = c.centre_line
+    times = np.unique(line.time[line.time <= history.time[-1]])
+    if not times.size:
+        return None
+    time = times[np.argmin(np.abs(times - history.time_at(np.array([strain]))[0]))]
+    points = np.flatnonzero(line.time == time)
+    if points.size < FEWEST_POINTS:
+        return None
+    points = points[np.argsort(line.y[points], kind="stable")]
+    return ShapeAtStrain(
+        shot=shot.name,
+        strain=strain,
+        at=float(np.interp(time, history.time, history.strain)),
+        y=line.y[points],
+        Z=line.Z[points],
+        sigma=line.sigma[points],
+        model=np.where(c.inside[points], c.Z_model[points], np.nan),
+    )
+
+
+def _scatter(shapes: Sequence[ShapeAtStrain], shots: Sequence[RatedShot]) -> tuple[float, float]:
+    """Standard deviation between shots of the radius and of its residual, rms over common heights [m]."""
+    lengths = {shot.name: shot.specimen[1] for shot in shots}
+    if len(shapes) < 2:
+        return float("nan"), float("nan")
+    relative = [s.y / (lengths[s.shot] * (1.0 - s.at)) for s in shapes]
+    low, high = max(h[0] for h in relative), min(h[-1] for h in relative)
+    if not low < high:
+        return float("nan"), float("nan")
+    grid = np.linspace(low, high, HEIGHTS)
+    radii = np.stack([np.interp(grid, h, s.Z) for h, s in zip(relative, shapes, strict=True)])
+    residuals = np.stack([_residual(grid, h, s) for h, s in zip(relative, shapes, strict=True)])
+    return _rms_scatter(radii), _rms_scatter(residuals)
+
+
+def _residual(grid: FloatArray, height: FloatArray, shape: ShapeAtStrain) -> FloatArray:
+    """Measured minus simulated radius at relative heights; NaN beyond the model's range."""
+    seen = np.isfinite(shape.model)
+    if int(seen.sum()) < 2:
+        return np.full(grid.shape, np.nan)
+    return np.interp(grid, height[seen], (shape.Z - shape.model)[seen], left=np.nan, right=np.nan)
+
+
+def _rms_scatter(rows: FloatArray) -> float:
+    """Rms over the columns that every row has of the standard deviation between rows, n - 1."""
+    whole = np.isfinite(rows).all(axis=0)
+    if not whole.any():
+        return float("nan")
+    return float(np.sqrt(np.mean(rows[:, whole].var(axis=0, ddof=1))))

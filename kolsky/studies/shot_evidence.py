@@ -1,0 +1,107 @@
+"""A shot as evidence of rate dependence: its transmitted force, simulated for many rate models at once."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import explicit
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.parameters import PARAMETERS
+from kolsky.inverse.prepare import Prepared
+from kolsky.material.relaxation.evidence import RateModel
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ShotEvidence:
+    """Means of the transmitted force over successive bins."""
+
+    model: explicit.Model
+    """The test; its material and what relaxes are those of the fit."""
+    edges: FloatArray
+    """Edges of the bins [s], ascending, shape [n + 1]."""
+    force: FloatArray
+    """Mean force in each bin, compression-positive [N], shape [n]."""
+    sigma: FloatArray
+    """Its standard uncertainty [N], shape [n]."""
+    held: Mapping[str, float] = field(default_factory=dict)
+    """What else a sample has, such as "poisson", "damping" and "friction": arguments of
+    `explicit.Samples.of`."""
+    stepping: explicit.Stepping = field(default_factory=explicit.Stepping)
+    """Numerical choices of the time loop."""
+    device: str = "cpu"
+    """ "cpu" or a CUDA device."""
+    threads: int | None = None
+    """CPU threads; all cores if left out."""
+    label: str = "shot"
+    """What it is, for tables."""
+
+    def __post_init__(self) -> None:
+        if len(self.edges) < 2 or not (np.diff(self.edges) > 0.0).all():
+            raise ValueError("edges must ascend, and there must be at least 2")
+        n = len(self.edges) - 1
+        if np.shape(self.force) != (n,) or np.shape(self.sigma) != (n,):
+            raise ValueError(
+                f"force and sigma need one value per bin, {n}, got {np.shape(self.force)} and "
+                f"{np.shape(self.sigma)}"
+            )
+        if not np.isfinite(self.force).all() or not (np.asarray(self.sigma) > 0.0).all():
+            raise ValueError("force must be finite and its sigma > 0 N in every bin")
+        unknown = {"stiffness_factor", "relaxation", "material"} & set(self.held)
+        if unknown:
+            raise ValueError(f"held must leave {', '.join(sorted(unknown))} to the fit")
+
+    @classmethod
+    def of(cls, prepared: Prepared, numerics: Numerics) -> "ShotEvidence":
+        """The evidence of a prepared shot, with its own values of everything but rate and stiffness."""
+        shot, bins = prepared.forward.shot, prepared.observations.bins
+        held = {name: float(p.held(shot)) for name, p in PARAMETERS.items() if name != "stiffness_factor"}
+        return cls(
+            model=prepared.forward.model(numerics),
+            edges=bins.edges,
+            force=bins.mean,
+            sigma=bins.sigma,
+            held=held,
+            stepping=explicit.Stepping(safety=numerics.safety, precision=numerics.precision),
+            device=numerics.device,
+            threads=numerics.threads,
+            label=f"shot {shot.name}",
+        )
+
+    @property
+    def values(self) -> FloatArray:
+        """Mean force in each bin [N], shape [n]."""
+        return self.force
+
+    @property
+    def time_scales(self) -> tuple[float, float]:
+        """The narrowest bin and the whole window [s]."""
+        return float(np.diff(self.edges).min()), float(self.edges[-1] - self.edges[0])
+
+    def predict(self, law: Any, models: Sequence[RateModel]) -> FloatArray:
+        """Mean force of each model [N], shape [n_models, n]; NaN where a simulation did not complete."""
+        response = self.simulate(law, models)
+        force = np.diff(response.impulse_transmission, axis=1) / np.diff(self.edges)
+        completed = np.array([outcome.ok for outcome in response.outcomes])
+        return np.where(completed[:, None], force, np.nan)
+
+    def simulate(self, law: Any, models: Sequence[RateModel]) -> explicit.Response:
+        """The simulations of this shot, one for each model."""
+        elastic = all(len(m.series) == 0 for m in models)
+        model = replace(
+            self.model, materials=(law,), relaxation=() if elastic else tuple(m.series for m in models)
+        )
+        given: dict[str, ArrayLike] = dict(self.held)
+        samples = explicit.Samples.of(
+            stiffness_factor=np.array([m.factor for m in models]),
+            relaxation=np.zeros(len(models), np.int64) if elastic else np.arange(len(models)),
+            **given,  # type: ignore[arg-type]
+        )
+        sampling = explicit.Sampling(self.edges, self.edges[-1:])
+        return explicit.run(
+            model, samples, sampling, stepping=self.stepping, device=self.device, threads=self.threads
+        )

@@ -1,0 +1,225 @@
+"""A design of experiments over a shot's parameters: every run with its outcome and misfit, none run twice."""
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import Design
+from doe.executors import ExecutorFactory, Pace, run_chunks
+from doe.ledger import Ledger, LedgerError, Run
+from explicit import Outcome
+from kolsky.base.files import write_table
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.misfit import predict, terms
+from kolsky.inverse.parameters import PARAMETERS
+from kolsky.inverse.prepare import Prepared, prepare
+from kolsky.inverse.provenance import provenance
+from kolsky.inverse.result import DesignTable
+from kolsky.results.text import ends
+from kolsky.shot.records import Shot
+
+FloatArray = NDArray[np.float64]
+
+KEPT = ("phi_force", "phi_shape", "chi2_force", "chi2_shape", "end time", "element", "R", "Y")
+"""What a run leaves in the ledger, in this order, SI; the misfits are NaN where it did not complete, the
+element -1 and its place NaN where it did."""
+CHUNK = {"cpu": 64, "cuda": 4096}
+"""Runs between two entries in the ledger, by class of device."""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Every run of a design."""
+
+    shot: str
+    """Name of the shot."""
+    table: DesignTable
+    """Points, outcomes and misfits."""
+    held: dict[str, float]
+    """Parameters held at another value than the shot's."""
+
+
+@dataclass(frozen=True)
+class ShotRuns:
+    """The shot as a function of points, for `doe.executors.run_chunks`; it can be pickled."""
+
+    prepared: Prepared
+    """The shot made ready."""
+    names: tuple[str, ...]
+    """Parameters varied, length d."""
+    held: Mapping[str, float]
+    """Parameters held at another value than the shot's."""
+    numerics: Numerics
+    """Mesh, precision, device."""
+
+    def __call__(self, points: FloatArray) -> list[Run]:
+        """Simulate the points, shape [n, d]; every run is `KEPT`."""
+        columns = {name: points[:, i] for i, name in enumerate(self.names)}
+        response = self.prepared.forward.run({**self.held, **columns}, self.numerics)
+        rows = np.flatnonzero(response.completed)
+        observations = self.prepared.observations
+        prediction = predict(response.select(rows), observations) if len(rows) else None
+        place = {int(row): k for k, row in enumerate(rows)}
+        runs = []
+        for row, ending in enumerate(response.endings):
+            misfit = [np.nan] * 4
+            if prediction is not None and row in place:
+                found = terms(prediction, observations, place[row])
+                misfit = [getattr(found, name) for name in KEPT[:4]]
+            results = np.array([*misfit, ending.time, ending.element, *ending.place])
+            ok = ending.outcome.ok
+            runs.append(Run(ok, ending.outcome.name, results, "" if ok else ending.sentence))
+        return runs
+
+    def model_hash(self) -> bytes:
+        """SHA-256 of all that a run's result depends on but the varied values.
+
+        Inputs, window, specimen, interface, what is held, names, mesh and the other numerical choices,
+        class of device, versions and the package's sources; not the number of threads, which no bit
+        depends on.
+        """
+        device = self.numerics.device.partition(":")[0]
+        settings = {
+            "varied": list(self.names),
+            "held": dict(sorted(self.held.items())),
+            "numerics": replace(self.numerics, threads=None, device=device),
+        }
+        sliding = "friction" in {*self.names, *self.held}
+        said = provenance(self.prepared.forward.shot, settings, self.prepared, sliding=sliding)
+        text = json.dumps({**said, "kept": KEPT, "sources": _sources()}, sort_keys=True, default=_plain)
+        return hashlib.sha256(text.encode()).digest()
+
+
+@cache
+def _sources() -> str:
+    """SHA-256 of the sources of `kolsky` and `explicit`: a version number does not tell a working copy."""
+    total = hashlib.sha256()
+    root = Path(__file__).parents[2]
+    for path in sorted(p for package in ("kolsky", "explicit") for p in (root / package).rglob("*.py")):
+        total.update(str(path.relative_to(root)).encode() + hashlib.sha256(path.read_bytes()).digest())
+    return total.hexdigest()
+
+
+def _plain(thing: Any) -> Any:
+    """NumPy's numbers as JSON can hold them."""
+    if isinstance(thing, (np.generic, np.ndarray)):
+        return thing.tolist()
+    raise TypeError(f"{type(thing).__name__} has no place in a model's hash")
+
+
+def sweep(
+    shot: Shot,
+    design: Design,
+    *,
+    held: Mapping[str, float] | None = None,
+    numerics: Numerics | None = None,
+    ledger: Path | None = None,
+    merge: tuple[Path, ...] = (),
+    retry: bool = False,
+    chunk: int | None = None,
+    executor: ExecutorFactory | None = None,
+    progress: Callable[[Pace], None] | None = None,
+) -> Sweep:
+    """Run a design over a shot's parameters.
+
+    Parameters
+    ----------
+    shot
+        A loaded shot.
+    design
+        Points over parameters of `kolsky.inverse.parameters.PARAMETERS`.
+    held
+        Parameters held at another value than the shot's.
+    numerics
+        As in `kolsky.inverse.forward.Forward.run`.
+    ledger
+        File where each chunk of runs is recorded and where runs made before are found; none if left out.
+    merge
+        Ledgers of other shards, taken over into `ledger` first.
+    retry
+        Run again what the ledger holds as not completed.
+    chunk
+        Runs handed over and recorded at once; that of `CHUNK` if left out.
+    executor, progress
+        As in `doe.executors.run_chunks`.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is unknown or outside its range, or ledgers are to be merged into none.
+    doe.ledger.LedgerError
+        If a ledger is none, is damaged or in use.
+    OSError
+        If the ledger's folder cannot be made.
+    """
+    numerics = numerics or Numerics()
+    runs = ShotRuns(prepare(shot), design.box.names, dict(held or {}), numerics)
+    chunk = chunk or CHUNK["cpu" if numerics.device == "cpu" else "cuda"]
+
+    def all_runs(book: Ledger | None) -> list[Run]:
+        return run_chunks(
+            runs, design.points, chunk=chunk, ledger=book, executor=executor, retry=retry, progress=progress
+        )
+
+    if ledger is None:
+        if merge:
+            raise ValueError("ledgers are merged into a ledger; name one")
+        done = all_runs(None)
+    else:
+        ledger.parent.mkdir(parents=True, exist_ok=True)
+        with Ledger(ledger, runs.model_hash()) as book:
+            for other in merge:
+                book.merge(other)
+            done = all_runs(book)
+            _refuse_strangers(ledger, done)
+    return Sweep(shot=shot.name, table=_table(design, done), held=dict(held or {}))
+
+
+def _refuse_strangers(ledger: Path, runs: list[Run]) -> None:
+    """A row may have the right key and still not be what this program writes."""
+    for run in runs:
+        known = run.outcome in Outcome.__members__ and Outcome[run.outcome].ok == run.completed
+        if not known or run.results.shape != (len(KEPT),) or not float(run.results[5]).is_integer():
+            raise LedgerError(f"{ledger}: holds a run that no sweep has written; remove the file")
+
+
+def _table(design: Design, runs: list[Run]) -> DesignTable:
+    results = np.array([run.results for run in runs])
+    column = dict(zip(KEPT, results.T, strict=True))
+    return DesignTable(
+        names=design.box.names,
+        points=np.array(design.points),
+        lower=np.array(design.box.lower),
+        upper=np.array(design.box.upper),
+        outcomes=tuple(run.outcome for run in runs),
+        end_times=column["end time"],
+        failed_elements=column["element"].astype(np.int64),
+        failed_places=results[:, 6:],
+        stage=("design",) * len(runs),
+        **{name: column[name] for name in KEPT[:4]},
+    )
+
+
+def write_sweep(path: Path, result: Sweep) -> Path:
+    """Write one row a run, atomically: parameters, outcome, Phi_F, Phi_S, Phi and chi-square; and how, when
+    and where a run that did not complete ended."""
+    table = result.table
+    columns: dict[str, Any] = {"run": np.arange(len(table.outcomes))}
+    columns |= {f"{name} ({PARAMETERS[name].unit})": table.points[:, i] for i, name in enumerate(table.names)}
+    columns |= {
+        "outcome": table.outcomes,
+        "Phi_F (N)": table.phi_force,
+        "Phi_S (1)": table.phi_shape,
+        "Phi (1)": table.phi_force / 1000.0 + table.phi_shape / 0.001,
+        "chi2 force (1)": table.chi2_force,
+        "chi2 shape (1)": table.chi2_shape,
+        **ends(table),
+    }
+    return write_table(path, columns)

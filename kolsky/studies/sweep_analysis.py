@@ -1,0 +1,199 @@
+"""What a sweep tells beyond its table: maps of the misfits, main effects, shares of their variance."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import Box, CostSurrogate
+from doe.sensitivity import SobolIndices, sobol_indices
+from doe.surrogates import SurrogateError
+from kolsky.inverse.misfit import SCALE_FORCE, SCALE_SHAPE
+from kolsky.inverse.result import DesignTable
+
+FloatArray = NDArray[np.float64]
+
+OUTPUTS = {"Phi_F": "N", "Phi_S": "1", "Phi": "1"}
+"""Misfits looked at, Eqs. (M.3) to (M.5), and their units."""
+MOST_FITTED = 400
+"""Most runs an interpolant is made of: its equations are dense. The others are what it is tried on."""
+LARGEST_ERROR = 0.2
+"""Largest error (rms) of an interpolant over the standard deviation of the runs for which anything is drawn
+from it: its square, 4 % of the variance, is what the shares below cannot be trusted for."""
+LEVELS = 41
+"""Points along each parameter of an effect and of a map."""
+SAMPLE = 1024
+"""Points of each sample of the indices."""
+
+
+@dataclass(frozen=True)
+class Effect:
+    """The mean of an output over all other parameters, along one parameter."""
+
+    x: FloatArray
+    """Values of the parameter [SI], shape [LEVELS]."""
+    mean: FloatArray
+    """Mean of the output, shape [LEVELS]."""
+    low: FloatArray
+    """Tenth percentile over the others, shape [LEVELS]."""
+    high: FloatArray
+    """Ninetieth percentile, shape [LEVELS]."""
+
+
+@dataclass(frozen=True)
+class Output:
+    """One misfit over the box."""
+
+    name: str
+    """Key of `OUTPUTS`."""
+    values: FloatArray
+    """At every run, NaN where it did not complete, shape [n_runs]."""
+    error: float
+    """Error of the interpolant over the standard deviation of the runs [-]: root mean square of
+    leave-one-out residuals, or of runs it was not made of where there are many."""
+    refused: str
+    """Why nothing is drawn from the interpolant; empty if it is good enough."""
+    surrogate: CostSurrogate | None
+    """The interpolant, None if it could not be made or is not good enough."""
+    effects: dict[str, Effect]
+    """Main effects by parameter; empty without an interpolant."""
+
+
+@dataclass(frozen=True)
+class SweepAnalysis:
+    """A sweep looked at as a whole."""
+
+    shot: str
+    """Name of the shot."""
+    box: Box
+    """Where the parameters varied."""
+    table: DesignTable
+    """Every run."""
+    outputs: dict[str, Output]
+    """The misfits, by name; only those of force without an outline."""
+    indices: SobolIndices | None
+    """Shares of the variance of the outputs with an interpolant; None without any, or one parameter."""
+    best: int | None
+    """Run with the smallest Phi (Phi_F without an outline); None if none completed."""
+
+    def map(self, output: str, first: str, second: str) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """An output in the plane of two parameters, the others where the best run has them.
+
+        Returns
+        -------
+        x, y
+            Values of the two parameters [SI], shape [LEVELS].
+        values
+            The output, shape [LEVELS, LEVELS], rows along y.
+
+        Raises
+        ------
+        ValueError
+            If the output has no interpolant.
+        """
+        surrogate = self.outputs[output].surrogate
+        if surrogate is None or self.best is None:
+            raise ValueError(f"{output} has no interpolant: {self.outputs[output].refused}")
+        i, j = self.box.names.index(first), self.box.names.index(second)
+        u = np.tile(self.box.unit(self.table.points[self.best]), (LEVELS, LEVELS, 1))
+        u[..., i], u[..., j] = np.meshgrid(np.linspace(0.0, 1.0, LEVELS), np.linspace(0.0, 1.0, LEVELS))
+        points = self.box.scale(u)
+        values = surrogate.predict(points.reshape(-1, self.box.dimension))
+        return points[0, :, i], points[:, 0, j], values.reshape(LEVELS, LEVELS)
+
+
+def analyse_sweep(shot: str, box: Box, table: DesignTable, *, rng: int = 1) -> SweepAnalysis:
+    """Interpolate the misfits of a sweep's runs and look at them as a whole.
+
+    Parameters
+    ----------
+    shot
+        Name of the shot.
+    box
+        The design's box.
+    table
+        Every run.
+    rng
+        Seed of the samples.
+    """
+    phi = table.phi_force / SCALE_FORCE + table.phi_shape / SCALE_SHAPE  # Eq. (M.5)
+    columns = {"Phi_F": table.phi_force, "Phi_S": table.phi_shape, "Phi": phi}
+    outputs = {
+        name: _output(name, box, table.points, values, rng)
+        for name, values in columns.items()
+        if np.isfinite(values).any()
+    }
+    ranked = phi if np.isfinite(phi).any() else table.phi_force
+    return SweepAnalysis(
+        shot=shot,
+        box=box,
+        table=table,
+        outputs=outputs,
+        indices=_indices(box, outputs, rng),
+        best=int(np.nanargmin(ranked)) if np.isfinite(ranked).any() else None,
+    )
+
+
+def _output(name: str, box: Box, points: FloatArray, values: FloatArray, rng: int) -> Output:
+    done = np.flatnonzero(np.isfinite(values))
+    _, single = np.unique(points[done], axis=0, return_index=True)
+    rows = np.random.default_rng(rng).permutation(done[single])
+    fitted, rest = rows[:MOST_FITTED], rows[MOST_FITTED:]
+    spread = float(values[rows].std())
+    if len(rows) < 4 or spread == 0.0:
+        return _without(name, values, "fewer than four runs differ")
+    try:
+        surrogate = CostSurrogate.fit(box, points[fitted], values[fitted])
+    except SurrogateError as refusal:
+        return _without(name, values, str(refusal))
+    if len(rest):
+        error = float(np.sqrt(np.mean((surrogate.predict(points[rest])[:, 0] - values[rest]) ** 2))) / spread
+    else:
+        error = surrogate.loo_rms / spread
+    if not error <= LARGEST_ERROR:
+        return _without(name, values, _too_large(error, len(fitted), box.dimension), error)
+    return Output(name, values, error, "", surrogate, _effects(box, surrogate, rng))
+
+
+def _too_large(error: float, runs: int, dimension: int) -> str:
+    """The refusal, with the runs that would do if the error falls as it does for a smooth function.
+
+    An interpolant of a smooth function gains at least its second order in the distance of the runs, which
+    goes with their number to the power of -1/d.
+    """
+    needed = int(np.ceil(runs * (error / LARGEST_ERROR) ** (dimension / 2.0)))
+    return (
+        f"an interpolant of {runs} runs is wrong by {100.0 * error:.0f} % of their standard deviation, at"
+        f" most {100.0 * LARGEST_ERROR:.0f} % are allowed; about {needed} runs would do if the misfit is"
+        " smooth"
+    )
+
+
+def _without(name: str, values: FloatArray, why: str, error: float = float("nan")) -> Output:
+    return Output(name, values, error, why, None, {})
+
+
+def _effects(box: Box, surrogate: CostSurrogate, rng: int) -> dict[str, Effect]:
+    others = np.random.default_rng(rng).random((256, box.dimension))
+    effects = {}
+    for i, name in enumerate(box.names):
+        u = np.repeat(others[None], LEVELS, axis=0)
+        u[..., i] = np.linspace(0.0, 1.0, LEVELS)[:, None]
+        points = box.scale(u)
+        values = surrogate.predict(points.reshape(-1, box.dimension)).reshape(LEVELS, -1)
+        low, high = np.percentile(values, (10.0, 90.0), axis=1)
+        effects[name] = Effect(points[:, 0, i], values.mean(axis=1), low, high)
+    return effects
+
+
+def _indices(box: Box, outputs: dict[str, Output], rng: int) -> SobolIndices | None:
+    able = {name: output.surrogate for name, output in outputs.items() if output.surrogate is not None}
+    if not able or box.dimension < 2:
+        return None
+    return sobol_indices(
+        box,
+        lambda points: np.column_stack([surrogate.predict(points)[:, 0] for surrogate in able.values()]),
+        outputs=tuple(able),
+        n=SAMPLE,
+        rng=rng,
+    )

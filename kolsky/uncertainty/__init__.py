@@ -1,0 +1,1 @@
+"""What a shot's data can tell about its parameters: profiles, verdicts, declared uncertainties, warnings."""

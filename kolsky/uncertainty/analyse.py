@@ -1,0 +1,168 @@
+"""Everything the data of a shot can tell beside its estimates, once the optimum is found."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from doe.uncertainty import VerdictKind
+from kolsky.inverse.findings import Declaration, PairMap, ParameterProfile, PosteriorSummary, Variation
+from kolsky.inverse.methods import POSTERIOR, PROFILE, Method
+from kolsky.inverse.misfit import Prediction
+from kolsky.inverse.result import Estimate, Identification
+from kolsky.inverse.stages import Stages
+from kolsky.uncertainty.profile_likelihood import TOLERANCE, Answer, Profiled, profiled
+from kolsky.uncertainty.systematic import declarations
+from kolsky.uncertainty.variations import variations
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """What is known beside the estimates."""
+
+    systematic: tuple[Declaration, ...]
+    """Every key that shot.toml may declare uncertain."""
+    profiles: tuple[ParameterProfile, ...]
+    """One a free parameter; none if they could not be made."""
+    ridge: PairMap | None
+    """The plane of two free parameters."""
+    posterior: PosteriorSummary | None
+    """If it was asked for."""
+    found: Profiled | None
+    """What the profiles rest on."""
+    warnings: tuple[str, ...]
+    """What a user should know of them."""
+    runs: int
+    """Simulations on the surrogate's mesh when all was done."""
+    variations: tuple[Variation, ...] = ()
+    """Other choices of the analyst; none if there is no surrogate to search."""
+
+    def sigma_systematic(self, name: str) -> float:
+        """Standard uncertainty of a parameter from the declared ones, root sum of squares."""
+        return float(np.sqrt(sum(part.shifts.get(name, 0.0) ** 2 for part in self.systematic)))
+
+    def added_to(self, result: Identification) -> Identification:
+        """The result with all of it, its intervals with the systematic part."""
+        estimates = {
+            name: replace(e, sigma_systematic=self.sigma_systematic(name))
+            for name, e in result.estimates.items()
+        }
+        return replace(
+            result,
+            estimates=estimates,
+            systematic=self.systematic,
+            profiles=self.profiles,
+            ridge=self.ridge,
+            posterior=self.posterior,
+            variations=self.variations,
+            methods=(*result.methods, *self.methods(estimates)),
+        )
+
+    def methods(self, estimates: dict[str, Estimate]) -> Iterator[Method]:
+        """Profile and posterior beside the answer."""
+        if self.found is None:
+            return
+        answer = {name: e.value for name, e in estimates.items()}
+        width = {name: 2.0 * e.sigma for name, e in estimates.items()}
+        own = all(profile.error <= TOLERANCE * profile.level for profile in self.profiles)
+        yield Method.compared(
+            PROFILE,
+            dict(zip(answer, self.found.optimum.tolist(), strict=True)),
+            answer=answer,
+            half_width=width,
+            runs=self.runs,
+            shared_runs=self.runs,
+            converged=own,
+            ended="confirmed by runs along the profiles" if own else "not confirmed by runs along them",
+        )
+        if self.posterior is not None:
+            yield Method.compared(
+                POSTERIOR,
+                dict(zip(answer, self.posterior.median.tolist(), strict=False)),  # discrepancies follow
+                answer=answer,
+                half_width=width,
+                runs=self.runs,
+                shared_runs=self.runs,
+                converged=self.posterior.converged,
+                ended=f"{self.posterior.steps} steps of each walker",
+            )
+
+
+def gather(stages: Stages, answer: Answer, check: Prediction, *, bayes: bool = False) -> Knowledge:
+    """Declared uncertainties, profiles, other choices and, if asked for, the posterior.
+
+    Parameters
+    ----------
+    stages
+        The identification's simulations.
+    answer
+        Where it ended.
+    check
+        What the run on the refined mesh there predicts.
+    bayes
+        Sample the posterior too.
+
+    Raises
+    ------
+    ValueError
+        If a run with a changed input does not complete.
+    ImportError
+        If the posterior is asked for and emcee is not installed.
+    """
+    systematic = declarations(stages, answer.x, answer.objective)
+    started = time.perf_counter()
+    found: Profiled | None = None
+    said = []
+    try:
+        found = profiled(stages, answer)
+    except (ValueError, RuntimeError) as error:
+        said.append(f"there are no profile likelihoods: {error}")
+    stages.seconds["profile"] = time.perf_counter() - started
+    varied: tuple[Variation, ...] = ()
+    if found is not None:
+        started = time.perf_counter()
+        varied = variations(stages, answer, found, check)
+        stages.seconds["choices"] = time.perf_counter() - started
+    sampled = None
+    if bayes and found is not None:
+        started = time.perf_counter()
+        sampled = posterior_of(found, stages.settings.seed)
+        stages.seconds["posterior"] = time.perf_counter() - started
+    profiles = () if found is None else found.profiles
+    return Knowledge(
+        systematic=systematic,
+        profiles=profiles,
+        ridge=None if found is None else found.map,
+        posterior=sampled,
+        found=found,
+        warnings=(*said, *_cautions(profiles, sampled)),
+        runs=len(stages.on_surrogate_mesh()[0]),
+        variations=varied,
+    )
+
+
+def posterior_of(found: Profiled, seed: int) -> PosteriorSummary:
+    """The posterior; imported when it is asked for."""
+    from kolsky.uncertainty.posterior import posterior
+
+    return posterior(found, seed=seed)
+
+
+def _cautions(profiles: tuple[ParameterProfile, ...], sampled: PosteriorSummary | None) -> Iterator[str]:
+    for profile in profiles:
+        if profile.error > TOLERANCE * profile.level:
+            yield (
+                f"the profile likelihood of {profile.name} is not confirmed: runs along it differ by "
+                f"{profile.error:.2g} where the interval ends at a rise of {profile.level:.3g}; widen or "
+                "shrink the design with --free NAME=LOW:HIGH, or hold a parameter"
+            )
+        if profile.verdict != VerdictKind.IDENTIFIED.value:
+            yield f"profile likelihood: {profile.text}"
+    if sampled is not None and not sampled.converged:
+        yield (
+            f"the chains of the posterior are too short after {sampled.steps} steps (autocorrelation time "
+            f"{sampled.autocorrelation:.3g}): its intervals are rough"
+        )

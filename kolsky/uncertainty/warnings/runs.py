@@ -1,0 +1,87 @@
+"""What a simulation gives reason to say: strained past the data, hourglassing, lost, sliding."""
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from explicit import Response
+from kolsky.base.apparatus import Interface
+from kolsky.inverse.result import DesignTable
+
+PAST_CURVE = 0.01
+"""Share of the specimen past the quasi-static curve from which on it is said."""
+ARTIFICIAL = 0.01
+"""Energy of hourglass control over the strain energy from which on it is said."""
+
+
+def past_curve(share: float, reached: float, checks: Mapping[str, float]) -> Iterator[str]:
+    """Say that the material was strained beyond what the quasi-static test covers.
+
+    Parameters
+    ----------
+    share : float
+        Largest share of the specimen's volume past the curve [-].
+    reached : float
+        Largest s = sqrt(I1 - 3) [-].
+    checks
+        "curve_last_s" and "curve_last_strain" of `kolsky.inverse.prepare.Prepared.checks`.
+    """
+    if share > PAST_CURVE:
+        last, strain = checks["curve_last_s"], checks["curve_last_strain"]
+        yield (
+            f"{100.0 * share:.0f} % of the specimen's volume was strained past the quasi-static curve: "
+            f"s = sqrt(I1 - 3) reached {reached:.3g}, the curve ends at {last:.3g} (nominal strain "
+            f"{strain:+.2g}); from there the law goes on without a test that supports it. "
+            f"A curve to a nominal strain of {equivalent_strain(reached, strain):+.2g} would cover it"
+        )
+
+
+def hourglass(response: Response) -> Iterator[str]:
+    """Say that hourglass control took part in the answer of the batch's first simulation."""
+    if not response.outcomes[0].ok:
+        return
+    share = float(response.energy.artificial_share()[0])
+    if share > ARTIFICIAL:
+        yield (
+            f"hourglass control stored and dissipated {100.0 * share:.2g} % of the strain energy; refine the "
+            "mesh, or check with --element fbar"
+        )
+
+
+def lost_runs(table: DesignTable, rest: str = "") -> Iterator[str]:
+    """Count the runs that did not complete, by stage and `explicit.Outcome`, and tell the first of each kind.
+
+    Parameters
+    ----------
+    table
+        Every run.
+    rest : str
+        What the others are for, said behind the count.
+    """
+    kinds: dict[str, list[int]] = {}
+    for run in table.lost:
+        kinds.setdefault(f"{table.stage[run]}: {table.outcomes[run]}", []).append(run)
+    if kinds:
+        counts = ", ".join(f"{len(runs)} in {kind}" for kind, runs in kinds.items())
+        yield f"{len(table.lost)} of {len(table.outcomes)} runs did not complete ({counts}){rest}"
+    for runs in kinds.values():
+        values = zip(table.names, table.points[runs[0]], strict=True)
+        point = ", ".join(f"{name} = {value:.4g}" for name, value in values)
+        yield f"run {runs[0]} ({point}) ended {table.ending(runs[0]).sentence}"
+
+
+def sliding(interface: Interface, named: list[str]) -> Iterator[str]:
+    """Say that naming `friction` replaced the declared interface; see
+    `kolsky.inverse.forward.Forward.run`."""
+    if "friction" in named and {interface.faces, interface.side} != {"coulomb"}:
+        yield (
+            "with friction as a parameter, Coulomb's law replaced the interface that the shot declares "
+            f"(faces {interface.faces}, side {interface.side}): the specimen may slide and lift off"
+        )
+
+
+def equivalent_strain(s: float, branch: float) -> float:
+    """Nominal strain of a uniaxial test with the same I1: lam^2 + 2 / lam = 3 + s^2 on one branch."""
+    roots = np.roots([1.0, 0.0, -(3.0 + s**2), 2.0]).real
+    lam = roots.max() if branch > 0.0 else roots[roots > 0.0].min()
+    return float(lam - 1.0)

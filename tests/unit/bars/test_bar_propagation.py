@@ -1,0 +1,198 @@
+"""A signal carried along a bar: direct Fourier integrals, exact shifts, bands, noise, broken input."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bar_pulses import Pulse, carried, exact_wavenumber
+
+from kolsky.bars.guides.polymer_waveguide import PronyModulus, ViscoelasticWaveguide
+from kolsky.bars.guides.propagation import force_of, propagate, propagation, velocity_of
+from kolsky.bars.guides.spectra import windowed
+from kolsky.bars.guides.waveguide import ElasticWaveguide, area
+from kolsky.bars.records import Signal
+from kolsky.base.apparatus import Bar
+
+BAR = Bar(0.02, 2.0, 210e9, 7800.0, 0.29)
+STEP = 2e-7
+PULSE = Pulse(60e-6)
+TARGET = 2e-3
+"""What is asked of recovered pulses, over their peak."""
+
+
+def exact(pulse, time, way, bar=BAR):
+    omega = pulse.frequencies(2.0 * time[-1])
+    k = exact_wavenumber(omega, radius=0.5 * bar.diameter, speed=bar.wave_speed, poisson=bar.poisson)
+    return carried(pulse, time, omega, np.exp(-1j * k * way))
+
+
+def strain(value, start=0.0, sigma=0.0, step=STEP):
+    return Signal(start, step, value, sigma, "1", "incident gauge")
+
+
+@pytest.mark.parametrize("way", [0.4, 1.0])
+def test_forward_and_back_against_the_fourier_integral(way):
+    n = 3500  # 0.7 ms: the tail of the slowest waves of a 5 us rise has passed
+    here = exact(PULSE, STEP * np.arange(n), 0.0)
+    there = exact(PULSE, way / BAR.wave_speed + STEP * np.arange(n), way)
+    guide = ElasticWaveguide(BAR)
+    forward = propagation(strain(here), guide, way)
+    assert forward.signal.start == pytest.approx(way / BAR.wave_speed, rel=1e-14)
+    # Table 1e-9 of k, some 40 rad of phase at the highest frequency with content; the target is 2e-3.
+    assert np.abs(forward.signal.value - there).max() < 1e-6
+    back = propagation(strain(there, way / BAR.wave_speed), guide, -way)
+    # The last sample of a tail of 2e-5 is cut off.
+    assert np.abs(back.signal.value - here).max() < 5e-5 < TARGET
+    assert forward.energy == pytest.approx(1.0, abs=1e-6)
+    assert forward.noise_gain == pytest.approx(1.0, abs=1e-12)
+    assert forward.size > 0.2  # a plain shift misses the pulse by that
+    assert forward.rms < forward.size
+
+
+def test_a_bar_without_dispersion_shifts_the_clock_and_leaves_the_samples():
+    value = np.random.default_rng(2).standard_normal(1000)  # content up to the last frequency
+    for guide in (ElasticWaveguide(BAR, dispersive=False), ElasticWaveguide(replace(BAR, poisson=0.0))):
+        if guide.dispersive:  # without Poisson's ratio only what is above J1' = 0 disperses
+            value = np.exp(-0.5 * ((STEP * np.arange(1000) - 100e-6) / 13e-6) ** 2)
+        moved = propagation(strain(value), guide, 1.2345)
+        assert moved.signal.start == 1.2345 / BAR.wave_speed
+        np.testing.assert_allclose(moved.signal.value, value, atol=1e-12)  # round-off of one transform
+        assert moved.size < 1e-12
+
+
+def test_start_and_length_of_choice():
+    guide = ElasticWaveguide(BAR)
+    value = exact(PULSE, STEP * np.arange(3000), 0.0)
+    chosen = propagate(strain(value), guide, 0.5, start=1.23456e-4, samples=1111)
+    assert (chosen.start, chosen.value.size) == (1.23456e-4, 1111)
+    # Interpolated within the band: nothing but round-off and the table.
+    np.testing.assert_allclose(chosen.value, exact(PULSE, chosen.time, 0.5), atol=1e-6)
+    early = propagate(strain(value), guide, 0.5, start=-1e-4, samples=400)  # before the record
+    np.testing.assert_allclose(early.value, 0.0, atol=1e-6)
+
+
+def test_nothing_wraps_around_from_a_short_record_carried_far():
+    pulse, way = Pulse(20e-6, duration=20e-6), 20.0
+    time = STEP * np.arange(300)  # 60 us; the slowest waves come 6 ms late
+    far = propagate(strain(exact(pulse, time, 0.0)), ElasticWaveguide(BAR), way)
+    omega = pulse.frequencies(20e-3)
+    k = exact_wavenumber(omega, radius=0.01, speed=BAR.wave_speed, poisson=BAR.poisson)
+    there = carried(pulse, far.time, omega, np.exp(-1j * k * way))
+    np.testing.assert_allclose(far.value, there, atol=1e-6)  # table, 1e-9 of 2000 rad
+
+
+def test_window_keeps_other_waves_out():
+    time = STEP * np.arange(3000)
+    one, other = exact(PULSE, time, 0.0), exact(Pulse(350e-6), time, 0.0)
+    alone = propagate(strain(one), ElasticWaveguide(BAR), 0.3)
+    cut = propagate(strain(one - other), ElasticWaveguide(BAR), 0.3, window=(20e-6, 300e-6))
+    np.testing.assert_allclose(cut.value, alone.value, atol=1e-6)  # both pulses are below 1e-7 between
+
+
+def test_window_is_the_signal_inside_and_fades_outside():
+    signal = strain(np.ones(1000))
+    part = windowed(signal, (50e-6, 100e-6), taper=10e-6)
+    inside = (signal.time >= 50e-6) & (signal.time <= 100e-6)
+    assert (part.value[inside] == 1.0).all()
+    assert part.value[np.argmin(np.abs(signal.time - 105e-6))] == pytest.approx(0.5, abs=1e-6)
+    assert np.abs(part.value[(signal.time < 39.9e-6) | (signal.time > 110.1e-6)]).max() == 0.0
+
+
+def test_noise_after_a_band_limit():
+    rng = np.random.default_rng(7)
+    noisy = strain(rng.standard_normal(40000), sigma=1.0)
+    kept = propagation(noisy, ElasticWaveguide(BAR), 1.0, band=500e3)
+    # Of the variance that share is left which the filter passes; 40000 samples tell it to 1 %.
+    assert kept.signal.sigma == pytest.approx(kept.signal.value.std(), rel=0.02)
+    assert kept.band == 500e3
+
+
+def test_slow_noise_keeps_its_memory():
+    # Noise that is even up to a tenth of the band: ten samples carry the information of one.
+    rng = np.random.default_rng(11)
+    spectrum = np.fft.rfft(rng.standard_normal(40000))
+    spectrum[2001:] = 0.0
+    value = np.fft.irfft(spectrum)
+    noisy = replace(strain(value / value.std(), sigma=1.0), memory=10.0)
+    through = propagate(noisy, ElasticWaveguide(BAR), 1.0)
+    assert (through.sigma, through.memory) == (pytest.approx(1.0), pytest.approx(10.0))
+    halved = propagate(noisy, ElasticWaveguide(BAR), 1.0, band=140e3)
+    assert halved.sigma == pytest.approx(
+        halved.value.std(), rel=0.03
+    )  # 4000 independent values, half of them
+    assert halved.memory == pytest.approx(10.0 / halved.sigma**2)
+
+
+def test_back_along_a_lossy_bar_the_band_ends_where_noise_is_amplified_tenfold():
+    bar = Bar(0.02, 2.0, 5e9, 1190.0, 0.35)
+    guide = ViscoelasticWaveguide(bar, PronyModulus(5.0e9, (0.5e9,), (12e-6,)))
+    rng = np.random.default_rng(3)
+    noisy = Signal(0.0, 1e-6, rng.standard_normal(60000), 1.0, "1")
+    back = propagation(noisy, guide, -2.0)
+    gain = np.exp(-guide.wavenumber(2.0 * np.pi * back.band).imag * 2.0)
+    assert float(gain) == pytest.approx(10.0, rel=0.01)  # one step of the transform's frequencies
+    assert back.largest_gain <= 10.0
+    assert back.signal.sigma == pytest.approx(back.signal.value.std(), rel=0.06)  # some 2 % are independent
+    pulse = Pulse(250e-6, duration=200e-6, rise=80e-6, ripple=0.0)
+    time = 1e-6 * np.arange(4000)
+    omega = pulse.frequencies(8e-3)
+    start = 2.0 / guide.wave_speed
+    there = carried(pulse, time + start, omega, np.exp(-2j * guide.wavenumber(omega)))
+    recovered = propagate(Signal(start, 1e-6, there, 0.0, "1"), guide, -2.0)
+    assert np.abs(recovered.value - carried(pulse, time, omega)).max() < TARGET
+
+
+def test_force_and_velocity_of_long_waves_and_of_dispersed_ones():
+    guide = ElasticWaveguide(BAR)
+    time = STEP * np.arange(4000)
+    slow = strain(
+        carried(Pulse(200e-6, rise=100e-6, ripple=0.0), time, np.linspace(0.0, 2e5, 2001)), sigma=1e-3
+    )
+    force, velocity = force_of(slow, guide), velocity_of(slow, guide)
+    stiffness = BAR.youngs_modulus * area(BAR)
+    # A long wave: F = E A eps, v = c0 eps, less (nu W)^2 / 2 at W = 0.05.
+    np.testing.assert_allclose(force.value, stiffness * slow.value, atol=2e-4 * stiffness)
+    np.testing.assert_allclose(velocity.value, BAR.wave_speed * slow.value, atol=1e-4 * BAR.wave_speed)
+    assert (force.unit, velocity.unit) == ("N", "m/s")
+    assert 0.3 * 1e-3 * stiffness < force.sigma < 1e-3 * stiffness  # short waves carry less force a strain
+
+
+def test_a_surface_gauge_shows_less_than_the_mean():
+    plain, surface = ElasticWaveguide(BAR), ElasticWaveguide(BAR, surface=True)
+    omega = 1.0 * BAR.wave_speed / 0.01  # omega a / c0 = 1
+    ratio = float((surface.stiffness(omega) / plain.stiffness(omega)).real)
+    assert 1.05 < ratio < 1.2  # its value is checked by the mode shape, in test_pochhammer
+    assert surface.largest_frequency == pytest.approx(2.0 * BAR.wave_speed / (2.0 * np.pi * 0.01))
+    with pytest.raises(ValueError, match="poisson > 0"):
+        ElasticWaveguide(replace(BAR, poisson=0.0), surface=True)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"value": np.full(100, np.nan)}, "sample 0 of incident gauge is not finite"),
+        ({"value": np.zeros(3)}, "8 samples or more, got 3"),
+        ({"interval": 0.0}, "interval must be > 0"),
+    ],
+)
+def test_refuses_broken_signals(change, message):
+    with pytest.raises(ValueError, match=message):
+        propagate(replace(strain(np.zeros(100)), **change), ElasticWaveguide(BAR), 1.0)
+
+
+def test_refuses_arguments_outside_their_range():
+    signal, guide = strain(np.zeros(100)), ElasticWaveguide(BAR)
+    with pytest.raises(ValueError, match="distance must be finite"):
+        propagate(signal, guide, np.inf)
+    with pytest.raises(ValueError, match="band limit must be > 0"):
+        propagate(signal, guide, 1.0, band=0.0)
+    with pytest.raises(ValueError, match="wider band or a longer record"):
+        propagate(signal, guide, 1.0, band=1.0)
+    with pytest.raises(ValueError, match="within"):
+        propagate(signal, guide, 1.0, window=(5e-6, 5e-3))
+    with pytest.raises(ValueError, match="largest gain"):
+        propagate(signal, guide, 1.0, largest_gain=0.5)
+    with pytest.raises(ValueError, match="diameter of a bar"):
+        ElasticWaveguide(replace(BAR, diameter=0.0))
+    with pytest.raises(ValueError, match="poisson of a bar"):
+        ElasticWaveguide(replace(BAR, poisson=0.5))

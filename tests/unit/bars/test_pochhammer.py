@@ -1,0 +1,133 @@
+"""The first longitudinal mode: roots against an independent equation, limits, mode shapes, broken input."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bar_pulses import printed_equation
+from scipy.optimize import brentq
+from scipy.special import jv
+
+from kolsky.bars.guides import pochhammer
+from kolsky.bars.guides.dispersion_table import TABLE_ERROR, dispersion_table
+from kolsky.bars.guides.frequency_equation import frequency_equation, onoe, rayleigh_speed
+
+REFERENCE = Path(__file__).resolve().parent.parent.parent / "reference" / "F_pochhammer_nu0.29.csv"
+
+
+def test_reference_table():
+    data = np.loadtxt(REFERENCE, delimiter=",")
+    found = pochhammer.phase_velocity(data[:, 0], 0.29)
+    np.testing.assert_allclose(found, data[:, 1], rtol=0.0, atol=1e-8)  # it has eight decimals
+    # Its group velocities are finite differences: 2e-3 where the curve bends between its steps.
+    w = 2.0 * np.pi * data[:, 0] * data[:, 1]
+    middle = (data[:, 0] > 0.0) & (data[:, 0] < 0.6)
+    np.testing.assert_allclose(pochhammer.group_velocity(w[middle], 0.29), data[middle, 4], atol=3e-3)
+
+
+@pytest.mark.parametrize("poisson", [0.1, 0.29, 0.35, 0.45, 0.495])
+def test_roots_of_the_printed_equation(poisson):
+    for w in (0.05, 0.7, 1.9, 3.3, 7.7, 20.0):
+        ours = float(pochhammer.wavenumber(w, poisson))
+        span = (1.0 - 1e-5) * ours, (1.0 + 1e-5) * ours
+        exact = brentq(lambda k, w=w: printed_equation(k, w, poisson).real, *span, xtol=1e-14)
+        assert abs(ours / exact - 1.0) < TABLE_ERROR
+
+
+@pytest.mark.parametrize("poisson", [0.0, 1e-4, 0.05, 0.29, 0.4999])
+def test_first_mode_from_the_bar_wave_to_the_rayleigh_wave(poisson):
+    w = np.linspace(1e-3, 60.0, 5000)
+    k = pochhammer.wavenumber(w, poisson)
+    assert (np.diff(k) > 0.0).all()
+    # Rayleigh's correction of the lateral inertia: c / c0 = 1 - nu^2 W^2 / 4, next term of fourth order.
+    low = w < 0.2
+    np.testing.assert_allclose(k[low] / w[low], 1.0 + poisson**2 * w[low] ** 2 / 4.0, rtol=2e-4)
+    # A surface of radius a bends the Rayleigh wave by some 0.1 / (k a) of its speed: 1e-3 at k a = 100.
+    assert w[-1] / k[-1] == pytest.approx(rayleigh_speed(poisson), rel=4e-3)
+    # No lower mode: between the mode and slower waves the printed equation keeps its sign.
+    for i in (1000, 2500, 4900):
+        slower = np.linspace(1.0005, 1.25, 400) * k[i]
+        assert np.unique(np.sign(printed_equation(slower, w[i], poisson).real)).size == 1
+
+
+def test_rayleigh_speed_of_a_published_value():
+    # Graff 1975, Sec. 6.1: c_R / c_T = 0.9194 for nu = 1/4; c_T / c0 = (2 (1 + nu))^(-1/2).
+    assert rayleigh_speed(0.25) * np.sqrt(2.5) == pytest.approx(0.9194, abs=5e-5)
+
+
+def test_tables_hold_their_stated_error_between_knots_and_grow():
+    table = dispersion_table(0.31, 50.0)
+    assert table.x[-1] >= 50.0
+    w = np.random.default_rng(5).uniform(0.01, 50.0, 4000)
+    k = w * table(w)
+    f, by_k, _ = frequency_equation(k, w, 0.31)
+    assert np.abs(f / by_k / k).max() < TABLE_ERROR
+    assert dispersion_table(0.31, 50.0) is table
+
+
+def test_complex_frequencies_satisfy_the_equation_and_continue_the_real_ones():
+    w = np.linspace(0.02, 6.0, 200) * np.exp(-0.1j)
+    k = pochhammer.wavenumber(w, 0.35)
+    assert np.abs(printed_equation(k, w, 0.35)).max() < 1e-9  # residuals of order W^4 eps
+    # Cauchy and Riemann: along the imaginary direction the wavenumber changes by i dk/dw.
+    real, step = np.linspace(0.1, 5.0, 50), 1e-5
+    change = (pochhammer.wavenumber(real - 1j * step, 0.35) - pochhammer.wavenumber(real, 0.35)) / (
+        -1j * step
+    )
+    np.testing.assert_allclose(
+        change.real, 1.0 / pochhammer.group_velocity(real, 0.35), rtol=1e-6
+    )  # O(step), table
+    np.testing.assert_allclose(pochhammer.wavenumber(-np.conj(w), 0.35), -np.conj(k), rtol=1e-12)
+
+
+def test_frequency_is_the_inverse():
+    k = np.array([0.0, 1e-5, 0.1, 2.0, -3.0, 30.0])
+    np.testing.assert_allclose(
+        pochhammer.wavenumber(pochhammer.frequency(k, 0.3), 0.3), k, rtol=2 * TABLE_ERROR
+    )
+    lossy = np.array([0.1, 1.0, 4.0]) * np.exp(-0.1j)
+    np.testing.assert_allclose(
+        pochhammer.wavenumber(pochhammer.frequency(lossy, 0.3), 0.3), lossy, rtol=1e-12
+    )
+
+
+def test_mean_over_surface_by_integrating_the_mode_shape():
+    # Displacements from the potentials (Graff 1975, Eqs. 8.2.20 to 8.2.24), the mean by Gauss quadrature.
+    nu = 0.33
+    for w in (0.1, 0.8, 1.5, 2.5):
+        k = float(pochhammer.wavenumber(w, nu))
+        p = np.sqrt(w**2 * (1 + nu) * (1 - 2 * nu) / (1 - nu) - k**2 + 0j)
+        q = np.sqrt(w**2 * 2 * (1 + nu) - k**2 + 0j)
+        shear = 2.0 * k * p * jv(1, p) / ((q**2 - k**2) * jv(1, q))  # no shear stress on the surface
+
+        def strain(r, k=k, p=p, q=q, shear=shear):
+            return (k * jv(0, p * r) - q * shear * jv(0, q * r)).real
+
+        r, weight = np.polynomial.legendre.leggauss(30)
+        r, weight = 0.5 * (r + 1.0), 0.5 * weight
+        mean = 2.0 * (weight * r * strain(r)).sum()
+        assert float(pochhammer.mean_over_surface(w, nu)) == pytest.approx(mean / strain(1.0), rel=1e-7)
+
+
+def test_onoe_function_on_both_sides_of_its_series():
+    s = np.array([-2000.0, -30.0, -1.1e-3, -0.9e-3, 0.0, 0.9e-3, 1.1e-3, 5.0, 70.0])
+    z = np.sqrt(s + 0j)
+    scale = np.exp(-np.abs(z.imag))
+    with np.errstate(invalid="ignore"):
+        exact = np.where(s == 0.0, 2.0, z * (jv(0, z) * scale) / (jv(1, z) * scale)).real
+    np.testing.assert_allclose(onoe(s), exact, rtol=1e-12)
+
+
+@pytest.mark.parametrize("poisson", [-0.1, 0.5, float("nan")])
+def test_refuses_other_poisson_ratios(poisson):
+    with pytest.raises(ValueError, match=r"in \[0, 0\.5\)"):
+        pochhammer.wavenumber(1.0, poisson)
+
+
+def test_refuses_what_is_not_a_frequency():
+    with pytest.raises(ValueError, match="finite"):
+        pochhammer.wavenumber([1.0, np.nan], 0.3)
+    with pytest.raises(ValueError, match=">= 0"):
+        pochhammer.phase_velocity([-0.1], 0.3)
+    with pytest.raises(ValueError, match="mean strain"):
+        pochhammer.mean_over_surface(1.0, 0.0)

@@ -1,0 +1,112 @@
+"""Written-out quantities against values converted by hand."""
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from kolsky.base.units import DIMENSIONS, UnitError, quantity, unit_factor
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "expected"),
+    [
+        ("9.5 mm", "m", 9.5e-3),
+        ("9.5mm", "m", 9.5e-3),
+        (" 9.5  mm ", "m", 9.5e-3),
+        ("1 in", "m", 0.0254),
+        ("870 kg/m^3", "kg/m^3", 870.0),
+        ("870 kg/m³", "kg/m^3", 870.0),
+        ("0.87 g/cm^3", "kg/m^3", 870.0),
+        ("25 us", "s", 2.5e-5),
+        ("25 µs", "s", 2.5e-5),
+        ("-200 us", "s", -2.0e-4),
+        ("1.4e-3 s", "s", 1.4e-3),
+        ("0.0112 V/N", "V/N", 0.0112),
+        ("11.2 mV/N", "V/N", 0.0112),
+        ("11.2 V/kN", "V/N", 0.0112),
+        ("190 GPa", "Pa", 1.9e11),
+        ("1 N/mm^2", "Pa", 1.0e6),
+        ("500 mV", "V", 0.5),
+        ("10 1/s", "1/s", 10.0),
+        ("10 Hz", "1/s", 10.0),
+        ("0.2 %", "1", 2.0e-3),
+        ("9.5 mm^2/mm", "m", 9.5e-3),
+        ("2 kg / m / s^2", "Pa", 2.0),
+        ("0.002", "1", 2.0e-3),
+    ],
+)
+def test_quantity_is_converted_to_si(text: str, unit: str, expected: float) -> None:
+    assert quantity(text, unit) == pytest.approx(expected, rel=4e-16)  # two roundings of a double
+
+
+def test_powers_of_ten_round_once() -> None:
+    # 25 * 1e-6 is 2.4999999999999998e-05; the nearest double to 25 us is the literal.
+    assert quantity("25 us", "s") == 2.5e-5
+    assert quantity("9.5 mm", "m") == 9.5e-3
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "fragments"),
+    [
+        ("9.5", "m", ["'9.5'", "has no unit", "a length", "'9.5 mm'"]),
+        ("9.5 kg", "m", ["'9.5 kg'", "is a mass", "a length"]),
+        ("9.5 A", "m", ["'9.5 A'", "is in A", "a length"]),
+        ("9.5 us", "m", ["is a time", "expected a length"]),
+        ("9,5 mm", "m", ["has the unit ',5 mm', which is not a unit"]),
+        ("9.5 qq", "m", ["'qq'", "not a known unit"]),
+        ("9.5 furlongs per", "m", ["has the unit"]),
+        ("mm", "m", ["not a number with a unit"]),
+        ("", "m", ["not a number with a unit"]),
+        ("nan mm", "m", ["not a number with a unit"]),
+        ("inf s", "s", ["not a number with a unit"]),
+        ("1e400 s", "s", ["not a finite number"]),
+        ("9**9**9**9 mm", "m", ["has the unit"]),
+        ("9.5 m^9^9^9", "m", ["has the unit 'm^9^9^9', which is not a unit"]),
+        ("1 qs^9 Hz^8 qs^9 Hz^9", "s", ["not a usable unit"]),
+        ("9.5 m^(", "m", ["which is not a unit"]),
+        ("9.5 __import__", "m", ["not a unit"]),
+        ("870 kg/m^2", "kg/m^3", ["a mass density", "'870 kg/m^3'"]),
+        ("20 degC", "1", ["is in"]),
+    ],
+)
+def test_bad_quantity_names_text_dimension_and_example(text: str, unit: str, fragments: list[str]) -> None:
+    with pytest.raises(UnitError) as caught:
+        quantity(text, unit)
+    for fragment in fragments:
+        assert fragment in str(caught.value)
+
+
+@pytest.mark.parametrize("value", [9.5, 3, True, None, ["9.5 mm"]])
+def test_a_value_that_is_no_text_has_no_unit(value: object) -> None:
+    with pytest.raises(UnitError, match="has no unit"):
+        quantity(value, "m")  # type: ignore[arg-type]
+
+
+def test_unit_factor() -> None:
+    assert unit_factor("mm", "m") == pytest.approx(1e-3, rel=1e-15)  # one rounding
+    assert unit_factor("1", "1") == 1.0
+    assert unit_factor("%", "1") == pytest.approx(0.01, rel=1e-15)  # one rounding
+    with pytest.raises(UnitError, match="is a time"):
+        unit_factor("s", "m")
+
+
+@settings(deadline=None)  # the first example loads the unit registry
+@given(st.text(max_size=30), st.sampled_from(sorted(DIMENSIONS)))
+def test_any_text_is_a_finite_number_or_a_unit_error(text: str, unit: str) -> None:
+    try:
+        value = quantity(text, unit)
+    except UnitError:
+        return
+    assert math.isfinite(value)
+
+
+@settings(deadline=None)  # the first example loads the unit registry
+@given(st.text(alphabet="kmMgsPaNVudeB%°/^*() 13-+²", max_size=12), st.sampled_from(sorted(DIMENSIONS)))
+def test_any_unit_like_text_is_a_finite_number_or_a_unit_error(text: str, unit: str) -> None:
+    try:
+        value = quantity(f"2 {text}", unit)
+    except UnitError:
+        return
+    assert math.isfinite(value)

@@ -1,0 +1,137 @@
+"""`kolsky new` and `kolsky check`: good shots, and every bad one answered with one line and exit code 2."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from damaged_shots import BAD
+from shot_folders import FILES, OPEN_01, OPEN_02, ROOT, shot_in, state
+from typer.testing import CliRunner
+
+from kolsky.cli import app
+
+runner = CliRunner()
+
+
+@pytest.fixture
+def shot(tmp_path: Path) -> Path:
+    return shot_in(tmp_path / "shot")
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_is_one_clear_line_and_exit_code_2(shot: Path, name: str) -> None:
+    mutate, fragments = BAD[name]
+    mutate(shot)
+    before = state(shot.parent)
+    began = time.perf_counter()
+    result = runner.invoke(app, ["check", str(shot)])
+    assert time.perf_counter() - began < 5.0  # none of them reads 2 GB
+    assert result.exit_code == 2, result.stdout
+    assert result.stdout == ""
+    assert "Traceback" not in result.stderr
+    assert result.stderr.count("\n") == 1, result.stderr
+    assert result.stderr.startswith(str(shot))
+    for fragment in fragments:
+        assert fragment in result.stderr
+    assert state(shot.parent) == before
+
+
+def test_several_missing_files_are_one_line_each(shot: Path) -> None:
+    (shot / "flyer.csv").unlink()
+    (shot / "scope.csv").unlink()
+    result = runner.invoke(app, ["check", str(shot)])
+    assert result.exit_code == 2
+    first, second = result.stderr.splitlines()
+    assert "force.file" in first
+    assert "flyer.file" in second
+
+
+def test_no_such_shot(tmp_path: Path) -> None:
+    result = runner.invoke(app, ["check", str(tmp_path / "nowhere")])
+    assert result.exit_code == 2
+    assert "there is no such folder or file" in result.stderr
+
+
+@pytest.mark.parametrize("data", [OPEN_01, OPEN_02])
+def test_one_shot_file_serves_both_shots(data: Path, tmp_path: Path) -> None:
+    folder = tmp_path / data.name
+    shutil.copytree(data, folder)
+    shutil.copy(OPEN_01 / "shot.toml", folder)
+    result = runner.invoke(app, ["check", str(folder), "--json"])
+    assert result.exit_code == 0, result.stderr
+    told = json.loads(result.stdout)
+    assert told["shot"] == data.name
+    assert told["specimen"]["diameter"] == {"value": 0.0095, "unit": "m"}
+    assert told["force"]["samples"]["value"] == 3341  # lines of scope.csv but the header
+    assert told["flyer"]["frames"]["value"] == 186
+    assert told["window"]["end"] == {"value": 0.0014625, "unit": "s"}
+    assert told["window"]["frames_after_it"]["value"] == 2
+    assert set(told["inputs"]) == set(FILES)
+    # Standard deviation of the 400 pre-trigger volts over 0.0112 V/N, by a line of awk.
+    assert told["force"]["noise_of_the_force"]["value"] == pytest.approx(
+        {"open-01": 0.14608, "open-02": 0.15031}[data.name], abs=1e-5
+    )
+
+
+def test_the_table_shows_what_was_understood() -> None:
+    result = runner.invoke(app, ["check", str(OPEN_01 / "shot.toml")])
+    assert result.exit_code == 0
+    for text in (
+        "shot open-01",
+        "9.5 mm",
+        "870 kg/m^3",
+        "bonded",
+        "CH2 transmitted (V)",
+        "1462.5 us",
+        "sha256",
+    ):
+        assert text in result.stdout
+
+
+def test_new_writes_a_template_that_checks_with_the_standard_file_names(tmp_path: Path) -> None:
+    folder = tmp_path / "a" / "b"
+    result = runner.invoke(app, ["new", str(folder)])
+    assert result.exit_code == 0
+    assert "kolsky check" in result.stdout
+    assert os.listdir(folder) == ["shot.toml"]
+    for name in FILES[1:]:
+        shutil.copy(OPEN_01 / name, folder)
+    assert runner.invoke(app, ["check", str(folder)]).exit_code == 0
+
+
+def test_new_overwrites_nothing(tmp_path: Path) -> None:
+    (tmp_path / "shot.toml").write_text("mine")
+    result = runner.invoke(app, ["new", str(tmp_path)])
+    assert result.exit_code == 2
+    assert "exists already and is left as it is" in result.stderr
+    assert (tmp_path / "shot.toml").read_text() == "mine"
+    result = runner.invoke(app, ["new", str(tmp_path / "shot.toml")])
+    assert result.exit_code == 2
+    assert (tmp_path / "shot.toml").read_text() == "mine"
+
+
+def test_version() -> None:
+    result = runner.invoke(app, ["--version"])
+    assert result.exit_code == 0
+    assert result.stdout.startswith("kolsky")
+
+
+def test_help_imports_nothing_heavy() -> None:
+    code = (
+        "import sys\n"
+        "from kolsky.cli import main\n"
+        "sys.argv = ['kolsky', '--help']\n"
+        "try:\n    main()\nexcept SystemExit:\n    pass\n"
+        "heavy = {'warp', 'numpy', 'scipy', 'matplotlib', 'pyvista', 'pint', 'pydantic', 'h5py'}\n"
+        "sys.exit(', '.join(sorted(heavy & set(sys.modules))) or 0)\n"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert result.returncode == 0, result.stderr
+    assert "check" in result.stdout

@@ -1,0 +1,174 @@
+"""`kolsky material fit`: files and their signs, what is written and printed, what is refused."""
+
+import csv
+import json
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from explicit.materials.mooneyrivlin import MooneyRivlin
+from kolsky.base.errors import InputError
+from kolsky.cli import app
+from kolsky.cli.work.materialfiles import Columns, read_tests
+from kolsky.material.fits.homogeneous import incompressible_stress
+from kolsky.material.fits.modes import Mode
+
+LAW = MooneyRivlin(4e3, 2e3)
+STRETCH = np.linspace(0.55, 0.97, 15)
+
+
+def write(path, mode=Mode.UNIAXIAL, *, sign=1.0, at=STRETCH, factor=1.0):
+    """A file as a testing machine may write it: a line of comment, names with units, percent and kPa."""
+    T = factor * incompressible_stress(LAW, mode, at)
+    rows = [f"{100.0 * sign * e:.9g};{1e-3 * sign * s:.9g}" for e, s in zip(mode.strain(at), T, strict=True)]
+    path.write_text("\n".join(["sample 7;", "Strain (%);Stress (kPa)", *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, ["material", "fit", *map(str, arguments)])
+
+
+def test_from_files_to_a_report(tmp_path):
+    push = write(tmp_path / "push.csv", sign=-1.0)
+    wide = write(tmp_path / "wide.csv", Mode.EQUIBIAXIAL, sign=-1.0, at=2.0 - STRETCH)
+    out = tmp_path / "out"
+    done = run(
+        push, f"equibiaxial:{wide}", "--strain", "Strain", "--stress", "Stress", "--convention",
+        "compression-positive", "--laws", "neo_hookean,mooney_rivlin", "--out", out, "--figures", "svg",
+        "--json",
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    said = json.loads(done.stdout)
+    assert said == json.loads((out / "material.json").read_text(encoding="utf-8"))
+    assert said["best"] == "mooney_rivlin"
+    best = said["laws"][0]
+    assert best["fit"]["constants"]["C10"] == pytest.approx(4e3, rel=1e-6)  # nine digits in the file
+    assert best["fit"]["constants"]["C01"] == pytest.approx(2e3, rel=1e-6)
+    assert best["fit"]["youngs_modulus"] == pytest.approx(36e3, rel=1e-6)
+    assert best["stable_over_data"] is True
+    assert [(t["name"], t["mode"]) for t in said["tests"]] == [("push", "uniaxial"), ("wide", "equibiaxial")]
+    assert set(said["inputs"]) == {str(push), str(wide)}
+    with (out / "material_constants.csv").open(encoding="utf-8") as file:
+        states = {(r["law"], r["constant"]): r["state"] for r in csv.DictReader(file)}
+    assert states["mooney_rivlin", "C11"] == "held"
+    with (out / "material_curves.csv").open(encoding="utf-8") as file:
+        curves = list(csv.DictReader(file))
+    assert len(curves) == 30
+    assert float(curves[0]["mooney_rivlin (Pa)"]) == pytest.approx(
+        float(curves[0]["measured (Pa)"]), rel=1e-6
+    )
+    page = (out / "material.html").read_text(encoding="utf-8")
+    assert page.count("<figure") == 3
+    assert "<script" not in page
+    assert "mooney rivlin" in page
+    for name in ("material-fits", "material-residuals", "material-stability"):
+        ElementTree.parse(out / "figures" / f"{name}.svg")
+
+
+def test_repeats_are_averaged(tmp_path):
+    files = [write(tmp_path / f"r{k}.csv", factor=1.0 + 0.1 * k) for k in (-1, 0, 1)]
+    columns = Columns("tension-positive", strain="1", stress="2")
+    (mean,), hashes = read_tests([str(f) for f in files], columns, mean=7)
+    assert (mean.name, len(mean.stress), len(hashes)) == ("mean of 3 uniaxial", 7, 3)
+    np.testing.assert_allclose(mean.deformation[[0, -1]], [0.97, 0.55], rtol=1e-9)
+    ends = incompressible_stress(LAW, Mode.UNIAXIAL, mean.deformation[[0, -1]])
+    np.testing.assert_allclose(mean.stress[[0, -1]], ends, rtol=1e-8)  # nine digits in the files
+    done = run(
+        *files, "--strain", "1", "--stress", "2", "--convention", "tension-positive", "--mean", "9", "--laws",
+        "neo_hookean", "--weighting", "sigma", "--out", tmp_path / "out",
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    assert "neo_hookean" in done.stdout
+    assert "E0 (kPa)" in done.stdout
+
+
+def test_a_stretch_has_no_sign_and_names_are_told_apart(tmp_path):
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        T = incompressible_stress(LAW, Mode.UNIAXIAL, STRETCH)
+        np.savetxt(tmp_path / folder / "t.txt", np.column_stack([-1e-6 * T, STRETCH]))
+    columns = Columns("compression-positive", stretch="2", stress="1", stress_unit="MPa")
+    tests, _ = read_tests([str(tmp_path / "a" / "t.txt"), f"planar:{tmp_path / 'b' / 't.txt'}"], columns)
+    assert [t.name for t in tests] == ["uniaxial t", "planar t"]
+    for test in tests:
+        np.testing.assert_allclose(test.deformation, STRETCH)
+        np.testing.assert_allclose(test.stress, T)
+    twice, _ = read_tests([str(tmp_path / f / "t.txt") for f in ("a", "b")], columns)
+    assert [t.name for t in twice] == ["uniaxial t (1)", "uniaxial t (2)"]
+
+
+SAID = {"convention": "tension-positive", "strain": "Strain", "stress": "Stress"}
+
+
+@pytest.mark.parametrize(
+    ("files", "change", "message"),
+    [
+        (["{f}"], {"convention": ""}, "--convention .*tension-positive or compression-positive"),
+        (["{f}"], {"strain": ""}, "--stretch COLUMN or --strain COLUMN"),
+        (["{f}"], {"stretch": "1"}, "--stretch and --strain exclude each other"),
+        (["{f}"], {"stress": ""}, "--stress COLUMN"),
+        (
+            ["{f}"],
+            {"stress": "Force"},
+            "column 'Force' is missing; the columns of numbers are 'Strain .%.' .1., 'Stress",
+        ),
+        (
+            ["{f}"],
+            {"stress_unit": "mm"},
+            "column 'Stress .kPa.' has the unit 'mm'; it must be a unit such as \"kPa\"",
+        ),
+        (["{f}"], {"stress": "Strain"}, "column 'Strain .%.' has the unit '%'"),
+        (["{f}"], {"convention": "compression-positive"}, "uniaxial: stretch must be > 0|sign"),
+        (["tension:{f}"], {}, "is no mode; it must be uniaxial, equibiaxial, planar, simple-shear"),
+        (["simple-shear:{f}"], {"strain": "", "stretch": "1"}, "simple shear has no stretch"),
+        (["{f}x"], {}, "there is no such file"),
+    ],
+)
+def test_what_is_not_said_or_cannot_be_is_refused(tmp_path, files, change, message):
+    file = write(tmp_path / "t.csv", at=np.linspace(0.3, 0.9, 12))
+    if change.get("convention") == "compression-positive":
+        file.write_text(file.read_text(encoding="utf-8").replace(";-", ";"), encoding="utf-8")
+    with pytest.raises(InputError, match=message):
+        read_tests([text.format(f=file) for text in files], Columns(**{**SAID, **change}))
+
+
+def test_options_are_refused_in_one_line(tmp_path):
+    file = write(tmp_path / "t.csv")
+    common = (
+        file,
+        "--strain",
+        "1",
+        "--stress",
+        "2",
+        "--convention",
+        "tension-positive",
+        "--out",
+        tmp_path / "out",
+    )
+    for arguments, message in (
+        (("--laws", "hooke"), "law 'hooke' is not one of neo_hookean"),
+        (("--weighting", "log"), "it must be absolute, relative or sigma"),
+        (("--weighting", "sigma"), "--weighting sigma needs tests with a scatter"),
+        (("--figures", "gif"), "it must be pdf, svg, png"),
+    ):
+        done = run(*common, *arguments)
+        assert done.exit_code == 2
+        assert message in done.stderr
+        assert done.stderr.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_law_without_a_fit_is_a_remark(tmp_path):
+    file, at = tmp_path / "few.txt", STRETCH[:6]
+    np.savetxt(file, np.column_stack([at - 1.0, incompressible_stress(LAW, Mode.UNIAXIAL, at)]))
+    out = tmp_path / "out"
+    done = run(
+        file, "--strain", "1", "--stress", "2", "--convention", "tension-positive", "--laws",
+        "neo_hookean,ogden3", "--stress-unit", "Pa", "--out", out,
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    assert "ogden3 has no fit: ogden3 has 6 free constants, the tests only 6 points" in done.stderr
+    assert "ogden3 has no fit" in (out / "material.html").read_text(encoding="utf-8")

@@ -1,0 +1,113 @@
+"""The benchmark of `dic`: how errors are summed up, how a peer's files are read; no speeds."""
+
+import json
+import stat
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent.parent.parent
+if str(ROOT) not in sys.path:
+    sys.path.append(str(ROOT))  # the benchmarks are not installed
+
+from benchmarks import dic as benchmark  # noqa: E402
+from benchmarks import dic_peers, dic_whole  # noqa: E402
+from benchmarks.dic_problem import PAIRS, Problem, errors, problems  # noqa: E402
+from dic.correlation import Correlation  # noqa: E402
+from kolsky.shot.schema.reading import read_shot_toml  # noqa: E402
+
+TABLE = """\
+"subset_x","subset_y","disp_u","disp_v","disp_mag","converged","cost_zncc","ftol","xtol",
+30.0,30.0,0.31,-0.01,0.31,1,0.99,0.000004,0.0001
+35.0,30.0,0.27,-0.01,0.27,1,0.99,0.000004,0.0001
+40.0,30.0,9.00,-0.01,9.00,0,0.10,0.000004,0.0001
+33.0,30.0,7.00,-0.01,7.00,1,0.99,0.000004,0.0001
+"""
+
+
+def small():
+    """Three points that move by 0.3 px, in pictures that nobody looks at."""
+    points = np.array([[30.0, 30.0], [35.0, 30.0], [40.0, 30.0]])
+    warp = np.zeros((3, 12))
+    warp[:, 0] = 0.3
+    nothing = np.zeros((PAIRS, 60, 60), dtype=np.uint8)
+    return Problem("shift by 0.3 px", nothing, nothing, points, warp)
+
+
+def test_errors_of_a_stretch():
+    problem = small()
+    problem.warp[:, 0] = 0.3 + 0.02 * problem.points[:, 0]
+    problem.warp[:, 2] = 0.02
+    found = errors(problem, np.array([[30.0, 30.0], [40.0, 30.0]]), np.array([0.9 + 0.01, 1.1 + 0.03]))
+    assert found.bias == pytest.approx(0.02)
+    assert found.spread == pytest.approx(0.01)
+    assert found.found == pytest.approx(2 / (3 * PAIRS))
+
+
+def test_a_table_of_pyvale_is_read_by_its_names(tmp_path, monkeypatch):
+    """A stand-in for the environment writes what pyvale writes: only points of the problem count."""
+    python = tmp_path / "python"
+    python.write_text(
+        "#!/bin/sh\n"
+        + "\n".join(f"cat > $2/pair{k}_0000.csv <<'END'\n{TABLE}END" for k in range(PAIRS))
+        + '\necho \'{"cpu": 0.5, "version": "1.2"}\' > $2/spent.json\n'
+    )
+    python.chmod(python.stat().st_mode | stat.S_IEXEC)
+    row = dic_peers.pyvale(python, small(), prefilter=True)
+    assert row.program == "pyvale 1.2, its prefilter"
+    assert row.rate == 4 * PAIRS / 0.5
+    assert row.errors.bias == pytest.approx(-0.01)
+    assert row.errors.found == pytest.approx(2 / 3)
+
+
+def test_a_peer_that_fails_says_so(tmp_path):
+    with pytest.raises(dic_peers.PeerError, match="could not be run"):
+        dic_peers.pyvale(tmp_path / "none", small(), prefilter=False)
+    python = tmp_path / "python"
+    python.write_text("#!/bin/sh\necho no module named pyvale >&2\nexit 3\n")
+    python.chmod(python.stat().st_mode | stat.S_IEXEC)
+    with pytest.raises(dic_peers.PeerError, match="ended with 3: no module named pyvale"):
+        dic_peers.pyvale(python, small(), prefilter=False)
+
+
+def test_rows_of_one_problem():
+    problem = problems()[0]
+    row, call = benchmark.measure(problem, Correlation(), "cpu", 30, 1)
+    assert row.errors.found == 1.0
+    assert abs(row.errors.bias) < 1e-3  # 0.2 mpx, known to 0.2
+    assert row.errors.spread == pytest.approx(8.2e-3, rel=0.05)
+    assert call["points"] == 30
+    peer = dic_peers.pyramid_lk(problem, 1)
+    assert peer.errors.found > 0.99
+    assert peer.errors.spread == pytest.approx(8.2e-3, rel=0.1)  # the same noise in the same subsets
+    text = benchmark.as_json("cpu", [row, peer], [call])
+    assert [line["program"] for line in text["rows"]] == [row.program, peer.program]
+    assert text["rows"][0]["iterations"] == call["iterations"]
+    assert "8." in benchmark.line(row)
+
+
+def test_the_shot_of_the_whole_chain_can_be_read(tmp_path):
+    raw, folder = tmp_path / "raw", tmp_path / "shot"
+    raw.mkdir()
+    folder.mkdir()
+    (raw / "cam0.tif").write_bytes(b"nobody looks")
+    shot = dic_whole.shot_of(folder, raw)
+    assert (shot / "cam0.tif").read_bytes() == b"nobody looks"
+    declared = read_shot_toml(shot / "shot.toml").declared
+    assert declared.pictures is not None
+    assert declared.flyer is None
+    assert declared.dic.subset == 25
+
+
+def test_the_quickest_run_is_kept_beside_the_table(tmp_path):
+    stages = {"calibration": 2.0, "correlation": 5.0}
+    found = [dic_whole.Whole(9.0, 14.0, stages), dic_whole.Whole(8.0, 15.0, stages)]
+    path = tmp_path / "dic.json"
+    path.write_text('{"rows": [1]}')
+    dic_whole.merged(path, found)
+    kept = json.loads(path.read_text())
+    assert kept["rows"] == [1]
+    assert (kept["whole"]["wall_seconds"], kept["whole"]["runs"]) == (8.0, 2)
+    assert "files and page 1.00" in dic_whole.line(found[1])

@@ -1,0 +1,71 @@
+"""What the build of the documentation, which runs the tutorials, does not show: that it could fail.
+
+A page without a kernel in its front matter, or a cell whose failure is not seen, would be built all the same.
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+DOCS = Path(__file__).resolve().parents[3] / "docs"
+PAGES = sorted((DOCS / "tutorials").glob("*.md"))
+
+
+@pytest.fixture
+def extensions(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The folder of the documentation's extensions, to import from."""
+    monkeypatch.syspath_prepend(str(DOCS / "_ext"))
+    for name in ("laboratory", "module_pages"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_a_tutorial_is_a_notebook_that_runs_its_commands(page):
+    text = page.read_text(encoding="utf-8")
+    front = text.split("---\n")[1]
+    assert "format_name: myst" in front
+    assert "kernelspec:" in front
+    assert "%load_ext laboratory\n" in text
+    assert "%%shell\n" in text
+
+
+def test_every_tutorial_is_in_the_contents():
+    contents = (DOCS / "index.md").read_text(encoding="utf-8").splitlines()
+    assert {f"tutorials/{page.stem}" for page in PAGES} == {c for c in contents if c.startswith("tutorials/")}
+
+
+@pytest.mark.parametrize("script", ["echo first; false; echo last\n", "false | cat\necho last\n"])
+def test_a_shell_cell_stops_and_fails_where_its_script_does(script, extensions, capfd):
+    from laboratory import shell
+
+    with pytest.raises(subprocess.CalledProcessError):
+        shell("", script)
+    assert "last" not in capfd.readouterr().out
+
+
+def test_a_shell_cell_shows_both_streams(extensions, capsys):
+    from laboratory import shell
+
+    shell("", "word() { echo $1; }\nword answer\nword warning >&2\n")
+    assert capsys.readouterr() == ("answer\n", "warning\n")
+
+
+def test_there_is_a_page_for_every_module_and_no_other(extensions, tmp_path):
+    from module_pages import PACKAGES, ROOT, write_pages
+
+    class App:
+        srcdir = tmp_path
+
+    stale = tmp_path / "api" / "generated" / "kolsky.no_more.rst"
+    stale.parent.mkdir(parents=True)
+    stale.write_text("gone", encoding="utf-8")
+    write_pages(App)
+    files = [f.relative_to(ROOT).with_suffix("") for name in PACKAGES for f in (ROOT / name).rglob("*.py")]
+    files = [f for f in files if f.name != "__main__"]
+    modules = {".".join(f.parts).removesuffix(".__init__") for f in files}
+    assert {page.stem for page in stale.parent.iterdir()} == modules
+    # a module that has the name of a function its package offers
+    page = (stale.parent / "explicit.run.rst").read_text(encoding="utf-8")
+    assert ".. automodule:: explicit.run\n" in page

@@ -1,0 +1,138 @@
+"""`kolsky channels`, and [force] with a layout."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import readerfiles as files
+from typer.testing import CliRunner
+
+from kolsky.base.errors import InputError
+from kolsky.cli import app
+from kolsky.readers.layout import Layout
+from kolsky.shot.load import load_shot
+from kolsky.shot.schema.layout import LayoutSection
+
+OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
+runner = CliRunner()
+
+
+def test_a_table_tells_channels_clock_and_what_was_found(tmp_path):
+    path = files.german(tmp_path / "a.csv")
+    run = runner.invoke(app, ["channels", str(path)])
+    assert run.exit_code == 0
+    for words in (
+        "encoding: cp1252",
+        "delimiter: semicolon",
+        "decimal: ,",
+        "CH1 [V]  V  400 samples",
+        "every 1e-07 s",
+    ):
+        assert words in run.stdout
+    assert "Prüfer = Müller" in run.stdout
+
+
+def test_json_is_one_object_in_si(tmp_path):
+    path = files.german(tmp_path / "a.csv")
+    run = runner.invoke(app, ["channels", str(path), "--json"])
+    answer = json.loads(run.stdout)
+    assert answer["found"]["encoding"] == "cp1252"
+    assert answer["channels"][1]["name"] == "CH2 [V]"
+    assert answer["channels"][1]["interval"] == 1e-7
+    assert answer["channels"][1]["start"] == pytest.approx(files.START, rel=1e-15)
+
+
+def test_a_clock_that_is_not_known_says_why_and_an_option_settles_it(tmp_path):
+    path = files.text(tmp_path / "a.csv", ["Time (s),CH1 (V),CH2 (V)"], time="{:.6f}")
+    run = runner.invoke(app, ["channels", str(path)])
+    assert run.exit_code == 0
+    assert "is rounded to 1e-06 s" in run.stdout
+    run = runner.invoke(app, ["channels", str(path), "--interval", "100 ns"])
+    assert "every 1e-07 s: stated" in run.stdout
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--interval", "fast"], "--interval: 'fast' is not a number with a unit"),
+        (["--format", "wav"], "is said to have the format 'wav'"),
+        (["--delimiter", "slash"], "is said to have the delimiter 'slash'"),
+        (["--time", "CH9"], "time column 'CH9' is missing"),
+    ],
+)
+def test_bad_options_are_one_line_and_exit_code_2(options, words, tmp_path):
+    path = files.plain(tmp_path / "a.csv")
+    run = runner.invoke(app, ["channels", str(path), *options])
+    assert run.exit_code == 2
+    assert words in run.stderr
+    assert run.stderr.count("\n") == 1
+
+
+@pytest.fixture
+def shot(tmp_path: Path) -> Path:
+    folder = tmp_path / "shot"
+    shutil.copytree(OPEN_01, folder, ignore=shutil.ignore_patterns("results", "*.tif", "calibration"))
+    return folder
+
+
+def declare(folder: Path, old: str, new: str) -> None:
+    path = folder / "shot.toml"
+    assert path.read_text().count(old) == 1
+    path.write_text(path.read_text().replace(old, new))
+
+
+TIME = 'time = { column = "Time (s)", unit = "s" }\n'
+
+
+def test_the_force_of_a_german_export_is_that_of_the_plain_one(shot):
+    plain = load_shot(shot).force
+    lines = (shot / "scope.csv").read_text().splitlines()
+    rows = [line.replace(",", ";").replace(".", ",") for line in lines]
+    (shot / "scope.csv").write_bytes("\r\n".join(["Prüfer;Müller", *rows]).encode("cp1252"))
+    declare(shot, TIME, 'layout = { decimal = "," }\n')
+    found = load_shot(shot).force
+    np.testing.assert_array_equal(found.recording.value, plain.recording.value)
+    # The strict reader takes the printed times (8 figures: 1e-11 s), the layout start + i * interval.
+    np.testing.assert_allclose(found.recording.time, plain.recording.time, rtol=0, atol=1e-11)
+
+
+def test_a_layout_beside_the_time_column_needs_no_second_word_for_it(shot):
+    declare(shot, TIME, TIME + 'layout = { time = "Time (s)" }\n')
+    with pytest.raises(InputError, match=r"force.time .*is said twice, in layout.time too"):
+        load_shot(shot)
+
+
+@pytest.mark.parametrize(
+    ("layout", "words"),
+    [
+        ('interval = "0 ns"', 'force.layout.interval = "0 ns" is not allowed; it must be > 0 s'),
+        ('unit = "parsec"', 'force.layout.unit = "parsec" is not a known unit'),
+        ('time_unit = "V"', 'force.layout.time_unit = "V" is not a unit of time'),
+        ('delimeter = ";"', "force.layout.delimeter .* did you mean delimiter"),
+        ("header_line = -1", "force.layout.header_line = -1 is not allowed; it must be >= 0"),
+    ],
+)
+def test_bad_layouts_are_told_with_their_key(layout, words, shot):
+    declare(shot, TIME, f"layout = {{ {layout} }}\n")
+    with pytest.raises(InputError, match=words):
+        load_shot(shot)
+
+
+def test_force_needs_a_time_column_or_a_layout(shot):
+    path = shot / "shot.toml"
+    before, force = path.read_text().split("\n[force]")
+    path.write_text(before + "\n[force]" + force.replace(TIME, "", 1))
+    with pytest.raises(InputError, match=r"force.time is missing"):
+        load_shot(shot)
+
+
+def test_a_section_becomes_a_layout():
+    section = LayoutSection.model_validate(
+        {"delimiter": ";", "decimal": ",", "interval": "80 ns", "time": {"CH1": "t1"}, "unit": "mV"}
+    )
+    assert section.as_layout(full_scale=2.0) == Layout(
+        delimiter=";", decimal=",", interval=8e-8, time={"CH1": "t1"}, unit="mV", full_scale=2.0
+    )
+    assert section.as_layout(unit="V").unit == "V"

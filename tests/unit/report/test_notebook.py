@@ -1,0 +1,152 @@
+"""Shots, surfaces and answers in a notebook: what they show, and their tables."""
+
+import importlib
+import sys
+from html.parser import HTMLParser
+from typing import Any
+
+import numpy as np
+import pytest
+from shot_folders import OPEN_01
+from synthetic import synthetic
+
+from dic import PointOutcome, SurfaceHistory
+from kolsky.report.ipython import SHOWN, register_with
+from kolsky.report.notebook import html, to_dataframe, to_xarray
+from kolsky.results.text import tables
+from kolsky.shot.load import load_shot
+
+pytest.importorskip("pandas")
+pytest.importorskip("xarray")
+
+EVIL = "<script>alert(1)</script>"
+
+
+class Tags(HTMLParser):
+    """The tags of a text, and whether each is closed."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.seen: set[str] = set()
+        self.open: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: Any) -> None:
+        self.seen.add(tag)
+        self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def surface() -> SurfaceHistory:
+    """Two frames of three points; the last one is lost in the second frame."""
+    outcome = np.full((2, 3), int(PointOutcome.VALID))
+    lost = next(o for o in PointOutcome if o is not PointOutcome.VALID)
+    outcome[1, 2] = int(lost)
+    u = np.arange(18.0).reshape(2, 3, 3)
+    return SurfaceHistory(
+        t=np.array([0.0, 1e-3]), X=np.eye(3), u=u, sigma=np.full((2, 3, 3), 1e-6), outcome=outcome
+    )
+
+
+def test_a_surface_says_what_it_is() -> None:
+    assert repr(surface()) == "SurfaceHistory(2 frames, 3 points, 83.3 % found)"
+    tags = Tags(html(surface()))
+    assert not tags.open
+    assert "table" in tags.seen
+
+
+def test_a_surface_as_a_data_frame() -> None:
+    frame = to_dataframe(surface())
+    assert len(frame) == 6
+    row = frame[(frame["frame"] == 1) & (frame["point"] == 1)].iloc[0]
+    assert row["t (s)"] == 1e-3
+    assert [row[f"u_{name} (m)"] for name in "xyZ"] == [12.0, 13.0, 14.0]  # counted through the array
+    assert [row[f"X_{name} (m)"] for name in "xyZ"] == [0.0, 1.0, 0.0]
+    assert row["outcome"] == "valid"
+    assert np.isnan(frame["u_x (m)"].iloc[5])  # lost: no number that could be mistaken for one
+    assert frame["outcome"].iloc[5] != "valid"
+
+
+def test_a_surface_as_a_dataset() -> None:
+    data = to_xarray(surface())
+    assert dict(data.sizes) == {"frame": 2, "point": 3, "component": 3}
+    assert float(data.u.sel(component="y").isel(frame=1, point=1)) == 13.0
+    assert np.isnan(data.u.isel(frame=1, point=2)).all()
+
+
+def test_an_identification_says_its_answer() -> None:
+    found = synthetic(shot=EVIL)
+    assert "(k = 2)" in repr(found)
+    assert len(repr(found)) < 500
+    text = html(found)
+    tags = Tags(text)
+    assert not tags.open
+    assert "script" not in tags.seen  # the shot's name holds one
+    assert "&lt;script&gt;" in text
+
+
+@pytest.mark.parametrize("name", ["force", "profile", "design", "energy"])
+def test_tables_are_those_of_the_files(name: str) -> None:
+    found = synthetic()
+    frame = to_dataframe(found, name)
+    columns = tables(found)[name]
+    assert list(frame.columns) == list(columns)
+    for key in frame.columns:
+        np.testing.assert_array_equal(frame[key].to_numpy(), np.asarray(columns[key]))
+
+
+def test_estimates_and_routes_as_data_frames() -> None:
+    found = synthetic(("stiffness_factor", "friction"))
+    estimates = to_dataframe(found).set_index("parameter")
+    for name, e in found.estimates.items():
+        assert estimates.loc[name, "value"] == e.value
+        assert estimates.loc[name, "lower (k = 2)"] == e.interval[0]
+    assert list(to_dataframe(found, "routes")["route"]) == [route.name for route in found.routes]
+    with pytest.raises(ValueError, match="there is no table 'curves'; choose from estimates, routes, force"):
+        to_dataframe(found, "curves")
+
+
+def test_an_identification_as_a_dataset() -> None:
+    found = synthetic()
+    data = to_xarray(found)
+    np.testing.assert_array_equal(data.force_simulated, found.comparison.force_model)
+    assert data.attrs["stiffness_factor"] == found.estimates["stiffness_factor"].value
+    assert data.Z_measured.attrs["units"] == "m"
+    assert data.sizes["surface_time"] == len(found.response.surface_times)
+
+
+def test_a_shot_shows_what_was_understood() -> None:
+    shot = load_shot(OPEN_01)
+    assert repr(shot).startswith(f"Shot({shot.name!r}, ")
+    tags = Tags(html(shot))
+    assert not tags.open
+    frame = to_dataframe(shot).set_index(["section", "name"])
+    assert frame.loc[("specimen", "diameter"), "value"] == shot.specimen.diameter
+
+
+def test_without_pandas_the_cure_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pandas", None)  # makes its import fail
+    with pytest.raises(ImportError, match=r"pip install 'kolsky\[notebook\]'"):
+        to_dataframe(synthetic())
+
+
+def test_ipython_is_told_of_every_type_that_has_a_view() -> None:
+    told: dict[type, Any] = {}
+
+    def for_type_by_name(module: str, name: str, view: Any) -> None:
+        told[getattr(importlib.import_module(module), name)] = view
+
+    register_with(for_type_by_name)
+    assert set(told) == set(html.registry) - {object}
+    assert len(told) == len(SHOWN)
+    assert told[SurfaceHistory](surface()) == html(surface())
+
+
+@pytest.mark.parametrize("view", [html, to_dataframe, to_xarray])
+def test_what_has_no_view_is_named(view: Any) -> None:
+    with pytest.raises(
+        TypeError, match=r"dict has no view for .*; shots, surfaces and identifications have one"
+    ):
+        view({})

@@ -1,0 +1,209 @@
+"""Pictures and films of the deforming specimen: what they show, and what a machine without means says."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from synthetic import synthetic
+from typer.testing import CliRunner
+
+import explicit
+from dic import PointOutcome, SurfaceHistory
+from explicit.materials.marlow import neo_hookean
+from explicit.materials.volumetric import VolumetricLaw
+from kolsky.cli import app
+from kolsky.inverse.result import Identification
+from kolsky.report.figures import REGISTRY
+from kolsky.report.scene import FIELDS, CannotRender, NotShown, drawing, picture, stage_of, stills, write_film
+from kolsky.report.scene.fields import Solid, smallest_stretch
+from kolsky.report.scene.film import chosen, write_stills
+
+SOLID = Solid(neo_hookean(1e5), VolumetricLaw(1e7), 1.1)
+rendering = pytest.mark.skipif(not drawing.renders(), reason="VTK has nothing to draw with here")
+
+
+def result(scale: tuple[float, float] = (1.0, 1.0)) -> Identification:
+    """The synthetic answer with a mesh of its own size, uniformly stretched in its later pictures."""
+    found = synthetic()
+    size = found.provenance["specimen"]
+    mesh = explicit.cylinder(
+        0.5 * size["diameter"], size["length"], n_radial=found.refined_mesh[0],
+        n_axial=found.refined_mesh[1], grading=2.0,
+    )  # fmt: skip
+    nodes = np.repeat(mesh.nodes[None], len(found.response.surface_times), axis=0)
+    nodes[len(nodes) // 2 :] *= scale
+    settings = {"numerics": {"grading": 2.0}}
+    return replace(
+        found,
+        response=replace(found.response, nodes=nodes[None]),
+        provenance={**found.provenance, "settings": settings},
+    )
+
+
+def test_the_smallest_stretch_of_a_uniform_compression() -> None:
+    stage = stage_of(result((1.25, 0.64)))
+    np.testing.assert_allclose(stage.values[-1], 0.64, rtol=1e-12)  # round-off
+    np.testing.assert_allclose(stage.values[0], 1.0, rtol=1e-12)
+
+
+def test_pressure_and_energy_of_a_uniform_compression() -> None:
+    # J = 0.9^2 * 1.2 and, for a neo-Hookean solid, W = mu/2 (I1_bar - 3) + K/2 (J - 1)^2, by hand.
+    J = 0.9**2 * 1.2
+    invariant = J ** (-2 / 3) * (2 * 0.9**2 + 1.2**2)
+    expected = {
+        "pressure": -1.1 * 1e7 * (J - 1.0) / 1e6,
+        "energy": 1.1 * (0.5e5 * (invariant - 3.0) + 0.5e7 * (J - 1.0) ** 2) / 1e6,
+    }
+    for field, value in expected.items():
+        stage = stage_of(result((0.9, 1.2)), field=field, solid=SOLID)
+        # The law is a table of 129 knots; neo-Hookean in it is exact to round-off of its energy's sum.
+        np.testing.assert_allclose(stage.values[-1], value, rtol=1e-6)
+
+
+def test_measured_points_are_those_of_the_nearest_frame() -> None:
+    found = result()
+    stage = stage_of(found)
+    line = found.comparison.centre_line
+    time = np.unique(line.time)[2]
+    k = int(np.argmin(np.abs(stage.times - time)))
+    near = np.unique(line.time)[np.argmin(np.abs(np.unique(line.time) - stage.times[k]))]
+    y, Z = stage.outline(k)
+    assert sorted(Z) == sorted(line.Z[line.time == near])
+    assert np.all(np.diff(y) >= 0.0)
+    outcome = np.array([[0, 1]])
+    surface = SurfaceHistory(
+        t=np.zeros(1), X=np.eye(3)[:2], u=np.zeros((1, 2, 3)), sigma=np.ones((1, 2, 3)),
+        outcome=np.where(outcome == 0, int(PointOutcome.VALID), 1 + int(PointOutcome.VALID)),
+    )  # fmt: skip
+    np.testing.assert_array_equal(stage_of(found, surface=surface).points(0), [[1.0, 0.0, 0.0]])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda r: replace(r, response=replace(r.response, nodes=None)), "kept no nodes"),
+        (lambda r: replace(r, provenance={}), "how large the specimen was"),
+        (lambda r: replace(r, refined_mesh=(3, 4)), "nodes, its mesh has 20"),
+        (
+            lambda r: replace(r, response=replace(r.response, nodes=np.full_like(r.response.nodes, np.nan))),
+            "reached none of its times",
+        ),
+    ],
+)
+def test_results_that_cannot_be_shown(change: Any, words: str) -> None:
+    with pytest.raises(NotShown, match=words):
+        stage_of(change(result()))
+
+
+def test_unknown_fields_and_fields_without_their_material() -> None:
+    with pytest.raises(ValueError, match="there is no field 'heat'; choose from stretch, pressure, energy"):
+        stage_of(result(), field="heat")
+    with pytest.raises(ValueError, match="needs the material"):
+        stage_of(result(), field="pressure")
+
+
+@rendering
+def test_the_picture_shows_the_colour_of_the_value() -> None:
+    # Uniform fields: the cut is of one colour. The two ends of the scale must not look alike.
+    stage = stage_of(result((1.25, 0.64)))
+    last = picture(stage, len(stage.times) - 1, bar=False)
+    first = picture(stage, 0, bar=False)
+    assert last.shape == (560, 1008, 3)
+
+    def coloured(image: Any) -> float:
+        """Mean of red over blue where an image is neither white nor grey."""
+        pixels = image.reshape(-1, 3).astype(int)
+        vivid = pixels[np.ptp(pixels, axis=1) > 40]
+        assert len(vivid) > 2000  # the specimen fills a good part of the picture
+        return float(np.mean(vivid[:, 0] > vivid[:, 2]))
+
+    assert coloured(first) > 0.9  # viridis: yellow at 1
+    assert coloured(last) < 0.5  # violet at the least stretch; the points are red
+    with pytest.raises(IndexError, match="there are pictures 0 to"):
+        picture(stage, len(stage.times))
+
+
+@rendering
+def test_stills_and_films(tmp_path: Path) -> None:
+    stage = stage_of(result((1.25, 0.64)))
+    assert len(write_stills(tmp_path, stage, 2)) == 2
+    pytest.importorskip("imageio")
+    pytest.importorskip("imageio_ffmpeg")
+    every = max(1, len(stage.times) // 2)
+    film = write_film(tmp_path / "a.mp4", stage, every=every)
+    assert film.read_bytes()[4:8] == b"ftyp"
+    assert write_film(tmp_path / "a.gif", stage, every=every).read_bytes()[:3] == b"GIF"
+    with pytest.raises(ValueError, match="format 'avi' is not one of mp4, gif"):
+        write_film(tmp_path / "a.avi", stage)
+    assert sorted(p.suffix for p in tmp_path.iterdir()) == [".gif", ".mp4", ".png", ".png"]
+
+
+@rendering
+def test_the_figure_of_the_report() -> None:
+    kind = REGISTRY["scene"]
+    assert kind.applies(result())
+    assert not kind.applies(synthetic())  # its provenance does not say how its mesh was graded
+
+
+def test_a_machine_that_cannot_render(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(drawing, "renders", lambda: False)
+    with pytest.raises(CannotRender, match="neither a display nor EGL nor OSMesa"):
+        picture(stage_of(result()), 0)
+
+
+def test_chosen_pictures() -> None:
+    assert chosen(173, 3) == [0, 86, 172]
+    assert chosen(2, 6) == [0, 1]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--field", "heat"], "it must be stretch, pressure or energy"),
+        (["--format", "avi"], "it must be mp4, gif, png or vtu"),
+        ([], "identification.h5"),
+    ],
+)
+def test_what_the_command_refuses(options: list[str], words: str, tmp_path: Path) -> None:
+    shot = Path(__file__).parents[3] / "runs" / "open-01"
+    done = CliRunner().invoke(app, ["film", str(shot), "--out", str(tmp_path), *options])
+    assert done.exit_code == 2
+    assert words in done.output
+
+
+def test_every_field_has_a_label_with_its_unit() -> None:
+    for kind in FIELDS.values():
+        assert kind.label.endswith(")")
+    assert json.dumps(list(FIELDS)) == '["stretch", "pressure", "energy"]'
+
+
+@rendering
+def test_stills_of_another_process_are_the_pictures_of_this_one() -> None:
+    stage = stage_of(result((1.25, 0.64)))
+    found = stills.stills(result((1.25, 0.64)))
+    assert found is not None
+    times = chosen(len(stage.times), stills.COUNT)
+    np.testing.assert_array_equal(found[0].times, stage.times[times])
+    here = picture(stage, times[1], size=stills.SIZE, bar=False)
+    np.testing.assert_array_equal(found[1][1], here)
+
+
+def test_a_process_that_cannot_render(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stills, "CHILD", "import os; os.abort()")  # as VTK does
+    assert stills.stills(result((1.24, 0.64))) is None
+    assert not REGISTRY["scene"].applies(result((1.24, 0.64)))
+    assert stills.stills(result((1.24, 0.65))) is None  # one that was given up leaves nothing behind
+    assert not stills._begun
+
+
+def test_the_smallest_stretch_is_the_smallest_singular_value() -> None:
+    rng = np.random.default_rng(5)
+    F = np.zeros((50, 3, 3))
+    F[:, :2, :2] = np.eye(2) + 0.4 * rng.standard_normal((50, 2, 2))
+    F[:, 2, 2] = rng.uniform(0.3, 1.8, 50)
+    expected = np.linalg.svd(F, compute_uv=False)[:, -1]
+    # A difference of squares: the root of round-off where the plane is nearly flattened.
+    np.testing.assert_allclose(smallest_stretch(F), expected, atol=1e-7)

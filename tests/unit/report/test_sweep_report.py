@@ -1,0 +1,130 @@
+"""What a sweep tells as a whole: interpolants that are refused when wrong, effects, indices, the page."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from synthetic import synthetic
+
+from doe import Box, sobol
+from kolsky.inverse.result import DesignTable
+from kolsky.report.canvas import build
+from kolsky.report.figures import SWEEPS
+from kolsky.report.sweeppage import render, write_page
+from kolsky.studies.sweep_analysis import LEVELS, SweepAnalysis, analyse_sweep
+
+BOX = Box.of({"friction": (0.0, 1.0), "stiffness_factor": (0.5, 1.5), "damping": (1e-6, 1e-4)})
+EVIL = "<script>alert(1)</script>"
+
+
+def table(n: int = 128, *, lost: tuple[int, ...] = (), rough: bool = False) -> DesignTable:
+    """Runs of known misfits: Phi_F = 1 + 2 f + m, Phi_S = (m - 1)^2 + 0.1; nothing depends on the damping."""
+    points = sobol(BOX, n, rng=1).points
+    force = 1.0 + 2.0 * points[:, 0] + points[:, 1]
+    if rough:
+        force = force + 50.0 * np.sin(1e4 * points[:, 0])
+    shape = (points[:, 1] - 1.0) ** 2 + 0.1
+    outcomes = np.array(["COMPLETED"] * n, dtype=object)
+    for i in lost:
+        force[i] = shape[i] = np.nan
+        outcomes[i] = "INVERTED"
+    base = synthetic().design
+    return replace(
+        base, names=BOX.names, points=points, lower=np.array(BOX.lower), upper=np.array(BOX.upper),
+        outcomes=tuple(outcomes), end_times=np.full(n, 1e-3),
+        failed_elements=np.where(outcomes == "COMPLETED", -1, 3),
+        failed_places=np.where((outcomes == "COMPLETED")[:, None], np.nan, [[1e-3, 2e-3]]),
+        stage=("design",) * n, phi_force=force, phi_shape=shape, chi2_force=force, chi2_shape=shape,
+    )  # fmt: skip
+
+
+def analysed(**options: object) -> SweepAnalysis:
+    return analyse_sweep("shot", BOX, table(**options))  # type: ignore[arg-type]
+
+
+def test_indices_of_known_functions() -> None:
+    # Phi_F is linear: variances (2 / sqrt 12)^2 and (1 / sqrt 12)^2, so 4/5 and 1/5. Phi_S has one cause.
+    found = analysed().indices
+    assert found is not None
+    first = dict(zip(found.outputs, found.first, strict=True))
+    # Sampling error of 1024 points, and an interpolant within a few percent.
+    np.testing.assert_allclose(first["Phi_F"], [0.8, 0.2, 0.0], atol=0.02)
+    np.testing.assert_allclose(first["Phi_S"], [0.0, 1.0, 0.0], atol=0.02)
+
+
+def test_main_effects_of_known_functions() -> None:
+    # The mean over m in [0.5, 1.5] of 1 + 2 f + m is 2 + 2 f; of the other two draws, 256 of them.
+    effect = analysed().outputs["Phi_F"].effects["friction"]
+    np.testing.assert_allclose(effect.mean, 2.0 + 2.0 * effect.x, atol=0.06)
+    np.testing.assert_allclose(effect.high - effect.low, 0.8, atol=0.08)  # 80 % of a uniform width of 1
+
+
+def test_maps_are_cuts_through_the_best_run() -> None:
+    found = analysed()
+    assert found.best is not None
+    x, y, values = found.map("Phi_F", "friction", "damping")
+    m = found.table.points[found.best][1]
+    assert values.shape == (LEVELS, LEVELS)
+    # Linear functions are interpolated to a fraction of a percent of their range.
+    np.testing.assert_allclose(values, np.broadcast_to(1.0 + 2.0 * x + m, values.shape), atol=0.02)
+    assert (y[0], y[-1]) == pytest.approx((1e-6, 1e-4))
+
+
+def test_a_rough_misfit_is_refused_with_the_runs_it_would_take() -> None:
+    found = analysed(rough=True)
+    output = found.outputs["Phi_F"]
+    assert output.surrogate is None
+    assert output.error > 0.2
+    assert "about" in output.refused
+    assert "runs would do if the misfit is smooth" in output.refused
+    assert found.indices is not None
+    assert "Phi_F" not in found.indices.outputs
+    with pytest.raises(ValueError, match="has no interpolant"):
+        found.map("Phi_F", "friction", "damping")
+
+
+def test_many_runs_are_tried_on_those_left_out() -> None:
+    found = analysed(n=1024)
+    assert found.outputs["Phi_S"].surrogate is not None
+    assert len(found.outputs["Phi_S"].surrogate.points) == 400
+    assert found.outputs["Phi_S"].error < 0.01
+
+
+def test_runs_that_failed_are_left_out_and_listed() -> None:
+    found = analysed(lost=(3, 7))
+    assert found.outputs["Phi_F"].surrogate is not None
+    assert len(found.outputs["Phi_F"].surrogate.points) == 126
+    text = render(found)
+    assert text.count('class="lost"') == 2
+    assert "inverted" in text
+
+
+def test_no_run_completed() -> None:
+    found = analysed(lost=tuple(range(128)))
+    assert (found.outputs, found.indices, found.best) == ({}, None, None)
+    assert "128, 0 completed" in render(found)
+
+
+@pytest.mark.parametrize("name", SWEEPS)
+def test_figures_can_be_built(name: str) -> None:
+    found = analysed(lost=(3,))
+    assert SWEEPS[name].applies(found)
+    figure = build(SWEEPS[name], found)
+    assert all(ax.get_title() == "" for ax in figure.axes)
+    assert SWEEPS[name].caption(found).endswith(".")
+
+
+def test_the_page_escapes_what_it_is_given(tmp_path: Path) -> None:
+    found = analyse_sweep(EVIL, BOX, table())
+    write_page(tmp_path / "sweep.html", found, warnings=[EVIL])
+    text = (tmp_path / "sweep.html").read_text(encoding="utf-8")
+    assert "<script" not in text
+    assert "&lt;script&gt;" in text
+    assert "http" not in text.replace("http-equiv", "")  # nothing is fetched
+
+
+def test_long_tables_are_cut_and_say_so() -> None:
+    text = render(analysed(n=512, lost=(5,)))
+    assert "200 of 512 runs" in text
+    assert text.count('<th scope="row">') < 300

@@ -1,0 +1,85 @@
+"""`kolsky waves` on a flyer test: the shipped shot, from files to files."""
+
+import json
+import shutil
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from kolsky.cli import app
+
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.fixture(scope="module")
+def reduced(tmp_path_factory) -> tuple[Path, dict]:
+    out = tmp_path_factory.mktemp("flyer")
+    result = CliRunner().invoke(app, ["waves", str(ROOT / "runs" / "open-01"), "--out", str(out), "--json"])
+    assert result.exit_code == 0, result.stderr
+    return out, json.loads(result.stdout)
+
+
+def test_the_soft_shot_has_no_valid_classical_curve_and_says_so(reduced):
+    _, said = reduced
+    assert said["valid"] is None
+    assert "inverse method" in said["validity"]
+    assert any("kolsky identify" in remark for remark in said["remarks"])
+
+
+def test_clocks_and_full_speed(reduced):
+    _, said = reduced
+    # facts.json: "camera frame times and scope times are on one clock".
+    assert "agrees" in said["synchronisation"]
+    events = {event["name"]: event for event in said["events"]}
+    assert events["full speed"]["time"] == pytest.approx(87e-6, abs=15e-6)  # the ramp of v(t) ends there
+    assert events["arrest"]["time"] is None
+    assert "still moves" in events["arrest"]["how"]
+
+
+def test_forces_agree_where_the_specimen_is_nearly_balanced(reduced):
+    """Front and back force, from two transducers of tenfold different sensitivity, late in the test."""
+    out, said = reduced
+    with h5py.File(out / "waves.h5") as file:
+        part = file["entry/reduction"]
+        time, front, back = (part[name][()] for name in ("time", "front_force", "back_force"))
+        assert file["entry/validity/imbalance"].size > 50
+    late = time > time[-1] - 0.3e-3
+    # Waves of +-2 N run through the specimen: over three of their periods they average out to 10 % of that,
+    # and half the specimen's inertia under -20 m/s^2 is far below.
+    assert np.mean(front[late]) == pytest.approx(np.mean(back[late]), abs=0.5)
+    mass = next(c for c in said["corrections"] if c["key"] == "mass")
+    # 7.1 g at the largest acceleration of some 1e5 m/s^2.
+    assert mass["applied"]
+    assert mass["size"] == pytest.approx(7.1e-3 * 1.0e5, rel=0.1)
+
+
+def test_without_the_flyers_transducer_there_is_one_force(tmp_path):
+    folder = tmp_path / "shot"
+    shutil.copytree(ROOT / "runs" / "open-01", folder, ignore=shutil.ignore_patterns("results"))
+    text = (folder / "shot.toml").read_text()
+    begin, end = text.index("[incident_force]"), text.index("[frames]")
+    (folder / "shot.toml").write_text(text[:begin] + text[end:])
+    result = CliRunner().invoke(app, ["waves", str(folder), "--json"])
+    assert result.exit_code == 0, result.stderr
+    said = json.loads(result.stdout)
+    assert said["synchronisation"] is None
+    assert said["valid"] is None
+    assert said["balanced"] is None
+    assert "not known" in said["validity"]
+    assert set(said["results"]) == {"largest strain", "back stress there"}
+    assert not any(c["key"] == "mass" for c in said["corrections"])
+
+
+def test_a_clipped_incident_channel_is_refused(tmp_path):
+    folder = tmp_path / "shot"
+    shutil.copytree(ROOT / "runs" / "open-01", folder, ignore=shutil.ignore_patterns("results"))
+    text = (folder / "shot.toml").read_text()
+    (folder / "shot.toml").write_text(text.replace('mass = "7.1 g"', 'full_scale = "0.5 V" \nmass = "7.1 g"'))
+    result = CliRunner().invoke(app, ["waves", str(folder)])
+    assert result.exit_code == 2
+    assert "CH1 incident (V)" in result.stderr
+    assert "clipped" in result.stderr
+    assert not (folder / "results").exists()
