@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.camera import StereoRig
 from dic.correlation import Correlation, Noise
 from dic.correlation.warp import gradient, identity
@@ -19,9 +19,6 @@ from dic.stereo import Reconstruction, StereoMatch, match_stereo, reconstruct
 from dic.tracking import Track, Tracking, track
 from dic.tracking.matcher import shares
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 Progress = Callable[[str, int, int], None]
 """Called as ``progress(stage, done, total)``."""
 

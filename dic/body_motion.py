@@ -9,10 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from dic.adjustment import Habits, Poses, Sights, adjust
+from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.camera import StereoRig
 from dic.correlation.warp import apply
 from dic.outcome import FrameOutcome, PointOutcome
@@ -21,10 +22,6 @@ from dic.single_view import sights_of_one
 from dic.stereo.reconstruction import Reconstruction
 from dic.surfaces.frame import SpecimenFrame
 from dic.tracking.history import Track
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

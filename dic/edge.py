@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.special import ndtr
 
-FloatArray = NDArray[np.float64]
+from dic.arrays import FloatArray
 
 FARTHEST = 2.0
 """How far from where it was declared an edge is looked for [px]."""

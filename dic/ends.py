@@ -3,14 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.arrays import FloatArray
 from dic.bodies import Followed
 from dic.camera import Camera, StereoRig
 from dic.edge import find_edge
 from dic.outcome import PointOutcome
 from dic.surfaces import Cylinder, SpecimenFrame
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MARGIN = 0.5
 """How far a subset stays inside the ends: about the width of an edge in a picture [px]."""

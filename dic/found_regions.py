@@ -10,14 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from dic.arrays import BoolArray, FloatArray
 from dic.bodies import Region
 from dic.images import PictureError, Pictures
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 TURNS = {"up": 0, "right": 1, "down": 2, "left": 3}
 """Quarter turns that bring the flyer to the top."""

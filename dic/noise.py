@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.arrays import FloatArray
 from dic.surface import SurfaceHistory
-
-FloatArray = NDArray[np.float64]
 
 SMALLEST_SERIES = 3
 """Static frames that a noise floor needs."""

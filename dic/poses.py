@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import BoolArray, FloatArray
 from dic.bodies import Followed
 from dic.body_motion import BodyMotion, body_motion
 from dic.camera import StereoRig
@@ -12,9 +12,6 @@ from dic.outcome import PointOutcome
 from dic.result import Remark, Travel
 from dic.surfaces import SpecimenFrame, overlap_factor
 from dic.tracking import Track
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 SWAY = 0.05
 """Change of the displacement across the axis from frame to frame that is usual, over the way along it: the

@@ -3,11 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from dic.arrays import BoolArray, FloatArray, IntArray
 
 
 def polygon_mask(corners: Sequence[tuple[float, float]], shape: tuple[int, int]) -> BoolArray:

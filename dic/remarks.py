@@ -3,14 +3,12 @@
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import IntArray
 from dic.bodies import Followed, Region
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.result import Placement, Remark, Travel
 from dic.stereo.diagnose import Finding
-
-IntArray = NDArray[np.int64]
 
 RADIUS_SIGMAS = 4.0
 """Disagreement of the measured radius with the declared one that is remarked on, in standard deviations."""

@@ -9,11 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import FloatArray
 from dic.camera import Camera
-
-FloatArray = NDArray[np.float64]
 
 Pattern = Callable[[FloatArray, FloatArray], FloatArray]
 """Reflectance, 0 to 1, of places on a surface: arc length and height [m], both of one shape."""

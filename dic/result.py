@@ -7,15 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.arrays import FloatArray, IntArray
 from dic.body_motion import BodyMotion
 from dic.camera import StereoRig
 from dic.noise import SMALLEST_SERIES, NoiseFloor
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.surface import CentrePoints, SurfaceHistory
 from dic.surfaces.frame import SpecimenFrame
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

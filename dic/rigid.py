@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from dic.arrays import BoolArray, FloatArray
 
 FEWEST_POINTS = 3
 

@@ -4,17 +4,13 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.correlation import Correlation, Match, Noise, PictureStack, Shape, Templates, correlate
 from dic.correlation.warp import gradient, identity
 from dic.images import PictureError, Pictures
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.tracking import Track
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 APART = 0.5
 """How far a point may lie from where the body's motion puts it, beside its noise [px]."""

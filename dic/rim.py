@@ -14,15 +14,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.camera import Camera, StereoRig
 from dic.surfaces import SpecimenFrame
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 RIM = 12
 """Rows of pixels that are looked at, from the border that the body comes in by."""

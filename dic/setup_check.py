@@ -5,15 +5,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.arrays import BoolArray, FloatArray
 from dic.camera import StereoRig
 from dic.correlation import Noise, Shape
 from dic.correlation.warp import apply
 from dic.outcome import PointOutcome
 from dic.stereo.diagnose import LEAST_PAIRS, Finding, diagnose
 from dic.tracking import Tracking, track
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 MOST_POINTS = 150
 """Points that are looked for: enough for a diagnosis."""

@@ -1,12 +1,10 @@
 """What one camera alone knows about a point in space: its place across the ray, nothing along it."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import FloatArray
 from dic.camera import Camera
 from dic.surfaces.frame import SpecimenFrame
-
-FloatArray = NDArray[np.float64]
 
 STEP = 1e-6
 """Of the difference quotients of the projection [m]."""

@@ -2,11 +2,8 @@
 alone."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from dic.arrays import BoolArray, FloatArray, IntArray
 
 REACH = 2
 """Neighbours are points up to so many cells away."""

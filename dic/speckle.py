@@ -11,7 +11,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from dic.arrays import FloatArray
+
 Inverse = Callable[[FloatArray], FloatArray]
 """From places in a picture (x, y) [px] to those in the material picture, both of shape [..., 2]."""
 

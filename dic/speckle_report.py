@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from dic.arrays import FloatArray
 from dic.images import GreyNoise, Pictures, SpeckleQuality, grey_noise, speckle_quality
 from dic.region import polygon_mask
 from dic.result import StereoResult
-
-FloatArray = NDArray[np.float64]
 
 WANTED = 0.02
 """Predicted standard deviation of a match above which a subset is called too small [px]."""

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.bodies import Followed
 from dic.camera import Camera, StereoRig
 from dic.correlation.warp import apply
@@ -17,10 +17,6 @@ from dic.stereo.sight import projection_slope
 from dic.surfaces import SpecimenFrame
 from dic.surfaces.overlap import overlap_correlation
 from dic.tracking import Track
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 SIDEWAYS = 50e-6
 """How far the flyer may have moved across the axis since the nearest frame that both cameras saw [m]."""

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm, qmc
 
+from doe.arrays import FloatArray
 from doe.box import Box
 from doe.surrogates.process import ProcessSurrogate
 
-FloatArray = NDArray[np.float64]
 Misfit = Callable[[FloatArray], FloatArray]
 """What is to be small, of responses [n, k], shape [n]: a deviance, i.e. minus twice a log-likelihood."""
 

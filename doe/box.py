@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-FloatArray = NDArray[np.float64]
+from doe.arrays import FloatArray
 
 ROUND_OFF = 1e-12
 """Distance in the unit box below which a point outside a face counts as on it: a trip from units to

@@ -8,11 +8,10 @@ from operator import index
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from doe.arrays import FloatArray
 from doe.box import Box
 
-FloatArray = NDArray[np.float64]
 Rng = int | np.random.Generator
 
 

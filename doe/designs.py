@@ -10,8 +10,9 @@ import scipy  # its parts load when they are named: statistics take half a secon
 from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 
+from doe.arrays import FloatArray
 from doe.box import Box
-from doe.design import Design, FloatArray, Rng, count_of, seed_of
+from doe.design import Design, Rng, count_of, seed_of
 from doe.optimal import d_optimal
 from doe.response_designs import box_behnken, central_composite, fractional_factorial
 

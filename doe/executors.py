@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from doe.arrays import FloatArray
 from doe.ledger import Ledger, Run
 
-FloatArray = NDArray[np.float64]
 ChunkFunction = Callable[[FloatArray], Sequence[Run]]
 """Takes points, shape [n, d], and returns what became of each, length n."""
 ExecutorFactory = Callable[[], AbstractContextManager[Executor]]

@@ -11,12 +11,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import lsq_linear
 
+from doe.arrays import FloatArray
 from doe.box import Box
 
-FloatArray = NDArray[np.float64]
 BatchRun = Callable[[FloatArray], FloatArray]
 """Responses of points in parameter units, [n, d] -> [n, k]; the row of a run that failed holds NaN."""
 Weighting = Callable[[FloatArray], FloatArray]

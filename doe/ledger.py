@@ -16,9 +16,9 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
+from doe.arrays import FloatArray
 
 APPLICATION = 0x6B6F6C73
 """SQLite's application id of a ledger: "kols"."""

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from doe.arrays import FloatArray
 from doe.designs import Design
-from doe.search import AGREEMENT, FloatArray, Objective, SearchResult, evaluate, nelder_mead
+from doe.search import AGREEMENT, Objective, SearchResult, evaluate, nelder_mead
 
 
 @dataclass(frozen=True)

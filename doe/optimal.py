@@ -12,10 +12,10 @@ from itertools import combinations_with_replacement
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from doe.arrays import FloatArray
 from doe.box import Box
 from doe.design import Design, Rng, count_of, seed_of
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 GAIN = 1e-9

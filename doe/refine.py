@@ -11,14 +11,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from doe.acquisition import Misfit, choose
+from doe.arrays import FloatArray
 from doe.box import Box
 from doe.least_squares import BatchRun
 from doe.surrogates.process import ProcessSurrogate
 
-FloatArray = NDArray[np.float64]
 Locate = Callable[[ProcessSurrogate, Box, FloatArray], tuple[FloatArray, FloatArray]]
 """Optimum of a surrogate in a box, searched from a point, and its standard deviation; in parameter units,
 shape [d] each."""

@@ -7,12 +7,10 @@ from operator import index
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from doe.arrays import FloatArray
 from doe.box import Box
 from doe.design import Design
-
-FloatArray = NDArray[np.float64]
 
 FACES = {"faced": "ccf", "inscribed": "cci"}
 """pyDOE's names of the central composite designs whose points stay in the box."""

@@ -6,13 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 
+from doe.arrays import FloatArray
 from doe.box import Box
 from doe.outcome import SearchOutcome
 
-FloatArray = NDArray[np.float64]
 Objective = Callable[[FloatArray], float]
 
 FIRST_EDGE = 0.25

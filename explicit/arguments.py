@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from explicit.arrays import FloatArray, IntArray
 from explicit.boundary import BAR_HISTORY, INTERIOR, LOWER, SIDE, UPPER
 from explicit.clock import CLOCK, ENDING, HANDED
 from explicit.contact import contact_law
@@ -23,9 +24,6 @@ from explicit.places import GROUP, LOADED_BYTES, fits, grouped, rooms
 from explicit.precision import Precision
 from explicit.support import RIGID, CharacteristicBar, MovingSupport
 from explicit.update import VALENCE
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 SPARE = 16
 """Entries behind every row that a pack may read: the most lanes there are."""

@@ -1,12 +1,11 @@
 """The deformation of every element of a mesh, from the positions of its nodes; for pictures and checks."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from explicit.arrays import FloatArray
 from explicit.geometry import element_geometry
 from explicit.mesh import Mesh
-
-FloatArray = NDArray[np.float64]
 
 
 def deformation_gradient(mesh: Mesh, nodes: ArrayLike) -> FloatArray:

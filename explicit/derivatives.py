@@ -16,14 +16,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from explicit.arrays import FloatArray
 from explicit.contact import contact_law
 from explicit.histories import NAMES, Histories
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.response import Response
 from explicit.run import run
 from explicit.stencils import BOUNDS, Stencil, perturbed, scale_of, stencil_for
-
-FloatArray = NDArray[np.float64]
 
 LADDER = tuple(10.0 ** (-0.5 * k) for k in range(2, 14))
 """Relative steps from 0.1 to 3e-7, two a decade."""

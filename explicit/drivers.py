@@ -5,11 +5,10 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import warp as wp
-from numpy.typing import NDArray
 
 from explicit.arguments import body_of, state_of
+from explicit.arrays import FloatArray
 from explicit.march import MarchKernel
 from explicit.model import Model
 from explicit.parcels import HISTORIES, Parcels, streams
@@ -23,7 +22,6 @@ PART_WAVES = 8
 LARGE_MESH = 1500
 """Elements from which the state of a pack leaves the caches and simulations are faster one by one."""
 
-FloatArray = NDArray[np.float64]
 Progress = Callable[[int], None]
 
 

@@ -10,11 +10,9 @@ from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
+from explicit.arrays import FloatArray
 from explicit.mesh import Mesh
-
-FloatArray = NDArray[np.float64]
 
 _HOURGLASS = np.array([1.0, -1.0, 1.0, -1.0])
 _CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])

@@ -4,11 +4,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
+from explicit.arrays import FloatArray
 from explicit.response import Response
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,16 +13,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from explicit.arrays import FloatArray
 from explicit.energy import EnergyLedger
 from explicit.mesh import Mesh
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.response import Response
 from explicit.run import run
-
-FloatArray = NDArray[np.float64]
 
 COMPRESSIBLE = 0.495
 """Poisson's ratio of the runs on the fine mesh [-]."""

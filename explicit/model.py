@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from explicit.arrays import FloatArray
 from explicit.contact import contact_law
 from explicit.elements import element
 from explicit.materials import MaterialLaw, bulk_modulus
@@ -14,8 +15,6 @@ from explicit.mesh import Mesh
 from explicit.motion import PlatenMotion
 from explicit.relaxation.base import RateDependence, Relaxation
 from explicit.support import RIGID, MovingSupport, Support
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 import warp as wp
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from explicit.arrays import FloatArray
 
 HISTORIES = ("force", "impulse", "position", "energy")
 """The large arrays of an output, samples first."""

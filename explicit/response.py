@@ -5,10 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from explicit.arrays import FloatArray
 from explicit.energy import EnergyLedger
 from explicit.outcome import Ending, Outcome
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

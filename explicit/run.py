@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from explicit.arguments import batch_of, fits_on_chip, output_of
+from explicit.arrays import FloatArray
 from explicit.clock import (
     END_TIME,
     ENDED_AS,
@@ -31,8 +31,6 @@ from explicit.parcels import HISTORIES
 from explicit.precision import precision
 from explicit.response import Response
 from explicit.support import MovingSupport
-
-FloatArray = NDArray[np.float64]
 
 
 def run(

@@ -5,12 +5,10 @@ from dataclasses import dataclass, fields
 from math import inf
 
 import numpy as np
-from numpy.typing import NDArray
 
+from explicit.arrays import FloatArray
 from explicit.materials.volumetric import POISSON_LIMIT
 from explicit.model import Samples
-
-FloatArray = NDArray[np.float64]
 
 BOUNDS: dict[str, tuple[float, float]] = {
     "stiffness_factor": (0.0, inf),

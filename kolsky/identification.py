@@ -16,8 +16,8 @@ Stages of `identify`:
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import Coarse, fit_for_purpose, search_coarse
 from kolsky.inverse.estimates import comparison, curves, estimates, routes
 from kolsky.inverse.misfit import terms
@@ -36,8 +36,6 @@ from kolsky.shot.records import Shot
 from kolsky.uncertainty.analyse import gather
 from kolsky.uncertainty.profile_likelihood import Answer
 from kolsky.uncertainty.warnings.collected import cautions
-
-FloatArray = NDArray[np.float64]
 
 ORDER = 2.0
 """Order of the mesh error used for the refined mesh's remaining error; fitted in the verification manual."""

@@ -12,12 +12,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import FloatArray
 from dic.calibration.projection import OWN, SHARED, Sight, derivatives, exponential, joined, poses_of, seen
 from dic.camera import PARAMETERS, Camera
 
-FloatArray = NDArray[np.float64]
 Pose = tuple[FloatArray, FloatArray]
 
 MOST_STEPS = 100

@@ -1,11 +1,8 @@
 """Dots located by their centroid: darkness against a plane through the brightness around them."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from dic.arrays import BoolArray, FloatArray, IntArray
 
 WINDOW, RING = 1.35, 1.85
 """The centroid is taken over this many radii of the dot, the brightness around it out to the second."""

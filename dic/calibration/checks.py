@@ -4,14 +4,12 @@ from collections.abc import Sequence
 from itertools import groupby
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import FloatArray
 from dic.calibration.bundle import HARDLY, Fit, Rig, adjust, residuals
 from dic.calibration.projection import SHARED, Sight, seen
 from dic.camera import StereoRig
 from dic.stereo import triangulate
-
-FloatArray = NDArray[np.float64]
 
 ENOUGH = 1e-7
 """Relative tolerance of the sum of squares of held-out pairs, from a start that is all but the solution."""

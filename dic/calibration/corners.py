@@ -4,9 +4,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.arrays import FloatArray
 from dic.calibration.noise import grey, noise_level
-
-FloatArray = NDArray[np.float64]
 
 
 def eight_bits(picture: NDArray[np.generic]) -> NDArray[np.uint8]:

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from dic.arrays import FloatArray
+
 Single = NDArray[np.float32]
 
 STEPS = 8

@@ -4,8 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from dic.arrays import FloatArray
 
 SIDES = ((1, 0), (-1, 0), (0, 1), (0, -1))
 """Columns and rows to the neighbours of a place."""

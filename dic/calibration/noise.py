@@ -6,8 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-
+from dic.arrays import FloatArray
 
 BANDS, BAND = 16, 24
 """How many bands of how many rows the noise is taken from."""

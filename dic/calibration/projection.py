@@ -27,9 +27,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.arrays import FloatArray
 from dic.camera import PARAMETERS, POSE, Camera
-
-FloatArray = NDArray[np.float64]
 
 OWN = len(PARAMETERS)
 SHARED = 2 * OWN + len(POSE)

@@ -6,13 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.arrays import FloatArray
 from dic.calibration.bundle import HARDLY, Fit, Rig, Undetermined, adjust, residuals
 from dic.calibration.checks import by_pair, posed
 from dic.calibration.projection import Sight
 from dic.calibration.start import rms
 from dic.calibration.views import only
-
-FloatArray = NDArray[np.float64]
 
 Z_PAIR, TIMES = 6.0, 2.0
 """A pair is bad if its rms residual lies this many robust standard deviations above the median of the pairs

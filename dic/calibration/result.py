@@ -6,10 +6,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.arrays import FloatArray, IntArray
 from dic.camera import StereoRig
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 class PairOutcome(IntEnum):

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.calibration import checks
 from dic.calibration.bundle import Fit, clustering, free_columns
@@ -16,7 +15,6 @@ from dic.calibration.targets.base import Detection, Target, TargetNotFound
 from dic.calibration.views import all_sights, finished_view
 from dic.camera import PARAMETERS, StereoRig
 
-FloatArray = NDArray[np.float64]
 Seen = Detection | TargetNotFound | None
 Size = tuple[int, int]
 

@@ -5,13 +5,10 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.calibration.bundle import Pose, Rig, Undetermined, residuals
 from dic.calibration.projection import Sight, seen
 from dic.camera import Camera
-
-FloatArray = NDArray[np.float64]
 
 FOCAL = (0.3, 60.0)
 """Focal lengths that are tried, over the longer side of the picture."""

@@ -1,9 +1,8 @@
 """The angles that VIC-3D, DICe and MatchID write: R = Rz(γ) Ry(β) Rx(α), in degrees."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from dic.arrays import FloatArray
 
 
 def rotation_of(alpha: float, beta: float, gamma: float) -> FloatArray:

@@ -7,13 +7,11 @@ mean them, 1 + k1 r² + k2 r⁴ + k3 r⁶ (DICe's reader assumes K1 R + K2 R² +
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import FloatArray
 from dic.camera import StereoRig
 from dic.camera_files.angles import rotation_of
 from dic.camera_files.source import CameraFileError, Source, printed
-
-FloatArray = NDArray[np.float64]
 
 INTRINSIC = ("cx", "cy", "fx", "fy", "fs", "k1", "k2", "k3")
 ANGLES, MATRIX = 24, 30

@@ -11,14 +11,12 @@ a model are refused.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import FloatArray
 from dic.camera import Camera, StereoRig
 from dic.camera_files.angles import rotation_of
 from dic.camera_files.source import CameraFileError, Source, printed
 from dic.camera_files.xml_text import Element, parse
-
-FloatArray = NDArray[np.float64]
 
 MARK = "DICe_xml_camera_system_file"
 BROWN = {"OPENCV_LENS_DISTORTION", "OPENCV_DIS", "K1R3_K2R5_K3R7"}

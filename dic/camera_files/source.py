@@ -5,11 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import FloatArray
 from dic.camera import Camera
-
-FloatArray = NDArray[np.float64]
 
 LARGEST = 16 * 2**20
 """Bytes that a camera file may have; a project of ten thousand pictures has one."""

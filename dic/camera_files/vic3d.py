@@ -9,14 +9,11 @@ well-formed as a whole, so only their calibration element is parsed.
 import re
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.camera import Camera, StereoRig
 from dic.camera_files.angles import angles_of, rotation_of
 from dic.camera_files.source import CameraFileError, Source, printed
 from dic.camera_files.xml_text import Element, parse
-
-FloatArray = NDArray[np.float64]
 
 OPENS = re.compile(r"<calibration(?=[\s>])")
 NUMBERS = ("cx", "cy", "fx", "fy", "skew", "k1", "k2", "k3")

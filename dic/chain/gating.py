@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import BoolArray
 from dic.bodies import Followed
 from dic.chain.looking import Given
 from dic.chain.placing import Placed
@@ -14,8 +14,6 @@ from dic.result import Travel
 from dic.smoothness import off_surface
 from dic.stereo import reconstruct
 from dic.surfaces import static_mean
-
-BoolArray = NDArray[np.bool_]
 
 LEAST_GATE = 0.1
 """Smallest gate for epipolar distances [px]."""

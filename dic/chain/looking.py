@@ -4,8 +4,8 @@ whether they fit their cameras."""
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.bodies import Region
 from dic.camera import StereoRig
 from dic.chain.settings import ChainError, ChainSettings
@@ -18,10 +18,6 @@ from dic.outcome import FrameOutcome
 from dic.region import grid_points, polygon_mask
 from dic.setup_check import check_setup, free_pairs
 from dic.stereo.diagnose import Finding
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import FloatArray
 from dic.bodies import Followed
 from dic.chain.looking import Given
 from dic.chain.settings import ChainError
@@ -13,8 +13,6 @@ from dic.images import Pictures
 from dic.outcome import PointOutcome
 from dic.result import Placement
 from dic.surfaces import fit_cylinder, on_cylinder, overlap_factor, static_mean, test_frame
-
-FloatArray = NDArray[np.float64]
 
 MOST_AVERAGED = 50
 """Static pictures that are averaged to find the specimen's edge."""

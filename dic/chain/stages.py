@@ -5,10 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from dic import remarks
+from dic.arrays import BoolArray, FloatArray
 from dic.bodies import Progress, Region
 from dic.camera import StereoRig
 from dic.chain.clock import Clock
@@ -23,9 +21,6 @@ from dic.images import Pictures
 from dic.noise import noise_floor
 from dic.result import StereoResult
 from dic.setup_check import check_setup
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 VERSION = 10
 """Raised when the same pictures and settings give other numbers: results kept from before are made

@@ -3,16 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import IntArray
 from dic.bodies import Followed
 from dic.chain.looking import Given
 from dic.chain.settings import ChainSettings
 from dic.result import Body, Placement, SurfaceStrain
 from dic.surface import CentrePoints
 from dic.surfaces import StrainGauge, outline, referenced, strains, to_surface
-
-IntArray = NDArray[np.int64]
 
 
 def surface_of(

@@ -5,13 +5,12 @@ import os
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dic.arrays import FloatArray
 from dic.correlation.kernels.launch import Batch, search
 from dic.correlation.match import Match
 from dic.correlation.settings import Correlation
 from dic.correlation.stack import PictureStack
 from dic.correlation.templates import Templates
-
-FloatArray = NDArray[np.float64]
 
 THREADS = os.cpu_count() or 1
 """CPU threads unless a caller says otherwise."""

@@ -5,11 +5,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dic.correlation.kernels import pictures as device_pictures
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.arrays import IntArray
 from dic.correlation.settings import Correlation
-
-IntArray = NDArray[np.int64]
 
 MOST_KEPT = 256 * 2**20
 """Memory that templates may take up [bytes]; more points than fit work theirs out anew in every call."""

@@ -13,9 +13,8 @@ function of lower order leaves its later ones zero.
 from enum import IntEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from dic.arrays import FloatArray
 
 NAMES = ("u", "v", "ux", "uy", "vx", "vy", "uxx", "uxy", "uyy", "vxx", "vxy", "vyy")
 """The numbers of a warp; u, v in px, first derivatives in 1, second ones in 1/px."""

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from dic.arrays import FloatArray
 
 _VALUE = np.array([1.0, 26.0, 66.0, 26.0, 1.0]) / 120.0
 _SLOPE = np.array([-1.0, -10.0, 0.0, 10.0, 1.0]) / 24.0

@@ -11,11 +11,9 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.arrays import FloatArray, IntArray
 from dic.images.series import PictureError, Pictures
 from dic.outcome import FrameOutcome
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 AROUND = 11
 """Frames that a frame's brightness is compared with, itself in the middle."""

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.arrays import FloatArray
 from dic.images.gradient import gradient
 from dic.images.series import Pictures
-
-FloatArray = NDArray[np.float64]
 
 _BINS = 20
 

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from dic.arrays import FloatArray
+
 Mask = NDArray[np.bool_]
 
 _LARGEST_WINDOW = 1024

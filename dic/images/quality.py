@@ -5,12 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.arrays import FloatArray, IntArray
 from dic.images.gradient import gradient, noise_gain
 from dic.images.noise import GreyNoise
 from dic.images.pattern import coverage_and_diameter, illumination, width_of_autocorrelation
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 LARGEST_SUBSET = 101
 """Largest subset that is tried for a wanted floor [px]."""

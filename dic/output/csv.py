@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.arrays import FloatArray
 from dic.cells import text_cell
 from dic.outcome import PointOutcome
 from dic.output.whole import whole
 from dic.result import Body
-
-FloatArray = NDArray[np.float64]
 
 MM = 1e3
 STRAINS = ("exx", "eyy", "exy")

@@ -13,12 +13,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.cells import text_cell
 from dic.result import StereoResult
-
-FloatArray = NDArray[np.float64]
 
 NOT_STATED = "not stated"
 STATED = ("camera", "lens", "aperture", "exposure", "lighting", "pattern")

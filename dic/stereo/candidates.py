@@ -10,13 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.arrays import FloatArray, IntArray
 from dic.camera import StereoRig
 from dic.stereo.curve import curve_distances, points_along, shows
 from dic.stereo.facet import Sight, gradient, normals, sight
 from dic.stereo.template import ROWS, Subsets, correlation, sample, smoothed
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 class Candidates(NamedTuple):

@@ -1,15 +1,12 @@
 """Epipolar curves, walked in equal steps from end to end."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import BoolArray, FloatArray
 from dic.camera import Camera, StereoRig
 from dic.stereo.facet import distance_along
 from dic.stereo.sight import directions
 from dic.stereo.triangulation import midpoint
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 KNOTS = 65
 """Places a curve is followed through before it is divided into equal steps."""

@@ -12,12 +12,11 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.arrays import FloatArray
 from dic.camera import StereoRig
 from dic.stereo.epipolar import epipolar_distance
 from dic.stereo.offsets import HYPOTHESES, Offset, find_offset
 from dic.stereo.synchronisation import Synchronisation, synchronisation
-
-FloatArray = NDArray[np.float64]
 
 LEAST_PAIRS = 20
 """Point pairs without which nothing is said."""

@@ -9,12 +9,10 @@ as it was taken: ``d = g / |∇g|`` with ``g(p1) = l . undistort(p1)`` and its g
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import FloatArray
 from dic.camera import Camera, StereoRig
 from dic.stereo.sight import directions, inside, pixel_slope
-
-FloatArray = NDArray[np.float64]
 
 
 def epipolar_distance(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> FloatArray:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.camera import StereoRig
 from dic.correlation import warp as warps
 from dic.correlation.match import Match
@@ -17,9 +18,6 @@ from dic.stereo.propagate import neighbourhood
 from dic.stereo.sight import directions
 from dic.stereo.template import SAMPLES, Subsets, in_mask, inside_picture, subsets
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 Limits = tuple[float, float]
 
 LOOSE = 0.02

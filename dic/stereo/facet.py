@@ -15,12 +15,10 @@ that knows nothing of where the match lies.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import FloatArray
 from dic.camera import StereoRig
 from dic.stereo.sight import directions, pixel_slope, projection_slope
-
-FloatArray = NDArray[np.float64]
 
 
 class Sight(NamedTuple):

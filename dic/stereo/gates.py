@@ -3,12 +3,10 @@
 from enum import IntFlag
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import IntArray
 from dic.stereo.evidence import Evidence
 from dic.stereo.settings import StereoGates
-
-IntArray = NDArray[np.int64]
 
 
 class Gate(IntFlag):

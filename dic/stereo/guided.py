@@ -1,8 +1,8 @@
 """From seeds on whole epipolar curves to a match of every point that can be reached."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.correlation.match import Match
 from dic.correlation.warp import Shape
 from dic.outcome import PointOutcome
@@ -10,10 +10,6 @@ from dic.stereo.candidates import search as search_curves
 from dic.stereo.pair import Pair
 from dic.stereo.propagate import neighbourhood, propagate
 from dic.stereo.template import subsets
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 SEARCHED = 31
 """Smallest side of the subset that a whole epipolar curve is searched with by default [px]."""

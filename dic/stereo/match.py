@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.camera import StereoRig
 from dic.correlation.settings import Correlation
 from dic.correlation.stack import Noise, PictureStack
@@ -15,10 +16,6 @@ from dic.stereo.gates import Gate, judge
 from dic.stereo.guided import guided_match
 from dic.stereo.pair import Pair
 from dic.stereo.settings import StereoGates, StereoSearch
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.arrays import FloatArray
 from dic.camera import StereoRig
 from dic.stereo.epipolar import epipolar_slopes
-
-FloatArray = NDArray[np.float64]
 
 POINTS = 4000
 """Point pairs that are used at most, evenly taken from all."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.camera import StereoRig
 from dic.correlation import warp as warps
 from dic.correlation.match import Match
@@ -16,10 +17,6 @@ from dic.stereo.epipolar import epipolar_distance, epipolar_sigma
 from dic.stereo.facet import distance_along, sight
 from dic.stereo.settings import StereoGates, StereoSearch
 from dic.stereo.triangulation import midpoint
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 MARGIN = 0.5
 """Distances found are widened on both sides by this share of their span when rivals are looked for ..."""

@@ -8,15 +8,11 @@ carried over the step between them, all points in one batch.
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.correlation import warp as warps
 from dic.correlation.match import Match
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
 
 REACH = 3.0
 """Neighbours lie within this many medians of the distance to the nearest point."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.arrays import FloatArray, IntArray
 from dic.camera import StereoRig
 from dic.correlation.warp import apply, gradient
 from dic.outcome import PointOutcome
@@ -12,9 +13,6 @@ from dic.stereo.sight import projection_slope
 from dic.stereo.triangulation import Triangulation, triangulate
 from dic.stereo.twobytwo import inverse, largest_eigenvalue
 from dic.tracking.history import Track
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MOST_COMMON = 0.9
 """Share of a camera's noise, in any direction, that it may have in common with the other."""

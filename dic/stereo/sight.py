@@ -1,11 +1,9 @@
 """Lines of sight, and how what a camera sees changes with the place of a point."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import FloatArray
 from dic.camera import Camera
-
-FloatArray = NDArray[np.float64]
 
 
 def directions(camera: Camera, pixels: FloatArray) -> FloatArray:

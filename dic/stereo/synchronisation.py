@@ -12,11 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.arrays import FloatArray, IntArray
 from dic.camera import StereoRig
 from dic.stereo.epipolar import Aim, slopes_between
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 LEAST_PAIRS = 100
 """Point pairs that a shift must leave to be judged."""

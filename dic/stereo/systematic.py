@@ -8,12 +8,10 @@ does not average out over points, and a difference of two positions has ``(S_a -
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import FloatArray
 from dic.camera import PARAMETERS, Camera, StereoRig
 from dic.stereo.triangulation import triangulate
-
-FloatArray = NDArray[np.float64]
 
 
 def perturbed(rig: StereoRig, change: FloatArray) -> StereoRig:

@@ -7,10 +7,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.arrays import BoolArray, FloatArray
 from dic.correlation import warp as warps
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 Array = NDArray[np.floating[Any]]
 
 SAMPLES = 12

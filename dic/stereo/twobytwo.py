@@ -1,9 +1,8 @@
 """Many 2 x 2 matrices at once, in closed form: LAPACK takes its time for each of them."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from dic.arrays import FloatArray
 
 
 def inverse(M: FloatArray) -> FloatArray:

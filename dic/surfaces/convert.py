@@ -3,15 +3,13 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dic.arrays import BoolArray, FloatArray
 from dic.outcome import PointOutcome
 from dic.stereo.reconstruction import Reconstruction
 from dic.surface import SurfaceHistory
 from dic.surfaces.frame import SpecimenFrame
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 
 def referenced(reconstruction: Reconstruction, reference: Sequence[int] = (0,)) -> BoolArray:

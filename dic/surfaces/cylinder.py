@@ -9,13 +9,11 @@ poorly and nearly only together; the covariance says so.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dic.arrays import BoolArray, FloatArray
 from dic.surfaces.cylinder_steps import Shape, distances, fit_shape, slopes
 from dic.surfaces.first_axes import candidate_axes, circle, complete_basis
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 FEWEST_POINTS = 6
 FLATTEST = 50.0

@@ -1,11 +1,9 @@
 """The steps to a cylinder of least squared distances; every step turns about the axis of the one before."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import FloatArray
 from dic.surfaces.first_axes import complete_basis
-
-FloatArray = NDArray[np.float64]
 
 Shape = tuple[FloatArray, FloatArray, float]
 """Basis with the axis in its last row, a point of the axis, the radius."""

@@ -1,9 +1,8 @@
 """First guesses of a cylinder's axis from points on a part of it."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from dic.arrays import FloatArray
 
 
 def candidate_axes(X: FloatArray) -> list[FloatArray]:

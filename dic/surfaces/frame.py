@@ -6,12 +6,11 @@ Which way along the axis is positive, and where y is zero, are declared: the pic
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dic.arrays import FloatArray
 from dic.camera import Camera, StereoRig
 from dic.surfaces.cylinder import Cylinder
-
-FloatArray = NDArray[np.float64]
 
 WIDEST_ANGLE = 45.0
 """Largest angle between the axis seen by camera 0 and the direction declared for it [degrees]."""

@@ -6,12 +6,10 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dic.arrays import FloatArray, IntArray
 from dic.outcome import PointOutcome
 from dic.surface import CentrePoints, SurfaceHistory
 from dic.surfaces.overlap import overlap_correlation
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 def rows_of(surface: SurfaceHistory, points: ArrayLike) -> IntArray:

@@ -1,9 +1,9 @@
 """Subsets that overlap share pixels: how much the mean of their points is noisier than that of free ones."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
+from dic.arrays import FloatArray
 
 
 def overlap_correlation(first: ArrayLike, second: ArrayLike, subset: float) -> FloatArray:

@@ -7,16 +7,13 @@ same at rest and now and cancels; a homogeneous deformation comes out exactly, o
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.surface import SurfaceHistory
 from dic.surfaces.overlap import overlap_correlation
 from dic.surfaces.strain_gauge import FEWEST, StrainGauge, StrainOutcome
 from dic.surfaces.tensors import StrainHistory
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 THINNEST = 0.3
 """Least spread of a window's points in any direction [steps, root mean square]."""

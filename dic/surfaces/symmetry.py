@@ -4,14 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dic.arrays import FloatArray, IntArray
 from dic.outcome import FrameOutcome
 from dic.surface import SurfaceHistory
 from dic.surfaces.overlap import overlap_correlation
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

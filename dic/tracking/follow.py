@@ -4,8 +4,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.correlation import Noise, PictureStack, Templates
 from dic.correlation.warp import identity
 from dic.outcome import FrameOutcome, PointOutcome
@@ -19,10 +19,6 @@ from dic.tracking.predict import Predictor
 from dic.tracking.references import References, Template
 from dic.tracking.settings import Tracking
 from dic.tracking.update import Last, Updates, composed
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 MATERIAL = -1
 """Frame number under which a material picture of another series is kept."""

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.correlation import PictureStack
 from dic.correlation.warp import apply
 from dic.outcome import PointOutcome
@@ -14,10 +14,6 @@ from dic.tracking.neighbours import Neighbours
 from dic.tracking.references import Template, gradient, relative
 from dic.tracking.seeds import affine_consensus, correlate_windows, match_features, spread
 from dic.tracking.settings import Tracking
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 SEEDS = 40
 """Points searched for when a frame is started from nothing."""

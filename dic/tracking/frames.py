@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from dic.images.series import PictureError, Pictures
 from dic.outcome import FrameOutcome
 
-FloatArray = NDArray[np.float64]
 Picture = NDArray[Any]
 Series = Pictures | Sequence[Picture] | Picture
 """A series of pictures: of a file, or arrays [rows, columns] in memory."""

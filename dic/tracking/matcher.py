@@ -3,18 +3,13 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.correlation import Match, Noise, PictureStack, correlate
 from dic.correlation.settings import Correlation
 from dic.correlation.warp import apply
 from dic.tracking.references import References, Template, determinant, gradient, relative
 from dic.tracking.residual import enlarged, excess, local_variance
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
-
 
 RESIDUE = 2.0
 """Share of a match's own variance that a change of reference leaves in the chain, over the variance of the

@@ -3,14 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.correlation.warp import carried
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 NEAREST = 8
 """Neighbours looked for: those around a point of a square grid."""

@@ -1,11 +1,9 @@
 """Which lost points a frame tries again: a point that is out of sight for good costs a frame the most."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import BoolArray
 from dic.tracking.neighbours import Neighbours
-
-BoolArray = NDArray[np.bool_]
 
 TRIES = 4
 """Frames in a row in which a point is searched for before it is left alone for a while."""

@@ -1,11 +1,8 @@
 """Where points will be in the next frame."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from dic.arrays import FloatArray, IntArray
 
 ORDERS = (0, 1, 2)
 """At rest, constant velocity, constant acceleration."""

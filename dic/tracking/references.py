@@ -17,15 +17,11 @@ goes as the variance of a match times its samples, and so does what is carried a
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.correlation import PictureStack, Templates
 from dic.correlation.warp import gradient
 from dic.tracking.frames import Picture
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 DEPTH = 8
 """References kept of a point: the root and the latest ones."""

@@ -11,12 +11,10 @@ match itself scales both by ``1 + e``, as if the residual were noise.
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import FloatArray
 from dic.correlation import Noise
 from dic.tracking.frames import Picture
-
-FloatArray = NDArray[np.float64]
 
 ALONG = 6.0
 """κ in the direction of the smallest principal stretch."""

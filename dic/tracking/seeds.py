@@ -5,10 +5,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from dic.arrays import FloatArray, IntArray
 from dic.tracking.frames import Picture
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 RATIO = 0.8
 """A feature's best match must be this much nearer than its second best (Lowe 2004)."""

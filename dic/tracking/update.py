@@ -3,17 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.outcome import PointOutcome
 from dic.tracking.frame_match import FrameMatch
 from dic.tracking.matcher import Matcher, compose
 from dic.tracking.references import References, Template, gradient, principal, relative, stretch
 from dic.tracking.settings import Tracking
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 JOIN = 0.7
 """When a point changes its reference, others that have come this far toward it (in ln stretch) join: fewer

@@ -14,10 +14,9 @@ from operator import index
 import numpy as np
 from numpy.typing import NDArray
 
+from doe.arrays import FloatArray
 from doe.box import Box
 from doe.design import Design, Rng, seed_of
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

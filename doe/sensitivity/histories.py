@@ -14,14 +14,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from doe.arrays import FloatArray
 from doe.box import Box
 from doe.design import Rng, seed_of
 from doe.sensitivity.variance import Function, SaltelliSample, evaluate, interval_ends, resampled
 from doe.surrogates.pca import PrincipalComponents
-
-FloatArray = NDArray[np.float64]
 
 PILOT = 256
 """Points from which the components are taken."""

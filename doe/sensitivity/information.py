@@ -16,9 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from doe.arrays import FloatArray
 from doe.uncertainty.covariance import inverse_information
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,9 @@ from operator import index
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from doe.arrays import FloatArray
+
 Criterion = Literal["D", "A"]
 
 ALL = 20_000

@@ -14,13 +14,12 @@ from dataclasses import dataclass
 from operator import index
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from doe.arrays import FloatArray
 from doe.box import Box
 from doe.design import Rng, seed_of
 
-FloatArray = NDArray[np.float64]
 Function = Callable[[FloatArray], FloatArray]
 """Outputs, shape [n, s], at points in parameter units, shape [n, d]."""
 

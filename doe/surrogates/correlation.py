@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from doe.arrays import FloatArray
+
 Correlation = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """Correlation c and its slope -2 dc/d(r^2) of squared distances r^2, measured in lengths."""
 

@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 from scipy.optimize import minimize
 
+from doe.arrays import FloatArray
 from doe.surrogates.correlation import CORRELATIONS, squared_differences, with_lengths, with_slopes
 from doe.surrogates.kernels import SurrogateError
-
-FloatArray = NDArray[np.float64]
 
 SHORTEST, LONGEST = 0.02, 30.0
 """Range of the correlation lengths in the unit box: below a design's spacing nothing is learnt, far beyond

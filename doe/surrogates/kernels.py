@@ -7,10 +7,9 @@ from itertools import combinations_with_replacement
 from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
-FloatArray = NDArray[np.float64]
+from doe.arrays import FloatArray
 
 LEAST_DEGREE = {"thin_plate_spline": 1, "cubic": 1, "quintic": 2, "multiquadric": 0, "gaussian": 0}
 """Kernel names (scipy's), each with the lowest degree of the polynomial tail that makes the system

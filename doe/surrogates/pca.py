@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from doe.arrays import FloatArray
 from doe.surrogates.kernels import SurrogateError
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from doe.arrays import FloatArray
 from doe.box import Box
 from doe.surrogates.gaussian_process import LONGEST, SHORTEST, GaussianProcess, Hyperparameters
 from doe.surrogates.pca import PrincipalComponents
 from doe.surrogates.protocol import checked_runs, unit_points
-
-FloatArray = NDArray[np.float64]
 
 OWN = 4
 """Leading components with hyperparameters of their own; the others, many and small, share theirs."""

@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from doe.arrays import FloatArray
 from doe.box import Box
 from doe.surrogates.kernels import SurrogateError
-
-FloatArray = NDArray[np.float64]
 
 
 class Surrogate(Protocol):

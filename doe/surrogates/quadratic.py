@@ -11,13 +11,12 @@ from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from doe.arrays import FloatArray
 from doe.box import Box
 from doe.surrogates.kernels import SurrogateError
 from doe.surrogates.protocol import checked_runs, unit_points
-
-FloatArray = NDArray[np.float64]
 
 RUNS_PER_TERM = 2.5
 """Runs for each term of the quadratic that a design for it should have."""

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.distance import cdist
 
+from doe.arrays import FloatArray
 from doe.box import Box
 from doe.surrogates.kernels import SurrogateError
 from doe.surrogates.protocol import Surrogate, checked_runs
 
-FloatArray = NDArray[np.float64]
 Fit = Callable[[FloatArray, FloatArray], Surrogate]
 """A surrogate of runs [n, d] and their responses [n, k]."""
 

@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 from scipy.interpolate import RBFInterpolator
 from scipy.spatial.distance import pdist, squareform
 
+from doe.arrays import FloatArray
 from doe.surrogates.kernels import Kernel, SurrogateError
-
-FloatArray = NDArray[np.float64]
 
 LARGEST_CONDITION = 1e12
 """Largest condition number of the reduced kernel matrix: beyond it fewer than four digits of the

@@ -6,15 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from doe.arrays import FloatArray
 from doe.box import Box
 from doe.surrogates.kernels import DEFAULT_KERNELS, Kernel
 from doe.surrogates.pca import PrincipalComponents
 from doe.surrogates.protocol import checked_runs, unit_points
 from doe.surrogates.rbf import Candidate, RadialBasis, choose_kernel
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

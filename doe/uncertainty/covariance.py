@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from doe.arrays import FloatArray
 
 SMALLEST_SHARE = 1e-12
 """Smallest over largest eigenvalue of the information in unit-box parameters: with derivatives good to

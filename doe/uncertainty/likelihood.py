@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares, minimize_scalar
 
+from doe.arrays import FloatArray
 from doe.box import Box
 from doe.uncertainty.noise import WHITE, AutoRegression
 
-FloatArray = NDArray[np.float64]
 Model = Callable[[FloatArray], FloatArray]
 """Predicted data vectors, shape [n, k], at points in parameter units, shape [n, d]."""
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy  # statistics load when they are named, see `doe.designs`
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import solve_triangular, toeplitz
 
-FloatArray = NDArray[np.float64]
+from doe.arrays import FloatArray
 
 LARGEST_ORDER = 2
 """Highest order of the autoregression."""

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from doe.arrays import FloatArray
 from doe.uncertainty.likelihood import Likelihood
 
-FloatArray = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 LENGTHS = 50.0

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 from scipy.special import chdtri
 
+from doe.arrays import FloatArray
 from doe.uncertainty.likelihood import Fit, Likelihood
-
-FloatArray = NDArray[np.float64]
 
 LEVEL = float(chdtri(1, 0.05))
 """Rise of -2 ln L at the ends of a 95 % interval, 3.84 (Wilks)."""

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from doe.arrays import FloatArray
 from doe.uncertainty.likelihood import Likelihood
 from doe.uncertainty.profile import Profile, Profiles
-
-FloatArray = NDArray[np.float64]
 
 LOADING = 0.1
 """Smallest component of a direction of length one, in the unit box, that is put into words."""

@@ -6,12 +6,10 @@ derivative by a point sums what it does to quotients and slopes around it.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from explicit.adjoint.gradients import Gradient
+from explicit.arrays import FloatArray
 from explicit.materials import MarlowLaw, marlow_from_curve
-
-FloatArray = NDArray[np.float64]
 
 RELATIVE_STEP = 1e-7
 """Step of the differences that carry a table back to its curve: measured error 1e-9 of a derivative."""

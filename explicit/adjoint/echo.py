@@ -4,12 +4,10 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from explicit.arrays import FloatArray
 from explicit.boundary import BAR_HISTORY
 from explicit.support import CharacteristicBar
-
-FloatArray = NDArray[np.float64]
 
 
 class Source(NamedTuple):

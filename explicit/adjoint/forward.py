@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from explicit.adjoint.echo import Echo
 from explicit.adjoint.plan import FIELDS, PhasePlan
 from explicit.adjoint.steps import ForceSampling, StepSequence
+from explicit.arrays import FloatArray
 from explicit.elements.base import INVERTED
 from explicit.histories import Histories
 from explicit.model import Sampling
 from explicit.outcome import Outcome
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from explicit.adjoint.forward import march
 from explicit.adjoint.plan import plan
 from explicit.adjoint.reverse import reverse
 from explicit.adjoint.steps import StepSequence
+from explicit.arrays import FloatArray
 from explicit.histories import Histories
 from explicit.model import Model, Samples, Sampling, Stepping
 
-FloatArray = NDArray[np.float64]
 Objective = Callable[[Histories], tuple[float, Histories]]
 """From the histories of a simulation to a number and its derivative by every entry of them."""
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from explicit.adjoint.kernels import PhaseKernels, phase_kernels
 from explicit.arguments import batch_of, body_of, nodal_mass, node_kinds, state_of
+from explicit.arrays import FloatArray
 from explicit.boundary import INTERIOR
 from explicit.contact import contact_law
 from explicit.device import select_device
@@ -17,8 +18,6 @@ from explicit.march import march_kernel
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.precision import PRECISIONS
 from explicit.support import CharacteristicBar, MovingSupport
-
-FloatArray = NDArray[np.float64]
 
 FIELDS = ("u_r", "u_y", "v_r", "v_y", "lower_platen")
 """The fields of the state that carry a gradient: of the nodes, and position and speed of a moving support."""

@@ -1,15 +1,13 @@
 """The reverse pass: every segment is run again from its checkpoint onto a tape, and the tape backward."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from explicit.adjoint.forward import ForwardRun
 from explicit.adjoint.plan import FIELDS, PhasePlan
 from explicit.adjoint.steps import ForceSampling
+from explicit.arrays import FloatArray
 from explicit.histories import Histories
 from explicit.model import Sampling
-
-FloatArray = NDArray[np.float64]
 
 
 def reverse(

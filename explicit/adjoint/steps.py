@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from explicit.arrays import FloatArray
 
 
 @dataclass(frozen=True)

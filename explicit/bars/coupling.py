@@ -9,16 +9,14 @@ error.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from explicit.arrays import FloatArray
 from explicit.bars.elastic import ElasticBar, ElasticHistory
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.motion import PlatenMotion
 from explicit.response import Response
 from explicit.run import run
 from explicit.support import MovingSupport
-
-FloatArray = NDArray[np.float64]
 
 SURFACE_EVERY = 8
 """Knots of the flyer's motion from one contact radius to the next."""

@@ -9,15 +9,13 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.sparse import csr_array
 
+from explicit.arrays import FloatArray
 from explicit.bars.mesh import ElasticMesh, mesh_of, pressed_share
 from explicit.bars.sections import Section
 from explicit.bars.stiffness import assemble, element_matrices, largest_frequency, nodal_mass
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

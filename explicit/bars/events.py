@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from explicit.arrays import FloatArray
 from explicit.bars.impact import FlightHistory
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ out in the pass before; only the curve's error is iterated.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from explicit.arrays import FloatArray
 from explicit.bars.coupling import mean_force, require_completed
 from explicit.bars.impact import Apparatus, FlightHistory, SpecimenForce, march_test
 from explicit.model import Model, Samples, Sampling, Stepping
@@ -17,8 +17,6 @@ from explicit.motion import PlatenMotion
 from explicit.response import Response
 from explicit.run import run
 from explicit.support import MovingSupport
-
-FloatArray = NDArray[np.float64]
 
 KNOT = 5e-7
 """Distance of the knots of the platens' motions [s]."""

@@ -3,13 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from explicit.arrays import FloatArray
 from explicit.bars.contacts import Joint, JointContact, PulseShaper, ShaperContact
 from explicit.bars.lines import LineHistory, WaveLine
 from explicit.bars.sections import Section
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from explicit.arrays import FloatArray
 from explicit.bars.sections import Section
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

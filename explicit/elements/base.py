@@ -10,10 +10,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from explicit.arrays import FloatArray
 from explicit.mesh import Mesh
 from explicit.precision import Precision
-
-FloatArray = NDArray[np.float64]
 
 INVERTED = 1.0e30
 """Step bound that an element with J <= 0 reports; no real omega^2 comes near (1e14 at most)."""

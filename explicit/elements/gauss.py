@@ -8,11 +8,9 @@ exact on distorted elements and on the axis as well, where no point lies.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from explicit.arrays import FloatArray
 from explicit.mesh import Mesh
-
-FloatArray = NDArray[np.float64]
 
 _CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 

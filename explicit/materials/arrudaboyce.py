@@ -9,13 +9,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 import warp as wp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from explicit.arrays import FloatArray
 from explicit.materials.invariants import InvariantLaw
 from explicit.materials.law import ParameterSpec
 from explicit.precision import Precision
-
-FloatArray = NDArray[np.float64]
 
 SERIES = np.array([1.0 / 2.0, 1.0 / 20.0, 11.0 / 1050.0, 19.0 / 7000.0, 519.0 / 673750.0])
 """c_i of the inverse Langevin function [-], shape [5]."""

@@ -6,12 +6,8 @@ by the stiffness factor and adds the volumetric part and the damping, so a law k
 
 from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from explicit.arrays import FloatArray
 from explicit.precision import Precision
-
-FloatArray = NDArray[np.float64]
 
 
 class MaterialLaw(Protocol):

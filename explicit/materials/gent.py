@@ -5,13 +5,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 import warp as wp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from explicit.arrays import FloatArray
 from explicit.materials.invariants import InvariantLaw
 from explicit.materials.law import ParameterSpec
 from explicit.precision import Precision
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,12 @@ I2 being lam1^2 lam2^2 + lam2^2 lam3^2 + lam3^2 lam1^2 there.
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from explicit.arrays import FloatArray
 from explicit.materials.invariantkernels import invariant_kernel_functions
 from explicit.materials.law import ClosedFormLaw
 from explicit.precision import Precision
-
-FloatArray = NDArray[np.float64]
 
 
 class InvariantLaw(ClosedFormLaw):

@@ -22,9 +22,9 @@ from math import inf
 from typing import ClassVar, Protocol, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
+from explicit.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,11 @@ from typing import Any
 
 import numpy as np
 import warp as wp
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from explicit.arrays import FloatArray
 from explicit.places import four_function
 from explicit.precision import Precision
-
-FloatArray = NDArray[np.float64]
 
 ORIGIN_RANGE = 0.3
 """Data with s below this value (about 16 % strain) determine the limit at the origin."""

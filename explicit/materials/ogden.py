@@ -11,14 +11,13 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 import warp as wp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from explicit.arrays import FloatArray
 from explicit.materials.curvature import curvature_functions
 from explicit.materials.law import ParameterSpec
 from explicit.materials.stretches import StretchLaw
 from explicit.precision import Precision
-
-FloatArray = NDArray[np.float64]
 
 LEAST_EXPONENT = 1e-3
 """Smallest |alpha_p| [-]: at 0 the term is not defined."""

@@ -10,11 +10,10 @@ the stable step (Ogden 1984; Simo and Taylor 1991).
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from explicit.arrays import FloatArray
 from explicit.materials.law import Stretches
-
-FloatArray = NDArray[np.float64]
 
 
 def isochoric(stretch: ArrayLike) -> FloatArray:

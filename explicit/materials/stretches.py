@@ -11,13 +11,12 @@ less the mean, and needs no eigenvectors. The quotient is smooth where both eige
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from explicit.arrays import FloatArray
 from explicit.materials.invariants import deviator
 from explicit.materials.law import ClosedFormLaw
 from explicit.precision import Precision
-
-FloatArray = NDArray[np.float64]
 
 
 class StretchLaw(ClosedFormLaw):

@@ -13,11 +13,10 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 import warp as wp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from explicit.arrays import FloatArray
 from explicit.precision import Precision
-
-FloatArray = NDArray[np.float64]
 
 Form = Literal["quadratic", "logarithmic", "simo_taylor"]
 """Names of the forms."""

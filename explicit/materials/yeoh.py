@@ -9,13 +9,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 import warp as wp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from explicit.arrays import FloatArray
 from explicit.materials.invariants import InvariantLaw
 from explicit.materials.law import ParameterSpec
 from explicit.precision import Precision
-
-FloatArray = NDArray[np.float64]
 
 _C10 = ParameterSpec("C10", "Pa", 0.0, np.inf, 12.5e3, "half the initial shear modulus", strict=True)
 _C20 = ParameterSpec("C20", "Pa", 0.0, np.inf, 300.0, "factor of (I1_bar - 3)^2")

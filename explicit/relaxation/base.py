@@ -3,12 +3,8 @@
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from explicit.arrays import FloatArray
 from explicit.precision import Precision
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

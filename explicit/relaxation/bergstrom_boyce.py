@@ -16,14 +16,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
+from explicit.arrays import FloatArray
 from explicit.relaxation.creepkernels import CreepKind
 from explicit.relaxation.uniaxial import checked_history, uniaxial_stress
-
-FloatArray = NDArray[np.float64]
 
 _KNOTS = 401
 """Knots of the table of network B's stress: its error is below 1e-9 of the stress."""

@@ -14,11 +14,10 @@ c_i are relative to the *long-term* law, which is the one a slow test measures:
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from explicit.arrays import FloatArray
 from explicit.relaxation.pronykernels import PronyKind
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,10 @@ lam. Any `explicit.materials.MaterialLaw` serves.
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from explicit.arrays import FloatArray
 from explicit.relaxation.prony import PronySeries
-
-FloatArray = NDArray[np.float64]
 
 
 def uniaxial_stress(law: Any, stretch: ArrayLike) -> FloatArray:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kolsky.bars.records import BoolArray, Correction, FloatArray
+from kolsky.bars.records import Correction
+from kolsky.base.arrays import BoolArray, FloatArray
 
 CORRECTIONS: Mapping[str, tuple[bool, str]] = MappingProxyType(
     {

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from kolsky.base.records import FloatArray, ForceHistory
+from kolsky.base.arrays import FloatArray
+from kolsky.base.records import ForceHistory
 
 
 @dataclass(frozen=True)

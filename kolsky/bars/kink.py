@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-FloatArray = NDArray[np.float64]
+from kolsky.base.arrays import FloatArray
 
 STEPS = 80
 """Places tried over the span before the best one is refined."""

@@ -4,12 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kolsky.base.apparatus import Bar
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from kolsky.base.arrays import FloatArray
 
 
 @dataclass(frozen=True)

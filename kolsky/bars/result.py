@@ -3,17 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from kolsky.bars.records import (
-    BarSignal,
-    Correction,
-    FaceWaves,
-    FloatArray,
-    Quantity,
-    Reduction,
-    Signal,
-    Windows,
-)
+from kolsky.bars.records import BarSignal, Correction, FaceWaves, Quantity, Reduction, Signal, Windows
 from kolsky.base.apparatus import Specimen
+from kolsky.base.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -14,13 +14,12 @@ from doe import Box, ResponseSurrogate, Surrogate, from_points
 from doe.refine import Refinement, refine
 from doe.surrogates import ProcessSurrogate, SurrogateError
 from doe.surrogates.quality import Fitness, fitness
+from kolsky.base.arrays import FloatArray
 from kolsky.inverse.methods import AGREEMENT
 from kolsky.inverse.misfit import Prediction
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.optimum import CorrectedSurrogate, jacobian, leaves, search
 from kolsky.inverse.stages import Runs, Stages
-
-FloatArray = NDArray[np.float64]
 
 LOCAL_FRACTION = 0.12
 """Edge of the second design's box over the first one's."""

@@ -3,18 +3,16 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import Box, CostSurrogate
 from doe import nelder_mead as minimise
+from kolsky.base.arrays import FloatArray
 from kolsky.inverse.misfit import Observations, Prediction
 from kolsky.inverse.objective import Objective, Part
 from kolsky.inverse.optimum import Model, jacobian, on_edge, search
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Comparison, Estimate, Route, SurrogateCurve, Verdict
 from kolsky.inverse.run_table import RunTable
-
-FloatArray = NDArray[np.float64]
 
 ROUTES: tuple[tuple[str, Part], ...] = (
     ("joint", "joint"),

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
+from kolsky.base.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
 Interval = tuple[float, float]
 """Lower and upper end in the parameter's unit; NaN where it is open."""
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import explicit
 from explicit.materials import MaterialLaw, marlow_from_curve
@@ -13,8 +13,6 @@ from kolsky.bars.flyer.path import FlyerPath
 from kolsky.base.records import MaterialCurve
 from kolsky.inverse.parameters import PARAMETERS, checked_value
 from kolsky.shot.records import Shot
-
-FloatArray = NDArray[np.float64]
 
 MOTION_KNOTS = 2049
 """Knots of the flyer's motion in the solver: 0.7 us apart on a 1.5 ms test, far below a camera frame."""

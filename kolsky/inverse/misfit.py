@@ -13,13 +13,10 @@ from numpy.typing import NDArray
 
 from explicit import Response
 from kolsky.bars.signals.transducers import CAMERA_FRAME, ForceBins, bin_force
+from kolsky.base.arrays import BoolArray, FloatArray, IntArray
 from kolsky.base.records import CentreLine, ForceHistory
 from kolsky.inverse.result import Terms
 from kolsky.inverse.side_surface import radius_at
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
 
 SCALE_FORCE = 1000.0
 """SF_F of Eq. (M.5) [N]."""

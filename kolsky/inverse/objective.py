@@ -12,9 +12,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from kolsky.base.arrays import FloatArray
 from kolsky.inverse.misfit import Observations, Prediction
 
-FloatArray = NDArray[np.float64]
 Part = Literal["joint", "force", "shape"]
 
 BLOCKS = (2, 4, 8, 16)

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from doe import Box, Surrogate
 from doe import nelder_mead as minimise
+from kolsky.base.arrays import FloatArray
 from kolsky.inverse.objective import Objective, Part
 
-FloatArray = NDArray[np.float64]
 Model = Callable[[FloatArray], FloatArray]
 """Predicted data vectors, shape [n, k], of parameter points, shape [n, d] or [d]."""
 

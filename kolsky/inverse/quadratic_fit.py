@@ -9,19 +9,17 @@ out. What it leaves over is the response's roughness: a part of the answer's unc
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import latin_hypercube
 from doe.surrogates import QuadraticSurrogate, SurrogateError
 from doe.surrogates.quadratic import runs_wanted
+from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import Coarse
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.optimum import jacobian, leaves, search
 from kolsky.inverse.refined_runs import CONFIRMED, ROUGH, Refined, refined, run_refined, slides
 from kolsky.inverse.stages import Stages
-
-FloatArray = NDArray[np.float64]
 
 EDGE = 0.2
 """Edge of the first box in the unit box: wide, so that the jumps are small beside what it spans."""

@@ -2,16 +2,12 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from doe import Box, from_points
+from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.optimum import Model
 from kolsky.inverse.stages import Runs, Stages
-
-FloatArray = NDArray[np.float64]
 
 CONFIRMED = 0.2
 """An optimum is confirmed when the check run moves it by less than this share of the residuals' sigma."""

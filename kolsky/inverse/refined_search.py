@@ -8,17 +8,15 @@ nothing of the others, and where a surface slides a single run is no measure: se
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import Box
+from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import Coarse
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.optimum import CorrectedSurrogate, jacobian, leaves, search
 from kolsky.inverse.quadratic_fit import averaged
 from kolsky.inverse.refined_runs import CONFIRMED, Refined, run_refined, slides
 from kolsky.inverse.stages import Runs, Stages
-
-FloatArray = NDArray[np.float64]
 
 MOST_CHECKS = 6
 """Most rounds on the refined mesh."""

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explicit import Ending, Outcome, Response
+from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine, ForceHistory
 from kolsky.inverse.findings import Declaration, PairMap, ParameterProfile, PosteriorSummary, Variation
 from kolsky.inverse.methods import Method
-
-FloatArray = NDArray[np.float64]
 
 
 class Verdict(StrEnum):

@@ -7,10 +7,9 @@ from numpy.typing import NDArray
 
 from doe import Box
 from explicit import Ending
+from kolsky.base.arrays import FloatArray
 from kolsky.inverse.misfit import Observations, Prediction, terms
 from kolsky.inverse.result import DesignTable, Terms
-
-FloatArray = NDArray[np.float64]
 
 
 class RunTable:

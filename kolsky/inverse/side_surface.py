@@ -15,7 +15,7 @@ others, it is 0.35 um rms and 1.8 um at most beyond 0.5 mm from the platens, and
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from kolsky.base.arrays import FloatArray
 
 LEAST_STEP = 1e-7
 """Two neighbours whose y differ by less lie on one platen [m]: above the solver's round-off, and far

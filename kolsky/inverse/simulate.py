@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explicit import Response
+from kolsky.base.arrays import FloatArray
 from kolsky.base.files import write_table
 from kolsky.base.records import CentreLine
 from kolsky.inverse.forward import Numerics
@@ -16,8 +17,6 @@ from kolsky.inverse.prepare import Prepared, prepare
 from kolsky.inverse.result import Terms
 from kolsky.inverse.side_surface import LEAST_STEP, radius_at
 from kolsky.shot.records import Shot
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

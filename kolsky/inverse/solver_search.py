@@ -3,17 +3,15 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import Box, latin_hypercube
 from doe.least_squares import LeastSquaresResult, least_squares
+from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.methods import LEAST_SQUARES, SIMPLEX, Method
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.result import Estimate, Identification
 from kolsky.inverse.stages import Stages
-
-FloatArray = NDArray[np.float64]
 
 STARTS = 3
 """Searches on the surrogate's mesh, from points that a Latin hypercube spreads over the box."""

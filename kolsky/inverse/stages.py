@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from doe import Box, Design, full_factorial, latin_hypercube
 from explicit import Response
+from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.misfit import Observations, Prediction, predict
 from kolsky.inverse.prepare import Prepared
 from kolsky.inverse.run_table import RunTable
 from kolsky.inverse.settings import Settings
 
-FloatArray = NDArray[np.float64]
 Progress = Callable[[str, int, int], None]
 """Called as ``progress(stage, runs done, runs in the stage)``."""
 

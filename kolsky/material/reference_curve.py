@@ -6,9 +6,9 @@ from math import sqrt
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kolsky.base.apparatus import Specimen
+from kolsky.base.arrays import FloatArray
 from kolsky.material.curves.apparent import ApparentModulus, apparent_modulus
 from kolsky.material.curves.band import CurveBand, mean_of_repeats, resampled
 from kolsky.material.curves.toe import Begun, Toe, correct_toe
@@ -17,7 +17,6 @@ from kolsky.material.end_friction.correct import correct_friction
 from kolsky.material.end_friction.records import EndFriction, FrictionCorrection
 from kolsky.material.end_friction.slow_test import SlowNumerics
 
-FloatArray = NDArray[np.float64]
 Pull = Literal["first", "conditioned"]
 
 PAST_DATA = 0.25

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.readers.contents import Channel, Clock, FloatArray, check_samples, stated_clock
+from kolsky.readers.contents import Channel, Clock, check_samples, stated_clock
 from kolsky.readers.headerclock import INTERVAL_KEYS, RATE_KEYS, START_KEYS, bare_key
 from kolsky.readers.layout import Layout
 from kolsky.readers.signalunits import si_unit, time_factor

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from kolsky.readers.table import Column, FloatArray, IntArray, read_table
+from kolsky.base.arrays import FloatArray, IntArray
+from kolsky.readers.table import Column, read_table
 
 
 @dataclass(frozen=True)

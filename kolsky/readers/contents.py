@@ -7,11 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 BINARY_LIMIT = 1_000_000_000
 """Largest binary file that is read [bytes]."""

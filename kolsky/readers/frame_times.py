@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from kolsky.readers.table import Column, FloatArray, IntArray, read_table
+from kolsky.base.arrays import FloatArray, IntArray
+from kolsky.readers.table import Column, read_table
 
 
 @dataclass(frozen=True)

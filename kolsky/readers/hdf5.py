@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.readers.arrays import NamedArray, array_channels, column_of, columns_of, known_unit
-from kolsky.readers.contents import SAMPLES_LIMIT, Contents, FloatArray, file_hash, head_of
+from kolsky.readers.contents import SAMPLES_LIMIT, Contents, file_hash, head_of
 from kolsky.readers.layout import Layout
 
 _MOST = 2000

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
+from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.readers.contents import Channel, FloatArray
+from kolsky.readers.contents import Channel
 
 SHORTEST_FLAT_TOP = 8
 """Shortest run of equal samples at an extreme that counts as clipping."""

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.readers.arrays import NamedArray, array_channels, column_of, columns_of
-from kolsky.readers.contents import SAMPLES_LIMIT, Contents, FloatArray, file_hash, head_of
+from kolsky.readers.contents import SAMPLES_LIMIT, Contents, file_hash, head_of
 from kolsky.readers.hdf5 import inside
 from kolsky.readers.layout import Layout
 from kolsky.readers.matlab5 import DamagedError, variables

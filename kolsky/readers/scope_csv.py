@@ -4,8 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
+from kolsky.base.arrays import FloatArray
 from kolsky.base.records import Recording
-from kolsky.readers.table import Column, FloatArray, Table, read_table
+from kolsky.readers.table import Column, Table, read_table
 
 LARGEST_JITTER = 0.1
 """Largest spread of the steps of a rounded time column, as a share of the step [-]."""

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.readers.contents import FloatArray
 from kolsky.readers.dialect import Dialect
 from kolsky.readers.headerclock import KEYS, bare_key
 from kolsky.readers.layout import ColumnId, Layout

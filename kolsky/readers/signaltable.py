@@ -4,7 +4,8 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from kolsky.readers.contents import Channel, Clock, FloatArray, check_samples, stated_clock
+from kolsky.base.arrays import FloatArray
+from kolsky.readers.contents import Channel, Clock, check_samples, stated_clock
 from kolsky.readers.headerclock import header_clock, stated_samples, time_unit
 from kolsky.readers.layout import Layout
 from kolsky.readers.sheet import Sheet

@@ -8,12 +8,9 @@ from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 SIZE_LIMIT = 200_000_000
 """Largest text export that is read [bytes]."""

@@ -5,8 +5,9 @@ from decimal import Context, Decimal
 
 import numpy as np
 
+from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.readers.contents import Clock, FloatArray
+from kolsky.readers.contents import Clock
 
 LARGEST_JITTER = 0.1
 """Largest spread of the steps of a time column that still gives the interval, as a share of the step [-]."""

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.readers.table import Column, FloatArray, Table, read_table
+from kolsky.readers.table import Column, Table, read_table
 
 MOST_MODES = 1000
 """Most columns of common uncertainties that are read."""

@@ -10,8 +10,7 @@ from dic.images import PictureError, Pictures
 from dic.result import StereoResult
 from dic.speckle_report import Speckles, speckles_of
 from kolsky.bars.flyer.flight_report import FlightOfSpecimen
-
-FloatArray = NDArray[np.float64]
+from kolsky.base.arrays import FloatArray
 
 SHOWN = 4
 """Pictures that are shown."""

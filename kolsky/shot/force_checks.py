@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.base.records import FloatArray, FlyerMotion, Recording
+from kolsky.base.records import FlyerMotion, Recording
 from kolsky.base.units import in_us
 from kolsky.shot.schema.reading import ShotToml
 

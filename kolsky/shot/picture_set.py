@@ -6,8 +6,8 @@ from functools import cached_property
 from pathlib import Path
 
 from dic.images import PictureError, Pictures
+from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError, refuse
-from kolsky.base.records import FloatArray
 from kolsky.readers.frame_times import FrameTimes
 from kolsky.shot.schema.pictures import PicturesSection, SeriesSection
 from kolsky.shot.schema.reading import ShotToml

@@ -10,8 +10,9 @@ from kolsky.bars.bar_force import BarForce
 from kolsky.bars.flyer.fit import fit_flyer
 from kolsky.bars.flyer.front_path import front_path
 from kolsky.bars.flyer.path import FlyerPath
+from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.base.records import FloatArray, FlyerMotion
+from kolsky.base.records import FlyerMotion
 from kolsky.shot.find import find_shot_file
 from kolsky.shot.picture_pair import PicturePair, picture_pair
 from kolsky.shot.records import Shot

@@ -7,15 +7,8 @@ from pathlib import Path
 from kolsky.bars.bar_force import BarForce
 from kolsky.bars.signals.transducers import force_history, noise_correlation
 from kolsky.base.apparatus import Bar, Interface, Specimen, Transducer
-from kolsky.base.records import (
-    CentreLine,
-    FloatArray,
-    FlyerMotion,
-    ForceHistory,
-    FrontVelocity,
-    MaterialCurve,
-    Recording,
-)
+from kolsky.base.arrays import FloatArray
+from kolsky.base.records import CentreLine, FlyerMotion, ForceHistory, FrontVelocity, MaterialCurve, Recording
 from kolsky.shot.picture_set import Seen
 
 

@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.base.records import CentreLine, FloatArray
+from kolsky.base.records import CentreLine
 from kolsky.shot.schema.curve import CurveSection
 from kolsky.shot.schema.reading import ShotToml
 

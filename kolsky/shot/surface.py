@@ -4,8 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
+from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.base.records import CentreLine, FloatArray, FlyerMotion
+from kolsky.base.records import CentreLine, FlyerMotion
 from kolsky.readers.dic_export.export import DicExport, matching, read
 from kolsky.readers.frame_times import FrameTimes
 from kolsky.shot import surface_export as s

@@ -8,7 +8,8 @@ import numpy as np
 from dic.outcome import PointOutcome
 from dic.surface import CentrePoints, SurfaceHistory, centre_line
 from dic.surfaces import Cylinder, fit_cylinder
-from kolsky.base.records import FloatArray, FlyerMotion
+from kolsky.base.arrays import FloatArray
+from kolsky.base.records import FlyerMotion
 from kolsky.readers.dic_export.export import DicExport, PointState
 
 OUTCOMES = MappingProxyType(

@@ -1,7 +1,8 @@
 """The part of a shot that is simulated and compared: from rest to where every recording still is."""
 
+from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.base.records import FloatArray, Recording
+from kolsky.base.records import Recording
 from kolsky.base.units import in_us
 from kolsky.shot.schema.reading import ShotToml
 

@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import Box, ResponseSurrogate, latin_hypercube
 from doe.sensitivity import (
@@ -24,12 +23,11 @@ from doe.sensitivity import (
 from doe.sensitivity.histories import SILENT
 from doe.sensitivity.variance import SaltelliSample
 from doe.surrogates import SurrogateError
+from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.prepare import prepare
 from kolsky.shot.records import Shot
 from kolsky.studies.observables import Eye, runs_at
-
-FloatArray = NDArray[np.float64]
 
 LARGEST_ERROR = 0.1
 """Largest share of an output's variance that the surrogate may get wrong at runs it has not seen."""

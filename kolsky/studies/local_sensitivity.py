@@ -11,15 +11,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 import explicit
 from explicit.stencils import scale_of
+from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Forward, Numerics
 from kolsky.inverse.parameters import PARAMETERS, checked_value, parameter
 from kolsky.inverse.side_surface import radius_at
-
-FloatArray = NDArray[np.float64]
 
 LEVELS = 10
 """Runs a parameter, beside the point itself: enough that ringing averages out of a slope."""

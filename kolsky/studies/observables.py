@@ -7,11 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe import Box
+from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.misfit import Observations, Prediction, predict, terms
 from kolsky.inverse.prepare import Prepared
-
-FloatArray = NDArray[np.float64]
 
 OUTPUTS = ("Phi_F", "Phi_S", "Phi", "peak force")
 """Scalar outputs: Eqs. (M.4), (M.3), (M.5) and the largest transmitted force."""

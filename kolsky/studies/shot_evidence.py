@@ -5,15 +5,14 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import explicit
+from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.prepare import Prepared
 from kolsky.material.relaxation.evidence import RateModel
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

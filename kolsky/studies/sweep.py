@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import Design
 from doe.executors import ExecutorFactory, Pace, run_chunks
 from doe.ledger import Ledger, LedgerError, Run
 from explicit import Outcome
+from kolsky.base.arrays import FloatArray
 from kolsky.base.files import write_table
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.misfit import predict, terms
@@ -24,8 +24,6 @@ from kolsky.inverse.provenance import provenance
 from kolsky.inverse.result import DesignTable
 from kolsky.results.text import ends
 from kolsky.shot.records import Shot
-
-FloatArray = NDArray[np.float64]
 
 KEPT = ("phi_force", "phi_shape", "chi2_force", "chi2_shape", "end time", "element", "R", "Y")
 """What a run leaves in the ledger, in this order, SI; the misfits are NaN where it did not complete, the

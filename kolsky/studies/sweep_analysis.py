@@ -3,15 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import Box, CostSurrogate
 from doe.sensitivity import SobolIndices, sobol_indices
 from doe.surrogates import SurrogateError
+from kolsky.base.arrays import FloatArray
 from kolsky.inverse.misfit import SCALE_FORCE, SCALE_SHAPE
 from kolsky.inverse.result import DesignTable
-
-FloatArray = NDArray[np.float64]
 
 OUTPUTS = {"Phi_F": "N", "Phi_S": "1", "Phi": "1"}
 """Misfits looked at, Eqs. (M.3) to (M.5), and their units."""

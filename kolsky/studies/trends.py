@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from doe import Box, CostSurrogate, Design, ResponseSurrogate, full_factorial
 from explicit import Response
+from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.misfit import Observations, Prediction, predict, terms
 from kolsky.inverse.prepare import Prepared, prepare
 from kolsky.inverse.result import Terms
 from kolsky.shot.records import Shot
-
-FloatArray = NDArray[np.float64]
 
 POISSON = (0.49, 0.492, 0.494, 0.495, 0.496, 0.497, 0.498, 0.499, 0.4995, 0.4999)
 """Poisson's ratios of Fig. 7."""

@@ -11,7 +11,8 @@ from doe import Box, ResponseSurrogate, from_points
 from doe.surrogates import ProcessSurrogate
 from doe.uncertainty import Likelihood, Profiles, profile_likelihoods, verdicts
 from doe.uncertainty.profile import Profile
-from kolsky.inverse.findings import FloatArray, Interval, PairMap, ParameterProfile
+from kolsky.base.arrays import FloatArray
+from kolsky.inverse.findings import Interval, PairMap, ParameterProfile
 from kolsky.inverse.misfit import Prediction
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.optimum import CorrectedSurrogate, Model, jacobian

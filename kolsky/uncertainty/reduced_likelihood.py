@@ -9,15 +9,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe import Box, ResponseSurrogate
 from doe.surrogates import ProcessSurrogate
 from doe.uncertainty import Channel, Likelihood
+from kolsky.base.arrays import FloatArray
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.optimum import CorrectedSurrogate
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

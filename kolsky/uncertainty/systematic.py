@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from explicit import Response
-from kolsky.inverse.findings import Declaration, FloatArray
+from kolsky.base.arrays import FloatArray
+from kolsky.inverse.findings import Declaration
 from kolsky.inverse.forward import Forward, material_law
 from kolsky.inverse.misfit import predict
 from kolsky.inverse.objective import Objective

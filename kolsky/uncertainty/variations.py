@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from doe import Box
 from kolsky.bars.signals.transducers import ForceBins, force_between
+from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine
-from kolsky.inverse.findings import FloatArray, Variation
+from kolsky.inverse.findings import Variation
 from kolsky.inverse.misfit import SAME_TIME, Observations, Prediction
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.optimum import Model, leaves, search

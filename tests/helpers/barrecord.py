@@ -13,7 +13,8 @@ from kolsky.bars.records import FaceWaves, History, Reduction
 from kolsky.bars.reduction.inputs import StationInput, WavesInput
 from kolsky.bars.signals.bridge import Linear
 from kolsky.base.apparatus import Bar, Interface, Specimen
-from kolsky.base.records import FloatArray, ForceHistory, MaterialCurve, Recording
+from kolsky.base.arrays import FloatArray
+from kolsky.base.records import ForceHistory, MaterialCurve, Recording
 from kolsky.shot.bar_waves import bar_force, driven_by_waves
 from kolsky.shot.records import ModelSettings, Shot, ShotBase
 

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from kolsky.bars.records import Signal
-from kolsky.base.records import FloatArray, FlyerMotion
+from kolsky.base.arrays import FloatArray
+from kolsky.base.records import FlyerMotion
 
 FRAME, INTERVAL = 1.0 / 120e3, 0.5e-6
 SIGMA, NOISE = 1e-6, 0.4

@@ -11,7 +11,8 @@ from kolsky.bars.flyer.fit import fit_flyer
 from kolsky.bars.flyer.path import FlyerPath
 from kolsky.bars.records import History, Quantity, Signal
 from kolsky.base.apparatus import Specimen
-from kolsky.base.records import FloatArray, FlyerMotion
+from kolsky.base.arrays import FloatArray
+from kolsky.base.records import FlyerMotion
 
 STATIC = 12
 SIGMA_FLYER = 1e-6

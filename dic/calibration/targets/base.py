@@ -6,8 +6,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from dic.arrays import FloatArray, IntArray
 
 
 class TargetNotFound(ValueError):

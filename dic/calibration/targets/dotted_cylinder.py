@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.arrays import FloatArray
 from dic.calibration.dots import find_dots
 from dic.calibration.lattice import grow
 from dic.calibration.targets.base import Detection, Geometry, TargetNotFound, counts, positive
-
-FloatArray = NDArray[np.float64]
 
 Anchor = tuple[int, int, float, float]
 

@@ -16,8 +16,6 @@ from dic.calibration.targets.base import (
     positive,
 )
 
-FloatArray = NDArray[np.float64]
-
 Place = tuple[int, int]
 
 MOST_HOLLOW = 12

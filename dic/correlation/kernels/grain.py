@@ -10,9 +10,8 @@ what a match takes up is the spectrum near κ = 0: Eq. (C.6) of docs/theory/corr
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from dic.arrays import FloatArray
 
 REACH = 4.0
 """Standard deviations at which the Gaussian prefilter ends."""

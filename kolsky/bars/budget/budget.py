@@ -10,8 +10,9 @@ from scipy.stats import t as student
 
 from kolsky.bars.budget.differences import Model, moved, outputs, refuse_steps
 from kolsky.bars.budget.quantities import check_quantities, correlated_groups, correlation_matrix
-from kolsky.bars.records import FloatArray, History, Quantity
+from kolsky.bars.records import History, Quantity
 from kolsky.bars.result import BudgetTable, Contribution
+from kolsky.base.arrays import FloatArray
 
 
 @dataclass(frozen=True)

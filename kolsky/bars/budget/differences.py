@@ -5,7 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kolsky.bars.records import FloatArray, Quantity
+from kolsky.bars.records import Quantity
+from kolsky.base.arrays import FloatArray
 
 Model = Callable[[Mapping[str, float]], Mapping[str, ArrayLike]]
 """From values of the quantities, by name, to named outputs: scalars or arrays of fixed shapes."""

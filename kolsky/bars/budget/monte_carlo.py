@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike
 
 from kolsky.bars.budget.budget import Budget
 from kolsky.bars.budget.quantities import check_quantities, correlation_matrix
-from kolsky.bars.records import FloatArray, Quantity
+from kolsky.bars.records import Quantity
+from kolsky.base.arrays import FloatArray
 
 NoisyModel = Callable[[Mapping[str, float], np.random.Generator], Mapping[str, ArrayLike]]
 """As `kolsky.bars.budget.budget.Model`; may draw the noise of its signals

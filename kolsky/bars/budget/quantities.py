@@ -5,7 +5,8 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from kolsky.bars.records import FloatArray, Quantity
+from kolsky.bars.records import Quantity
+from kolsky.base.arrays import FloatArray
 
 
 def merged(quantities: Iterable[Quantity]) -> list[Quantity]:

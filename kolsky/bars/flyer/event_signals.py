@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from kolsky.bars.kink import find_kink
-from kolsky.bars.records import FloatArray, Signal
+from kolsky.bars.records import Signal
 from kolsky.base.apparatus import Bar
+from kolsky.base.arrays import FloatArray
 
 RINGING = 20e-6
 """Default span over which transducer signals are averaged [s]: longer than a flyer of 25 mm rings."""

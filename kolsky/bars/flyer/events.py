@@ -24,8 +24,9 @@ from kolsky.bars.flyer.event_signals import (
 from kolsky.bars.flyer.fit import fit_flyer
 from kolsky.bars.flyer.path import FlyerPath
 from kolsky.bars.kink import Kink, find_kink
-from kolsky.bars.records import FloatArray, Signal
+from kolsky.bars.records import Signal
 from kolsky.base.apparatus import Bar
+from kolsky.base.arrays import FloatArray
 from kolsky.base.records import FlyerMotion
 
 JOINT_SPAN = 200e-6

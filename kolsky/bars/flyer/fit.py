@@ -31,7 +31,8 @@ import numpy as np
 
 from kolsky.bars.flyer.jerks import ZERO_PRIOR, hat_functions, most_likely, posterior
 from kolsky.bars.flyer.path import FlyerPath, responses
-from kolsky.base.records import FloatArray, FlyerMotion
+from kolsky.base.arrays import FloatArray
+from kolsky.base.records import FlyerMotion
 
 FEWEST_STATIC = 3
 FEWEST_MOVING = 8

@@ -16,7 +16,8 @@ from dic.body_motion import BodyMotion
 from dic.outcome import FrameOutcome
 from kolsky.bars.flyer.fit import FEWEST_STATIC, fit_flyer
 from kolsky.bars.flyer.path import FlyerPath
-from kolsky.base.records import FloatArray, FlyerMotion
+from kolsky.base.arrays import FloatArray
+from kolsky.base.records import FlyerMotion
 
 UNSEEN = 50e-6
 """How far a body may sway before its poses are known [m]."""

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from dic.outcome import FrameOutcome
 from dic.result import StereoResult
 from kolsky.bars.flyer.flight import Flight, SymmetryEnd, fit_flight, symmetry_end
-from kolsky.base.records import FloatArray, FlyerMotion
+from kolsky.base.arrays import FloatArray
+from kolsky.base.records import FlyerMotion
 
 SHARE = 0.05
 """Part of the velocity across the first direction from which on symmetry has ended [-]: a twentieth, 3°."""

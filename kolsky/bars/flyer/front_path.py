@@ -16,7 +16,8 @@ from scipy.optimize import minimize
 from kolsky.bars.flyer.jerks import posterior
 from kolsky.bars.flyer.path import FlyerPath, responses
 from kolsky.bars.records import FaceWaves, History, Reduction
-from kolsky.base.records import FloatArray, ForceHistory, FrontVelocity
+from kolsky.base.arrays import FloatArray
+from kolsky.base.records import ForceHistory, FrontVelocity
 
 MOST_KNOTS = 300
 """Largest number of knots of a path, and of the means of samples it is fitted to."""

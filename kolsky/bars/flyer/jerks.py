@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import lapack, qr, solve_triangular
 from scipy.optimize import minimize
 
-from kolsky.base.records import FloatArray
+from kolsky.base.arrays import FloatArray
 
 ZERO_PRIOR = 100.0
 """Prior standard deviation of the zero about the static frames' mean, in sigmas: practically free."""

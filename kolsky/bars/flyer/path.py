@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
 
-from kolsky.base.records import FloatArray
+from kolsky.base.arrays import FloatArray
 
 
 @dataclass(frozen=True)

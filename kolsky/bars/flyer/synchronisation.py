@@ -14,7 +14,8 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import minimize_scalar
 
-from kolsky.bars.records import FloatArray, Signal
+from kolsky.bars.records import Signal
+from kolsky.base.arrays import FloatArray
 from kolsky.base.records import FlyerMotion
 
 REACH = 200e-6

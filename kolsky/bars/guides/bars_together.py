@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import rfft, rfftfreq
 from scipy.optimize import least_squares
 
@@ -13,8 +12,7 @@ from kolsky.bars.guides.spectra import ROLL_OFF, windowed
 from kolsky.bars.guides.waveguide import ElasticWaveguide, check_bar
 from kolsky.bars.records import BarSignal, Signal
 from kolsky.base.apparatus import Bar
-
-FloatArray = NDArray[np.float64]
+from kolsky.base.arrays import FloatArray
 
 SEARCH = 0.1
 """The wave speed is sought within this share of the one that the bar is stated to have [-]."""

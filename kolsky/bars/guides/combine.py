@@ -8,8 +8,9 @@ from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 
 from kolsky.bars.guides.spectra import edge_filter, faded, mean_square
 from kolsky.bars.guides.waveguide import Waveguide
-from kolsky.bars.records import FaceWaves, FloatArray, History
+from kolsky.bars.records import FaceWaves, History
 from kolsky.base.apparatus import Bar
+from kolsky.base.arrays import FloatArray
 
 WAVES = ("incident", "reflected", "transmitted")
 """Keys of `FaceWaves.sigma`."""

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from kolsky.bars.guides.frequency_equation import (
@@ -14,8 +13,7 @@ from kolsky.bars.guides.frequency_equation import (
     onoe_slope,
     rayleigh_speed,
 )
-
-FloatArray = NDArray[np.float64]
+from kolsky.base.arrays import FloatArray
 
 TABLE_ERROR = 1e-9
 """Largest relative error of a table's wavenumber [-], measured between its knots."""

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from kolsky.bars.guides.dispersion_table import dispersion_table
 from kolsky.bars.guides.frequency_equation import frequency_equation, onoe, slownesses
+from kolsky.base.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
 Array = NDArray[Any]
 
 

@@ -14,9 +14,7 @@ from scipy.interpolate import PchipInterpolator
 from kolsky.bars.guides import pochhammer
 from kolsky.bars.guides.waveguide import area, check_bar, speed_of
 from kolsky.base.apparatus import Bar
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from kolsky.base.arrays import ComplexArray, FloatArray
 
 
 @dataclass(frozen=True)

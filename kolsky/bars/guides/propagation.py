@@ -4,15 +4,12 @@ from dataclasses import dataclass, replace
 from math import isfinite, pi
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 
 from kolsky.bars.guides.spectra import edge_filter, faded, mean_square, windowed
 from kolsky.bars.guides.waveguide import Waveguide
 from kolsky.bars.records import Signal
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from kolsky.base.arrays import FloatArray
 
 LARGEST_GAIN = 10.0
 """Amplification of a spectral component that propagation allows before it ends the band [-]."""

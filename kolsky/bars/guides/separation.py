@@ -16,9 +16,7 @@ from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from kolsky.bars.guides.spectra import edge_filter, faded
 from kolsky.bars.guides.waveguide import Waveguide
 from kolsky.bars.records import BarSignal, History
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from kolsky.base.arrays import ComplexArray, FloatArray
 
 PADDING = 4
 """The transform is this many times as long as the record."""

@@ -4,12 +4,9 @@ from dataclasses import replace
 from math import isfinite, pi
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kolsky.bars.records import Signal
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from kolsky.base.arrays import ComplexArray, FloatArray
 
 ROLL_OFF = 0.2
 """Width of a band's half-cosine edge, as a share of its limit; it ends at the limit."""

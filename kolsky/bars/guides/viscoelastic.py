@@ -19,9 +19,7 @@ from kolsky.bars.guides.spectra import windowed
 from kolsky.bars.guides.waveguide import check_bar
 from kolsky.bars.records import BarSignal
 from kolsky.base.apparatus import Bar
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from kolsky.base.arrays import ComplexArray, FloatArray
 
 ABOVE_NOISE = 10.0
 """Spectra enter where every pass stands above its noise by this factor: log amplitude and phase to 0.1."""

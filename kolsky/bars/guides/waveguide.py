@@ -13,9 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kolsky.bars.guides import pochhammer
 from kolsky.base.apparatus import Bar
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from kolsky.base.arrays import ComplexArray
 
 SURFACE_BAND = 2.0
 """omega a / c0 up to which a gauge on the surface can stand for the section."""

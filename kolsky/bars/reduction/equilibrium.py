@@ -5,8 +5,9 @@ from math import ceil, hypot, log, sqrt
 
 import numpy as np
 
-from kolsky.bars.records import BoolArray, FloatArray, Reduction
+from kolsky.bars.records import Reduction
 from kolsky.bars.signals.arrival import moving_mean
+from kolsky.base.arrays import BoolArray, FloatArray
 
 ALLOWANCE = 0.05
 """|R| up to which a specimen counts as in equilibrium (Ravichandran and Subhash 1994)."""

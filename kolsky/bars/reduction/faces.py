@@ -7,8 +7,9 @@ import numpy as np
 
 from kolsky.bars.guides.propagation import propagate
 from kolsky.bars.guides.waveguide import Waveguide
-from kolsky.bars.records import BarSignal, FaceWaves, FloatArray, Signal, Windows
+from kolsky.bars.records import BarSignal, FaceWaves, Signal, Windows
 from kolsky.bars.reduction.windows import travel_time, usable_limits
+from kolsky.base.arrays import FloatArray
 
 BAND = 2.0
 """omega a / c0 up to which waves are kept under dispersion: a second mode travels above 2.3 or so."""

@@ -9,8 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kolsky.bars.records import Correction, FloatArray, History
+from kolsky.bars.records import Correction, History
 from kolsky.base.apparatus import Specimen
+from kolsky.base.arrays import FloatArray
 
 
 def radial_pressure(

@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kolsky.bars.flyer.path import FlyerPath
-from kolsky.bars.records import FloatArray, History
+from kolsky.bars.records import History
+from kolsky.base.arrays import FloatArray
 
 
 def path_strain(path: FlyerPath, time: ArrayLike, *, length: float) -> tuple[History, History, History]:

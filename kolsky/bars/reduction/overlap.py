@@ -6,9 +6,10 @@ from math import isfinite
 from kolsky.bars.audit import AuditLog
 from kolsky.bars.guides.separation import SeparatedWaves, separate
 from kolsky.bars.guides.waveguide import Waveguide
-from kolsky.bars.records import BarSignal, FaceWaves, FloatArray, Signal, Windows
+from kolsky.bars.records import BarSignal, FaceWaves, Signal, Windows
 from kolsky.bars.reduction.faces import sampled_from
 from kolsky.bars.reduction.windows import averaging_time, incident_arrival, travel_time, usable_limits
+from kolsky.base.arrays import FloatArray
 
 
 def overlapping_windows(

@@ -6,9 +6,10 @@ from math import pi
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from kolsky.bars.records import Correction, FloatArray, History, Reduction
+from kolsky.bars.records import Correction, History, Reduction
 from kolsky.bars.signals.arrival import moving_mean
 from kolsky.base.apparatus import Bar, Specimen
+from kolsky.base.arrays import FloatArray
 
 HALF_SPACE = 16.0 / (3.0 * pi**2)
 """Mean sinking under an even pressure on a half-space, in units of (1 - nu^2) F / (E a) (Love 1929)."""

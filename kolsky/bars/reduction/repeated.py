@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kolsky.bars.records import FloatArray, History, Reduction
+from kolsky.bars.records import History, Reduction
 from kolsky.bars.reduction.repeats import Curve, Repeats, average
+from kolsky.base.arrays import FloatArray
 
 QUANTITIES = ("stress", "rate", "strain")
 AXES = ("strain", "time")

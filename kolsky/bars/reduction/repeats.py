@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
-from kolsky.bars.records import FloatArray
+from kolsky.base.arrays import FloatArray
 
 
 @dataclass(frozen=True)

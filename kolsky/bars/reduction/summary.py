@@ -7,8 +7,9 @@ from math import sqrt
 import numpy as np
 
 from kolsky.bars.guides.combine import noise_correlation, stiffness
-from kolsky.bars.records import FaceWaves, FloatArray, History, Quantity, Reduction
+from kolsky.bars.records import FaceWaves, History, Quantity, Reduction
 from kolsky.base.apparatus import Bar, Specimen
+from kolsky.base.arrays import FloatArray
 
 RISING_SHARE = 0.5
 """Share of the largest stress up to which a loading modulus is fitted."""

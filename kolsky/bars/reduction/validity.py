@@ -12,7 +12,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kolsky.bars.records import BoolArray, FloatArray, History
+from kolsky.bars.records import History
+from kolsky.base.arrays import BoolArray, FloatArray
 
 SHARE = 0.05
 """Default share of the stress that inertia, or the difference of the faces, may have [-]."""

@@ -5,7 +5,8 @@ from math import inf, sqrt
 
 import numpy as np
 
-from kolsky.bars.records import FloatArray, Signal
+from kolsky.bars.records import Signal
+from kolsky.base.arrays import FloatArray
 
 THRESHOLD = 6.0
 """Multiple of the averaged noise that counts as a pulse: once in 5e8 averages of Gaussian noise."""

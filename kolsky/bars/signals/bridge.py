@@ -7,7 +7,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kolsky.bars.records import FloatArray, Quantity
+from kolsky.bars.records import Quantity
+from kolsky.base.arrays import FloatArray
 
 Arms = tuple[float, float, float, float]
 

@@ -9,7 +9,8 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import OptimizeWarning, curve_fit
 
 from kolsky.bars.records import Quantity
-from kolsky.bars.signals.noise import FloatArray, estimate_noise
+from kolsky.bars.signals.noise import estimate_noise
+from kolsky.base.arrays import FloatArray
 
 FEWEST_TAIL = 50
 """Samples of a tail; fewer say little about its shape."""

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from kolsky.base.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -3,13 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from kolsky.bars.records import FloatArray
 from kolsky.bars.signals.noise import Noise, estimate_noise
-
-IntArray = NDArray[np.int64]
+from kolsky.base.arrays import FloatArray, IntArray
 
 FEWEST_SAMPLES = 20
 """With 20 samples the noise is known to 16 %."""

@@ -6,10 +6,11 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from kolsky.bars.audit import AuditLog, Switches
-from kolsky.bars.records import BarSignal, BoolArray, Correction, FloatArray, Quantity, Signal
+from kolsky.bars.records import BarSignal, Correction, Quantity, Signal
 from kolsky.bars.signals.bridge import Bridge, Calibration
 from kolsky.bars.signals.signal_zero import Baseline, check_clipping, measure_baseline
 from kolsky.base.apparatus import Bar
+from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.records import Recording
 
 T = TypeVar("T")

@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 
 from kolsky.bars.signals.droop import check_time_constant, compensate_droop, droop_sigma
 from kolsky.base.apparatus import Transducer
+from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.records import ForceHistory, Recording
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 FEWEST_BASELINE = 20
 """With 20 samples the noise is known to 16 %."""

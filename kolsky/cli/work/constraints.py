@@ -7,10 +7,9 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.cli.work.options import COMMAND_LINE
-
-FloatArray = NDArray[np.float64]
 
 LONGEST = 500
 """Most characters of a constraint: what a person writes, and nothing that exhausts a parser."""

@@ -9,12 +9,10 @@ strains; what changes with the strain is the material, what changes with the tim
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kolsky.base.arrays import FloatArray
 from kolsky.material.curves.band import COVERAGE, CurveBand
 from kolsky.material.curves.uniaxial import gaussian_strain
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

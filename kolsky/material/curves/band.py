@@ -11,11 +11,10 @@ away, in the curve and in every stiffness that is compared with it.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm
 from scipy.stats import t as student
 
-FloatArray = NDArray[np.float64]
+from kolsky.base.arrays import FloatArray
 
 COVERAGE = 2.0
 """Coverage factor k of an interval; the modes between tests are widened so that it is Student's 95.45 %."""

@@ -9,12 +9,11 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from kolsky.base.arrays import FloatArray
 from kolsky.material.curves.uniaxial import UniaxialTest, gaussian_strain
 
-FloatArray = NDArray[np.float64]
 FEWEST = 5
 """Samples that a range of extrapolation needs."""
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from kolsky.base.arrays import FloatArray
 
 REVERSAL = 0.05
 """The strain has turned when it has gone back by this share of the test's range."""

@@ -14,17 +14,15 @@ be free where the radius at mid-height was measured too; else it is declared, wi
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from kolsky.base.apparatus import Specimen
+from kolsky.base.arrays import FloatArray
 from kolsky.material.curves.band import CurveBand
 from kolsky.material.end_friction.optimum import Optimum
 from kolsky.material.end_friction.problem import FrictionProblem
 from kolsky.material.end_friction.records import EndFriction, FrictionCorrection
 from kolsky.material.end_friction.slow_test import SlowNumerics
-
-FloatArray = NDArray[np.float64]
 
 TOLERANCE = 1e-3
 """Relative change of unknowns or of the sum of squares at which the fit ends; nodes that land one by one on a

@@ -3,16 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import LSQUnivariateSpline
 
 from explicit.materials import marlow_from_curve
+from kolsky.base.arrays import FloatArray
 from kolsky.material.curves.uniaxial import stretch_of
 from kolsky.material.end_friction.problem import KNOTS, MODEL_RADIUS, PLACES, FrictionProblem
 from kolsky.material.end_friction.records import FrictionCorrection
 from kolsky.material.end_friction.slow_test import SlowTests, slow_tests
-
-FloatArray = NDArray[np.float64]
 
 ROUNDS, CLOSED = 3, 3e-3
 """Most rounds in which the corrected curve is simulated, and the distance at which they end [-]."""

@@ -3,17 +3,15 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from explicit.materials import MarlowLaw
 from kolsky.base.apparatus import Specimen
+from kolsky.base.arrays import FloatArray
 from kolsky.material.curves.band import CurveBand
 from kolsky.material.curves.uniaxial import gaussian_strain
 from kolsky.material.end_friction.records import EndFriction
 from kolsky.material.end_friction.slow_test import OUTSET, SlowNumerics, SlowTests, slow_tests
-
-FloatArray = NDArray[np.float64]
 
 KNOTS = 5
 """Knots of the law that is fitted."""

@@ -3,13 +3,9 @@
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
+from kolsky.base.arrays import FloatArray
 from kolsky.material.curves.band import CurveBand
 from kolsky.material.end_friction.slow_test import SlowTests
-
-FloatArray = NDArray[np.float64]
 
 LARGEST_FRICTION = 5.0
 """Above, nothing slips any more: choose "bonded" or "rough"."""

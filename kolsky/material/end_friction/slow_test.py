@@ -12,13 +12,11 @@ from dataclasses import dataclass
 from math import pi, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 import explicit
 from explicit.materials import MarlowLaw
 from kolsky.base.apparatus import Specimen
-
-FloatArray = NDArray[np.float64]
+from kolsky.base.arrays import FloatArray
 
 DENSITY = 1000.0
 """Mass density that all slow tests are run with [kg/m^3]; the duration is counted in passages of a wave."""

@@ -7,8 +7,8 @@ from enum import Enum
 import numpy as np
 
 from explicit.materials import AnyLaw
+from kolsky.base.arrays import FloatArray
 from kolsky.material.fits import goodness
-from kolsky.material.fits.modes import FloatArray
 from kolsky.material.fits.residuals import Residuals, Weighting, residuals_of
 from kolsky.material.fits.search import SAME, Found, search
 from kolsky.material.fits.test_data import HomogeneousTest

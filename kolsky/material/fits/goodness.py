@@ -13,7 +13,7 @@ from math import log
 
 import numpy as np
 
-from kolsky.material.fits.modes import FloatArray
+from kolsky.base.arrays import FloatArray
 
 
 def rmse(residual: FloatArray) -> float:

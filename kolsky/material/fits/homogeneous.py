@@ -24,7 +24,8 @@ from scipy.optimize import elementwise
 
 from explicit.materials.law import Stretches
 from explicit.materials.volumetric import VolumetricLaw
-from kolsky.material.fits.modes import FloatArray, Mode, check_deformation
+from kolsky.base.arrays import FloatArray
+from kolsky.material.fits.modes import Mode, check_deformation
 
 
 def incompressible_stress(law: Stretches, mode: Mode, deformation: ArrayLike) -> FloatArray:

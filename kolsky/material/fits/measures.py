@@ -7,7 +7,8 @@ true stress of compression is *smaller* in size than the nominal one, because th
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kolsky.material.fits.modes import FloatArray, Mode, check_deformation
+from kolsky.base.arrays import FloatArray
+from kolsky.material.fits.modes import Mode, check_deformation
 
 
 def stretch_of_nominal(strain: ArrayLike) -> FloatArray:

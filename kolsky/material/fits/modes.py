@@ -3,9 +3,9 @@
 from enum import Enum
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
+from kolsky.base.arrays import FloatArray
 
 
 class Mode(Enum):

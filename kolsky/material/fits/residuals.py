@@ -10,8 +10,8 @@ import numpy as np
 from explicit.materials import AnyLaw, bulk_modulus
 from explicit.materials.law import ParameterSpec
 from explicit.materials.volumetric import VolumetricLaw
+from kolsky.base.arrays import FloatArray
 from kolsky.material.fits.homogeneous import compressible_stress, incompressible_stress
-from kolsky.material.fits.modes import FloatArray
 from kolsky.material.fits.test_data import HomogeneousTest
 
 REFUSED = 1e8

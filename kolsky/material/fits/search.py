@@ -15,7 +15,7 @@ from scipy.optimize import least_squares, lsq_linear
 from scipy.stats import qmc
 
 from explicit.materials.law import ParameterSpec
-from kolsky.material.fits.modes import FloatArray
+from kolsky.base.arrays import FloatArray
 from kolsky.material.fits.residuals import REFUSED, Residuals
 
 DECADES = 2.0

@@ -17,7 +17,8 @@ from enum import Enum
 import numpy as np
 
 from explicit.materials.law import Stretches
-from kolsky.material.fits.modes import FloatArray, Mode
+from kolsky.base.arrays import FloatArray
+from kolsky.material.fits.modes import Mode
 from kolsky.material.fits.test_data import HomogeneousTest
 
 POINTS = 2000

@@ -6,7 +6,8 @@ from typing import Self
 
 import numpy as np
 
-from kolsky.material.fits.modes import FloatArray, Mode, check_deformation
+from kolsky.base.arrays import FloatArray
+from kolsky.material.fits.modes import Mode, check_deformation
 
 
 @dataclass(frozen=True)

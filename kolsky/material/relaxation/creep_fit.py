@@ -9,13 +9,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from explicit.relaxation import BergstromBoyce, bergstrom_boyce_stress
+from kolsky.base.arrays import FloatArray
 from kolsky.material.relaxation.evidence import HistoryTest
-
-FloatArray = NDArray[np.float64]
 
 NAMES = ("factor", "ratio", "resistance", "exponent")
 """The free parameters: on network A [-], s [-], tau_hat [Pa] and m [-]."""

@@ -9,12 +9,11 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from explicit.relaxation import PronySeries, prony_stress
 from explicit.relaxation.uniaxial import checked_history
-
-FloatArray = NDArray[np.float64]
+from kolsky.base.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explicit.relaxation import PronySeries
+from kolsky.base.arrays import FloatArray
 from kolsky.material.relaxation.evidence import Evidence, RateModel
 from kolsky.material.relaxation.rate_fit import RateFit
-
-FloatArray = NDArray[np.float64]
 
 STRENGTHS = (1e-4, 1e3)
 """Allowed strengths of a branch [-]: below, no evidence knows it from none."""

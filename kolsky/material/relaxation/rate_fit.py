@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kolsky.base.arrays import FloatArray
 from kolsky.material.relaxation.evidence import RateModel
-
-FloatArray = NDArray[np.float64]
 
 SIGNIFICANT = 0.01
 """Probability below which chance does not explain what a branch improves."""

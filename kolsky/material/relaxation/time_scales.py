@@ -14,12 +14,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kolsky.base.arrays import FloatArray
 from kolsky.material.relaxation.evidence import DynamicTest, HistoryTest
 from kolsky.material.relaxation.rate_fit import RateFit
-
-FloatArray = NDArray[np.float64]
 
 LEAST_STRAIN = 0.02
 """Least |lam - 1| a sample needs [-]: below, noise and contact outweigh the modulus."""

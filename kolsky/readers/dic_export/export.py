@@ -8,10 +8,9 @@ from enum import IntEnum
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
-from kolsky.readers.contents import FloatArray
 from kolsky.readers.delimited import lines_of
 from kolsky.readers.dialect import find_dialect
 from kolsky.readers.dic_export.layouts import LAYOUTS, ExportLayout
@@ -20,8 +19,6 @@ from kolsky.readers.layout import Layout
 from kolsky.readers.metalines import uncommented
 from kolsky.readers.sheet import Sheet, first_samples, names_and_units
 from kolsky.readers.table import read_bytes
-
-IntArray = NDArray[np.int64]
 
 UNITS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": 0.0254}
 """Units of length that may be stated, in metres."""

@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.tri import CubicTriInterpolator, Triangulation, UniformTriRefiner
-from numpy.typing import NDArray
 
+from kolsky.base.arrays import FloatArray
 from kolsky.inverse.result import Identification
 from kolsky.report.figures.base import (
     BAND,
@@ -22,8 +22,6 @@ from kolsky.report.figures.base import (
     weighted_chi2,
 )
 from kolsky.report.nomenclature import axis_label, route_label
-
-FloatArray = NDArray[np.float64]
 
 
 def caption(result: Identification) -> str:

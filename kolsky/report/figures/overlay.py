@@ -2,12 +2,10 @@
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
+from kolsky.base.arrays import FloatArray
 from kolsky.report.figures.base import MS, PAGE, Panels, letter
 from kolsky.report.view import SurfaceView
-
-FloatArray = NDArray[np.float64]
 
 LOST = "#CC79A7"
 

@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kolsky.base.arrays import FloatArray
 from kolsky.report.scene.fields import FIELDS
 from kolsky.report.scene.stage import Stage
-
-FloatArray = NDArray[np.float64]
 
 TURNS = 61
 """Angles of half a turn."""

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from kolsky.base.arrays import FloatArray
 
 if TYPE_CHECKING:
     from explicit.materials.volumetric import VolumetricLaw
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine
 from kolsky.report.scene.fields import FIELDS, Solid
 
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from dic import SurfaceHistory
     from kolsky.inverse.result import Identification
 
-FloatArray = NDArray[np.float64]
 
 RANGE = (1.0, 99.0)
 """Percentiles of a field over all times that the colours span: a single corner must not bleach the rest."""

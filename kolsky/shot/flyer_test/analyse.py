@@ -18,7 +18,8 @@ from kolsky.bars.records import Quantity, Signal
 from kolsky.bars.reduction.validity import Validity
 from kolsky.bars.result import FlyerResult
 from kolsky.bars.signals.force_signal import ForceSignal
-from kolsky.base.records import FloatArray, FlyerMotion
+from kolsky.base.arrays import FloatArray
+from kolsky.base.records import FlyerMotion
 from kolsky.shot.flyer_test.reduction import FlyerInput, FlyerTest, Reduced, channel_force
 from kolsky.shot.records import ForceChannel, Shot
 

@@ -15,7 +15,7 @@ from kolsky.bars.reduction.nominal import path_strain
 from kolsky.bars.reduction.validity import SHARE, Validity, validity
 from kolsky.bars.reduction.varied import varied_specimen
 from kolsky.bars.signals.force_signal import ForceSignal, force_signal
-from kolsky.base.records import FloatArray
+from kolsky.base.arrays import FloatArray
 from kolsky.shot.records import ForceChannel, Shot
 
 AVERAGE = 10e-6

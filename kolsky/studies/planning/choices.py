@@ -4,13 +4,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.sensitivity import Placement, best_groups, best_window
 from doe.sensitivity.placement import Criterion, UndecidedError, costs
+from kolsky.base.arrays import FloatArray
 from kolsky.studies.planning.information import Expected, Information
-
-FloatArray = NDArray[np.float64]
 
 CRITERIA: tuple[Criterion, ...] = ("D", "A")
 SHARES = (0.25, 0.5, 0.75)

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from doe.sensitivity import LinearData
 from doe.uncertainty.covariance import SingularInformationError
+from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Forward, Numerics
 from kolsky.studies.local_sensitivity import REACH, LocalSensitivity, Look, local_sensitivity, mesh_change
 from kolsky.studies.planning.instruments import Instruments
 
-FloatArray = NDArray[np.float64]
 FRAMES = 97
 """Times of the map."""
 HEIGHTS = 47

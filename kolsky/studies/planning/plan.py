@@ -6,9 +6,9 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doe.uncertainty.covariance import SingularInformationError
+from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.prepare import Prepared, prepare
 from kolsky.inverse.provenance import provenance
@@ -25,8 +25,6 @@ from kolsky.studies.planning.choices import (
 )
 from kolsky.studies.planning.information import Expected, Information, discrepancies, information
 from kolsky.studies.planning.instruments import Instruments, instruments_of
-
-FloatArray = NDArray[np.float64]
 
 NAMES = ("stiffness_factor", "poisson", "damping")
 """Parameters whose estimates are foretold unless others are asked for."""

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kolsky.base.records import FloatArray
+from kolsky.base.arrays import FloatArray
 from kolsky.studies.rates.equal_strain import equal_strain
 from kolsky.studies.rates.pooled import FEWEST, Pooled, pool
 from kolsky.studies.rates.records import GroupRates, LongLever, RatedShot, RateReport, StiffnessAtStrain

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kolsky.base.records import FloatArray
+from kolsky.base.arrays import FloatArray
 from kolsky.studies.rates.records import EqualStrain, RatedShot, ShapeAtStrain
 from kolsky.studies.rates.stiffness import Baselines
 

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import t as student
 
-from kolsky.base.records import FloatArray
+from kolsky.base.arrays import FloatArray
 
 Between = Literal["paule-mandel", "dersimonian-laird", "reml"]
 METHODS: tuple[Between, ...] = ("paule-mandel", "dersimonian-laird", "reml")

@@ -7,7 +7,8 @@ import numpy as np
 from kolsky.bars.flyer.fit import fit_flyer
 from kolsky.bars.flyer.front_path import front_path
 from kolsky.bars.flyer.path import FlyerPath
-from kolsky.base.records import FloatArray, FlyerMotion, FrontVelocity
+from kolsky.base.arrays import FloatArray
+from kolsky.base.records import FlyerMotion, FrontVelocity
 from kolsky.shot.records import Shot
 
 ONSET = 0.01

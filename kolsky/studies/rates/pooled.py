@@ -6,7 +6,7 @@ import numpy as np
 from scipy.stats import chi2
 from scipy.stats import t as student
 
-from kolsky.base.records import FloatArray
+from kolsky.base.arrays import FloatArray
 from kolsky.studies.rates.mixed import METHODS, MixedFit, mixed_fit
 
 FEWEST = 2

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kolsky.base.records import FloatArray, MaterialCurve
+from kolsky.base.arrays import FloatArray
+from kolsky.base.records import MaterialCurve
 from kolsky.inverse.result import Identification, Verdict
 from kolsky.studies.rates.motion import StrainHistory
 from kolsky.studies.rates.pooled import Pooled

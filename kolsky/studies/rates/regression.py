@@ -6,7 +6,7 @@ from enum import StrEnum
 import numpy as np
 from scipy.stats import t as student
 
-from kolsky.base.records import FloatArray
+from kolsky.base.arrays import FloatArray
 from kolsky.studies.rates.mixed import MixedFit, mixed_fit
 
 FEWEST = 4

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from doe import Box
-from kolsky.base.records import CentreLine, FloatArray, ForceHistory
+from kolsky.base.arrays import FloatArray
+from kolsky.base.records import CentreLine, ForceHistory
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.misfit import Prediction, observe

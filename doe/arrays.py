@@ -1,0 +1,11 @@
+"""Array types: NumPy arrays of one type each, any shape; a docstring says which shape and unit."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["BoolArray", "ComplexArray", "FloatArray", "IntArray"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+ComplexArray = NDArray[np.complex128]
