@@ -1,0 +1,13 @@
+"""Named one-line faults, each with the quick tests that must fail when it is planted.
+
+``python -m tests.mutants`` plants every fault in a copy of the sources, one at a time, and runs its tests
+there; a fault that all of them let pass is a hole in the tests. The faults stand in one file a subject
+beside this one.
+"""
+
+from tests.mutants.fault import Fault
+from tests.mutants.inverse import FAULTS as INVERSE
+
+__all__ = ["FAULTS", "Fault"]
+
+FAULTS: tuple[Fault, ...] = (*INVERSE,)
