@@ -267,7 +267,9 @@ def test_the_checker_reads_the_repository():
 
 def test_relative_imports_of_a_package_start_at_the_package():
     found = list(
-        imports_of("from . import scope\nfrom ..records import Recording", "kolsky.readers", is_package=True)
+        imports_of(
+            "from . import scope\nfrom ..base.records import Recording", "kolsky.readers", is_package=True
+        )
     )
     assert [i.target for i in found] == ["kolsky.readers", "kolsky.base.records"]
 

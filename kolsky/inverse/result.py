@@ -261,7 +261,7 @@ class Identification:
 
     def __repr__(self) -> str:
         said = "; ".join(
-            f"{name} = {e.value:.6g} ± {2.0 * e.sigma:.2g} (k = 2, SI), {e.outcome}"
+            f"{name} = {e.value:.6g} ± {2.0 * e.sigma:.2g} (k = 2), {e.outcome}"
             for name, e in self.estimates.items()
         )
         return f"Identification({self.shot!r}: {said})"

@@ -44,7 +44,7 @@ def prepared(inputs: tuple[tuple[str, str], ...]) -> Prepared:
 @pytest.fixture(autouse=True)
 def prepared_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every test works on the same recordings, and to make them ready takes longer than to simulate them."""
-    for module in ("simulate", "sweep", "identify"):
+    for module in ("inverse.simulate", "studies.sweep", "identification"):
         monkeypatch.setattr(f"kolsky.{module}.prepare", lambda shot: prepared(tuple(shot.inputs.items())))
 
 
