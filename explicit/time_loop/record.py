@@ -6,9 +6,9 @@ from typing import Any
 
 import warp as wp
 
-from explicit.lanes import lane_functions
 from explicit.precision import Precision
-from explicit.structs import Structs
+from explicit.time_loop.lanes import lane_functions
+from explicit.time_loop.structs import Structs
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ def record_functions(precision: Precision, structs: Structs) -> RecordFunctions:
     """Generate the recorders."""
     real = precision.real
     Body, Output = structs.Body, structs.Output
-    clerk_first, clerk_step = lane_functions().clerk_first, lane_functions().clerk_step
+    control_first, control_stride = lane_functions().control_first, lane_functions().control_stride
 
     @wp.func
     def is_due(row: int, n: int, every: int):
@@ -58,14 +58,14 @@ def record_functions(precision: Precision, structs: Structs) -> RecordFunctions:
         v_r: wp.array(dtype=real),
         v_y: wp.array(dtype=real),
     ):
-        k = clerk_first(lane)
+        k = control_first(lane)
         while k < output.n_recorded:
             node = output.nodes[k]
             r = body.reference_r[node] + wp.float64(u_r[node] - late * v_r[node])
             y = body.reference_y[node] + wp.float64(u_y[node] - late * v_y[node])
             output.position[sample, row, k, 0] = r
             output.position[sample, row, k, 1] = y
-            k += clerk_step()
+            k += control_stride()
 
     @wp.func
     def record_ledger(

@@ -1,6 +1,6 @@
 """Watching a simulation for its failure, and finding the element where it happened.
 
-None of this is part of a step. Every `WATCH_EVERY` steps the time loop asks for the specimen's motion; where
+None of this is part of a step. Every `CHECK_EVERY` steps the time loop asks for the specimen's motion; where
 a run is to stop at the end of the material's data, it asks for the strain at every step; once, after its end,
 a simulation that failed is searched for the element.
 
@@ -20,15 +20,15 @@ from typing import Any
 
 import warp as wp
 
-from explicit.corners import corner_functions
 from explicit.elements import ElementFunctions
-from explicit.lanes import lane_functions
+from explicit.grouped_tables import entry_function
 from explicit.outcome import Outcome
-from explicit.places import entry_function
 from explicit.precision import Precision
-from explicit.structs import Structs
+from explicit.time_loop.element_sweeps import corner_functions
+from explicit.time_loop.lanes import lane_functions
+from explicit.time_loop.structs import Structs
 
-WATCH_EVERY = 8
+CHECK_EVERY = 8
 """Steps between two looks at a simulation: a divergence or a turned element is noticed at most so many steps
 late."""
 MOTION_LIMIT = 2.0
@@ -44,10 +44,10 @@ class FailureFunctions:
     """What the time loop asks beside its steps."""
 
     motion: Any
-    """``motion(body, v_r, v_y, lane)``: this walker's share of the kinetic energy [J], a sum that begins with
+    """``motion(body, v_r, v_y, lane)``: this worker's share of the kinetic energy [J], a sum that begins with
     ``empty_sum``."""
     strain: Any
-    """``strain(body, limit, u_r, u_y, lane)``: the largest s of this walker's elements past the data limit of
+    """``strain(body, limit, u_r, u_y, lane)``: the largest s of this worker's elements past the data limit of
     their law, or 0 [-]."""
     culprit: Any
     """``culprit(body, solid, row, u_r, u_y, v_r, v_y, lane, status) -> (score, element)``: which of this
@@ -60,7 +60,7 @@ def failure_functions(precision: Precision, element: ElementFunctions, structs: 
     real = precision.real
     Body, Solid = structs.Body, element.Solid
     lanes = lane_functions()
-    empty_sum, add_to, walkers = lanes.empty_sum, lanes.add_to, lanes.walkers
+    empty_sum, add_to, n_workers = lanes.empty_sum, lanes.add_to, lanes.n_workers
     number, corner = entry_function(real), corner_functions(precision, structs)
     nodes, values = corner.nodes, corner.values
     read_shape, element_forces, element_strains = element.read_shape, element.forces, element.strains
@@ -76,7 +76,7 @@ def failure_functions(precision: Precision, element: ElementFunctions, structs: 
         while n < body.n_nodes:
             squared = v_r[n] * v_r[n] + v_y[n] * v_y[n]
             kinetic = add_to(kinetic, wp.float64(half * number(body.masses, 0, n) * squared), n)
-            n += walkers()
+            n += n_workers()
         return kinetic
 
     @wp.func
@@ -92,7 +92,7 @@ def failure_functions(precision: Precision, element: ElementFunctions, structs: 
             )
             if s > limit:
                 past = wp.max(past, s)
-            e += walkers()
+            e += n_workers()
         return wp.float64(past)
 
     @wp.func

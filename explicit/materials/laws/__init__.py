@@ -1,15 +1,15 @@
 """The closed-form laws by name. A new one is a line here."""
 
-from explicit.materials.arrudaboyce import ArrudaBoyce
-from explicit.materials.exponential import Humphrey, VerondaWestmann
-from explicit.materials.gent import Gent
 from explicit.materials.invariants import InvariantLaw
-from explicit.materials.mooneyrivlin import MooneyRivlin
-from explicit.materials.neohookean import NeoHookean
-from explicit.materials.ogden import Ogden1, Ogden2, Ogden3
-from explicit.materials.polynomial import Polynomial
+from explicit.materials.laws.arruda_boyce import ArrudaBoyce
+from explicit.materials.laws.exponential import Humphrey, VerondaWestmann
+from explicit.materials.laws.gent import Gent
+from explicit.materials.laws.mooney_rivlin import MooneyRivlin
+from explicit.materials.laws.neo_hookean import NeoHookean
+from explicit.materials.laws.ogden import Ogden1, Ogden2, Ogden3
+from explicit.materials.laws.polynomial import Polynomial
+from explicit.materials.laws.yeoh import ReducedPolynomial, Yeoh
 from explicit.materials.stretches import StretchLaw
-from explicit.materials.yeoh import ReducedPolynomial, Yeoh
 
 AnyLaw = InvariantLaw | StretchLaw
 """A closed-form law: it has its constants, its energy by stretches, and all that the solver asks for."""

@@ -9,7 +9,7 @@ import warp as wp
 from explicit.contact import contact_law
 from explicit.contact.base import RELEASED, touch_struct
 from explicit.precision import Precision
-from explicit.structs import Structs
+from explicit.time_loop.structs import Structs
 
 INTERIOR, LOWER, UPPER, SIDE = 0, 1, 2, 3
 """Node kinds: which platen a node can meet. LOWER and UPPER also mark the platen that a node has touched,

@@ -23,7 +23,7 @@ THREADS = 4
 """Threads that empty them: one reaches less than a GPU delivers."""
 
 
-class Parcels:
+class HostTransfer:
     """The histories of one batch on their way to the host.
 
     Parameters

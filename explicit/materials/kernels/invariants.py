@@ -5,7 +5,7 @@ lines F + eps L F, which in the axes of b has a block for the stretches and one 
 
     N_ij = dtau_i / dln lam_j - tau_i delta_ij,     [G b_2, G b_2 - tau_2; G b_2 - tau_2, G b_1],     (L.8)
 
-with G = (tau_1 - tau_2) / (b_1 - b_2) = 2 (W_1 + b_3 W_2). See `explicit.materials.curvature`.
+with G = (tau_1 - tau_2) / (b_1 - b_2) = 2 (W_1 + b_3 W_2). See `explicit.materials.kernels.curvature`.
 """
 
 from functools import cache
@@ -13,7 +13,7 @@ from typing import Any
 
 import warp as wp
 
-from explicit.materials.curvature import curvature_functions
+from explicit.materials.kernels.curvature import curvature_functions
 from explicit.precision import Precision
 
 

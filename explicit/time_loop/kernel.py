@@ -11,8 +11,20 @@ from typing import Any
 
 import warp as wp
 
-from explicit.boundary import LOWER, UPPER, boundary_functions
-from explicit.clock import (
+from explicit.elements import ElementFunctions
+from explicit.elements import element as element_named
+from explicit.precision import Precision
+from explicit.relaxation.base import Relaxation
+from explicit.relaxation.kernels.branches import relaxation_functions
+from explicit.time_loop.boundary import LOWER, UPPER, boundary_functions
+from explicit.time_loop.element_sweeps import sweep_functions
+from explicit.time_loop.end_of_step import end_of_step_function
+from explicit.time_loop.failure import CHECK_EVERY, failure_functions
+from explicit.time_loop.lanes import BLOCK, SHARING, SMALL_BLOCK, WARPS, lane_functions
+from explicit.time_loop.next_step import next_step_functions
+from explicit.time_loop.nodes import update_functions
+from explicit.time_loop.record import record_functions
+from explicit.time_loop.slots import (
     BEYOND,
     CLOCK,
     DAMPING,
@@ -23,7 +35,6 @@ from explicit.clock import (
     FLYER_NEXT,
     FRICTION,
     GOING,
-    HANDED,
     HOURGLASS,
     INTERVAL,
     KINETIC,
@@ -36,6 +47,7 @@ from explicit.clock import (
     MOST,
     MOST_STRAINED,
     MOTION,
+    N_TOTALS,
     PAST,
     PAST_DATA,
     PLAN,
@@ -57,24 +69,12 @@ from explicit.clock import (
     WORK,
     WORK_DONE,
 )
-from explicit.elements import ElementFunctions
-from explicit.elements import element as element_named
-from explicit.failure import WATCH_EVERY, failure_functions
-from explicit.lanes import BLOCK, SHARING, SMALL_BLOCK, WARPS, lane_functions
-from explicit.places import ON_CHIP_CLOCK, rooms
-from explicit.plan import plan_functions
-from explicit.precision import Precision
-from explicit.record import record_functions
-from explicit.relaxation.base import Relaxation
-from explicit.relaxation.kernels import relaxation_functions
-from explicit.settle import settle_function
-from explicit.structs import Structs, batch_structs
-from explicit.sweeps import sweep_functions
-from explicit.update import update_functions
+from explicit.time_loop.state_layout import ON_CHIP_CONTROL, state_layout
+from explicit.time_loop.structs import Structs, batch_structs
 
 
 @dataclass(frozen=True)
-class MarchKernel:
+class TimeLoopKernel:
     """A generated time loop with the structs its arguments have."""
 
     kernel: Any
@@ -90,7 +90,7 @@ class MarchKernel:
 
 
 @cache
-def march_kernel(
+def time_loop_kernel(
     law: type,
     faces: str,
     side: str,
@@ -101,18 +101,19 @@ def march_kernel(
     bound: str = "trace",
     volumetric: str = "quadratic",
     relaxation: Relaxation | None = None,
-) -> MarchKernel:
+) -> TimeLoopKernel:
     """Generate the time loop for a material law, two contact laws, a precision and an element.
 
     With `on_chip` a GPU keeps the state of a simulation in shared memory, where it must fit
-    (`explicit.places.fits`). `block` is the number of threads it is compiled for there; `bound` is that of
-    `explicit.model.Stepping`, `volumetric` that of `explicit.Model`, `relaxation` its `relaxation_kind`.
+    (`explicit.time_loop.state_layout.fits`). `block` is the number of threads it is compiled for there;
+    `bound` is that of `explicit.model.Stepping`, `volumetric` that of `explicit.Model`, `relaxation` its
+    `relaxation_kind`.
     """
     element = element_named(element_name).functions(law, precision, bound, volumetric)
     structs = batch_structs(precision, element.Shape, element.Solid)
-    place = rooms(precision, on_chip)
+    place = state_layout(precision, on_chip)
     field, sums, marks = place.field, place.sums, place.marks
-    node_places, corner_places = place.node_places, place.corner_places
+    node_stride, corner_stride = place.node_stride, place.corner_stride
     sweeps = sweep_functions(precision, element, structs, place)
     sweep_elements = sweeps.elements
     branch = relaxation_functions(relaxation, law, precision, bound, element, structs, place, sweeps)
@@ -120,18 +121,18 @@ def march_kernel(
     boundary = boundary_functions(faces, side, precision, structs)
     meet = boundary.meet
     failure = failure_functions(precision, element, structs)
-    motion, strain, culprit, watch_every = failure.motion, failure.strain, failure.culprit, int(WATCH_EVERY)
+    motion, strain, culprit, watch_every = failure.motion, failure.strain, failure.culprit, int(CHECK_EVERY)
     update = update_functions(precision, structs)
     free_velocity, move = update.free_velocity, update.move
     kinetic_energy, drag_loss = update.kinetic, update.drag_loss
     record = record_functions(precision, structs)
-    settle = settle_function(precision, structs, boundary, record)
-    planning = plan_functions(structs, boundary, record)
+    settle = end_of_step_function(precision, structs, boundary, record)
+    planning = next_step_functions(structs, boundary, record)
     start, depart, look, plan = planning.start, planning.depart, planning.look, planning.plan
     lanes = lane_functions()
-    sync, walks, tends, walkers = lanes.sync, lanes.walks, lanes.tends, lanes.walkers
-    empty_sum, add_to, from_the_end = lanes.empty_sum, lanes.add_to, lanes.from_the_end
-    first_inside, walkers_inside = lanes.first_inside, lanes.walkers_inside
+    sync, is_worker, is_control, n_workers = lanes.sync, lanes.is_worker, lanes.is_control, lanes.n_workers
+    empty_sum, add_to, boundary_first = lanes.empty_sum, lanes.add_to, lanes.boundary_first
+    first_inner, inner_stride = lanes.first_inner, lanes.inner_stride
     put_total, put_largest, get_largest = lanes.put_total, lanes.put_largest, lanes.get_largest
     real = precision.real
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
@@ -139,7 +140,7 @@ def march_kernel(
     ZERO, HALF = wp.float64(0.0), wp.float64(0.5)
     lower, upper = int(LOWER), int(UPPER)
     residents = SHARING if block <= SMALL_BLOCK else 1  # blocks that a multiprocessor must have registers for
-    clock_places, parts_places = int(CLOCK), int(HANDED * WARPS)
+    clock_places, parts_places = int(CLOCK), int(N_TOTALS * WARPS)
 
     @wp.kernel(module="unique", enable_backward=False, launch_bounds=(block, residents))
     def march(body: Body, batch: Batch, state: State, output: Output, first: int):
@@ -150,16 +151,16 @@ def march_kernel(
         branches = batch.branches[batch.relaxation[sample]]
         limit_s = batch.data_limit[batch.material[sample]]
         friction, alpha = batch.friction[sample], solid.mass_damping
-        seats, nodes = body.n_seats, node_places(body.n_nodes)
-        corners = 4 * corner_places(body.n_elements) + 1
+        seats, nodes = body.n_boundary, node_stride(body.n_nodes)
+        corners = 4 * corner_stride(body.n_elements) + 1
         u_r, u_y = field(state.u_r, sample, 0), field(state.u_y, sample, nodes)
         v_r, v_y = field(state.v_r, sample, 2 * nodes), field(state.v_y, sample, 3 * nodes)
         corner_r = field(state.corner_r, sample, 4 * nodes)
         corner_y = field(state.corner_y, sample, 4 * nodes + corners)
         clock, parts = sums(state.clock, sample, 0), sums(state.parts, sample, clock_places)
-        push_lower = sums(state.push_lower, sample, ON_CHIP_CLOCK)
-        push_upper = sums(state.push_upper, sample, ON_CHIP_CLOCK + seats)
-        carried = sums(state.carried, sample, ON_CHIP_CLOCK + 2 * seats)
+        push_lower = sums(state.push_lower, sample, ON_CHIP_CONTROL)
+        push_upper = sums(state.push_upper, sample, ON_CHIP_CONTROL + seats)
+        carried = sums(state.carried, sample, ON_CHIP_CONTROL + 2 * seats)
         touched = marks(state.touched, sample, 0)
         memory = remembered(state.memory, sample, 0)
         rest = lane
@@ -170,7 +171,7 @@ def march_kernel(
             v_y[rest] = zero
             rest += wp.block_dim()
         seat = lane
-        while seat < body.n_seats:
+        while seat < body.n_boundary:
             touched[seat] = body.at_rest[seat]
             seat += wp.block_dim()
         part = lane
@@ -180,7 +181,7 @@ def march_kernel(
         if lane == 0:  # nodes where fewer than four elements meet gather nothing from here
             corner_r[corners - 1] = zero
             corner_y[corners - 1] = zero
-        if tends(lane) == 1:
+        if is_control(lane) == 1:
             start(batch, output, sample, clock)
         sync()
         damped, rubbed, restrained = empty_sum(), empty_sum(), empty_sum()
@@ -190,7 +191,7 @@ def march_kernel(
         while going == 1:  # before the first step the elements only say how large it may be
             # While the elements are swept, the step before is settled.
             power, artificial = empty_sum(), empty_sum()
-            if walks(lane) == 1:
+            if is_worker(lane) == 1:
                 measure = int(0)
                 if until_measured == 0:
                     measure = 1
@@ -214,9 +215,9 @@ def march_kernel(
                     put_largest(parts, STIFFEST + (step + 1) % 2, latched)
                     put_largest(parts, STIFFER + (step + 1) % 2, stiffer)
                     latched = wp.float64(0.0)
-            if tends(lane) == 1 and step == 0:
+            if is_control(lane) == 1 and step == 0:
                 depart(clock)
-            if tends(lane) == 1 and step > 0:
+            if is_control(lane) == 1 and step > 0:
                 settle(
                     body, batch, state, output, sample, lane, step - 1, clock, parts,
                     push_lower, push_upper, carried, u_r, u_y, v_r, v_y,
@@ -233,7 +234,7 @@ def march_kernel(
                 viscous = empty_sum()
                 most = wp.float64(0.0)
                 if ledger == 1:
-                    if walks(lane) == 1:
+                    if is_worker(lane) == 1:
                         elastic, hourglass, past, most, viscous = sweep_energies(
                             body, solid, row, limit_s, branches, memory, u_r, u_y, lane
                         )
@@ -244,8 +245,8 @@ def march_kernel(
                 land_step, work_step = empty_sum(), empty_sum()
                 h, tau = real(dt), real(interval)
 
-                if walks(lane) == 1:
-                    n = first_inside(lane)
+                if is_worker(lane) == 1:
+                    n = first_inner(lane)
                     while n < body.n_inner:
                         old, new, mass = free_velocity(body, corner_r, corner_y, v_r, v_y, n, tau, alpha)
                         if ledger == 1:
@@ -253,11 +254,11 @@ def march_kernel(
                         if alpha > zero:
                             damp_step = add_to(damp_step, drag_loss(mass, old, new, tau, alpha), n)
                         move(u_r, u_y, v_r, v_y, n, new, h)
-                        n += walkers_inside()
+                        n += inner_stride()
 
-                    b = from_the_end(lane)
-                    while b < body.n_seats:
-                        node = body.first_seat + b
+                    b = boundary_first(lane)
+                    while b < body.n_boundary:
+                        node = body.first_boundary + b
                         old, free, mass = free_velocity(body, corner_r, corner_y, v_r, v_y, node, tau, alpha)
                         height = body.reference_y[node] + wp.float64(u_y[node])
                         to_lower = real((lower_next - height) * rate)
@@ -292,7 +293,7 @@ def march_kernel(
                         if alpha > zero:
                             damp_step = add_to(damp_step, drag_loss(mass, old, new, tau, alpha), b)
                         move(u_r, u_y, v_r, v_y, node, new, h)
-                        b += walkers()
+                        b += n_workers()
                 if ledger == 1:
                     put_total(parts, ELASTIC, elastic)
                     put_total(parts, HOURGLASS, hourglass)
@@ -310,18 +311,18 @@ def march_kernel(
                 rubbed += rub_step
                 restrained += hold_step
                 landed += land_step
-            if going == 1 and tends(lane) == 1:
+            if going == 1 and is_control(lane) == 1:
                 plan(batch, output, sample, step + 1, clock, parts)
             step += 1
             sync()
 
         if int(clock[STATUS]) == 0:  # a last look at what happened since the one before
-            if walks(lane) == 1:
+            if is_worker(lane) == 1:
                 put_total(parts, MOTION, motion(body, v_r, v_y, lane))
                 put_total(parts, WORK_DONE, worked)
                 put_largest(parts, TURNED, latched)
             sync()
-            if tends(lane) == 1:
+            if is_control(lane) == 1:
                 clock[STATUS] = wp.float64(look(batch, sample, clock, parts))
         sync()
         failed = int(-1)
@@ -344,4 +345,4 @@ def march_kernel(
             output.ending[sample, VOLUME_PAST_DATA] = clock[PAST_DATA]
             output.ending[sample, LARGEST_S] = clock[MOST_STRAINED]
 
-    return MarchKernel(march, structs, element, block, branch.memory)
+    return TimeLoopKernel(march, structs, element, block, branch.memory)

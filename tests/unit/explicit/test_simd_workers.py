@@ -20,10 +20,10 @@ from lane_kernels import (
     small_structs,
 )
 
-from explicit.lanes import lane_functions
-from explicit.places import rooms
 from explicit.precision import Precision
 from explicit.simd import Mapping
+from explicit.time_loop.lanes import lane_functions
+from explicit.time_loop.state_layout import state_layout
 
 BOTH = [pytest.param(p, m, id=f"{p.name}-{m}") for p in PRECISION for m in MAPPINGS]
 
@@ -34,13 +34,18 @@ def walk_kernel(numbers: Precision) -> Any:
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
     real = numbers.real
     lanes = lane_functions()
-    sync, all_read, empty_sum, add_to = lanes.sync, lanes.all_read, lanes.empty_sum, lanes.add_to
-    walks, walkers, tends, alone = lanes.walks, lanes.walkers, lanes.tends, lanes.alone
+    sync, control_sync, empty_sum, add_to = lanes.sync, lanes.control_sync, lanes.empty_sum, lanes.add_to
+    is_worker, n_workers, is_control, is_writer = (
+        lanes.is_worker,
+        lanes.n_workers,
+        lanes.is_control,
+        lanes.is_writer,
+    )
     put_total, get_total = lanes.put_total, lanes.get_total
     put_largest, get_largest = lanes.put_largest, lanes.get_largest
-    seat_totals, from_the_end = lanes.seat_totals, lanes.from_the_end
-    clerk_first, clerk_step = lanes.clerk_first, lanes.clerk_step
-    place = rooms(numbers, on_chip=False)
+    boundary_totals, boundary_first = lanes.boundary_totals, lanes.boundary_first
+    control_first, control_stride = lanes.control_first, lanes.control_stride
+    place = state_layout(numbers, on_chip=False)
     field, sums = place.field, place.sums
     zero, half = real(0.0), real(0.5)
     HALF = wp.float64(0.5)
@@ -61,7 +66,7 @@ def walk_kernel(numbers: Precision) -> Any:
                 if share < half:
                     u[e] = half
             most = wp.max(most, wp.abs(share))
-            e += walkers()
+            e += n_workers()
         return positive, wp.float64(most)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -73,18 +78,18 @@ def walk_kernel(numbers: Precision) -> Any:
         parts = sums(state.parts, sample, 0)
         seats, others = sums(state.seats, sample, 0), sums(state.others, sample, 0)
         positive, most = empty_sum(), wp.float64(0.0)
-        if walks(lane) == 1:
+        if is_worker(lane) == 1:
             positive, most = sweep(body, state, sample, lane, x)
         sync()
         everything, gathered, twice = empty_sum(), empty_sum(), empty_sum()
-        n = from_the_end(lane)
+        n = boundary_first(lane)
         while n < body.n:
             everything = add_to(everything, wp.float64(u[n]), n)
             if state.marks[sample, body.place[n]] == 1:
                 gathered = add_to(gathered, wp.float64(u[body.place[n]] * x), n)
             seats[n] = wp.float64(u[n])
             others[n] = wp.float64(-body.weight[n])
-            n += walkers()
+            n += n_workers()
         twice += everything
         twice += HALF * positive
         # a walk whose lanes leave where they like, and what they bring back
@@ -106,10 +111,10 @@ def walk_kernel(numbers: Precision) -> Any:
         if x > zero:
             put_largest(parts, 8 + body.two, wp.float64(x))
         sync()
-        if tends(lane) == 1:
-            shares = seat_totals(seats, others, body.n)
-            some = seat_totals(seats, seats, body.n - body.two)
-            if alone(lane) == 1:
+        if is_control(lane) == 1:
+            shares = boundary_totals(seats, others, body.n)
+            some = boundary_totals(seats, seats, body.n - body.two)
+            if is_writer(lane) == 1:
                 for total in range(4):
                     output.sums[sample, total] = get_total(parts, total)
                 output.sums[sample, 4] = get_largest(parts, 4)
@@ -119,12 +124,12 @@ def walk_kernel(numbers: Precision) -> Any:
                 output.sums[sample, 8] = some[0] - some[1]
                 output.sums[sample, 9] = some[1]
                 output.sums[sample, 10] = get_largest(parts, 8 + body.two)
-            all_read()
+            control_sync()
             # written side by side
-            k = clerk_first(lane)
+            k = control_first(lane)
             while k < body.n:
                 output.values[sample, k] = u[k]
-                k += clerk_step()
+                k += control_stride()
 
     return kernel
 
@@ -196,7 +201,7 @@ def test_warp_itself_agrees(numbers: Precision, mapping: Mapping) -> None:
 def test_lanes_that_stopped_a_walk_go_on_from_there(numbers: Precision) -> None:
     data = inputs(numbers)
     for mapping in MAPPINGS:
-        stride = lanes_of(numbers) if mapping == "walker" else 1
+        stride = lanes_of(numbers) if mapping == "worker" else 1
         left = 0
         for lane in range(stride):
             mine = data.weight[lane::stride] > -0.5

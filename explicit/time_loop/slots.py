@@ -1,9 +1,9 @@
-"""The clock of a simulation: what happens once a step, whatever the number of walkers.
+"""The clock of a simulation: what happens once a step, whatever the number of workers.
 
-While the walkers sweep the elements at one time, the step before is settled (`explicit.settle`: forces,
-records, the support's answer); while they move the nodes, the next one is planned (`explicit.plan`: its size,
-where the platens will be). On a GPU a warp of its own does so, and the walkers read the result from shared
-memory.
+While the workers sweep the elements at one time, the step before is settled
+(`explicit.time_loop.end_of_step`: forces, records, the support's answer); while they move the nodes, the
+next one is planned (`explicit.time_loop.next_step`: its size, where the platens will be). On a GPU a warp of
+its own does so, and the workers read the result from shared memory.
 """
 
 TIME, STATUS, GOING, STEPS, SMALLEST_STEP, FIRST_STEP, PAST_DATA, MOST_STRAINED = range(8)
@@ -20,9 +20,9 @@ steps and behind them for odd ones, because the next one is made while a plan is
 ELASTIC, HOURGLASS, KINETIC, WORK, DAMPING, FRICTION, LANDING, RESTRAINT, PAST, MOST = range(10)
 MOTION, WORK_DONE, TURNED, BEYOND, STIFFEST = range(10, 15)
 STIFFER, VISCOUS = STIFFEST + 2, STIFFEST + 4
-"""What the walkers hand over: totals for the ledger; what the clock watches; twice, in turn, the largest
+"""What the workers hand over: totals for the ledger; what the clock watches; twice, in turn, the largest
 omega^2 of the law and that of what relaxes."""
-HANDED = 19
+N_TOTALS = 19
 """How many numbers they hand over."""
 
 ENDED_AS, FAILED_ELEMENT, STEPS_TAKEN, END_TIME, LEAST_STEP, VOLUME_PAST_DATA, LARGEST_S, ENDING = range(8)

@@ -20,7 +20,7 @@ import warp as wp
 from scipy.interpolate import PchipInterpolator
 
 from explicit.arrays import FloatArray
-from explicit.places import four_function
+from explicit.grouped_tables import four_function
 from explicit.precision import Precision
 
 ORIGIN_RANGE = 0.3

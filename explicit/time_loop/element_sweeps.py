@@ -6,12 +6,39 @@ from typing import Any
 
 import warp as wp
 
-from explicit.corners import corner_functions
 from explicit.elements import ElementFunctions
-from explicit.lanes import lane_functions
-from explicit.places import Rooms
+from explicit.grouped_tables import entries_function
 from explicit.precision import Precision
-from explicit.structs import Structs
+from explicit.time_loop.lanes import lane_functions
+from explicit.time_loop.state_layout import StateLayout
+from explicit.time_loop.structs import Structs
+
+
+@dataclass(frozen=True)
+class CornerFunctions:
+    """What a sweep over elements asks of their corners."""
+
+    nodes: Any
+    """``nodes(body, e) -> vec4i``: the corner nodes of element e."""
+    values: Any
+    """``values(field, corners) -> vec4``: a field there."""
+
+
+@cache
+def corner_functions(precision: Precision, structs: Structs) -> CornerFunctions:
+    """Generate the corners' functions."""
+    real, vec4, Body = precision.real, precision.vec4, structs.Body
+    nodes_at = entries_function(wp.int32)
+
+    @wp.func
+    def nodes(body: Body, e: int):
+        return nodes_at(body.quads, 0, e)
+
+    @wp.func
+    def values(field: wp.array(dtype=real), corners: wp.vec4i):
+        return vec4(field[corners[0]], field[corners[1]], field[corners[2]], field[corners[3]])
+
+    return CornerFunctions(nodes, values)
 
 
 @dataclass(frozen=True)
@@ -28,16 +55,16 @@ class SweepFunctions:
 
 @cache
 def sweep_functions(
-    precision: Precision, element: ElementFunctions, structs: Structs, place: Rooms
+    precision: Precision, element: ElementFunctions, structs: Structs, place: StateLayout
 ) -> SweepFunctions:
     """Generate the sweeps."""
     real = precision.real
     Body, Solid = structs.Body, element.Solid
     lanes = lane_functions()
-    empty_sum, add_to, walkers = lanes.empty_sum, lanes.add_to, lanes.walkers
+    empty_sum, add_to, n_workers = lanes.empty_sum, lanes.add_to, lanes.n_workers
     corner = corner_functions(precision, structs)
     nodes, values = corner.nodes, corner.values
-    read_shape, corner_places = element.read_shape, place.corner_places
+    read_shape, corner_stride = element.read_shape, place.corner_stride
     element_forces, element_energies = element.forces, element.energies
 
     @wp.func
@@ -56,7 +83,7 @@ def sweep_functions(
     ):
         """Corner forces of this lane's elements; the largest omega^2; powers lost, as of the element."""
         worst, power, artificial = real(0.0), empty_sum(), empty_sum()
-        places = corner_places(body.n_elements)
+        places = corner_stride(body.n_elements)
         e = lane
         while e < body.n_elements:
             q = nodes(body, e)
@@ -76,7 +103,7 @@ def sweep_functions(
             worst = wp.max(worst, omega_squared)
             power = add_to(power, wp.float64(dissipated), e)
             artificial = add_to(artificial, wp.float64(controlled), e)
-            e += walkers()
+            e += n_workers()
         return wp.float64(worst), power, artificial
 
     @wp.func
@@ -108,7 +135,7 @@ def sweep_functions(
             most = wp.max(most, s)
             if s > limit_s:
                 past = add_to(past, wp.float64(shape.volume), e)
-            e += walkers()
+            e += n_workers()
         return elastic, hourglass, past, wp.float64(most)
 
     return SweepFunctions(sweep_elements, sweep_energies)

@@ -12,15 +12,14 @@ from typing import Any
 
 import warp as wp
 
-from explicit.clock import INTERVAL, PLAN, PLANS, STEP_BEFORE
-from explicit.corners import corner_functions
 from explicit.elements import ElementFunctions
-from explicit.lanes import lane_functions
-from explicit.places import Rooms
 from explicit.precision import Precision
 from explicit.relaxation.base import Relaxation
-from explicit.structs import Structs
-from explicit.sweeps import SweepFunctions
+from explicit.time_loop.element_sweeps import SweepFunctions, corner_functions
+from explicit.time_loop.lanes import lane_functions
+from explicit.time_loop.slots import INTERVAL, PLAN, PLANS, STEP_BEFORE
+from explicit.time_loop.state_layout import StateLayout
+from explicit.time_loop.structs import Structs
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ def relaxation_functions(
     bound: str,
     element: ElementFunctions,
     structs: Structs,
-    place: Rooms,
+    place: StateLayout,
     sweeps: SweepFunctions,
 ) -> RelaxationFunctions:
     """Generate the functions of a kind of branches, or those of none."""
@@ -55,10 +54,10 @@ def relaxation_functions(
     real = precision.real
     Body, Solid = structs.Body, element.Solid
     lanes = lane_functions()
-    empty_sum, add_to, walkers = lanes.empty_sum, lanes.add_to, lanes.walkers
+    empty_sum, add_to, n_workers = lanes.empty_sum, lanes.add_to, lanes.n_workers
     corner = corner_functions(precision, structs)
     nodes, values = corner.nodes, corner.values
-    read_shape, corner_places = element.read_shape, place.corner_places
+    read_shape, corner_stride = element.read_shape, place.corner_stride
     stress_point, sweep_energies = element.stress_point, sweeps.energies
     point = kind.point(law, precision, bound)
     relax, held = point.relax, point.held
@@ -91,7 +90,7 @@ def relaxation_functions(
             moved = real(clock[here + STEP_BEFORE])
             interval = real(clock[here + INTERVAL])
         most = real(0.0)
-        places, rooms = body.n_elements, corner_places(body.n_elements)
+        places, rooms = body.n_elements, corner_stride(body.n_elements)
         e = lane
         while e < body.n_elements:
             q = nodes(body, e)
@@ -112,7 +111,7 @@ def relaxation_functions(
                 stiffer += omega_squared
             memory[worth * places + e] = memory[worth * places + e] + done
             most = wp.max(most, stiffer)
-            e += walkers()
+            e += n_workers()
         return wp.float64(most)
 
     @wp.func
@@ -145,7 +144,7 @@ def relaxation_functions(
                     solid.scale, row, branches, memory, g * per_point, places, e, ur, uy,
                 )  # fmt: skip
             taken = add_to(taken, wp.float64(stored + memory[worth * places + e]), e)
-            e += walkers()
+            e += n_workers()
         return elastic, hourglass, past, most, taken
 
     return RelaxationFunctions(sweep, energies, n_points * per_point + 1)

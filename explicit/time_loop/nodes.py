@@ -6,9 +6,9 @@ from typing import Any
 
 import warp as wp
 
-from explicit.places import entries_function
+from explicit.grouped_tables import entries_function
 from explicit.precision import Precision
-from explicit.structs import Structs
+from explicit.time_loop.structs import Structs
 
 VALENCE = 4
 """Elements that meet at a node, at most."""

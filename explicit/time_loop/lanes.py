@@ -17,8 +17,8 @@ BARRIER = """
 """
 """Lanes of one simulation meet here; a single lane (CPU) has nobody to wait for."""
 
-# A GPU's block has a clerk, its last warp, which tends the clock while the others sweep the elements. Totals
-# are handed to it warp by warp and added in one order.
+# A GPU's block has a clerk, its last warp, which keeps the clock while the others sweep the elements.
+# Totals are handed to it warp by warp and added in one order.
 _HAND_OVER = """
 #if defined(__CUDA_ARCH__)
     #pragma unroll
@@ -95,14 +95,14 @@ class LaneFunctions:
     """``empty_sum()``: where a sum over elements or nodes begins."""
     add_to: Any
     """``add_to(sum, x, k)``: the sum with the share of the k-th element or node."""
-    walks: Any
-    """``walks(lane)``: 1 for a lane that sweeps elements."""
-    walkers: Any
-    """``walkers()``: how many those are."""
-    tends: Any
-    """``tends(lane)``: 1 for a lane of the clerk."""
-    alone: Any
-    """``alone(lane)``: 1 for the lane of the clerk that writes what is written once."""
+    is_worker: Any
+    """``is_worker(lane)``: 1 for a lane that sweeps elements."""
+    n_workers: Any
+    """``n_workers()``: how many those are."""
+    is_control: Any
+    """``is_control(lane)``: 1 for a lane of the clerk."""
+    is_writer: Any
+    """``is_writer(lane)``: 1 for the lane of the clerk that writes what is written once."""
     put_total: Any
     """``put_total(parts, k, x)``: hand over the k-th total, of every lane's x."""
     put_largest: Any
@@ -111,21 +111,21 @@ class LaneFunctions:
     """``get_total(parts, k)``: the k-th total."""
     get_largest: Any
     """``get_largest(parts, k)``: the k-th largest value."""
-    seat_totals: Any
-    """``seat_totals(first, second, n)``: sums of n numbers each, on every lane of the clerk."""
-    all_read: Any
-    """``all_read()``: the clerk's lanes have read what they are about to write."""
-    from_the_end: Any
-    """``from_the_end(lane)``: the seat of the boundary at which a walker begins."""
-    first_inside: Any
-    """``first_inside(lane)``: the node of the interior at which a walker begins. A whole block keeps its last
-    walkers for the boundary, where a node takes several times as long."""
-    walkers_inside: Any
-    """``walkers_inside()``: how far a walker goes on there."""
-    clerk_first: Any
-    """``clerk_first(lane)``: where a lane of the clerk begins a walk."""
-    clerk_step: Any
-    """``clerk_step()``: how far it goes on."""
+    boundary_totals: Any
+    """``boundary_totals(first, second, n)``: sums of n numbers each, on every lane of the clerk."""
+    control_sync: Any
+    """``control_sync()``: the clerk's lanes have read what they are about to write."""
+    boundary_first: Any
+    """``boundary_first(lane)``: the seat of the boundary at which a worker begins."""
+    first_inner: Any
+    """``first_inner(lane)``: the node of the interior at which a worker begins. A whole block keeps its last
+    workers for the boundary, where a node takes several times as long."""
+    inner_stride: Any
+    """``inner_stride()``: how far a worker goes on there."""
+    control_first: Any
+    """``control_first(lane)``: where a lane of the clerk begins a walk."""
+    control_stride: Any
+    """``control_stride()``: how far it goes on."""
 
 
 @cache
@@ -153,16 +153,16 @@ def lane_functions() -> LaneFunctions:
         return sofar + share
 
     @wp.func_native(snippet=_either("return lane < blockDim.x - 32;", "return 1;"))
-    def walks(lane: int) -> int: ...
+    def is_worker(lane: int) -> int: ...
 
     @wp.func_native(snippet=_either("return blockDim.x - 32;", "return 1;"))
-    def walkers() -> int: ...
+    def n_workers() -> int: ...
 
     @wp.func_native(snippet=_either("return lane >= blockDim.x - 32;", "return 1;"))
-    def tends(lane: int) -> int: ...
+    def is_control(lane: int) -> int: ...
 
     @wp.func_native(snippet=_either("return lane == blockDim.x - 32;", "return 1;"))
-    def alone(lane: int) -> int: ...
+    def is_writer(lane: int) -> int: ...
 
     @wp.func_native(snippet=total)
     def put_total(parts: parts_of, k: int, x: wp.float64): ...
@@ -177,30 +177,30 @@ def lane_functions() -> LaneFunctions:
     def get_largest(parts: parts_of, k: int) -> wp.float64: ...
 
     @wp.func_native(snippet=_SEAT_TOTALS)
-    def seat_totals(first: parts_of, second: parts_of, n: int) -> wp.vec2d: ...
+    def boundary_totals(first: parts_of, second: parts_of, n: int) -> wp.vec2d: ...
 
     @wp.func_native(snippet=_either("__syncwarp();", ""))
-    def all_read(): ...
+    def control_sync(): ...
 
     @wp.func_native(snippet=_either("return blockDim.x - 33 - lane;", "return lane;"))
-    def from_the_end(lane: int) -> int: ...
+    def boundary_first(lane: int) -> int: ...
 
     @wp.func_native(snippet=_either(f"return lane < {_INSIDE} ? lane : 0x40000000;", "return lane;"))
-    def first_inside(lane: int) -> int: ...
+    def first_inner(lane: int) -> int: ...
 
     @wp.func_native(snippet=_either(f"return {_INSIDE};", "return 1;"))
-    def walkers_inside() -> int: ...
+    def inner_stride() -> int: ...
 
     @wp.func_native(snippet=_either("return lane & 31;", "return lane;"))
-    def clerk_first(lane: int) -> int: ...
+    def control_first(lane: int) -> int: ...
 
     @wp.func_native(snippet=_either("return 32;", "return 1;"))
-    def clerk_step() -> int: ...
+    def control_stride() -> int: ...
 
     return LaneFunctions(
-        sync=sync, empty_sum=empty_sum, add_to=add_to, walks=walks, walkers=walkers, tends=tends, alone=alone,
-        put_total=put_total, put_largest=put_largest, get_total=get_total, get_largest=get_largest,
-        seat_totals=seat_totals, all_read=all_read,
-        from_the_end=from_the_end, first_inside=first_inside, walkers_inside=walkers_inside,
-        clerk_first=clerk_first, clerk_step=clerk_step,
+        sync=sync, empty_sum=empty_sum, add_to=add_to, is_worker=is_worker, n_workers=n_workers,
+        is_control=is_control, is_writer=is_writer, put_total=put_total, put_largest=put_largest,
+        get_total=get_total, get_largest=get_largest, boundary_totals=boundary_totals,
+        control_sync=control_sync, boundary_first=boundary_first, first_inner=first_inner,
+        inner_stride=inner_stride, control_first=control_first, control_stride=control_stride,
     )  # fmt: skip

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from explicit.arrays import FloatArray
-from explicit.boundary import BAR_HISTORY
 from explicit.support import CharacteristicBar
+from explicit.time_loop.boundary import BAR_HISTORY
 
 
 class Source(NamedTuple):
@@ -22,7 +22,7 @@ class Source(NamedTuple):
 
 
 @dataclass
-class Echo:
+class ReturnedWave:
     """The wave that left in each step and, interpolated from it, the one that returned.
 
     The time loop stores `BAR_HISTORY` values of the outgoing wave in a round trip, each that of the first

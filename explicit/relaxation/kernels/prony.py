@@ -21,7 +21,7 @@ from explicit.elements.bounds import gradient_bounds_function
 from explicit.elements.shared import isochoric_factor_function
 from explicit.precision import Precision
 from explicit.relaxation.base import PointFunctions
-from explicit.relaxation.tensors import tensor_functions
+from explicit.relaxation.kernels.tensors import tensor_functions
 
 
 @dataclass(frozen=True)

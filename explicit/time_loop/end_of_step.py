@@ -5,8 +5,12 @@ from typing import Any
 
 import warp as wp
 
-from explicit.boundary import BAR_HISTORY, BoundaryFunctions
-from explicit.clock import (
+from explicit.outcome import Outcome
+from explicit.precision import Precision
+from explicit.time_loop.boundary import BAR_HISTORY, BoundaryFunctions
+from explicit.time_loop.lanes import lane_functions
+from explicit.time_loop.record import RecordFunctions
+from explicit.time_loop.slots import (
     DAMPING,
     ELASTIC,
     FAULT,
@@ -46,15 +50,11 @@ from explicit.clock import (
     VOID,
     WORK,
 )
-from explicit.lanes import lane_functions
-from explicit.outcome import Outcome
-from explicit.precision import Precision
-from explicit.record import RecordFunctions
-from explicit.structs import Structs
+from explicit.time_loop.structs import Structs
 
 
 @cache
-def settle_function(
+def end_of_step_function(
     precision: Precision, structs: Structs, boundary: BoundaryFunctions, record: RecordFunctions
 ) -> Any:
     """Generate ``settle(body, batch, state, output, sample, lane, step, clock, parts, push_lower, push_upper,
@@ -65,8 +65,8 @@ def settle_function(
     is_due, record_force = record.is_due, record.force
     record_positions, record_ledger = record.positions, record.ledger
     lanes = lane_functions()
-    all_read, get_total, get_largest = lanes.all_read, lanes.get_total, lanes.get_largest
-    seat_totals, alone = lanes.seat_totals, lanes.alone
+    control_sync, get_total, get_largest = lanes.control_sync, lanes.get_total, lanes.get_largest
+    boundary_totals, is_writer = lanes.boundary_totals, lanes.is_writer
     ZERO, HALF, ONE, TWO = wp.float64(0.0), wp.float64(0.5), wp.float64(1.0), wp.float64(2.0)
     NEVER, RIGID = wp.float64(NO_TIME), wp.float64(1.0e30)
     diverged = int(Outcome.DIVERGED)
@@ -101,11 +101,13 @@ def settle_function(
         force_due, surface_due = wp.float64(clock[FORCE_DUE]), wp.float64(clock[SURFACE_DUE])
         dt_next = wp.float64(clock[following_plan + STEP])
         # Compression-positive forces at `time`: the flyer pushes down, the support pushes up.
-        pushes = seat_totals(push_upper, push_lower, body.n_seats) * wp.float64(clock[this + PER_INTERVAL])
+        pushes = boundary_totals(push_upper, push_lower, body.n_boundary) * wp.float64(
+            clock[this + PER_INTERVAL]
+        )
         force = wp.vec2d(-pushes[0], pushes[1])
         following = time + dt
         if clock[VOID] > ZERO:  # it began where something had gone wrong already
-            all_read()
+            control_sync()
         elif wp.isfinite(force[0]) and wp.isfinite(force[1]):
             if force_due <= time:
                 force_before = wp.vec2d(clock[FORCE_FLYER], clock[FORCE_SUPPORT])
@@ -120,13 +122,13 @@ def settle_function(
                     sofar = impulse + force * since
                     if since < ZERO:
                         sofar = impulse + force_before * since
-                    if alone(lane) == 1:
+                    if is_writer(lane) == 1:
                         record_force(output, sample, next_force, value, sofar)
                     next_force += 1
                     force_due = wp.float64(NEVER)
                     if next_force < output.force_times.shape[0]:
                         force_due = wp.float64(output.force_times[next_force])
-                all_read()
+                control_sync()
                 clock[NEXT_FORCE] = wp.float64(next_force)
                 clock[FORCE_DUE] = force_due
             if surface_due <= following:
@@ -144,7 +146,7 @@ def settle_function(
                         damping, rubbing = get_total(parts, DAMPING), get_total(parts, FRICTION)
                         landing, restraint = get_total(parts, LANDING), get_total(parts, RESTRAINT)
                         branches = get_total(parts, VISCOUS)
-                        if alone(lane) == 1:
+                        if is_writer(lane) == 1:
                             record_ledger(
                                 output, sample, next_surface,
                                 external, moving, stored, held, damping, rubbing, landing, restraint,
@@ -154,7 +156,7 @@ def settle_function(
                     surface_due = wp.float64(NEVER)
                     if next_surface < n_surface:
                         surface_due = wp.float64(output.surface_times[next_surface])
-                all_read()
+                control_sync()
                 clock[NEXT_SURFACE] = wp.float64(next_surface)
                 clock[SURFACE_DUE] = surface_due
                 clock[PAST_DATA] = past_data
@@ -167,21 +169,21 @@ def settle_function(
                 elapsed = following - batch.start
                 if batch.round_trip < RIGID:
                     returned = returned_wave(state, sample, elapsed, batch.round_trip)
-                inertia = seat_totals(carried, carried, body.n_seats)[0] / (interval * batch.impedance)
+                inertia = boundary_totals(carried, carried, body.n_boundary)[0] / (interval * batch.impedance)
                 answer = -(force[1] / batch.impedance + TWO * returned)
                 lower_speed = (inertia * lower_speed + answer) / (ONE + inertia)
-                all_read()
+                control_sync()
                 if batch.round_trip < RIGID:
                     outgoing = -lower_speed - returned
                     while wp.float64(recorded) * batch.round_trip / wp.float64(history) <= elapsed:
-                        if alone(lane) == 1:
+                        if is_writer(lane) == 1:
                             state.bar_wave[sample, recorded % twice] = outgoing
                         recorded += 1
                 clock[RECORDED] = wp.float64(recorded)
             if batch.support_moves == 1:
                 planned = platen_position(batch, batch.support_motion[sample], following + dt_next)
                 lower_speed = (planned - lower_next) / dt_next
-            all_read()
+            control_sync()
             impulse += force * interval
             clock[IMPULSE_FLYER] = impulse[0]
             clock[IMPULSE_SUPPORT] = impulse[1]
@@ -192,7 +194,7 @@ def settle_function(
             clock[TIME] = following
             clock[STEPS] = wp.float64(step + 1)
         else:
-            all_read()
+            control_sync()
             fault = diverged
         if fault != 0:
             clock[STATUS] = wp.float64(fault)

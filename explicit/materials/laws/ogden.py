@@ -14,7 +14,7 @@ import warp as wp
 from numpy.typing import ArrayLike
 
 from explicit.arrays import FloatArray
-from explicit.materials.curvature import curvature_functions
+from explicit.materials.kernels.curvature import curvature_functions
 from explicit.materials.law import ParameterSpec
 from explicit.materials.stretches import StretchLaw
 from explicit.precision import Precision

@@ -6,8 +6,13 @@ from typing import Any
 
 import warp as wp
 
-from explicit.boundary import BoundaryFunctions
-from explicit.clock import (
+from explicit.elements.base import INVERTED
+from explicit.outcome import Outcome
+from explicit.time_loop.boundary import BoundaryFunctions
+from explicit.time_loop.failure import CHECK_EVERY, MOTION_LIMIT
+from explicit.time_loop.lanes import lane_functions
+from explicit.time_loop.record import RecordFunctions
+from explicit.time_loop.slots import (
     BEYOND,
     CLOCK,
     COMING,
@@ -41,16 +46,11 @@ from explicit.clock import (
     VOID,
     WORK_DONE,
 )
-from explicit.elements.base import INVERTED
-from explicit.failure import MOTION_LIMIT, WATCH_EVERY
-from explicit.lanes import lane_functions
-from explicit.outcome import Outcome
-from explicit.record import RecordFunctions
-from explicit.structs import Structs
+from explicit.time_loop.structs import Structs
 
 
 @dataclass(frozen=True)
-class PlanFunctions:
+class NextStepFunctions:
     """From rest to the last look."""
 
     start: Any
@@ -58,23 +58,25 @@ class PlanFunctions:
     depart: Any
     """``depart(clock)``: the first step begins, if it can be taken."""
     look: Any
-    """``look(batch, sample, clock, parts)``: the outcome of a failure that the walkers' totals show, or 0."""
+    """``look(batch, sample, clock, parts)``: the outcome of a failure that the workers' totals show, or 0."""
     plan: Any
     """``plan(batch, output, sample, step, clock, parts)``: a step to come."""
 
 
 @cache
-def plan_functions(structs: Structs, boundary: BoundaryFunctions, record: RecordFunctions) -> PlanFunctions:
+def next_step_functions(
+    structs: Structs, boundary: BoundaryFunctions, record: RecordFunctions
+) -> NextStepFunctions:
     """Generate the planning."""
     Batch, Output = structs.Batch, structs.Output
     platen_position = boundary.platen_position
     is_due = record.is_due
     lanes = lane_functions()
-    all_read, get_total, get_largest = lanes.all_read, lanes.get_total, lanes.get_largest
+    control_sync, get_total, get_largest = lanes.control_sync, lanes.get_total, lanes.get_largest
     ZERO, HALF, ONE, TWO = wp.float64(0.0), wp.float64(0.5), wp.float64(1.0), wp.float64(2.0)
     NEVER = wp.float64(NO_TIME)
     inverted = wp.float64(INVERTED * 0.5)
-    watch_every, motion_limit = int(WATCH_EVERY), wp.float64(MOTION_LIMIT)
+    watch_every, motion_limit = int(CHECK_EVERY), wp.float64(MOTION_LIMIT)
     diverged, turned = int(Outcome.DIVERGED), int(Outcome.INVERTED)
     collapsed, limit = int(Outcome.STEP_COLLAPSED), int(Outcome.STEP_LIMIT)
     exceeded = int(Outcome.TABLE_EXCEEDED)
@@ -105,9 +107,9 @@ def plan_functions(structs: Structs, boundary: BoundaryFunctions, record: Record
         clock: wp.array(dtype=wp.float64),
         parts: wp.array(dtype=wp.float64),
     ):
-        """The outcome of a failure that the walkers' totals show, or 0."""
+        """The outcome of a failure that the workers' totals show, or 0."""
         most_work = wp.max(wp.float64(clock[MOST_WORK]), get_total(parts, WORK_DONE))
-        all_read()
+        control_sync()
         clock[MOST_WORK] = most_work
         allowed = motion_limit * most_work + batch.stray_energy[sample]
         fault = int(0)
@@ -132,7 +134,7 @@ def plan_functions(structs: Structs, boundary: BoundaryFunctions, record: Record
         flyer_y, coming_due = wp.float64(clock[before + FLYER_NEXT]), wp.float64(clock[COMING_DUE])
         time = wp.float64(clock[TIME]) + dt_before
         dt = wp.float64(dt_before)
-        all_read()
+        control_sync()
         # The bound was measured one step ago, where the specimen stood before the step that is under way.
         if step % batch.measure_every == 0:
             omega_squared = get_largest(parts, STIFFEST + step % 2) + get_largest(parts, STIFFER + step % 2)
@@ -140,7 +142,7 @@ def plan_functions(structs: Structs, boundary: BoundaryFunctions, record: Record
             rate = ONE / dt
             if step == 0:
                 clock[FIRST_STEP] = dt
-            all_read()
+            control_sync()
             if omega_squared >= inverted:
                 clock[FAULT] = wp.float64(turned)
                 clock[VOID] = ONE
@@ -171,7 +173,7 @@ def plan_functions(structs: Structs, boundary: BoundaryFunctions, record: Record
                 coming_due = wp.float64(NEVER)
                 if coming < output.surface_times.shape[0]:
                     coming_due = wp.float64(output.surface_times[coming])
-            all_read()
+            control_sync()
             clock[COMING] = wp.float64(coming)
             clock[COMING_DUE] = coming_due
         if step == 0 and batch.support_moves == 1:
@@ -188,4 +190,4 @@ def plan_functions(structs: Structs, boundary: BoundaryFunctions, record: Record
         clock[this + UPPER_SPEED] = (flyer_y - flyer_next) * rate
         clock[this + LEDGER] = ledger
 
-    return PlanFunctions(start, depart, look, plan)
+    return NextStepFunctions(start, depart, look, plan)

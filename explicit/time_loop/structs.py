@@ -33,8 +33,8 @@ def batch_structs(precision: Precision, Shape: Any, Solid: Any) -> Structs:
         n_elements: int
         n_nodes: int
         n_inner: int
-        first_seat: int
-        n_seats: int
+        first_boundary: int
+        n_boundary: int
         length: wp.float64
         shapes: wp.array2d(dtype=real)
         quads: wp.array2d(dtype=int)
