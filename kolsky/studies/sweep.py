@@ -22,7 +22,7 @@ from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.prepare import Prepared, prepare
 from kolsky.inverse.provenance import provenance
 from kolsky.inverse.result import DesignTable
-from kolsky.results.text import ends
+from kolsky.results.tables import ends
 from kolsky.shot.records import Shot
 
 KEPT = ("phi_force", "phi_shape", "chi2_force", "chi2_shape", "end time", "element", "R", "Y")
