@@ -18,16 +18,9 @@ from kolsky.base.errors import InputError
 from kolsky.base.files import replacing
 from kolsky.base.json_types import jsonable
 from kolsky.base.records import CentreLine, ForceHistory
-from kolsky.inverse.result import (
-    Comparison,
-    DesignTable,
-    Estimate,
-    Identification,
-    Route,
-    SurrogateCurve,
-    Terms,
-    Verdict,
-)
+from kolsky.inverse.misfit import Terms
+from kolsky.inverse.result import Comparison, Estimate, Identification, Route, SurrogateCurve, Verdict
+from kolsky.inverse.run_table import DesignTable
 from kolsky.results.datasets import Refused as _Refused
 from kolsky.results.datasets import data as _data
 from kolsky.results.datasets import group as _group

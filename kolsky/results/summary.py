@@ -3,7 +3,8 @@
 from typing import Any
 
 from kolsky.base.json_types import jsonable
-from kolsky.inverse.result import DesignTable, Identification, worst_imbalance
+from kolsky.inverse.result import Identification, worst_imbalance
+from kolsky.inverse.run_table import DesignTable
 from kolsky.results.knowledge import knowledge_json
 from kolsky.results.methods import methods_json
 

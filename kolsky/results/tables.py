@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from kolsky.base.files import write_table
-from kolsky.inverse.result import DesignTable, Identification
+from kolsky.inverse.result import Identification
+from kolsky.inverse.run_table import DesignTable
 
 
 def write_csv(folder: Path, identification: Identification) -> list[Path]:
