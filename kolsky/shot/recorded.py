@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.bars.bar_force import BarForce
 from kolsky.bars.flyer.fit import fit_flyer
-from kolsky.bars.flyer.front_path import front_path
+from kolsky.bars.flyer.front_path import BarForce, front_path
 from kolsky.bars.flyer.path import FlyerPath
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
