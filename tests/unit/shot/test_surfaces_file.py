@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from synthetic_dic import BLACK, synthetic_result
 
-from dic.output import ResultFileError, read_result, stored_key, write_result
+from kolsky.shot.surfaces_file import ResultFileError, read_stereo_result, stored_key, write_stereo_result
 
 
 @pytest.fixture(scope="module")
@@ -31,14 +31,14 @@ def same(one, other) -> bool:
 @pytest.mark.parametrize("flyer", [True, False])
 def test_hdf5_there_and_back(tmp_path, flyer):
     before = synthetic_result(flyer=flyer)
-    write_result(tmp_path / "dic.h5", before, key="abc")
-    assert same(read_result(tmp_path / "dic.h5"), before)
+    write_stereo_result(tmp_path / "dic.h5", before, key="abc")
+    assert same(read_stereo_result(tmp_path / "dic.h5"), before)
     assert stored_key(tmp_path / "dic.h5") == "abc"
     assert [path.name for path in tmp_path.iterdir()] == ["dic.h5"]  # nothing partial is left
 
 
 def test_every_array_has_units_and_nothing_is_pickled(tmp_path, result):
-    write_result(tmp_path / "dic.h5", result)
+    write_stereo_result(tmp_path / "dic.h5", result)
     seen = []
 
     def look(name, item):
@@ -58,11 +58,11 @@ def test_every_array_has_units_and_nothing_is_pickled(tmp_path, result):
 
 def test_an_old_file_survives_a_failure(tmp_path, result):
     path = tmp_path / "dic.h5"
-    write_result(path, result, key="old")
+    write_stereo_result(path, result, key="old")
     broken = synthetic_result()
     object.__setattr__(broken, "facts", {"a": float("nan")})
     with pytest.raises(ValueError, match="JSON"):
-        write_result(path, broken, key="new")
+        write_stereo_result(path, broken, key="new")
     assert stored_key(path) == "old"
     assert [p.name for p in tmp_path.iterdir()] == ["dic.h5"]
 
@@ -90,10 +90,10 @@ CHANGES = {
 def test_a_damaged_file_is_refused(tmp_path, result, name):
     change, says = CHANGES[name]
     path = tmp_path / "dic.h5"
-    write_result(path, result)
+    write_stereo_result(path, result)
     damaged(path, change)
     with pytest.raises(ResultFileError, match=says) as refused:
-        read_result(path)
+        read_stereo_result(path)
     assert str(path) in str(refused.value)
 
 
@@ -102,7 +102,7 @@ def test_no_file_and_no_hdf5(tmp_path):
     for name in ("text.h5", "nothing.h5"):
         assert stored_key(tmp_path / name) is None
         with pytest.raises(ResultFileError, match=name):
-            read_result(tmp_path / name)
+            read_stereo_result(tmp_path / name)
 
 
 def test_a_black_frame_is_told(result):

@@ -15,14 +15,14 @@ import numpy as np
 
 from dic.body_motion import BodyMotion
 from dic.camera import Camera, StereoRig
+from dic.files import replacing
 from dic.noise import NoiseFloor
 from dic.outcome import PointOutcome
-from dic.output import layout
-from dic.output.layout import STORED, Table, shape_problem
-from dic.output.whole import whole
 from dic.result import Body, Placement, Remark, StereoResult, SurfaceStrain, Travel
 from dic.surface import CentrePoints, SurfaceHistory
 from dic.surfaces.frame import SpecimenFrame
+from kolsky.shot import surfaces_layout as layout
+from kolsky.shot.surfaces_layout import STORED, Table, shape_problem
 
 LARGEST = 4 * 2**30
 """Most bytes that one dataset may take in memory."""
@@ -32,7 +32,7 @@ class ResultFileError(ValueError):
     """A file that is no stereo result, or a damaged one; the text names it and what is wrong."""
 
 
-def write_result(path: Path, result: StereoResult, *, key: str = "") -> None:
+def write_stereo_result(path: Path, result: StereoResult, *, key: str = "") -> None:
     """Write a stereo result to one HDF5 file, atomically.
 
     Parameters
@@ -51,7 +51,7 @@ def write_result(path: Path, result: StereoResult, *, key: str = "") -> None:
     OSError
         If the file cannot be written; an older file of the name is then unchanged.
     """
-    with whole(path) as partial, h5py.File(partial, "w") as file:
+    with replacing(path) as partial, h5py.File(partial, "w") as file:
         file.attrs["format"] = layout.FORMAT
         file.attrs["format_version"] = layout.VERSION
         file.attrs["key"] = key
@@ -131,7 +131,7 @@ def stored_key(path: Path) -> str | None:
         return None
 
 
-def read_result(path: Path) -> StereoResult:
+def read_stereo_result(path: Path) -> StereoResult:
     """Read a stereo result back.
 
     Raises
