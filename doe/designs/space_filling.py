@@ -1,8 +1,8 @@
-"""Designs of experiments: where in the box to run. Each is one function and one line in `DESIGNS`."""
+"""Designs that fill a box: factorial, Latin hypercube, low-discrepancy sequences, points chosen elsewhere."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from operator import index
 
 import numpy as np
@@ -12,9 +12,7 @@ from scipy.spatial import KDTree
 
 from doe.arrays import FloatArray
 from doe.box import Box
-from doe.design import Design, Rng, count_of, seed_of
-from doe.optimal import d_optimal
-from doe.response_designs import box_behnken, central_composite, fractional_factorial
+from doe.designs.design import Design, Rng, count_of, seed_of
 
 
 def full_factorial(box: Box, levels: int | Sequence[int]) -> Design:
@@ -177,18 +175,3 @@ def maximin(box: Box, n: int, *, rng: Rng, tries: int = 200) -> Design:
 def _nearest(unit_points: FloatArray) -> float:
     """Distance of the two nearest points."""
     return float(KDTree(unit_points).query(unit_points, k=2)[0][:, 1].min())
-
-
-DESIGNS: dict[str, Callable[..., Design]] = {
-    "full_factorial": full_factorial,
-    "latin_hypercube": latin_hypercube,
-    "sobol": sobol,
-    "from_points": from_points,
-    "halton": halton,
-    "maximin": maximin,
-    "fractional_factorial": fractional_factorial,
-    "central_composite": central_composite,
-    "box_behnken": box_behnken,
-    "d_optimal": d_optimal,
-}
-"""Designs by name. Each takes the box first; a new design is one function and one line here."""

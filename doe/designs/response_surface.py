@@ -10,7 +10,7 @@ import numpy as np
 
 from doe.arrays import FloatArray
 from doe.box import Box
-from doe.design import Design
+from doe.designs.design import Design
 
 FACES = {"faced": "ccf", "inscribed": "cci"}
 """pyDOE's names of the central composite designs whose points stay in the box."""

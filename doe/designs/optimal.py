@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from doe.arrays import FloatArray
 from doe.box import Box
-from doe.design import Design, Rng, count_of, seed_of
+from doe.designs.design import Design, Rng, count_of, seed_of
 
 IntArray = NDArray[np.intp]
 
