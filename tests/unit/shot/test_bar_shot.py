@@ -20,7 +20,7 @@ from kolsky.report.printed import answer, details
 from kolsky.results.read import read_identification
 from kolsky.results.text import to_json, write_csv
 from kolsky.results.write import write_identification
-from kolsky.shot.bar_waves import bar_force, driven_by_waves
+from kolsky.shot.bar_driven import bar_force, driven_by_waves
 from kolsky.shot.summary import summarise
 
 SETTINGS = Settings(

@@ -22,7 +22,7 @@ from kolsky.results.read import read_identification
 from kolsky.results.write import write_identification
 from kolsky.shot.dic_summary import numbers, printed
 from kolsky.shot.load import load_shot
-from kolsky.shot.picture_pair import PicturePair
+from kolsky.shot.picture_set import PicturePair
 from kolsky.shot.recorded import Recorded, recorded, recording_facts, surface_of
 
 PICTURED = """

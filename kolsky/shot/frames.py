@@ -1,4 +1,4 @@
-"""What the camera frames and the files that count by them must agree on; anything else is refused."""
+"""[frames] and [flyer]: times of the frames and the motion of the flyer at them, read and checked."""
 
 from pathlib import Path
 
@@ -7,13 +7,45 @@ import numpy as np
 from kolsky.base.errors import InputError
 from kolsky.base.records import FlyerMotion
 from kolsky.base.units import in_us
+from kolsky.readers import flyer_csv
 from kolsky.readers.centre_line_csv import CentreLineTable
 from kolsky.readers.flyer_csv import FlyerTable
 from kolsky.readers.frame_times import FrameTimes
+from kolsky.readers.table import Column
+from kolsky.shot.schema.measured import FlyerSection
 from kolsky.shot.schema.reading import ShotToml
 
 MOTION_SIGMAS = 6.0
 """A displacement this many sigmas from rest is motion: noise does that once in 5e8 frames."""
+
+
+def flyer_motion(
+    folder: Path, frames: FrameTimes, section: FlyerSection, toml: ShotToml
+) -> tuple[FlyerMotion, str]:
+    """[flyer]: the flyer's displacement at the frames, toward the specimen, and the hash of its file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, its frames and times are not those of [frames], or the flyer rests.
+    """
+    table = flyer_csv.read(
+        folder / section.file,
+        frame=Column(section.frame),
+        displacement=section.displacement.as_column(),
+        time=None if section.time is None else section.time.as_column(),
+    )
+    frames_agree(table, frames)
+    flyer_covers(table, frames, toml)
+    sign = 1.0 if section.positive == "toward specimen" else -1.0
+    index = np.searchsorted(frames.frame, table.frame)
+    flyer = FlyerMotion(
+        time=frames.time[index] + toml.declared.frames.clock_offset,
+        displacement=sign * table.displacement,
+        sigma=np.full(table.displacement.size, section.sigma),
+    )
+    flyer_moves(table, flyer, section.sigma, toml)
+    return flyer, table.sha256
 
 
 def frames_agree(table: FlyerTable | CentreLineTable, frames: FrameTimes) -> None:

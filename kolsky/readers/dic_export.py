@@ -13,7 +13,7 @@ from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
 from kolsky.readers.delimited import lines_of
 from kolsky.readers.dialect import find_dialect
-from kolsky.readers.dic_export.layouts import LAYOUTS, ExportLayout
+from kolsky.readers.dic_layouts import LAYOUTS, ExportLayout
 from kolsky.readers.encoding import decode_text
 from kolsky.readers.layout import Layout
 from kolsky.readers.metalines import uncommented
