@@ -221,7 +221,7 @@ def test_every_exception_has_a_reason_and_is_used():
         ("kolsky.readers.scope_csv", "import kolsky"),
         ("kolsky.base.errors", "from kolsky.readers import table"),
         ("kolsky.inverse.result", "def show():\n    from kolsky.report.printed import answer"),
-        ("kolsky.bars.signals.noise", "from kolsky.bars.reduction import windows"),
+        ("kolsky.bars.signals.signal_zero", "from kolsky.bars.reduction import windows"),
         ("kolsky.bars.budget.budget", "from kolsky.bars.reduction.faces import face_waves"),
         ("kolsky.results.write", "from kolsky.studies.sweep import sweep"),
         ("kolsky.report.notebook", "from kolsky.cli import progress"),

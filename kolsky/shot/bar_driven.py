@@ -7,8 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import ConfigDict, model_validator
 
-from kolsky.bars.bar_force import BarForce
-from kolsky.bars.flyer.front_path import back_force, front_path, front_velocity
+from kolsky.bars.flyer.front_path import BarForce, back_force, front_path, front_velocity
 from kolsky.bars.records import FaceWaves, Reduction
 from kolsky.bars.reduction.analyse import analyse
 from kolsky.base.apparatus import Bar, Interface, Specimen

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.bars.bar_force import BarForce
+from kolsky.bars.flyer.front_path import BarForce
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.records import FlyerMotion

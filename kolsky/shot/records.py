@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-from kolsky.bars.bar_force import BarForce
+from kolsky.bars.flyer.front_path import BarForce
 from kolsky.bars.flyer.path import FlyerPath
 from kolsky.bars.signals.transducers import force_history, noise_correlation
 from kolsky.base.apparatus import Bar, Interface, Specimen, Transducer
