@@ -13,16 +13,17 @@ from typing import Any
 import h5py
 import numpy as np
 
-from dic.body_motion import BodyMotion
 from dic.camera import Camera, StereoRig
-from dic.noise import NoiseFloor
-from dic.outcome import PointOutcome
+from dic.outcome import PointOutcome, Remark
 from dic.output import layout
 from dic.output.layout import STORED, Table, shape_problem
 from dic.output.whole import whole
-from dic.result import Body, Placement, Remark, StereoResult, SurfaceStrain, Travel
-from dic.surface import CentrePoints, SurfaceHistory
+from dic.result import Body, Placement, StereoResult, SurfaceStrain
+from dic.rigid_body.axial_displacement import Travel
+from dic.rigid_body.body_motion import BodyMotion
 from dic.surfaces.frame import SpecimenFrame
+from dic.surfaces.noise_floor import NoiseFloor
+from dic.surfaces.surface_history import CentrePoints, SurfaceHistory
 
 LARGEST = 4 * 2**30
 """Most bytes that one dataset may take in memory."""

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from dic.bodies import Region
+from dic.bodies.found_regions import FoundRegions, find_regions
+from dic.bodies.region import Region
 from dic.chain import VERSION, ChainError, ChainSettings, measure
 from dic.correlation import Correlation, Shape
-from dic.found_regions import FoundRegions, find_regions
 from dic.images import frame_health
 from dic.outcome import FrameOutcome
 from dic.output import ResultFileError, read_result, stored_key, write_result
