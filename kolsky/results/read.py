@@ -11,16 +11,9 @@ import numpy as np
 from explicit import EnergyLedger, Outcome, Response
 from kolsky.base.errors import InputError
 from kolsky.base.records import CentreLine, ForceHistory
-from kolsky.inverse.result import (
-    Comparison,
-    DesignTable,
-    Estimate,
-    Identification,
-    Route,
-    SurrogateCurve,
-    Terms,
-    Verdict,
-)
+from kolsky.inverse.misfit import Terms
+from kolsky.inverse.result import Comparison, Estimate, Identification, Route, SurrogateCurve, Verdict
+from kolsky.inverse.run_table import DesignTable
 from kolsky.results.datasets import Refused as _Refused
 from kolsky.results.datasets import numbered as _numbered
 from kolsky.results.datasets import opened as _opened

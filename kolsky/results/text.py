@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from kolsky.base.files import write_table
-from kolsky.inverse.result import DesignTable, Identification, worst_imbalance
+from kolsky.inverse.result import Identification, worst_imbalance
+from kolsky.inverse.run_table import DesignTable
 from kolsky.results.knowledge import knowledge_json
 from kolsky.results.methods import methods_json
 

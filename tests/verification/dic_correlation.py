@@ -316,8 +316,8 @@ def page(result: Result) -> str:
 
 Pictures are computed from a pattern in closed form at the material place that each pixel shows
 ({{py:mod}}`dic.synthetic.speckles`), so that the motion is exact and no interpolation has touched them:
-{SIDE}² px, speckles of 5 px, eight bits, noise of {SIGMA:g} grey levels, {REPEATS} pairs that differ in their noise.
-Subsets have 21 px every 5 px, and every guess is off by 0.2 px in both directions. The floor
+{SIDE}² px, speckles of 5 px, eight bits, noise of {SIGMA:g} grey levels, {REPEATS} pairs that differ in
+their noise. Subsets have 21 px every 5 px, and every guess is off by 0.2 px in both directions. The floor
 √(2σ²/ΣG²) is {1e3 * result.floor:.2f} mpx (1 mpx = 0.001 px); rounding to eight bits adds one per cent to σ.
 
 | motion | shape | prefilter, px | bias, mpx | std, mpx | stated sigma, mpx | std of error / sigma |

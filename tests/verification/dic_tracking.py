@@ -220,8 +220,8 @@ def page(result: Result) -> str:
     return f"""# {TITLE}
 
 A speckle pattern is computed in closed form ({{py:mod}}`dic.synthetic.speckles`) while it is flattened to
-λ = 0.25 and spreads to 1.37 times its width: {len(LAMBDA)} frames of {SHAPE[1]} x {SHAPE[0]} px, eight bits, noise of
-{SIGMA:g} grey levels, {SEEDS} patterns. {len(grid())} points with subsets of {
+λ = 0.25 and spreads to 1.37 times its width: {len(LAMBDA)} frames of {SHAPE[1]} x {SHAPE[0]} px, eight bits,
+noise of {SIGMA:g} grey levels, {SEEDS} patterns. {len(grid())} points with subsets of {
         SUBSET
     } px, affine, are followed
 with the settings that {{py:class}}`dic.tracking.Tracking` has by default ({{doc}}`../theory/tracking`).

@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 
 from explicit import Response
 from kolsky.cli import app
-from kolsky.inverse.findings import Declaration, ParameterProfile
-from kolsky.inverse.methods import Method
+from kolsky.inverse.method_comparison import Method
+from kolsky.inverse.uncertainty_results import Declaration, ParameterProfile
 from kolsky.report import numbers
 from kolsky.report.page import render
 from kolsky.report.rendering import HEADING, LONGEST, legible

@@ -10,8 +10,14 @@ import pytest
 from synthetic import synthetic
 
 from kolsky.base.errors import InputError
-from kolsky.inverse.findings import Declaration, PairMap, ParameterProfile, PosteriorSummary, Variation
 from kolsky.inverse.result import Identification
+from kolsky.inverse.uncertainty_results import (
+    Declaration,
+    PairMap,
+    ParameterProfile,
+    PosteriorSummary,
+    Variation,
+)
 from kolsky.report.canvas import build
 from kolsky.report.choices import choices
 from kolsky.report.figures import REGISTRY

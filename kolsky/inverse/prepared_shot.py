@@ -9,7 +9,7 @@ import explicit
 from kolsky.bars.flyer.path import FlyerPath
 from kolsky.base.records import FlyerMotion, ForceHistory
 from kolsky.inverse.forward import Forward, curve_replicates, material_law
-from kolsky.inverse.misfit import Observations, observe
+from kolsky.inverse.observations import Observations, observe
 from kolsky.shot.curve import conditioned_ratio
 from kolsky.shot.recorded import path_of
 from kolsky.shot.records import Shot
@@ -22,7 +22,7 @@ OUTLINES = 65
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedShot:
     """What every loop over simulations of one shot starts from."""
 
     forward: Forward
@@ -53,7 +53,7 @@ class Prepared:
         )
 
 
-def prepare(shot: Shot) -> Prepared:
+def prepare_shot(shot: Shot) -> PreparedShot:
     """Turn a shot's recordings into observations and the solver's inputs.
 
     Raises
@@ -82,7 +82,7 @@ def prepare(shot: Shot) -> Prepared:
     sampling = explicit.Sampling(force_times=observations.force.time, surface_times=outlines)
     law, ratio = material_law(shot.curve), conditioned_ratio(shot.curve)
     forward = Forward(shot=shot, sampling=sampling, paths=(path,), laws=(law,))
-    return Prepared(
+    return PreparedShot(
         forward=forward,
         observations=observations,
         checks={

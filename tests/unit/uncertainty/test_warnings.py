@@ -10,7 +10,7 @@ from synthetic import CHECKS, failed, synthetic
 from explicit import Outcome
 from kolsky.base.apparatus import Interface
 from kolsky.inverse.result import Identification, Verdict
-from kolsky.uncertainty.warnings.collected import cautions
+from kolsky.uncertainty.warnings.collect import collect_warnings
 
 BONDED = Interface(faces="bonded", side="bonded")
 SLIDING = Interface(faces="coulomb", side="coulomb", friction=0.3)
@@ -34,7 +34,7 @@ def estimate(**changes: Any) -> Identification:
 
 def said(result: Identification, interface: Interface = BONDED, lost: int = 0, **checks: float) -> str:
     """The only warning."""
-    found = cautions(result, checks={**CHECKS, **checks}, interface=interface, lost_replicates=lost)
+    found = collect_warnings(result, checks={**CHECKS, **checks}, interface=interface, lost_replicates=lost)
     assert len(found) == 1, found
     assert "\n" not in found[0]
     assert not found[0].endswith(".")
@@ -42,7 +42,7 @@ def said(result: Identification, interface: Interface = BONDED, lost: int = 0, *
 
 
 def test_nothing_to_say() -> None:
-    assert cautions(clean(), checks=CHECKS, interface=BONDED) == ()
+    assert collect_warnings(clean(), checks=CHECKS, interface=BONDED) == ()
 
 
 def test_strained_past_the_curve() -> None:
@@ -91,7 +91,7 @@ def test_flyer_noise() -> None:
     text = said(clean(), flyer_chi2_per_dof=0.25)
     assert "about 2 times too large" in text
     assert "about 2 times too small" in said(clean(), flyer_chi2_per_dof=4.0)
-    assert cautions(clean(), checks={**CHECKS, "flyer_chi2_per_dof": 0.6}, interface=BONDED) == ()
+    assert collect_warnings(clean(), checks={**CHECKS, "flyer_chi2_per_dof": 0.6}, interface=BONDED) == ()
 
 
 def test_force_noise_that_is_not_white() -> None:
@@ -99,7 +99,9 @@ def test_force_noise_that_is_not_white() -> None:
     text = said(clean(), force_noise_correlation=0.6)
     assert "correlate by 0.6 (white noise: within 0.15)" in text
     assert text.endswith("about 2")
-    assert cautions(clean(), checks={**CHECKS, "force_noise_correlation": -0.14}, interface=BONDED) == ()
+    assert (
+        collect_warnings(clean(), checks={**CHECKS, "force_noise_correlation": -0.14}, interface=BONDED) == ()
+    )
 
 
 def test_points_that_do_not_count() -> None:
@@ -118,7 +120,7 @@ def test_friction_replaces_the_interface() -> None:
     assert "Coulomb's law replaced the interface that the shot declares (faces bonded, side bonded)" in said(
         result
     )
-    assert cautions(result, checks=CHECKS, interface=SLIDING) == ()
+    assert collect_warnings(result, checks=CHECKS, interface=SLIDING) == ()
     held = {**c.provenance, "settings": {"held": {"friction": 0.5}}}
     assert "Coulomb's law replaced" in said(clean(provenance=held))
 
@@ -134,7 +136,7 @@ def test_runs_that_did_not_complete() -> None:
         failed_elements=np.full(22, 351),
         failed_places=np.tile([4.6e-3, 6.4e-3], (22, 1)),
     )
-    texts = cautions(clean(design=design), checks=CHECKS, interface=BONDED)
+    texts = collect_warnings(clean(design=design), checks=CHECKS, interface=BONDED)
     assert len(texts) == 3  # the count, and the first run of each kind with its moment, element and cure
     count = "3 of 22 runs did not complete (2 in design: INVERTED, 1 in refinement: STEP_COLLAPSED)"
     assert texts[0] == f"{count}; the surrogate rests on the others"
@@ -163,7 +165,7 @@ def routes(force: float, shape: float) -> Identification:
 
 def test_force_and_shape_that_disagree() -> None:
     # The routes' 0.003 each, flyer 0.000912, curve 0.000684 and mesh 0.0016: twice their root sum is 0.00935.
-    assert cautions(routes(1.12, 1.1293), checks=CHECKS, interface=BONDED) == ()
+    assert collect_warnings(routes(1.12, 1.1293), checks=CHECKS, interface=BONDED) == ()
     text = said(routes(1.12, 1.1294))
     assert "1.12 by the force alone, 1.1294 by the shape alone" in text
     assert "0.0094" in text
@@ -174,10 +176,10 @@ def test_force_and_shape_that_disagree() -> None:
 
 def test_an_interval_past_the_design() -> None:
     # Bounds 0.75 to 1.45; u = hypot(0.0019, 0.0016) = 0.00248.
-    assert cautions(estimate(value=1.4450), checks=CHECKS, interface=BONDED) == ()
+    assert collect_warnings(estimate(value=1.4450), checks=CHECKS, interface=BONDED) == ()
     assert "past the bounds of its design (0.75 to 1.45)" in said(estimate(value=1.4451))
     at_bound = estimate(value=1.45, outcome=Verdict.AT_BOUND)
-    assert cautions(at_bound, checks=CHECKS, interface=BONDED) == ()
+    assert collect_warnings(at_bound, checks=CHECKS, interface=BONDED) == ()
 
 
 def test_numbers_that_cannot_be_trusted() -> None:
@@ -200,5 +202,5 @@ def test_numbers_that_cannot_be_trusted() -> None:
 
 
 def test_a_failed_result_has_no_traceback() -> None:
-    found = cautions(failed(), checks=CHECKS, interface=BONDED)
+    found = collect_warnings(failed(), checks=CHECKS, interface=BONDED)
     assert any("22 of 22 runs did not complete" in text for text in found)

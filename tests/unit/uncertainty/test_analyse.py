@@ -9,10 +9,10 @@ import pytest
 from doe import Box, ResponseSurrogate, full_factorial
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.methods import POSTERIOR, PROFILE
+from kolsky.inverse.method_comparison import POSTERIOR, PROFILE
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.optimum import CorrectedSurrogate
-from kolsky.inverse.prepare import prepare
+from kolsky.inverse.prepared_shot import prepare_shot
 from kolsky.inverse.result import Identification
 from kolsky.inverse.settings import Settings
 from kolsky.shot.load import load_shot
@@ -92,10 +92,10 @@ def test_profile_agrees_with_curvature_and_answer(found: Identification) -> None
 @pytest.fixture(scope="module")
 def surrogate() -> tuple[CorrectedSurrogate, Objective, Box]:
     """A surrogate of open-01 on a mesh that is too coarse for anything but algebra."""
-    prepared = prepare(load_shot(OPEN_01))
+    prepared = prepare_shot(load_shot(OPEN_01))
     box = Box.of({"stiffness_factor": (1.05, 1.2)})
     points = full_factorial(box, 5).points
-    from kolsky.inverse.misfit import predict
+    from kolsky.inverse.observations import predict
 
     response = prepared.forward.run({"stiffness_factor": points[:, 0]}, Numerics(mesh=(8, 11)))
     prediction = predict(response, prepared.observations)

@@ -8,7 +8,7 @@ from kolsky.inverse.result import Identification
 from kolsky.uncertainty.warnings import answer, inputs, runs
 
 
-def cautions(
+def collect_warnings(
     result: Identification, *, checks: Mapping[str, float], interface: Interface, lost_replicates: int = 0
 ) -> tuple[str, ...]:
     """Everything about a result that a user should know before using it, gravest first.
@@ -18,7 +18,7 @@ def cautions(
     result
         The finished identification; its own `warnings` are not read.
     checks
-        The figures of `kolsky.inverse.prepare.Prepared.checks`.
+        The figures of `kolsky.inverse.prepared_shot.PreparedShot.checks`.
     interface
         The interface as the shot declares it.
     lost_replicates : int

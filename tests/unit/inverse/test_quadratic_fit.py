@@ -11,10 +11,10 @@ import pytest
 from doe import Box
 from kolsky.base.records import ForceHistory
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.misfit import Prediction, observe
-from kolsky.inverse.quadratic_fit import EDGE, averaged
+from kolsky.inverse.observations import Prediction, observe
+from kolsky.inverse.quadratic_fit import EDGE, search_by_quadratic
 from kolsky.inverse.settings import Settings
-from kolsky.inverse.stages import Stages
+from kolsky.inverse.staged_runs import StagedRuns
 
 BOX = Box(("stiffness_factor", "friction"), (0.8, 0.0), (1.6, 1.0), (False, False))
 TRUTH = np.array([1.17, 0.42])
@@ -34,7 +34,7 @@ def force(m: float, f: float) -> np.ndarray:
 
 
 class MadeUp:
-    """What `kolsky.inverse.stages.Stages` offers to the stage, with forces of a formula plus jumps."""
+    """A stand-in for `kolsky.inverse.staged_runs.StagedRuns`: forces of a formula plus jumps."""
 
     def __init__(
         self, *, jumps: float, side: str = "coulomb", ringing: float = 0.0, lost: bool = False
@@ -94,9 +94,9 @@ class MadeUp:
 
 def run(made: MadeUp, start: np.ndarray) -> Any:
     """The stage, from an optimum of the surrogate's mesh."""
-    stages: Callable[[], Stages] = lambda: made  # type: ignore[assignment, return-value]  # noqa: E731
+    stages: Callable[[], StagedRuns] = lambda: made  # type: ignore[assignment, return-value]  # noqa: E731
     coarse: Any = SimpleNamespace(x=start, box=BOX)
-    return averaged(stages(), coarse)
+    return search_by_quadratic(stages(), coarse)
 
 
 def test_a_rough_response_is_averaged_and_its_roughness_told() -> None:

@@ -11,8 +11,8 @@ from doe import Box, Design, full_factorial, latin_hypercube
 from explicit import Response
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.misfit import Observations, Prediction, predict
-from kolsky.inverse.prepare import Prepared
+from kolsky.inverse.observations import Observations, Prediction, predict
+from kolsky.inverse.prepared_shot import PreparedShot
 from kolsky.inverse.run_table import RunTable
 from kolsky.inverse.settings import Settings
 
@@ -21,7 +21,7 @@ Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
-class Runs:
+class CompletedRuns:
     """Completed runs of one stage."""
 
     points: FloatArray
@@ -52,10 +52,10 @@ class Replicates:
     """How many did not complete."""
 
 
-class Stages:
+class StagedRuns:
     """Runs designs over a box of parameters; keeps every run, and the seconds of each stage."""
 
-    def __init__(self, prepared: Prepared, settings: Settings, box: Box, progress: Progress) -> None:
+    def __init__(self, prepared: PreparedShot, settings: Settings, box: Box, progress: Progress) -> None:
         self.prepared, self.settings, self.box, self.progress = prepared, settings, box, progress
         self.rng = np.random.default_rng(settings.seed)
         self.table = RunTable(box.names)
@@ -73,7 +73,9 @@ class Stages:
             return full_factorial(box, 7)
         return latin_hypercube(box, 12 * box.dimension, rng=self.rng, optimise=True)
 
-    def simulate(self, stage: str, design: Design, numerics: Numerics, *, all_nodes: bool = False) -> Runs:
+    def simulate(
+        self, stage: str, design: Design, numerics: Numerics, *, all_nodes: bool = False
+    ) -> CompletedRuns:
         """Run a design.
 
         Raises
@@ -95,7 +97,7 @@ class Stages:
         if numerics.mesh == self.settings.numerics.mesh:
             self._coarse.append((design.points[rows], prediction))
         self.table.add(stage, design.points, response.endings, rows, prediction, self.observations)
-        return Runs(design.points[rows], rows, prediction, kept, _lost(design, response))
+        return CompletedRuns(design.points[rows], rows, prediction, kept, _lost(design, response))
 
     def evaluate(
         self, stage: str, points: FloatArray, numerics: Numerics
