@@ -13,7 +13,7 @@ from kolsky.inverse.settings import Settings
 from kolsky.report.dicpage import write_page
 from kolsky.report.page import write_report
 from kolsky.report.view import view
-from kolsky.results.write import write_identification
+from kolsky.results.hdf5 import write_identification
 from kolsky.shot import dic_summary
 from kolsky.shot.load import load_pictures, load_shot
 from kolsky.shot.optical_data import measured, surfaces

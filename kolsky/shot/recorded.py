@@ -177,12 +177,12 @@ def surface_of(source: Path, folder: Path) -> dict[str, Any]:
     )
     if from_files:
         return {}
-    from dic.output import ResultFileError, read_result
     from kolsky.shot.dic_summary import numbers, printed
     from kolsky.shot.optical_data import RESULT_FILE
+    from kolsky.shot.surfaces_file import ResultFileError, read_stereo_result
 
     try:
-        result = read_result(folder / RESULT_FILE)
+        result = read_stereo_result(folder / RESULT_FILE)
     except ResultFileError as error:
         cause = str(error).removeprefix(f"{folder / RESULT_FILE}: ")
         raise InputError(folder / RESULT_FILE, cause, cure="run `kolsky dic` again") from None

@@ -7,8 +7,8 @@ from types import MappingProxyType
 import numpy as np
 
 from dic.outcome import PointOutcome
-from dic.surface import CentrePoints, SurfaceHistory, centre_line
 from dic.surfaces import Cylinder, fit_cylinder
+from dic.surfaces.surface_history import CentrePoints, SurfaceHistory, centre_line
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.records import CentreLine, FlyerMotion
@@ -123,7 +123,7 @@ def surface_history(
     Raises
     ------
     ValueError
-        As `dic.surface.SurfaceHistory`.
+        As `dic.surfaces.surface_history.SurfaceHistory`.
     """
     outcome = np.full(export.state.shape, int(PointOutcome.VALID))
     for state, meaning in OUTCOMES.items():
@@ -143,7 +143,7 @@ def outline(surface: SurfaceHistory, *, half_width: float) -> CentrePoints:
     Raises
     ------
     ValueError
-        As `dic.surface.centre_line`.
+        As `dic.surfaces.surface_history.centre_line`.
     """
     return centre_line(surface, half_width=half_width)
 
