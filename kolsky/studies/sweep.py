@@ -23,7 +23,7 @@ from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.prepared_shot import PreparedShot, prepare_shot
 from kolsky.inverse.provenance import provenance
 from kolsky.inverse.run_table import DesignTable
-from kolsky.results.text import ends
+from kolsky.results.tables import ends
 from kolsky.shot.records import Shot
 
 KEPT = ("phi_force", "phi_shape", "chi2_force", "chi2_shape", "end time", "element", "R", "Y")

@@ -9,8 +9,8 @@ import h5py
 import numpy as np
 
 from kolsky.base.files import replacing, write_table
+from kolsky.base.json_types import jsonable
 from kolsky.inverse.parameters import PARAMETERS
-from kolsky.results.text import jsonable
 from kolsky.studies.planning.choices import CRITERIA, Choice, best_rate
 from kolsky.studies.planning.information import Expected
 from kolsky.studies.planning.plan import Plan, correlations

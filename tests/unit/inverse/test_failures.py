@@ -24,9 +24,9 @@ from kolsky.inverse.result import Identification
 from kolsky.inverse.settings import Settings
 from kolsky.inverse.simulate import simulate, write_simulation
 from kolsky.report.page import render
-from kolsky.results.read import read_identification
-from kolsky.results.text import to_json, write_csv
-from kolsky.results.write import write_identification
+from kolsky.results.hdf5 import read_identification, write_identification
+from kolsky.results.summary import to_json
+from kolsky.results.tables import write_csv
 from kolsky.shot.load import load_shot
 
 runner = CliRunner()

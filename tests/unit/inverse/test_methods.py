@@ -14,9 +14,8 @@ from kolsky.inverse.settings import Settings
 from kolsky.report.numbers import NOTHING
 from kolsky.report.page import render
 from kolsky.report.printed import details
-from kolsky.results.read import read_identification
-from kolsky.results.text import to_json
-from kolsky.results.write import write_identification
+from kolsky.results.hdf5 import read_identification, write_identification
+from kolsky.results.summary import to_json
 from kolsky.uncertainty.warnings.collect import collect_warnings
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from explicit.materials import LAWS, bulk_modulus
-from explicit.materials.mooneyrivlin import MooneyRivlin
-from explicit.materials.neohookean import NeoHookean
-from explicit.materials.ogden import Ogden2
+from explicit.materials.laws.mooney_rivlin import MooneyRivlin
+from explicit.materials.laws.neo_hookean import NeoHookean
+from explicit.materials.laws.ogden import Ogden2
 from explicit.materials.volumetric import VolumetricLaw
 from kolsky.material.fits.homogeneous import compressible_stress, free_stretch, incompressible_stress
 from kolsky.material.fits.modes import (

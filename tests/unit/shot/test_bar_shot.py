@@ -17,10 +17,10 @@ from kolsky.inverse.settings import Settings
 from kolsky.inverse.simulate import simulate, write_simulation
 from kolsky.report.page import render
 from kolsky.report.printed import answer, details
-from kolsky.results.read import read_identification
-from kolsky.results.text import to_json, write_csv
-from kolsky.results.write import write_identification
-from kolsky.shot.bar_waves import bar_force, driven_by_waves
+from kolsky.results.hdf5 import read_identification, write_identification
+from kolsky.results.summary import to_json
+from kolsky.results.tables import write_csv
+from kolsky.shot.bar_driven import bar_force, driven_by_waves
 from kolsky.shot.summary import summarise
 
 SETTINGS = Settings(
