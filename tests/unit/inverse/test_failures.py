@@ -23,7 +23,7 @@ from kolsky.inverse.prepare import Prepared, prepare
 from kolsky.inverse.result import Identification
 from kolsky.inverse.settings import Settings
 from kolsky.inverse.simulate import simulate, write_simulation
-from kolsky.report.page import render
+from kolsky.report.pages.identification import render
 from kolsky.results.read import read_identification
 from kolsky.results.text import to_json, write_csv
 from kolsky.results.write import write_identification

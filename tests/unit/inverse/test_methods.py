@@ -12,7 +12,7 @@ from kolsky.inverse.methods import AGREEMENT, LEAST_SQUARES, SIMPLEX, Method, di
 from kolsky.inverse.result import Identification
 from kolsky.inverse.settings import Settings
 from kolsky.report.numbers import NOTHING
-from kolsky.report.page import render
+from kolsky.report.pages.identification import render
 from kolsky.report.printed import details
 from kolsky.results.read import read_identification
 from kolsky.results.text import to_json
@@ -88,7 +88,7 @@ def test_a_method_that_failed_is_said() -> None:
 
 def page(result: Identification) -> str:
     """The report without its figures, which take seconds."""
-    with patch("kolsky.report.page.REGISTRY", {}):
+    with patch("kolsky.report.pages.identification.REGISTRY", {}):
         return render(result)
 
 

@@ -13,10 +13,10 @@ from kolsky.base.errors import InputError
 from kolsky.inverse.findings import Declaration, PairMap, ParameterProfile, PosteriorSummary, Variation
 from kolsky.inverse.result import Identification
 from kolsky.report.canvas import build
-from kolsky.report.choices import choices
+from kolsky.report.display_units import in_shown_units
 from kolsky.report.figures import REGISTRY
-from kolsky.report.page import render
-from kolsky.report.shown import in_shown_units
+from kolsky.report.pages.identification import render
+from kolsky.report.pages.uncertainty import choices
 from kolsky.results.read import read_identification
 from kolsky.results.text import to_json
 from kolsky.results.write import write_identification

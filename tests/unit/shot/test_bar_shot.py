@@ -15,7 +15,7 @@ from kolsky.inverse.prepare import prepare
 from kolsky.inverse.result import Verdict
 from kolsky.inverse.settings import Settings
 from kolsky.inverse.simulate import simulate, write_simulation
-from kolsky.report.page import render
+from kolsky.report.pages.identification import render
 from kolsky.report.printed import answer, details
 from kolsky.results.read import read_identification
 from kolsky.results.text import to_json, write_csv

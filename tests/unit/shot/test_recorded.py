@@ -16,8 +16,8 @@ from dic.output import write_result
 from kolsky.base.errors import InputError
 from kolsky.report.canvas import build
 from kolsky.report.figures import RECORDINGS
-from kolsky.report.labels import label
-from kolsky.report.page import render
+from kolsky.report.nomenclature import label
+from kolsky.report.pages.identification import render
 from kolsky.results.read import read_identification
 from kolsky.results.write import write_identification
 from kolsky.shot.dic_summary import numbers, printed
@@ -59,7 +59,7 @@ def seen() -> Recorded:
 @pytest.fixture
 def no_old_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """The figures of the result have tests of their own, and take most of a page's time."""
-    monkeypatch.setattr("kolsky.report.page.REGISTRY", {})
+    monkeypatch.setattr("kolsky.report.pages.identification.REGISTRY", {})
 
 
 def test_recordings_are_those_of_the_files(seen: Recorded) -> None:
