@@ -79,6 +79,7 @@ def pyvale(python: Path, problem: Problem, *, prefilter: bool) -> Row:
         try:
             done = subprocess.run(
                 command, env={**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": ""},
+                cwd=folder,  # the peer leaves a log of its own where it runs
                 capture_output=True, text=True, timeout=LONGEST, check=False,
             )  # fmt: skip
         except (OSError, subprocess.TimeoutExpired) as problem_met:

@@ -13,7 +13,7 @@ from kolsky.inverse.settings import Settings
 from kolsky.report.pages.identification import write_report
 from kolsky.report.pages.surfaces import write_page
 from kolsky.report.surface_view import view
-from kolsky.results.write import write_identification
+from kolsky.results.hdf5 import write_identification
 from kolsky.shot import dic_summary
 from kolsky.shot.load import load_pictures, load_shot
 from kolsky.shot.optical_data import measured, surfaces

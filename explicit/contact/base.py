@@ -23,7 +23,15 @@ class ContactLaw(Protocol):
     name: str
     """Name at the API."""
     needs_friction: bool
-    """Whether the law reads the friction coefficient."""
+    """Whether the law reads the friction coefficient, `explicit.Samples.friction`."""
+    needs_release_stress: bool
+    """Whether the law reads the tensile stress at which a bond breaks, `explicit.Samples.release_stress`."""
+    needs_stiffness: bool
+    """Whether the law reads the stiffness of its springs, `explicit.Samples.contact_stiffness`."""
+    carries_tension: bool
+    """Whether a node can be pulled by the platen."""
+    slides: bool
+    """Whether a node can slip along the platen while it is pressed on it."""
     remembers_slip: bool
     """Whether the law keeps a slip of each node from step to step."""
 

@@ -13,6 +13,10 @@ class Bonded:
 
     name = "bonded"
     needs_friction = False
+    needs_release_stress = False
+    needs_stiffness = False
+    carries_tension = True
+    slides = False
     remembers_slip = False
 
     def kernel_function(self, precision: Precision) -> Any:

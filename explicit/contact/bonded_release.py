@@ -21,6 +21,10 @@ class BondedRelease:
 
     name = "bonded_release"
     needs_friction = False
+    needs_release_stress = True
+    needs_stiffness = False
+    carries_tension = True
+    slides = False
     remembers_slip = False
 
     def kernel_function(self, precision: Precision) -> Any:

@@ -13,6 +13,10 @@ class Coulomb:
 
     name = "coulomb"
     needs_friction = True
+    needs_release_stress = False
+    needs_stiffness = False
+    carries_tension = False
+    slides = True
     remembers_slip = False
 
     def kernel_function(self, precision: Precision) -> Any:

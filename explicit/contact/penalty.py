@@ -25,6 +25,10 @@ class Penalty:
 
     name = "penalty"
     needs_friction = True
+    needs_release_stress = False
+    needs_stiffness = True
+    carries_tension = False
+    slides = True
     remembers_slip = True
 
     def kernel_function(self, precision: Precision) -> Any:

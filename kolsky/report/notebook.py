@@ -13,7 +13,7 @@ from dic.notebook import html_table, pandas, xarray
 from dic.surface import SurfaceHistory
 from kolsky.inverse.result import Identification
 from kolsky.report.printed import answer, details
-from kolsky.results.text import tables
+from kolsky.results.tables import tables
 from kolsky.shot.records import ShotBase
 from kolsky.shot.summary import summarise
 

@@ -5,8 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.bars.bar_force import BarForce
-from kolsky.bars.flyer.front_path import back_force, front_path, front_velocity
+from kolsky.bars.flyer.front_path import BarForce, back_force, front_path, front_velocity
 from kolsky.bars.records import FaceWaves, Reduction
 from kolsky.base.records import CentreLine
 from kolsky.shot.records import Shot, ShotBase

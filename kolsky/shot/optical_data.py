@@ -18,7 +18,6 @@ from dic.correlation import Correlation, Shape
 from dic.found_regions import FoundRegions, find_regions
 from dic.images import frame_health
 from dic.outcome import FrameOutcome
-from dic.output import ResultFileError, read_result, stored_key, write_result
 from dic.result import StereoResult
 from dic.tracking import Tracking
 from kolsky.bars.flyer.flight_report import FlightOfSpecimen, add_to, flight_of
@@ -31,6 +30,7 @@ from kolsky.shot.records import Measured
 from kolsky.shot.rig import calibrated
 from kolsky.shot.schema.apparatus import SpecimenSection
 from kolsky.shot.schema.pictures import DicSection, RegionSection
+from kolsky.shot.surfaces_file import ResultFileError, read_stereo_result, stored_key, write_stereo_result
 
 RESULT_FILE = "dic.h5"
 Progress = Callable[[str, int, int], None]
@@ -83,7 +83,7 @@ def surfaces(
     length = seen.toml.declared.specimen.length
     if not again and stored_key(path) == key:
         try:
-            result = read_result(path)
+            result = read_stereo_result(path)
             return Surfaces(result=result, path=path, fresh=False, flight=flight_of(result, length))
         except ResultFileError:
             pass  # damaged since it was written: made anew
@@ -91,7 +91,7 @@ def surfaces(
         result = _correlated(seen, device, progress)
         flight = flight_of(result, length)
     with filling(folder) as partial:
-        write_result(partial / RESULT_FILE, result, key=key)
+        write_stereo_result(partial / RESULT_FILE, result, key=key)
         if not isinstance(flight, str):
             add_to(partial / RESULT_FILE, flight)
     return Surfaces(result=result, path=path, fresh=True, flight=flight)

@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.bars.bar_force import BarForce
 from kolsky.bars.flyer.fit import fit_flyer
-from kolsky.bars.flyer.front_path import front_path
+from kolsky.bars.flyer.front_path import BarForce, front_path
 from kolsky.bars.flyer.path import FlyerPath
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
@@ -194,12 +193,12 @@ def surface_of(source: Path, folder: Path) -> dict[str, Any]:
     )
     if from_files:
         return {}
-    from dic.output import ResultFileError, read_result
     from kolsky.shot.dic_summary import numbers, printed
     from kolsky.shot.optical_data import RESULT_FILE
+    from kolsky.shot.surfaces_file import ResultFileError, read_stereo_result
 
     try:
-        result = read_result(folder / RESULT_FILE)
+        result = read_stereo_result(folder / RESULT_FILE)
     except ResultFileError as error:
         cause = str(error).removeprefix(f"{folder / RESULT_FILE}: ")
         raise InputError(folder / RESULT_FILE, cause, cure="run `kolsky dic` again") from None

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from kolsky.bars.bar_force import BarForce
+from kolsky.bars.flyer.front_path import BarForce
 from kolsky.bars.signals.transducers import force_history, noise_correlation
 from kolsky.base.apparatus import Bar, Interface, Specimen, Transducer
 from kolsky.base.arrays import FloatArray

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.bars.bar_force import BarForce
+from kolsky.bars.flyer.front_path import BarForce
 from kolsky.base.records import CentreLine, FlyerMotion
 from kolsky.shot.picture_set import CAMERAS, readable
 from kolsky.shot.records import PicturedShot, Shot, ShotBase

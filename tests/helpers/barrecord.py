@@ -8,7 +8,7 @@ import numpy as np
 
 import explicit
 from explicit.materials import marlow_from_curve
-from kolsky.bars.bar_force import BarForce
+from kolsky.bars.flyer.front_path import BarForce
 from kolsky.bars.records import FaceWaves, History, Reduction
 from kolsky.bars.reduction.inputs import StationInput, WavesInput
 from kolsky.bars.signals.bridge import Linear

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from kolsky.bars.records import Reduction
 from kolsky.bars.reduction.analyse import analyse
-from kolsky.bars.reduction.repeated import repeated_tests
+from kolsky.bars.reduction.repeated_tests import repeated_tests
 from kolsky.base.errors import InputError
 from kolsky.base.files import filling, usable_folder, write_table
 from kolsky.cli.progress import bars

@@ -12,7 +12,8 @@ from matplotlib.tri import CubicTriInterpolator, Triangulation, UniformTriRefine
 from numpy.typing import NDArray
 
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.result import DesignTable, Estimate, Identification, SurrogateCurve
+from kolsky.inverse.result import Estimate, Identification, SurrogateCurve
+from kolsky.inverse.run_table import DesignTable
 from kolsky.report.figures.base import (
     BAND,
     FORCE,

@@ -23,12 +23,12 @@ from kolsky.report.figures.base import (
     smooth_bar,
 )
 from kolsky.report.nomenclature import name_of
-from kolsky.studies.local_sensitivity import Look
+from kolsky.studies.local_sensitivity import ObservationGrid
 from kolsky.studies.planning.plan import Plan
 
 
 def draw_map(
-    ax: Axes, look: Look, values: NDArray[np.float64], label: str, *, bottom: float | None = None
+    ax: Axes, grid: ObservationGrid, values: NDArray[np.float64], label: str, *, bottom: float | None = None
 ) -> None:
     """Draw values of shape [n_frames, n_heights], NaN where there is none.
 
@@ -36,7 +36,7 @@ def draw_map(
     ----------
     ax
         Where.
-    look
+    grid
         Times and heights.
     values
         What, in the unit of the label.
@@ -48,8 +48,8 @@ def draw_map(
     top = largest(values)
     shown = np.ma.masked_invalid(values.T)
     drawn = ax.pcolormesh(
-        MS * look.frames,
-        MM * look.heights,
+        MS * grid.frames,
+        MM * grid.heights,
         shown,
         cmap="RdBu_r" if bottom is None else "cividis",
         vmin=-top if bottom is None else bottom,
@@ -57,7 +57,7 @@ def draw_map(
         shading="nearest",
         rasterized=True,
     )
-    ax.set(xlabel="Time (ms)", ylabel="Height $y$ (mm)", ylim=(0.0, MM * look.heights[-1]))
+    ax.set(xlabel="Time (ms)", ylabel="Height $y$ (mm)", ylim=(0.0, MM * grid.heights[-1]))
     # Few ticks: more of them as the axes shrink would have longer labels than the layout reckoned with.
     ticks = MaxNLocator(4)
     bar = ax.figure.colorbar(drawn, ax=ax, aspect=25, pad=0.02, ticks=ticks)  # type: ignore[union-attr]
@@ -95,7 +95,7 @@ def caption_information(plan: Plan) -> str:
 def draw_information(plan: Plan, panels: Panels) -> None:
     """Draw a map over a line for each parameter."""
     found = plan.information
-    look = found.sensitivity.look
+    grid = found.sensitivity.grid
     force, outline = found.densities()
     alone, _ = found.densities(alone=True)
     letters = iter(LETTERS)
@@ -104,14 +104,14 @@ def draw_information(plan: Plan, panels: Panels) -> None:
         top, low = panels[f"{name} outline"], panels[f"{name} force"]
         letter(top, next(letters))
         label = f"Share on ${symbol}$ (1/(mm ms))"
-        draw_map(top, look, PER_MM_MS * outline[j], label, bottom=0.0)
+        draw_map(top, grid, PER_MM_MS * outline[j], label, bottom=0.0)
         left, right = top.get_xlim()
         for count, choices in plan.heights.items():
             for choice in (c for c in choices if c.criterion == "D"):
                 x = np.full(choice.places.size, left + (right - left) * (0.035 * count))
                 top.plot(x, MM * choice.places, ">", color="white", ms=2.4, mew=0.0)
         top.set_xlim(left, right)
-        time = MS * look.times
+        time = MS * grid.times
         low.plot(time, PER_MS * force[j], color=FORCE, label="together")
         if len(plan.names) > 1:
             low.plot(time, PER_MS * alone[j], color=GREY, ls="--", lw=0.8, label="others known")
@@ -151,7 +151,7 @@ def draw_slopes(plan: Plan, panels: Panels) -> None:
     """Draw a line over a map for each parameter."""
     slopes = plan.information.sensitivity
     letters = iter(LETTERS)
-    time = MS * slopes.look.times
+    time = MS * slopes.grid.times
     for j, name in enumerate(plan.names):
         step = CHANGE * slopes.scale[j]
         top, low = panels[f"{name} force"], panels[f"{name} outline"]
@@ -164,7 +164,7 @@ def draw_slopes(plan: Plan, panels: Panels) -> None:
         top.set(xlabel="Time (ms)", ylabel=rf"$\Delta F$ with $\Delta {name_of(name).tex}$ (N)")
         change_of_radius = UM * step * slopes.radius_slope[j]
         shown = np.where(np.isfinite(slopes.radius), change_of_radius, np.nan)
-        draw_map(low, slopes.look, shown, rf"$\Delta Z$ with $\Delta {name_of(name).tex}$ (µm)")
+        draw_map(low, slopes.grid, shown, rf"$\Delta Z$ with $\Delta {name_of(name).tex}$ (µm)")
         top.set_xlim(low.get_xlim())
         letter(low, next(letters))
         if j > 0:

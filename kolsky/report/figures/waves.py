@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 
 from kolsky.bars.guides.bars_together import BarsTogether
 from kolsky.bars.records import History
-from kolsky.bars.reduction.repeated import RepeatedTests
+from kolsky.bars.reduction.repeated_tests import RepeatedTests
 from kolsky.bars.result import WavesResult
 from kolsky.report.figures.base import (
     BAND,

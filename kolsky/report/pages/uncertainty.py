@@ -1,4 +1,4 @@
-"""Tables of the report: likelihood and posterior, declared uncertainties, what would narrow the interval, choices."""
+"""Tables of the report about uncertainty: likelihood, declared uncertainties, what would narrow it."""
 
 from math import isclose, isfinite, sqrt
 from typing import Any
@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from doe.uncertainty import VerdictKind
-from kolsky.inverse.findings import Declaration, ParameterProfile
 from kolsky.inverse.result import Estimate, Identification
+from kolsky.inverse.uncertainty_results import Declaration, ParameterProfile
 from kolsky.report import numbers
 from kolsky.report.nomenclature import name_of, route_label
 from kolsky.uncertainty.warnings.runs import PAST_CURVE, equivalent_strain
@@ -204,7 +204,7 @@ CHOSEN = ("poisson", "damping", "friction")
 """Inputs that no file of the shot measures."""
 NOT_VARIED = "not varied"
 WINDOW_END, FORCE_BINS = "window_end", "force_bins"
-"""Keys of `kolsky.inverse.findings.Variation`."""
+"""Keys of `kolsky.inverse.uncertainty_results.Variation`."""
 
 
 def choices(result: Identification) -> list[dict[str, Any]]:

@@ -11,7 +11,7 @@ from pydantic import ConfigDict
 from kolsky.base.errors import InputError
 from kolsky.base.records import MaterialCurve
 from kolsky.inverse.result import Identification
-from kolsky.results.read import read_identification
+from kolsky.results.hdf5 import read_identification
 from kolsky.shot.find import find_shot_file, folder_of
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import Measured, Shot

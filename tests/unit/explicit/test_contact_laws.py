@@ -15,10 +15,6 @@ from explicit.precision import PRECISIONS
 
 N = 400
 LAWS = pytest.mark.parametrize("name", CONTACT_LAWS)
-HOLDING = ("bonded", "bonded_release")
-"""Laws that pull."""
-STICKING = (*HOLDING, "rough")
-"""Laws without slip while pressed."""
 
 
 @cache
@@ -89,7 +85,7 @@ def test_a_pressed_node_ends_on_the_platen(name: str) -> None:
     _, push, away, _, _ = resolve(name, made)
     press = pressed(made)
     assert (push[press] > 0.0).all()
-    if name == "penalty":
+    if contact_law(name).needs_stiffness:
         # Pressure = stiffness x penetration, both at the end of the step.
         pressure = made["density"] * push / made["interval"]
         np.testing.assert_allclose(
@@ -104,7 +100,7 @@ def test_a_node_that_leaves_is_pulled_by_bonds_only(name: str) -> None:
     made = touches()
     rub, push, _, _, slip = resolve(name, made)
     leaves = ~pressed(made)
-    if name in HOLDING:
+    if contact_law(name).carries_tension:
         assert (push[leaves & (made["held"] == TOUCHED)] < 0.0).any()
         leaves &= made["held"] != TOUCHED
     assert (push[leaves] == 0.0).all()
@@ -118,9 +114,9 @@ def test_friction_opposes_within_its_bound(name: str) -> None:
     rub, push, _, _, _ = resolve(name, made)
     press = pressed(made)
     assert (rub * made["v_r"] <= 0.0).all()
-    if name in STICKING:
+    if not contact_law(name).slides:
         np.testing.assert_array_equal(rub[press], -made["v_r"][press])
-    elif name == "frictionless":
+    elif not contact_law(name).needs_friction:
         assert (rub == 0.0).all()
     else:
         # Round-off of the velocities' differences: 1e-15.
@@ -135,12 +131,35 @@ def test_memory_changes_by_letting_go_only(name: str) -> None:
     made = touches()
     _, _, _, held, _ = resolve(name, made)
     changed = held != made["held"]
-    if name == "bonded_release":
+    if contact_law(name).needs_release_stress:
         assert changed.any()
         assert (made["held"][changed] == TOUCHED).all()
         assert (held[changed] == RELEASED).all()
     else:
         assert not changed.any()
+
+
+@LAWS
+@pytest.mark.parametrize(
+    ("field", "other", "attribute"),
+    [
+        ("friction", 0.1, "needs_friction"),
+        ("release_stress", 1e4, "needs_release_stress"),
+        ("stiffness", 3e10, "needs_stiffness"),
+        ("slip", 1e-7, "remembers_slip"),
+    ],
+)
+def test_a_law_reads_what_it_says_it_needs(name: str, field: str, other: float, attribute: str) -> None:
+    # The outside asks the law, not its name: a shot file, a derivative, a page.
+    values = resolve(name, touches())[:4], resolve(name, touches(**{field: other}))[:4]
+    reads = any((a != b).any() for a, b in zip(*values, strict=True))
+    assert reads == getattr(contact_law(name), attribute)
+
+
+@LAWS
+def test_a_law_pulls_if_and_only_if_it_says_so(name: str) -> None:
+    _, push, _, _, _ = resolve(name, touches())
+    assert bool((push < 0.0).any()) == contact_law(name).carries_tension
 
 
 @LAWS

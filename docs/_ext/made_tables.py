@@ -1,0 +1,51 @@
+"""Tables of pages that are made from the project itself, so that they cannot say anything else.
+
+A line ``<!-- rooms -->`` of a page becomes the table of the rooms of `kolsky` (docs/rooms.toml, which the test of
+imports reads too), ``<!-- public kolsky -->`` the public names of a package, each with its first line.
+"""
+
+import importlib
+import inspect
+import re
+import tomllib
+from pathlib import Path
+
+DOCS = Path(__file__).resolve().parents[1]
+LINE = re.compile(r"^<!-- (rooms|public (\w+)) -->$", re.MULTILINE)
+
+
+def rooms() -> str:
+    """The rooms of `kolsky` in the order of their imports."""
+    lines = ["| room | inside | holds |", "| --- | --- | --- |"]
+    for room in tomllib.loads((DOCS / "rooms.toml").read_text("utf-8"))["room"]:
+        inside = ", ".join(f"`{name}`" for name in room.get("inside", []))
+        lines.append(
+            f"| {{doc}}`{room['name']} <api/generated/kolsky.{room['name']}>` | {inside} | {room['does']} |"
+        )
+    return "\n".join(lines)
+
+
+def public(package: str) -> str:
+    """Names of a package's ``__all__``: where each is documented, and its first line."""
+    module = importlib.import_module(package)
+    homes = getattr(module, "_HOME", {})
+    lines = ["| name | what it is |", "| --- | --- |"]
+    for name in sorted(module.__all__, key=str.casefold):
+        value = getattr(module, name)
+        home = homes.get(name) or getattr(value, "__module__", package)
+        kind = "class" if inspect.isclass(value) else "func" if callable(value) else "data"
+        own = inspect.getdoc(value) if kind != "data" else ""
+        first = " ".join((own or "").partition("\n\n")[0].split()).replace("|", r"\|")
+        lines.append(f"| {{py:{kind}}}`{package}.{name} <{home}.{name}>` | {first} |")
+    return "\n".join(lines)
+
+
+def fill(app, name, source) -> None:
+    """Put the tables where a page asks for them."""
+    source[0] = LINE.sub(lambda found: rooms() if found[1] == "rooms" else public(found[2]), source[0])
+
+
+def setup(app):
+    """Look at every page before it is read."""
+    app.connect("source-read", fill)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
