@@ -23,10 +23,10 @@ if len(sys.argv) < 2:
 pictured = load_pictures(sys.argv[1])
 folder = Path(sys.argv[2]) if len(sys.argv) > 2 else pictured.folder / "results"
 folder.mkdir(exist_ok=True)
-found = surfaces(pictured.seen, folder)
+found = surfaces(pictured.pictures, folder)
 write_page(
     folder / "dic.html",
-    view(pictured.name, found.result, pictured.seen.pictures, found.flight),
+    view(pictured.name, found.result, pictured.pictures.series, found.flight),
     pictured.inputs,
 )
 for name, value in {**dic_summary.printed(found.result), **flight_report.printed(found.flight)}.items():

@@ -204,12 +204,12 @@ def test_every_exception_has_a_reason_and_is_used():
         ("explicit.step", "import kolsky"),
         ("explicit.step", "from kolsky.base.records import ForceHistory"),
         ("dic.camera", "def f():\n    from explicit import Response"),
-        ("doe.search", "if TYPE_CHECKING:\n    import dic.surface"),
+        ("doe.search", "if TYPE_CHECKING:\n    import dic.surfaces.surface_history"),
         ("doe.search", "import importlib\nimportlib.import_module('kolsky.inverse.misfit')"),
         ("doe.search", "__import__('explicit')"),
         ("kolsky.readers", "from importlib import import_module\nimport_module(name)"),
         ("kolsky.inverse.misfit", "import warp as wp"),
-        ("dic.surface", "from warp import sparse"),
+        ("dic.surfaces.surface_history", "from warp import sparse"),
         ("doe.designs", "import warp.optim"),
         ("kolsky.identification", "def draw():\n    import matplotlib.pyplot as plt"),
         ("explicit.mesh", "import pyvista"),
@@ -262,7 +262,7 @@ def test_the_checker_lets_the_allowed_pass(module, source):
 
 
 def test_the_checker_reads_the_repository():
-    known = {"kolsky.base.records", "explicit", "dic.surface", "doe", "kolsky.readers"}
+    known = {"kolsky.base.records", "explicit", "dic.surfaces.surface_history", "doe", "kolsky.readers"}
     assert known <= set(MODULES)
     targets = {i.target for i in imports_of(MODULES["kolsky.inverse.result"].read_text("utf-8"), "kolsky")}
     assert {"explicit", "kolsky.base.records", "numpy"} <= targets

@@ -1,21 +1,18 @@
 """What a shot's own files show, for its report: the force channel as recorded, the flyer and its path."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from kolsky.bars.flyer.fit import fit_flyer
-from kolsky.bars.flyer.front_path import BarForce, front_path
-from kolsky.bars.flyer.path import FlyerPath
+from kolsky.bars.flyer.front_path import BarForce
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.records import FlyerMotion
-from kolsky.shot.find import find_shot_file
-from kolsky.shot.picture_pair import PicturePair, picture_pair
+from kolsky.shot.picture_set import PicturePair, picture_pair
 from kolsky.shot.records import Shot
-from kolsky.shot.schema.reading import read_shot_toml
+from kolsky.shot.schema.reading import find_shot_file, read_shot_toml
 
 PATH_POINTS = 801
 """Times at which the fitted path is drawn."""
@@ -77,19 +74,6 @@ class Recorded:
     """The numbers of the surfaces by name, as `kolsky.shot.dic_summary.numbers` has them; empty likewise."""
     pair: PicturePair | str = ""
     """A pair of the pictures with the points on it, or why there is none."""
-
-
-def path_of(shot: Shot) -> FlyerPath:
-    """The smooth path of what moves the front face, its scale taken as exact.
-
-    Raises
-    ------
-    ValueError
-        If the record cannot be used.
-    """
-    if isinstance(shot.flyer, FlyerMotion):
-        return fit_flyer(shot.flyer, start=shot.window[0])
-    return front_path(replace(shot.flyer, sigma_gain=0.0))
 
 
 def recorded(shot: Shot, source: Path, folder: Path) -> Recorded:
@@ -160,7 +144,7 @@ def recording_facts(shot: Shot) -> dict[str, Any]:
 
 
 def _motion(shot: Shot) -> MotionShown:
-    path = path_of(shot)
+    path = shot.flyer_path
     grid = np.linspace(path.start, path.end, PATH_POINTS)
     motion = shot.flyer
     inside = (motion.time >= path.start) & (motion.time <= path.end)

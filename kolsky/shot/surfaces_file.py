@@ -13,14 +13,15 @@ from typing import Any
 import h5py
 import numpy as np
 
-from dic.body_motion import BodyMotion
 from dic.camera import Camera, StereoRig
 from dic.files import replacing
-from dic.noise import NoiseFloor
-from dic.outcome import PointOutcome
-from dic.result import Body, Placement, Remark, StereoResult, SurfaceStrain, Travel
-from dic.surface import CentrePoints, SurfaceHistory
+from dic.outcome import PointOutcome, Remark
+from dic.result import Body, Placement, StereoResult, SurfaceStrain
+from dic.rigid_body.axial_displacement import Travel
+from dic.rigid_body.body_motion import BodyMotion
 from dic.surfaces.frame import SpecimenFrame
+from dic.surfaces.noise_floor import NoiseFloor
+from dic.surfaces.surface_history import CentrePoints, SurfaceHistory
 from kolsky.shot import surfaces_layout as layout
 from kolsky.shot.surfaces_layout import STORED, Table, shape_problem
 

@@ -62,6 +62,7 @@ def film(
     loaded, folder = load(shot, out)
     from explicit.materials.volumetric import VolumetricLaw, bulk_modulus
     from kolsky.inverse.forward import material_law
+    from kolsky.report.paraview import write_vtu
     from kolsky.report.scene.drawing import CannotRender
     from kolsky.report.scene.fields import Solid
     from kolsky.report.scene.film import write_film, write_stills

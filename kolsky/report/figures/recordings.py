@@ -27,7 +27,7 @@ from kolsky.report.figures.base import (
     letter,
     smooth_bar,
 )
-from kolsky.shot.picture_pair import PicturePair
+from kolsky.shot.picture_set import PicturePair
 from kolsky.shot.recorded import Recorded
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.ticker import PercentFormatter
 
-from dic.speckle_report import Speckles
+from dic.chain.speckle_report import Speckles
 from kolsky.report.figures.base import (
     BAND,
     GREY,

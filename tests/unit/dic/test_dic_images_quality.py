@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from scipy.ndimage import fourier_shift, gaussian_filter
 
+from dic.chain.speckle_report import Speckles
 from dic.images import grey_noise, speckle_quality
 from dic.images.__main__ import main
-from dic.images.gradient import gradient, noise_gain
-from dic.speckle_report import Speckles
+from dic.images.noise import gradient, noise_gain
 from kolsky.report.canvas import build
 from kolsky.report.figures import SPECKLES
 

@@ -20,7 +20,7 @@ from kolsky.report.pages.identification import render
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.shot.dic_summary import numbers, printed
 from kolsky.shot.load import load_shot
-from kolsky.shot.picture_pair import PicturePair
+from kolsky.shot.picture_set import PicturePair
 from kolsky.shot.recorded import Recorded, recorded, recording_facts, surface_of
 from kolsky.shot.surfaces_file import write_stereo_result
 
