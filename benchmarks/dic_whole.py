@@ -95,8 +95,8 @@ def runs(raw: Path, repeats: int, *, say: Callable[[str], Any] = print) -> list[
     say
         Told of each run.
     """
-    from dic.output import read_result
     from kolsky.cli.work.dic import correlate
+    from kolsky.shot.surfaces_file import read_stereo_result
 
     found = []
     with tempfile.TemporaryDirectory() as name:
@@ -115,7 +115,7 @@ def runs(raw: Path, repeats: int, *, say: Callable[[str], Any] = print) -> list[
             whole = Whole(
                 wall=time.perf_counter() - wall,
                 processor=time.process_time() - processor,
-                stages=read_result(folder / "out" / "dic.h5").seconds,
+                stages=read_stereo_result(folder / "out" / "dic.h5").seconds,
             )
             shutil.rmtree(folder / "out")
             (folder / "out").mkdir()

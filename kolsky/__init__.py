@@ -23,9 +23,8 @@ if TYPE_CHECKING:
     from kolsky.report.canvas import save_figures
     from kolsky.report.notebook import to_dataframe, to_xarray
     from kolsky.report.page import write_report
-    from kolsky.results.read import read_identification
-    from kolsky.results.text import write_csv
-    from kolsky.results.write import write_identification
+    from kolsky.results.hdf5 import read_identification, write_identification
+    from kolsky.results.tables import write_csv
     from kolsky.shot.dic import dic
     from kolsky.shot.load import check_shot, load_shot
     from kolsky.shot.records import Shot
@@ -50,7 +49,7 @@ _HOME = {
     "load_shot": "kolsky.shot.load",
     "plan": "kolsky.studies.planning.plan",
     "rate": "kolsky.studies.rates.rate",
-    "read_identification": "kolsky.results.read",
+    "read_identification": "kolsky.results.hdf5",
     "reference_curve": "kolsky.material.reference_curve",
     "save_figures": "kolsky.report.canvas",
     "simulate": "kolsky.inverse.simulate",
@@ -58,8 +57,8 @@ _HOME = {
     "to_dataframe": "kolsky.report.notebook",
     "to_xarray": "kolsky.report.notebook",
     "waves": "kolsky.shot.waves",
-    "write_csv": "kolsky.results.text",
-    "write_identification": "kolsky.results.write",
+    "write_csv": "kolsky.results.tables",
+    "write_identification": "kolsky.results.hdf5",
     "write_report": "kolsky.report.page",
     "write_table": "kolsky.base.files",
 }

@@ -9,8 +9,8 @@ from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.settings import Settings
 from kolsky.report.page import write_report
-from kolsky.results.text import write_csv
-from kolsky.results.write import write_identification
+from kolsky.results.hdf5 import write_identification
+from kolsky.results.tables import write_csv
 from kolsky.shot.load import load_shot
 
 shot = load_shot(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "open-01")

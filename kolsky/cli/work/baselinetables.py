@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from kolsky.base.files import write_table
-from kolsky.material.curves.apparent import apparent_modulus
+from kolsky.material.curves.band import apparent_modulus
 from kolsky.material.reference_curve import ReferenceCurve
 
 MODE = "mode"

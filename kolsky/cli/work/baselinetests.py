@@ -8,9 +8,8 @@ from kolsky.base.apparatus import Specimen
 from kolsky.base.errors import InputError
 from kolsky.base.units import UnitError, quantity
 from kolsky.cli.work import options
-from kolsky.material.curves.toe import Toe
-from kolsky.material.curves.uniaxial import UniaxialTest
-from kolsky.material.end_friction.records import EndFriction
+from kolsky.material.curves.uniaxial import Toe, UniaxialTest
+from kolsky.material.end_friction.problem import EndFriction
 from kolsky.material.end_friction.slow_test import SlowNumerics
 from kolsky.material.reference_curve import Treatment
 from kolsky.readers.columns import read_columns

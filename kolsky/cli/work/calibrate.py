@@ -17,8 +17,7 @@ from kolsky.cli.work import options
 from kolsky.cli.work.parts import tell
 from kolsky.report.calibrationsummary import summary, warnings
 from kolsky.report.formats import FIGURES
-from kolsky.shot.rig import calibration_of
-from kolsky.shot.schema.calibration import read_calibration_toml
+from kolsky.shot.rig import calibration_of, read_calibration_toml
 
 RIG_FILE = "rig.yml"
 """The cameras with their covariance, in OpenCV's storage format."""

@@ -46,7 +46,7 @@ def identify(
     numerics = arithmetic.numerics(mesh)
     from kolsky import identification as inverse
     from kolsky.inverse.settings import Settings
-    from kolsky.results.text import to_json
+    from kolsky.results.summary import to_json
 
     settings = Settings(
         free=free,
@@ -86,8 +86,8 @@ def write_identified(folder: Path, found: Any, shot: Shot, source: Path, formats
         Formats of the figures.
     """
     from kolsky.cli.work.report import RESULT_FILE, write_page
-    from kolsky.results.text import write_csv
-    from kolsky.results.write import write_identification
+    from kolsky.results.hdf5 import write_identification
+    from kolsky.results.tables import write_csv
     from kolsky.shot.recorded import recorded
 
     recordings = recorded(shot, source, folder)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from kolsky.bars.records import Reduction
 from kolsky.bars.reduction.analyse import analyse
-from kolsky.bars.reduction.repeated import repeated_tests
+from kolsky.bars.reduction.repeated_tests import repeated_tests
 from kolsky.base.errors import InputError
 from kolsky.base.files import filling, usable_folder, write_table
 from kolsky.cli.progress import bars
@@ -13,7 +13,7 @@ from kolsky.cli.work import options
 from kolsky.cli.work.parts import tell
 from kolsky.report.formats import FIGURES
 from kolsky.shot.bars import load_waves
-from kolsky.shot.find import folder_of
+from kolsky.shot.schema.reading import folder_of
 
 FEWEST = 2
 

@@ -37,7 +37,7 @@ def report(shot: Path, *, out: Path | None, formats: Sequence[str], as_json: boo
     started = perf_counter()
     for name in formats:
         options.one_of("--figures", name, FIGURES)
-    from kolsky.results.read import read_identification
+    from kolsky.results.hdf5 import read_identification
     from kolsky.shot.recorded import recorded
 
     loaded, folder = load(shot, out)

@@ -32,9 +32,9 @@ def simulate(
         )
     loaded, folder = load(shot, out, "simulation")
     numerics = arithmetic.numerics(mesh)
+    from kolsky.base.json_types import jsonable
     from kolsky.inverse import simulate as forward
     from kolsky.inverse.result import worst_imbalance
-    from kolsky.results.text import jsonable
     from kolsky.uncertainty.warnings.runs import hourglass, past_curve, sliding
 
     with usable(loaded), bars() as progress:

@@ -40,8 +40,9 @@ def sweep(
     ledger = records.place(folder)
     import numpy as np
 
+    from kolsky.base.json_types import jsonable
     from kolsky.inverse import misfit
-    from kolsky.results.text import failed_runs, jsonable
+    from kolsky.results.summary import failed_runs
     from kolsky.studies import sweep as factorial
     from kolsky.uncertainty.warnings.runs import lost_runs, sliding
 

@@ -11,7 +11,7 @@ from kolsky.cli.progress import bars
 from kolsky.cli.work import options
 from kolsky.cli.work.parts import tell
 from kolsky.report.formats import FIGURES
-from kolsky.shot.find import folder_of
+from kolsky.shot.schema.reading import folder_of
 from kolsky.shot.waves import waves as reduced
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from explicit.materials.mooneyrivlin import MooneyRivlin
+from explicit.materials.laws.mooney_rivlin import MooneyRivlin
 from kolsky.base.errors import InputError
 from kolsky.cli import app
 from kolsky.cli.work.materialfiles import Columns, read_tests

@@ -6,10 +6,14 @@ from scipy.stats import t as student
 
 from kolsky.base.records import MaterialCurve
 from kolsky.inverse.forward import curve_replicates
-from kolsky.material.curves.apparent import apparent_modulus
-from kolsky.material.curves.band import CurveBand, mean_of_repeats, resampled, student_factor
-from kolsky.material.curves.toe import Toe, correct_toe
-from kolsky.material.curves.uniaxial import UniaxialTest, loading_ramps
+from kolsky.material.curves.band import (
+    CurveBand,
+    apparent_modulus,
+    mean_of_repeats,
+    resample,
+    student_factor,
+)
+from kolsky.material.curves.uniaxial import Toe, UniaxialTest, correct_toe, loading_ramps
 from kolsky.material.reference_curve import Treatment, reference_curve
 
 STRAIN = np.linspace(0.005, 0.5, 100)
@@ -71,10 +75,10 @@ def test_replicates_of_a_shots_curve_keep_the_modes_together():
 def test_a_line_through_samples_is_read_off_exactly_and_its_noise_is_found():
     rng = np.random.default_rng(2)
     x = np.linspace(0.0, 1.0, 3001)
-    value, noise = resampled(x, 3.0 * x + 1.0, np.linspace(0.1, 0.9, 9))
+    value, noise = resample(x, 3.0 * x + 1.0, np.linspace(0.1, 0.9, 9))
     assert value == pytest.approx(3.0 * np.linspace(0.1, 0.9, 9) + 1.0, rel=1e-12)
     assert noise < 1e-12
-    _, noise = resampled(x, 3.0 * x + 0.2 * rng.standard_normal(x.size), np.linspace(0.1, 0.9, 9))
+    _, noise = resample(x, 3.0 * x + 0.2 * rng.standard_normal(x.size), np.linspace(0.1, 0.9, 9))
     assert noise == pytest.approx(0.2, rel=0.1)  # a median of 3000: 2.5 %, four of those
 
 
