@@ -1,16 +1,16 @@
-"""The numbers that a reduction is quoted by: their budget, the record's facts, what has to be said."""
+"""The quoted values of a reduction: their budget, facts of the record, remarks with their cures."""
 
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from kolsky.bars.budget.budget import Budget, quoted
+from kolsky.bars.budget.budget import Budget, budget_table
 from kolsky.bars.records import Reduction, Windows
 from kolsky.bars.reduction.equilibrium import report_equilibrium
 from kolsky.bars.reduction.inputs import WavesInput
 from kolsky.bars.reduction.summary import Summary, mean_over, spread_of
-from kolsky.bars.reduction.windows import Reckoning
+from kolsky.bars.reduction.windows import PulseCheck
 from kolsky.bars.result import BudgetTable
 from kolsky.bars.signals.arrival import Arrival
 from kolsky.bars.signals.bridge import Bridge, Calibration
@@ -21,20 +21,20 @@ WAY = "three waves"
 """The analysis whose numbers are quoted."""
 UNITS = {"largest strain": "1", "peak stress": "Pa", "mean stress": "Pa", "mean rate": "1/s"}
 BEND = 0.2
-"""Curvature over the standard uncertainty from which a number's band is called a first estimate [-]."""
-LATE = 3.0
-"""A pulse this many of its own sigmas (and two samples) from where it is reckoned is worth a remark."""
+"""Second-order term over the standard uncertainty above which a value's band is a first estimate [-]."""
+LARGEST_DELAY = 3.0
+"""Delay of the reflected pulse, in its own sigmas beyond two samples, above which a remark is made."""
 
 
 def calibration_sigma(calibration: Calibration, relative: float) -> dict[str, float]:
-    """The relative uncertainty of a gauge's calibration on the field that carries it."""
+    """Relative uncertainty of a gauge's calibration as one of the field that scales it."""
     if isinstance(calibration, Bridge):
         return {"gauge_factor": relative * calibration.gauge_factor}
     return {"factor": relative * calibration.factor}
 
 
 def numbers(reduction: Reduction, summary: Summary) -> dict[str, np.ndarray]:
-    """The quoted numbers at fixed instants and spans, so that they vary smoothly with the inputs."""
+    """Quoted values at fixed instants and spans, so that they vary smoothly with the inputs."""
     strain, stress = reduction.strain[WAY].value, reduction.stress[WAY].value
     last, peak = _instants(reduction)
     found = {"largest strain": strain[last], "peak stress": stress[peak]}
@@ -45,7 +45,7 @@ def numbers(reduction: Reduction, summary: Summary) -> dict[str, np.ndarray]:
 
 
 def noise(reduction: Reduction, summary: Summary) -> dict[str, float]:
-    """What the gauges' noise adds to them."""
+    """Standard uncertainties of the quoted values from the gauges' noise."""
     last, peak = _instants(reduction)
     found = {
         "largest strain": float(reduction.strain[WAY].sigma[last]),
@@ -57,8 +57,10 @@ def noise(reduction: Reduction, summary: Summary) -> dict[str, float]:
 
 
 def table(budget: Budget, sign: float) -> BudgetTable:
-    """Quoted numbers with the share of every input, largest first; `sign` turns tension positive."""
-    found = quoted(budget, {name: (name, None, unit) for name, unit in UNITS.items() if name in budget.value})
+    """Quoted values with the share of every input, largest first; `sign` -1 makes tension positive."""
+    found = budget_table(
+        budget, {name: (name, None, unit) for name, unit in UNITS.items() if name in budget.value}
+    )
     rows = sorted(found.contributions, key=lambda row: -max(map(abs, row.shares.values()), default=0.0))
     return BudgetTable(
         results={name: (sign * value, sigma, unit) for name, (value, sigma, unit) in found.results.items()},
@@ -69,13 +71,13 @@ def table(budget: Budget, sign: float) -> BudgetTable:
 def facts(
     best: Mapping[str, Station],
     arrival: Arrival,
-    seen: tuple[Reckoning, Reckoning],
+    checks: tuple[PulseCheck, PulseCheck],
     windows: Windows,
     reduction: Reduction,
     summary: Summary,
     specimen: Specimen,
 ) -> dict[str, tuple[float, str]]:
-    """Numbers of the record and of its reduction: value and unit by name."""
+    """Facts of the record and of its reduction: value and unit by name."""
     energy = summary.energy
     found: dict[str, tuple[float, str]] = {
         "sample interval": (best["incident"].signal.strain.interval, "s"),
@@ -87,9 +89,9 @@ def facts(
     for side, station in best.items():
         found[f"wave speed, {side} bar"] = (station.signal.bar.wave_speed, "m/s")
         found[f"noise, {side} gauge"] = (station.signal.strain.sigma, "1")
-    for name, reckoning in zip(("reflected", "transmitted"), seen, strict=True):
-        if reckoning.seen is not None:
-            found[f"{name} pulse, later than reckoned by"] = (reckoning.late, "s")
+    for name, check in zip(("reflected", "transmitted"), checks, strict=True):
+        if check.observed is not None:
+            found[f"{name} pulse, later than predicted by"] = (check.delay, "s")
     found |= {
         "energy of the incident wave": (energy.incident, "J"),
         "energy of the reflected wave": (energy.reflected, "J"),
@@ -107,29 +109,30 @@ def facts(
 
 
 def remarks(
-    reduction: Reduction, budget: Budget, seen: tuple[Reckoning, Reckoning], given: WavesInput
+    reduction: Reduction, budget: Budget, checks: tuple[PulseCheck, PulseCheck], given: WavesInput
 ) -> list[str]:
-    """What must be known before the numbers are used, each with its cure."""
+    """Remarks on conditions that limit the use of the values, each with its cure."""
     found = []
     if reduction.balanced is None:
         found.append(
-            f"the forces on the faces are nowhere balanced within {100 * given.allowance:g} %, so that no "
-            "curve of the material follows; cure: a shorter specimen, a pulse shaper, or the inverse method "
-            "(kolsky identify)"
+            f"the forces on the faces are nowhere in equilibrium within {100 * given.allowance:g} %, so that "
+            "no stress-strain curve of the material follows; cure: a shorter specimen, a pulse shaper, or "
+            "the inverse method (kolsky identify)"
         )
-    reflected = seen[0]
+    reflected = checks[0]
     interval = float(reduction.time[1] - reduction.time[0])
-    if reflected.seen is None:
-        found.append(f"no reflected pulse is seen: {reflected.reason}")
-    elif abs(reflected.late) > LATE * reflected.seen.sigma + 2.0 * interval:
+    if reflected.observed is None:
+        found.append(f"no reflected pulse is found: {reflected.reason}")
+    elif abs(reflected.delay) > LARGEST_DELAY * reflected.observed.sigma + 2.0 * interval:
         found.append(
-            f"the reflected pulse is seen {1e6 * reflected.late:+.2f} us from where the gauge's distance and "
-            "the wave speed put it; cure: check both, or measure the wave speed (kolsky wavespeed)"
+            f"the reflected pulse arrives {1e6 * reflected.delay:+.2f} us from the time that the gauge's "
+            "distance and the wave speed predict; cure: check both, or measure the wave speed (kolsky "
+            "wavespeed)"
         )
     bent = [name for name in UNITS if name in budget.value and budget.nonlinearity(name) > BEND]
     if bent:
         found.append(
-            f"the {', the '.join(bent)} does not follow its inputs on a straight line within their "
+            f"the {', the '.join(bent)} depends on its inputs nonlinearly within their "
             "uncertainty, so that the band is a first estimate; cure: a better wave speed (kolsky wavespeed)"
         )
     systematic = {key: value for key, value in given.uncertainty.items() if value > 0.0}
@@ -148,5 +151,5 @@ def _instants(reduction: Reduction) -> tuple[int, int]:
 
 
 def as_text(value: Any) -> str:
-    """A declared value as a reader wants it."""
+    """A declared value as text, numbers with six digits."""
     return f"{value:.6g}" if isinstance(value, float) else str(value)
