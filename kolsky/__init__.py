@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from kolsky.material.reference_curve import reference_curve
     from kolsky.report.canvas import save_figures
     from kolsky.report.notebook import to_dataframe, to_xarray
-    from kolsky.report.page import write_report
+    from kolsky.report.pages.identification import write_report
     from kolsky.results.hdf5 import read_identification, write_identification
     from kolsky.results.tables import write_csv
     from kolsky.shot.dic import dic
@@ -59,7 +59,7 @@ _HOME = {
     "waves": "kolsky.shot.waves",
     "write_csv": "kolsky.results.tables",
     "write_identification": "kolsky.results.hdf5",
-    "write_report": "kolsky.report.page",
+    "write_report": "kolsky.report.pages.identification",
     "write_table": "kolsky.base.files",
 }
 """Where each public name is defined. The imports above tell a type checker the same; a test compares both."""

@@ -8,7 +8,7 @@ from kolsky.cli.work.options import mesh
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.settings import Settings
-from kolsky.report.page import write_report
+from kolsky.report.pages.identification import write_report
 from kolsky.results.hdf5 import write_identification
 from kolsky.results.tables import write_csv
 from kolsky.shot.load import load_shot

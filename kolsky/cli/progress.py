@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from kolsky.report.labels import STAGES
+from kolsky.report.nomenclature import STAGES
 
 EVERY = 60.0
 """Least time between two lines of a sweep that writes to no terminal [s]."""

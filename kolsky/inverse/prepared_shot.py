@@ -11,7 +11,6 @@ from kolsky.base.records import FlyerMotion, ForceHistory
 from kolsky.inverse.forward import Forward, curve_replicates, material_law
 from kolsky.inverse.observations import Observations, observe
 from kolsky.shot.curve import conditioned_ratio
-from kolsky.shot.recorded import path_of
 from kolsky.shot.records import Shot
 
 BINS = 30
@@ -64,7 +63,7 @@ def prepare_shot(shot: Shot) -> PreparedShot:
     force, motion, scale = shot.force.history(), shot.flyer, 0.0
     if isinstance(motion, FlyerMotion):
         width = float(np.median(np.diff(motion.time)))
-        path = path_of(shot)
+        path = shot.flyer_path
         checks = {
             "flyer_chi2_per_dof": path.chi2_per_dof,
             "flyer_noise_scale": path.noise_scale,
@@ -72,7 +71,7 @@ def prepare_shot(shot: Shot) -> PreparedShot:
         }
     else:
         width = _bin_width(force, shot.window)
-        path, scale = path_of(shot), motion.sigma_gain
+        path, scale = shot.flyer_path, motion.sigma_gain
         checks = {"front_noise_scale": path.noise_scale, "front_sigma_gain": scale}
     observations = replace(
         observe(force, shot.centre_line, window=shot.window, bin_width=width),

@@ -17,9 +17,8 @@ from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.errors import InputError, refuse
 from kolsky.base.records import Recording
 from kolsky.readers.recordings import read_recordings
-from kolsky.shot.find import find_shot_file
 from kolsky.shot.schema.bars import BarsShotFile, GaugeSection, WaveBarSection, WavesShotFile
-from kolsky.shot.schema.reading import TomlFile, read_declared
+from kolsky.shot.schema.reading import TomlFile, find_shot_file, read_declared
 
 NOTHING = Specimen(diameter=0.0, length=0.0, density=0.0)
 """No specimen: the bars touch."""
@@ -136,7 +135,7 @@ def _recordings(
     for key, gauge in gauges.items():
         recorder = declared.recorders[gauge.recorder]
         wanted = "1" if gauge.strain else "V"
-        layout = recorder.as_layout(full_scale=gauge.full_scale, unit=recorder.unit or wanted)
+        layout = recorder.as_recorder_layout(full_scale=gauge.full_scale, unit=recorder.unit or wanted)
         names = [str(channel) for channel in gauge.channels]
         read = read_recordings(folder / recorder.file, names, layout=layout)
         found[key] = tuple(read[name] for name in names)

@@ -13,12 +13,13 @@ import pytest
 
 import dic.surfaces as surfaces
 from dic import Camera, FrameOutcome, StereoRig
-from dic.bodies import Region, follow_body
+from dic.bodies.follow import follow_body
+from dic.bodies.region import Region
 from dic.correlation import Correlation, Shape
 from dic.images import frame_health, grey_noise, open_pictures
-from dic.poses import flyer_poses
+from dic.rigid_body.axial_displacement import flyer_travel
+from dic.rigid_body.poses import flyer_poses
 from dic.tracking import Tracking
-from dic.travel import flyer_travel
 from kolsky.bars.flyer.fit import fit_flyer
 from kolsky.bars.flyer.flight_report import FlightOfSpecimen
 from kolsky.bars.flyer.flight_report import flight_of as report
@@ -190,11 +191,11 @@ def test_a_flyer_without_tilt_keeps_its_direction(flight):
 
 if __name__ == "__main__":
     from kolsky.report.canvas import build
-    from kolsky.report.figures.flight import KIND
+    from kolsky.report.figures.surface_motion import FLIGHT
 
     root = Path(__file__).resolve().parents[2]
     found = flight_of(root.parent / "shared" / "data" / "shots" / "open-01")
-    figure = build(KIND, report(found, LENGTH))
+    figure = build(FLIGHT, report(found, LENGTH))
     figure.savefig(root / "docs" / "images" / "flight.png", dpi=200)
     error = found.travel.displacement - found.displacement
     print(f"radius {1e3 * found.free.radius:.4f} mm, sigma {1e3 * found.free.sigma[4]:.4f} mm")

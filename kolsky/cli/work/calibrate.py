@@ -15,10 +15,8 @@ from kolsky.base.process import single_threaded_libraries
 from kolsky.cli.progress import bars
 from kolsky.cli.work import options
 from kolsky.cli.work.parts import tell
-from kolsky.report.calibrationsummary import summary, warnings
 from kolsky.report.formats import FIGURES
-from kolsky.shot.rig import calibration_of
-from kolsky.shot.schema.calibration import read_calibration_toml
+from kolsky.shot.rig import calibration_of, read_calibration_toml
 
 RIG_FILE = "rig.yml"
 """The cameras with their covariance, in OpenCV's storage format."""
@@ -57,9 +55,9 @@ def calibrate(
     folder = usable_folder(out or toml.path.parent / "results")
     with bars() as progress, single_threaded_libraries():
         found = calibration_of(toml, section, progress)
-    from kolsky.report.calibrationpage import write_page
     from kolsky.report.canvas import save_figures
     from kolsky.report.figures import CALIBRATION
+    from kolsky.report.pages.calibration import summary, warnings, write_page
 
     with filling(folder) as partial:
         try:
@@ -87,6 +85,8 @@ def calibrate(
 
 def as_object(found: Calibration) -> dict[str, Any]:
     """The calibration as one JSON object, in SI and px."""
+    from kolsky.report.pages.calibration import warnings
+
     R, t = found.rig.relative
     checks = {name: value if value == value else None for name, value in vars(found.checks).items()}
     return {

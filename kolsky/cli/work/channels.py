@@ -10,7 +10,7 @@ import typer
 from kolsky.base.errors import InputError, one_line
 from kolsky.base.units import UnitError, quantity
 from kolsky.cli.work import options
-from kolsky.readers.layout import ChannelInfo, Layout
+from kolsky.readers.contents import ChannelInfo, Layout
 from kolsky.readers.recordings import list_channels
 
 

@@ -53,7 +53,7 @@ class DesignChoice:
                 raise InputError(COMMAND_LINE, f"{option} and --design {kind} need each other")
         if self.points is not None and self.logarithmic:
             raise InputError(COMMAND_LINE, "--log has no effect on points from a file", cure="leave it out")
-        from doe.optimal import keep
+        from doe.designs.optimal import keep
         from kolsky.cli.work.constraints import Constraint
 
         if self.points is not None:
@@ -95,7 +95,7 @@ class DesignChoice:
                 case "box-behnken":
                     return DESIGNS["box_behnken"](box)
                 case "d-optimal":
-                    from doe.optimal import grid
+                    from doe.designs.optimal import grid
 
                     candidates = grid(box)
                     for constraint in constraints:

@@ -62,19 +62,19 @@ def correlate(
     folder = usable_folder(out or loaded.folder / "results")
     with bars() as progress:
         began = perf_counter()
-        found = surfaces(loaded.seen, folder, device=device, again=again, progress=progress)
+        found = surfaces(loaded.pictures, folder, device=device, again=again, progress=progress)
     result, now = found.result, perf_counter()
     times = {name: result.seconds[name] for name in ("calibration", "correlation")} if found.fresh else {}
     times["surfaces file"] = now - began - sum(times.values())
     from kolsky.report.canvas import save_figures
-    from kolsky.report.dicpage import write_page
     from kolsky.report.figures import SURFACES
-    from kolsky.report.view import view
-    from kolsky.report.vtp import write_vtp
+    from kolsky.report.pages.surfaces import write_page
+    from kolsky.report.paraview import write_vtp
+    from kolsky.report.surface_view import view
 
-    shown = view(loaded.name, result, loaded.seen.pictures, found.flight)
+    shown = view(loaded.name, result, loaded.pictures.series, found.flight)
     with filling(folder) as partial:
-        _tables(partial, result, loaded.seen.frames.frame)
+        _tables(partial, result, loaded.pictures.frames.frame)
         if not isinstance(found.flight, str):
             write_history(partial / "flight.csv", flight_report.columns(found.flight))
         now = perf_counter()

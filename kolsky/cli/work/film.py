@@ -62,11 +62,11 @@ def film(
     loaded, folder = load(shot, out)
     from explicit.materials.volumetric import VolumetricLaw, bulk_modulus
     from kolsky.inverse.forward import material_law
+    from kolsky.report.paraview import write_vtu
     from kolsky.report.scene.drawing import CannotRender
     from kolsky.report.scene.fields import Solid
     from kolsky.report.scene.film import write_film, write_stills
     from kolsky.report.scene.stage import stage_of
-    from kolsky.report.vtu import write_vtu
     from kolsky.results.hdf5 import read_identification
 
     result = read_identification(folder / "identification.h5")

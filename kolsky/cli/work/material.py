@@ -94,7 +94,7 @@ def fit_laws(
     said = to_json(found, hashes)
     from kolsky.report.canvas import save_figures
     from kolsky.report.figures import MATERIALS
-    from kolsky.report.materialpage import write_page
+    from kolsky.report.pages.material import write_page
 
     with filling(folder) as partial:
         for name, table in tables(found).items():

@@ -11,7 +11,7 @@ from kolsky.cli.work import options
 from kolsky.material.fits.modes import Mode, mode_named
 from kolsky.material.fits.test_data import HomogeneousTest, mean_test
 from kolsky.readers import homogeneous
-from kolsky.readers.layout import Layout
+from kolsky.readers.contents import Layout
 
 CONVENTIONS = ("tension-positive", "compression-positive")
 

@@ -17,10 +17,10 @@ from kolsky.base.files import usable_folder
 from kolsky.cli.progress import bars
 from kolsky.cli.work import options
 from kolsky.report import printed
-from kolsky.shot.find import folder_of
 from kolsky.shot.load import load_shot
-from kolsky.shot.picture_set import Seen
-from kolsky.shot.records import Measured, Shot
+from kolsky.shot.picture_set import PictureSet
+from kolsky.shot.records import OpticalData, Shot
+from kolsky.shot.schema.reading import folder_of
 
 
 @dataclass(frozen=True)
@@ -85,11 +85,11 @@ def load(shot: Path, out: Path | None, *inside: str) -> tuple[Shot, Path]:
     """The shot, and the folder its results go to: refused now if unusable, not after the work."""
     place = out or folder_of(shot) / "results"
 
-    def measure(seen: Seen) -> Measured:
+    def measure(pictures: PictureSet) -> OpticalData:
         from kolsky.shot.optical_data import measured
 
         with bars() as progress:
-            return measured(seen, usable_folder(place), progress=progress)
+            return measured(pictures, usable_folder(place), progress=progress)
 
     loaded = load_shot(shot, measure=measure)
     return loaded, usable_folder(place.joinpath(*inside))

@@ -91,7 +91,7 @@ def rate(
 
 def _write(folder: Path, report: RateReport, formats: Sequence[str]) -> None:
     from kolsky.report.canvas import save_figures
-    from kolsky.report.ratepage import figures_of, write_page
+    from kolsky.report.pages.rates import figures_of, write_page
 
     with filling(folder) as partial:
         write_hdf5(partial / "rates.h5", report)

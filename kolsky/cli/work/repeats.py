@@ -13,7 +13,7 @@ from kolsky.cli.work import options
 from kolsky.cli.work.parts import tell
 from kolsky.report.formats import FIGURES
 from kolsky.shot.bars import load_waves
-from kolsky.shot.find import folder_of
+from kolsky.shot.schema.reading import folder_of
 
 FEWEST = 2
 

@@ -71,12 +71,12 @@ def write_page(
     formats
         Any of `kolsky.report.formats.FIGURES`.
     processes
-        How many draw, 1 or 2; see `kolsky.report.sidebyside.drawn_by`.
+        How many draw, 1 or 2; see `kolsky.report.pages.parallel.drawn_by`.
     """
     _ahead(found)
     from kolsky.report.canvas import save_figures
     from kolsky.report.figures import RECORDINGS
-    from kolsky.report.page import write_report
+    from kolsky.report.pages.identification import write_report
 
     write_report(folder / PAGE, found, recordings, processes=processes)
     if formats:

@@ -65,7 +65,7 @@ def sweep(
     ]
     from kolsky.report.canvas import save_figures
     from kolsky.report.figures import SWEEPS
-    from kolsky.report.sweeppage import write_page
+    from kolsky.report.pages.sweep import write_page
     from kolsky.studies.sweep_analysis import analyse_sweep
 
     looked_at = analyse_sweep(result.shot, chosen.box, table)

@@ -11,7 +11,7 @@ from kolsky.cli.progress import bars
 from kolsky.cli.work import options
 from kolsky.cli.work.parts import tell
 from kolsky.report.formats import FIGURES
-from kolsky.shot.find import folder_of
+from kolsky.shot.schema.reading import folder_of
 from kolsky.shot.waves import waves as reduced
 
 
@@ -42,7 +42,7 @@ def waves(shot: Path, *, out: Path | None, formats: Sequence[str], as_json: bool
         result = reduced(shot, results=usable_folder(place), progress=progress)
     folder = usable_folder(place)
     from kolsky.report.canvas import save_figures
-    from kolsky.report.wavespage import answers, figures_of, quantity, write_page
+    from kolsky.report.pages.waves import answers, figures_of, quantity, write_page
 
     with filling(folder) as partial:
         write_hdf5(partial / "waves.h5", result)

@@ -14,7 +14,7 @@ from kolsky.cli.work import options
 from kolsky.cli.work.parts import tell
 from kolsky.report.formats import FIGURES
 from kolsky.shot.bars import load_bars
-from kolsky.shot.find import folder_of
+from kolsky.shot.schema.reading import folder_of
 
 
 def wavespeed(shot: Path, *, out: Path | None, formats: Sequence[str], as_json: bool) -> None:

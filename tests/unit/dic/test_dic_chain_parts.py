@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from synthetic_dic import rig, synthetic_result
 
-from dic.bodies import Region
+from dic.bodies.region import Region
 from dic.chain import ChainError, ChainSettings
-from dic.chain.clock import Clock
-from dic.chain.looking import check_cameras, grid
-from dic.chain.surface import outline_of
+from dic.chain.inspect_images import check_cameras, look
+from dic.chain.reduce import outline_of
+from dic.chain.stages import Clock
 from dic.images import PictureError
 from dic.outcome import FrameOutcome
-from dic.speckle import render, speckle_pattern
 from dic.surfaces import outline
+from dic.synthetic.speckles import render, speckle_pattern
 
 SHAPE = (96, 128)
 FRAMES = 6
@@ -56,7 +56,7 @@ def at_rest(*, seed: int, floor: float = FLOOR, gain: float = GAIN) -> Memory:
 
 def looked(first: Memory, second: Memory, *, frames: int = FRAMES):
     times = np.arange(frames) * 1e-3
-    return grid((first, second), rig(), SETTINGS, t=times, static=np.ones(frames, dtype=bool))
+    return look((first, second), rig(), SETTINGS, t=times, static=np.ones(frames, dtype=bool))
 
 
 def without(series: Memory, gone) -> Memory:
