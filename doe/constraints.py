@@ -1,4 +1,4 @@
-"""Constraints of a design as a user writes them: "friction <= 2 * stiffness_factor - 1", in SI."""
+"""Constraints of a design as a user writes them: "friction <= 2 * stiffness_factor - 1"."""
 
 import ast
 import operator
@@ -7,9 +7,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from kolsky.base.arrays import FloatArray
-from kolsky.base.errors import InputError
-from kolsky.cli.work.options import COMMAND_LINE
+from doe.arrays import FloatArray
 
 LONGEST = 500
 """Most characters of a constraint: what a person writes, and nothing that exhausts a parser."""
@@ -41,7 +39,7 @@ class Constraint:
 
     Raises
     ------
-    InputError
+    ValueError
         If the text is not of this kind or names something else.
     """
 
@@ -57,11 +55,7 @@ class Constraint:
             _compare(body, dict.fromkeys(names, np.ones(1)))
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
             said = error.msg if isinstance(error, SyntaxError) else str(error)
-            raise InputError(
-                COMMAND_LINE,
-                f"--where {text[:80]!r} cannot be read: {said}",
-                cure='write an inequality of varied parameters in SI, e.g. "friction <= stiffness_factor"',
-            ) from None
+            raise ValueError(f"{text[:80]!r} cannot be read: {said}") from None
 
     def __call__(self, points: FloatArray) -> NDArray[np.bool_]:
         """Which points meet it.

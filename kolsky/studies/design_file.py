@@ -9,9 +9,10 @@ import numpy as np
 from doe import Box, Design, from_points
 from kolsky.base.errors import InputError
 from kolsky.base.units import UnitError, quantity
-from kolsky.cli.work.options import MOST_RUNS
 from kolsky.inverse.parameters import checked_value, parameter
 
+MOST_RUNS = 1_000_000
+"""Most runs of a sweep; their histories must fit into memory."""
 HEADER = re.compile(r"\s*([a-z_]+)\s*(?:\(\s*([^()]+?)\s*\))?\s*")
 
 

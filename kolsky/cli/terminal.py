@@ -1,19 +1,64 @@
-"""Progress on a terminal: a bar for every stage of the work."""
+"""What a terminal shows: progress of the work on stderr, the answer on stdout.
 
+Standard output holds the answer, with `--json` exactly one object; all else goes to standard error.
+"""
+
+import json
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from kolsky.report import printed
 from kolsky.report.labels import STAGES
+
+if TYPE_CHECKING:
+    from doe.executors import Pace
 
 EVERY = 60.0
 """Least time between two lines of a sweep that writes to no terminal [s]."""
 
 
+def print_result(
+    rows: Mapping[str, Any],
+    said: Any,
+    *,
+    rest: Mapping[str, Any],
+    answers: Iterable[str] = (),
+    warnings: Iterable[str] = (),
+) -> None:
+    """Print the answer on stdout, as lines or as one JSON object, and the warnings on stderr.
+
+    Parameters
+    ----------
+    rows
+        The answer by name, for a table.
+    said
+        The answer as one object for JSON; None where a table is wanted.
+    rest
+        Where files are, how long it took; on stderr where JSON is printed.
+    answers
+        Lines before the table.
+    warnings
+        What to know before using the answer.
+    """
+    if said is None:
+        print("\n".join([*answers, *printed.columns({**rows, **rest})]))
+    else:
+        print(json.dumps(said, indent=2, allow_nan=False))
+        print("\n".join(printed.columns(rest)), file=sys.stderr)
+    for warning in warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+
+
+def since(started: float) -> str:
+    """Seconds since `started`, a value of `time.perf_counter`, as printed."""
+    return f"{time.perf_counter() - started:.1f} s"
+
+
 @contextmanager
-def bars() -> Iterator[Callable[[str, int, int], None]]:
+def progress_bars() -> Iterator[Callable[[str, int, int], None]]:
     """A progress bar a stage on stderr; nothing if that is no terminal.
 
     Yields
@@ -52,7 +97,7 @@ def counted(progress: Callable[[str, int, int], None], stage: str, total: int) -
 
 
 @contextmanager
-def paced() -> Iterator[Callable[[Any], None]]:
+def sweep_progress() -> Iterator[Callable[["Pace"], None]]:
     """A sweep's bar with its rate and the time left on stderr; a line a minute if that is no terminal.
 
     Yields
@@ -63,7 +108,7 @@ def paced() -> Iterator[Callable[[Any], None]]:
     if not sys.stderr.isatty():
         last = time.monotonic()
 
-        def say(pace: Any) -> None:
+        def say(pace: "Pace") -> None:
             nonlocal last
             if time.monotonic() - last >= EVERY:
                 last = time.monotonic()
@@ -80,7 +125,8 @@ def paced() -> Iterator[Callable[[Any], None]]:
         yield lambda pace: progress.update(task, completed=pace.done, total=pace.total, pace=_pace(pace))
 
 
-def _pace(pace: Any) -> str:
+def _pace(pace: "Pace") -> str:
+    """Runs a second and the time left, in words."""
     if pace.rate <= 0.0:
         return ""
     minutes, seconds = divmod(round(pace.seconds_left), 60)

@@ -7,24 +7,45 @@ from pathlib import Path
 from kolsky.base.errors import InputError
 
 COMMAND_LINE = Path("command line")
-DESIGNS = (
-    "factorial",
-    "lhs",
-    "maximin",
-    "sobol",
-    "halton",
-    "fractional",
-    "composite",
-    "box-behnken",
-    "d-optimal",
-    "csv",
-)
 MOST_RUNS = 1_000_000
 """Most runs of a sweep; their histories must fit into memory."""
 
 
 def _refuse(option: str, text: str, expected: str) -> InputError:
     return InputError(COMMAND_LINE, f"{option} {text!r} cannot be read", cure=f"write {expected}")
+
+
+def listed(text: str) -> tuple[str, ...]:
+    """The names of a comma-separated option."""
+    return tuple(part.strip() for part in text.split(",") if part.strip())
+
+
+def figure_formats(text: str) -> tuple[str, ...]:
+    """ "pdf,svg" as formats of figures that are saved alone."""
+    from kolsky.report.formats import FIGURES
+
+    return tuple(one_of("--figures", name, FIGURES) for name in listed(text))
+
+
+def numbers(option: str, text: str) -> list[float]:
+    """ "0.5, 1, 2" as numbers."""
+    try:
+        return [float(part) for part in listed(text)]
+    except ValueError:
+        raise _refuse(option, text, "numbers with commas, e.g. 1,2") from None
+
+
+def physical(option: str, text: str, unit: str, *, positive: bool = False) -> float:
+    """ "0.2 um/N" as a number in a unit of SI; above zero if it must be positive."""
+    from kolsky.base.units import UnitError, quantity
+
+    try:
+        value = quantity(text, unit)
+    except UnitError as error:
+        raise InputError(COMMAND_LINE, f"{option} {error}") from None
+    if positive and not value > 0.0:
+        raise InputError(COMMAND_LINE, "is not allowed", key=option, value=text, allowed=f"> 0 {unit}")
+    return value
 
 
 def strains(option: str, text: str) -> tuple[float, ...]:
