@@ -22,8 +22,9 @@ from explicit.model import Model
 from explicit.precision import PRECISIONS
 
 NODE_OPERATIONS = 22
-"""Of one node, by hand from `explicit.march`: 8 additions gather four corners in two directions; force over
-mass, drag and their sum 6; the step of the velocity 4, of the position 4. Platens concern few nodes."""
+"""Of one node, by hand from `explicit.time_loop.kernel`: 8 additions gather four corners in two directions;
+force over mass, drag and their sum 6; the step of the velocity 4, of the position 4. Platens concern few
+nodes."""
 NODE_INSTRUCTIONS = 16
 """The same with fused products: drag, velocity and position need 2 less each."""
 

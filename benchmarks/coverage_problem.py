@@ -25,10 +25,10 @@ from benchmarks.problem import (
     stroke,
 )
 from explicit.materials import marlow_from_curve
-from kolsky.bars.bar_force import BarForce
+from kolsky.bars.flyer.front_path import BarForce
 from kolsky.base.apparatus import Interface, Specimen
 from kolsky.base.records import CentreLine, FlyerMotion, ForceHistory, MaterialCurve
-from kolsky.inverse.misfit import Observations, observe, predict
+from kolsky.inverse.observations import Observations, observe, predict
 from kolsky.shot.records import ModelSettings, Shot
 
 FloatArray = NDArray[np.float64]

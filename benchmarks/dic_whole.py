@@ -95,8 +95,8 @@ def runs(raw: Path, repeats: int, *, say: Callable[[str], Any] = print) -> list[
     say
         Told of each run.
     """
-    from dic.output import read_result
-    from kolsky.cli.work.dic import correlate
+    from kolsky.cli.dic import dic
+    from kolsky.shot.surfaces_file import read_stereo_result
 
     found = []
     with tempfile.TemporaryDirectory() as name:
@@ -108,14 +108,11 @@ def runs(raw: Path, repeats: int, *, say: Callable[[str], Any] = print) -> list[
             wall, processor = time.perf_counter(), time.process_time()
             told = StringIO()
             with redirect_stdout(told), redirect_stderr(StringIO()):
-                correlate(
-                    shot, out=folder / "out", device="cpu", again=True, csv=False, vtp=False, formats=(),
-                    as_json=False,
-                )  # fmt: skip
+                dic(shot, out=folder / "out", again=True)
             whole = Whole(
                 wall=time.perf_counter() - wall,
                 processor=time.process_time() - processor,
-                stages=read_result(folder / "out" / "dic.h5").seconds,
+                stages=read_stereo_result(folder / "out" / "dic.h5").seconds,
             )
             shutil.rmtree(folder / "out")
             (folder / "out").mkdir()

@@ -29,9 +29,9 @@ SECONDS = 0.05
 REPEATS = 5
 """Measurements of each; the best counts."""
 NUMBERS_MOVED = 40
-"""Real numbers that an element update moves to or from a simulation's fields, by hand from `explicit.march`:
-displacements and velocities of four corners 16, their forces 8; with the one node to each element, four
-corners gathered 8, its velocity and displacement read and written 8."""
+"""Real numbers that an element update moves to or from a simulation's fields, by hand from
+`explicit.time_loop.kernel`: displacements and velocities of four corners 16, their forces 8; with the one
+node to each element, four corners gathered 8, its velocity and displacement read and written 8."""
 
 
 @dataclass(frozen=True)

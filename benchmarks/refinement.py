@@ -12,14 +12,14 @@ from time import perf_counter
 
 import numpy as np
 
-from kolsky.cli.work.options import ranges
+from kolsky.cli.texts import ranges
 from kolsky.inverse.coarse_search import adaptive, second_design
-from kolsky.inverse.misfit import predict
 from kolsky.inverse.objective import Objective
+from kolsky.inverse.observations import predict
 from kolsky.inverse.parameters import design_box
-from kolsky.inverse.prepare import prepare
+from kolsky.inverse.prepared_shot import prepare_shot
 from kolsky.inverse.settings import Settings
-from kolsky.inverse.stages import Stages
+from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.shot.load import load_shot
 
 WAYS = {"second designs": second_design, "adaptive refinement": adaptive}
@@ -32,12 +32,12 @@ def main() -> None:
     parser.add_argument("--free", nargs="+", default=["stiffness_factor"])
     given = parser.parse_args()
     settings = Settings(free=ranges("--free", given.free))
-    box, prepared = design_box(settings.free), prepare(load_shot(given.shot))
+    box, prepared = design_box(settings.free), prepare_shot(load_shot(given.shot))
     objective = Objective(
         prepared.observations, np.ones(len(prepared.observations.centre_line.Z), dtype=bool)
     )
     for name, way in WAYS.items():
-        stages, started = Stages(prepared, settings, box, lambda stage, done, total: None), perf_counter()
+        stages, started = StagedRuns(prepared, settings, box, lambda stage, done, total: None), perf_counter()
         try:
             found = way(stages, stages.simulate("design", stages.design(box), settings.numerics))
         except ValueError as error:

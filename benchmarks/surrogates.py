@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from doe import Box, ResponseSurrogate, latin_hypercube, sobol
 from doe.surrogates import ProcessSurrogate
-from kolsky.cli.work.options import ranges
+from kolsky.cli.texts import ranges
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.parameters import design_box
-from kolsky.inverse.prepare import prepare
+from kolsky.inverse.prepared_shot import prepare_shot
 from kolsky.inverse.settings import Settings
-from kolsky.inverse.stages import Stages
+from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.shot.load import load_shot
 
 FloatArray = NDArray[np.float64]
@@ -62,8 +62,8 @@ def main() -> None:
     parser.add_argument("--free", nargs="+", default=["stiffness_factor"])
     given = parser.parse_args()
     settings = Settings(free=ranges("--free", given.free))
-    box, prepared = design_box(settings.free), prepare(load_shot(given.shot))
-    stages = Stages(prepared, settings, box, lambda stage, done, total: None)
+    box, prepared = design_box(settings.free), prepare_shot(load_shot(given.shot))
+    stages = StagedRuns(prepared, settings, box, lambda stage, done, total: None)
     tests = stages.simulate("held out", sobol(box, HELD_OUT, rng=3), settings.numerics)
     designs = [
         stages.simulate("design", latin_hypercube(box, n * box.dimension, rng=5), settings.numerics)

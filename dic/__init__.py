@@ -2,7 +2,7 @@
 
 from dic.camera import Camera, StereoRig
 from dic.outcome import FrameOutcome, PointOutcome
-from dic.surface import CentrePoints, SurfaceHistory, centre_line
+from dic.surfaces.surface_history import CentrePoints, SurfaceHistory, centre_line
 
 __all__ = [
     "Camera",

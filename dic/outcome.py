@@ -1,5 +1,6 @@
 """How the measurement of a surface point, and of a whole frame, ended: a named cause with its cure."""
 
+from dataclasses import dataclass
 from enum import IntEnum
 
 
@@ -121,3 +122,15 @@ _FRAME_CAUSES = {
         "look at the frame: a blocked view, another scene, or more motion than the search allows",
     ),
 }
+
+
+@dataclass(frozen=True)
+class Remark:
+    """Something that the pictures say about the test or its declarations."""
+
+    name: str
+    """What kind, e.g. "swapped cameras"."""
+    text: str
+    """One sentence with its numbers."""
+    cure: str
+    """What to do about it."""

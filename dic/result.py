@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.arrays import FloatArray, IntArray
-from dic.body_motion import BodyMotion
 from dic.camera import StereoRig
-from dic.noise import SMALLEST_SERIES, NoiseFloor
-from dic.outcome import FrameOutcome, PointOutcome
-from dic.surface import CentrePoints, SurfaceHistory
+from dic.outcome import FrameOutcome, PointOutcome, Remark
+from dic.rigid_body.axial_displacement import Travel
+from dic.rigid_body.body_motion import BodyMotion
 from dic.surfaces.frame import SpecimenFrame
+from dic.surfaces.noise_floor import SMALLEST_SERIES, NoiseFloor
+from dic.surfaces.surface_history import CentrePoints, SurfaceHistory
 
 
 @dataclass(frozen=True)
@@ -54,24 +55,6 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Travel:
-    """Displacement of the flyer toward the specimen; a frame in which it was not found has no row."""
-
-    t: FloatArray
-    """Times [s], shape [n]."""
-    frame: IntArray
-    """Frames, shape [n]."""
-    displacement: FloatArray
-    """Toward the specimen, from its mean place at rest [m], shape [n]."""
-    sigma: FloatArray
-    """Standard deviation from frame to frame [m], shape [n]."""
-    n_points: IntArray
-    """Points it is from, shape [n]."""
-    rest_sigma: float
-    """Standard deviation of the mean place at rest, common to all displacements [m]."""
-
-
-@dataclass(frozen=True)
 class Placement:
     """Where the test's coordinates lie in the rig's frame, and the cylinder they were taken from."""
 
@@ -101,18 +84,6 @@ class SurfaceStrain:
     """`dic.surfaces.strains.StrainOutcome`, shape [n_frames, n_points]."""
     gauge: float
     """Side of the virtual strain gauge in the material picture [px]."""
-
-
-@dataclass(frozen=True)
-class Remark:
-    """Something that the pictures say about the test or its declarations."""
-
-    name: str
-    """What kind, e.g. "swapped cameras"."""
-    text: str
-    """One sentence with its numbers."""
-    cure: str
-    """What to do about it."""
 
 
 @dataclass(frozen=True)

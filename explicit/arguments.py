@@ -9,21 +9,22 @@ import warp as wp
 from numpy.typing import NDArray
 
 from explicit.arrays import FloatArray, IntArray
-from explicit.boundary import BAR_HISTORY, INTERIOR, LOWER, SIDE, UPPER
-from explicit.clock import CLOCK, ENDING, HANDED
 from explicit.contact import contact_law
 from explicit.elements import element
-from explicit.failure import STRAY_ENERGY
 from explicit.geometry import element_geometry
-from explicit.lanes import WARPS
-from explicit.march import MarchKernel
+from explicit.grouped_tables import GROUP, LOADED_BYTES, grouped
 from explicit.materials import bulk_modulus
 from explicit.mesh import Mesh
 from explicit.model import Model, Samples, Sampling, Stepping
-from explicit.places import GROUP, LOADED_BYTES, fits, grouped, rooms
 from explicit.precision import Precision
 from explicit.support import RIGID, CharacteristicBar, MovingSupport
-from explicit.update import VALENCE
+from explicit.time_loop.boundary import BAR_HISTORY, INTERIOR, LOWER, SIDE, UPPER
+from explicit.time_loop.failure import STRAY_ENERGY
+from explicit.time_loop.kernel import TimeLoopKernel
+from explicit.time_loop.lanes import WARPS
+from explicit.time_loop.nodes import VALENCE
+from explicit.time_loop.slots import CLOCK, ENDING, N_TOTALS
+from explicit.time_loop.state_layout import fits, state_layout
 
 SPARE = 16
 """Entries behind every row that a pack may read: the most lanes there are."""
@@ -32,8 +33,10 @@ SPARE = 16
 _BODIES: WeakKeyDictionary[Mesh, dict[Any, Any]] = WeakKeyDictionary()
 
 
-def body_of(kernel: MarchKernel, model: Model, numbers: Precision, where: Any, on_chip: bool = False) -> Any:
-    """The mesh's constants on a device, every node in its place of `node_places`; made once."""
+def body_of(
+    kernel: TimeLoopKernel, model: Model, numbers: Precision, where: Any, on_chip: bool = False
+) -> Any:
+    """The mesh's constants on a device, every node in its place of `node_order`; made once."""
     known = _BODIES.setdefault(model.mesh, {})
     key = (kernel.structs.Body, model.density, model.element, numbers.name, str(where), on_chip)
     if key not in known:
@@ -41,15 +44,15 @@ def body_of(kernel: MarchKernel, model: Model, numbers: Precision, where: Any, o
     return known[key]
 
 
-def _new_body(kernel: MarchKernel, model: Model, numbers: Precision, where: Any, on_chip: bool) -> Any:
+def _new_body(kernel: TimeLoopKernel, model: Model, numbers: Precision, where: Any, on_chip: bool) -> Any:
     mesh, mass = model.mesh, nodal_mass(model.mesh, model.density)
     shapes = element(model.element).shapes(mesh, model.density, kernel.element.Shape.numpy_dtype())
-    place, n_inner, first_seat = node_places(mesh)
+    place, n_inner, first_boundary = node_order(mesh)
     seats = np.argsort(place)[n_inner:]
     kind = node_kinds(mesh)[seats]
     body = kernel.structs.Body()
-    body.n_elements, body.n_nodes, body.length = mesh.n_elements, first_seat + len(seats), mesh.length
-    body.n_inner, body.first_seat, body.n_seats = n_inner, first_seat, len(seats)
+    body.n_elements, body.n_nodes, body.length = mesh.n_elements, first_boundary + len(seats), mesh.length
+    body.n_inner, body.first_boundary, body.n_boundary = n_inner, first_boundary, len(seats)
 
     def placed(values: NDArray[Any]) -> NDArray[Any]:
         row = np.zeros((*values.shape[:-1], body.n_nodes), dtype=values.dtype)
@@ -60,7 +63,7 @@ def _new_body(kernel: MarchKernel, model: Model, numbers: Precision, where: Any,
     surface_mass = np.divide(mass, area, out=np.full(mesh.n_nodes, np.inf), where=area > 0.0)
     masses = np.stack([mass, np.where(mesh.on_axis, 0.0, 1.0 / mass), 1.0 / mass, np.zeros(mesh.n_nodes)])
     height = mesh.nodes[:, 1] - mesh.nodes[:, 1].min()
-    slots = rooms(numbers, on_chip).elements if on_chip else mesh.n_elements
+    slots = state_layout(numbers, on_chip).elements if on_chip else mesh.n_elements
     corners = _corner_table(mesh, slots, place, 1 if where.is_cuda else SPARE)
 
     def table(values: NDArray[Any], dtype: Any) -> NDArray[Any]:
@@ -91,22 +94,22 @@ def nodal_mass(mesh: Mesh, density: float) -> FloatArray:
 
 def fits_on_chip(mesh: Mesh, numbers: Precision) -> bool:
     """Whether the state of one simulation fits into a GPU's shared memory."""
-    _, n_inner, first_seat = node_places(mesh)
-    n_seats = mesh.n_nodes - n_inner
-    return fits(first_seat + n_seats, mesh.n_elements, n_seats, numbers)
+    _, n_inner, first_boundary = node_order(mesh)
+    n_boundary = mesh.n_nodes - n_inner
+    return fits(first_boundary + n_boundary, mesh.n_elements, n_boundary, numbers)
 
 
-def node_places(mesh: Mesh) -> tuple[IntArray, int, int]:
+def node_order(mesh: Mesh) -> tuple[IntArray, int, int]:
     """The place of every node in the time loop's fields, how many nodes are inside, and the first place of
     the surface's: it begins a group of its own."""
     inner = node_kinds(mesh) == INTERIOR
-    first_seat = -(-int(inner.sum()) // GROUP) * GROUP
-    place = np.where(inner, np.cumsum(inner) - 1, first_seat + np.cumsum(~inner) - 1)
-    return place, int(inner.sum()), first_seat
+    first_boundary = -(-int(inner.sum()) // GROUP) * GROUP
+    place = np.where(inner, np.cumsum(inner) - 1, first_boundary + np.cumsum(~inner) - 1)
+    return place, int(inner.sum()), first_boundary
 
 
 def node_kinds(mesh: Mesh) -> IntArray:
-    """Which platen each node can meet, see `explicit.boundary`."""
+    """Which platen each node can meet, see `explicit.time_loop.boundary`."""
     kind = np.full(mesh.n_nodes, INTERIOR)
     kind[mesh.side] = SIDE
     kind[mesh.lower_face] = LOWER
@@ -154,7 +157,7 @@ def _side_by_side(shapes: NDArray[Any], dtype: Any) -> NDArray[Any]:
 
 
 def batch_of(
-    kernel: MarchKernel,
+    kernel: TimeLoopKernel,
     model: Model,
     samples: Samples,
     sampling: Sampling,
@@ -229,7 +232,7 @@ def _branch_table(model: Model) -> FloatArray:
 
 
 def state_of(
-    kernel: MarchKernel,
+    kernel: TimeLoopKernel,
     model: Model,
     numbers: Precision,
     where: Any,
@@ -242,8 +245,8 @@ def state_of(
     What a GPU keeps in shared memory needs no room here.
     """
     mesh = model.mesh
-    _, n_inner, first_seat = node_places(mesh)
-    n_seats = mesh.n_nodes - n_inner
+    _, n_inner, first_boundary = node_order(mesh)
+    n_boundary = mesh.n_nodes - n_inner
     state = kernel.structs.State()
     bar = isinstance(model.support, CharacteristicBar) and model.support.round_trip < np.inf
     remembers = any(contact_law(name).remembers_slip for name in (model.faces, model.side))
@@ -251,13 +254,13 @@ def state_of(
     if kernel.memory > 0:
         needed.add("memory")
     for name, n, dtype in (
-        *((name, first_seat + n_seats, numbers.real) for name in ("u_r", "u_y", "v_r", "v_y")),
+        *((name, first_boundary + n_boundary, numbers.real) for name in ("u_r", "u_y", "v_r", "v_y")),
         *((name, 4 * mesh.n_elements + SPARE, numbers.real) for name in ("corner_r", "corner_y")),
-        *((name, n_seats, wp.float64) for name in ("push_lower", "push_upper", "carried")),
+        *((name, n_boundary, wp.float64) for name in ("push_lower", "push_upper", "carried")),
         ("clock", CLOCK, wp.float64),
-        ("parts", HANDED * WARPS, wp.float64),
-        ("touched", n_seats, wp.int32),
-        ("slip", n_seats, numbers.real),
+        ("parts", N_TOTALS * WARPS, wp.float64),
+        ("touched", n_boundary, wp.int32),
+        ("slip", n_boundary, numbers.real),
         ("memory", kernel.memory * mesh.n_elements, numbers.real),
         ("bar_wave", 2 * BAR_HISTORY, wp.float64),
     ):
@@ -275,14 +278,14 @@ def _no_room(dtype: Any, device: str) -> Any:
     return wp.zeros((1, 1), dtype=dtype, device=device)
 
 
-def output_of(kernel: MarchKernel, mesh: Mesh, n: int, sampling: Sampling, nodes: Any, where: Any) -> Any:
+def output_of(kernel: TimeLoopKernel, mesh: Mesh, n: int, sampling: Sampling, nodes: Any, where: Any) -> Any:
     """Room for the histories, NaN where a simulation does not get to."""
     n_force, n_surface = len(sampling.force_times), len(sampling.surface_times)
     output = kernel.structs.Output()
     output.force_times = wp.array(sampling.force_times, dtype=wp.float64, device=where)
     output.surface_times = wp.array(sampling.surface_times, dtype=wp.float64, device=where)
     output.n_recorded = len(nodes)
-    output.nodes = wp.array(_spare(node_places(mesh)[0][nodes]), dtype=int, device=where)
+    output.nodes = wp.array(_spare(node_order(mesh)[0][nodes]), dtype=int, device=where)
     nan = float("nan")  # what the time loop does not reach stays marked, beside its Outcome
     for name, shape in (
         ("force", (n, n_force, 2)),

@@ -9,11 +9,11 @@ import warp as wp
 
 from explicit.arguments import body_of, state_of
 from explicit.arrays import FloatArray
-from explicit.march import MarchKernel
+from explicit.host_transfer import HISTORIES, HostTransfer, streams
 from explicit.model import Model
-from explicit.parcels import HISTORIES, Parcels, streams
 from explicit.precision import Precision
 from explicit.simd import PACK_BYTES, Mapping, lane_kernel
+from explicit.time_loop.kernel import TimeLoopKernel
 
 WORTH_A_PACK = 0.75
 """Share of a pack's lanes that must be at work: with fewer, its simulations are faster one by one."""
@@ -29,7 +29,7 @@ Progress = Callable[[int], None]
 class Plan:
     """A batch on its device, ready to run."""
 
-    kernel: MarchKernel
+    kernel: TimeLoopKernel
     """The scalar time loop."""
     model: Model
     """What is simulated."""
@@ -71,7 +71,7 @@ def run_on_gpu(plan: Plan, progress: Progress | None) -> dict[str, FloatArray]:
             block_dim=block,
         )
         ends.append(stream.record_event())
-    parcels = Parcels(plan.output, plan.where)
+    parcels = HostTransfer(plan.output, plan.where)
     parcels.make_room(min(part, plan.n_samples))
     for first, end in zip(firsts, ends, strict=True):
         count = min(part, plan.n_samples - first)
@@ -94,7 +94,7 @@ def packs(n_samples: int, lanes: int, n_elements: int) -> list[tuple[Mapping, in
             count = min(lanes, n_samples - first)
             jobs.append(("simulation", first, count))
             first += count
-    return jobs + [("walker", i, 1) for i in range(first, n_samples)]
+    return jobs + [("worker", i, 1) for i in range(first, n_samples)]
 
 
 def run_in_lanes(plan: Plan, threads: int, progress: Progress | None) -> dict[str, FloatArray]:

@@ -22,11 +22,11 @@ import warp as wp
 from explicit.contact import CONTACT_LAWS, contact_law
 from explicit.device import select_device
 from explicit.elements import ELEMENTS, element
-from explicit.lanes import BLOCK, SMALL_BLOCK
-from explicit.march import march_kernel
 from explicit.materials import MarlowLaw
 from explicit.precision import PRECISIONS, precision
 from explicit.relaxation.base import Relaxation
+from explicit.time_loop.kernel import time_loop_kernel
+from explicit.time_loop.lanes import BLOCK, SMALL_BLOCK
 
 FOLDER_VARIABLE = "KOLSKY_AOT"
 """Environment variable that names the folder of modules when `explicit.run` is not given one."""
@@ -122,7 +122,9 @@ def compile_each(
     homes = ((True, BLOCK), (True, SMALL_BLOCK), (False, BLOCK))
     for (faces, side, number, shape), (on_chip, block) in product(wanted, homes):
         module = _module(
-            march_kernel(law, faces, side, precision(number), shape, on_chip, block, relaxation=relaxation)
+            time_loop_kernel(
+                law, faces, side, precision(number), shape, on_chip, block, relaxation=relaxation
+            )
         )
         wp.compile_aot_module(module, arch=list(architectures), module_dir=place, use_ptx=ptx)
         for source in place.glob(f"wp_{module.name}_*.cu"):
@@ -136,7 +138,7 @@ def load_module(kernel: Any, device: Any, folder: Path | str | None) -> bool:
 
     Parameters
     ----------
-    kernel : MarchKernel
+    kernel : TimeLoopKernel
         The time loop.
     device
         A Warp device; nothing is done for a CPU.

@@ -9,7 +9,20 @@ import numpy as np
 
 from explicit.arguments import batch_of, fits_on_chip, output_of
 from explicit.arrays import FloatArray
-from explicit.clock import (
+from explicit.device import select_device
+from explicit.drivers import Plan, run_in_lanes, run_on_gpu
+from explicit.energy import EnergyLedger
+from explicit.geometry import element_geometry
+from explicit.host_transfer import HISTORIES
+from explicit.model import Model, Samples, Sampling, Stepping
+from explicit.modules import load_module
+from explicit.outcome import Outcome
+from explicit.precision import precision
+from explicit.response import Response
+from explicit.support import MovingSupport
+from explicit.time_loop.kernel import time_loop_kernel
+from explicit.time_loop.lanes import block_for
+from explicit.time_loop.slots import (
     END_TIME,
     ENDED_AS,
     FAILED_ELEMENT,
@@ -18,19 +31,6 @@ from explicit.clock import (
     STEPS_TAKEN,
     VOLUME_PAST_DATA,
 )
-from explicit.device import select_device
-from explicit.drivers import Plan, run_in_lanes, run_on_gpu
-from explicit.energy import EnergyLedger
-from explicit.geometry import element_geometry
-from explicit.lanes import block_for
-from explicit.march import march_kernel
-from explicit.model import Model, Samples, Sampling, Stepping
-from explicit.modules import load_module
-from explicit.outcome import Outcome
-from explicit.parcels import HISTORIES
-from explicit.precision import precision
-from explicit.response import Response
-from explicit.support import MovingSupport
 
 
 def run(
@@ -81,7 +81,7 @@ def run(
     where = select_device(device)
     nodes = np.arange(model.mesh.n_nodes) if sampling.all_nodes else model.mesh.side
     on_chip = where.is_cuda and fits_on_chip(model.mesh, numbers)
-    kernel = march_kernel(
+    kernel = time_loop_kernel(
         type(model.materials[0]), model.faces, model.side, numbers, model.element, on_chip,
         block_for(len(samples), where, on_chip), stepping.bound, model.volumetric, model.relaxation_kind,
     )  # fmt: skip

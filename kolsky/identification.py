@@ -18,24 +18,24 @@ from dataclasses import replace
 import numpy as np
 
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.coarse_search import Coarse, fit_for_purpose, search_coarse
+from kolsky.inverse.coarse_search import CoarseOptimum, fit_for_purpose, search_coarse
 from kolsky.inverse.estimates import comparison, curves, estimates, routes
 from kolsky.inverse.misfit import terms
 from kolsky.inverse.optimum import CorrectedSurrogate, jacobian
 from kolsky.inverse.parameters import PARAMETERS, design_box
-from kolsky.inverse.prepare import prepare
+from kolsky.inverse.prepared_shot import prepare_shot
 from kolsky.inverse.provenance import provenance
-from kolsky.inverse.refined_runs import Refined
-from kolsky.inverse.refined_search import check_refined
+from kolsky.inverse.quadratic_fit import search_by_quadratic
+from kolsky.inverse.refined_search import RefinedOptimum, search_by_single_runs, slides
 from kolsky.inverse.result import Identification
 from kolsky.inverse.settings import Settings
-from kolsky.inverse.solver_search import with_methods
-from kolsky.inverse.stages import Progress, Stages
+from kolsky.inverse.solver_search import add_method_comparison
+from kolsky.inverse.staged_runs import Progress, StagedRuns
 from kolsky.shot.curve import with_pull
 from kolsky.shot.records import Shot
-from kolsky.uncertainty.analyse import gather
-from kolsky.uncertainty.profile_likelihood import Answer
-from kolsky.uncertainty.warnings.collected import cautions
+from kolsky.uncertainty.analyse import analyse
+from kolsky.uncertainty.profile_likelihood import LinearisedOptimum
+from kolsky.uncertainty.warnings.collect import collect_warnings
 
 ORDER = 2.0
 """Order of the mesh error used for the refined mesh's remaining error; fitted in the verification manual."""
@@ -77,12 +77,14 @@ def identify(
     settings = settings or Settings()
     shot = with_pull(shot, settings.pull)
     whole = design_box(settings.free)
-    stages = Stages(prepare(shot), settings, whole, progress or (lambda stage, done, total: None))
+    stages = StagedRuns(prepare_shot(shot), settings, whole, progress or (lambda stage, done, total: None))
     coarse = search_coarse(stages)
-    return _report(shot, stages, coarse, check_refined(stages, coarse))
+    alone = whole.dimension == 1 and not slides(stages)
+    fine = search_by_single_runs(stages, coarse) if alone else search_by_quadratic(stages, coarse)
+    return _report(shot, stages, coarse, fine)
 
 
-def _input_noise(stages: Stages, fine: Refined) -> tuple[dict[str, FloatArray], int]:
+def _input_noise(stages: StagedRuns, fine: RefinedOptimum) -> tuple[dict[str, FloatArray], int]:
     """Stage 4: standard uncertainties from the inputs' noise, and how many replicates were lost."""
     scale = {}
     gains = [fine.objective.gain(slope) for slope in fine.slopes]
@@ -107,7 +109,7 @@ def _largest_shift(gains: list[FloatArray], change: FloatArray) -> FloatArray:
     return np.max([np.abs(gain @ change) for gain in gains], axis=0)
 
 
-def _numerical(settings: Settings, fine: Refined) -> dict[str, FloatArray]:
+def _numerical(settings: Settings, fine: RefinedOptimum) -> dict[str, FloatArray]:
     """Standard uncertainties from the numerics by source, shape [d] each."""
     ratio = settings.refined_mesh[0] / settings.numerics.mesh[0]
     found = {"mesh": SAFETY_FACTOR / ONE_SIDED * np.abs(fine.mesh_shift) / (ratio**ORDER - 1.0)}
@@ -119,7 +121,7 @@ def _numerical(settings: Settings, fine: Refined) -> dict[str, FloatArray]:
     return found
 
 
-def _report(shot: Shot, stages: Stages, coarse: Coarse, fine: Refined) -> Identification:
+def _report(shot: Shot, stages: StagedRuns, coarse: CoarseOptimum, fine: RefinedOptimum) -> Identification:
     """Everything the stages found, with the warnings it deserves."""
     settings, n_force = stages.settings, fine.objective.n_force
     shape = stages.observations.has_shape
@@ -127,8 +129,8 @@ def _report(shot: Shot, stages: Stages, coarse: Coarse, fine: Refined) -> Identi
     held = {name: p.held(shot) for name, p in PARAMETERS.items() if name not in stages.box.names}
     loo = coarse.surrogate.loo_residuals
     found_routes = routes(fine.box, fine.objective, fine.model, stages.box, stages.table)
-    corrected = Answer.of(fine.x, fine.box, fine.objective, fine.model, fine.surrogate)
-    known = gather(stages, corrected, fine.check.prediction, bayes=settings.bayes)
+    corrected = LinearisedOptimum.of(fine.x, fine.box, fine.objective, fine.model, fine.surrogate)
+    known = analyse(stages, corrected, fine.check.prediction, bayes=settings.bayes)
     found = Identification(
         shot=shot.name,
         estimates=estimates(
@@ -165,13 +167,13 @@ def _report(shot: Shot, stages: Stages, coarse: Coarse, fine: Refined) -> Identi
             shot, settings, stages.prepared, sliding="friction" in {*settings.free, *settings.held}
         ),
     )
-    found = with_methods(known.added_to(found), stages, fine.objective)
+    found = add_method_comparison(known.added_to(found), stages, fine.objective)
     checks = stages.prepared.checks
-    said = cautions(found, checks=checks, interface=shot.interface, lost_replicates=lost)
+    said = collect_warnings(found, checks=checks, interface=shot.interface, lost_replicates=lost)
     return replace(found, warnings=(*said, *known.warnings))
 
 
-def _runs_needed(stages: Stages, coarse: Coarse, fine: Refined) -> dict[str, float]:
+def _runs_needed(stages: StagedRuns, coarse: CoarseOptimum, fine: RefinedOptimum) -> dict[str, float]:
     """Where the check does not confirm the surrogate: how many runs would do, infinite if none."""
     if fine.confirmed:
         return {}

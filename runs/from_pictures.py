@@ -13,7 +13,7 @@ from kolsky.inverse.settings import Settings
 from kolsky.report.dicpage import write_page
 from kolsky.report.page import write_report
 from kolsky.report.view import view
-from kolsky.results.write import write_identification
+from kolsky.results.hdf5 import write_identification
 from kolsky.shot import dic_summary
 from kolsky.shot.load import load_pictures, load_shot
 from kolsky.shot.optical_data import measured, surfaces
@@ -23,10 +23,10 @@ if len(sys.argv) < 2:
 pictured = load_pictures(sys.argv[1])
 folder = Path(sys.argv[2]) if len(sys.argv) > 2 else pictured.folder / "results"
 folder.mkdir(exist_ok=True)
-found = surfaces(pictured.seen, folder)
+found = surfaces(pictured.pictures, folder)
 write_page(
     folder / "dic.html",
-    view(pictured.name, found.result, pictured.seen.pictures, found.flight),
+    view(pictured.name, found.result, pictured.pictures.series, found.flight),
     pictured.inputs,
 )
 for name, value in {**dic_summary.printed(found.result), **flight_report.printed(found.flight)}.items():

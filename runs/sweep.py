@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from doe import Box
-from doe.designs import sobol
+from doe.designs.space_filling import sobol
 from kolsky.inverse.forward import Numerics
 from kolsky.report.canvas import save_figures
 from kolsky.report.figures import SWEEPS

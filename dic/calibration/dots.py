@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from dic.arrays import FloatArray
 from dic.calibration.centroids import MARGIN, WINDOW, centroids
-from dic.calibration.corners import eight_bits
+from dic.calibration.corners import eight_bits, grey, noise_level, quantiles
 from dic.calibration.edges import LARGEST, fit_discs
-from dic.calibration.noise import grey, noise_level, quantiles
 
 LEAST_AREA = 12.0
 """Area of the smallest dot that is looked for [px²]: below, an outline has too few pixels for an ellipse."""

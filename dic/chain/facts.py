@@ -2,11 +2,11 @@
 
 from typing import Any
 
-from dic.chain.looking import Given
+from dic.chain.inspect_images import Given
+from dic.chain.speckle_report import facts as speckle_facts
+from dic.chain.speckle_report import speckles
 from dic.images import PictureError
 from dic.result import Body
-from dic.speckle_report import facts as speckle_facts
-from dic.speckle_report import speckles
 
 
 def facts_of(given: Given) -> dict[str, Any]:

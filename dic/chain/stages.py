@@ -1,26 +1,46 @@
-"""The stages in the order of the work. The flyer's run beside the specimen's, on a thread of their own."""
+"""Stages of the measurement in order, with their wall time. The flyer's run beside the specimen's, on a
+thread of their own."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import Any
+from time import perf_counter
+from typing import Any, TypeVar
 
-from dic import remarks
 from dic.arrays import BoolArray, FloatArray
-from dic.bodies import Progress, Region
+from dic.bodies.follow import Progress
+from dic.bodies.region import Region
 from dic.camera import StereoRig
-from dic.chain.clock import Clock
+from dic.chain import remarks
 from dic.chain.facts import facts_of, speckles_of
-from dic.chain.following import follow_flyer, follow_specimen, poses_of, travel_of
-from dic.chain.gating import between_ends, near_epipolar_lines, on_surface
-from dic.chain.looking import check_cameras, look
-from dic.chain.placing import place
+from dic.chain.follow_bodies import follow_flyer, follow_specimen, poses_of, travel_of
+from dic.chain.inspect_images import check_cameras, look
+from dic.chain.outliers import between_ends, near_epipolar_lines, on_surface
+from dic.chain.reduce import outline_of, strains_of, surface_of, surface_of_flyer
 from dic.chain.settings import ChainError, ChainSettings
-from dic.chain.surface import outline_of, strains_of, surface_of, surface_of_flyer
+from dic.chain.test_frame import place
 from dic.images import Pictures
-from dic.noise import noise_floor
 from dic.result import StereoResult
-from dic.setup_check import check_setup
+from dic.stereo.setup_check import check_setup
+from dic.surfaces.noise_floor import noise_floor
+
+Result = TypeVar("Result")
+
+
+class Clock:
+    """Wall time of the stages."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        """Of each stage that ended, by its name [s]."""
+
+    def __call__(self, stage: str, work: Callable[[], Result]) -> Result:
+        """Do the work of a stage; what it raises, it raises, and has no time."""
+        started = perf_counter()
+        result = work()
+        self.seconds[stage] = perf_counter() - started
+        return result
+
 
 VERSION = 10
 """Raised when the same pictures and settings give other numbers: results kept from before are made

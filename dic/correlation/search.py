@@ -7,10 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from dic.arrays import FloatArray
 from dic.correlation.kernels.launch import Batch, search
-from dic.correlation.match import Match
-from dic.correlation.settings import Correlation
+from dic.correlation.settings import Correlation, Match, Templates
 from dic.correlation.stack import PictureStack
-from dic.correlation.templates import Templates
 
 THREADS = os.cpu_count() or 1
 """CPU threads unless a caller says otherwise."""

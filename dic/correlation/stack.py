@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dic.correlation.kernels import pictures as device_pictures
+from dic.correlation.kernels import device as device_pictures
 
 
 @dataclass(frozen=True)

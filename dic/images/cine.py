@@ -15,9 +15,16 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.images.checks import Grey, checked_bits, checked_count, checked_frame, checked_index, checked_shape
 from dic.images.packed import packed_size, unpack
-from dic.images.series import PictureError
+from dic.images.series import (
+    Grey,
+    PictureError,
+    checked_bits,
+    checked_count,
+    checked_frame,
+    checked_index,
+    checked_shape,
+)
 
 _HEADER = struct.Struct("<2sHHHiIiIIIIII")
 _BITMAP = struct.Struct("<IiiHHIIiiII")

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.images.checks import MOST_FRAMES, Grey, checked_frame, checked_index
-from dic.images.series import PictureError, Pictures
+from dic.images.series import MOST_FRAMES, Grey, PictureError, Pictures, checked_frame, checked_index
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from dic.images import cine, hdf5, mraw, numbered, tiff
+from dic.images import cine, hdf5, numbered, photron, tiff
 from dic.images.facts import declared
 from dic.images.series import PictureError, Pictures
 
@@ -28,7 +28,7 @@ FORMATS = (
     Format("TIFF", tiff.sniff, tiff.read),
     Format("HDF5", hdf5.sniff, hdf5.read),
     Format("Phantom cine", cine.sniff, cine.read),
-    Format("Photron mraw", mraw.sniff, mraw.read),
+    Format("Photron mraw", photron.sniff, photron.read),
 )
 """Formats that hold a series in one file, in the order in which they are asked."""
 

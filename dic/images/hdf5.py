@@ -11,8 +11,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.images.checks import Grey, checked_bits, checked_count, checked_frame, checked_index, checked_shape
-from dic.images.series import PictureError
+from dic.images.series import (
+    Grey,
+    PictureError,
+    checked_bits,
+    checked_count,
+    checked_frame,
+    checked_index,
+    checked_shape,
+)
 
 if TYPE_CHECKING:
     import h5py

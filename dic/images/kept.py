@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.images.checks import Grey
-from dic.images.series import Pictures
+from dic.images.series import Grey, Pictures
 
 MOST_KEPT = 512 * 2**20
 """Pictures of one series that are kept in memory [bytes]; those beyond are read again when asked for."""

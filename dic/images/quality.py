@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.arrays import FloatArray, IntArray
-from dic.images.gradient import gradient, noise_gain
-from dic.images.noise import GreyNoise
+from dic.images.noise import GreyNoise, gradient, noise_gain
 from dic.images.pattern import coverage_and_diameter, illumination, width_of_autocorrelation
 
 LARGEST_SUBSET = 101

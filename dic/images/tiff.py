@@ -17,9 +17,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.images.checks import MOST_FRAMES, Grey, checked_bits, checked_frame, checked_index, checked_shape
 from dic.images.packed import packed_size, unpack
-from dic.images.series import PictureError
+from dic.images.series import (
+    MOST_FRAMES,
+    Grey,
+    PictureError,
+    checked_bits,
+    checked_frame,
+    checked_index,
+    checked_shape,
+)
 
 if TYPE_CHECKING:
     import tifffile

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from dic.arrays import FloatArray
 from dic.cells import text_cell
+from dic.files import replacing
 from dic.outcome import PointOutcome
-from dic.output.whole import whole
 from dic.result import Body
 
 MM = 1e3
@@ -63,7 +63,7 @@ def write_frames(folder: Path, body: Body, *, strain: FloatArray | None = None) 
         ]
         table = np.hstack([*columns, *([strain[frame]] if strain is not None else [])])
         path = folder / f"frame_{frame:04d}.csv"
-        with whole(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
+        with replacing(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow([*names, "outcome"])
             for row, outcome in zip(table, surface.outcome[frame], strict=True):
@@ -86,7 +86,7 @@ def write_history(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
     lengths = {name: len(values) for name, values in columns.items()}
     if len(set(lengths.values())) > 1:
         raise ValueError(f"columns have different lengths: {lengths}")
-    with whole(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
+    with replacing(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow([text_cell(name) for name in columns])
         for row in zip(*(values.tolist() for values in columns.values()), strict=True):

@@ -12,7 +12,7 @@ import numpy as np
 
 from dic.arrays import FloatArray
 from dic.camera import Camera, StereoRig
-from dic.stereo.sight import directions, inside, pixel_slope
+from dic.stereo.rays import directions, inside, pixel_slope
 
 
 def epipolar_distance(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> FloatArray:

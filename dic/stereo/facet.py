@@ -18,7 +18,7 @@ import numpy as np
 
 from dic.arrays import FloatArray
 from dic.camera import StereoRig
-from dic.stereo.sight import directions, pixel_slope, projection_slope
+from dic.stereo.rays import directions, pixel_slope, projection_slope
 
 
 class Sight(NamedTuple):

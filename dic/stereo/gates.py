@@ -1,12 +1,197 @@
-"""What a stereo match must pass."""
+"""Gates of a stereo match, and the independent numbers that it is judged by."""
 
+from dataclasses import dataclass, replace
 from enum import IntFlag
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dic.arrays import IntArray
-from dic.stereo.evidence import Evidence
+from dic.arrays import BoolArray, FloatArray, IntArray
+from dic.camera import StereoRig
+from dic.correlation import warp as warps
+from dic.correlation.settings import Match
+from dic.outcome import PointOutcome
+from dic.stereo.epipolar_search import Candidates
+from dic.stereo.epipolar_search import search as search_curves
+from dic.stereo.facet import fit_facet
+from dic.stereo.guided import neighbourhood
+from dic.stereo.pair import Pair
+from dic.stereo.rays import directions
 from dic.stereo.settings import StereoGates
+from dic.stereo.template import SAMPLES, Subsets, in_mask, inside_picture, subsets
+
+Limits = tuple[float, float]
+
+LOOSE = 0.02
+"""Tolerance of the way back [px], which a gate of a few tenths judges; at a picture's rim, where pixels come
+and go between the steps, a finer one may never be met."""
+COARSE = 0.05
+"""Differences of 1 - ZNCC that mean nothing: what steps of a pixel and a slope that is off hide."""
+SUSPECT = 0.75
+"""A rival with this correlation is looked at again with every slope; the first search has the match's own."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """The number behind each gate, one row a point; inf where it could not be had."""
+
+    sigma: FloatArray
+    """Standard deviation of the match there and back [px], shape [n]."""
+    epipolar: FloatArray
+    """Distance of camera 1's point from the epipolar line of camera 0's, signed [px], shape [n]."""
+    epipolar_sigma: FloatArray
+    """Standard deviation of it by the noise of the match [px], shape [n]."""
+    facet: FloatArray
+    """Deformation at the subset's rim that no surface can cause [px], shape [n]."""
+    incidence: FloatArray
+    """Larger angle between the surface's normal and the two lines of sight [rad], shape [n]."""
+    back_match: FloatArray
+    """Distance from the point to where its match is found back [px], shape [n]."""
+    neighbours: FloatArray
+    """Distance from where the neighbours put it [px], shape [n]."""
+    distinct: FloatArray
+    """ZNSSD over that of the best rival, the worse of both directions [-], shape [n]."""
+    distance: FloatArray
+    """Along camera 0's line of sight [m], shape [n]."""
+    unseen: FloatArray
+    """Share of the subset within the mask that a picture does not hold [-], shape [n]."""
+
+
+def gather(pair: Pair, match: Match) -> Evidence:
+    """The evidence for every match; a match that is not VALID has none."""
+    n = len(pair.points)
+    valid = match.outcome == PointOutcome.VALID
+    rows = np.flatnonzero(valid)
+    epipolar, epipolar_sigma = pair.epipolar(np.arange(n), match)
+    neighbours = disagreement(
+        pair.points, match.warp, neighbourhood(pair.points, pair.search.neighbours), valid
+    )
+    sigma, facet, incidence, back, distinct, distance, unseen = np.full((7, n), np.inf)
+    if len(rows):
+        warp = match.warp[rows]
+        distance[rows] = pair.distances(rows, warp)
+        A = slope(warp) @ np.linalg.inv(slope(pair.reference[rows]))
+        fit = fit_facet(pair.rig, pair.places[rows], distance[rows], A)
+        facet[rows] = fit.across * (pair.settings.subset / 2.0)
+        incidence[rows] = np.maximum(*fit.incidence)
+        unseen[rows] = _unseen(pair, rows, warp)
+        limits = pair.search.distances or pair.around(rows, warp)
+        there = _there(pair, rows, A, limits)
+        again = _back(pair, rows, warp, A, limits)
+        back_match = pair.correlate_back(rows, warp, again.warp, LOOSE)
+        off = np.linalg.norm(back_match.warp[:, :2] - pair.reference[rows, :2], axis=1)
+        back[rows] = np.where(back_match.outcome == PointOutcome.VALID, off, np.inf)
+        both = match.covariance[rows] + back_match.covariance
+        sigma[rows] = np.sqrt(np.trace(both, axis1=1, axis2=2) / 2.0)
+        reach = _reach(pair)
+        shares = _share(there, warp, reach), _share(again, pair.reference[rows], reach)
+        distinct[rows] = np.maximum(*shares)
+    return Evidence(
+        sigma, epipolar, epipolar_sigma, facet, incidence, back, neighbours, distinct, distance, unseen
+    )
+
+
+def disagreement(points: FloatArray, warp: FloatArray, near: IntArray, valid: BoolArray) -> FloatArray:
+    """How far each point lies from where its neighbours put it, median over them [px], shape [n].
+
+    A neighbour puts it at its own match plus the step between them, taken through the mean of both
+    gradients: exact for displacements of second order.
+
+    Parameters
+    ----------
+    points
+        Places in the material picture [px], shape [n, 2].
+    warp
+        Total warps, shape [n, 12].
+    near
+        Their neighbours, shape [n, k], -1 for none.
+    valid
+        Points that are matched, shape [n]; only those are asked.
+
+    Returns
+    -------
+    NDArray
+        inf for a point that is not matched or has no matched neighbour.
+    """
+    step = points[:, None] - points[near]
+    gradient = warp[:, 2:6].reshape(-1, 2, 2)
+    mean = (gradient[:, None] + gradient[near]) / 2.0
+    off = warp[:, None, :2] - warp[near][..., :2] - np.einsum("nkij,nkj->nki", mean, step)
+    asked = (near >= 0) & valid[near]
+    result = np.full(len(points), np.inf)
+    some = asked.any(axis=1) & valid
+    if some.any():
+        voted = np.where(asked[..., None], off, np.nan)[some]
+        result[some] = np.linalg.norm(np.nanmedian(voted, axis=1), axis=1)
+    return result
+
+
+def slope(warp: FloatArray) -> FloatArray:
+    """Gradient of the warped place by ξ at the point [-], shape [n, 2, 2]."""
+    return np.asarray(np.eye(2) + warp[..., 2:6].reshape(*warp.shape[:-1], 2, 2))
+
+
+def _unseen(pair: Pair, rows: IntArray, warp: FloatArray) -> FloatArray:
+    side = np.linspace(-0.5, 0.5, 9) * (pair.settings.subset - 1)
+    xi = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+    base = np.repeat(pair.points[rows, None], len(xi), axis=1)
+    wanted = np.ones(base.shape[:2], dtype=np.bool_)
+    if pair.mask is not None:
+        wanted = in_mask(base + xi, pair.mask)
+    held = wanted.copy()
+    for picture, way in zip(pair.pictures, (pair.reference[rows], warp), strict=True):
+        held &= inside_picture(warps.apply(base, way[:, None], xi), picture.shape)
+    return np.asarray(1.0 - held.sum(axis=1) / np.maximum(wanted.sum(axis=1), 1))
+
+
+def _there(pair: Pair, rows: IntArray, A: FloatArray, limits: Limits) -> Candidates:
+    """Camera 0's subsets, looked for along camera 1's curves."""
+    reference = pair.reference[rows]
+    wanted = subsets(pair.pictures[0], pair.points[rows], reference, pair.settings.subset, pair.mask)
+    return _looked_for(pair, pair.rig, wanted, pair.pictures[1], limits, A)
+
+
+def _back(pair: Pair, rows: IntArray, warp: FloatArray, A: FloatArray, limits: Limits) -> Candidates:
+    """Camera 1's subsets, looked for along camera 0's curves, within the same span of space."""
+    wanted = subsets(pair.pictures[1], pair.points[rows], warp, pair.settings.subset, pair.mask)
+    first, second = pair.rig.cameras
+    rays = directions(first, pair.places[rows])
+    span = [np.linalg.norm(first.centre + rays * s - second.centre, axis=1) for s in limits]
+    turned = replace(pair.rig, cameras=(second, first), covariance=None)
+    inverse = np.asarray(np.linalg.inv(A), dtype=np.float64)
+    limits = float(np.min(span)), float(np.max(span))
+    return _looked_for(pair, turned, wanted, pair.pictures[0], limits, inverse)
+
+
+def _looked_for(
+    pair: Pair,
+    rig: StereoRig,
+    wanted: Subsets,
+    picture: NDArray[np.float32],
+    limits: Limits,
+    A: FloatArray,
+) -> Candidates:
+    """The best places of subsets deformed as matched, and rivals; where one comes near, of any slope."""
+    found = search_curves(rig, wanted, picture, limits=limits, gradients=A)
+    rows = np.flatnonzero(found.rival > SUSPECT)
+    if len(rows):
+        again = search_curves(rig, wanted.take(rows), picture, limits=limits, turns=pair.search.turns)
+        apart = np.linalg.norm(again.warp[:, :2] - found.warp[rows, :2], axis=1) > _reach(pair)
+        rival = np.where(apart, np.maximum(again.zncc, again.rival), again.rival)
+        found.rival[rows] = np.maximum(found.rival[rows], rival)
+    return found
+
+
+def _reach(pair: Pair) -> float:
+    """How far apart places on a curve may be and still be the same [px]: a few of its steps."""
+    return 2.0 + 2.0 * max(1, pair.settings.subset // SAMPLES)
+
+
+def _share(candidates: Candidates, home: FloatArray, reach: float) -> FloatArray:
+    """ZNSSD of the best place over its rival's; inf if the best place is not where the match is."""
+    at_home = np.linalg.norm(candidates.warp[:, :2] - home[:, :2], axis=1) <= reach
+    share = np.maximum(1.0 - candidates.zncc, COARSE) / np.maximum(1.0 - candidates.rival, 1e-9)
+    return np.where(at_home, share, np.inf)
 
 
 class Gate(IntFlag):

@@ -11,8 +11,7 @@ from dic.correlation.settings import Correlation
 from dic.correlation.stack import Noise, PictureStack
 from dic.correlation.warp import Shape
 from dic.outcome import PointOutcome
-from dic.stereo.evidence import Evidence, gather
-from dic.stereo.gates import Gate, judge
+from dic.stereo.gates import Evidence, Gate, gather, judge
 from dic.stereo.guided import guided_match
 from dic.stereo.pair import Pair
 from dic.stereo.settings import StereoGates, StereoSearch

@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.camera import StereoRig
 from dic.correlation import warp as warps
-from dic.correlation.match import Match
 from dic.correlation.search import correlate
-from dic.correlation.settings import Correlation
+from dic.correlation.settings import Correlation, Match
 from dic.correlation.stack import PictureStack
 from dic.outcome import PointOutcome
 from dic.stereo.epipolar import epipolar_distance, epipolar_sigma

@@ -9,9 +9,8 @@ from dic.arrays import FloatArray, IntArray
 from dic.camera import StereoRig
 from dic.correlation.warp import apply, gradient
 from dic.outcome import PointOutcome
-from dic.stereo.sight import projection_slope
+from dic.stereo.rays import inverse, largest_eigenvalue, projection_slope
 from dic.stereo.triangulation import Triangulation, triangulate
-from dic.stereo.twobytwo import inverse, largest_eigenvalue
 from dic.tracking.history import Track
 
 MOST_COMMON = 0.9

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from dic.arrays import FloatArray
 from dic.camera import StereoRig
 from dic.stereo.epipolar import Aim, sigma_of, slopes_between
-from dic.stereo.sight import directions, projection_slope, towards
-from dic.stereo.twobytwo import inverse
+from dic.stereo.rays import directions, inverse, projection_slope, towards
 
 EXACT = 1e-10
 """Variance that is added to all, so that a place which was chosen has a weight too [px²]: (1e-5 px)²."""

@@ -5,8 +5,7 @@ from dic.surfaces.cylinder import Cylinder, fit_cylinder
 from dic.surfaces.frame import SpecimenFrame, on_cylinder, test_frame
 from dic.surfaces.outline import outline
 from dic.surfaces.overlap import overlap_factor
-from dic.surfaces.strain_gauge import StrainGauge, StrainOutcome
-from dic.surfaces.strains import strains
+from dic.surfaces.strains import StrainGauge, StrainOutcome, strains
 from dic.surfaces.symmetry import axisymmetry
 
 __all__ = [

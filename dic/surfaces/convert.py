@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 from dic.arrays import BoolArray, FloatArray
 from dic.outcome import PointOutcome
 from dic.stereo.reconstruction import Reconstruction
-from dic.surface import SurfaceHistory
 from dic.surfaces.frame import SpecimenFrame
+from dic.surfaces.surface_history import SurfaceHistory
 
 
 def referenced(reconstruction: Reconstruction, reference: Sequence[int] = (0,)) -> BoolArray:

@@ -12,8 +12,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dic.arrays import BoolArray, FloatArray
-from dic.surfaces.cylinder_steps import Shape, distances, fit_shape, slopes
-from dic.surfaces.first_axes import candidate_axes, circle, complete_basis
+from dic.surfaces.cylinder_fit import (
+    Shape,
+    candidate_axes,
+    circle,
+    complete_basis,
+    distances,
+    fit_shape,
+    slopes,
+)
 
 FEWEST_POINTS = 6
 FLATTEST = 50.0

@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from dic.arrays import FloatArray, IntArray
 from dic.outcome import PointOutcome
-from dic.surface import CentrePoints, SurfaceHistory
 from dic.surfaces.overlap import overlap_correlation
+from dic.surfaces.surface_history import CentrePoints, SurfaceHistory
 
 
 def rows_of(surface: SurfaceHistory, points: ArrayLike) -> IntArray:

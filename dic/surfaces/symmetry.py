@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 
 from dic.arrays import FloatArray, IntArray
 from dic.outcome import FrameOutcome
-from dic.surface import SurfaceHistory
 from dic.surfaces.overlap import overlap_correlation
+from dic.surfaces.surface_history import SurfaceHistory
 
 
 @dataclass(frozen=True)

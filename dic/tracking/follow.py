@@ -12,10 +12,9 @@ from dic.outcome import FrameOutcome, PointOutcome
 from dic.tracking.frame_match import FrameMatch
 from dic.tracking.frames import Picture, Scene, Series, count, read
 from dic.tracking.history import Track
+from dic.tracking.initial_guesses import Predictor
 from dic.tracking.matcher import Matcher, shares
-from dic.tracking.neighbours import Neighbours
-from dic.tracking.patience import Patience
-from dic.tracking.predict import Predictor
+from dic.tracking.neighbours import Neighbours, Patience
 from dic.tracking.references import References, Template
 from dic.tracking.settings import Tracking
 from dic.tracking.update import Last, Updates, composed

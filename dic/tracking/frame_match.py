@@ -9,10 +9,10 @@ from dic.correlation import PictureStack
 from dic.correlation.warp import apply
 from dic.outcome import PointOutcome
 from dic.tracking.frames import Picture
+from dic.tracking.initial_guesses import affine_consensus, correlate_windows, match_features, spread
 from dic.tracking.matcher import Matcher
 from dic.tracking.neighbours import Neighbours
 from dic.tracking.references import Template, gradient, relative
-from dic.tracking.seeds import affine_consensus, correlate_windows, match_features, spread
 from dic.tracking.settings import Tracking
 
 SEEDS = 40
@@ -43,7 +43,7 @@ class FrameMatch:
     outcome: IntArray
     """`dic.PointOutcome`, shape [n]."""
     asleep: BoolArray
-    """Lost points that this frame leaves alone (`dic.tracking.patience`), shape [n]."""
+    """Lost points that this frame leaves alone (`dic.tracking.neighbours`), shape [n]."""
     handed: FloatArray
     """The guess that each point was handed last by a neighbour; NaN: none yet, shape [n, 12]."""
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from explicit.adjoint.echo import Echo
 from explicit.adjoint.plan import FIELDS, PhasePlan
+from explicit.adjoint.returned_wave import ReturnedWave
 from explicit.adjoint.steps import ForceSampling, StepSequence
 from explicit.arrays import FloatArray
 from explicit.elements.base import INVERTED
@@ -27,7 +27,7 @@ class ForwardRun:
     """What was recorded, without leading axes."""
     checkpoints: list[dict[str, NDArray[Any]]]
     """The state at the beginning of every segment."""
-    echo: Echo
+    echo: ReturnedWave
     """What left and what returned in a moving support."""
 
     @property
@@ -65,7 +65,7 @@ def march(plan: PhasePlan, sampling: Sampling, steps: StepSequence | None = None
     rest["touched"][model.mesh.upper_face] = 1
     window.begin(rest)
     window.view["worst"][0] = 0.0
-    echo = Echo(plan.support)
+    echo = ReturnedWave(plan.support)
     outline = _Outline(plan, sampling.surface_times)
     checkpoints = [window.state(0)]
     taken: list[float] = []

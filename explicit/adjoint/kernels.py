@@ -1,9 +1,9 @@
 """The phases of a time step as differentiable Warp kernels: corner forces, the nodes, the support.
 
-They call the same functions of element, law and boundary as the time loop in one kernel (`explicit.march`). A
-kernel of their own is needed because Warp does not differentiate a loop that carries state: here a launch
-is one phase of one step, and row k + 1 of every field follows from row k, so nothing is overwritten that the
-reverse pass still reads.
+They call the same functions of element, law and boundary as the time loop in one kernel
+(`explicit.time_loop.kernel`). A kernel of their own is needed because Warp does not differentiate a loop
+that carries state: here a launch is one phase of one step, and row k + 1 of every field follows from row k,
+so nothing is overwritten that the reverse pass still reads.
 """
 
 from dataclasses import dataclass
@@ -12,10 +12,10 @@ from typing import Any
 
 import warp as wp
 
-from explicit.boundary import LOWER, UPPER, boundary_functions
 from explicit.elements import element as element_named
 from explicit.precision import PRECISIONS
-from explicit.structs import batch_structs
+from explicit.time_loop.boundary import LOWER, UPPER, boundary_functions
+from explicit.time_loop.structs import batch_structs
 
 
 @dataclass(frozen=True)

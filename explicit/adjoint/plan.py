@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from explicit.adjoint.kernels import PhaseKernels, phase_kernels
 from explicit.arguments import batch_of, body_of, nodal_mass, node_kinds, state_of
 from explicit.arrays import FloatArray
-from explicit.boundary import INTERIOR
 from explicit.contact import contact_law
 from explicit.device import select_device
-from explicit.march import march_kernel
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.precision import PRECISIONS
 from explicit.support import CharacteristicBar, MovingSupport
+from explicit.time_loop.boundary import INTERIOR
+from explicit.time_loop.kernel import time_loop_kernel
 
 FIELDS = ("u_r", "u_y", "v_r", "v_y", "lower_platen")
 """The fields of the state that carry a gradient: of the nodes, and position and speed of a moving support."""
@@ -185,7 +185,7 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
     mesh, numbers = model.mesh, PRECISIONS["fp64"]
     law = type(model.materials[0])
     choices = {"bound": stepping.bound, "volumetric": model.volumetric}
-    loop = march_kernel(law, model.faces, model.side, numbers, model.element, **choices)
+    loop = time_loop_kernel(law, model.faces, model.side, numbers, model.element, **choices)
     body = body_of(loop, model, numbers, device)
     batch = batch_of(loop, model, samples, _nothing(model), stepping, numbers, device)
     state = state_of(loop, model, numbers, device, 1, 1)

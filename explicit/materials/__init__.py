@@ -2,7 +2,7 @@
 
 from explicit.materials.base import MaterialLaw
 from explicit.materials.laws import LAWS, AnyLaw, law_class
-from explicit.materials.marlow import MarlowLaw, marlow_from_curve, neo_hookean
+from explicit.materials.laws.marlow import MarlowLaw, marlow_from_curve, neo_hookean
 from explicit.materials.volumetric import bulk_modulus
 
 __all__ = [

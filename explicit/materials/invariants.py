@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from explicit.arrays import FloatArray
-from explicit.materials.invariantkernels import invariant_kernel_functions
+from explicit.materials.kernels.invariants import invariant_kernel_functions
 from explicit.materials.law import ClosedFormLaw
 from explicit.precision import Precision
 

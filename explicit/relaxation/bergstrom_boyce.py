@@ -21,7 +21,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from explicit.arrays import FloatArray
-from explicit.relaxation.creepkernels import CreepKind
+from explicit.relaxation.kernels.creep import CreepKind
 from explicit.relaxation.uniaxial import checked_history, uniaxial_stress
 
 _KNOTS = 401

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from explicit.arrays import FloatArray
-from explicit.relaxation.pronykernels import PronyKind
+from explicit.relaxation.kernels.prony import PronyKind
 
 
 @dataclass(frozen=True)

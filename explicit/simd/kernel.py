@@ -7,12 +7,12 @@ from typing import Any, Literal
 import warp as wp
 
 from explicit.precision import Precision
-from explicit.simd.mappings import LaneIsSimulation, LaneIsWalker
+from explicit.simd.mappings import LaneIsSimulation, LaneIsWorker
 from explicit.simd.prelude import prelude
 from explicit.simd.values import Scalar, Struct
-from explicit.structs import Structs
+from explicit.time_loop.structs import Structs
 
-Mapping = Literal["simulation", "walker"]
+Mapping = Literal["simulation", "worker"]
 PACK_BYTES = 64
 """Bytes of a pack: one register of AVX-512, two of AVX2."""
 FLAGS = "-march=native -ffp-contract=off -mprefer-vector-width=512 -mstackrealign"
@@ -42,11 +42,11 @@ def lane_kernel(
     structs, precision
         Types of its arguments and its arithmetic.
     mapping
-        "simulation": a lane is a simulation; "walker": the lanes share one simulation.
+        "simulation": a lane is a simulation; "worker": the lanes share one simulation.
     lanes : int
         Lanes of a pack, a power of two.
     """
-    translator = {"simulation": LaneIsSimulation, "walker": LaneIsWalker}[mapping](lanes)
+    translator = {"simulation": LaneIsSimulation, "worker": LaneIsWorker}[mapping](lanes)
     arguments: dict[str, Any] = {
         name: Struct(kind, name)
         for name, kind in (
@@ -62,10 +62,10 @@ def lane_kernel(
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
 
     @wp.func_native(snippet=code)
-    def march_lanes(body: Body, batch: Batch, state: State, output: Output, first: int, count: int): ...  # type: ignore[valid-type]
+    def time_loop_lanes(body: Body, batch: Batch, state: State, output: Output, first: int, count: int): ...  # type: ignore[valid-type]
 
     @wp.kernel(module="unique", enable_backward=False, module_options={"cpu_compiler_flags": FLAGS})
-    def march_packs(body: Body, batch: Batch, state: State, output: Output, first: int, count: int):  # type: ignore[valid-type]
-        march_lanes(body, batch, state, output, first, count)
+    def time_loop_packs(body: Body, batch: Batch, state: State, output: Output, first: int, count: int):  # type: ignore[valid-type]
+        time_loop_lanes(body, batch, state, output, first, count)
 
-    return LaneKernel(march_packs, lanes)
+    return LaneKernel(time_loop_packs, lanes)

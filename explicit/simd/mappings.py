@@ -8,7 +8,7 @@ from explicit.simd.values import Array, Known, Scalar, Value, Vector, literal
 
 
 class _Lanes(Control):
-    """What both have in common: a lane is walker and clerk at once."""
+    """What both have in common: a lane is worker and clerk at once."""
 
     def shared(self, name: str, arguments: Sequence[Value], node: ast.Call) -> Value:
         """The lane functions whose meaning does not depend on what a lane is."""
@@ -22,18 +22,18 @@ class _Lanes(Control):
             return Vector(tuple(self.entry((table, k, column), node) for k in rows))
         if name == "four":
             return self.four(arguments, node)
-        if name in ("sync", "all_read"):
+        if name in ("sync", "control_sync"):
             return Known(None)
-        if name in ("walks", "tends", "alone"):
+        if name in ("is_worker", "is_control", "is_writer"):
             return literal(1, "i32")
-        if name in ("walkers", "walkers_inside", "clerk_step"):
+        if name in ("n_workers", "inner_stride", "control_stride"):
             return self.wp_block_dim()
-        if name in ("from_the_end", "first_inside", "clerk_first", "places"):
+        if name in ("boundary_first", "first_inner", "control_first", "places"):
             return arguments[0]
         if name in ("get_total", "get_largest"):
             parts, k = arguments
             return self.load(self.part(parts, (k,), node))  # type: ignore[arg-type]
-        if name == "seat_totals":
+        if name == "boundary_totals":
             first, second, n = arguments
             return Vector((self._seat_total(first, n, node), self._seat_total(second, n, node)))
         raise self.refuse(node, "no meaning over lanes")
@@ -71,7 +71,7 @@ class LaneIsSimulation(_Lanes):
         return (Scalar("i32", "index", True), literal(0, "i32"))
 
     def wp_block_dim(self) -> Scalar:
-        """One walker a simulation."""
+        """One worker a simulation."""
         return literal(1, "i32")
 
     def together(self, name: str, arguments: Sequence[Value], node: ast.Call) -> Value:
@@ -110,7 +110,7 @@ class LaneIsSimulation(_Lanes):
         return parts[0]
 
 
-class LaneIsWalker(_Lanes):
+class LaneIsWorker(_Lanes):
     """The lanes share the elements and nodes of one simulation, as the threads of a block do on a GPU."""
 
     def wp_tid(self) -> Value:
@@ -118,7 +118,7 @@ class LaneIsWalker(_Lanes):
         return (literal(0, "i32"), Scalar("i32", "lane_numbers", True, lane=True))
 
     def wp_block_dim(self) -> Scalar:
-        """As many walkers as lanes."""
+        """As many workers as lanes."""
         return literal(self.lanes, "i32")
 
     def together(self, name: str, arguments: Sequence[Value], node: ast.Call) -> Value:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from explicit.places import GROUP
+from explicit.grouped_tables import GROUP
 from explicit.simd.expressions import Expressions
 from explicit.simd.values import (
     PACK,
@@ -115,7 +115,8 @@ class Memory(Expressions):
         return self.part(fields, (sample,), node)
 
     def entry(self, arguments: Sequence[Value], node: ast.AST) -> Scalar:
-        """The k-th constant of element or node e of a grouped table (`explicit.places.entry_function`).
+        """The k-th constant of element or node e of a grouped table
+        (`explicit.grouped_tables.entry_function`).
 
         Lanes in step begin at a multiple of their number, so that a group holds them all.
         """

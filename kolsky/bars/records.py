@@ -1,12 +1,17 @@
 """What flows through the reduction of bar signals (SI, float64, compression positive, the shot's clock)."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from kolsky.base.apparatus import Bar
 from kolsky.base.arrays import FloatArray
+
+ANALYSES = ("one wave", "two waves", "three waves")
+"""Keys of the mappings of a `Reduction`."""
+SHARED_HISTORIES = ("front_force", "back_force", "front_velocity", "back_velocity")
+"""Histories of a `Reduction` that all analyses share."""
 
 
 @dataclass(frozen=True)
@@ -173,3 +178,42 @@ class Quantity:
     """"A" from repeated observations, "B" from a certificate, a resolution or a judgement."""
     freedom: float = float("inf")
     """Degrees of freedom of the standard uncertainty."""
+
+
+def histories(reduction: Reduction) -> dict[str, History]:
+    """All histories of a reduction by name, e.g. "stress, three waves"."""
+    by_analysis = {
+        f"{name}, {analysis}": kind[analysis]
+        for name, kind in (
+            ("strain", reduction.strain),
+            ("rate", reduction.rate),
+            ("stress", reduction.stress),
+        )
+        for analysis in ANALYSES
+    }
+    return by_analysis | {name: getattr(reduction, name) for name in SHARED_HISTORIES}
+
+
+def map_histories(reduction: Reduction, change: Callable[[str, History], History]) -> Reduction:
+    """The reduction with `change` applied to each history and its name, as `histories` has it."""
+
+    def changed(kind: str) -> dict[str, History]:
+        return {key: change(f"{kind}, {key}", history) for key, history in getattr(reduction, kind).items()}
+
+    return replace(
+        reduction,
+        strain=changed("strain"),
+        rate=changed("rate"),
+        stress=changed("stress"),
+        front_force=change("front_force", reduction.front_force),
+        back_force=change("back_force", reduction.back_force),
+        front_velocity=change("front_velocity", reduction.front_velocity),
+        back_velocity=change("back_velocity", reduction.back_velocity),
+    )
+
+
+def with_opposite_sign(reduction: Reduction) -> Reduction:
+    """The reduction with the opposite sign of all histories: tension positive instead of compression."""
+    return map_histories(
+        reduction, lambda name, history: History(-history.value, history.sigma, history.unit)
+    )

@@ -2,7 +2,6 @@
 
 import csv
 import os
-import secrets
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -10,38 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from dic.cells import text_cell
+from dic.files import replacing
 from kolsky.base.errors import InputError
 
 __all__ = ["filling", "replacing", "usable_folder", "write_table"]
 
 CURE = "give another place with --out FOLDER"
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A new empty file beside `path` that takes its place when the block ends without an exception.
-
-    The data are on the disk before the name changes, so a reader finds the old file or the whole new one.
-    After an exception the old file is untouched and nothing else is left.
-    """
-    path = Path(path)
-    # The suffix stays last: some writers choose their format by it.
-    partial = path.with_name(f".{secrets.token_hex(6)}.{path.name}")
-    os.close(os.open(partial, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
-    try:
-        yield partial
-        with partial.open("rb+") as file:
-            os.fsync(file.fileno())
-        os.replace(partial, path)
-    except BaseException:
-        partial.unlink(missing_ok=True)
-        raise
-    if os.name == "posix":  # the new name itself; Windows cannot open a folder
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
 
 
 def write_table(path: Path, columns: Mapping[str, Iterable[Any]]) -> Path:

@@ -52,8 +52,7 @@ def calibrate(
     from kolsky.cli.terminal import print_result, progress_bars, since
     from kolsky.report.calibrationsummary import summary, warnings
     from kolsky.shot.calibration_output import to_json, write_points
-    from kolsky.shot.rig import calibration_of
-    from kolsky.shot.schema.calibration import read_calibration_toml
+    from kolsky.shot.rig import calibration_of, read_calibration_toml
 
     toml, section = read_calibration_toml(source)
     folder = usable_folder(out or toml.path.parent / "results")

@@ -41,7 +41,7 @@ def dic(
     folder = usable_folder(out or loaded.folder / "results")
     with progress_bars() as progress:
         began = perf_counter()
-        found = surfaces(loaded.seen, folder, device=device, again=again, progress=progress)
+        found = surfaces(loaded.pictures, folder, device=device, again=again, progress=progress)
     result, now = found.result, perf_counter()
     times = {name: result.seconds[name] for name in ("calibration", "correlation")} if found.fresh else {}
     times["surfaces file"] = now - began - sum(times.values())
@@ -51,9 +51,9 @@ def dic(
     from kolsky.report.view import view
     from kolsky.report.vtp import write_vtp
 
-    shown = view(loaded.name, result, loaded.seen.pictures, found.flight)
+    shown = view(loaded.name, result, loaded.pictures.series, found.flight)
     with filling(folder) as partial:
-        write_tables(partial, found, loaded.seen.frames.frame)
+        write_tables(partial, found, loaded.pictures.frames.frame)
         now = perf_counter()
         write_page(partial / "dic.html", shown, loaded.inputs, processes=2)
         times["page"] = perf_counter() - now

@@ -56,7 +56,7 @@ def film(
     from kolsky.report.scene.film import write_film, write_stills
     from kolsky.report.scene.stage import stage_of
     from kolsky.report.vtu import write_vtu
-    from kolsky.results.read import read_identification
+    from kolsky.results.hdf5 import read_identification
 
     result = read_identification(folder / RESULT_FILE)
     solid = solid_of(loaded.curve, result)

@@ -31,9 +31,7 @@ def identify(
     ] = 16,
     methods: Annotated[
         str,
-        typer.Option(
-            metavar="WHICH", help="surrogate, or all: least squares on the solver too (expensive)."
-        ),
+        typer.Option(metavar="WHICH", help="surrogate, or all: least squares on the solver too (expensive)."),
     ] = "surrogate",
     solver: SolverOptions = SolverOptions(),  # noqa: B008 - frozen
     bayes: Annotated[bool, typer.Option("--bayes", help="Sample the posterior too; needs emcee.")] = False,
@@ -67,7 +65,7 @@ def identify(
     from kolsky.inverse.settings import Settings
     from kolsky.report import printed
     from kolsky.report.result_folder import PAGE, write_identify_results
-    from kolsky.results.text import to_json
+    from kolsky.results.summary import to_json
 
     settings = Settings(
         free=ranges,

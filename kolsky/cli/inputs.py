@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from kolsky.base.errors import InputError
 
 if TYPE_CHECKING:
-    from kolsky.shot.picture_set import Seen
-    from kolsky.shot.records import Measured, Shot
+    from kolsky.shot.picture_set import PictureSet
+    from kolsky.shot.records import OpticalData, Shot
 
 
 def load(shot: Path, out: Path | None, *inside: str) -> "tuple[Shot, Path]":
@@ -31,16 +31,16 @@ def load(shot: Path, out: Path | None, *inside: str) -> "tuple[Shot, Path]":
     """
     from kolsky.base.files import usable_folder
     from kolsky.cli.terminal import progress_bars
-    from kolsky.shot.find import folder_of
     from kolsky.shot.load import load_shot
+    from kolsky.shot.schema.reading import folder_of
 
     place = out or folder_of(shot) / "results"
 
-    def measure(seen: "Seen") -> "Measured":
+    def measure(pictures: "PictureSet") -> "OpticalData":
         from kolsky.shot.optical_data import measured
 
         with progress_bars() as progress:
-            return measured(seen, usable_folder(place), progress=progress)
+            return measured(pictures, usable_folder(place), progress=progress)
 
     loaded = load_shot(shot, measure=measure)
     return loaded, usable_folder(place.joinpath(*inside))

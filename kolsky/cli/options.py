@@ -61,13 +61,6 @@ Corrected = Annotated[
 HeaderLine = Annotated[
     int | None, typer.Option(min=0, help="Line of the column names; 0: none.", show_default="found")
 ]
-Convention = Annotated[
-    str,
-    typer.Option(
-        help="Sign of the files' columns: tension-positive or compression-positive.",
-        show_default="must be said",
-    ),
-]
 
 
 @dataclass(frozen=True)

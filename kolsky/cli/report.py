@@ -30,6 +30,4 @@ def report(shot: ShotPath, out: Out = None, figures: Figures = "", as_json: AsJs
     rows = {"shot": loaded.name, "report": str(folder / PAGE)}
     if formats:
         rows["figures"] = str(folder / "figures")
-    print_result(
-        rows, rows if as_json else None, rest={"wall time": since(started)}, warnings=found.warnings
-    )
+    print_result(rows, rows if as_json else None, rest={"wall time": since(started)}, warnings=found.warnings)

@@ -39,9 +39,9 @@ def simulate(
     loaded, folder = load(shot, out, "simulation")
     numerics = solver.numerics(elements)
     from kolsky.base.files import filling
+    from kolsky.base.json_types import jsonable
     from kolsky.inverse import simulate as simulation
     from kolsky.inverse.result import worst_imbalance
-    from kolsky.results.text import jsonable
     from kolsky.uncertainty.warnings.runs import hourglass, past_curve, sliding
 
     with usable(loaded), progress_bars() as progress:

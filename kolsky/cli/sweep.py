@@ -107,8 +107,9 @@ def sweep(
     loaded, folder = load(shot, out)
     numerics = replace(solver, threads=workers.threads(solver.threads)).numerics(elements)
     place = records.place(folder)
+    from kolsky.base.json_types import jsonable
     from kolsky.report.result_folder import write_sweep_results
-    from kolsky.results.text import failed_runs, jsonable
+    from kolsky.results.summary import failed_runs
     from kolsky.studies import sweep as sweeping
     from kolsky.studies.sweep_analysis import analyse_sweep
     from kolsky.uncertainty.warnings.runs import lost_runs, sliding

@@ -1,6 +1,5 @@
 """A sweep as the command line describes it: its design, the ledger of its runs, who runs them."""
 
-import inspect
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -15,26 +14,12 @@ from kolsky.cli import texts
 if TYPE_CHECKING:
     from doe import Box, Design
     from doe.constraints import Constraint
+    from doe.designs import DesignKind
 
-SHORT = {
-    "full_factorial": "factorial",
-    "latin_hypercube": "lhs",
-    "fractional_factorial": "fractional",
-    "central_composite": "composite",
-    "from_points": "csv",
-}
-"""Words of `--design` that are not the design's own name in `doe.DESIGNS`."""
 DEFAULT = {"friction": (0.0, 2.0), "stiffness_factor": (0.75, 1.25)}
 """Bounds of a sweep whose `--vary` says nothing."""
 LEVELS = 10
 """Levels of each parameter then."""
-
-
-def design_names() -> dict[str, str]:
-    """Words of `--design` -> names of `doe.DESIGNS`, every design there is."""
-    from doe import DESIGNS
-
-    return {SHORT.get(name, name.replace("_", "-")): name for name in DESIGNS}
 
 
 @dataclass(frozen=True)
@@ -42,7 +27,7 @@ class DesignChoice:
     """A design of experiments and its region, as given on the command line."""
 
     kind: str
-    """A key of `design_names`."""
+    """Name of a `doe.designs.DesignKind` at a command line."""
     bounds: Mapping[str, tuple[float, float]]
     """Bounds by name, SI; empty where a file names the parameters."""
     levels: Sequence[int] = ()
@@ -69,11 +54,14 @@ class DesignChoice:
         InputError
             If there is no such design, or a text cannot be read.
         """
-        takes = cls(texts.one_of("--design", kind, tuple(design_names())), {})._takes()
-        if "points" in takes:
+        from doe.designs import DESIGNS, design_kind
+
+        texts.one_of("--design", kind, tuple(design.option for design in DESIGNS.values()))
+        needs = design_kind(kind).needs
+        if "points" in needs:
             texts.none("--vary", vary, f"--design {kind}, whose file names the parameters")
             return cls(kind, {}, **more)
-        if "levels" in takes:
+        if "levels" in needs:
             bounds, counts = texts.levels("--vary", vary) if vary else (DEFAULT, [LEVELS] * len(DEFAULT))
             return cls(kind, bounds, counts, **more)
         return cls(kind, texts.spans("--vary", vary) if vary else DEFAULT, **more)
@@ -89,13 +77,16 @@ class DesignChoice:
         InputError
             If options do not go together, or the design cannot be made of them.
         """
-        takes = self._takes()
-        for option, given, name in (
+        from doe.designs import DESIGNS, design_kind
+        from doe.designs.optimal import keep
+
+        kind = design_kind(self.kind)
+        for option, given, need in (
             ("--generators", bool(self.generators), "generators"),
             ("--points", self.points is not None, "points"),
         ):
-            if given != (name in takes):
-                kinds = [kind for kind in design_names() if name in DesignChoice(kind, {})._takes()]
+            if given != (need in kind.needs):
+                kinds = [other.option for other in DESIGNS.values() if need in other.needs]
                 raise InputError(
                     texts.COMMAND_LINE, f"{option} and --design {' or '.join(kinds)} need each other"
                 )
@@ -103,8 +94,6 @@ class DesignChoice:
             raise InputError(
                 texts.COMMAND_LINE, "--log has no effect on points from a file", cure="leave it out"
             )
-        from doe.optimal import keep
-
         if self.points is not None:
             from kolsky.studies.design_file import read_design
 
@@ -113,19 +102,13 @@ class DesignChoice:
         else:
             box = self._box()
             constraints = self._constraints(box)
-            chosen = self._chosen(box, constraints, takes)
+            chosen = self._chosen(kind, box, constraints)
         try:
             return keep(chosen, *constraints) if constraints else chosen
         except ValueError as error:
             raise InputError(
                 texts.COMMAND_LINE, f"--where: {error}", cure="relax it, or take more runs"
             ) from None
-
-    def _takes(self) -> set[str]:
-        """Names of the arguments of the design's function."""
-        from doe import DESIGNS
-
-        return set(inspect.signature(DESIGNS[design_names()[self.kind]]).parameters)
 
     def _box(self) -> "Box":
         from doe import Box
@@ -149,30 +132,28 @@ class DesignChoice:
                 raise InputError(
                     texts.COMMAND_LINE,
                     f"--where {error}",
-                    cure='write an inequality of varied parameters in SI, e.g. "friction <= stiffness_factor"',
+                    cure="write an inequality of varied parameters in SI, e.g. "
+                    '"friction <= stiffness_factor"',
                 ) from None
         return made
 
-    def _chosen(self, box: "Box", constraints: "list[Constraint]", takes: set[str]) -> "Design":
-        """The points in the box; the design's function gets what it has an argument for."""
-        from doe import DESIGNS
-
-        given: dict[str, Any] = {
-            "levels": self.levels,
-            "generators": self.generators,
-            "n": self.runs,
-            "rng": self.seed,
-        }
+    def _chosen(self, kind: "DesignKind", box: "Box", constraints: "list[Constraint]") -> "Design":
+        candidates = None
         try:
-            if "candidates" in takes:
-                from doe.optimal import grid
+            if "candidates" in kind.needs and constraints:
+                from doe.designs.optimal import grid
 
                 candidates = grid(box)
                 for constraint in constraints:
                     candidates = candidates[constraint(candidates)]
-                given["candidates"] = candidates
-            arguments = {name: value for name, value in given.items() if name in takes}
-            return DESIGNS[design_names()[self.kind]](box, **arguments)
+            return kind.make(
+                box,
+                levels=self.levels,
+                runs=self.runs,
+                rng=self.seed,
+                generators=self.generators,
+                candidates=candidates,
+            )
         except ValueError as error:
             raise InputError(texts.COMMAND_LINE, f"--design {self.kind}: {error}") from None
 
@@ -264,7 +245,9 @@ class Workers:
             If both kinds are asked for, Dask is not installed, or its scheduler does not answer.
         """
         if self.dask and self.processes is not None:
-            raise InputError(texts.COMMAND_LINE, "--dask and --processes exclude each other", cure="choose one")
+            raise InputError(
+                texts.COMMAND_LINE, "--dask and --processes exclude each other", cure="choose one"
+            )
         if self.dask:
             with self._client() as client:
                 yield client.get_executor

@@ -22,7 +22,7 @@ def waves(shot: ShotPath, out: Out = None, figures: Figures = "", as_json: AsJso
     from kolsky.base.files import usable_folder
     from kolsky.cli.terminal import print_result, progress_bars, since
     from kolsky.report.result_folder import write_waves_results
-    from kolsky.shot.find import folder_of
+    from kolsky.shot.schema.reading import folder_of
     from kolsky.shot.waves import waves as reduced
 
     place = out or folder_of(shot) / "results"

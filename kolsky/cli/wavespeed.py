@@ -14,7 +14,7 @@ def wavespeed(shot: ShotPath, out: Out = None, figures: Figures = "", as_json: A
     from kolsky.base.files import filling, usable_folder
     from kolsky.cli.terminal import print_result
     from kolsky.shot.bars_together import summary, wave_speed_of, write_residual
-    from kolsky.shot.find import folder_of
+    from kolsky.shot.schema.reading import folder_of
 
     name, found = wave_speed_of(shot)
     folder = usable_folder(out or folder_of(shot) / "results")

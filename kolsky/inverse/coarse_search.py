@@ -10,17 +10,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from doe import Box, ResponseSurrogate, Surrogate, from_points
+from doe import SURROGATES, Box, Surrogate, from_points
 from doe.refine import Refinement, refine
-from doe.surrogates import ProcessSurrogate, SurrogateError
+from doe.surrogates import ProcessSurrogate, SurrogateError, SurrogateKind
 from doe.surrogates.quality import Fitness, fitness
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.methods import AGREEMENT
-from kolsky.inverse.misfit import Prediction
+from kolsky.inverse.method_comparison import AGREEMENT
 from kolsky.inverse.objective import Objective
-from kolsky.inverse.optimum import CorrectedSurrogate, jacobian, leaves, search
-from kolsky.inverse.stages import Runs, Stages
+from kolsky.inverse.observations import Prediction
+from kolsky.inverse.optimum import CorrectedSurrogate, at_inner_face, jacobian, search
+from kolsky.inverse.staged_runs import CompletedRuns, StagedRuns
 
+ONE_PARAMETER, SEVERAL = "response", "process"
+"""Surrogates, by their names in `doe.SURROGATES`, for one free parameter and for several: where a direction
+matters little a kernel that is the same in all of them wastes its runs."""
 LOCAL_FRACTION = 0.12
 """Edge of the second design's box over the first one's."""
 MOST_REFINEMENTS = 3
@@ -32,7 +35,7 @@ ON_THE_WAY = 1e-4
 
 
 @dataclass(frozen=True)
-class Coarse:
+class CoarseOptimum:
     """The optimum on the surrogate's mesh."""
 
     box: Box
@@ -45,7 +48,12 @@ class Coarse:
     """The optimum, shape [d]."""
 
 
-def search_coarse(stages: Stages) -> Coarse:
+def surrogate_kind(box: Box) -> SurrogateKind:
+    """The surrogate for a number of free parameters, from the registry."""
+    return SURROGATES[ONE_PARAMETER if box.dimension == 1 else SEVERAL]
+
+
+def search_coarse(stages: StagedRuns) -> CoarseOptimum:
     """Stages 1 and 2 of `kolsky.identification.identify`.
 
     Raises
@@ -57,7 +65,7 @@ def search_coarse(stages: Stages) -> Coarse:
     return second_design(stages, wide) if stages.box.dimension == 1 else adaptive(stages, wide)
 
 
-def second_design(stages: Stages, wide: Runs) -> Coarse:
+def second_design(stages: StagedRuns, wide: CompletedRuns) -> CoarseOptimum:
     """Smaller boxes until the optimum lies inside one."""
     numerics, whole = stages.settings.numerics, stages.box
     objective, surrogate = _fit(stages, whole, wide)
@@ -67,25 +75,25 @@ def second_design(stages: Stages, wide: Runs) -> Coarse:
         local = stages.simulate("refinement", stages.design(box), numerics)
         objective, surrogate = _fit(stages, box, local)
         best = search(box, objective, CorrectedSurrogate(surrogate).predict)
-        if not leaves(best.x, box, whole):
+        if not at_inner_face(best.x, box, whole):
             break
         centre = best.x
-    return Coarse(box, surrogate, best.objective, best.x)
+    return CoarseOptimum(box, surrogate, best.objective, best.x)
 
 
-def _fit(stages: Stages, box: Box, runs: Runs) -> tuple[Objective, ResponseSurrogate]:
+def _fit(stages: StagedRuns, box: Box, runs: CompletedRuns) -> tuple[Objective, Surrogate]:
     """The objective over the points that every run reaches, and the surrogate of its data vector."""
     objective = Objective(stages.observations, _reached(runs.prediction.inside))
     use = box.contains(runs.points)
     vectors = objective.vectors(runs.prediction)
     try:
-        surrogate = ResponseSurrogate.fit(box, runs.points[use], vectors[use], scale=objective.noise)
+        surrogate = surrogate_kind(box).fit(box, runs.points[use], vectors[use], scale=objective.noise)
     except SurrogateError as error:
         raise _no_surrogate(error, runs) from error
     return objective, surrogate
 
 
-def adaptive(stages: Stages, wide: Runs) -> Coarse:
+def adaptive(stages: StagedRuns, wide: CompletedRuns) -> CoarseOptimum:
     """Batches of runs about the optimum until it stays."""
     objective = Objective(stages.observations, _reached(wide.prediction.inside))
     try:
@@ -95,7 +103,7 @@ def adaptive(stages: Stages, wide: Runs) -> Coarse:
     return _settled(stages, found)
 
 
-def _refine(stages: Stages, objective: Objective) -> Refinement:
+def _refine(stages: StagedRuns, objective: Objective) -> Refinement:
     points, prediction = stages.on_surrogate_mesh()
     vectors = objective.vectors(prediction)
     whole = np.isfinite(vectors).all(axis=1)
@@ -125,7 +133,7 @@ def _refine(stages: Stages, objective: Objective) -> Refinement:
     )
 
 
-def _settled(stages: Stages, found: Refinement) -> Coarse:
+def _settled(stages: StagedRuns, found: Refinement) -> CoarseOptimum:
     """The surrogate over the outline points that its own runs reach: more than the first design's."""
     points, prediction = _used(stages, found.surrogate)
     objective = Objective(stages.observations, _reached(prediction.inside))
@@ -137,10 +145,10 @@ def _settled(stages: Stages, found: Refinement) -> Coarse:
         like=found.surrogate,
     )
     best = search(found.region, objective, CorrectedSurrogate(surrogate).predict, start=found.x)
-    return Coarse(found.region, surrogate, best.objective, best.x)
+    return CoarseOptimum(found.region, surrogate, best.objective, best.x)
 
 
-def fit_for_purpose(stages: Stages, coarse: Coarse, gain: FloatArray) -> Fitness:
+def fit_for_purpose(stages: StagedRuns, coarse: CoarseOptimum, gain: FloatArray) -> Fitness:
     """Whether the surrogate's error moves the optimum by less than its interval allows, and what would do.
 
     Parameters
@@ -153,15 +161,16 @@ def fit_for_purpose(stages: Stages, coarse: Coarse, gain: FloatArray) -> Fitness
     points, prediction = _used(stages, coarse.surrogate)
     vectors = coarse.objective.vectors(prediction)
     scale, box = coarse.objective.noise, coarse.surrogate.box
-    kind = ResponseSurrogate if isinstance(coarse.surrogate, ResponseSurrogate) else ProcessSurrogate
+    kind = surrogate_kind(box)
 
     def fit(x: FloatArray, y: FloatArray) -> Surrogate:
-        return kind.fit(box, x, y, scale=scale)
+        found: Surrogate = kind.fit(box, x, y, scale=scale)
+        return found
 
     return fitness(fit, box, points, vectors, sigma=scale, allowed=AGREEMENT, gain=gain)
 
 
-def _used(stages: Stages, surrogate: Surrogate) -> tuple[FloatArray, Prediction]:
+def _used(stages: StagedRuns, surrogate: Surrogate) -> tuple[FloatArray, Prediction]:
     """The runs that a surrogate was built from, each once, and what they predict."""
     points, prediction = stages.on_surrogate_mesh()
     places = {tuple(x): row for row, x in enumerate(points)}
@@ -174,6 +183,6 @@ def _reached(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(inside.all(axis=0))
 
 
-def _no_surrogate(error: SurrogateError, runs: Runs) -> ValueError:
+def _no_surrogate(error: SurrogateError, runs: CompletedRuns) -> ValueError:
     lost = f": {runs.lost}" if runs.lost else ""
     return ValueError(f"the runs that completed do not carry a surrogate ({error}){lost}")

@@ -7,8 +7,8 @@ import numpy as np
 from doe import Box, CostSurrogate
 from doe import nelder_mead as minimise
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.misfit import Observations, Prediction
 from kolsky.inverse.objective import Objective, Part
+from kolsky.inverse.observations import Observations, Prediction
 from kolsky.inverse.optimum import Model, jacobian, on_edge, search
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Comparison, Estimate, Route, SurrogateCurve, Verdict

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.misfit import Observations, Prediction
+from kolsky.inverse.observations import Observations, Prediction
 
 Part = Literal["joint", "force", "shape"]
 

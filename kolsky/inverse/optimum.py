@@ -118,6 +118,6 @@ def on_edge(x: FloatArray, box: Box) -> NDArray[np.bool_]:
     return np.asarray(np.minimum(x - lower, upper - x) < ON_EDGE * (upper - lower))
 
 
-def leaves(x: FloatArray, local: Box, whole: Box) -> bool:
+def at_inner_face(x: FloatArray, local: Box, whole: Box) -> bool:
     """Whether a point lies on a face of the local box that is none of the whole one: it would go further."""
     return bool((on_edge(x, local) & ~on_edge(x, whole)).any())

@@ -5,12 +5,12 @@ from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
-from kolsky.inverse.prepare import Prepared
+from kolsky.inverse.prepared_shot import PreparedShot
 from kolsky.shot.recorded import recording_facts
 from kolsky.shot.records import Shot
 
 
-def provenance(shot: Shot, settings: Any, prepared: Prepared, *, sliding: bool) -> dict[str, Any]:
+def provenance(shot: Shot, settings: Any, prepared: PreparedShot, *, sliding: bool) -> dict[str, Any]:
     """Everything that is needed to repeat a result: hashes, settings, versions, machine class.
 
     Parameters

@@ -14,12 +14,19 @@ from doe import latin_hypercube
 from doe.surrogates import QuadraticSurrogate, SurrogateError
 from doe.surrogates.quadratic import runs_wanted
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.coarse_search import Coarse
+from kolsky.inverse.coarse_search import CoarseOptimum
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.objective import Objective
-from kolsky.inverse.optimum import jacobian, leaves, search
-from kolsky.inverse.refined_runs import CONFIRMED, ROUGH, Refined, refined, run_refined, slides
-from kolsky.inverse.stages import Stages
+from kolsky.inverse.optimum import at_inner_face, jacobian, search
+from kolsky.inverse.refined_search import (
+    CONFIRMED,
+    ROUGH,
+    RefinedOptimum,
+    refined_numerics,
+    run_refined,
+    slides,
+)
+from kolsky.inverse.staged_runs import StagedRuns
 
 EDGE = 0.2
 """Edge of the first box in the unit box: wide, so that the jumps are small beside what it spans."""
@@ -39,7 +46,7 @@ REACH = 4.0
 
 
 @dataclass(frozen=True)
-class Averaged:
+class QuadraticFit:
     """A quadratic through runs on one mesh, and its optimum."""
 
     surrogate: QuadraticSurrogate
@@ -76,7 +83,7 @@ class Averaged:
         return np.asarray(np.sqrt(np.diag(self.surrogate.roughness(self.gain))))
 
 
-def averaged(stages: Stages, coarse: Coarse) -> Refined:
+def search_by_quadratic(stages: StagedRuns, coarse: CoarseOptimum) -> RefinedOptimum:
     """Stage 3 of `kolsky.identification.identify` for several parameters, or with a sliding surface.
 
     Parameters
@@ -95,10 +102,10 @@ def averaged(stages: Stages, coarse: Coarse) -> Refined:
     missed = found.objective.vectors(check.prediction)[0] - found.model(x)[0]
     move = np.abs(found.gain @ missed)
     little = np.fmax(CONFIRMED * found.sigma, ROUGH * found.roughness)
-    inside = not leaves(x, found.surrogate.box, stages.box)
+    inside = not at_inner_face(x, found.surrogate.box, stages.box)
     on_coarse = _moved_by(stages, found, stages.settings.numerics)
     element = "fbar" if stages.settings.numerics.element == "one_point" else "one_point"
-    return Refined(
+    return RefinedOptimum(
         x=x,
         box=found.surrogate.box,
         objective=found.objective,
@@ -113,11 +120,11 @@ def averaged(stages: Stages, coarse: Coarse) -> Refined:
         missed=missed,
         mesh_shift=x - coarse.x if on_coarse is None else -on_coarse,
         roughness=found.roughness,
-        element_shift=_moved_by(stages, found, replace(refined(stages), element=element)),
+        element_shift=_moved_by(stages, found, replace(refined_numerics(stages), element=element)),
     )
 
 
-def _moved_by(stages: Stages, found: Averaged, numerics: Numerics) -> FloatArray | None:
+def _moved_by(stages: StagedRuns, found: QuadraticFit, numerics: Numerics) -> FloatArray | None:
     """Where other numerics would put the optimum, minus where it is, shape [d]; None if their run is lost.
 
     By one run at the optimum: a search of its own would follow that mesh's roughness too.
@@ -129,7 +136,7 @@ def _moved_by(stages: Stages, found: Averaged, numerics: Numerics) -> FloatArray
     return -found.gain @ np.nan_to_num(change)  # a point that the run does not reach adds nothing
 
 
-def _start(stages: Stages, coarse: Coarse) -> tuple[FloatArray, float]:
+def _start(stages: StagedRuns, coarse: CoarseOptimum) -> tuple[FloatArray, float]:
     """Middle and edge of the first box on the refined mesh.
 
     Where a surface slides the box stays wide: in a narrow one the jumps are fewer, and the slope is theirs.
@@ -145,7 +152,7 @@ def _start(stages: Stages, coarse: Coarse) -> tuple[FloatArray, float]:
     return np.clip(guess, stages.box.lower, stages.box.upper), own.edge
 
 
-def _settled(stages: Stages, coarse: Coarse) -> Averaged:
+def _settled(stages: StagedRuns, coarse: CoarseOptimum) -> QuadraticFit:
     """A quadratic on the surrogate's mesh, its box halved until it fits."""
     numerics, edge, patience = stages.settings.numerics, EDGE, PATIENCE
     found = last = _fit(stages, coarse.x, edge, numerics)
@@ -159,11 +166,11 @@ def _settled(stages: Stages, coarse: Coarse) -> Averaged:
     return found
 
 
-def _on_refined(stages: Stages, middle: FloatArray, edge: float) -> Averaged:
+def _on_refined(stages: StagedRuns, middle: FloatArray, edge: float) -> QuadraticFit:
     """A quadratic on the refined mesh, about its optimum."""
     for _ in range(MOST_MOVES):
-        found = _fit(stages, middle, edge, refined(stages))
-        if not leaves(found.x, found.surrogate.box, stages.box):
+        found = _fit(stages, middle, edge, refined_numerics(stages))
+        if not at_inner_face(found.x, found.surrogate.box, stages.box):
             break
         middle = found.x
         if edge < EDGE:
@@ -173,7 +180,7 @@ def _on_refined(stages: Stages, middle: FloatArray, edge: float) -> Averaged:
     return found
 
 
-def _fit(stages: Stages, middle: FloatArray, edge: float, numerics: Numerics) -> Averaged:
+def _fit(stages: StagedRuns, middle: FloatArray, edge: float, numerics: Numerics) -> QuadraticFit:
     """A design in a box about a point, its runs, and the quadratic through them."""
     box = stages.box.around(middle, edge)
     design = latin_hypercube(box, runs_wanted(box.dimension), rng=stages.rng, optimise=True)
@@ -193,4 +200,4 @@ def _fit(stages: Stages, middle: FloatArray, edge: float, numerics: Numerics) ->
     best = search(box, objective, model, start=start)
     slope = jacobian(model, box, best.x)
     covariance = best.objective.covariance(slope, model(best.x)[0])
-    return Averaged(surrogate, best.objective, best.x, slope, np.sqrt(np.diag(covariance)), edge)
+    return QuadraticFit(surrogate, best.objective, best.x, slope, np.sqrt(np.diag(covariance)), edge)

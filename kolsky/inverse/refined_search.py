@@ -1,22 +1,29 @@
-"""The optimum of one parameter on the refined mesh: run there until a run leaves it where it is.
+"""The optimum on the refined mesh, and the search for it by single runs that correct the surrogate.
 
 A run on the refined mesh differs from the surrogate's by the mesh's error, which changes slowly with the
 parameter. The surrogate is corrected to agree with the runs, exactly at the last one and in its slope
-between the last two (Broyden's update). With several parameters a difference along one direction says
-nothing of the others, and where a surface slides a single run is no measure: see
-`kolsky.inverse.quadratic_fit`.
+between the last two (Broyden's update), until a run leaves the optimum where it is. With several parameters
+a difference along one direction says nothing of the others, and where a surface slides a single run is no
+measure: then `kolsky.inverse.quadratic_fit` searches.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 
-from doe import Box
+from doe import Box, from_points
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.coarse_search import Coarse
+from kolsky.inverse.coarse_search import CoarseOptimum
+from kolsky.inverse.forward import Numerics
 from kolsky.inverse.objective import Objective
-from kolsky.inverse.optimum import CorrectedSurrogate, jacobian, leaves, search
-from kolsky.inverse.quadratic_fit import averaged
-from kolsky.inverse.refined_runs import CONFIRMED, Refined, run_refined, slides
-from kolsky.inverse.stages import Runs, Stages
+from kolsky.inverse.optimum import CorrectedSurrogate, Model, at_inner_face, jacobian, search
+from kolsky.inverse.staged_runs import CompletedRuns, StagedRuns
+
+CONFIRMED = 0.2
+"""An optimum is confirmed when the check run moves it by less than this share of the residuals' sigma."""
+ROUGH = 3.0
+"""Or by less than so many standard deviations of the response's roughness, which is in the interval."""
+
 
 MOST_CHECKS = 6
 """Most rounds on the refined mesh."""
@@ -24,19 +31,78 @@ COMPANION = 0.05
 """Distance of the first check's companion run over the second design's edge."""
 
 
-def check_refined(stages: Stages, coarse: Coarse) -> Refined:
-    """Stage 3 of `kolsky.identification.identify`.
+@dataclass(frozen=True)
+class RefinedOptimum:
+    """The optimum on the refined mesh, confirmed or not by its last run."""
+
+    x: FloatArray
+    """The answer, shape [d]; the last run is there."""
+    box: Box
+    """Where the model holds."""
+    objective: Objective
+    """With the discrepancies of the optimum."""
+    model: Model
+    """What the runs on the refined mesh would give."""
+    surrogate: Model
+    """What `model` was before it was bent to agree with runs on the refined mesh; itself if it never was."""
+    jacobian: FloatArray
+    """Of the model at the optimum, shape [k, d]."""
+    slopes: tuple[FloatArray, ...]
+    """Every slope of the model that may be the right one for a common scale, shape [k, d] each."""
+    sigma: FloatArray
+    """Standard deviation of the optimum from the residuals, shape [d]."""
+    check: CompletedRuns
+    """The last run."""
+    moved: float
+    """How far it moved the optimum, in units of sigma."""
+    confirmed: bool
+    """Whether that is little."""
+    missed: FloatArray
+    """The last run minus what the model had predicted for it, shape [k]."""
+    mesh_shift: FloatArray
+    """Optimum on the refined mesh minus that on the surrogate's, shape [d]."""
+    roughness: FloatArray | None = None
+    """Standard deviation of the optimum from the response's roughness, shape [d]; None if it is smooth."""
+    element_shift: FloatArray | None = None
+    """Optimum with the other element minus the answer, shape [d]; None if it was not asked."""
+
+
+def run_refined(stages: StagedRuns, points: FloatArray) -> CompletedRuns:
+    """Run points on the refined mesh with all nodes; all of them must complete.
+
+    Raises
+    ------
+    ValueError
+        If one does not.
+    """
+    check = stages.simulate(
+        "check", from_points(stages.box, points), refined_numerics(stages), all_nodes=True
+    )
+    if len(check.points) < len(points):
+        raise ValueError(f"the check needs every run on the refined mesh to complete: {check.lost}")
+    return check
+
+
+def refined_numerics(stages: StagedRuns) -> Numerics:
+    """The numerical choices of the refined mesh."""
+    return stages.settings.numerics.with_mesh(stages.settings.refined_mesh)
+
+
+def slides(stages: StagedRuns) -> bool:
+    """Whether a surface slides by Coulomb's law: as declared, or because friction is named."""
+    settings, interface = stages.settings, stages.prepared.forward.shot.interface
+    named = "friction" in {*settings.free, *settings.held}
+    return named or "coulomb" in (interface.faces, interface.side)
+
+
+def search_by_single_runs(stages: StagedRuns, coarse: CoarseOptimum) -> RefinedOptimum:
+    """Stage 3 of `kolsky.identification.identify` for one parameter where nothing slides.
 
     Raises
     ------
     ValueError
         If a run on the refined mesh does not complete.
     """
-    alone = stages.box.dimension == 1 and not slides(stages)
-    return _one(stages, coarse) if alone else averaged(stages, coarse)
-
-
-def _one(stages: Stages, coarse: Coarse) -> Refined:
     model, objective, optimum = CorrectedSurrogate(coarse.surrogate), coarse.objective, coarse.x
     # A scale is one number, which nothing averages: of two slopes of the model, that between two runs on the
     # refined mesh and that of the last design, the one with the larger shift counts.
@@ -57,21 +123,21 @@ def _one(stages: Stages, coarse: Coarse) -> Refined:
 
 
 def _judged(
-    stages: Stages,
-    coarse: Coarse,
+    stages: StagedRuns,
+    coarse: CoarseOptimum,
     objective: Objective,
     model: CorrectedSurrogate,
     optimum: FloatArray,
-    check: Runs,
+    check: CompletedRuns,
     missed: FloatArray,
     wide: FloatArray,
-) -> tuple[Refined, FloatArray]:
+) -> tuple[RefinedOptimum, FloatArray]:
     """What a run at `optimum` leaves of it, and where it should be instead."""
     best = search(coarse.box, objective, model.predict)
     slope = jacobian(model.predict, coarse.box, best.x)
     sigma = np.sqrt(np.diag(best.objective.covariance(slope, model.predict(best.x)[0])))
     moved = float(np.max(np.abs(best.x - optimum) / sigma))
-    found = Refined(
+    found = RefinedOptimum(
         x=optimum,
         box=coarse.box,
         objective=best.objective,
@@ -82,7 +148,7 @@ def _judged(
         sigma=sigma,
         check=check,
         moved=moved,
-        confirmed=moved <= CONFIRMED and not leaves(optimum, coarse.box, stages.box),
+        confirmed=moved <= CONFIRMED and not at_inner_face(optimum, coarse.box, stages.box),
         missed=missed,
         mesh_shift=optimum - coarse.x,
     )

@@ -7,11 +7,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from explicit import Ending, Outcome, Response
+from explicit import Response
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine, ForceHistory
-from kolsky.inverse.findings import Declaration, PairMap, ParameterProfile, PosteriorSummary, Variation
-from kolsky.inverse.methods import Method
+from kolsky.inverse.method_comparison import Method
+from kolsky.inverse.misfit import Terms
+from kolsky.inverse.run_table import DesignTable
+from kolsky.inverse.uncertainty_results import (
+    Declaration,
+    PairMap,
+    ParameterProfile,
+    PosteriorSummary,
+    Variation,
+)
 
 
 class Verdict(StrEnum):
@@ -84,47 +92,6 @@ class Route:
 
 
 @dataclass(frozen=True)
-class Terms:
-    """The misfit terms of one simulation: Eqs. (M.3)-(M.8) and chi-square.
-
-    Where no outline was measured those that need one are NaN: they are not known.
-    """
-
-    phi_shape: float
-    """Phi_S, Eq. (M.3) [-]."""
-    phi_force: float
-    """Phi_F, Eq. (M.4) [N]."""
-    phi: float
-    """Phi, Eq. (M.5) [-]."""
-    sigma_phi_shape: float
-    """delta Phi_S, Eq. (M.6) [-]."""
-    sigma_phi_force: float
-    """delta Phi_F, Eq. (M.7) [N]."""
-    sigma_phi: float
-    """delta Phi, Eq. (M.8) [-]."""
-    chi2_force: float
-    """Noise-weighted sum of squares of the force residual [-]."""
-    chi2_shape: float
-    """Noise-weighted sum of squares of the shape residual [-]."""
-    n_force: int
-    """Number of force values counted."""
-    n_shape: int
-    """Number of shape points counted."""
-    n_outside: int
-    """Number of shape points outside the model's range, not counted."""
-
-    @property
-    def chi2(self) -> float:
-        """Joint chi-square [-]; the force's where no outline was measured."""
-        return self.chi2_force + (self.chi2_shape if self.has_shape else 0.0)
-
-    @property
-    def has_shape(self) -> bool:
-        """Whether an outline was measured."""
-        return self.n_shape + self.n_outside > 0
-
-
-@dataclass(frozen=True)
 class Comparison:
     """The check run beside the data, ready to draw."""
 
@@ -144,53 +111,6 @@ class Comparison:
     """Points inside the model's range, shape [n_points]."""
     recorded: ForceHistory
     """The transmitted force at every recorded sample."""
-
-
-@dataclass(frozen=True)
-class DesignTable:
-    """Every run of the design, in run order."""
-
-    names: tuple[str, ...]
-    """Free parameters, column order of `points`."""
-    points: FloatArray
-    """Parameter values, shape [n_runs, n_parameters]."""
-    lower: FloatArray
-    """Lower bounds of the design, shape [n_parameters]."""
-    upper: FloatArray
-    """Upper bounds, shape [n_parameters]."""
-    outcomes: tuple[str, ...]
-    """`explicit.Outcome` names, length n_runs."""
-    end_times: FloatArray
-    """Time each run reached [s], shape [n_runs]."""
-    failed_elements: NDArray[np.int64]
-    """Element where it failed, of its own mesh; -1 if it completed, shape [n_runs]."""
-    failed_places: FloatArray
-    """Centre (R, Y) of that element in the undeformed mesh [m], shape [n_runs, 2]; NaN if it completed."""
-    stage: tuple[str, ...]
-    """Why the run was made: "design", "refinement" or "check", length n_runs."""
-    phi_shape: FloatArray
-    """Phi_S of each run [-], shape [n_runs]; NaN for a run that did not complete, or without an outline."""
-    phi_force: FloatArray
-    """Phi_F of each run [N], shape [n_runs]; NaN for a run that did not complete."""
-    chi2_shape: FloatArray
-    """Shape chi-square of each run [-], shape [n_runs]; NaN likewise."""
-    chi2_force: FloatArray
-    """Force chi-square of each run [-], shape [n_runs]; NaN for a run that did not complete."""
-
-    def ending(self, run: int) -> Ending:
-        """How, when and where a run ended."""
-        r, y = self.failed_places[run]
-        return Ending(
-            outcome=Outcome[self.outcomes[run]],
-            time=float(self.end_times[run]),
-            element=int(self.failed_elements[run]),
-            place=(float(r), float(y)),
-        )
-
-    @property
-    def lost(self) -> tuple[int, ...]:
-        """The runs that did not complete."""
-        return tuple(i for i, name in enumerate(self.outcomes) if name != Outcome.COMPLETED.name)
 
 
 @dataclass(frozen=True)

@@ -1,15 +1,63 @@
 """The table of every run that a loop over simulations made."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from doe import Box
-from explicit import Ending
+from explicit import Ending, Outcome
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.misfit import Observations, Prediction, terms
-from kolsky.inverse.result import DesignTable, Terms
+from kolsky.inverse.misfit import Terms, terms
+from kolsky.inverse.observations import Observations, Prediction
+
+
+@dataclass(frozen=True)
+class DesignTable:
+    """Every run of the design, in run order."""
+
+    names: tuple[str, ...]
+    """Free parameters, column order of `points`."""
+    points: FloatArray
+    """Parameter values, shape [n_runs, n_parameters]."""
+    lower: FloatArray
+    """Lower bounds of the design, shape [n_parameters]."""
+    upper: FloatArray
+    """Upper bounds, shape [n_parameters]."""
+    outcomes: tuple[str, ...]
+    """`explicit.Outcome` names, length n_runs."""
+    end_times: FloatArray
+    """Time each run reached [s], shape [n_runs]."""
+    failed_elements: NDArray[np.int64]
+    """Element where it failed, of its own mesh; -1 if it completed, shape [n_runs]."""
+    failed_places: FloatArray
+    """Centre (R, Y) of that element in the undeformed mesh [m], shape [n_runs, 2]; NaN if it completed."""
+    stage: tuple[str, ...]
+    """Why the run was made: "design", "refinement" or "check", length n_runs."""
+    phi_shape: FloatArray
+    """Phi_S of each run [-], shape [n_runs]; NaN for a run that did not complete, or without an outline."""
+    phi_force: FloatArray
+    """Phi_F of each run [N], shape [n_runs]; NaN for a run that did not complete."""
+    chi2_shape: FloatArray
+    """Shape chi-square of each run [-], shape [n_runs]; NaN likewise."""
+    chi2_force: FloatArray
+    """Force chi-square of each run [-], shape [n_runs]; NaN for a run that did not complete."""
+
+    def ending(self, run: int) -> Ending:
+        """How, when and where a run ended."""
+        r, y = self.failed_places[run]
+        return Ending(
+            outcome=Outcome[self.outcomes[run]],
+            time=float(self.end_times[run]),
+            element=int(self.failed_elements[run]),
+            place=(float(r), float(y)),
+        )
+
+    @property
+    def lost(self) -> tuple[int, ...]:
+        """The runs that did not complete."""
+        return tuple(i for i, name in enumerate(self.outcomes) if name != Outcome.COMPLETED.name)
 
 
 class RunTable:

@@ -12,9 +12,9 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.files import write_table
 from kolsky.base.records import CentreLine
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.misfit import Prediction, predict, terms
-from kolsky.inverse.prepare import Prepared, prepare
-from kolsky.inverse.result import Terms
+from kolsky.inverse.misfit import Terms, terms
+from kolsky.inverse.observations import Prediction, predict
+from kolsky.inverse.prepared_shot import PreparedShot, prepare_shot
 from kolsky.inverse.side_surface import LEAST_STEP, radius_at
 from kolsky.shot.records import Shot
 
@@ -31,7 +31,7 @@ class Simulation:
     """What the instruments would have seen; None if the run did not complete."""
     terms: Terms | None
     """Misfit terms, Eqs. (M.3)-(M.8); None if the run did not complete: they belong to the whole window."""
-    prepared: Prepared
+    prepared: PreparedShot
     """The observations it is compared with."""
 
 
@@ -51,7 +51,7 @@ def simulate(
     ValueError
         If a parameter is unknown or outside its range.
     """
-    prepared = prepare(shot)
+    prepared = prepare_shot(shot)
     response = prepared.forward.run(
         {name: np.array([value]) for name, value in parameters.items()},
         numerics or Numerics(),

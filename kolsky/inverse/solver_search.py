@@ -8,10 +8,10 @@ from doe import Box, latin_hypercube
 from doe.least_squares import LeastSquaresResult, least_squares
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.methods import LEAST_SQUARES, SIMPLEX, Method
+from kolsky.inverse.method_comparison import LEAST_SQUARES, SIMPLEX, Method
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.result import Estimate, Identification
-from kolsky.inverse.stages import Stages
+from kolsky.inverse.staged_runs import StagedRuns
 
 STARTS = 3
 """Searches on the surrogate's mesh, from points that a Latin hypercube spreads over the box."""
@@ -19,7 +19,7 @@ ANSWER_STAGES = ("design", "refinement", "check")
 """The stages whose runs the answer rests on."""
 
 
-def with_methods(result: Identification, stages: Stages, objective: Objective) -> Identification:
+def add_method_comparison(result: Identification, stages: StagedRuns, objective: Objective) -> Identification:
     """The result with what its own search and, if asked for, least squares on the solver find.
 
     Parameters
@@ -51,7 +51,7 @@ def with_methods(result: Identification, stages: Stages, objective: Objective) -
     return replace(result, methods=(*found, *result.methods), seconds=dict(stages.seconds))
 
 
-def _on_the_solver(result: Identification, stages: Stages, objective: Objective) -> Method:
+def _on_the_solver(result: Identification, stages: StagedRuns, objective: Objective) -> Method:
     """Several searches on the surrogate's mesh, and one on the refined mesh from where the best one ended."""
     box, numerics = stages.box, stages.settings.numerics
     starts = latin_hypercube(box, STARTS, rng=stages.settings.seed).points
@@ -87,7 +87,7 @@ def _starts(searches: tuple[LeastSquaresResult, ...], box: Box) -> str:
 
 
 def _least_squares(
-    stages: Stages, objective: Objective, numerics: Numerics, starts: FloatArray
+    stages: StagedRuns, objective: Objective, numerics: Numerics, starts: FloatArray
 ) -> tuple[LeastSquaresResult, ...]:
     def run(points: FloatArray) -> FloatArray:
         rows, prediction = stages.evaluate("least squares", points, numerics)

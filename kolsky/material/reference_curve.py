@@ -9,12 +9,16 @@ import numpy as np
 
 from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray
-from kolsky.material.curves.apparent import ApparentModulus, apparent_modulus
-from kolsky.material.curves.band import CurveBand, mean_of_repeats, resampled
-from kolsky.material.curves.toe import Begun, Toe, correct_toe
-from kolsky.material.curves.uniaxial import UniaxialTest, loading_ramps
+from kolsky.material.curves.band import (
+    ApparentModulus,
+    CurveBand,
+    apparent_modulus,
+    mean_of_repeats,
+    resampled,
+)
+from kolsky.material.curves.uniaxial import Begun, Toe, UniaxialTest, correct_toe, loading_ramps
 from kolsky.material.end_friction.correct import correct_friction
-from kolsky.material.end_friction.records import EndFriction, FrictionCorrection
+from kolsky.material.end_friction.problem import EndFriction, FrictionCorrection
 from kolsky.material.end_friction.slow_test import SlowNumerics
 
 Pull = Literal["first", "conditioned"]

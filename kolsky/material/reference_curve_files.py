@@ -1,20 +1,91 @@
-"""A baseline as tables for files, for a shot.toml, for the terminal and as JSON."""
+"""Files of quasi-static tests, and a reference curve as tables, as the table of a shot.toml and as JSON."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from kolsky.base.apparatus import Specimen
+from kolsky.base.errors import InputError
 from kolsky.base.files import write_table
-from kolsky.material.curves.apparent import apparent_modulus
+from kolsky.material.curves.band import apparent_modulus
+from kolsky.material.curves.uniaxial import UniaxialTest
 from kolsky.material.reference_curve import ReferenceCurve
+from kolsky.readers.columns import read_columns
+
+CONVENTIONS = ("tension-positive", "compression-positive")
+"""Signs that the columns of a file may have."""
+BRANCHES = ("compression", "tension")
+"""Halves of the curve."""
+COLUMNS = {"strain": "1", "stress": "Pa", "displacement": "m", "force": "N", "time": "s", "bulge": "m"}
+"""What a column may hold -> its SI unit."""
 
 MODE = "mode"
 """How the columns of common uncertainties begin."""
 
 
+def read_uniaxial_test(
+    path: Path,
+    columns: Mapping[str, str],
+    *,
+    convention: str,
+    branch: str,
+    units: Mapping[str, str] | None = None,
+    header_line: int | None = None,
+    specimen: Specimen | None = None,
+) -> tuple[UniaxialTest, str]:
+    """Read a quasi-static test, positive along its branch, and the SHA-256 of its file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    columns
+        Kind of `COLUMNS` -> column, by name or number: strain and stress, or displacement and force.
+    convention
+        Sign of the columns, one of `CONVENTIONS`.
+    branch
+        One of `BRANCHES`.
+    units
+        Column -> unit, where the file does not say it.
+    header_line
+        Line of the column names; found if None, 0 for none.
+    specimen
+        Undeformed size; needed for displacement and force.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or its columns are no such test.
+    """
+    values, digest = read_columns(
+        path,
+        {what: (column, COLUMNS[what]) for what, column in columns.items()},
+        units=dict(units or {}),
+        header_line=header_line,
+    )
+    compression = branch == "compression"
+    sign = 1.0 if compression == (convention == "compression-positive") else -1.0
+    if specimen is not None and "force" in columns:
+        values["strain"] = values["displacement"] / specimen.length
+        values["stress"] = values["force"] / specimen.area
+    try:
+        test = UniaxialTest(
+            name=path.name,
+            strain=sign * values["strain"],
+            stress=sign * values["stress"],
+            compression=compression,
+            time=values.get("time"),
+            bulge=values.get("bulge"),
+        )
+    except ValueError as error:
+        raise InputError(path, str(error)) from None
+    return test, digest
+
+
 def write_curve(path: Path, made: ReferenceCurve) -> None:
-    """A table that `[curve]` of a shot.toml reads, strain and stress positive along the branch."""
+    """Write a table that `[curve]` of a shot.toml reads, strain and stress positive along the branch."""
     band = made.band
     modes = {
         f"{MODE} {number}: {name} (Pa)": row.tolist()
@@ -32,7 +103,7 @@ def write_curve(path: Path, made: ReferenceCurve) -> None:
 
 
 def write_modulus(path: Path, made: ReferenceCurve) -> None:
-    """E_a against strain and time with its k = 2 interval, and what the uncorrected curve would give."""
+    """Write E_a over strain and time with its k = 2 interval, and that of the uncorrected curve."""
     modulus = made.modulus
     low, high = modulus.interval()
     apparent = apparent_modulus(made.apparent, compression=made.compression)
@@ -67,32 +138,8 @@ def curve_table(name: str, made: ReferenceCurve, conditioned: str | None) -> str
     return "\n".join(lines) + "\n"
 
 
-def in_words(made: ReferenceCurve, before: str) -> dict[str, Any]:
-    """What the terminal shows, by name; `before` stands before every name."""
-    modulus, friction = made.modulus, made.friction
-    strain = made.band.strain
-    rows: dict[str, Any] = {
-        f"{before}tests": len(made.tests),
-        f"{before}strains": f"{strain[0]:.4g} to {strain[-1]:.4g}",
-        f"{before}mean E_a": f"{modulus.mean / 1e3:.4g} ± {2.0 * modulus.mean_sigma / 1e3:.2g} kPa (k = 2)",
-    }
-    offsets = [one.offset for one in made.tests]
-    if any(offsets):
-        rows[f"{before}zero of strain"] = f"{min(offsets):.4g} to {max(offsets):.4g}"
-    if friction is not None:
-        ratio = friction.ratio
-        rows[f"{before}stiffer by end friction"] = f"{ratio.min():.3f} to {ratio.max():.3f} times"
-        if friction.coefficient is not None:
-            sigma = f" ± {2.0 * friction.sigma:.2g} (k = 2)" if friction.sigma > 0.0 else ""
-            rows[f"{before}friction"] = f"{friction.coefficient:.3g}{sigma}"
-        closure = f"{100.0 * friction.closure:.2g} % from the tests (rms)"
-        rows[f"{before}corrected curve simulated"] = closure
-        rows[f"{before}kinetic over elastic energy"] = f"{friction.slow.kinetic_share:.1e} at most"
-    return rows
-
-
 def summary(made: ReferenceCurve) -> dict[str, Any]:
-    """What the JSON object says of one curve (SI)."""
+    """Numbers of a reference curve for JSON, SI."""
     modulus, friction = made.modulus, made.friction
     parts = {name: float(np.max(part / made.band.stress)) for name, part in made.band.parts().items()}
     return {

@@ -11,7 +11,7 @@ CHOSEN = ("poisson", "damping", "friction")
 """Inputs that no file of the shot measures."""
 NOT_VARIED = "not varied"
 WINDOW_END, FORCE_BINS = "window_end", "force_bins"
-"""Keys of `kolsky.inverse.findings.Variation`."""
+"""Keys of `kolsky.inverse.uncertainty_results.Variation`."""
 
 
 def choices(result: Identification) -> list[dict[str, Any]]:

@@ -7,7 +7,7 @@ from typing import Any
 __all__ = ["register"]
 
 SHOWN = (
-    ("dic.surface", "SurfaceHistory"),
+    ("dic.surfaces.surface_history", "SurfaceHistory"),
     ("kolsky.inverse.result", "Identification"),
     ("kolsky.shot.records", "ShotBase"),
 )

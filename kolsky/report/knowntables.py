@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from doe.uncertainty import VerdictKind
-from kolsky.inverse.findings import Declaration, ParameterProfile
 from kolsky.inverse.result import Identification
+from kolsky.inverse.uncertainty_results import Declaration, ParameterProfile
 from kolsky.report import numbers
 from kolsky.report.nomenclature import name_of
 

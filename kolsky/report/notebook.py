@@ -8,12 +8,12 @@ from __future__ import annotations
 from functools import singledispatch
 from typing import Any
 
-from dic import notebook as surface_views
-from dic.notebook import html_table, pandas, xarray
-from dic.surface import SurfaceHistory
+from dic.output import notebook as surface_views
+from dic.output.notebook import html_table, pandas, xarray
+from dic.surfaces.surface_history import SurfaceHistory
 from kolsky.inverse.result import Identification
 from kolsky.report.printed import answer, details
-from kolsky.results.text import tables
+from kolsky.results.tables import tables
 from kolsky.shot.records import ShotBase
 from kolsky.shot.summary import summarise
 

@@ -10,9 +10,8 @@ from kolsky.bars.result import ReducedTest
 from kolsky.base.errors import InputError
 from kolsky.base.files import filling
 from kolsky.inverse.result import Identification
-from kolsky.results.read import read_identification
-from kolsky.results.text import write_csv
-from kolsky.results.write import write_identification
+from kolsky.results.hdf5 import read_identification, write_identification
+from kolsky.results.tables import write_csv
 from kolsky.shot.recorded import Recorded, recorded
 from kolsky.shot.records import Shot
 from kolsky.studies.rates import output as rates_output

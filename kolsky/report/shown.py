@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kolsky.inverse.findings import PairMap, ParameterProfile, PosteriorSummary
 from kolsky.inverse.result import Estimate, Identification
+from kolsky.inverse.uncertainty_results import PairMap, ParameterProfile, PosteriorSummary
 from kolsky.report.nomenclature import factor_of, name_of
 
 

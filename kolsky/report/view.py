@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.chain.speckle_report import Speckles, speckles_of
 from dic.images import PictureError, Pictures
 from dic.result import StereoResult
-from dic.speckle_report import Speckles, speckles_of
 from kolsky.bars.flyer.flight_report import FlightOfSpecimen
 from kolsky.base.arrays import FloatArray
 

@@ -5,8 +5,14 @@ from typing import Any
 
 import h5py
 
-from kolsky.inverse.findings import Declaration, PairMap, ParameterProfile, PosteriorSummary, Variation
 from kolsky.inverse.result import Identification
+from kolsky.inverse.uncertainty_results import (
+    Declaration,
+    PairMap,
+    ParameterProfile,
+    PosteriorSummary,
+    Variation,
+)
 from kolsky.results.datasets import data, group, numbered, read, read_numbers, write, write_numbers
 from kolsky.results.layout import Table
 

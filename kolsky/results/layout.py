@@ -3,7 +3,7 @@
 from dataclasses import fields
 
 from explicit import EnergyLedger
-from kolsky.inverse.result import Terms
+from kolsky.inverse.misfit import Terms
 
 FORMAT = "kolsky identification"
 VERSION = 2

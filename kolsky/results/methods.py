@@ -4,7 +4,7 @@ from typing import Any
 
 import h5py
 
-from kolsky.inverse.methods import Method
+from kolsky.inverse.method_comparison import Method
 from kolsky.results.datasets import group, numbered, read, read_numbers, write, write_numbers
 from kolsky.results.layout import Table
 

@@ -17,9 +17,8 @@ from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.errors import InputError, refuse
 from kolsky.base.records import Recording
 from kolsky.readers.recordings import read_recordings
-from kolsky.shot.find import find_shot_file
 from kolsky.shot.schema.bars import BarsShotFile, GaugeSection, WaveBarSection, WavesShotFile
-from kolsky.shot.schema.reading import TomlFile, read_declared
+from kolsky.shot.schema.reading import TomlFile, find_shot_file, read_declared
 
 NOTHING = Specimen(diameter=0.0, length=0.0, density=0.0)
 """No specimen: the bars touch."""

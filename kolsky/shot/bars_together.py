@@ -10,7 +10,7 @@ from kolsky.bars.reduction.windows import averaging_time, incident_arrival
 from kolsky.base.errors import InputError
 from kolsky.base.files import write_table
 from kolsky.shot.bars import load_bars
-from kolsky.shot.find import folder_of
+from kolsky.shot.schema.reading import folder_of
 
 
 def wave_speed_of(shot: str | Path) -> tuple[str, BarsTogether]:

@@ -5,18 +5,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
+from kolsky.base.arrays import FloatArray
+from kolsky.base.errors import InputError
 from kolsky.base.records import MaterialCurve
 from kolsky.readers import uniaxial_csv
 from kolsky.readers.table import Column
-from kolsky.shot import shape_checks
-from kolsky.shot.schema.curve import CurveSection
-from kolsky.shot.schema.law import LawSection
+from kolsky.shot.schema.curve import CurveSection, LawSection
 
 if TYPE_CHECKING:
     from kolsky.shot.records import ShotBase
 
 AnyShot = TypeVar("AnyShot", bound="ShotBase")
+
+LARGEST_STRAIN = 20.0
+"""Nominal strain beyond which a column is no strain of an elastomer."""
+SMALLEST_CURVE = 5
+"""Points away from rest that a curve needs."""
 
 
 def read_curve(folder: Path, section: CurveSection | LawSection) -> tuple[MaterialCurve, dict[str, str]]:
@@ -80,7 +86,7 @@ def _read(path: Path, section: CurveSection) -> tuple[MaterialCurve, str]:
     )
     sign = 1.0 if section.convention == "tension positive" else -1.0
     strain, stress = sign * table.strain, sign * table.stress
-    shape_checks.curve(strain, stress, table.path, section)
+    check_curve(strain, stress, table.path, section)
     order = np.argsort(np.abs(strain))
     sigma = np.hypot(section.relative_sigma * stress, section.sigma_floor)
     if table.sigma is not None:
@@ -92,3 +98,85 @@ def _read(path: Path, section: CurveSection) -> tuple[MaterialCurve, str]:
         modes=None if table.modes is None else sign * table.modes[:, order],
     )
     return curve, table.sha256
+
+
+def check_curve(strain: FloatArray, stress: FloatArray, path: Path, section: CurveSection) -> None:
+    """One branch, one sign, from rest outward.
+
+    Parameters
+    ----------
+    strain
+        Nominal strain, tension-positive by the declared convention, rows as in the file [-], shape [n].
+    stress
+        Nominal stress, likewise [Pa], shape [n].
+    path
+        The file it came from.
+    section
+        What the shot file says of it.
+
+    Raises
+    ------
+    InputError
+        For the first row that cannot belong to such a curve.
+    """
+    branch = 1.0 if section.branch == "tension" else -1.0
+    other = "tension" if section.branch == "compression" else "compression"
+    _rows(
+        path,
+        np.abs(strain) > LARGEST_STRAIN,
+        strain,
+        f"the strain {{value:.6g}} is no strain of an elastomer; it must be in (-1, {LARGEST_STRAIN:g}]",
+        "check curve.strain in the shot file: is it the right column and unit?",
+    )
+    _rows(
+        path,
+        branch * strain < 0.0,
+        strain,
+        f"the strain is in {other} ({{value:+.6g}} counted tension-positive), but curve.branch is"
+        f' "{section.branch}" and curve.convention "{section.convention}"',
+        "correct curve.convention or curve.branch in the shot file; one curve holds one branch",
+    )
+    _rows(
+        path,
+        strain <= -1.0,
+        strain,
+        "the strain {value:.6g} would leave no length; it must be > -1 (tension-positive)",
+        "nominal strain is change of length over initial length; check curve.strain and its unit",
+    )
+    _rows(
+        path,
+        strain * stress < 0.0,
+        stress,
+        "the stress {value:+.6g} Pa has the opposite sign of the strain",
+        "strain and stress follow one convention; correct the file's signs or remove points near rest",
+    )
+    _rows(
+        path,
+        (strain == 0.0) & (stress != 0.0),
+        stress,
+        "the stress is {value:+.6g} Pa at zero strain",
+        "subtract the preload or remove the row",
+    )
+    forward = np.sign(strain[-1] - strain[0])  # a file may as well begin at the largest strain
+    _rows(
+        path,
+        np.append(False, np.diff(strain) * forward <= 0.0),
+        strain,
+        "the strain does not move on from the line before: {value:.6g}",
+        "keep one loading ramp, smoothed or thinned so that every strain is new",
+    )
+    if np.count_nonzero(strain) < SMALLEST_CURVE:
+        raise InputError(
+            path,
+            f"has {np.count_nonzero(strain)} points away from rest; it must be at least {SMALLEST_CURVE}",
+            cure="export the whole loading ramp",
+        )
+
+
+def _rows(path: Path, bad: NDArray[np.bool_], values: FloatArray, message: str, cure: str) -> None:
+    """Refuse the first bad row, saying how many there are."""
+    rows = np.flatnonzero(bad)
+    if rows.size:
+        row = int(rows[0])
+        count = f" ({rows.size} such lines)" if rows.size > 1 else ""
+        raise InputError(path, message.format(value=values[row]) + count, line=row + 2, cure=cure)

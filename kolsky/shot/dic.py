@@ -34,6 +34,6 @@ def dic(
         If the shot cannot be used or has no pictures, the cameras cannot be calibrated, or nothing can be
         measured.
     """
-    seen = load_pictures(shot).seen
-    place = usable_folder(results or seen.toml.path.parent / "results")
-    return surfaces(seen, place, device=device, again=again, progress=progress)
+    pictures = load_pictures(shot).pictures
+    place = usable_folder(results or pictures.toml.path.parent / "results")
+    return surfaces(pictures, place, device=device, again=again, progress=progress)

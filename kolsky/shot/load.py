@@ -6,21 +6,24 @@ from pathlib import Path
 from typing import Any
 
 from kolsky.base.apparatus import Bar, Interface, Specimen
+from kolsky.base.errors import refuse
 from kolsky.base.records import MaterialCurve
 from kolsky.readers import frame_times
 from kolsky.readers.frame_times import FrameTimes
 from kolsky.readers.table import Column
-from kolsky.shot import force_checks, frame_checks, shape_checks
 from kolsky.shot.curve import read_curve
-from kolsky.shot.declared import all_there, flyer_motion, force_channel, outline
-from kolsky.shot.find import find_shot_file, is_bar_driven
-from kolsky.shot.picture_set import Seen, open_pictures
-from kolsky.shot.records import ForceChannel, Measured, ModelSettings, PicturedShot, Shot, ShotBase
-from kolsky.shot.schema.reading import ShotToml, read_shot_toml
+from kolsky.shot.force import check_sign, force_channel
+from kolsky.shot.frames import body_moves, flyer_motion, some_motion_frames
+from kolsky.shot.outline import check_outline, read_outline
+from kolsky.shot.picture_set import PictureSet, open_pictures
+from kolsky.shot.records import ForceChannel, ModelSettings, OpticalData, PicturedShot, Shot, ShotBase
+from kolsky.shot.schema.reading import ShotToml, find_shot_file, is_bar_driven, read_shot_toml
 from kolsky.shot.window import window
 
 
-def load_shot(folder_or_toml: str | Path, *, measure: Callable[[Seen], Measured] | None = None) -> Shot:
+def load_shot(
+    folder_or_toml: str | Path, *, measure: Callable[[PictureSet], OpticalData] | None = None
+) -> Shot:
     """Load and check a shot.
 
     Parameters
@@ -57,9 +60,9 @@ def load_shot(folder_or_toml: str | Path, *, measure: Callable[[Seen], Measured]
     flyer, flyer_hash = flyer_motion(folder, frames, declared.flyer, toml)
     force = force_channel(folder, rest, toml)
     span = window(toml, frame_time, float(flyer.time[-1]), force.recording, force.time)
-    force_checks.force_sign(force.raw_force(), force.time, span, flyer, toml)
-    centre_line, outline_hash = outline(folder, frames, declared.centre_line, toml)
-    shape_checks.outline(centre_line, folder / declared.centre_line.file, rest, span, toml)
+    check_sign(force.raw_force(), force.time, span, flyer, toml)
+    centre_line, outline_hash = read_outline(folder, frames, declared.centre_line, toml)
+    check_outline(centre_line, folder / declared.centre_line.file, rest, span, toml)
     curve, curve_hashes = read_curve(folder, declared.baseline)
     exports = {declared.flyer.file: flyer_hash, declared.centre_line.file: outline_hash}
     base = _base(toml, frames, force, curve, curve_hashes, exports)
@@ -112,19 +115,19 @@ def _with_surface(toml: ShotToml, frames: FrameTimes, rest: float) -> Shot:
         assert declared.flyer is not None  # the schema saw to it
         flyer, inputs[declared.flyer.file] = flyer_motion(folder, frames, declared.flyer, toml)
     else:
-        frame_checks.body_moves(flyer, rest, source, toml)
+        body_moves(flyer, rest, source, toml)
     force = force_channel(folder, rest, toml)
     frame_time = frames.time + declared.frames.clock_offset
     span = window(toml, frame_time, float(flyer.time[-1]), force.recording, force.time)
-    force_checks.force_sign(force.raw_force(), force.time, span, flyer, toml)
-    shape_checks.outline(centre_line, source, rest, span, toml)
+    check_sign(force.raw_force(), force.time, span, flyer, toml)
+    check_outline(centre_line, source, rest, span, toml)
     curve, curve_hashes = read_curve(folder, declared.baseline)
     base = _base(toml, frames, force, curve, curve_hashes, inputs)
     return Shot(**base, flyer=flyer, centre_line=centre_line, window=span)
 
 
 def _with_pictures(
-    toml: ShotToml, frames: FrameTimes, rest: float, measure: Callable[[Seen], Measured] | None
+    toml: ShotToml, frames: FrameTimes, rest: float, measure: Callable[[PictureSet], OpticalData] | None
 ) -> Shot:
     """A shot whose flyer and outline come from its pictures."""
     shot = _pictured(toml, frames, open_pictures(toml, frames))
@@ -132,10 +135,10 @@ def _with_pictures(
         from kolsky.shot.optical_data import measured
 
         measure = measured
-    found = measure(shot.seen)
+    found = measure(shot.pictures)
     assert isinstance(shot.force, ForceChannel)  # `_pictured` made it so
     frame_time = frames.time + toml.declared.frames.clock_offset
-    frame_checks.body_moves(found.flyer, rest, found.source, toml)
+    body_moves(found.flyer, rest, found.source, toml)
     span = window(
         toml,
         frame_time,
@@ -144,8 +147,8 @@ def _with_pictures(
         shot.force.time,
         symmetry_end=found.symmetry_end,
     )
-    force_checks.force_sign(shot.force.raw_force(), shot.force.time, span, found.flyer, toml)
-    shape_checks.outline(found.centre_line, found.source, rest, span, toml)
+    check_sign(shot.force.raw_force(), shot.force.time, span, found.flyer, toml)
+    check_outline(found.centre_line, found.source, rest, span, toml)
     base = {field.name: getattr(shot, field.name) for field in fields(ShotBase)}
     return Shot(
         **base,
@@ -156,25 +159,25 @@ def _with_pictures(
     )
 
 
-def _pictured(toml: ShotToml, frames: FrameTimes, seen: Seen) -> PicturedShot:
+def _pictured(toml: ShotToml, frames: FrameTimes, pictures: PictureSet) -> PicturedShot:
     folder, declared = toml.path.parent, toml.declared
     rest = float(frames.time[declared.frames.static - 1] + declared.frames.clock_offset)
     force = force_channel(folder, rest, toml)
     curve, curve_hashes = read_curve(folder, declared.baseline)
-    return PicturedShot(**_base(toml, frames, force, curve, curve_hashes, seen.inputs), seen=seen)
+    return PicturedShot(**_base(toml, frames, force, curve, curve_hashes, pictures.inputs), pictures=pictures)
 
 
 def _opened(folder_or_toml: str | Path) -> tuple[ShotToml, FrameTimes]:
     """The shot file and the frame times."""
     toml = read_shot_toml(find_shot_file(Path(folder_or_toml)))
     declared, folder = toml.declared, toml.path.parent
-    all_there(toml, folder)
+    _all_there(toml, folder)
     frames = frame_times.read(
         folder / declared.frames.file,
         frame=Column(declared.frames.frame),
         time=declared.frames.time.as_column(),
     )
-    frame_checks.some_motion_frames(frames, toml)
+    some_motion_frames(frames, toml)
     return toml, frames
 
 
@@ -213,3 +216,20 @@ def _base(
             **curve_hashes,
         },
     }
+
+
+def _all_there(toml: ShotToml, folder: Path) -> None:
+    """See that every declared file is there.
+
+    Raises
+    ------
+    InputError
+        If any is missing; all of them are named.
+    """
+    missing = {key: name for key, name in toml.declared.data_files().items() if not (folder / name).exists()}
+    refuse(
+        [
+            toml.error(key, f"names a missing file: {folder / name}", cure="put it there or correct its name")
+            for key, name in missing.items()
+        ]
+    )

@@ -12,13 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from dic.bodies import Region
+from dic.bodies.found_regions import FoundRegions, find_regions
+from dic.bodies.region import Region
 from dic.chain import VERSION, ChainError, ChainSettings, measure
 from dic.correlation import Correlation, Shape
-from dic.found_regions import FoundRegions, find_regions
 from dic.images import frame_health
 from dic.outcome import FrameOutcome
-from dic.output import ResultFileError, read_result, stored_key, write_result
 from dic.result import StereoResult
 from dic.tracking import Tracking
 from kolsky.bars.flyer.flight_report import FlightOfSpecimen, add_to, flight_of
@@ -26,11 +25,12 @@ from kolsky.base.errors import InputError
 from kolsky.base.files import filling
 from kolsky.base.process import infrequent_gc, single_threaded_libraries
 from kolsky.base.records import CentreLine, FlyerMotion
-from kolsky.shot.picture_set import Seen
-from kolsky.shot.records import Measured
+from kolsky.shot.picture_set import PictureSet
+from kolsky.shot.records import OpticalData
 from kolsky.shot.rig import calibrated
 from kolsky.shot.schema.apparatus import SpecimenSection
 from kolsky.shot.schema.pictures import DicSection, RegionSection
+from kolsky.shot.surfaces_file import ResultFileError, read_stereo_result, stored_key, write_stereo_result
 
 RESULT_FILE = "dic.h5"
 Progress = Callable[[str, int, int], None]
@@ -51,7 +51,7 @@ class Surfaces:
 
 
 def surfaces(
-    seen: Seen,
+    pictures: PictureSet,
     folder: Path,
     *,
     device: str = "cpu",
@@ -62,7 +62,7 @@ def surfaces(
 
     Parameters
     ----------
-    seen
+    pictures
         The pictures.
     folder
         Where `RESULT_FILE` is or will be. It is used again if inputs, declarations and the version of the
@@ -79,36 +79,36 @@ def surfaces(
     InputError
         If the cameras cannot be calibrated or nothing can be measured.
     """
-    path, key = folder / RESULT_FILE, key_of(seen)
-    length = seen.toml.declared.specimen.length
+    path, key = folder / RESULT_FILE, key_of(pictures)
+    length = pictures.toml.declared.specimen.length
     if not again and stored_key(path) == key:
         try:
-            result = read_result(path)
+            result = read_stereo_result(path)
             return Surfaces(result=result, path=path, fresh=False, flight=flight_of(result, length))
         except ResultFileError:
             pass  # damaged since it was written: made anew
     with single_threaded_libraries(), infrequent_gc():
-        result = _correlated(seen, device, progress)
+        result = _correlated(pictures, device, progress)
         flight = flight_of(result, length)
     with filling(folder) as partial:
-        write_result(partial / RESULT_FILE, result, key=key)
+        write_stereo_result(partial / RESULT_FILE, result, key=key)
         if not isinstance(flight, str):
             add_to(partial / RESULT_FILE, flight)
     return Surfaces(result=result, path=path, fresh=True, flight=flight)
 
 
 def measured(
-    seen: Seen,
+    pictures: PictureSet,
     folder: Path | None = None,
     *,
     device: str = "cpu",
     progress: Progress = lambda stage, done, total: None,
-) -> Measured:
+) -> OpticalData:
     """Flyer and outline of a shot from its pictures.
 
     Parameters
     ----------
-    seen
+    pictures
         The pictures.
     folder
         Where the result is kept; by default the folder "results" of the shot.
@@ -122,17 +122,19 @@ def measured(
     InputError
         As `surfaces`, or if the flyer was not found.
     """
-    found = surfaces(seen, folder or seen.toml.path.parent / "results", device=device, progress=progress)
-    result, number = found.result, seen.frames.frame
+    found = surfaces(
+        pictures, folder or pictures.toml.path.parent / "results", device=device, progress=progress
+    )
+    result, number = found.result, pictures.frames.frame
     if result.travel is None or result.travel.t.size == 0:
-        raise seen.toml.error(
+        raise pictures.toml.error(
             "dic.flyer",
             "was not followed back to rest, so how far it went is not known",
             cure="declare a region clear of its edge, in a frame that shows much of it; some of its rows "
             "must be in view of a camera at rest",
         )
     line = result.centre
-    return Measured(
+    return OpticalData(
         flyer=FlyerMotion(
             time=result.travel.t, displacement=result.travel.displacement, sigma=result.travel.sigma
         ),
@@ -142,14 +144,14 @@ def measured(
     )
 
 
-def key_of(seen: Seen) -> str:
+def key_of(pictures: PictureSet) -> str:
     """What a stereo result depends on: SHA-256 of inputs, declarations and the version of the chain."""
-    declared = seen.toml.declared
+    declared = pictures.toml.declared
     parts: dict[str, Any] = {
         "version": VERSION,
-        "inputs": seen.inputs,
+        "inputs": pictures.inputs,
         "specimen": [declared.specimen.diameter, declared.specimen.length],
-        "frames": [seen.frames.sha256, declared.frames.model_dump(mode="json")],
+        "frames": [pictures.frames.sha256, declared.frames.model_dump(mode="json")],
         **{
             name: None if section is None else section.model_dump(mode="json")
             for name in ("pictures", "calibration", "dic", "reporting")
@@ -185,7 +187,7 @@ class Places:
         }
 
 
-def places_of(seen: Seen) -> Places:
+def places_of(pictures: PictureSet) -> Places:
     """The regions that the shot file declares, and those that it leaves to the pictures.
 
     Raises
@@ -193,19 +195,19 @@ def places_of(seen: Seen) -> Places:
     InputError
         If one that is not declared is not clear in the pictures.
     """
-    section = seen.toml.declared.dic
+    section = pictures.toml.declared.dic
     assert section is not None  # shots with pictures have it
     missing = tuple(
         key for key in ("specimen", "flyer", "transmission_edge") if getattr(section, key) is None
     )
     found = None
     if missing:
-        static = np.arange(seen.time.size) < seen.toml.declared.frames.static
-        usable = frame_health(seen.pictures[0]).outcome == FrameOutcome.VALID
+        static = np.arange(pictures.time.size) < pictures.toml.declared.frames.static
+        usable = frame_health(pictures.series[0]).outcome == FrameOutcome.VALID
         try:
-            found = find_regions(seen.pictures[0], static, usable, toward=section.flyer_side)
+            found = find_regions(pictures.series[0], static, usable, toward=section.flyer_side)
         except ValueError as error:
-            raise seen.toml.error(
+            raise pictures.toml.error(
                 f"dic.{missing[0]}",
                 f"is not declared and cannot be found: {error}",
                 cure="declare specimen, flyer and transmission_edge from a look at camera 0's pictures",
@@ -253,23 +255,23 @@ def _software() -> str:
         return "kolsky, not installed"
 
 
-def _correlated(seen: Seen, device: str, progress: Progress) -> StereoResult:
-    toml, declared = seen.toml, seen.toml.declared
+def _correlated(pictures: PictureSet, device: str, progress: Progress) -> StereoResult:
+    toml, declared = pictures.toml, pictures.toml.declared
     section = declared.dic
     assert section is not None  # shots with pictures have it
     started = perf_counter()
-    cameras = calibrated(seen, progress)
+    cameras = calibrated(pictures, progress)
     calibrating = perf_counter() - started
-    places = places_of(seen)
-    static = np.arange(seen.time.size) < declared.frames.static
+    places = places_of(pictures)
+    static = np.arange(pictures.time.size) < declared.frames.static
     reporting = {} if declared.reporting is None else declared.reporting.model_dump(exclude_none=True)
     try:
         started = perf_counter()
         result = measure(
-            seen.pictures,
+            pictures.series,
             cameras.rig,
             chain_settings(section, declared.specimen, places.edge, device),
-            t=seen.time,
+            t=pictures.time,
             static=static,
             specimen=places.specimen,
             flyer=places.flyer,

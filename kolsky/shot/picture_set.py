@@ -1,14 +1,21 @@
-"""The pictures of a shot: opened, counted, and compared with what the shot file says of them."""
+"""The pictures of a shot: opened, counted, compared with the shot file; the pair in the report."""
 
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dic.images import PictureError, Pictures
+from dic.outcome import FrameOutcome
+from dic.result import StereoResult
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError, refuse
+from kolsky.readers import frame_times
 from kolsky.readers.frame_times import FrameTimes
+from kolsky.readers.table import Column
 from kolsky.shot.schema.pictures import PicturesSection, SeriesSection
 from kolsky.shot.schema.reading import ShotToml
 
@@ -17,14 +24,14 @@ SERIES_CURE = "export one picture for each line of the frames' file"
 
 
 @dataclass(frozen=True)
-class Seen:
+class PictureSet:
     """The pictures of a shot, not read yet, and when they were taken."""
 
     toml: ShotToml
     """The shot file."""
     frames: FrameTimes
     """Frame numbers and times; row k is picture k."""
-    pictures: tuple[Pictures, Pictures]
+    series: tuple[Pictures, Pictures]
     """The series of both cameras, with the bits and offsets that were declared."""
 
     @property
@@ -49,7 +56,7 @@ class Seen:
         }
 
 
-def open_pictures(toml: ShotToml, frames: FrameTimes) -> Seen:
+def open_pictures(toml: ShotToml, frames: FrameTimes) -> PictureSet:
     """Open both series of a shot: headers, and the last picture of a series that is too short.
 
     A file that was cut off keeps its frames; the missing ones end as UNREADABLE when they are correlated.
@@ -90,7 +97,7 @@ def open_pictures(toml: ShotToml, frames: FrameTimes) -> Seen:
             f"{second.shape[0]} px in camera 1",
             cure="export both with one crop size, or declare a pair that belongs together",
         )
-    return Seen(toml=toml, frames=frames, pictures=(kept(first), kept(second)))
+    return PictureSet(toml=toml, frames=frames, series=(kept(first), kept(second)))
 
 
 def fits_sensor(pictures: Pictures, sensor: tuple[int, int] | None) -> str | None:
@@ -179,3 +186,53 @@ def _declared(
     from dic.images import declared
 
     return declared(pictures, bits=section.bits, crop_offset=series.crop_offset, n_frames=frames.frame.size)
+
+
+ALIVE = 0.5
+"""Least share of the points that the pair shows, if there is such a frame."""
+
+
+@dataclass(frozen=True)
+class PicturePair:
+    """What two cameras saw at one time, and the result that it belongs to."""
+
+    result: StereoResult
+    """The surfaces of the whole shot."""
+    frame: int
+    """Which frame, counted from 0."""
+    pictures: tuple[NDArray[np.generic], NDArray[np.generic]]
+    """The pictures of both cameras, each of shape [rows, columns]."""
+
+
+def picture_pair(toml: ShotToml, result: StereoResult) -> PicturePair | str:
+    """The latest pair that still shows half of the points, or why there is none.
+
+    Parameters
+    ----------
+    toml
+        The shot's file, with [pictures].
+    result
+        What its pictures gave.
+    """
+    declared = toml.declared
+    try:
+        frames = frame_times.read(
+            toml.path.parent / declared.frames.file,
+            frame=Column(declared.frames.frame),
+            time=declared.frames.time.as_column(),
+        )
+        first, second = open_pictures(toml, frames).series
+    except InputError as error:
+        return str(error)
+    alive = np.where(result.outcome == FrameOutcome.VALID, result.specimen.alive, 0)
+    if alive.size != first.n_frames:
+        return f"there are {first.n_frames} pictures and surfaces of {alive.size} frames"
+    enough = np.flatnonzero(alive >= max(1, ALIVE * result.specimen.surface.n_points))
+    best = [int(np.argmax(alive))] if alive.any() else []
+    for frame in [*enough[::-1].tolist(), *best]:
+        try:
+            pictures = np.array(first.frame(frame)), np.array(second.frame(frame))
+        except PictureError:
+            continue
+        return PicturePair(result, frame, pictures)
+    return "no frame with points can be read"

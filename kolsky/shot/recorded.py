@@ -1,22 +1,18 @@
 """What a shot's own files show, for its report: the force channel as recorded, the flyer and its path."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from kolsky.bars.bar_force import BarForce
-from kolsky.bars.flyer.fit import fit_flyer
-from kolsky.bars.flyer.front_path import front_path
-from kolsky.bars.flyer.path import FlyerPath
+from kolsky.bars.flyer.front_path import BarForce
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.records import FlyerMotion
-from kolsky.shot.find import find_shot_file
-from kolsky.shot.picture_pair import PicturePair, picture_pair
+from kolsky.shot.picture_set import PicturePair, picture_pair
 from kolsky.shot.records import Shot
-from kolsky.shot.schema.reading import read_shot_toml
+from kolsky.shot.schema.reading import find_shot_file, read_shot_toml
 
 PATH_POINTS = 801
 """Times at which the fitted path is drawn."""
@@ -78,19 +74,6 @@ class Recorded:
     """The numbers of the surfaces by name, as `kolsky.shot.dic_summary.numbers` has them; empty likewise."""
     pair: PicturePair | str = ""
     """A pair of the pictures with the points on it, or why there is none."""
-
-
-def path_of(shot: Shot) -> FlyerPath:
-    """The smooth path of what moves the front face, its scale taken as exact.
-
-    Raises
-    ------
-    ValueError
-        If the record cannot be used.
-    """
-    if isinstance(shot.flyer, FlyerMotion):
-        return fit_flyer(shot.flyer, start=shot.window[0])
-    return front_path(replace(shot.flyer, sigma_gain=0.0))
 
 
 def recorded(shot: Shot, source: Path, folder: Path) -> Recorded:
@@ -161,7 +144,7 @@ def recording_facts(shot: Shot) -> dict[str, Any]:
 
 
 def _motion(shot: Shot) -> MotionShown:
-    path = path_of(shot)
+    path = shot.flyer_path
     grid = np.linspace(path.start, path.end, PATH_POINTS)
     motion = shot.flyer
     inside = (motion.time >= path.start) & (motion.time <= path.end)
@@ -194,12 +177,12 @@ def surface_of(source: Path, folder: Path) -> dict[str, Any]:
     )
     if from_files:
         return {}
-    from dic.output import ResultFileError, read_result
     from kolsky.shot.dic_summary import numbers, printed
     from kolsky.shot.optical_data import RESULT_FILE
+    from kolsky.shot.surfaces_file import ResultFileError, read_stereo_result
 
     try:
-        result = read_result(folder / RESULT_FILE)
+        result = read_stereo_result(folder / RESULT_FILE)
     except ResultFileError as error:
         cause = str(error).removeprefix(f"{folder / RESULT_FILE}: ")
         raise InputError(folder / RESULT_FILE, cause, cure="run `kolsky dic` again") from None

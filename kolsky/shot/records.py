@@ -2,14 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
-from kolsky.bars.bar_force import BarForce
+from kolsky.bars.flyer.front_path import BarForce
+from kolsky.bars.flyer.path import FlyerPath
 from kolsky.bars.signals.transducers import force_history, noise_correlation
 from kolsky.base.apparatus import Bar, Interface, Specimen, Transducer
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine, FlyerMotion, ForceHistory, FrontVelocity, MaterialCurve, Recording
-from kolsky.shot.picture_set import Seen
+from kolsky.shot import flyer_path
+from kolsky.shot.picture_set import PictureSet
 
 
 @dataclass(frozen=True)
@@ -121,17 +124,28 @@ class Shot(ShotBase):
     symmetry_end: float | None = None
     """Time at which the flyer leaves its first direction, if pictures say so [s]."""
 
+    @cached_property
+    def flyer_path(self) -> FlyerPath:
+        """The smooth path of what moves the front face, fitted when it is first asked for.
+
+        Raises
+        ------
+        ValueError
+            If the record cannot be used.
+        """
+        return flyer_path.fit(self.flyer, start=self.window[0])
+
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class PicturedShot(ShotBase):
     """One test whose pictures are still to be correlated."""
 
-    seen: Seen
+    pictures: PictureSet
     """Its pictures and frames."""
 
 
 @dataclass(frozen=True)
-class Measured:
+class OpticalData:
     """What the cameras saw, as numbers."""
 
     flyer: FlyerMotion

@@ -7,10 +7,10 @@ from typing import Any
 
 from kolsky.bars.records import Reduction
 from kolsky.bars.reduction.analyse import analyse
-from kolsky.bars.reduction.repeated import RepeatedTests, repeated_tests
+from kolsky.bars.reduction.repeated_tests import RepeatedTests, repeated_tests
 from kolsky.base.errors import InputError
 from kolsky.shot.bars import load_waves
-from kolsky.shot.find import folder_of
+from kolsky.shot.schema.reading import folder_of
 
 
 @dataclass(frozen=True)
@@ -33,10 +33,7 @@ class RepeatedShots:
             "high end of the 95 % band (Pa)": high.tolist(),
             "scatter between tests (Pa)": together.scatter.tolist(),
             "shared standard uncertainty (Pa)": self.mean.shared.tolist(),
-            **{
-                f"{name} (Pa)": row.tolist()
-                for name, row in zip(self.names, together.values, strict=True)
-            },
+            **{f"{name} (Pa)": row.tolist() for name, row in zip(self.names, together.values, strict=True)},
         }
 
     def summary(self) -> dict[str, Any]:

@@ -2,14 +2,16 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dic.camera import StereoRig
 from dic.images import PictureError, Pictures
 from kolsky.base.errors import InputError
-from kolsky.shot.picture_set import CAMERAS, Seen, fits_sensor
+from kolsky.shot.picture_set import CAMERAS, PictureSet, fits_sensor
 from kolsky.shot.schema.pictures import CalibrationSection, TargetSection
-from kolsky.shot.schema.reading import TomlFile
+from kolsky.shot.schema.reading import TomlFile, read_declared, read_shot_toml
+from kolsky.shot.schema.section import Section
 
 if TYPE_CHECKING:
     from dic.calibration import Calibration
@@ -27,7 +29,7 @@ class Calibrated:
     """One sentence on where it is from and how well it fits."""
 
 
-def calibrated(seen: Seen, progress: Progress) -> Calibrated:
+def calibrated(pictures: PictureSet, progress: Progress) -> Calibrated:
     """The rig for a shot's pictures.
 
     Raises
@@ -36,22 +38,22 @@ def calibrated(seen: Seen, progress: Progress) -> Calibrated:
         If the file holds no two cameras, the target is not found or cannot determine the cameras, or a crop
         lies outside the sensor that the calibration is for.
     """
-    toml, section = seen.toml, seen.toml.declared.calibration
+    toml, section = pictures.toml, pictures.toml.declared.calibration
     assert section is not None  # shots with pictures have it
     if section.file is not None:
         rig, words = _from_file(toml, section)
     else:
         found = calibration_of(toml, section, progress)
         rig, words = found.rig, _words(found)
-    for camera, pictures, name in zip(rig.cameras, seen.pictures, CAMERAS, strict=True):
-        problem = fits_sensor(pictures, camera.sensor)
+    for camera, series, name in zip(rig.cameras, pictures.series, CAMERAS, strict=True):
+        problem = fits_sensor(series, camera.sensor)
         if problem:
             raise toml.error(
                 f"pictures.{name}",
                 f"crop_offset {problem}",
                 cure="declare where the crop lies on the sensor, or calibrate with full pictures",
             )
-    offsets = [pictures.crop_offset for pictures in seen.pictures]
+    offsets = [series.crop_offset for series in pictures.series]
     return Calibrated(rig=rig.cropped(offsets[0], offsets[1]), words=words)
 
 
@@ -172,3 +174,53 @@ def _series(toml: TomlFile, name: str, pattern: str) -> Pictures:
         return open_pictures(place.parent, pattern=place.name)
     except (PictureError, OSError) as error:
         raise toml.error(f"calibration.{name}", f"cannot be used: {error}") from None
+
+
+NAMES = ("calibration.toml", "shot.toml")
+"""Files that are looked for in a folder, in this order."""
+
+
+class CalibrationFile(Section):
+    """A whole calibration.toml."""
+
+    calibration: CalibrationSection
+
+
+def read_calibration_toml(source: Path) -> tuple[TomlFile, CalibrationSection]:
+    """The description of calibration pictures and their target.
+
+    Parameters
+    ----------
+    source
+        A calibration.toml, a shot.toml, or a folder with one of them.
+
+    Raises
+    ------
+    InputError
+        If there is none, it declares anything unknown, incomplete or impossible, or it names a finished
+        calibration in place of pictures.
+    """
+    path = Path(source)
+    if path.is_dir():
+        there = [path / name for name in NAMES if (path / name).is_file()]
+        if not there:
+            raise InputError(
+                path,
+                f"has neither {NAMES[0]} nor {NAMES[1]}",
+                cure="describe pictures and target in one of them",
+            )
+        path = there[0]
+    if path.name == NAMES[1]:
+        shot = read_shot_toml(path)
+        toml: TomlFile = shot
+        section = shot.declared.calibration
+        if section is None:
+            raise InputError(path, "has no table [calibration]", cure="add it, with pictures and target")
+    else:
+        toml, declared = read_declared(path, lambda content: CalibrationFile)
+        section = declared.calibration
+    if section.file is not None:
+        raise toml.error(
+            "calibration.file", "is a calibration that is finished", cure="name pictures and target instead"
+        )
+    return toml, section

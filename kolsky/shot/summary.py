@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.bars.bar_force import BarForce
+from kolsky.bars.flyer.front_path import BarForce
 from kolsky.base.records import CentreLine, FlyerMotion
 from kolsky.shot.picture_set import CAMERAS, readable
 from kolsky.shot.records import PicturedShot, Shot, ShotBase
@@ -91,20 +91,23 @@ def _window(shot: Shot) -> list[Entry]:
 
 
 def _pictures(shot: PicturedShot) -> list[Entry]:
-    declared = shot.seen.toml.declared
+    declared = shot.pictures.toml.declared
     assert declared.pictures is not None  # else there is no such shot
     assert declared.calibration is not None
     assert declared.dic is not None
-    rows = [Entry("frames", "frames", shot.seen.time.size), Entry("frames", "static", declared.frames.static)]
-    for name, section, pictures in zip(CAMERAS, declared.pictures.cameras, shot.seen.pictures, strict=True):
-        height, width = pictures.shape
-        x, y = pictures.crop_offset
+    rows = [
+        Entry("frames", "frames", shot.pictures.time.size),
+        Entry("frames", "static", declared.frames.static),
+    ]
+    for name, section, series in zip(CAMERAS, declared.pictures.cameras, shot.pictures.series, strict=True):
+        height, width = series.shape
+        x, y = series.crop_offset
         rows += [
             Entry("pictures", f"{name}, files", section.source[1]),
             Entry("pictures", f"{name}, size", f"{width} x {height} px at ({x:g}, {y:g}) of the sensor"),
-            Entry("pictures", f"{name}, bits", pictures.bits),
+            Entry("pictures", f"{name}, bits", series.bits),
         ]
-        missing = shot.seen.time.size - readable(pictures)
+        missing = shot.pictures.time.size - readable(series)
         if missing:
             rows.append(Entry("pictures", f"{name}, pictures cut off", missing))
     calibration, dic = declared.calibration, declared.dic

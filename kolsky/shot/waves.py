@@ -1,21 +1,98 @@
-"""A test reduced by classical means, from its shot file: by its bars' gauges or, if it has none, by its
-flyer."""
+"""A test reduced by classical means, from its shot file: by the gauges of its bars, else by its flyer."""
 
 from collections.abc import Callable
+from math import inf
 from pathlib import Path
 
+import numpy as np
+
+from kolsky.bars.audit import Switches
 from kolsky.bars.reduction.analyse import analyse
 from kolsky.bars.result import ReducedTest
+from kolsky.base.apparatus import Transducer
 from kolsky.base.errors import InputError
-from kolsky.shot.bars import load_waves
-from kolsky.shot.find import find_shot_file, folder_of
+from kolsky.shot.bars import declared_settings, load_waves
 from kolsky.shot.flyer_test.analyse import analyse_flyer
-from kolsky.shot.flyer_test.load import load_flyer_test
+from kolsky.shot.flyer_test.reduction import FlyerInput
+from kolsky.shot.force import force_recording
 from kolsky.shot.load import load_shot
-from kolsky.shot.schema.bars import AnyFile
-from kolsky.shot.schema.reading import read_declared
+from kolsky.shot.records import ForceChannel, Shot
+from kolsky.shot.schema.bars import AnyFile, WavesSection
+from kolsky.shot.schema.measured import ForceSection
+from kolsky.shot.schema.reading import ShotToml, find_shot_file, folder_of, read_declared, read_shot_toml
+from kolsky.shot.schema.uncertainty import UncertaintySection
 
 __all__ = ["waves"]
+
+
+def load_flyer_test(folder_or_toml: str | Path, shot: Shot) -> FlyerInput:
+    """What `kolsky waves` needs of a flyer test.
+
+    Parameters
+    ----------
+    folder_or_toml
+        The shot's folder with its shot.toml, or the path of such a file.
+    shot
+        The same shot, loaded.
+
+    Raises
+    ------
+    InputError
+        If [incident_force] names a file that cannot be read, a channel that is clipped, or a baseline
+        without samples.
+    """
+    toml = read_shot_toml(find_shot_file(Path(folder_or_toml)))
+    declared = toml.declared
+    section = declared.incident_force
+    incident = None if section is None else _channel(toml, section.completed(declared.force))
+    waves = declared.waves or WavesSection()
+    return FlyerInput(
+        shot=shot,
+        incident=incident,
+        mass=0.0 if section is None else section.mass,
+        pictured=declared.flyer is None and declared.pictures is not None,
+        share=waves.share,
+        switches=Switches(waves.corrections),
+        uncertainty={
+            key: value
+            for key, value in (declared.uncertainty or UncertaintySection()).for_waves().items()
+            if not isinstance(value, bool)
+        },
+        settings=declared_settings(toml.content),
+    )
+
+
+def _channel(toml: ShotToml, section: ForceSection) -> ForceChannel:
+    recording = force_recording(toml.path.parent / section.file, section)
+    clipped = np.flatnonzero(np.abs(recording.value) >= section.full_scale)
+    if clipped.size:
+        raise InputError(
+            recording.path,
+            f"column '{recording.channel}' is clipped: {clipped.size} samples at or beyond full scale "
+            f"(incident_force.full_scale = {section.full_scale:g} V)",
+            line=int(clipped[0]) + 2,
+            cure="a clipped force is lost; repeat the test at a coarser range, or correct the full scale",
+        )
+    channel = ForceChannel(
+        recording=recording,
+        transducer=Transducer(
+            sensitivity=section.sensitivity,
+            compression_sign=1 if section.compression == "positive" else -1,
+            full_scale=section.full_scale,
+            time_constant=inf if section.time_constant is None else section.time_constant,
+        ),
+        baseline=section.baseline,
+        clock_offset=section.clock_offset,
+    )
+    if channel.baseline_volts().size < 20:
+        raise toml.error(
+            "incident_force.baseline",
+            f"holds {channel.baseline_volts().size} samples",
+            allowed="20 or more",
+            cure="widen it within the stretch before the test, on the shot's clock",
+        )
+    return channel
+
 
 Progress = Callable[[str, int, int], None]
 
@@ -55,7 +132,7 @@ def waves(
             return analyse(load_waves(shot), progress=progress)
         from kolsky.shot.optical_data import measured  # brings image correlation: for pictures only
 
-        loaded = load_shot(shot, measure=lambda seen: measured(seen, results, progress=progress))
+        loaded = load_shot(shot, measure=lambda pictures: measured(pictures, results, progress=progress))
         return analyse_flyer(load_flyer_test(shot, loaded), progress=progress)
     except ValueError as error:
         raise InputError(folder_of(shot), str(error)) from error

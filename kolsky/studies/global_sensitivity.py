@@ -25,9 +25,9 @@ from doe.sensitivity.variance import SaltelliSample
 from doe.surrogates import SurrogateError
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.prepare import prepare
+from kolsky.inverse.prepared_shot import prepare_shot
 from kolsky.shot.records import Shot
-from kolsky.studies.observables import Eye, runs_at
+from kolsky.studies.observables import Observables, runs_at
 
 LARGEST_ERROR = 0.1
 """Largest share of an output's variance that the surrogate may get wrong at runs it has not seen."""
@@ -123,20 +123,22 @@ def solver_sensitivity(
     ValueError
         If a run does not complete, a parameter is unknown or outside its range.
     """
-    prepared = prepare(shot)
+    prepared = prepare_shot(shot)
     sample = SaltelliSample.draw(box.dimension, n, rng)
     sets = [sample.A, sample.B, *(sample.mixed(i) for i in range(box.dimension))]
     points = box.scale(np.concatenate(sets))
     seen = runs_at(prepared, points, box, held or {}, numerics or Numerics())
-    eye = Eye(prepared.observations, np.asarray(seen.inside.all(axis=0)))
-    vectors = eye.vectors(seen)
+    observables = Observables(prepared.observations, np.asarray(seen.inside.all(axis=0)))
+    vectors = observables.vectors(seen)
     row = {point.tobytes(): i for i, point in enumerate(points)}
 
     def made(x: FloatArray) -> FloatArray:
         """The runs again: the same seed asks for the same points."""
         return vectors[[row[point.tobytes()] for point in x]]
 
-    return _indices(shot, box, eye, made, n=n, rng=rng, runs=len(points), errors={}, by_surrogate=False)
+    return _indices(
+        shot, box, observables, made, n=n, rng=rng, runs=len(points), errors={}, by_surrogate=False
+    )
 
 
 def global_sensitivity(
@@ -166,21 +168,21 @@ def global_sensitivity(
     doe.surrogates.kernels.SurrogateError
         If the surrogate cannot be built, or nothing of it is good enough; the message says what to do.
     """
-    prepared = prepare(shot)
+    prepared = prepare_shot(shot)
     design = latin_hypercube(box, runs, rng=rng, optimise=True)
     others = latin_hypercube(box, unseen, rng=rng + 1)
     points = np.concatenate([design.points, others.points])
     seen = runs_at(prepared, points, box, held or {}, numerics or Numerics())
-    eye = Eye(prepared.observations, np.asarray(seen.inside.all(axis=0)))
-    vectors = eye.vectors(seen)
-    surrogate = ResponseSurrogate.fit(box, design.points, vectors[:runs], scale=eye.noise)
-    errors = _errors(eye, vectors, surrogate.predict(others.points))
+    observables = Observables(prepared.observations, np.asarray(seen.inside.all(axis=0)))
+    vectors = observables.vectors(seen)
+    surrogate = ResponseSurrogate.fit(box, design.points, vectors[:runs], scale=observables.noise)
+    errors = _errors(observables, vectors, surrogate.predict(others.points))
     if min(errors.values()) > LARGEST_ERROR:
         raise SurrogateError("; ".join(f"{name}: {_refusal(error)}" for name, error in errors.items()))
     return _indices(
         shot,
         box,
-        eye,
+        observables,
         surrogate.predict,
         n=n,
         rng=rng,
@@ -190,14 +192,14 @@ def global_sensitivity(
     )
 
 
-def _errors(eye: Eye, vectors: FloatArray, told: FloatArray) -> dict[str, float]:
+def _errors(observables: Observables, vectors: FloatArray, told: FloatArray) -> dict[str, float]:
     """Mean square errors at the last runs over the variances of all runs."""
     real, spread = vectors[-len(told) :], vectors.var(axis=0)
-    scalars = [eye.scalars(rows) for rows in (real, told, vectors)]
+    scalars = [observables.scalars(rows) for rows in (real, told, vectors)]
     miss = ((scalars[1] - scalars[0]) ** 2).mean(axis=0) / scalars[2].var(axis=0)
-    errors = dict(zip(eye.outputs, miss.tolist(), strict=True))
-    for name, part in eye.histories.items():
-        scale = eye.noise[part]
+    errors = dict(zip(observables.outputs, miss.tolist(), strict=True))
+    for name, part in observables.histories.items():
+        scale = observables.noise[part]
         wrong = (((told - real)[:, part] / scale) ** 2).mean()
         errors[name] = float(wrong / (spread[part] / scale**2).mean())
     return errors
@@ -213,7 +215,7 @@ def _refusal(error: float) -> str:
 def _indices(
     shot: Shot,
     box: Box,
-    eye: Eye,
+    observables: Observables,
     function: Callable[[FloatArray], FloatArray],
     *,
     n: int,
@@ -223,20 +225,22 @@ def _indices(
     by_surrogate: bool,
 ) -> GlobalSensitivity:
     refused = {name: _refusal(error) for name, error in errors.items() if error > LARGEST_ERROR}
-    good = [i for i, name in enumerate(eye.outputs) if name not in refused]
-    line = eye.observations.centre_line
+    good = [i for i, name in enumerate(observables.outputs) if name not in refused]
+    line = observables.observations.centre_line
 
     def history(name: str) -> HistoryIndices | None:
-        part = eye.histories.get(name)
+        part = observables.histories.get(name)
         if part is None or name in refused:
             return None
-        return history_indices(box, lambda x: function(x)[:, part], scale=eye.noise[part], n=n, rng=rng)
+        return history_indices(
+            box, lambda x: function(x)[:, part], scale=observables.noise[part], n=n, rng=rng
+        )
 
     scalars = None
     if good:
-        outputs = tuple(eye.outputs[i] for i in good)
+        outputs = tuple(observables.outputs[i] for i in good)
         scalars = sobol_indices(
-            box, lambda x: eye.scalars(function(x))[:, good], outputs=outputs, n=n, rng=rng
+            box, lambda x: observables.scalars(function(x))[:, good], outputs=outputs, n=n, rng=rng
         )
     return GlobalSensitivity(
         shot=shot.name,
@@ -246,10 +250,10 @@ def _indices(
         errors=errors,
         refused=refused,
         scalars=scalars,
-        force_times=eye.observations.bins.centres,
+        force_times=observables.observations.bins.centres,
         force=history("force"),
-        outline_times=line.time[eye.counted],
-        outline_heights=line.y[eye.counted],
+        outline_times=line.time[observables.counted],
+        outline_heights=line.y[observables.counted],
         outline=history("outline"),
     )
 
@@ -286,8 +290,8 @@ def screening(
     ValueError
         If a run does not complete, or a parameter is unknown or outside its range.
     """
-    prepared = prepare(shot)
+    prepared = prepare_shot(shot)
     walks = morris(box, trajectories, rng=rng)
     seen = runs_at(prepared, walks.design.points, box, held or {}, numerics or Numerics())
-    eye = Eye(prepared.observations, np.asarray(seen.inside.all(axis=0)))
-    return eye.outputs, walks.effects(eye.scalars(eye.vectors(seen)))
+    observables = Observables(prepared.observations, np.asarray(seen.inside.all(axis=0)))
+    return observables.outputs, walks.effects(observables.scalars(observables.vectors(seen)))

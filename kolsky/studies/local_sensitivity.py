@@ -26,7 +26,7 @@ REACH = 0.1
 
 
 @dataclass(frozen=True)
-class Look:
+class ObservationGrid:
     """When and where one looks."""
 
     edges: FloatArray
@@ -54,7 +54,7 @@ class LocalSensitivity:
     """A change of each that counts as large, in its unit, shape [d]."""
     reach: float
     """Largest change in the runs over the scale [-]."""
-    look: Look
+    grid: ObservationGrid
     """When and where."""
     force: FloatArray
     """Mean force over each bin at the point [N], shape [n_bins]."""
@@ -74,7 +74,7 @@ class LocalSensitivity:
 
 def local_sensitivity(
     forward: Forward,
-    look: Look,
+    grid: ObservationGrid,
     names: Sequence[str],
     *,
     held: Mapping[str, float] | None = None,
@@ -87,7 +87,7 @@ def local_sensitivity(
     ----------
     forward
         The shot; its own sampling is replaced.
-    look
+    grid
         When and where.
     names
         Parameters of `kolsky.inverse.parameters.PARAMETERS`.
@@ -116,7 +116,7 @@ def local_sensitivity(
         levels = _levels(name, point[i], reach * scale[i])
         columns[name][1 + i * LEVELS : 1 + (i + 1) * LEVELS] = levels
         changes.append(levels - point[i])
-    force, radius = _seen(forward, look, columns, numerics or Numerics())
+    force, radius = _seen(forward, grid, columns, numerics or Numerics())
     slopes = []
     for i, change in enumerate(changes):
         rows = [0, *range(1 + i * LEVELS, 1 + (i + 1) * LEVELS)]
@@ -130,7 +130,7 @@ def local_sensitivity(
         point=point,
         scale=scale,
         reach=reach,
-        look=look,
+        grid=grid,
         force=force[0],
         radius=radius[0],
         force_slope=force_slope,
@@ -141,7 +141,11 @@ def local_sensitivity(
 
 
 def mesh_change(
-    forward: Forward, look: Look, values: Mapping[str, float], numerics: Numerics, finer: tuple[int, int]
+    forward: Forward,
+    grid: ObservationGrid,
+    values: Mapping[str, float],
+    numerics: Numerics,
+    finer: tuple[int, int],
 ) -> tuple[float, float]:
     """How far force and outline move from one mesh to a finer one, root mean squares [N] and [m].
 
@@ -151,7 +155,7 @@ def mesh_change(
         If a run does not complete.
     """
     columns = {name: np.array([value]) for name, value in values.items()}
-    here, there = (_seen(forward, look, columns, n) for n in (numerics, numerics.with_mesh(finer)))
+    here, there = (_seen(forward, grid, columns, n) for n in (numerics, numerics.with_mesh(finer)))
     force, radius = (a[0] - b[0] for a, b in zip(here, there, strict=True))
     both = np.isfinite(radius)
     return (
@@ -197,10 +201,10 @@ def _levels(name: str, value: float, reach: float) -> FloatArray:
 
 
 def _seen(
-    forward: Forward, look: Look, columns: Mapping[str, FloatArray], numerics: Numerics
+    forward: Forward, grid: ObservationGrid, columns: Mapping[str, FloatArray], numerics: Numerics
 ) -> tuple[FloatArray, FloatArray]:
     """Force of every bin and radius at every frame and height, shapes [n, n_bins], [n, n_frames, n_y]."""
-    sampling = explicit.Sampling(force_times=look.edges, surface_times=look.frames)
+    sampling = explicit.Sampling(force_times=grid.edges, surface_times=grid.frames)
     response = replace(forward, sampling=sampling).run(columns, numerics)
     lost = np.flatnonzero(~response.completed)
     if lost.size:
@@ -209,12 +213,12 @@ def _seen(
             f"{lost.size} of {response.n_samples} runs did not complete; the one at {at} ended "
             f"{response.describe(int(lost[0]))}"
         )
-    force = np.diff(response.impulse_transmission, axis=1) / np.diff(look.edges)
-    frame = np.repeat(np.arange(len(look.frames)), len(look.heights))
-    y = np.tile(look.heights, len(look.frames))
+    force = np.diff(response.impulse_transmission, axis=1) / np.diff(grid.edges)
+    frame = np.repeat(np.arange(len(grid.frames)), len(grid.heights))
+    y = np.tile(grid.heights, len(grid.frames))
     surfaces = zip(response.surface_r, response.surface_y, strict=True)
     radius = np.stack([radius_at(r, h, frame, y)[0] for r, h in surfaces])
-    return force, radius.reshape(len(force), len(look.frames), len(look.heights))
+    return force, radius.reshape(len(force), len(grid.frames), len(grid.heights))
 
 
 def _line(x: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:

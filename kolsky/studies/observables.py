@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from doe import Box
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.misfit import Observations, Prediction, predict, terms
-from kolsky.inverse.prepare import Prepared
+from kolsky.inverse.misfit import terms
+from kolsky.inverse.observations import Observations, Prediction, predict
+from kolsky.inverse.prepared_shot import PreparedShot
 
 OUTPUTS = ("Phi_F", "Phi_S", "Phi", "peak force")
 """Scalar outputs: Eqs. (M.4), (M.3), (M.5) and the largest transmitted force."""
@@ -21,7 +22,7 @@ CHUNK = 256
 
 
 @dataclass(frozen=True)
-class Eye:
+class Observables:
     """Force samples, bin means and outline points as one vector, and the numbers made of it."""
 
     observations: Observations
@@ -75,7 +76,7 @@ class Eye:
 
 
 def runs_at(
-    prepared: Prepared, points: FloatArray, box: Box, held: Mapping[str, float], numerics: Numerics
+    prepared: PreparedShot, points: FloatArray, box: Box, held: Mapping[str, float], numerics: Numerics
 ) -> Prediction:
     """Simulate points of a box, some at a time.
 

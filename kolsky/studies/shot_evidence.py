@@ -11,7 +11,7 @@ import explicit
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.parameters import PARAMETERS
-from kolsky.inverse.prepare import Prepared
+from kolsky.inverse.prepared_shot import PreparedShot
 from kolsky.material.relaxation.evidence import RateModel
 
 
@@ -55,7 +55,7 @@ class ShotEvidence:
             raise ValueError(f"held must leave {', '.join(sorted(unknown))} to the fit")
 
     @classmethod
-    def of(cls, prepared: Prepared, numerics: Numerics) -> "ShotEvidence":
+    def of(cls, prepared: PreparedShot, numerics: Numerics) -> "ShotEvidence":
         """The evidence of a prepared shot, with its own values of everything but rate and stiffness."""
         shot, bins = prepared.forward.shot, prepared.observations.bins
         held = {name: float(p.held(shot)) for name, p in PARAMETERS.items() if name != "stiffness_factor"}

@@ -17,12 +17,13 @@ from explicit import Outcome
 from kolsky.base.arrays import FloatArray
 from kolsky.base.files import write_table
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.misfit import SCALE_FORCE, SCALE_SHAPE, predict, terms
+from kolsky.inverse.misfit import SCALE_FORCE, SCALE_SHAPE, terms
+from kolsky.inverse.observations import predict
 from kolsky.inverse.parameters import PARAMETERS
-from kolsky.inverse.prepare import Prepared, prepare
+from kolsky.inverse.prepared_shot import PreparedShot, prepare_shot
 from kolsky.inverse.provenance import provenance
-from kolsky.inverse.result import DesignTable
-from kolsky.results.text import ends
+from kolsky.inverse.run_table import DesignTable
+from kolsky.results.tables import ends
 from kolsky.shot.records import Shot
 
 KEPT = ("phi_force", "phi_shape", "chi2_force", "chi2_shape", "end time", "element", "R", "Y")
@@ -48,7 +49,7 @@ class Sweep:
 class ShotRuns:
     """The shot as a function of points, for `doe.executors.run_chunks`; it can be pickled."""
 
-    prepared: Prepared
+    prepared: PreparedShot
     """The shot made ready."""
     names: tuple[str, ...]
     """Parameters varied, length d."""
@@ -158,7 +159,7 @@ def sweep(
         If the ledger's folder cannot be made.
     """
     numerics = numerics or Numerics()
-    runs = ShotRuns(prepare(shot), design.box.names, dict(held or {}), numerics)
+    runs = ShotRuns(prepare_shot(shot), design.box.names, dict(held or {}), numerics)
     chunk = chunk or CHUNK["cpu" if numerics.device == "cpu" else "cuda"]
 
     def all_runs(book: Ledger | None) -> list[Run]:
@@ -230,7 +231,7 @@ def counts(result: Sweep) -> dict[str, int]:
 
 
 def least_misfit(result: Sweep) -> dict[str, Any]:
-    """The completed run with the smallest Phi and its parameters, SI; by Phi_F alone where no outline is seen.
+    """The completed run with the smallest Phi, and its parameters in SI; by Phi_F alone without an outline.
 
     Values are None if no run completed.
     """

@@ -13,9 +13,9 @@ from doe import Box, CostSurrogate, Design, ResponseSurrogate, full_factorial
 from explicit import Response
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.misfit import Observations, Prediction, predict, terms
-from kolsky.inverse.prepare import Prepared, prepare
-from kolsky.inverse.result import Terms
+from kolsky.inverse.misfit import Terms, terms
+from kolsky.inverse.observations import Observations, Prediction, predict
+from kolsky.inverse.prepared_shot import PreparedShot, prepare_shot
 from kolsky.shot.records import Shot
 
 POISSON = (0.49, 0.492, 0.494, 0.495, 0.496, 0.497, 0.498, 0.499, 0.4995, 0.4999)
@@ -166,7 +166,7 @@ def trends(
         If no outline was measured, or a run does not complete.
     """
     numerics = numerics or Numerics()
-    prepared = prepare(shot)
+    prepared = prepare_shot(shot)
     if not prepared.observations.has_shape:
         raise ValueError(f"{shot.name}: the trends of the shape need a measured outline")
     return Trends(
@@ -182,7 +182,7 @@ def trends(
 
 
 def _run(
-    prepared: Prepared, numerics: Numerics, **columns: FloatArray | float
+    prepared: PreparedShot, numerics: Numerics, **columns: FloatArray | float
 ) -> tuple[Response, Prediction]:
     response = prepared.forward.run(columns, numerics)
     lost = np.flatnonzero(~response.completed)
@@ -199,7 +199,7 @@ def _terms(prediction: Prediction, observations: Observations) -> list[Terms]:
 
 
 def _along(
-    prepared: Prepared, name: str, x: FloatArray, numerics: Numerics, **held: float
+    prepared: PreparedShot, name: str, x: FloatArray, numerics: Numerics, **held: float
 ) -> tuple[Along, Prediction]:
     columns: dict[str, FloatArray | float] = {**held, name: x}
     response, prediction = _run(prepared, numerics, **columns)
@@ -213,14 +213,14 @@ def _along(
     return along, prediction
 
 
-def _forces(prepared: Prepared, numerics: Numerics, stiffness: float) -> Forces:
+def _forces(prepared: PreparedShot, numerics: Numerics, stiffness: float) -> Forces:
     damping = np.array(DAMPING)
     _, prediction = _run(prepared, numerics, damping=damping, stiffness_factor=stiffness)
     force = prepared.observations.force
     return Forces(damping, force.time, prediction.force, force.force)
 
 
-def _plane(prepared: Prepared, numerics: Numerics) -> Plane:
+def _plane(prepared: PreparedShot, numerics: Numerics) -> Plane:
     box = Box.of(PLANE)
     design = full_factorial(box, LEVELS)
     columns = {name: design.points[:, i] for i, name in enumerate(box.names)}
@@ -238,7 +238,7 @@ def _plane(prepared: Prepared, numerics: Numerics) -> Plane:
     return Plane(design, phi_force, phi_shape, (axes[0], axes[1]), surfaces[0], surfaces[1])
 
 
-def _surrogates(prepared: Prepared, numerics: Numerics) -> Surrogates:
+def _surrogates(prepared: PreparedShot, numerics: Numerics) -> Surrogates:
     box = Box.of({"stiffness_factor": STIFFNESS})
     levels = np.linspace(*STIFFNESS, RUNS)
     runs, prediction = _along(prepared, "stiffness_factor", levels, numerics)
@@ -254,7 +254,7 @@ def _surrogates(prepared: Prepared, numerics: Numerics) -> Surrogates:
 
 
 def _by_response(
-    prepared: Prepared, box: Box, levels: FloatArray, prediction: Prediction, x: FloatArray
+    prepared: PreparedShot, box: Box, levels: FloatArray, prediction: Prediction, x: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Phi_F and Phi_S of predicted histories: force at every sample, outline where every run has it."""
     observations = prepared.observations

@@ -9,18 +9,29 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from doe.uncertainty import VerdictKind
-from kolsky.inverse.findings import Declaration, PairMap, ParameterProfile, PosteriorSummary, Variation
-from kolsky.inverse.methods import POSTERIOR, PROFILE, Method
-from kolsky.inverse.misfit import Prediction
+from kolsky.inverse.method_comparison import POSTERIOR, PROFILE, Method
+from kolsky.inverse.observations import Prediction
 from kolsky.inverse.result import Estimate, Identification
-from kolsky.inverse.stages import Stages
-from kolsky.uncertainty.profile_likelihood import TOLERANCE, Answer, Profiled, profiled
+from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.uncertainty_results import (
+    Declaration,
+    PairMap,
+    ParameterProfile,
+    PosteriorSummary,
+    Variation,
+)
+from kolsky.uncertainty.profile_likelihood import (
+    TOLERANCE,
+    LinearisedOptimum,
+    ParameterProfiles,
+    profile_parameters,
+)
 from kolsky.uncertainty.systematic import declarations
 from kolsky.uncertainty.variations import variations
 
 
 @dataclass(frozen=True)
-class Knowledge:
+class UncertaintyAnalysis:
     """What is known beside the estimates."""
 
     systematic: tuple[Declaration, ...]
@@ -31,7 +42,7 @@ class Knowledge:
     """The plane of two free parameters."""
     posterior: PosteriorSummary | None
     """If it was asked for."""
-    found: Profiled | None
+    found: ParameterProfiles | None
     """What the profiles rest on."""
     warnings: tuple[str, ...]
     """What a user should know of them."""
@@ -91,7 +102,9 @@ class Knowledge:
             )
 
 
-def gather(stages: Stages, answer: Answer, check: Prediction, *, bayes: bool = False) -> Knowledge:
+def analyse(
+    stages: StagedRuns, answer: LinearisedOptimum, check: Prediction, *, bayes: bool = False
+) -> UncertaintyAnalysis:
     """Declared uncertainties, profiles, other choices and, if asked for, the posterior.
 
     Parameters
@@ -114,10 +127,10 @@ def gather(stages: Stages, answer: Answer, check: Prediction, *, bayes: bool = F
     """
     systematic = declarations(stages, answer.x, answer.objective)
     started = time.perf_counter()
-    found: Profiled | None = None
+    found: ParameterProfiles | None = None
     said = []
     try:
-        found = profiled(stages, answer)
+        found = profile_parameters(stages, answer)
     except (ValueError, RuntimeError) as error:
         said.append(f"there are no profile likelihoods: {error}")
     stages.seconds["profile"] = time.perf_counter() - started
@@ -132,7 +145,7 @@ def gather(stages: Stages, answer: Answer, check: Prediction, *, bayes: bool = F
         sampled = posterior_of(found, stages.settings.seed)
         stages.seconds["posterior"] = time.perf_counter() - started
     profiles = () if found is None else found.profiles
-    return Knowledge(
+    return UncertaintyAnalysis(
         systematic=systematic,
         profiles=profiles,
         ridge=None if found is None else found.map,
@@ -144,7 +157,7 @@ def gather(stages: Stages, answer: Answer, check: Prediction, *, bayes: bool = F
     )
 
 
-def posterior_of(found: Profiled, seed: int) -> PosteriorSummary:
+def posterior_of(found: ParameterProfiles, seed: int) -> PosteriorSummary:
     """The posterior; imported when it is asked for."""
     from kolsky.uncertainty.posterior import posterior
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from doe.uncertainty import sample_posterior
-from kolsky.inverse.findings import PosteriorSummary
-from kolsky.uncertainty.profile_likelihood import Profiled
+from kolsky.inverse.uncertainty_results import PosteriorSummary
+from kolsky.uncertainty.profile_likelihood import ParameterProfiles
 from kolsky.uncertainty.reduced_likelihood import full_likelihood
 
 TAU_SCALE = 10.0
@@ -17,7 +17,7 @@ NAMES = {"force": "force_discrepancy", "outline": "shape_discrepancy"}
 """How the discrepancy of a channel is called in a result."""
 
 
-def posterior(found: Profiled, *, seed: int) -> PosteriorSummary:
+def posterior(found: ParameterProfiles, *, seed: int) -> PosteriorSummary:
     """Sample parameters and discrepancies.
 
     The prior of a parameter is uniform in the box of the profiles. Correlation of the residuals in time is

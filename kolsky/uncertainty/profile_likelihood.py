@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from doe import Box, ResponseSurrogate, from_points
-from doe.surrogates import ProcessSurrogate
+from doe import Box, from_points
 from doe.uncertainty import Likelihood, Profiles, profile_likelihoods, verdicts
 from doe.uncertainty.profile import Profile
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.findings import Interval, PairMap, ParameterProfile
-from kolsky.inverse.misfit import Prediction
+from kolsky.inverse.coarse_search import surrogate_kind
 from kolsky.inverse.objective import Objective
+from kolsky.inverse.observations import Prediction
 from kolsky.inverse.optimum import CorrectedSurrogate, Model, jacobian
-from kolsky.inverse.stages import Stages
+from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.uncertainty_results import Interval, PairMap, ParameterProfile
 from kolsky.uncertainty.reduced_likelihood import reduced_likelihood
 
 TOLERANCE = 0.1
@@ -38,7 +38,7 @@ MAP = 81
 
 
 @dataclass(frozen=True)
-class Answer:
+class LinearisedOptimum:
     """Where an identification ended, as the profiles need it."""
 
     x: FloatArray
@@ -55,7 +55,9 @@ class Answer:
     """What of the Jacobian the refined mesh adds to the surrogate's, shape [k, d]."""
 
     @classmethod
-    def of(cls, x: FloatArray, local: Box, objective: Objective, model: Model, surrogate: Model) -> Answer:
+    def of(
+        cls, x: FloatArray, local: Box, objective: Objective, model: Model, surrogate: Model
+    ) -> LinearisedOptimum:
         """From the model that agrees with the last run on the refined mesh, and the surrogate in it."""
         slope = jacobian(model, local, x)
         return cls(x, local, objective, model(x)[0], slope, slope - jacobian(surrogate, local, x))
@@ -69,7 +71,7 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Profiled:
+class ParameterProfiles:
     """The profiles and what they rest on."""
 
     profiles: tuple[ParameterProfile, ...]
@@ -86,7 +88,7 @@ class Profiled:
     """The most likely point on it, in SI, shape [d]."""
 
 
-def profiled(stages: Stages, answer: Answer) -> Profiled:
+def profile_parameters(stages: StagedRuns, answer: LinearisedOptimum) -> ParameterProfiles:
     """Profile every free parameter.
 
     First near the answer; if the data do not close an interval there, in the whole box. The
@@ -112,7 +114,7 @@ def profiled(stages: Stages, answer: Answer) -> Profiled:
     return _in_box(stages, answer, whole) if (open_ends & inside).any() else found
 
 
-def _near(stages: Stages, answer: Answer) -> Box:
+def _near(stages: StagedRuns, answer: LinearisedOptimum) -> Box:
     """Where the profiles begin: the box of the last design, for several parameters `NEAR` sigma about the
     answer with a design of its own."""
     whole = stages.box
@@ -126,7 +128,7 @@ def _near(stages: Stages, answer: Answer) -> Box:
     return box
 
 
-def _in_box(stages: Stages, answer: Answer, box: Box) -> Profiled:
+def _in_box(stages: StagedRuns, answer: LinearisedOptimum, box: Box) -> ParameterProfiles:
     worst = np.inf
     for turn in range(ROUNDS):
         model, objective = surrogate_of(stages.on_surrogate_mesh(), answer, box, stages.box)
@@ -139,7 +141,7 @@ def _in_box(stages: Stages, answer: Answer, box: Box) -> Profiled:
         if turn == ROUNDS - 1 or worst <= TOLERANCE or worst > 0.5 * before:
             break
     told = verdicts(likelihood, found)
-    return Profiled(
+    return ParameterProfiles(
         profiles=tuple(
             ParameterProfile(
                 name=profile.name,
@@ -167,7 +169,7 @@ def _in_box(stages: Stages, answer: Answer, box: Box) -> Profiled:
 
 
 def surrogate_of(
-    runs: tuple[FloatArray, Prediction], answer: Answer, box: Box, whole: Box
+    runs: tuple[FloatArray, Prediction], answer: LinearisedOptimum, box: Box, whole: Box
 ) -> tuple[CorrectedSurrogate, Objective]:
     """The surrogate of all runs in a box, corrected to the refined mesh at the optimum.
 
@@ -195,9 +197,9 @@ def surrogate_of(
     counted = answer.objective.counted & prediction.inside[use].all(axis=0)
     objective = replace(answer.objective, counted=counted)
     kept = np.concatenate([np.ones(objective.n_force, dtype=bool), counted[answer.objective.counted]])
-    # Where a direction matters little a kernel that is the same in all of them wastes its runs.
-    kind = ResponseSurrogate if box.dimension == 1 else ProcessSurrogate
-    surrogate = kind.fit(box, points[use], objective.vectors(prediction)[use], scale=objective.noise)
+    surrogate = surrogate_kind(box).fit(
+        box, points[use], objective.vectors(prediction)[use], scale=objective.noise
+    )
     model = CorrectedSurrogate(surrogate).through(answer.x, answer.vector[kept])
     if box != whole:
         model = replace(model, slope=answer.steeper[kept])
@@ -213,7 +215,7 @@ def _apart(unit: FloatArray, least: float) -> NDArray[np.bool_]:
     return np.isin(np.arange(len(unit)), kept)
 
 
-def _test(stages: Stages, found: Profiles, model: CorrectedSurrogate, objective: Objective) -> FloatArray:
+def _test(stages: StagedRuns, found: Profiles, model: CorrectedSurrogate, objective: Objective) -> FloatArray:
     """Error of the rise at runs along each profile, shape [d]; NaN-free: a lost run is an infinite one."""
     rows = [_along(profile) for profile in found.profiles]
     points = np.concatenate([profile.points[row] for profile, row in zip(found.profiles, rows, strict=True)])

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from doe import Box, ResponseSurrogate
-from doe.surrogates import ProcessSurrogate
+from doe import Box
+from doe.surrogates import ComponentSurrogate
 from doe.uncertainty import Channel, Likelihood
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.objective import Objective
@@ -19,7 +19,7 @@ from kolsky.inverse.optimum import CorrectedSurrogate
 
 
 @dataclass(frozen=True)
-class Reduced:
+class ReducedResiduals:
     """T and the scores."""
 
     coordinates: Callable[[FloatArray], FloatArray]
@@ -33,7 +33,7 @@ class Reduced:
         return s @ self.triangle[:, :-1].T + self.triangle[:, -1]
 
 
-def reduced(model: CorrectedSurrogate, objective: Objective) -> Reduced:
+def reduce_residuals(model: CorrectedSurrogate, objective: Objective) -> ReducedResiduals:
     """Reduce a corrected surrogate and an objective with fixed discrepancies.
 
     Raises
@@ -42,7 +42,7 @@ def reduced(model: CorrectedSurrogate, objective: Objective) -> Reduced:
         If the surrogate is not one by principal components.
     """
     surrogate = model.surrogate
-    if not isinstance(surrogate, ResponseSurrogate | ProcessSurrogate):
+    if not isinstance(surrogate, ComponentSurrogate):
         raise TypeError(f"a surrogate by principal components is needed, got {type(surrogate).__name__}")
     q = surrogate.n_components
     slope = np.zeros((len(objective.data), 0)) if np.isscalar(model.slope) else np.asarray(model.slope)
@@ -55,12 +55,12 @@ def reduced(model: CorrectedSurrogate, objective: Objective) -> Reduced:
     zero = surrogate.components.expand(np.zeros((1, q)))[0] + model.shift - objective.data
     columns = np.column_stack([surrogate.components.deviation(np.eye(q)).T, slope, zero])
     _, triangle = np.linalg.qr(columns / objective.sigma[:, None])
-    return Reduced(coordinates, triangle)
+    return ReducedResiduals(coordinates, triangle)
 
 
 def reduced_likelihood(model: CorrectedSurrogate, objective: Objective, box: Box) -> Likelihood:
     """The likelihood with the objective's weights, its noise and discrepancies, fixed."""
-    short = reduced(model, objective)
+    short = reduce_residuals(model, objective)
     p = len(short.triangle)
     return Likelihood(box, short.residuals, np.zeros(p), [Channel("force and shape", np.ones(p))])
 

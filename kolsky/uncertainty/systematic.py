@@ -15,12 +15,12 @@ import numpy as np
 
 from explicit import Response
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.findings import Declaration
 from kolsky.inverse.forward import Forward, material_law
-from kolsky.inverse.misfit import predict
 from kolsky.inverse.objective import Objective
+from kolsky.inverse.observations import predict
 from kolsky.inverse.parameters import PARAMETERS
-from kolsky.inverse.stages import Stages
+from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.uncertainty_results import Declaration
 from kolsky.shot.records import ForceChannel, Shot
 from kolsky.shot.schema.uncertainty import IDENTIFIED
 
@@ -40,7 +40,7 @@ class _Input:
 
     key: str
     sigma: float
-    stages: Stages
+    stages: StagedRuns
     x: FloatArray
     objective: Objective
     reference: Response
@@ -123,7 +123,7 @@ class _Input:
         return -measured
 
 
-def declarations(stages: Stages, x: FloatArray, objective: Objective) -> tuple[Declaration, ...]:
+def declarations(stages: StagedRuns, x: FloatArray, objective: Objective) -> tuple[Declaration, ...]:
     """Every key that shot.toml may declare uncertain, and by how much it moves the optimum.
 
     Parameters
@@ -166,7 +166,7 @@ def declarations(stages: Stages, x: FloatArray, objective: Objective) -> tuple[D
     )
 
 
-def _reference(stages: Stages, x: FloatArray, objective: Objective) -> tuple[Response, FloatArray]:
+def _reference(stages: StagedRuns, x: FloatArray, objective: Objective) -> tuple[Response, FloatArray]:
     """The run at the optimum, and the Jacobian of the data vector, shape [k, d]."""
     box, settings = stages.box, stages.settings
     lower, upper = np.array(box.lower), np.array(box.upper)
@@ -193,7 +193,7 @@ def _status(key: str, uncertainty: Mapping[str, float], told: str) -> str:
     return VARIED if uncertainty[key] > 0.0 else "declared exact"
 
 
-def _told(key: str, stages: Stages, shot: Shot) -> str:
+def _told(key: str, stages: StagedRuns, shot: Shot) -> str:
     """Why an input has no part in this shot's answer, or no part of its own; empty if it has."""
     if key in stages.box.names:
         return "free, found from the data"

@@ -16,12 +16,12 @@ from doe import Box
 from kolsky.bars.signals.transducers import ForceBins, force_between
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine
-from kolsky.inverse.findings import Variation
-from kolsky.inverse.misfit import SAME_TIME, Observations, Prediction
 from kolsky.inverse.objective import Objective
-from kolsky.inverse.optimum import Model, leaves, search
-from kolsky.inverse.stages import Stages
-from kolsky.uncertainty.profile_likelihood import Answer, Profiled, surrogate_of
+from kolsky.inverse.observations import SAME_TIME, Observations, Prediction
+from kolsky.inverse.optimum import Model, at_inner_face, search
+from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.uncertainty_results import Variation
+from kolsky.uncertainty.profile_likelihood import LinearisedOptimum, ParameterProfiles, surrogate_of
 
 WINDOW_END, FORCE_BINS = "window_end", "force_bins"
 SHARES = (0.9, 0.8)
@@ -37,7 +37,9 @@ Data = tuple[Objective, Model]
 """Other data, and what predicts them."""
 
 
-def variations(stages: Stages, answer: Answer, found: Profiled, check: Prediction) -> tuple[Variation, ...]:
+def variations(
+    stages: StagedRuns, answer: LinearisedOptimum, found: ParameterProfiles, check: Prediction
+) -> tuple[Variation, ...]:
     """What other choices do to the answer.
 
     Parameters
@@ -74,7 +76,7 @@ def variations(stages: Stages, answer: Answer, found: Profiled, check: Predictio
             told.append(Variation(key, value, {}, f"not searched: {error}"))
             continue
         shifts = dict(zip(stages.box.names, (after - before).tolist(), strict=True))
-        edge = leaves(after, found.box, stages.box)
+        edge = at_inner_face(after, found.box, stages.box)
         told.append(Variation(key, value, shifts, AT_EDGE if edge else SEARCHED))
     return tuple(told)
 
@@ -142,7 +144,9 @@ def wider(objective: Objective, model: Model) -> Data:
     return replace(objective, observations=replace(objective.observations, bins=wide)), predict
 
 
-def narrower(stages: Stages, answer: Answer, found: Profiled, check: Prediction) -> Data:
+def narrower(
+    stages: StagedRuns, answer: LinearisedOptimum, found: ParameterProfiles, check: Prediction
+) -> Data:
     """The data with every bin of the force as two, and a surrogate of the same runs for them.
 
     Raises
@@ -194,7 +198,7 @@ def _halves(
     return half + np.repeat(prediction.force_bins - whole, 2, axis=1)
 
 
-def _optimum(found: Profiled, start: FloatArray, data: Data) -> FloatArray:
+def _optimum(found: ParameterProfiles, start: FloatArray, data: Data) -> FloatArray:
     objective, model = data
     box: Box = found.box
     inside = np.clip(start, box.lower, box.upper)

@@ -9,10 +9,10 @@ import warp as wp
 
 from explicit.arguments import SPARE
 from explicit.device import select_device
-from explicit.places import grouped
+from explicit.grouped_tables import grouped
 from explicit.precision import PRECISIONS, Precision
 from explicit.simd import PACK_BYTES, Mapping, lane_kernel
-from explicit.structs import Structs
+from explicit.time_loop.structs import Structs
 
 N = 13
 """Simulations of a batch: one full pack and an incomplete one in fp64, an incomplete one in fp32."""
@@ -198,4 +198,4 @@ def _results(output: Any, u: np.ndarray) -> Results:
 
 
 PRECISION = list(PRECISIONS.values())
-MAPPINGS: tuple[Mapping, ...] = ("simulation", "walker")
+MAPPINGS: tuple[Mapping, ...] = ("simulation", "worker")

@@ -12,16 +12,9 @@ from numpy.typing import NDArray
 
 from explicit import EnergyLedger, Outcome, Response
 from kolsky.base.records import CentreLine, ForceHistory
-from kolsky.inverse.result import (
-    Comparison,
-    DesignTable,
-    Estimate,
-    Identification,
-    Route,
-    SurrogateCurve,
-    Terms,
-    Verdict,
-)
+from kolsky.inverse.misfit import Terms
+from kolsky.inverse.result import Comparison, Estimate, Identification, Route, SurrogateCurve, Verdict
+from kolsky.inverse.run_table import DesignTable
 
 FloatArray = NDArray[np.float64]
 

@@ -8,10 +8,12 @@ import numpy as np
 from synthetic import LENGTH, RADIUS, displacement, outline
 
 from dic import Camera, FrameOutcome, PointOutcome, StereoRig, SurfaceHistory, centre_line
-from dic.body_motion import BodyMotion
-from dic.noise import noise_floor
-from dic.result import Body, Placement, Remark, StereoResult, SurfaceStrain, Travel
+from dic.outcome import Remark
+from dic.result import Body, Placement, StereoResult, SurfaceStrain
+from dic.rigid_body.axial_displacement import Travel
+from dic.rigid_body.body_motion import BodyMotion
 from dic.surfaces.frame import SpecimenFrame
+from dic.surfaces.noise_floor import noise_floor
 
 FRAMES, STATIC, RATE = 40, 8, 30e3
 SIGMA_PX = 0.02

@@ -14,7 +14,7 @@ from kolsky.inverse.result import Estimate
 from kolsky.inverse.settings import Settings
 from kolsky.material.curves.band import CurveBand
 from kolsky.material.curves.uniaxial import UniaxialTest
-from kolsky.material.end_friction.records import EndFriction
+from kolsky.material.end_friction.problem import EndFriction
 from kolsky.material.end_friction.slow_test import SlowNumerics, slow_tests
 from kolsky.material.reference_curve import ReferenceCurve, Treatment, reference_curve
 from kolsky.shot.load import load_shot

@@ -8,7 +8,7 @@ from baseline_on_shot import SETTINGS, SPECIMENS, bonded_tests, stiffness
 from kolsky.base.apparatus import Specimen
 from kolsky.material.curves.band import CurveBand
 from kolsky.material.end_friction.correct import correct_friction
-from kolsky.material.end_friction.records import EndFriction, FrictionCorrection
+from kolsky.material.end_friction.problem import EndFriction, FrictionCorrection
 from kolsky.material.end_friction.slow_test import SlowNumerics
 from kolsky.report.canvas import save_figures
 from kolsky.report.figures import BASELINES

@@ -13,7 +13,7 @@ import pytest
 import tifffile
 
 from dic import Camera, FrameOutcome, PointOutcome, StereoRig
-from dic.bodies import Region
+from dic.bodies.region import Region
 from dic.chain import ChainError, ChainSettings, measure
 from dic.correlation import Correlation, Shape
 from dic.images import PictureError

@@ -13,12 +13,13 @@ import pytest
 
 import dic.surfaces as surfaces
 from dic import Camera, FrameOutcome, StereoRig
-from dic.bodies import Region, follow_body
+from dic.bodies.follow import follow_body
+from dic.bodies.region import Region
 from dic.correlation import Correlation, Shape
 from dic.images import frame_health, grey_noise, open_pictures
-from dic.poses import flyer_poses
+from dic.rigid_body.axial_displacement import flyer_travel
+from dic.rigid_body.poses import flyer_poses
 from dic.tracking import Tracking
-from dic.travel import flyer_travel
 from kolsky.bars.flyer.fit import fit_flyer
 from kolsky.bars.flyer.flight_report import FlightOfSpecimen
 from kolsky.bars.flyer.flight_report import flight_of as report

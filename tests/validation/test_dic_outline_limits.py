@@ -34,7 +34,7 @@ def outline(shared, tmp_path_factory):
         assert text.count(old) == 1
         text = text.replace(old, new)
     (folder / "shot.toml").write_text(text)
-    result = surfaces(load_pictures(folder).seen, tmp_path_factory.mktemp("out")).result
+    result = surfaces(load_pictures(folder).pictures, tmp_path_factory.mktemp("out")).result
     with np.load(raw / "truth_surface.npz") as truth:
         t, at = truth["t"], {name: truth[name] for name in ("y", "r")}
     line, rest = result.centre, at["y"][0]

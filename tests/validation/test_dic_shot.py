@@ -12,9 +12,9 @@ import pytest
 import tifffile
 from typer.testing import CliRunner
 
-from dic.output import read_result
 from kolsky.cli import app
 from kolsky.shot.load import load_shot
+from kolsky.shot.surfaces_file import read_stereo_result
 
 ROOT = Path(__file__).parents[2]
 FRAMES = 64
@@ -262,8 +262,8 @@ def test_a_truncated_file_costs_the_frames_after_the_cut(copy, correlated):
     told = json.loads(result.stdout)
     assert told["frames_not_usable"] == {str(k): "unreadable" for k in range(FRAMES - missing, FRAMES)}
     assert any("unreadable pictures: camera 1" in text for text in told["remarks"])
-    whole = read_result(correlated[0] / "dic.h5").specimen
-    cut = read_result(copy / "results" / "dic.h5").specimen
+    whole = read_stereo_result(correlated[0] / "dic.h5").specimen
+    cut = read_stereo_result(copy / "results" / "dic.h5").specimen
     upto = slice(0, FRAMES - missing)
     # the flyer of the cut series is not the same to the end rule, so that the points kept may differ
     _, a, b = np.intersect1d(*(body.cell @ [1, 1000] for body in (whole, cut)), return_indices=True)

@@ -20,9 +20,9 @@ from dic.correlation import Correlation, Noise, Shape
 from dic.correlation.warp import apply
 from dic.outcome import PointOutcome
 from dic.stereo import StereoGates, StereoMatch, StereoSearch, match_stereo, triangulate
-from dic.stereo.sight import directions
-from dic.surface import SurfaceHistory
+from dic.stereo.rays import directions
 from dic.surfaces import Cylinder, StrainGauge, fit_cylinder, strains
+from dic.surfaces.surface_history import SurfaceHistory
 from dic.tracking import Tracking, track
 
 FloatArray = NDArray[np.float64]

@@ -9,9 +9,8 @@ import pytest
 
 from kolsky.identification import identify
 from kolsky.inverse.result import Identification, Verdict
-from kolsky.results.read import read_identification
-from kolsky.results.text import to_json
-from kolsky.results.write import write_identification
+from kolsky.results.hdf5 import read_identification, write_identification
+from kolsky.results.summary import to_json
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import Shot
 

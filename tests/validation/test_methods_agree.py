@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from kolsky.identification import identify
-from kolsky.inverse.methods import AGREEMENT, LEAST_SQUARES, PROFILE, SIMPLEX
+from kolsky.inverse.method_comparison import AGREEMENT, LEAST_SQUARES, PROFILE, SIMPLEX
 from kolsky.inverse.result import Identification, Verdict
 from kolsky.inverse.settings import Settings
 from kolsky.shot.load import load_shot

@@ -7,10 +7,10 @@ import pytest
 
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.prepare import prepare
+from kolsky.inverse.prepared_shot import prepare_shot
 from kolsky.inverse.settings import Settings
 from kolsky.shot.load import load_shot
-from kolsky.studies.local_sensitivity import Look, local_sensitivity
+from kolsky.studies.local_sensitivity import ObservationGrid, local_sensitivity
 from kolsky.studies.planning.plan import Plan, plan
 
 pytestmark = pytest.mark.slow
@@ -72,13 +72,13 @@ def test_the_scatter_of_estimates_from_noise():
 
 
 def test_slopes_of_a_ringing_force_depend_on_the_reach():
-    prepared = prepare(load_shot(SHOT))
+    prepared = prepare_shot(load_shot(SHOT))
     edges = prepared.observations.bins.edges
-    look = Look(edges=edges, frames=edges[[0, -1]], heights=np.array([1e-3]))
+    grid = ObservationGrid(edges=edges, frames=edges[[0, -1]], heights=np.array([1e-3]))
     sizes = []
     for reach in (0.01, 0.05, 0.1):
         slope = local_sensitivity(
-            prepared.forward, look, ("stiffness_factor",), reach=reach, numerics=MESH
+            prepared.forward, grid, ("stiffness_factor",), reach=reach, numerics=MESH
         ).force_slope[0]
         sizes.append(float(np.sqrt((slope**2).mean())))
         print(f"reach {100 * reach:g} %: dF/dm of {sizes[-1]:.0f} N rms")

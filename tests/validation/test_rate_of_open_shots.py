@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.prepare import prepare
+from kolsky.inverse.prepared_shot import prepare_shot
 from kolsky.material.relaxation.prony_fit import branches_asked_for
 from kolsky.shot.load import load_shot
 from kolsky.studies.shot_evidence import ShotEvidence
@@ -15,7 +15,7 @@ OPEN_01 = Path(__file__).resolve().parents[2] / "runs" / "open-01"
 
 @pytest.mark.slow
 def test_an_elastic_shot_does_not_ask_for_rate_dependence() -> None:
-    prepared = prepare(load_shot(OPEN_01))
+    prepared = prepare_shot(load_shot(OPEN_01))
     evidence = ShotEvidence.of(prepared, Numerics(mesh=(12, 16), threads=1))
     verdict = branches_asked_for(prepared.forward.laws[0], [evidence], at_most=1, max_evaluations=12)
     assert verdict.branches == 0

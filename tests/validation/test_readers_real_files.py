@@ -11,7 +11,7 @@ from scipy.io import whosmat
 
 from kolsky.base.errors import InputError
 from kolsky.readers import scope_csv
-from kolsky.readers.dic_export.export import PointState, read
+from kolsky.readers.dic_export import PointState, read
 from kolsky.readers.layout import Layout
 from kolsky.readers.matlab5 import variables
 from kolsky.readers.recordings import list_channels, read_contents, read_recordings

@@ -23,8 +23,8 @@ from softlaws import (
 )
 
 from explicit.materials import LAWS
-from explicit.materials.neohookean import NeoHookean
-from explicit.materials.ogden import Ogden1
+from explicit.materials.laws.neo_hookean import NeoHookean
+from explicit.materials.laws.ogden import Ogden1
 from kolsky.material.fits.compare import candidates
 from kolsky.material.fits.fit import FitOutcome, fit_law
 from kolsky.material.fits.homogeneous import incompressible_stress

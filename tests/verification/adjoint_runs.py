@@ -16,7 +16,7 @@ from explicit.histories import Histories
 from explicit.materials import MarlowLaw, marlow_from_curve
 from explicit.stencils import scale_of
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.prepare import prepare
+from kolsky.inverse.prepared_shot import prepare_shot
 from kolsky.shot.load import load_shot
 
 FloatArray = NDArray[np.float64]
@@ -244,7 +244,7 @@ def scene(
 def shot_gradient() -> ShotGradient:
     """chi-square of the force bins of open-01 at m = 1, by its quasi-static curve."""
     shot = load_shot(SHOT)
-    prepared = prepare(shot)
+    prepared = prepare_shot(shot)
     bins, sampling = prepared.observations.bins, prepared.forward.sampling
     model = prepared.forward.model(Numerics(mesh=(16, 22)))
     samples = Samples.of(poisson=shot.model.poisson, damping=shot.model.damping)

@@ -67,11 +67,11 @@ def apparatus() -> Apparatus:
 def open_01(mesh: tuple[int, int] = (16, 22)) -> tuple[Model, Samples]:
     """Model and parameters of the known-answer shot open-01."""
     from kolsky.inverse.forward import Numerics
-    from kolsky.inverse.prepare import prepare
+    from kolsky.inverse.prepared_shot import prepare_shot
     from kolsky.shot.load import load_shot
 
     shot = load_shot(Path(__file__).resolve().parents[2] / "runs" / "open-01")
-    model = prepare(shot).forward.model(Numerics(mesh=mesh))
+    model = prepare_shot(shot).forward.model(Numerics(mesh=mesh))
     return model, Samples.of(stiffness_factor=1.12, poisson=0.499, damping=25e-6)
 
 

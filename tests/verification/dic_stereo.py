@@ -112,9 +112,9 @@ def page(result: Result) -> str:
 **What is checked.** {{py:func}}`dic.stereo.match.match_stereo` finds the points of camera 0 in camera 1 on a
 surface that curves, says how far off they are, and accepts no false one ({{doc}}`../theory/stereo_matching`).
 
-**Independent source.** `dic.render` cuts every ray of both cameras with the cylinder and never warps a
-picture; where camera 1 sees a pixel of camera 0 follows from the same rays. Subsets of an affine shape
-function lie on the mean of the cylinder over their width w, $w^2/24R$ below their middle.
+**Independent source.** `dic.synthetic.cylinder` cuts every ray of both cameras with the cylinder and never
+warps a picture; where camera 1 sees a pixel of camera 0 follows from the same rays. Subsets of an affine
+shape function lie on the mean of the cylinder over their width w, $w^2/24R$ below their middle.
 
 **Set-up.** 128 × 128 px, {5400 * 1e-3 / (0.3 - RADIUS):.1f} px/mm, R = {1e3 * RADIUS:g} mm, cameras
 {ANGLES[0]:g}° and {ANGLES[1]:g}° apart with distorted lenses, speckles of 0.35 mm, noise {100 * NOISE:g} % of

@@ -8,12 +8,11 @@ from numpy.typing import NDArray
 from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, grid, pictures, rig, truth
 
 from dic.correlation import Correlation, PictureStack, Shape
-from dic.correlation.match import Match
+from dic.correlation.settings import Match
 from dic.correlation.warp import apply
 from dic.outcome import PointOutcome
 from dic.stereo import Gate, StereoGates, StereoSearch, match_stereo, triangulate
-from dic.stereo.evidence import gather
-from dic.stereo.gates import judge
+from dic.stereo.gates import gather, judge
 from dic.stereo.guided import guided_match
 from dic.stereo.pair import Pair
 

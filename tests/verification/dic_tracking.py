@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dic.correlation import Correlation
 from dic.correlation.warp import apply
 from dic.outcome import PointOutcome
-from dic.speckle import render, speckle_pattern
+from dic.synthetic.speckles import render, speckle_pattern
 from dic.tracking import Tracking, track
 
 FloatArray = NDArray[np.float64]
@@ -219,9 +219,9 @@ def page(result: Result) -> str:
     half, quarter = (ratio(result.series[name], usual) for name in ("every second", "every fourth"))
     return f"""# {TITLE}
 
-A speckle pattern is computed in closed form ({{py:mod}}`dic.speckle`) while it is flattened to λ = 0.25 and
-spreads to 1.37 times its width: {len(LAMBDA)} frames of {SHAPE[1]} x {SHAPE[0]} px, eight bits, noise of
-{SIGMA:g} grey levels, {SEEDS} patterns. {len(grid())} points with subsets of {
+A speckle pattern is computed in closed form ({{py:mod}}`dic.synthetic.speckles`) while it is flattened to
+λ = 0.25 and spreads to 1.37 times its width: {len(LAMBDA)} frames of {SHAPE[1]} x {SHAPE[0]} px, eight bits,
+noise of {SIGMA:g} grey levels, {SEEDS} patterns. {len(grid())} points with subsets of {
         SUBSET
     } px, affine, are followed
 with the settings that {{py:class}}`dic.tracking.Tracking` has by default ({{doc}}`../theory/tracking`).

@@ -5,12 +5,12 @@ from functools import cache
 
 import numpy as np
 from failure_runs import (
+    CHECK_EVERY,
     END,
     EXPECTED,
     SHORT,
     STEPPING,
     TIMES,
-    WATCH_EVERY,
     WHY,
     Witness,
     bits_of_neighbours,
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scene import table
 
 from explicit import Outcome, Response, Sampling, run
-from explicit.failure import MOTION_LIMIT
+from explicit.time_loop.failure import MOTION_LIMIT
 
 FloatArray = NDArray[np.float64]
 
@@ -184,7 +184,7 @@ Every row has the bits that it has alone, where the lanes share one simulation i
 
 The element that the solver names, and the one with the extreme value of NumPy's; that value when the
 simulation was last found in order and at its end. Motion, turned elements and, by default, the stable step
-are looked at every {WATCH_EVERY} steps, the end of the data (here s = {SHORT}) at every step where it ends a
+are looked at every {CHECK_EVERY} steps, the end of the data (here s = {SHORT}) at every step where it ends a
 run. The last column: every force, impulse, outline and energy before the end has the bits of a run that was
 asked to end there, and is NaN after it:
 

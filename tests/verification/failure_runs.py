@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scene import DENSITY, LENGTH, RADIUS, shear_modulus, speed_after_rise
 
 from explicit import Model, Outcome, Response, Samples, Sampling, Stepping, cylinder, run
-from explicit.failure import WATCH_EVERY
 from explicit.materials import MarlowLaw, bulk_modulus, neo_hookean
+from explicit.time_loop.failure import CHECK_EVERY
 
 FloatArray = NDArray[np.float64]
 
@@ -103,7 +103,7 @@ def witness(batch: Response, i: int) -> Witness:
     outcome, mesh = batch.outcomes[i], model().mesh
     elements = rectangles(mesh, DENSITY)
     # The end of the data is looked for at every step, the rest at every eighth.
-    back = 1 if outcome is Outcome.TABLE_EXCEEDED else WATCH_EVERY
+    back = 1 if outcome is Outcome.TABLE_EXCEEDED else CHECK_EVERY
     values, found = [], -1
     for time in (moment(i, int(batch.steps[i]) - back), float(batch.end_times[i])):
         pair = Sampling(TIMES[:1], np.array([time - JUST_BEFORE, time]), all_nodes=True)

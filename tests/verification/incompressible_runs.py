@@ -24,8 +24,8 @@ from explicit import (
 )
 from explicit.incompressible import COMPRESSIBLE
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.misfit import predict
 from kolsky.inverse.objective import Objective
+from kolsky.inverse.observations import predict
 
 FloatArray = NDArray[np.float64]
 

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 from uncertainty_gum import Example, by_draws, by_sensitivities, quantity
 
-from kolsky.bars.budget.budget import Budget, propagate
+from kolsky.bars.budget.budget import Budget
 from kolsky.bars.budget.monte_carlo import Spread, monte_carlo
+from kolsky.bars.budget.propagation import propagate
 from kolsky.bars.records import FaceWaves
-from kolsky.bars.reduction.repeats import Curve, average
+from kolsky.bars.reduction.repeated_tests import Curve, average
 from kolsky.bars.reduction.stress_strain import reduce
 from kolsky.bars.signals.bridge import Bridge
 from kolsky.base.apparatus import Bar, Specimen

@@ -15,10 +15,10 @@ from scipy.optimize import minimize_scalar
 from doe import Box
 from explicit import Response
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.misfit import Prediction, predict
 from kolsky.inverse.objective import Objective
+from kolsky.inverse.observations import Prediction, predict
 from kolsky.inverse.optimum import search
-from kolsky.inverse.prepare import Prepared, prepare
+from kolsky.inverse.prepared_shot import PreparedShot, prepare_shot
 from kolsky.shot.load import load_shot
 
 FloatArray = NDArray[np.float64]
@@ -48,9 +48,9 @@ GRADINGS = (1.0, 2.0, 4.0)
 
 
 @cache
-def shot() -> Prepared:
+def shot() -> PreparedShot:
     """The shot ready to run."""
-    return prepare(load_shot(SHOT))
+    return prepare_shot(load_shot(SHOT))
 
 
 def factors(mesh: Mesh) -> FloatArray:

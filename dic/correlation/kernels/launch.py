@@ -10,14 +10,12 @@ import warp as wp
 from numpy.typing import NDArray
 
 from dic.correlation.kernels.device import select_device
-from dic.correlation.kernels.grain import between_pixels, gradient_noise
-from dic.correlation.kernels.packs import BLOCK
+from dic.correlation.kernels.lanes import BLOCK
+from dic.correlation.kernels.pixel_noise import between_pixels, gradient_noise
 from dic.correlation.kernels.search import ARRAYS, FOUND, search_source
 from dic.correlation.kernels.spline import PAD
-from dic.correlation.match import Match
-from dic.correlation.settings import Correlation
+from dic.correlation.settings import Correlation, Match, Templates
 from dic.correlation.stack import Noise, PictureStack
-from dic.correlation.templates import Templates
 
 FLAGS = "-march=native -ffp-contract=fast -mprefer-vector-width=512 -mstackrealign"
 SHARE = 512

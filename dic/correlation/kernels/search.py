@@ -1,8 +1,8 @@
 """The C++ of the search: inverse-compositional Gauss-Newton from a guess to an outcome."""
 
-from dic.correlation.kernels.grain import GRAIN
-from dic.correlation.kernels.jets import JETS
-from dic.correlation.kernels.packs import BLOCK, PACKS
+from dic.correlation.kernels.lanes import BLOCK, PACKS
+from dic.correlation.kernels.pixel_noise import GRAIN
+from dic.correlation.kernels.shape_functions import JETS
 from dic.correlation.kernels.spline import SPLINE
 from dic.correlation.kernels.subset import SUBSET
 from dic.outcome import PointOutcome

@@ -1,15 +1,13 @@
-"""Uncertainty budgets after the GUM (JCGM 100:2008): quantities propagated through any model to histories."""
+"""Uncertainty budget after the GUM (JCGM 100:2008): contributions, combined uncertainty, freedom."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.stats import t as student
 
-from kolsky.bars.budget.differences import Model, moved, outputs, refuse_steps
-from kolsky.bars.budget.quantities import check_quantities, correlated_groups, correlation_matrix
+from kolsky.bars.budget.quantities import correlated_groups
 from kolsky.bars.records import History, Quantity
 from kolsky.bars.result import BudgetTable, Contribution
 from kolsky.base.arrays import FloatArray
@@ -167,100 +165,6 @@ class Budget:
         if output not in self.value:
             raise ValueError(f"no output is called {output!r}; there are {', '.join(self.value)}")
         return output
-
-
-def propagate(
-    model: Model,
-    quantities: Sequence[Quantity],
-    *,
-    noise: Mapping[str, ArrayLike] | None = None,
-    correlations: Mapping[tuple[str, str], float] | None = None,
-    tolerance: float = 0.05,
-) -> Budget:
-    """Propagate standard uncertainties through a model, Eq. (U.10).
-
-    Sensitivities are central differences over one standard uncertainty to either side (GUM 5.1.3, note 2).
-    Half a step of all quantities at once must agree with them, which excludes a step in the round-off of the
-    model, a jump (of a window by a sample, say) and a strong nonlinearity. The model is run 2 n + 3 times.
-
-    Parameters
-    ----------
-    model
-        From values by name to outputs, which must keep their shapes.
-    quantities
-        Inputs with their standard uncertainties; those with 0 are listed and not varied.
-    noise
-        Standard deviations of outputs from the noise of signals, which the model does not vary.
-    correlations
-        Coefficients of pairs of quantities.
-    tolerance
-        Largest difference of the half step from what the contributions say, over the combined standard
-        uncertainty, in the root mean square over the samples [-].
-
-    Raises
-    ------
-    ValueError
-        If a quantity is impossible or occurs twice, the model fails at a varied value, an output is not
-        finite or changes its shape, the correlations are none, or the steps disagree.
-    """
-    check_quantities(quantities)
-    R = correlation_matrix(quantities, correlations or {})
-    best = {q.name: q.value for q in quantities}
-    value = outputs(model, best, "the best estimates", None)
-    noises = _noises(noise or {}, value)
-    whole: dict[str, list[FloatArray]] = {name: [] for name in value}
-    bend: dict[str, list[FloatArray]] = {name: [] for name in value}
-    for q in quantities:
-        plus, minus = moved(model, value, best, {q: 1.0})
-        for name in value:
-            whole[name].append(0.5 * (plus[name] - minus[name]))
-            bend[name].append(0.5 * (plus[name] + minus[name]) - value[name])
-    contribution = {name: _stack(whole[name], value[name]) for name in value}
-    curvature = {name: _stack(bend[name], value[name]) for name in value}
-    # All at once over half a step, with alternating signs so that equal contributions do not hide.
-    share = {q: 0.5 * (-1) ** k for k, q in enumerate(quantities)}
-    plus, minus = moved(model, value, best, share)
-    steps = np.array(list(share.values()))
-    interaction = {}
-    for name in value:
-        together = 0.5 * (plus[name] - minus[name])
-        straight = np.tensordot(steps, contribution[name], 1)
-        scale = _size(contribution[name], noises[name])
-        if float(np.sqrt(np.mean((together - straight) ** 2))) > tolerance * scale:
-            refuse_steps(model, value, best, quantities, name, contribution[name], tolerance * scale)
-        mean = 0.5 * (plus[name] + minus[name]) - value[name]
-        interaction[name] = 4.0 * (mean - np.tensordot(steps**2, curvature[name], 1))
-    return Budget(
-        quantities=tuple(quantities),
-        correlation=R,
-        value=value,
-        contribution=contribution,
-        noise=noises,
-        curvature=curvature,
-        interaction=interaction,
-    )
-
-
-def _size(contribution: FloatArray, noise: FloatArray) -> float:
-    """Combined standard uncertainty without correlations, by which the whole may cancel to nothing."""
-    return float(np.sqrt(np.mean(np.sum(contribution**2, axis=0) + noise**2)))
-
-
-def _noises(noise: Mapping[str, ArrayLike], value: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    for name in noise:
-        if name not in value:
-            raise ValueError(f"noise of {name!r}: no output is called so; there are {', '.join(value)}")
-    found = {}
-    for name, output in value.items():
-        sigma = np.asarray(noise.get(name, 0.0), dtype=float)
-        if not (np.isfinite(sigma).all() and (sigma >= 0.0).all()):
-            raise ValueError(f"noise of {name} must be finite and >= 0")
-        found[name] = np.array(np.broadcast_to(sigma, output.shape))
-    return found
-
-
-def _stack(rows: list[FloatArray], like: FloatArray) -> FloatArray:
-    return np.stack(rows) if rows else np.zeros((0, *like.shape))
 
 
 def quoted(budget: Budget, results: Mapping[str, tuple[str, int | None, str]]) -> BudgetTable:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kolsky.bars.kink import find_kink
+from kolsky.bars.flyer.kink import find_kink
 from kolsky.bars.records import Signal
 from kolsky.base.apparatus import Bar
 from kolsky.base.arrays import FloatArray

@@ -22,8 +22,8 @@ from kolsky.bars.flyer.event_signals import (
     push_back,
 )
 from kolsky.bars.flyer.fit import fit_flyer
+from kolsky.bars.flyer.kink import Kink, find_kink
 from kolsky.bars.flyer.path import FlyerPath
-from kolsky.bars.kink import Kink, find_kink
 from kolsky.bars.records import Signal
 from kolsky.base.apparatus import Bar
 from kolsky.base.arrays import FloatArray

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 
-from dic.body_motion import BodyMotion
 from dic.outcome import FrameOutcome
+from dic.rigid_body.body_motion import BodyMotion
 from kolsky.bars.flyer.fit import FEWEST_STATIC, fit_flyer
 from kolsky.bars.flyer.path import FlyerPath
 from kolsky.base.arrays import FloatArray

@@ -9,6 +9,7 @@ such.
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import minimize
@@ -177,3 +178,30 @@ def _check(motion: FrontVelocity) -> None:
         raise ValueError(
             f"sigma_gain and sigma_zero must be >= 0, got {motion.sigma_gain:g} and {motion.sigma_zero:g} m/s"
         )
+
+
+@dataclass(frozen=True)
+class BarForce:
+    """The transmitted force from the waves in the transmission bar."""
+
+    measured: ForceHistory
+    """The force on the specimen's clock; sigma is the noise of the samples, independent of each other."""
+    sigma_gain: float
+    """Standard uncertainty of its scale, common to all samples [-]."""
+
+    @property
+    def time(self) -> FloatArray:
+        """Sample times [s], shape [n_samples]."""
+        return self.measured.time
+
+    def raw_force(self) -> FloatArray:
+        """Force at every sample, compression-positive [N], shape [n_samples]."""
+        return self.measured.force
+
+    def history(self) -> ForceHistory:
+        """The force with its noise."""
+        return self.measured
+
+    def noise_checks(self) -> dict[str, float]:
+        """What the reduction does not tell of its noise: nothing to check here."""
+        return {}

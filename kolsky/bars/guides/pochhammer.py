@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kolsky.bars.guides.dispersion_table import dispersion_table
-from kolsky.bars.guides.frequency_equation import frequency_equation, onoe, slownesses
+from kolsky.bars.guides.frequency_equation import dispersion_table, frequency_equation, onoe, slownesses
 from kolsky.base.arrays import FloatArray
 
 Array = NDArray[Any]

@@ -5,16 +5,24 @@ from collections.abc import Callable, Mapping
 from numpy.typing import ArrayLike
 
 from kolsky.bars.audit import AuditLog
-from kolsky.bars.budget.budget import Budget, propagate
+from kolsky.bars.budget.budget import Budget
+from kolsky.bars.budget.propagation import propagate
 from kolsky.bars.budget.quantities import merged
-from kolsky.bars.records import BarSignal, FaceWaves, Quantity, Reduction, Windows
+from kolsky.bars.records import (
+    BarSignal,
+    FaceWaves,
+    Quantity,
+    Reduction,
+    Windows,
+    histories,
+    map_histories,
+    with_opposite_sign,
+)
 from kolsky.bars.reduction import quoted
-from kolsky.bars.reduction.histories import each, histories, turned
 from kolsky.bars.reduction.inputs import FAR, SIDES, WavesInput
 from kolsky.bars.reduction.overlap import overlapping_windows
 from kolsky.bars.reduction.summary import Summary, summarise
-from kolsky.bars.reduction.varied import bar_quantities, length_quantities
-from kolsky.bars.reduction.varied_test import VariedTest, station_of
+from kolsky.bars.reduction.varied_test import VariedTest, bar_quantities, length_quantities, station_of
 from kolsky.bars.reduction.windows import check_windows, find_windows, incident_arrival
 from kolsky.bars.result import WavesResult
 from kolsky.bars.signals.stations import Station
@@ -73,7 +81,7 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
         transmission=transmission,
         windows=windows,
         faces=faces,
-        reduction=turned(reduction) if tension else reduction,
+        reduction=with_opposite_sign(reduction) if tension else reduction,
         corrections=log.corrections,
         budget=quoted.table(budget, sign),
         facts=quoted.facts(best, arrival, seen, windows, reduction, summary, given.specimen),
@@ -140,4 +148,4 @@ def _budget(
 
 def _with_bands(reduction: Reduction, budget: Budget) -> Reduction:
     """The reduction with the combined standard uncertainties."""
-    return each(reduction, lambda name, history: budget.history(name, history.unit))
+    return map_histories(reduction, lambda name, history: budget.history(name, history.unit))

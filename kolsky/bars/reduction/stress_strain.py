@@ -2,17 +2,12 @@
 
 import numpy as np
 
-from kolsky.bars.guides.combine import BarWaves, stiffness
+from kolsky.bars.guides.combine import BarWaves
 from kolsky.bars.guides.waveguide import Waveguide
-from kolsky.bars.records import FaceWaves, History, Reduction
+from kolsky.bars.records import ANALYSES, FaceWaves, History, Reduction
 from kolsky.bars.reduction.equilibrium import ALLOWANCE, balanced_span, imbalance
 from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray
-
-ANALYSES = ("one wave", "two waves", "three waves")
-"""Keys of a `Reduction`."""
-
-__all__ = ["ANALYSES", "cauchy_stress", "hencky_strain", "integrated", "reduce", "stiffness"]
 
 
 def reduce(

@@ -9,7 +9,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import OptimizeWarning, curve_fit
 
 from kolsky.bars.records import Quantity
-from kolsky.bars.signals.noise import estimate_noise
+from kolsky.bars.signals.signal_zero import estimate_noise
 from kolsky.base.arrays import FloatArray
 
 FEWEST_TAIL = 50

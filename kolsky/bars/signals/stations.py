@@ -74,7 +74,7 @@ def bar_signal(
         Standard uncertainties of the calibration's fields, by their names.
     values
         Values to take instead of the estimates of `quantities`, by name, as
-        `kolsky.bars.budget.budget.propagate` hands them out.
+        `kolsky.bars.budget.propagation.propagate` hands them out.
 
     Raises
     ------

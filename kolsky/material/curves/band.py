@@ -6,6 +6,13 @@ r"""A curve with its band: what is uncertain together along the curve is kept to
 A *mode* :math:`\mathbf m_j` moves the whole curve by one standard uncertainty of one cause. Specimens differ
 as wholes: one that is 5 % too stiff is so at every strain, and drawing points one by one would average that
 away, in the curve and in every stiffness that is compared with it.
+
+The *apparent modulus* of a curve follows from Gaussian rubber elasticity,
+
+.. math:: E_a = \frac{3 T}{\lambda - \lambda^{-2}} \tag{M.9}
+
+with the nominal stress :math:`T = L / \pi r^2`. For a solid that obeys the theory it is one number at all
+strains; what changes with the strain is the material, what changes with the time is relaxation.
 """
 
 from dataclasses import dataclass, replace
@@ -15,6 +22,7 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from kolsky.base.arrays import FloatArray
+from kolsky.material.curves.uniaxial import gaussian_strain
 
 COVERAGE = 2.0
 """Coverage factor k of an interval; the modes between tests are widened so that it is Student's 95.45 %."""
@@ -155,3 +163,60 @@ def _noise(x: FloatArray, y: FloatArray) -> float:
     gap = y[1:-1][apart] - share * y[:-2][apart] - (1.0 - share) * y[2:][apart]
     gap = gap / np.sqrt(1.0 + share**2 + (1.0 - share) ** 2)
     return float(np.median(np.abs(gap)) / norm.ppf(0.75))
+
+
+@dataclass(frozen=True)
+class ApparentModulus:
+    """E_a of a curve with its interval."""
+
+    strain: FloatArray
+    """Nominal strain, positive along the branch [-], shape [n]."""
+    time: FloatArray | None
+    """Time since the strain was zero, mean of the tests [s], shape [n]; None if one has no times."""
+    modulus: FloatArray
+    """Apparent modulus [Pa], shape [n]."""
+    sigma: FloatArray
+    """Its standard uncertainty [Pa], shape [n]."""
+    mean: float
+    """Mean over the curve, each strain alike [Pa]."""
+    mean_sigma: float
+    """Its standard uncertainty, with what is common to all points kept together [Pa]."""
+
+    def interval(self, k: float = COVERAGE) -> tuple[FloatArray, FloatArray]:
+        """Both ends of the interval at each strain [Pa], shape [n] each."""
+        return self.modulus - k * self.sigma, self.modulus + k * self.sigma
+
+
+def apparent_modulus(
+    band: CurveBand, *, compression: bool, time: FloatArray | None = None
+) -> ApparentModulus:
+    """E_a of a curve, Eq. (M.9).
+
+    Parameters
+    ----------
+    band
+        Nominal stress over nominal strain, both positive along the branch, no point at rest.
+    compression
+        Whether the branch is compression.
+    time
+        Time of each point since the strain was zero [s], shape [n].
+
+    Raises
+    ------
+    ValueError
+        If a strain is not > 0, where the quotient has no value.
+    """
+    if (band.strain <= 0.0).any():
+        raise ValueError(f"E_a needs strains > 0, got {band.strain.min():.6g}: leave out the point at rest")
+    factor = 3.0 / gaussian_strain(band.strain, compression=compression)
+    scaled = band.times(factor)
+    common = scaled.modes.mean(axis=1)  # a mode moves all points together
+    alone = scaled.noise / band.strain.size
+    return ApparentModulus(
+        strain=band.strain,
+        time=time,
+        modulus=scaled.stress,
+        sigma=scaled.sigma,
+        mean=float(scaled.stress.mean()),
+        mean_sigma=float(np.sqrt((common**2).sum() + (alone**2).sum())),
+    )

@@ -6,11 +6,11 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from kolsky.report.figures.base import MM, MS, largest, smooth_bar
-from kolsky.studies.local_sensitivity import Look
+from kolsky.studies.local_sensitivity import ObservationGrid
 
 
 def draw_map(
-    ax: Axes, look: Look, values: NDArray[np.float64], label: str, *, bottom: float | None = None
+    ax: Axes, grid: ObservationGrid, values: NDArray[np.float64], label: str, *, bottom: float | None = None
 ) -> None:
     """Draw values of shape [n_frames, n_heights], NaN where there is none.
 
@@ -18,7 +18,7 @@ def draw_map(
     ----------
     ax
         Where.
-    look
+    grid
         Times and heights.
     values
         What, in the unit of the label.
@@ -30,8 +30,8 @@ def draw_map(
     top = largest(values)
     shown = np.ma.masked_invalid(values.T)
     drawn = ax.pcolormesh(
-        MS * look.frames,
-        MM * look.heights,
+        MS * grid.frames,
+        MM * grid.heights,
         shown,
         cmap="RdBu_r" if bottom is None else "cividis",
         vmin=-top if bottom is None else bottom,
@@ -39,7 +39,7 @@ def draw_map(
         shading="nearest",
         rasterized=True,
     )
-    ax.set(xlabel="Time (ms)", ylabel="Height $y$ (mm)", ylim=(0.0, MM * look.heights[-1]))
+    ax.set(xlabel="Time (ms)", ylabel="Height $y$ (mm)", ylim=(0.0, MM * grid.heights[-1]))
     # Few ticks: more of them as the axes shrink would have longer labels than the layout reckoned with.
     ticks = MaxNLocator(4)
     bar = ax.figure.colorbar(drawn, ax=ax, aspect=25, pad=0.02, ticks=ticks)  # type: ignore[union-attr]

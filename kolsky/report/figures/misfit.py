@@ -8,7 +8,8 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
-from kolsky.inverse.result import DesignTable, Estimate, Identification, SurrogateCurve
+from kolsky.inverse.result import Estimate, Identification, SurrogateCurve
+from kolsky.inverse.run_table import DesignTable
 from kolsky.report.figures.base import (
     BAND,
     FORCE,

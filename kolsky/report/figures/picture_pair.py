@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dic.outcome import FrameOutcome
 from dic.result import Body
 from kolsky.report.figures.base import FORCE, MODEL, MS, PAGE, SHAPE, FigureKind, Panels, letter, smooth_bar
-from kolsky.shot.picture_pair import PicturePair
+from kolsky.shot.picture_set import PicturePair
 from kolsky.shot.recorded import Recorded
 
 CAMERAS = ("left", "right")

@@ -37,7 +37,7 @@ def caption(plan: Plan) -> str:
 def draw(plan: Plan, panels: Panels) -> None:
     """Draw a map over a line for each parameter."""
     found = plan.information
-    look = found.sensitivity.look
+    grid = found.sensitivity.grid
     force, outline = found.densities()
     alone, _ = found.densities(alone=True)
     letters = iter(LETTERS)
@@ -46,14 +46,14 @@ def draw(plan: Plan, panels: Panels) -> None:
         top, low = panels[f"{name} outline"], panels[f"{name} force"]
         letter(top, next(letters))
         label = f"Share on ${symbol}$ (1/(mm ms))"
-        draw_map(top, look, PER_MM_MS * outline[j], label, bottom=0.0)
+        draw_map(top, grid, PER_MM_MS * outline[j], label, bottom=0.0)
         left, right = top.get_xlim()
         for count, choices in plan.heights.items():
             for choice in (c for c in choices if c.criterion == "D"):
                 x = np.full(choice.places.size, left + (right - left) * (0.035 * count))
                 top.plot(x, MM * choice.places, ">", color="white", ms=2.4, mew=0.0)
         top.set_xlim(left, right)
-        time = MS * look.times
+        time = MS * grid.times
         low.plot(time, PER_MS * force[j], color=FORCE, label="together")
         if len(plan.names) > 1:
             low.plot(time, PER_MS * alone[j], color=GREY, ls="--", lw=0.8, label="others known")

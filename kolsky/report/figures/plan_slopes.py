@@ -34,7 +34,7 @@ def draw(plan: Plan, panels: Panels) -> None:
     """Draw a line over a map for each parameter."""
     slopes = plan.information.sensitivity
     letters = iter(LETTERS)
-    time = MS * slopes.look.times
+    time = MS * slopes.grid.times
     for j, name in enumerate(plan.names):
         step = CHANGE * slopes.scale[j]
         top, low = panels[f"{name} force"], panels[f"{name} outline"]
@@ -47,7 +47,7 @@ def draw(plan: Plan, panels: Panels) -> None:
         top.set(xlabel="Time (ms)", ylabel=rf"$\Delta F$ with $\Delta {name_of(name).tex}$ (N)")
         change_of_radius = UM * step * slopes.radius_slope[j]
         shown = np.where(np.isfinite(slopes.radius), change_of_radius, np.nan)
-        draw_map(low, slopes.look, shown, rf"$\Delta Z$ with $\Delta {name_of(name).tex}$ (µm)")
+        draw_map(low, slopes.grid, shown, rf"$\Delta Z$ with $\Delta {name_of(name).tex}$ (µm)")
         top.set_xlim(low.get_xlim())
         letter(low, next(letters))
         if j > 0:

@@ -1,6 +1,6 @@
 """Repeated tests: every stress-strain curve, their mean and its confidence band."""
 
-from kolsky.bars.reduction.repeated import RepeatedTests
+from kolsky.bars.reduction.repeated_tests import RepeatedTests
 from kolsky.report.figures.base import BAND, COLUMN, GREY, MEASURED, FigureKind, Panels
 from kolsky.report.figures.waves import stress_scale
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from matplotlib.cm import ScalarMappable
 
-from dic.speckle_report import Speckles
+from dic.chain.speckle_report import Speckles
 from kolsky.report.figures.base import PAGE, FigureKind, Panels, letter, smooth_bar
 from kolsky.report.figures.overlay import LOST
 from kolsky.report.view import SurfaceView

@@ -10,7 +10,8 @@ from math import inf, sqrt
 import numpy as np
 
 from kolsky.bars.audit import AuditLog
-from kolsky.bars.budget.budget import propagate, quoted
+from kolsky.bars.budget.budget import quoted
+from kolsky.bars.budget.propagation import propagate
 from kolsky.bars.budget.quantities import merged
 from kolsky.bars.flyer.events import FlyerEvents, flyer_events
 from kolsky.bars.flyer.synchronisation import Agreement, Synchronisation, synchronise

@@ -7,13 +7,13 @@ import numpy as np
 
 from kolsky.bars.audit import AuditLog, Switches
 from kolsky.bars.flyer.events import FlyerEvents
+from kolsky.bars.flyer.path import path_strain
 from kolsky.bars.records import Correction, History, Quantity, Reduction, Signal
 from kolsky.bars.reduction.equilibrium import balanced_span, imbalance
 from kolsky.bars.reduction.inertia import correct_axial_inertia, correct_radial_inertia
 from kolsky.bars.reduction.mass import compensate_mass, path_acceleration
-from kolsky.bars.reduction.nominal import path_strain
 from kolsky.bars.reduction.validity import SHARE, Validity, validity
-from kolsky.bars.reduction.varied import varied_specimen
+from kolsky.bars.reduction.varied_test import varied_specimen
 from kolsky.bars.signals.force_signal import ForceSignal, force_signal
 from kolsky.base.arrays import FloatArray
 from kolsky.shot.records import ForceChannel, Shot

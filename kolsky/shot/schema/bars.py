@@ -7,8 +7,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from kolsky.bars.audit import CORRECTIONS
 from kolsky.shot.schema import fields as f
-from kolsky.shot.schema.layout import LayoutSection
-from kolsky.shot.schema.section import Section
+from kolsky.shot.schema.section import LayoutSection, Section
 from kolsky.shot.schema.uncertainty import UncertaintySection
 
 

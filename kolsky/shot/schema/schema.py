@@ -13,18 +13,17 @@ from kolsky.shot.schema.apparatus import (
     WindowSection,
 )
 from kolsky.shot.schema.bars import BarsSection, GaugesSection, RecorderSection, WavesSection
-from kolsky.shot.schema.curve import CurveSection, chosen_baseline
-from kolsky.shot.schema.law import LawSection, one_baseline
+from kolsky.shot.schema.curve import CurveSection, LawSection, chosen_baseline, one_baseline
 from kolsky.shot.schema.measured import (
     CentreLineSection,
     FlyerSection,
     ForceSection,
     FramesSection,
     IncidentForceSection,
+    SurfaceSection,
 )
 from kolsky.shot.schema.pictures import CalibrationSection, DicSection, PicturesSection, ReportingSection
 from kolsky.shot.schema.section import Section
-from kolsky.shot.schema.surface import SurfaceSection
 from kolsky.shot.schema.uncertainty import UncertaintySection
 
 

@@ -55,7 +55,7 @@ def window_ends(found: Information, shares: FloatArray) -> tuple[FloatArray, lis
     expected
         Length n.
     """
-    edges = found.sensitivity.look.edges
+    edges = found.sensitivity.grid.edges
     times = edges[0] + shares * (edges[-1] - edges[0])
     return times, [Expected.of(found.data.select(found.time <= t)) for t in times]
 
@@ -63,7 +63,7 @@ def window_ends(found: Information, shares: FloatArray) -> tuple[FloatArray, lis
 def camera_windows(found: Information, share: float) -> list[Choice]:
     """When the cameras should record if their memory holds only a share of the window; the force is recorded
     throughout. One choice a criterion; none without cameras, or if no choice decides all parameters."""
-    frames = found.sensitivity.look.frames
+    frames = found.sensitivity.grid.frames
     count = max(1, round(share * len(frames)))
     chosen = _chosen(found, found.by_frame(), count, best_window)
     return [
@@ -80,7 +80,7 @@ def camera_heights(found: Information, count: int) -> list[Choice]:
     ValueError
         If there are fewer heights on the map.
     """
-    heights = found.sensitivity.look.heights
+    heights = found.sensitivity.grid.heights
     if not 1 <= count <= len(heights):
         raise ValueError(
             f"of the {len(heights)} heights of the map 1 or more can be chosen, asked was {count}"
@@ -105,7 +105,7 @@ def rate_of(
     discrepancy
         As in `kolsky.studies.planning.information.information`.
     """
-    edges = found.sensitivity.look.edges
+    edges = found.sensitivity.grid.edges
     return Rate(
         factor=factor,
         peak_force=float(found.sensitivity.force.max()),

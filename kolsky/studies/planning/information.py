@@ -16,7 +16,13 @@ from doe.sensitivity import LinearData
 from doe.uncertainty.covariance import SingularInformationError
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Forward, Numerics
-from kolsky.studies.local_sensitivity import REACH, LocalSensitivity, Look, local_sensitivity, mesh_change
+from kolsky.studies.local_sensitivity import (
+    REACH,
+    LocalSensitivity,
+    ObservationGrid,
+    local_sensitivity,
+    mesh_change,
+)
 from kolsky.studies.planning.instruments import Instruments
 
 FRAMES = 97
@@ -75,9 +81,9 @@ class Information:
     @property
     def time(self) -> FloatArray:
         """Time of each datum [s], shape [k]."""
-        look = self.sensitivity.look
-        frames = np.broadcast_to(look.frames[:, None], self.seen.shape)[self.seen]
-        return np.concatenate([look.times, frames])
+        grid = self.sensitivity.grid
+        frames = np.broadcast_to(grid.frames[:, None], self.seen.shape)[self.seen]
+        return np.concatenate([grid.times, frames])
 
     def mapped(self, column: FloatArray) -> tuple[FloatArray, FloatArray]:
         """A column over the data as forces, shape [n_bins], and as a map, NaN where nothing is seen."""
@@ -101,10 +107,10 @@ class Information:
             shares = self.data.shares_alone if alone else self.data.shares
         except SingularInformationError:
             shares = np.full_like(self.data.jacobian, np.nan)
-        look = self.sensitivity.look
-        area = spacing(look.frames) * spacing(look.heights)
+        grid = self.sensitivity.grid
+        area = spacing(grid.frames) * spacing(grid.heights)
         parts = [self.mapped(column) for column in shares.T]
-        force = np.array([f for f, _ in parts]) / np.diff(look.edges)
+        force = np.array([f for f, _ in parts]) / np.diff(grid.edges)
         return force, np.array([field for _, field in parts]) / area
 
     def by_frame(self) -> FloatArray:
@@ -172,21 +178,21 @@ def information(
     ValueError
         If a value is outside its range or a run does not complete.
     """
-    look = look_of(forward, instruments, rate)
+    grid = observation_grid(forward, instruments, rate)
     moved = at_rate(forward, rate)
-    slopes = local_sensitivity(moved, look, names, held=held, reach=reach, numerics=numerics)
-    gap = forward.shot.specimen.length - moved.paths[0].position(look.frames)
+    slopes = local_sensitivity(moved, grid, names, held=held, reach=reach, numerics=numerics)
+    gap = forward.shot.specimen.length - moved.paths[0].position(grid.frames)
     seen = (
         np.isfinite(slopes.radius_slope).all(axis=0)
-        & (look.heights >= instruments.clearance)
-        & (look.heights <= gap[:, None] - instruments.clearance)
+        & (grid.heights >= instruments.clearance)
+        & (grid.heights <= gap[:, None] - instruments.clearance)
         & (instruments.points > 0.0)
     )
     # A point of the map stands for the pictures and points around it.
-    count = spacing(look.frames) / instruments.frame_interval * spacing(look.heights) * instruments.points
+    count = spacing(grid.frames) / instruments.frame_interval * spacing(grid.heights) * instruments.points
     sigma_force = np.hypot(instruments.force_sigma, discrepancy[0])
     sigma_point = np.hypot(instruments.outline_sigma, discrepancy[1]) / np.sqrt(count) if count > 0.0 else 1.0
-    bins = len(look.times)
+    bins = len(grid.times)
     data = LinearData(
         names=slopes.names,
         jacobian=np.concatenate([slopes.force_slope.T, slopes.radius_slope[:, seen].T]),
@@ -214,14 +220,14 @@ def discrepancies(
     across, along = numerics.mesh
     return mesh_change(
         at_rate(forward, rate),
-        look_of(forward, instruments, rate),
+        observation_grid(forward, instruments, rate),
         values,
         numerics,
         (round(FINER * across), round(FINER * along)),
     )
 
 
-def look_of(forward: Forward, instruments: Instruments, rate: float) -> Look:
+def observation_grid(forward: Forward, instruments: Instruments, rate: float) -> ObservationGrid:
     """Bins, times and heights of the map of a test at some rate.
 
     Raises
@@ -237,7 +243,7 @@ def look_of(forward: Forward, instruments: Instruments, rate: float) -> Look:
         )
     first, last = (path.start + (t - path.start) / rate for t in (start, end))
     bins = max(2, round((last - first) / instruments.bin_width))
-    return Look(
+    return ObservationGrid(
         edges=np.linspace(first, last, bins + 1),
         frames=np.linspace(first, last, FRAMES),
         heights=np.linspace(0.0, forward.shot.specimen.length, HEIGHTS + 2)[1:-1],

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kolsky.inverse.prepare import Prepared
+from kolsky.inverse.prepared_shot import PreparedShot
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Instruments:
             raise ValueError(f"bin_width must be at most half the window, got {self.bin_width} s")
 
 
-def instruments_of(prepared: Prepared) -> Instruments:
+def instruments_of(prepared: PreparedShot) -> Instruments:
     """What the instruments of the shot itself could do.
 
     Without an outline there are no points; their density and sigma are then for the caller to say.

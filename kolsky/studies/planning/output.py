@@ -9,8 +9,8 @@ import h5py
 import numpy as np
 
 from kolsky.base.files import replacing, write_table
+from kolsky.base.json_types import jsonable
 from kolsky.inverse.parameters import PARAMETERS
-from kolsky.results.text import jsonable
 from kolsky.studies.planning.choices import CRITERIA, Choice, best_rate
 from kolsky.studies.planning.information import Expected
 from kolsky.studies.planning.plan import Plan, correlations
@@ -83,11 +83,11 @@ def _choice(choice: Choice, names: tuple[str, ...]) -> dict[str, Any]:
 def write_csv(folder: Path, plan: Plan) -> list[Path]:
     """Write plan_force.csv, plan_outline.csv and plan_rates.csv, units in the headers, each atomically."""
     found, slopes = plan.information, plan.information.sensitivity
-    look, names = slopes.look, plan.names
+    grid, names = slopes.grid, plan.names
     units = [PARAMETERS[name].unit for name in names]
     force, outline = found.densities()
-    time, height = np.meshgrid(look.frames, look.heights, indexing="ij")
-    of_force: dict[str, Any] = {"time (s)": look.times, "force (N)": slopes.force}
+    time, height = np.meshgrid(grid.frames, grid.heights, indexing="ij")
+    of_force: dict[str, Any] = {"time (s)": grid.times, "force (N)": slopes.force}
     of_outline: dict[str, Any] = {
         "time (s)": time.ravel(),
         "y (m)": height.ravel(),
@@ -115,7 +115,7 @@ def write_csv(folder: Path, plan: Plan) -> list[Path]:
 def write_hdf5(path: Path, plan: Plan) -> Path:
     """Write everything of a plan to one HDF5 file, atomically; arrays carry their `units`."""
     found, slopes = plan.information, plan.information.sensitivity
-    look = slopes.look
+    grid = slopes.grid
     force, outline = found.densities()
     force_alone, outline_alone = found.densities(alone=True)
     units = [PARAMETERS[name].unit for name in plan.names]
@@ -124,9 +124,9 @@ def write_hdf5(path: Path, plan: Plan) -> Path:
         file.attrs["version"] = VERSION
         file.attrs["shot"] = plan.shot
         file.attrs["summary"] = json.dumps(to_json(plan), allow_nan=False)
-        _put(file, "force_edges", look.edges, "s")
-        _put(file, "frames", look.frames, "s")
-        _put(file, "heights", look.heights, "m")
+        _put(file, "force_edges", grid.edges, "s")
+        _put(file, "frames", grid.frames, "s")
+        _put(file, "heights", grid.heights, "m")
         _put(file, "force", slopes.force, "N")
         _put(file, "radius", slopes.radius, "m")
         _put(file, "end_times", plan.end_times, "s")

@@ -10,7 +10,7 @@ import numpy as np
 from doe.uncertainty.covariance import SingularInformationError
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.prepare import Prepared, prepare
+from kolsky.inverse.prepared_shot import PreparedShot, prepare_shot
 from kolsky.inverse.provenance import provenance
 from kolsky.shot.records import Shot
 from kolsky.studies.local_sensitivity import REACH
@@ -82,7 +82,7 @@ def plan(
     *,
     names: Sequence[str] = NAMES,
     held: Mapping[str, float] | None = None,
-    instruments: Callable[[Prepared], Instruments] = instruments_of,
+    instruments: Callable[[PreparedShot], Instruments] = instruments_of,
     rates: Sequence[float] = RATES,
     heights: Sequence[int] = (1, 2, 3),
     reach: float = REACH,
@@ -122,7 +122,7 @@ def plan(
         If a value is outside its range or a run does not complete.
     """
     numerics, held = numerics or Numerics(), dict(held or {})
-    prepared = prepare(shot)
+    prepared = prepare_shot(shot)
     tools = instruments(prepared)
     factors = sorted({1.0, *rates})
     for factor in factors:

@@ -11,12 +11,11 @@ from pydantic import ConfigDict
 from kolsky.base.errors import InputError
 from kolsky.base.records import MaterialCurve
 from kolsky.inverse.result import Identification
-from kolsky.results.read import read_identification
-from kolsky.shot.find import find_shot_file, folder_of
+from kolsky.results.hdf5 import read_identification
 from kolsky.shot.load import load_shot
-from kolsky.shot.records import Measured, Shot
+from kolsky.shot.records import OpticalData, Shot
 from kolsky.shot.schema import fields as f
-from kolsky.shot.schema.reading import TomlFile, read_declared
+from kolsky.shot.schema.reading import TomlFile, find_shot_file, folder_of, read_declared
 from kolsky.shot.schema.section import Section
 from kolsky.studies.rates.motion import strain_history
 from kolsky.studies.rates.records import PARAMETER, QuasiStatic, RatedShot
@@ -106,7 +105,7 @@ def collected_shot(
     *,
     group: str,
     identify: Callable[[Shot], Identification] | None = None,
-    measure: Callable[[Any], Measured] | None = None,
+    measure: Callable[[Any], OpticalData] | None = None,
 ) -> RatedShot:
     """One shot with its rate and its result.
 

@@ -109,7 +109,7 @@ def mixed_fit(
     if np.linalg.matrix_rank(X) < p:
         raise ValueError(f"the {p} columns do not determine {p} coefficients: two of them go together")
     variance = _between(y, s, X, method)
-    b, gain, covariance = _solve(y, s**2 + variance, X)
+    b, gain, covariance = _least_squares(y, s**2 + variance, X)
     return MixedFit(
         coefficients=b,
         gain=gain,
@@ -123,7 +123,9 @@ def mixed_fit(
     )
 
 
-def _solve(y: FloatArray, variance: FloatArray, X: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _least_squares(
+    y: FloatArray, variance: FloatArray, X: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Weighted least squares: coefficients, gain and covariance."""
     covariance = np.linalg.inv(X.T @ (X / variance[:, None]))
     gain = covariance @ (X.T / variance)
@@ -131,7 +133,7 @@ def _solve(y: FloatArray, variance: FloatArray, X: FloatArray) -> tuple[FloatArr
 
 
 def _generalised_q(y: FloatArray, variance: FloatArray, X: FloatArray) -> float:
-    residual = y - X @ _solve(y, variance, X)[0]
+    residual = y - X @ _least_squares(y, variance, X)[0]
     return float(np.sum(residual**2 / variance))
 
 
@@ -149,7 +151,7 @@ def _between(y: FloatArray, s: FloatArray, X: FloatArray, method: Between) -> fl
         total = s**2 + variance
         if method == "paule-mandel":  # Eq. (S.4): Q at the final weights is what chance alone would give
             return _generalised_q(y, total, X) - (n - p)
-        gain = _solve(y, total, X)[1]
+        gain = _least_squares(y, total, X)[1]
         P = (np.eye(n) - X @ gain) / total[:, None]
         Py = P @ y
         return float((Py @ Py - np.trace(P)) * total.mean())  # the restricted likelihood's score

@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 
 from kolsky.base.files import replacing, write_table
-from kolsky.results.text import jsonable
+from kolsky.base.json_types import jsonable
 from kolsky.studies.rates.records import GroupRates, RateReport
 from kolsky.studies.rates.tables import Columns, tables
 

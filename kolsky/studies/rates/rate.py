@@ -6,9 +6,9 @@ from typing import Any
 
 from kolsky.base.errors import InputError
 from kolsky.inverse.result import Identification
-from kolsky.shot.find import folder_of
 from kolsky.shot.optical_data import measured
 from kolsky.shot.records import Shot
+from kolsky.shot.schema.reading import folder_of
 from kolsky.studies.rates.collect import collected_shot, declarations, group_key, group_of
 from kolsky.studies.rates.comparison import STRAINS, compare
 from kolsky.studies.rates.records import RatedShot, RateReport

@@ -5,7 +5,7 @@ from math import hypot, isfinite
 
 import numpy as np
 
-from kolsky.inverse.methods import disagreements
+from kolsky.inverse.method_comparison import disagreements
 from kolsky.inverse.result import Estimate, Identification, Verdict, worst_imbalance
 from kolsky.uncertainty.warnings.runs import lost_runs
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from explicit import Response
 from kolsky.base.apparatus import Interface
-from kolsky.inverse.result import DesignTable
+from kolsky.inverse.run_table import DesignTable
 
 PAST_CURVE = 0.01
 """Share of the specimen past the quasi-static curve from which on it is said."""
@@ -24,7 +24,7 @@ def past_curve(share: float, reached: float, checks: Mapping[str, float]) -> Ite
     reached : float
         Largest s = sqrt(I1 - 3) [-].
     checks
-        "curve_last_s" and "curve_last_strain" of `kolsky.inverse.prepare.Prepared.checks`.
+        "curve_last_s" and "curve_last_strain" of `kolsky.inverse.prepared_shot.PreparedShot.checks`.
     """
     if share > PAST_CURVE:
         last, strain = checks["curve_last_s"], checks["curve_last_strain"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dic import FrameOutcome
-from dic.body_motion import BodyMotion
+from dic.rigid_body.body_motion import BodyMotion
 from kolsky.bars.flyer.fit import fit_flyer
 from kolsky.bars.flyer.flight import fit_flight, flyer_motion, symmetry_end
 

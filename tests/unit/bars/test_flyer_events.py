@@ -5,7 +5,7 @@ import pytest
 from softflyer import FRAME, Flight
 
 from kolsky.bars.flyer.events import flyer_events
-from kolsky.bars.kink import find_kink
+from kolsky.bars.flyer.kink import find_kink
 from kolsky.bars.records import Signal
 from kolsky.base.apparatus import Bar
 

@@ -9,8 +9,13 @@ from scipy.optimize import brentq
 from scipy.special import jv
 
 from kolsky.bars.guides import pochhammer
-from kolsky.bars.guides.dispersion_table import TABLE_ERROR, dispersion_table
-from kolsky.bars.guides.frequency_equation import frequency_equation, onoe, rayleigh_speed
+from kolsky.bars.guides.frequency_equation import (
+    TABLE_ERROR,
+    dispersion_table,
+    frequency_equation,
+    onoe,
+    rayleigh_speed,
+)
 
 REFERENCE = Path(__file__).resolve().parent.parent.parent / "reference" / "F_pochhammer_nu0.29.csv"
 

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from kolsky.bars.budget.budget import propagate, quoted
+from kolsky.bars.budget.budget import quoted
 from kolsky.bars.budget.monte_carlo import monte_carlo
+from kolsky.bars.budget.propagation import propagate
 from kolsky.bars.budget.quantities import merged
 from kolsky.bars.records import Quantity
-from kolsky.bars.signals.noise import Noise
+from kolsky.bars.signals.signal_zero import Noise
 
 
 def q(name, value, sigma, freedom=np.inf, kind="B"):

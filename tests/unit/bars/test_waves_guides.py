@@ -11,9 +11,9 @@ from kolsky.bars.guides.combine import BarWaves
 from kolsky.bars.guides.polymer_waveguide import PronyModulus, ViscoelasticWaveguide
 from kolsky.bars.guides.propagation import propagate
 from kolsky.bars.guides.waveguide import ElasticWaveguide
-from kolsky.bars.records import BarSignal, FaceWaves, Signal
+from kolsky.bars.records import ANALYSES, BarSignal, FaceWaves, Signal
 from kolsky.bars.reduction.faces import face_waves
-from kolsky.bars.reduction.stress_strain import ANALYSES, reduce
+from kolsky.bars.reduction.stress_strain import reduce
 from kolsky.bars.reduction.windows import find_windows
 from kolsky.base.apparatus import Bar
 

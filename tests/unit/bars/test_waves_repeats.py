@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from kolsky.bars.records import FaceWaves
-from kolsky.bars.reduction.repeated import repeated_tests, rising
-from kolsky.bars.reduction.repeats import Curve, average
+from kolsky.bars.reduction.repeated_tests import Curve, average, repeated_tests, rising
 from kolsky.bars.reduction.stress_strain import reduce
 from kolsky.base.apparatus import Bar, Specimen
 

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from kolsky.bars.audit import Switches
-from kolsky.bars.budget.budget import propagate
+from kolsky.bars.budget.propagation import propagate
 from kolsky.bars.budget.quantities import merged
 from kolsky.bars.signals.bridge import Bridge, Linear
-from kolsky.bars.signals.noise import Noise, estimate_noise
-from kolsky.bars.signals.signal_zero import measure_baseline, quantisation_step
+from kolsky.bars.signals.signal_zero import Noise, estimate_noise, measure_baseline, quantisation_step
 from kolsky.bars.signals.stations import bar_signal
 from kolsky.base.apparatus import Bar
 from kolsky.base.records import Recording

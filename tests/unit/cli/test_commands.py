@@ -21,7 +21,7 @@ from kolsky.base.files import filling, usable_folder
 from kolsky.cli import app
 from kolsky.inverse.result import Verdict
 from kolsky.report import printed
-from kolsky.results.read import read_identification
+from kolsky.results.hdf5 import read_identification
 
 runner = CliRunner()
 

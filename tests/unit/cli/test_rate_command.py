@@ -14,7 +14,7 @@ from shot_folders import FILES, OPEN_01
 from typer.testing import CliRunner
 
 from kolsky.cli import app
-from kolsky.results.write import write_identification
+from kolsky.results.hdf5 import write_identification
 from kolsky.shot.load import load_shot
 from kolsky.studies.rates.collect import collected_shot, declarations, group_key, group_of
 

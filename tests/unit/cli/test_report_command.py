@@ -15,12 +15,12 @@ from typer.testing import CliRunner
 
 from explicit import Response
 from kolsky.cli import app
-from kolsky.inverse.findings import Declaration, ParameterProfile
-from kolsky.inverse.methods import Method
+from kolsky.inverse.method_comparison import Method
+from kolsky.inverse.uncertainty_results import Declaration, ParameterProfile
 from kolsky.report import numbers
 from kolsky.report.page import render
 from kolsky.report.rendering import HEADING, LONGEST, legible
-from kolsky.results.write import write_identification
+from kolsky.results.hdf5 import write_identification
 from kolsky.shot.load import load_shot
 from kolsky.shot.recorded import recording_facts
 

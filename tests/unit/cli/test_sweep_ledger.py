@@ -20,10 +20,10 @@ from typer.testing import CliRunner
 from doe.ledger import Ledger
 from kolsky.base.errors import InputError
 from kolsky.cli import app
-from kolsky.cli.work.designfile import read_design
 from kolsky.inverse.forward import Forward, Numerics
-from kolsky.inverse.prepare import prepare
+from kolsky.inverse.prepared_shot import prepare_shot
 from kolsky.shot.load import load_shot
+from kolsky.studies.design_file import read_design
 from kolsky.studies.sweep import ShotRuns
 
 runner = CliRunner()
@@ -92,7 +92,7 @@ def test_runs_that_failed_are_kept_with_their_reason_and_retried_on_request(
 
 
 def test_the_model_hash_knows_what_decides_a_result(shot: Path) -> None:
-    runs = ShotRuns(prepare(load_shot(shot)), ("damping",), {}, Numerics(mesh=(8, 11)))
+    runs = ShotRuns(prepare_shot(load_shot(shot)), ("damping",), {}, Numerics(mesh=(8, 11)))
     known = runs.model_hash()
     same = [replace(runs, numerics=replace(runs.numerics, threads=1))]
     other = [
@@ -104,7 +104,7 @@ def test_the_model_hash_knows_what_decides_a_result(shot: Path) -> None:
     ]
     toml = shot / "shot.toml"
     toml.write_text(toml.read_text() + "\n# another shot\n")
-    other.append(replace(runs, prepared=prepare(load_shot(shot))))
+    other.append(replace(runs, prepared=prepare_shot(load_shot(shot))))
     assert [run.model_hash() == known for run in same] == [True]
     assert len({known, *(run.model_hash() for run in other)}) == 7
 
@@ -214,7 +214,9 @@ def test_a_sweep_killed_three_times_on_the_real_solver(shot: Path) -> None:
 
 
 def test_a_worker_elsewhere_gets_the_whole_shot(shot: Path) -> None:
-    runs = ShotRuns(prepare(load_shot(shot)), ("stiffness_factor",), {}, Numerics(mesh=(8, 11), threads=1))
+    runs = ShotRuns(
+        prepare_shot(load_shot(shot)), ("stiffness_factor",), {}, Numerics(mesh=(8, 11), threads=1)
+    )
     points = np.array([[0.9], [1.0], [1.1]])
     here, there = runs(points), pickle.loads(pickle.dumps(runs))
     # One at a time, as if each were another worker's chunk.

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from synthetic_dic import rig, synthetic_result
 
-from dic.bodies import Region
+from dic.bodies.region import Region
 from dic.chain import ChainError, ChainSettings
-from dic.chain.clock import Clock
-from dic.chain.looking import check_cameras, look
-from dic.chain.surface import outline_of
+from dic.chain.inspect_images import check_cameras, look
+from dic.chain.reduce import outline_of
+from dic.chain.stages import Clock
 from dic.images import PictureError
 from dic.outcome import FrameOutcome
-from dic.speckle import render, speckle_pattern
 from dic.surfaces import outline
+from dic.synthetic.speckles import render, speckle_pattern
 
 SHAPE = (96, 128)
 FRAMES = 6

@@ -8,9 +8,9 @@ import warp as wp
 
 from dic.correlation import Correlation, PictureStack, Shape, correlate
 from dic.correlation.kernels.device import select_device
+from dic.correlation.kernels.lanes import BLOCK
 from dic.correlation.kernels.launch import search_kernel
-from dic.correlation.kernels.packs import BLOCK
-from dic.speckle import render, speckle_pattern
+from dic.synthetic.speckles import render, speckle_pattern
 
 
 @pytest.fixture

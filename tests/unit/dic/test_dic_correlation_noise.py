@@ -7,8 +7,8 @@ import pytest
 from scipy import ndimage
 
 from dic.correlation import Correlation, PictureStack, correlate
-from dic.correlation.kernels.grain import between_pixels, gradient_noise
-from dic.speckle import render, speckle_pattern
+from dic.correlation.kernels.pixel_noise import between_pixels, gradient_noise
+from dic.synthetic.speckles import render, speckle_pattern
 
 SIDE = 190
 CENTRE = (SIDE - 1) / 2

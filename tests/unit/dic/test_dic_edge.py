@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from dic.edge import find_edge
+from dic.bodies.ends import find_edge
 
 FINE = 10
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dic.found_regions import find_regions, row_likeness
+from dic.bodies.found_regions import find_regions, row_likeness
 from dic.images import PictureError
-from dic.speckle import render, speckle_pattern
+from dic.synthetic.speckles import render, speckle_pattern
 
 SHAPE, STATIC, FRAMES, SPEED = (96, 112), 4, 30, 1.7
 TOP, BOTTOM = 5.3, 84.6  # where the specimen begins and ends at rest [px]

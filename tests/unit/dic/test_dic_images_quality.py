@@ -7,7 +7,7 @@ from scipy.ndimage import fourier_shift, gaussian_filter
 
 from dic.images import grey_noise, speckle_quality
 from dic.images.__main__ import main
-from dic.images.gradient import gradient, noise_gain
+from dic.images.noise import gradient, noise_gain
 from kolsky.report.canvas import build
 from kolsky.report.figures.speckle_floor import KIND, Speckles
 

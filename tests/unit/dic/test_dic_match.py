@@ -9,7 +9,7 @@ import pytest
 from dic import PointOutcome
 from dic.correlation import Correlation, Noise, PictureStack, Shape, correlate
 from dic.correlation import warp as warps
-from dic.speckle import render, speckle_pattern
+from dic.synthetic.speckles import render, speckle_pattern
 
 SIDE = 128
 CENTRE = (SIDE - 1) / 2

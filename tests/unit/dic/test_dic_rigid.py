@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dic import Camera, FrameOutcome, PointOutcome, StereoRig
-from dic.body_motion import body_motion
-from dic.rigid import rigid_motion
+from dic.rigid_body.body_motion import body_motion
+from dic.rigid_body.rigid_motion import rigid_motion
 from dic.stereo import reconstruct
 from dic.stereo.reconstruction import Reconstruction
 from dic.surfaces import SpecimenFrame

@@ -5,10 +5,10 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, rig
 
-from dic.render import Speckles
-from dic.rim import EDGE, RimSearch
+from dic.rigid_body.axial_displacement import _on_their_way
+from dic.rigid_body.edge_registration import EDGE, RimSearch
 from dic.surfaces import SpecimenFrame
-from dic.travel import _on_their_way
+from dic.synthetic.cylinder import Speckles
 
 SCALE = 5400.0 / 0.295  # pixels per metre where the cylinder faces the cameras
 TOP = 0.5 * (SHAPE[0] - 1) / SCALE  # height that the first row shows

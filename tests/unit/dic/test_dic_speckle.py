@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dic.speckle import SpecklePattern, render, speckle_pattern
+from dic.synthetic.speckles import SpecklePattern, render, speckle_pattern
 
 
 def test_grey_values_are_the_plain_sum():

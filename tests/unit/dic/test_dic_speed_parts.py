@@ -9,23 +9,23 @@ from scipy.special import ndtr
 from threadpoolctl import threadpool_info
 
 from dic import PointOutcome
-from dic.adjustment import Habits, Sights, adjust
 from dic.calibration import TargetNotFound, detect, detect_series
 from dic.calibration.centroids import centroids
+from dic.calibration.corners import quantiles
 from dic.calibration.edges import _upper
-from dic.calibration.noise import quantiles
 from dic.calibration.projection import Sight, derivatives, joined, poses_of, seen
 from dic.calibration.targets import FiducialDots
 from dic.camera import Camera
 from dic.correlation import Correlation, PictureStack, Shape, Templates, correlate
-from dic.correlation.kernels.pictures import coefficients
+from dic.correlation.kernels.device import coefficients
 from dic.correlation.kernels.spline import PAD
 from dic.correlation.warp import identity
 from dic.images import PictureError
 from dic.images.kept import KeptPictures, kept
-from dic.rigid_tracking import _in_view, _nothing
-from dic.speckle import render, speckle_pattern
-from dic.stereo.twobytwo import inverse, largest_eigenvalue
+from dic.rigid_body.adjustment import Habits, Sights, adjust
+from dic.stereo.rays import inverse, largest_eigenvalue
+from dic.synthetic.speckles import render, speckle_pattern
+from dic.tracking.rigid import _in_view, _nothing
 from kolsky.base.process import single_threaded_libraries
 
 SIDE = 96

@@ -7,15 +7,14 @@ import pytest
 from numpy.typing import NDArray
 from stereo_scene import SHAPE, rig
 
-from dic.correlation.match import Match
-from dic.render import RenderedCylinder
+from dic.correlation.settings import Match
 from dic.stereo import Gate, StereoGates, StereoSearch, epipolar_distance
-from dic.stereo.curve import curve_distances, points_along
-from dic.stereo.evidence import Evidence, disagreement
+from dic.stereo.epipolar_search import curve_distances, points_along
 from dic.stereo.facet import distance_along, fit_facet, gradient, normals, sight
-from dic.stereo.gates import judge
-from dic.stereo.propagate import neighbourhood, propagate
+from dic.stereo.gates import Evidence, disagreement, judge
+from dic.stereo.guided import neighbourhood, propagate
 from dic.stereo.template import correlation
+from dic.synthetic.cylinder import RenderedCylinder
 
 FloatArray = NDArray[np.float64]
 

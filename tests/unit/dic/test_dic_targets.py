@@ -7,7 +7,7 @@ from boards import LENS, MATRIX, averaged, cylinder, dots, flat, pixels, pose
 
 from dic import Camera
 from dic.calibration import TARGETS, TargetNotFound, detect
-from dic.calibration.noise import noise_level
+from dic.calibration.corners import noise_level
 from dic.calibration.projection import Sight, centroids, seen
 from dic.calibration.targets import AsymmetricDots, Charuco, Chessboard, DottedCylinder, FiducialDots
 

@@ -9,7 +9,7 @@ from dic.correlation import Correlation
 from dic.correlation.warp import apply, identity
 from dic.images import PictureError
 from dic.outcome import FrameOutcome, PointOutcome
-from dic.speckle import render, speckle_pattern
+from dic.synthetic.speckles import render, speckle_pattern
 from dic.tracking import Track, Tracking, track
 
 SHAPE = (110, 120)

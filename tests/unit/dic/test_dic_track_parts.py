@@ -8,15 +8,19 @@ from dic.correlation import Correlation, Noise
 from dic.correlation.warp import identity
 from dic.images import PictureError
 from dic.outcome import FrameOutcome
-from dic.speckle import render, speckle_pattern
+from dic.synthetic.speckles import render, speckle_pattern
 from dic.tracking import Tracking
 from dic.tracking.frames import Scene, read
-from dic.tracking.matcher import RESIDUE, compose
+from dic.tracking.initial_guesses import (
+    Predictor,
+    affine_consensus,
+    correlate_windows,
+    match_features,
+    spread,
+)
+from dic.tracking.matcher import ACROSS, ALONG, RESIDUE, compose, enlarged, excess, local_variance
 from dic.tracking.neighbours import Neighbours
-from dic.tracking.predict import Predictor
 from dic.tracking.references import References, Template, principal, stretch
-from dic.tracking.residual import ACROSS, ALONG, enlarged, excess, local_variance
-from dic.tracking.seeds import affine_consensus, correlate_windows, match_features, spread
 from dic.tracking.update import grown
 
 SHAPE = (100, 120)

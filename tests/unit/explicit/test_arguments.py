@@ -6,16 +6,23 @@ import numpy as np
 import pytest
 
 from explicit import Mesh, Model, PlatenMotion, Sampling, cylinder
-from explicit.arguments import SPARE, body_of, fits_on_chip, node_places, output_of
-from explicit.clock import CLOCK, HANDED
+from explicit.arguments import SPARE, body_of, fits_on_chip, node_order, output_of
 from explicit.device import select_device
 from explicit.geometry import element_geometry
-from explicit.lanes import WARPS
-from explicit.march import MarchKernel, march_kernel
+from explicit.grouped_tables import GROUP
 from explicit.materials import MarlowLaw, neo_hookean
-from explicit.places import GROUP, ON_CHIP_CLOCK, ON_CHIP_ELEMENTS, ON_CHIP_NODES, ON_CHIP_SEATS, rooms
 from explicit.precision import PRECISIONS
-from explicit.update import VALENCE
+from explicit.time_loop.kernel import TimeLoopKernel, time_loop_kernel
+from explicit.time_loop.lanes import WARPS
+from explicit.time_loop.nodes import VALENCE
+from explicit.time_loop.slots import CLOCK, N_TOTALS
+from explicit.time_loop.state_layout import (
+    ON_CHIP_BOUNDARY,
+    ON_CHIP_CONTROL,
+    ON_CHIP_ELEMENTS,
+    ON_CHIP_NODES,
+    state_layout,
+)
 
 DENSITY = 870.0
 SIZES = [(2, 2), (4, 6), (9, 7), (16, 22), (33, 9)]
@@ -39,8 +46,8 @@ def model_of(mesh: Mesh) -> Model:
     return Model(mesh, DENSITY, (neo_hookean(27e3),), (motion,))
 
 
-def kernel_of(model: Model) -> MarchKernel:
-    return march_kernel(MarlowLaw, model.faces, model.side, PRECISIONS["fp64"], model.element)
+def kernel_of(model: Model) -> TimeLoopKernel:
+    return time_loop_kernel(MarlowLaw, model.faces, model.side, PRECISIONS["fp64"], model.element)
 
 
 def surface_of(mesh: Mesh) -> set[int]:
@@ -50,21 +57,22 @@ def surface_of(mesh: Mesh) -> set[int]:
 @pytest.mark.parametrize("size", SIZES)
 def test_every_node_has_a_place_and_the_surface_is_last(size: tuple[int, int]) -> None:
     mesh = shuffled(*size)
-    place, n_inner, first_seat = node_places(mesh)
+    place, n_inner, first_boundary = node_order(mesh)
     surface = surface_of(mesh)
     inner = [n for n in range(mesh.n_nodes) if n not in surface]
     assert sorted(place[inner]) == list(range(n_inner))
-    assert sorted(place[list(surface)]) == list(range(first_seat, first_seat + len(surface)))
+    assert sorted(place[list(surface)]) == list(range(first_boundary, first_boundary + len(surface)))
     assert n_inner + len(surface) == mesh.n_nodes
-    assert first_seat % GROUP == 0
-    assert 0 <= first_seat - n_inner < GROUP
+    assert first_boundary % GROUP == 0
+    assert 0 <= first_boundary - n_inner < GROUP
     # in the order of the mesh, inside as on the surface
     assert (np.diff(place[inner]) > 0).all()
     assert (np.diff(place[sorted(surface)]) > 0).all()
 
 
 def entries(table: np.ndarray, constants: int) -> np.ndarray:
-    """A grouped table on the device, shape [constants, places], as `explicit.places.grouped` documents it."""
+    """A grouped table on the device, shape [constants, places], as `explicit.grouped_tables.grouped`
+    documents it."""
     groups = table[:, : constants * GROUP]
     assert table.shape[1] == groups.shape[1] + SPARE
     return groups.reshape(-1, constants, GROUP).transpose(1, 0, 2).reshape(constants, -1)
@@ -76,9 +84,9 @@ def test_constants_lie_at_the_places_of_their_nodes(size: tuple[int, int], on_ch
     mesh, where, numbers = shuffled(*size), select_device("cpu"), PRECISIONS["fp64"]
     model = model_of(mesh)
     body = body_of(kernel_of(model), model, numbers, where, on_chip)
-    place, n_inner, first_seat = node_places(mesh)
-    assert (body.n_inner, body.first_seat) == (n_inner, first_seat)
-    assert body.n_seats == mesh.n_nodes - n_inner
+    place, n_inner, first_boundary = node_order(mesh)
+    assert (body.n_inner, body.first_boundary) == (n_inner, first_boundary)
+    assert body.n_boundary == mesh.n_nodes - n_inner
     assert body.n_nodes == place.max() + 1
     quads = entries(body.quads.numpy(), 4)[:, : mesh.n_elements]
     np.testing.assert_array_equal(quads, place[mesh.quads].T)
@@ -92,14 +100,14 @@ def test_constants_lie_at_the_places_of_their_nodes(size: tuple[int, int], on_ch
     np.testing.assert_array_equal(body.reference_r.numpy()[place], mesh.nodes[:, 0])
     np.testing.assert_array_equal(body.reference_y.numpy()[place], mesh.nodes[:, 1])
     # every corner force is gathered once, by the node it acts on; what is left over reads zeros behind them
-    slots = rooms(numbers, on_chip).elements if on_chip else mesh.n_elements
+    slots = state_layout(numbers, on_chip).elements if on_chip else mesh.n_elements
     corners = entries(body.corners.numpy(), VALENCE)
     gathered = [(c, n) for n in range(mesh.n_nodes) for c in corners[:, place[n]] if c < 4 * slots]
     assert len(gathered) == len(set(gathered)) == 4 * mesh.n_elements
     for c, n in gathered:
         assert mesh.quads[c % slots, c // slots] == n
     # the places between, where no node is, weigh nothing
-    assert (masses[:, n_inner:first_seat] == 0.0).all()
+    assert (masses[:, n_inner:first_boundary] == 0.0).all()
 
 
 def test_what_is_recorded_is_named_by_place() -> None:
@@ -107,7 +115,7 @@ def test_what_is_recorded_is_named_by_place() -> None:
     model, times = model_of(mesh), np.array([0.0, 1.0])
     output = output_of(kernel_of(model), mesh, 3, Sampling(times, times), mesh.side, where)
     assert output.n_recorded == len(mesh.side)
-    np.testing.assert_array_equal(output.nodes.numpy()[: len(mesh.side)], node_places(mesh)[0][mesh.side])
+    np.testing.assert_array_equal(output.nodes.numpy()[: len(mesh.side)], node_order(mesh)[0][mesh.side])
     assert output.position.shape == (3, 2, len(mesh.side), 2)
     assert np.isnan(output.position.numpy()).all()
 
@@ -156,12 +164,12 @@ def test_what_fits_on_a_chip() -> None:
     assert usual.n_elements <= ON_CHIP_ELEMENTS < finer.n_elements
     thin = cylinder(1.0, 1.0, n_radial=2, n_axial=100)
     assert thin.n_elements <= ON_CHIP_ELEMENTS
-    assert len(surface_of(thin)) > ON_CHIP_SEATS
+    assert len(surface_of(thin)) > ON_CHIP_BOUNDARY
     assert not fits_on_chip(thin, fp64)
 
 
 def test_what_lies_on_a_chip_has_room_there() -> None:
-    assert CLOCK + HANDED * WARPS <= ON_CHIP_CLOCK
+    assert CLOCK + N_TOTALS * WARPS <= ON_CHIP_CONTROL
     fields = 4 * ON_CHIP_NODES + 2 * (4 * ON_CHIP_ELEMENTS + 1)
-    sums, marks = 3 * ON_CHIP_SEATS + ON_CHIP_CLOCK, ON_CHIP_SEATS
+    sums, marks = 3 * ON_CHIP_BOUNDARY + ON_CHIP_CONTROL, ON_CHIP_BOUNDARY
     assert 8 * (fields + sums) + 4 * marks <= 48 * 1024  # what a block gets without a request

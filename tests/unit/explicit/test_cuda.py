@@ -8,16 +8,16 @@ import warp as wp
 
 from explicit import Model, Outcome, PlatenMotion, Response, Samples, Sampling, Stepping, cylinder, run
 from explicit.device import select_device
-from explicit.lanes import BLOCK
 from explicit.materials import LAWS, MaterialLaw, neo_hookean
-from explicit.places import ON_CHIP_ELEMENTS
 from explicit.relaxation import BergstromBoyce, PronySeries
 from explicit.relaxation.base import RateDependence
+from explicit.time_loop.lanes import BLOCK
+from explicit.time_loop.state_layout import ON_CHIP_ELEMENTS
 
 TIMES = np.linspace(5e-6, 2e-4, 40)
 SAMPLES = Samples.of(stiffness_factor=[0.8, 1.0, 1.2], friction=0.3, damping=2.5e-5)
 MESHES = [(6, 8), (16, 22), (24, 32)]
-"""Fewer elements than walkers, as many, and more than fit on the chip in fp64."""
+"""Fewer elements than workers, as many, and more than fit on the chip in fp64."""
 APART = 1e-9
 """Sums are made in another order: round-off, 1e-16, amplified by a few hundred steps."""
 

@@ -12,11 +12,11 @@ from explicit.device import select_device
 from explicit.elements import ELEMENTS, element
 from explicit.elements.gauss import gauss_points
 from explicit.geometry import element_geometry
-from explicit.march import march_kernel
+from explicit.grouped_tables import GROUP
 from explicit.materials import MarlowLaw, neo_hookean
 from explicit.mesh import Mesh
-from explicit.places import GROUP
 from explicit.precision import PRECISIONS
+from explicit.time_loop.kernel import time_loop_kernel
 
 RADIUS, LENGTH = 4.75e-3, 6.5e-3
 
@@ -59,7 +59,7 @@ def test_every_element_reads_its_constants(name: str, precision: str) -> None:
     where, numbers = select_device("cpu"), PRECISIONS[precision]
     motion = PlatenMotion(start=0.0, step=1.0, position=np.zeros(2), velocity=np.zeros(2))
     model = Model(mesh, 870.0, (neo_hookean(27e3),), (motion,), element=name)
-    kernel = march_kernel(MarlowLaw, model.faces, model.side, numbers, name)
+    kernel = time_loop_kernel(MarlowLaw, model.faces, model.side, numbers, name)
     body = body_of(kernel, model, numbers, where)
     read_shape, Shape = kernel.element.read_shape, kernel.element.Shape
 

@@ -23,13 +23,13 @@ from explicit import (
     run,
 )
 from explicit.arguments import batch_of
-from explicit.boundary import boundary_functions
 from explicit.contact import contact_law
 from explicit.device import select_device
 from explicit.geometry import element_geometry
-from explicit.march import march_kernel
 from explicit.materials import MarlowLaw, bulk_modulus, neo_hookean
 from explicit.precision import precision
+from explicit.time_loop.boundary import boundary_functions
+from explicit.time_loop.kernel import time_loop_kernel
 
 
 def motion(start: float = 0.0, n_knots: int = 5) -> PlatenMotion:
@@ -317,7 +317,7 @@ def test_the_cubics_of_a_motion_are_those_of_hermite_and_a_straight_line_follows
     np.testing.assert_allclose(found(times), spline(times), rtol=0, atol=100 * atol)  # round-off of the times
     np.testing.assert_allclose(found(late), line, rtol=1e-12)
     # and as the time loop evaluates it
-    kernel = march_kernel(MarlowLaw, "bonded", "frictionless", precision("fp64"))
+    kernel = time_loop_kernel(MarlowLaw, "bonded", "frictionless", precision("fp64"))
     Batch = kernel.structs.Batch
     position_at = boundary_functions(
         "bonded", "frictionless", precision("fp64"), kernel.structs

@@ -11,7 +11,8 @@ from lane_kernels import MAPPINGS, PRECISION, N, inputs, lane_launch, scalar_lau
 from lawstates import stretches, turned
 
 from explicit.materials import LAWS, AnyLaw, principal
-from explicit.materials.volumetric import VolumetricLaw, volumetric_functions
+from explicit.materials.kernels.volumetric import volumetric_functions
+from explicit.materials.volumetric import VolumetricLaw
 from explicit.precision import Precision
 from explicit.simd import Mapping
 
@@ -177,7 +178,7 @@ def test_the_tangent_bounds_the_stiffness_and_not_by_much(seed: int) -> None:
 
 def test_at_rest_the_tangent_is_the_shear_modulus() -> None:
     (numbers,) = (p for p in PRECISION if p.name == "fp64")
-    found, k = evaluated(numbers, "walker", states()), inputs(numbers).k
+    found, k = evaluated(numbers, "worker", states()), inputs(numbers).k
     for law, values in zip(EXAMPLES, found, strict=True):
         assert values[0, 3] == pytest.approx(variants(law)[k[0]].shear_modulus, rel=1e-9)
 

@@ -9,9 +9,9 @@ import pytest
 from lawstates import stretches, turned
 
 from explicit.materials import LAWS, AnyLaw, law_class, neo_hookean, principal
-from explicit.materials.exponential import LEAST_EXPONENT, VerondaWestmann
-from explicit.materials.ogden import Ogden1, Ogden2, Ogden3
-from explicit.materials.yeoh import Yeoh
+from explicit.materials.laws.exponential import LEAST_EXPONENT, VerondaWestmann
+from explicit.materials.laws.ogden import Ogden1, Ogden2, Ogden3
+from explicit.materials.laws.yeoh import Yeoh
 
 EVERY = pytest.mark.parametrize("law", [c.example() for c in LAWS.values()], ids=list(LAWS))
 STEP = 1e-5

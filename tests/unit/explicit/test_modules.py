@@ -15,10 +15,10 @@ import warp as wp
 from explicit import Model, PlatenMotion, Samples, Sampling, ahead_of_time, cylinder, run
 from explicit import modules as aot
 from explicit.aot import main
-from explicit.lanes import BLOCK
-from explicit.march import march_kernel
 from explicit.materials import MarlowLaw, neo_hookean
 from explicit.precision import PRECISIONS
+from explicit.time_loop.kernel import time_loop_kernel
+from explicit.time_loop.lanes import BLOCK
 
 ROOT = Path(__file__).resolve().parent.parent.parent.parent
 ONE = ["--contacts", "bonded/bonded", "--precision", "fp32", "--element", "one_point"]
@@ -69,7 +69,7 @@ def test_another_process_finds_them_again(folder):
 
 
 def test_a_device_is_given_what_it_can_run(folder, tmp_path, monkeypatch):
-    kernel = march_kernel(MarlowLaw, "bonded", "bonded", PRECISIONS["fp32"])
+    kernel = time_loop_kernel(MarlowLaw, "bonded", "bonded", PRECISIONS["fp32"])
     asked: list[tuple[str, int, bool]] = []
 
     def load(module: Any, *, device: Any, arch: int, module_dir: Path, use_ptx: bool) -> None:

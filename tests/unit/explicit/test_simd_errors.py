@@ -10,10 +10,10 @@ import pytest
 import warp as wp
 from lane_kernels import MAPPINGS, lanes_of, small_structs
 
-from explicit.lanes import lane_functions
-from explicit.places import entry_function, four_function
+from explicit.grouped_tables import entry_function, four_function
 from explicit.precision import PRECISIONS
 from explicit.simd import Mapping, lane_kernel
+from explicit.time_loop.lanes import lane_functions
 
 NUMBERS = PRECISIONS["fp64"]
 STRUCTS = small_structs(NUMBERS)
@@ -21,13 +21,13 @@ Body, Batch, State, Output = STRUCTS.Body, STRUCTS.Batch, STRUCTS.State, STRUCTS
 Function = Callable[..., Any]
 
 put_total, put_largest = lane_functions().put_total, lane_functions().put_largest
-seat_totals = lane_functions().seat_totals
+boundary_totals = lane_functions().boundary_totals
 entry, four = entry_function(NUMBERS.real), four_function(NUMBERS)
 one = wp.float64(1.0)
 
 
 def refused(source: Function, message: str, mapping: Mapping = "simulation") -> None:
-    """The source's sample is a lane's own (or its lane, for walkers), and it is refused."""
+    """The source's sample is a lane's own (or its lane, for workers), and it is refused."""
 
     class March:
         func = staticmethod(source)
@@ -199,12 +199,12 @@ def four_of_a_vector(body, batch, state, output, first):
 
 
 def seats_of_a_number(body, batch, state, output, first):
-    x = seat_totals(one, one, body.n)
+    x = boundary_totals(one, one, body.n)
 
 
 def seats_a_lane(body, batch, state, output, first):
     i, lane = wp.tid()
-    x = seat_totals(state.seats[i], state.seats[i], body.place[lane + batch.k[i]])
+    x = boundary_totals(state.seats[i], state.seats[i], body.place[lane + batch.k[i]])
 
 
 @pytest.mark.parametrize("mapping", MAPPINGS)
@@ -240,7 +240,7 @@ def seats_a_lane(body, batch, state, output, first):
         (constants_of_the_state, "entry(state.u, 0, lane): a table of constants and a number"),
         (another_constant_a_lane, "a table of constants and a number that all lanes share are wanted"),
         (four_of_a_vector, "four(batch.v[0], 0): a row of constants and a number are wanted"),
-        (seats_of_a_number, "seat_totals(one, one, body.n): seats and a number that all lanes share"),
+        (seats_of_a_number, "boundary_totals(one, one, body.n): seats and a number that all lanes share"),
         (seats_a_lane, "seats and a number that all lanes share are wanted"),
     ],
 )
@@ -248,7 +248,7 @@ def test_refused_in_both_mappings(source: Function, message: str, mapping: Mappi
     refused(source, message, mapping)
 
 
-def test_a_sum_of_one_walker_begins_with_empty_sum() -> None:
+def test_a_sum_of_one_worker_begins_with_empty_sum() -> None:
     message = "put_total(state.parts[i], 0, wp.float64(batch.x[i])): only sums that began with empty_sum"
     refused(a_sum_of_something, message)
 
@@ -273,6 +273,6 @@ def one_place(body, batch, state, output, first):
     output.values[i, 0] = body.weight[lane]
 
 
-def test_walkers_reduce_together_and_write_apart() -> None:
-    refused(lanes_apart, "put_largest(state.parts[i], 0, one): every lane must take part", "walker")
-    refused(one_place, "lanes would write different values to one place", "walker")
+def test_workers_reduce_together_and_write_apart() -> None:
+    refused(lanes_apart, "put_largest(state.parts[i], 0, one): every lane must take part", "worker")
+    refused(one_place, "lanes would write different values to one place", "worker")

@@ -69,5 +69,5 @@ def test_where_numbers_end(numbers: Precision, mapping: Mapping) -> None:
 def test_one_number_of_all_lanes_has_the_bits_of_a_pack() -> None:
     (numbers,) = (p for p in PRECISION if p.name == "fp64")
     x, y = np.linspace(-3.0, 3.0, N), np.linspace(0.2, 5.0, N)
-    by_lane, by_walker = (evaluated(numbers, mapping, x, y) for mapping in MAPPINGS)
-    np.testing.assert_array_equal(by_lane, by_walker)
+    by_lane, by_worker = (evaluated(numbers, mapping, x, y) for mapping in MAPPINGS)
+    np.testing.assert_array_equal(by_lane, by_worker)

@@ -24,13 +24,13 @@ from explicit import (
 from explicit.arguments import batch_of, body_of, output_of, state_of
 from explicit.device import select_device
 from explicit.drivers import LARGE_MESH, packs
-from explicit.march import march_kernel
 from explicit.materials import MarlowLaw, neo_hookean
 from explicit.precision import PRECISIONS
 from explicit.relaxation import BergstromBoyce, PronySeries
 from explicit.relaxation.base import RateDependence
 from explicit.simd import PACK_BYTES, Mapping, lane_kernel
 from explicit.support import Support
+from explicit.time_loop.kernel import time_loop_kernel
 
 RADIUS, LENGTH, END = 4.75e-3, 6.5e-3, 8e-4
 N = 17
@@ -146,7 +146,7 @@ def launch(case: Case, mapping: Mapping | None, n: int = N, shift: int = 0, spoi
     """The first n simulations; in packs that begin at `shift`."""
     where = select_device("cpu")
     numbers, model = PRECISIONS[case.precision], model_of(case)
-    kernel = march_kernel(
+    kernel = time_loop_kernel(
         MarlowLaw, model.faces, model.side, numbers, case.element, relaxation=model.relaxation_kind
     )
     lanes = PACK_BYTES // numbers.dtype().itemsize
@@ -207,13 +207,13 @@ def test_the_batch_exercises_what_it_should(case: Case) -> None:
 
 @EVERY
 def test_the_mappings_agree_bit_for_bit(case: Case) -> None:
-    a, b = results(case, "simulation"), results(case, "walker")
+    a, b = results(case, "simulation"), results(case, "worker")
     for name in a:
         np.testing.assert_array_equal(a[name], b[name], err_msg=name)
 
 
 @EVERY
-@pytest.mark.parametrize("mapping", ["simulation", "walker"])
+@pytest.mark.parametrize("mapping", ["simulation", "worker"])
 def test_the_scalar_kernel_agrees(case: Case, mapping: Mapping) -> None:
     got, warp = results(case, mapping), results(case, None)
     np.testing.assert_array_equal(got["outcome"][GOOD], warp["outcome"][GOOD])
@@ -245,7 +245,7 @@ def test_a_simulation_keeps_its_bits_in_any_pack(case: Case) -> None:
 
 
 @pytest.mark.parametrize("case", [CASES[2], CASES[4], CASES[6]], ids=lambda case: case.name)
-@pytest.mark.parametrize("mapping", ["simulation", "walker"])
+@pytest.mark.parametrize("mapping", ["simulation", "worker"])
 def test_what_is_not_a_number_stays_in_its_lane(case: Case, mapping: Mapping) -> None:
     got, sound = results(case, mapping), read(launch(case, mapping, spoil=False))
     others = np.delete(np.arange(N), SPOILT)
@@ -259,7 +259,7 @@ def test_packs_hold_every_simulation_once() -> None:
         jobs = packs(n, lanes, elements)
         held = [i for _, first, count in jobs for i in range(first, first + count)]
         assert held == list(range(n))
-        assert all(count == 1 for mapping, _, count in jobs if mapping == "walker")
+        assert all(count == 1 for mapping, _, count in jobs if mapping == "worker")
         full = [count for mapping, _, count in jobs if mapping == "simulation"]
         assert all(count == lanes for count in full[:-1])
         assert all(0.75 * lanes <= count <= lanes for count in full)

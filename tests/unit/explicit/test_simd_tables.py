@@ -22,10 +22,10 @@ from lane_kernels import (
     small_structs,
 )
 
-from explicit.lanes import lane_functions
-from explicit.places import GROUP, entry_function, four_function, grouped
+from explicit.grouped_tables import GROUP, entry_function, four_function, grouped
 from explicit.precision import Precision
 from explicit.simd import Mapping
+from explicit.time_loop.lanes import lane_functions
 
 EVERY = [pytest.param(p, m, id=f"{p.name}-{m or 'warp'}") for p in PRECISION for m in (*MAPPINGS, None)]
 FAR = 1_000_000_000
@@ -62,7 +62,7 @@ def entry_kernel(numbers: Precision) -> Any:
     structs = small_structs(numbers)
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
     number, whole_at = entry_function(numbers.real), entry_function(wp.int32)
-    walkers, zero, far = lane_functions().walkers, numbers.real(0.0), FAR
+    n_workers, zero, far = lane_functions().n_workers, numbers.real(0.0), FAR
 
     @wp.kernel(module="unique", enable_backward=False)
     def kernel(body: Body, batch: Batch, state: State, output: Output, first: int):
@@ -82,7 +82,7 @@ def entry_kernel(numbers: Precision) -> Any:
             if node > 0:
                 nowhere = body.place[e]
                 output.values[sample, e] = number(body.table, 4, nowhere)
-            e += walkers()
+            e += n_workers()
         if lane == 0:
             # a place that all lanes share, and one that is a simulation's own
             output.values[sample, 40] = number(body.table, 0, 35) - number(body.table, 2, body.two)
@@ -128,7 +128,7 @@ def four_kernel(numbers: Precision) -> Any:
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
     four = four_function(numbers)
     real, vec4 = numbers.real, numbers.vec4
-    walkers, zero, far = lane_functions().walkers, real(0.0), FAR
+    n_workers, zero, far = lane_functions().n_workers, real(0.0), FAR
 
     @wp.func
     def subscripts(row: wp.array(dtype=real), k: int):
@@ -160,7 +160,7 @@ def four_kernel(numbers: Precision) -> Any:
                 nowhere = body.place[e]
                 past = four(body.weight, nowhere)
                 output.sums[sample, e] = wp.float64(past[3])
-            e += walkers()
+            e += n_workers()
         if lane == 0:
             row, own = batch.rows[2], batch.rows[k]
             a, b = four(row, 1 + body.two), four(row, 3 - k % 3)

@@ -19,14 +19,14 @@ from explicit import Outcome, Response
 from kolsky.cli import app
 from kolsky.identification import identify
 from kolsky.inverse.forward import Forward, Numerics
-from kolsky.inverse.prepare import Prepared, prepare
+from kolsky.inverse.prepared_shot import PreparedShot, prepare_shot
 from kolsky.inverse.result import Identification
 from kolsky.inverse.settings import Settings
 from kolsky.inverse.simulate import simulate, write_simulation
 from kolsky.report.page import render
-from kolsky.results.read import read_identification
-from kolsky.results.text import to_json, write_csv
-from kolsky.results.write import write_identification
+from kolsky.results.hdf5 import read_identification, write_identification
+from kolsky.results.summary import to_json
+from kolsky.results.tables import write_csv
 from kolsky.shot.load import load_shot
 
 runner = CliRunner()
@@ -37,15 +37,17 @@ WHERE = r"at \d+\.\d us in element \d+ \(R = \d\.\d\d mm, Y = \d\.\d\d mm\)"
 
 
 @cache
-def prepared(inputs: tuple[tuple[str, str], ...]) -> Prepared:
-    return prepare(load_shot(OPEN_01))
+def prepared(inputs: tuple[tuple[str, str], ...]) -> PreparedShot:
+    return prepare_shot(load_shot(OPEN_01))
 
 
 @pytest.fixture(autouse=True)
 def prepared_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every test works on the same recordings, and to make them ready takes longer than to simulate them."""
     for module in ("inverse.simulate", "studies.sweep", "identification"):
-        monkeypatch.setattr(f"kolsky.{module}.prepare", lambda shot: prepared(tuple(shot.inputs.items())))
+        monkeypatch.setattr(
+            f"kolsky.{module}.prepare_shot", lambda shot: prepared(tuple(shot.inputs.items()))
+        )
 
 
 @pytest.fixture

@@ -8,16 +8,15 @@ import pytest
 from synthetic import CHECKS, synthetic
 
 from kolsky.base.apparatus import Interface
-from kolsky.inverse.methods import AGREEMENT, LEAST_SQUARES, SIMPLEX, Method, disagreements
+from kolsky.inverse.method_comparison import AGREEMENT, LEAST_SQUARES, SIMPLEX, Method, disagreements
 from kolsky.inverse.result import Identification
 from kolsky.inverse.settings import Settings
 from kolsky.report.numbers import NOTHING
 from kolsky.report.page import render
 from kolsky.report.printed import details
-from kolsky.results.read import read_identification
-from kolsky.results.text import to_json
-from kolsky.results.write import write_identification
-from kolsky.uncertainty.warnings.collected import cautions
+from kolsky.results.hdf5 import read_identification, write_identification
+from kolsky.results.summary import to_json
+from kolsky.uncertainty.warnings.collect import collect_warnings
 
 
 def method(name: str, value: float, *, half_width: float = 0.02) -> Method:
@@ -59,7 +58,7 @@ def test_a_user_is_told() -> None:
         LEAST_SQUARES, off, answer=answer, half_width=half, runs=66, converged=False, ended="it is rough"
     )
     result = replace(found, methods=(own, other))
-    said = cautions(result, checks=CHECKS, interface=Interface(faces="bonded", side="bonded"))
+    said = collect_warnings(result, checks=CHECKS, interface=Interface(faces="bonded", side="bonded"))
     told = [text for text in said if "methods disagree" in text]
     assert len(told) == 1
     assert name in told[0]

@@ -10,7 +10,8 @@ from scipy.interpolate import CubicSpline
 from explicit import EnergyLedger, Outcome, Response
 from kolsky.bars.signals.transducers import ForceBins, bin_force
 from kolsky.base.records import CentreLine, ForceHistory
-from kolsky.inverse.misfit import Observations, Prediction, observe, predict, residuals, terms
+from kolsky.inverse.misfit import residuals, terms
+from kolsky.inverse.observations import Observations, Prediction, observe, predict
 from kolsky.inverse.side_surface import free_part, radius_at
 
 RADIUS, LENGTH = 4.75e-3, 6.5e-3

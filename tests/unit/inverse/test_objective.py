@@ -7,8 +7,8 @@ from scipy.stats import norm
 
 from kolsky.bars.signals.transducers import ForceBins
 from kolsky.base.records import CentreLine, ForceHistory
-from kolsky.inverse.misfit import Observations, Prediction
 from kolsky.inverse.objective import Objective
+from kolsky.inverse.observations import Observations, Prediction
 
 FloatArray = NDArray[np.float64]
 NOISE_FORCE, NOISE_SHAPE = 0.3, 2e-6

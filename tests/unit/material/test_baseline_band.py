@@ -6,10 +6,14 @@ from scipy.stats import t as student
 
 from kolsky.base.records import MaterialCurve
 from kolsky.inverse.forward import curve_replicates
-from kolsky.material.curves.apparent import apparent_modulus
-from kolsky.material.curves.band import CurveBand, mean_of_repeats, resampled, student_factor
-from kolsky.material.curves.toe import Toe, correct_toe
-from kolsky.material.curves.uniaxial import UniaxialTest, loading_ramps
+from kolsky.material.curves.band import (
+    CurveBand,
+    apparent_modulus,
+    mean_of_repeats,
+    resampled,
+    student_factor,
+)
+from kolsky.material.curves.uniaxial import Toe, UniaxialTest, correct_toe, loading_ramps
 from kolsky.material.reference_curve import Treatment, reference_curve
 
 STRAIN = np.linspace(0.005, 0.5, 100)

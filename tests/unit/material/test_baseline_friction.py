@@ -9,7 +9,7 @@ from explicit.materials import MarlowLaw, neo_hookean
 from kolsky.base.apparatus import Specimen
 from kolsky.material.curves.band import CurveBand
 from kolsky.material.end_friction.correct import correct_friction
-from kolsky.material.end_friction.records import EndFriction
+from kolsky.material.end_friction.problem import EndFriction
 from kolsky.material.end_friction.slow_test import SlowNumerics, slow_tests
 
 REFERENCE = Path(__file__).resolve().parents[2] / "reference"

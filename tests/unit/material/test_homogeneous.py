@@ -4,20 +4,21 @@ import numpy as np
 import pytest
 
 from explicit.materials import LAWS, bulk_modulus
-from explicit.materials.mooneyrivlin import MooneyRivlin
-from explicit.materials.neohookean import NeoHookean
-from explicit.materials.ogden import Ogden2
+from explicit.materials.laws.mooney_rivlin import MooneyRivlin
+from explicit.materials.laws.neo_hookean import NeoHookean
+from explicit.materials.laws.ogden import Ogden2
 from explicit.materials.volumetric import VolumetricLaw
 from kolsky.material.fits.homogeneous import compressible_stress, free_stretch, incompressible_stress
-from kolsky.material.fits.measures import (
+from kolsky.material.fits.modes import (
+    Mode,
     logarithmic_strain,
+    mode_named,
     nominal_of_true,
     side_stretch,
     stretch_of_logarithmic,
     stretch_of_nominal,
     true_of_nominal,
 )
-from kolsky.material.fits.modes import Mode, mode_named
 
 LAM = np.array([0.35, 0.7, 0.95, 1.0, 1.05, 1.8, 3.0])
 GAMMA = np.array([-1.5, -0.2, 0.0, 0.3, 2.0])

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from explicit.materials import LAWS
-from explicit.materials.gent import Gent
-from explicit.materials.mooneyrivlin import MooneyRivlin
-from explicit.materials.ogden import Ogden1
-from explicit.materials.yeoh import ReducedPolynomial
+from explicit.materials.laws.gent import Gent
+from explicit.materials.laws.mooney_rivlin import MooneyRivlin
+from explicit.materials.laws.ogden import Ogden1
+from explicit.materials.laws.yeoh import ReducedPolynomial
 from kolsky.material.fits.homogeneous import incompressible_stress
 from kolsky.material.fits.modes import Mode
 from kolsky.material.fits.stability import Stability, drucker, least_stiffness, stable_over

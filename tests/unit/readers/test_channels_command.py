@@ -13,7 +13,7 @@ from kolsky.base.errors import InputError
 from kolsky.cli import app
 from kolsky.readers.layout import Layout
 from kolsky.shot.load import load_shot
-from kolsky.shot.schema.layout import LayoutSection
+from kolsky.shot.schema.section import LayoutSection
 
 OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
 runner = CliRunner()

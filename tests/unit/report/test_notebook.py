@@ -13,7 +13,7 @@ from synthetic import synthetic
 from dic import PointOutcome, SurfaceHistory
 from kolsky.report.ipython import SHOWN, register_with
 from kolsky.report.notebook import html, to_dataframe, to_xarray
-from kolsky.results.text import tables
+from kolsky.results.tables import tables
 from kolsky.shot.load import load_shot
 
 pytest.importorskip("pandas")

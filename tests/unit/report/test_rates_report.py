@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from ratedshots import DIAMETER, SHEAR, baseline, rated
 
-from kolsky.inverse.findings import Declaration
 from kolsky.inverse.result import Verdict
+from kolsky.inverse.uncertainty_results import Declaration
 from kolsky.report.canvas import build, save_figures
 from kolsky.report.labels import shortened
 from kolsky.report.ratepage import figures_of, render

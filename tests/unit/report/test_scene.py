@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import explicit
 from dic import PointOutcome, SurfaceHistory
-from explicit.materials.marlow import neo_hookean
+from explicit.materials.laws.marlow import neo_hookean
 from explicit.materials.volumetric import VolumetricLaw
 from kolsky.cli import app
 from kolsky.inverse.result import Identification

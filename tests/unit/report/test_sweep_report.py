@@ -8,7 +8,7 @@ import pytest
 from synthetic import synthetic
 
 from doe import Box, sobol
-from kolsky.inverse.result import DesignTable
+from kolsky.inverse.run_table import DesignTable
 from kolsky.report.canvas import build
 from kolsky.report.figures import SWEEPS
 from kolsky.report.sweeppage import render, write_page

@@ -10,16 +10,21 @@ import pytest
 from synthetic import synthetic
 
 from kolsky.base.errors import InputError
-from kolsky.inverse.findings import Declaration, PairMap, ParameterProfile, PosteriorSummary, Variation
 from kolsky.inverse.result import Identification
+from kolsky.inverse.uncertainty_results import (
+    Declaration,
+    PairMap,
+    ParameterProfile,
+    PosteriorSummary,
+    Variation,
+)
 from kolsky.report.canvas import build
 from kolsky.report.choices import choices
 from kolsky.report.figures import REGISTRY
 from kolsky.report.page import render
 from kolsky.report.shown import in_shown_units
-from kolsky.results.read import read_identification
-from kolsky.results.text import to_json
-from kolsky.results.write import write_identification
+from kolsky.results.hdf5 import read_identification, write_identification
+from kolsky.results.summary import to_json
 
 NAMES = ("stiffness_factor", "damping")
 

@@ -16,9 +16,9 @@ from synthetic import failed, synthetic
 from kolsky.base.errors import InputError
 from kolsky.base.files import replacing
 from kolsky.inverse.result import Identification
-from kolsky.results.read import read_identification
-from kolsky.results.text import to_json, write_csv
-from kolsky.results.write import write_identification
+from kolsky.results.hdf5 import read_identification, write_identification
+from kolsky.results.summary import to_json
+from kolsky.results.tables import write_csv
 
 CASES: dict[str, Callable[[], Identification]] = {
     "one parameter": synthetic,

@@ -11,16 +11,16 @@ from kolsky.bars.reduction.analyse import analyse
 from kolsky.base.records import CentreLine
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.prepare import prepare
+from kolsky.inverse.prepared_shot import prepare_shot
 from kolsky.inverse.result import Verdict
 from kolsky.inverse.settings import Settings
 from kolsky.inverse.simulate import simulate, write_simulation
 from kolsky.report.page import render
 from kolsky.report.printed import answer, details
-from kolsky.results.read import read_identification
-from kolsky.results.text import to_json, write_csv
-from kolsky.results.write import write_identification
-from kolsky.shot.bar_waves import bar_force, driven_by_waves
+from kolsky.results.hdf5 import read_identification, write_identification
+from kolsky.results.summary import to_json
+from kolsky.results.tables import write_csv
+from kolsky.shot.bar_driven import bar_force, driven_by_waves
 from kolsky.shot.summary import summarise
 
 SETTINGS = Settings(
@@ -132,14 +132,14 @@ def test_an_outline_is_used_where_there_is_one():
         at, np.arange(at.size), np.full(at.size, 1e-3), np.full(at.size, 4.2e-3), np.full(at.size, 4e-6)
     )
     shot = driven_by_waves(replace(base(), force=classical_shot(1).force), reduction, waves, centre_line=line)
-    prepared = prepare(shot)
+    prepared = prepare_shot(shot)
     assert prepared.observations.has_shape
     assert np.array_equal(prepared.forward.sampling.surface_times, at)
 
 
 def test_the_motion_is_that_of_the_face():
     shot = classical_shot(0, scale=0.0)
-    path = prepare(shot).path
+    path = prepare_shot(shot).path
     true = truth()
     np.testing.assert_allclose(path.position(true.time), true.position, atol=0.3e-6)
     assert shot.window[1] == pytest.approx(true.time[-1])

@@ -11,10 +11,10 @@ from typer.testing import CliRunner
 from dic.outcome import PointOutcome
 from kolsky.base.errors import InputError
 from kolsky.cli import app
-from kolsky.readers.dic_export.export import PointState, matching, read
-from kolsky.readers.dic_export.layouts import LAYOUTS
+from kolsky.readers.dic_export import PointState, matching, read
+from kolsky.readers.dic_layouts import LAYOUTS
 from kolsky.shot.load import load_shot
-from kolsky.shot.surface_export import (
+from kolsky.shot.surface import (
     cylinder_placement,
     declared_placement,
     flyer_motion,

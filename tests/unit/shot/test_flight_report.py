@@ -9,11 +9,11 @@ import pytest
 from synthetic import LENGTH, displacement
 from synthetic_dic import STATIC, synthetic_result
 
-from dic.output import read_result, write_result
 from dic.output.csv import write_history
 from kolsky.bars.flyer import flight_report
 from kolsky.bars.flyer.flight_report import SHARE, FlightOfSpecimen, flight_of
 from kolsky.base.records import Recording
+from kolsky.shot.surfaces_file import read_stereo_result, write_stereo_result
 from kolsky.shot.window import window
 from kolsky.uncertainty.warnings.inputs import symmetry
 
@@ -82,14 +82,14 @@ def test_symmetry_ends_where_the_flyer_drifts_away(result):
 
 def test_the_file_has_the_flight_and_is_still_read(result, straight, tmp_path):
     path = tmp_path / "dic.h5"
-    write_result(path, result)
+    write_stereo_result(path, result)
     flight_report.add_to(path, straight)
     with h5py.File(path) as file:
         group = file["entry/flight"]
         np.testing.assert_array_equal(group["time"][()], straight.time)
         assert group["angular velocity about x"].attrs["units"] == "rad/s"
         assert "symmetry_end_s" not in group.attrs
-    assert read_result(path).motion.at[1] == LENGTH
+    assert read_stereo_result(path).motion.at[1] == LENGTH
 
 
 @pytest.mark.parametrize("missing", ["motion", "travel"])

@@ -12,7 +12,7 @@ from explicit.materials.laws import Yeoh
 from explicit.materials.positive import not_positive
 from kolsky.base.errors import InputError
 from kolsky.inverse.forward import Numerics, curve_replicates, material_law
-from kolsky.inverse.prepare import prepare
+from kolsky.inverse.prepared_shot import prepare_shot
 from kolsky.shot.load import load_shot
 from kolsky.shot.summary import summarise
 
@@ -44,7 +44,7 @@ def shot(tmp_path: Path):
 
 
 def test_the_law_of_the_file_is_the_law_of_the_solver(shot) -> None:
-    prepared = prepare(load_shot(shot(LAW)))
+    prepared = prepare_shot(load_shot(shot(LAW)))
     (law,) = prepared.forward.laws
     # s of the compression to 0.4: sqrt(0.16 + 2 / 0.4 - 3)
     assert law == Yeoh(12.5e3, 300.0, 20.0, fitted_s=law.data_limit)
@@ -134,11 +134,11 @@ def test_an_energy_is_looked_at_in_every_mode() -> None:
 
 @pytest.mark.slow
 def test_a_shot_runs_with_a_law(shot) -> None:
-    prepared = prepare(load_shot(shot(LAW)))
+    prepared = prepare_shot(load_shot(shot(LAW)))
     response = prepared.forward.run({"stiffness_factor": [1.0, 2.0]}, Numerics(mesh=(8, 10)))
     assert response.completed.all()
     # As stiff at rest as half the curve's material: the same waves, lower.
-    curve = prepare(load_shot(OPEN_01)).forward.run({"stiffness_factor": 1.0}, Numerics(mesh=(8, 10)))
+    curve = prepare_shot(load_shot(OPEN_01)).forward.run({"stiffness_factor": 1.0}, Numerics(mesh=(8, 10)))
     assert response.extrapolated_share[0] > 0.0
     drawn = prepared.with_replicates(2, np.random.default_rng(1))
     varied = drawn.run({"stiffness_factor": 1.0}, Numerics(mesh=(8, 10)), material=[0, 1, 2])

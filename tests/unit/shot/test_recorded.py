@@ -12,18 +12,17 @@ from shot_folders import OPEN_01
 from synthetic import synthetic
 from synthetic_dic import SIDE, synthetic_result
 
-from dic.output import write_result
 from kolsky.base.errors import InputError
 from kolsky.report.canvas import build
 from kolsky.report.figures import RECORDINGS
 from kolsky.report.labels import label
 from kolsky.report.page import render
-from kolsky.results.read import read_identification
-from kolsky.results.write import write_identification
+from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.shot.dic_summary import numbers, printed
 from kolsky.shot.load import load_shot
-from kolsky.shot.picture_pair import PicturePair
+from kolsky.shot.picture_set import PicturePair
 from kolsky.shot.recorded import Recorded, recorded, recording_facts, surface_of
+from kolsky.shot.surfaces_file import write_stereo_result
 
 PICTURED = """
 [pictures]
@@ -111,7 +110,7 @@ def test_the_surface_is_that_of_the_results_folder(tmp_path: Path) -> None:
         text = re.sub(rf"(?ms)^\[{name}\].*?(?=^\[)", "", text)
     (tmp_path / "shot.toml").write_text(text + PICTURED, encoding="utf-8")
     made = synthetic_result()
-    write_result(tmp_path / "dic.h5", made, key="any")
+    write_stereo_result(tmp_path / "dic.h5", made, key="any")
     shown = surface_of(tmp_path, tmp_path)
     assert shown["surface"] == printed(made)
     assert (shown["surface_file"], shown["surface_page"]) == ("dic.h5", "")

@@ -15,9 +15,9 @@ from typer.testing import CliRunner
 from doe.sensitivity import LinearData
 from kolsky.cli import app
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.prepare import prepare
+from kolsky.inverse.prepared_shot import prepare_shot
 from kolsky.shot.load import load_shot
-from kolsky.studies.local_sensitivity import Look, local_sensitivity
+from kolsky.studies.local_sensitivity import ObservationGrid, local_sensitivity
 from kolsky.studies.planning.choices import camera_heights, camera_windows, window_ends
 from kolsky.studies.planning.information import Expected, Information, information
 from kolsky.studies.planning.instruments import Instruments, instruments_of
@@ -31,7 +31,7 @@ runner = CliRunner()
 
 @pytest.fixture(scope="module")
 def prepared():
-    return prepare(load_shot(OPEN_01))
+    return prepare_shot(load_shot(OPEN_01))
 
 
 @pytest.fixture(scope="module")
@@ -41,9 +41,9 @@ def told(prepared):
     )
 
 
-def look_at(prepared, end: float = 0.9e-3) -> Look:
+def grid_of(prepared, end: float = 0.9e-3) -> ObservationGrid:
     start = prepared.forward.shot.window[0]
-    return Look(
+    return ObservationGrid(
         edges=np.linspace(start, end, 16),
         frames=np.linspace(start, end, 9),
         heights=np.array([0.001, 0.0015, 0.002]),
@@ -56,13 +56,13 @@ def test_slopes_obey_the_scaling_of_the_equations(prepared):
     F(a m, a rho) = a F(m, rho) and Z(a m, a rho) = Z(m, rho), so  m dF/dm + rho dF/drho = F  and
     m dZ/dm + rho dZ/drho = 0.
     """
-    forward, look, h = prepared.forward, look_at(prepared), 1e-3
-    found = local_sensitivity(forward, look, ("stiffness_factor",), reach=h, numerics=TINY)
+    forward, grid, h = prepared.forward, grid_of(prepared), 1e-3
+    found = local_sensitivity(forward, grid, ("stiffness_factor",), reach=h, numerics=TINY)
     ends = []
     for factor in (1.0 + h, 1.0 - h):
         specimen = replace(forward.shot.specimen, density=factor * forward.shot.specimen.density)
         other = replace(forward, shot=replace(forward.shot, specimen=specimen))
-        at = local_sensitivity(other, look, ("stiffness_factor",), reach=h, numerics=TINY)
+        at = local_sensitivity(other, grid, ("stiffness_factor",), reach=h, numerics=TINY)
         ends.append((at.force, at.radius))
     by_density = [(up - down) / (2.0 * h) for up, down in zip(*ends, strict=True)]
     sum_F = found.force_slope[0] + by_density[0]
@@ -77,7 +77,7 @@ def test_slopes_obey_the_scaling_of_the_equations(prepared):
 
 
 def test_a_line_through_a_line_leaves_nothing_out(prepared):
-    found = local_sensitivity(prepared.forward, look_at(prepared), ("damping",), reach=0.05, numerics=TINY)
+    found = local_sensitivity(prepared.forward, grid_of(prepared), ("damping",), reach=0.05, numerics=TINY)
     # Damping changes nothing but amplitudes: over 5 % of 25 us a line holds to 1 % of the change.
     change = found.reach * found.scale[0] * np.abs(found.force_slope[0]).max()
     assert found.force_left[0].max() < 0.05 * change
@@ -86,11 +86,11 @@ def test_a_line_through_a_line_leaves_nothing_out(prepared):
 
 def test_levels_stay_in_the_allowed_range(prepared):
     found = local_sensitivity(
-        prepared.forward, look_at(prepared, 3e-4), ("damping",), held={"damping": 0.0}, numerics=TINY
+        prepared.forward, grid_of(prepared, 3e-4), ("damping",), held={"damping": 0.0}, numerics=TINY
     )
     assert np.isfinite(found.force_slope).all()  # no run with damping < 0 was asked for, or it would raise
     near = local_sensitivity(
-        prepared.forward, look_at(prepared, 3e-4), ("poisson",), held={"poisson": 0.4999}, numerics=TINY
+        prepared.forward, grid_of(prepared, 3e-4), ("poisson",), held={"poisson": 0.4999}, numerics=TINY
     )
     assert np.isfinite(near.force_slope).all()
 
@@ -109,7 +109,7 @@ def test_levels_stay_in_the_allowed_range(prepared):
 )
 def test_refusals(prepared, names, options, message):
     with pytest.raises(ValueError, match=message):
-        local_sensitivity(prepared.forward, look_at(prepared, 2e-4), names, numerics=TINY, **options)
+        local_sensitivity(prepared.forward, grid_of(prepared, 2e-4), names, numerics=TINY, **options)
 
 
 def test_a_faster_flyer_is_at_the_same_places_sooner(prepared):
@@ -139,11 +139,11 @@ def test_instruments_are_those_of_the_shot(prepared):
 
 
 def test_shares_of_all_data_add_up_to_one(told):
-    look = told.sensitivity.look
+    grid = told.sensitivity.grid
     for alone in (False, True):
         force, outline = told.densities(alone=alone)
-        area = np.diff(look.frames).mean() * np.diff(look.heights).mean()
-        whole = (force * np.diff(look.edges)).sum(axis=1) + np.nansum(outline, axis=(1, 2)) * area
+        area = np.diff(grid.frames).mean() * np.diff(grid.heights).mean()
+        whole = (force * np.diff(grid.edges)).sum(axis=1) + np.nansum(outline, axis=(1, 2)) * area
         np.testing.assert_allclose(whole, 1.0, rtol=1e-9)
 
 
@@ -170,7 +170,7 @@ def test_the_map_counts_as_many_points_as_the_shot_has(prepared, told):
     """The information of the map must be that of the points it stands for."""
     observations, instruments = prepared.observations, instruments_of(prepared)
     line = observations.centre_line
-    from kolsky.inverse.misfit import predict
+    from kolsky.inverse.observations import predict
 
     h = 0.02
     response = prepared.forward.run({"stiffness_factor": np.array([1.0 + h, 1.0 - h])}, TINY)
@@ -194,13 +194,13 @@ def made(jacobian: np.ndarray, told: Information) -> Information:
 
 
 def test_choices_find_where_the_information_was_put(told):
-    look = told.sensitivity.look
-    t = np.broadcast_to(look.frames[:, None], told.seen.shape)[told.seen]
-    y = np.broadcast_to(look.heights, told.seen.shape)[told.seen]
+    grid = told.sensitivity.grid
+    t = np.broadcast_to(grid.frames[:, None], told.seen.shape)[told.seen]
+    y = np.broadcast_to(grid.heights, told.seen.shape)[told.seen]
     rows = np.zeros((told.seen.sum(), 2))
     rows[:, 0] = np.exp(-(((y - 1.2e-3) / 2e-4) ** 2)) * (np.abs(t - 0.8e-3) < 1e-4)
     placed = made(rows, told)
-    step = np.diff(look.heights)[0]
+    step = np.diff(grid.heights)[0]
     for choice in camera_heights(placed, 1):
         assert choice.places[0] == pytest.approx(1.2e-3, abs=0.5 * step + 1e-12)
     for choice in camera_windows(placed, 0.25):
@@ -211,7 +211,7 @@ def test_choices_find_where_the_information_was_put(told):
     assert expected[0].correlation is None
     assert "do not move along" in expected[0].unseen
     assert np.isfinite(expected[1].deviations).all()
-    assert times[1] == pytest.approx(look.edges[-1])
+    assert times[1] == pytest.approx(grid.edges[-1])
 
 
 def test_later_ends_never_tell_less(told):

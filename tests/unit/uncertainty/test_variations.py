@@ -11,8 +11,8 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine, ForceHistory
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.misfit import Prediction, observe
 from kolsky.inverse.objective import Objective
+from kolsky.inverse.observations import Prediction, observe
 from kolsky.inverse.optimum import search
 from kolsky.inverse.settings import Settings
 from kolsky.shot.load import load_shot

@@ -1,0 +1,222 @@
+"""Where specimen and flyer are in the pictures of camera 0, from the pictures alone.
+
+Speckles are several pixels wide, so a row of pixels across the axis looks like the row but one beside it.
+Where one body ends and another begins it does not: there the correlation of two rows, one between them, falls
+from 0.7 or more to about nothing, even if both bodies carry the same kind of speckles. At rest this gives the
+specimen's ends. The flyer's edge is then followed through all frames as the path of least correlation.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from dic.arrays import BoolArray, FloatArray
+from dic.bodies.region import Region
+from dic.images import PictureError, Pictures
+
+TURNS = {"up": 0, "right": 1, "down": 2, "left": 3}
+"""Quarter turns that bring the flyer to the top."""
+EVEN = 20.0
+"""Standard deviation of the Gaussian that evens out the light along a row [px]."""
+CLEAR = 0.5
+"""An edge's correlation is less than this share of the median in the bodies."""
+APART = 0.15
+"""And by so much less than anywhere else on the same half of the specimen."""
+BAND = 0.5
+"""A row of a platen without speckles has less than this share of the specimen's contrast."""
+FLANK = 0.3
+"""A column of the body has at least this share of the contrast of its middle."""
+FASTEST = 6
+"""Rows that the flyer's edge may go from frame to frame [px]."""
+SMALLEST = 20
+"""Rows of a specimen that is taken for one [px]."""
+
+
+@dataclass(frozen=True)
+class FoundRegions:
+    """Regions in the pictures of camera 0."""
+
+    specimen: Region
+    """The specimen at rest, a pixel clear of both platens."""
+    flyer: Region
+    """The flyer in the last usable frame, a pixel clear of its edge."""
+    edge: tuple[float, float]
+    """Where the specimen ends at the transmission platen at rest (x, y) [px]."""
+
+
+def find_regions(pictures: Pictures, static: BoolArray, usable: BoolArray, *, toward: str) -> FoundRegions:
+    """Find specimen, flyer and the transmission platen's edge.
+
+    Parameters
+    ----------
+    pictures
+        The series of camera 0.
+    static
+        Frames in which both bodies rest, shape [n_frames].
+    usable
+        Frames with a usable picture, shape [n_frames].
+    toward
+        Where the flyer lies: a key of `TURNS`.
+
+    Raises
+    ------
+    ValueError
+        If an edge is not in view or not clear; the message says which, and to declare the region.
+    """
+    if toward not in TURNS:
+        raise ValueError(f"toward must be one of {', '.join(TURNS)}, got {toward!r}")
+    rest = np.flatnonzero(static & usable)
+    moving = np.flatnonzero(~static & usable)
+    if not rest.size or not moving.size:
+        raise ValueError("regions need a usable static picture and one of the motion")
+    mean = _turned(np.mean([pictures.frame(k).astype(np.float64) for k in rest.tolist()], axis=0), toward)
+    third = len(mean) // 3
+    inner = _inner(_columns(mean[third:-third], "specimen"))  # what lies beside a body is alike in all rows
+    top, bottom, edge = _ends(mean[:, inner])
+    columns = _columns(mean[top : bottom + 1], "specimen")
+    frames = [int(rest[-1]), *moving.tolist()]
+    last, picture, border = _followed(pictures, frames, toward, inner, top - 2, bottom - 2)
+    if border < 3:
+        raise ValueError(
+            "the flyer fills fewer than 3 rows of the last usable picture; declare flyer and its frame"
+        )
+    wide = _columns(picture[:border], "flyer")
+    shape = mean.shape
+
+    def corners(columns: tuple[int, int], rows: tuple[int, int]) -> tuple[tuple[float, float], ...]:
+        (x0, x1), (y0, y1) = columns, rows
+        return tuple(_back(p, shape, toward) for p in ((x0, y0), (x1, y0), (x1, y1), (x0, y1)))
+
+    return FoundRegions(
+        specimen=Region(corners(columns, (top, bottom)), int(rest[0])),
+        flyer=Region(corners(wide, (0, border - 1)), last),
+        edge=_back((0.5 * (columns[0] + columns[1]), edge), shape, toward),
+    )
+
+
+def row_likeness(picture: FloatArray) -> FloatArray:
+    """Correlation of the rows above and below each row, shape [rows]; 1 in the first and last, which have
+    none."""
+    f = picture - gaussian_filter1d(picture, EVEN, axis=1)
+    above, below = f[:-2], f[2:]
+    scale = np.sqrt(np.sum(above**2, axis=1) * np.sum(below**2, axis=1))
+    found = np.sum(above * below, axis=1) / np.where(scale > 0.0, scale, 1.0)
+    return np.pad(found, 1, constant_values=1.0)
+
+
+def _ends(mean: FloatArray) -> tuple[int, int, float]:
+    """First and last row of the specimen at rest, and where it ends at the transmission platen [px]."""
+    rows, likeness = len(mean), row_likeness(mean)
+    contrast = np.std(mean - gaussian_filter1d(mean, EVEN, axis=1), axis=1)
+    typical = float(np.median(contrast))
+    middle = rows // 2
+    pairs = 0.5 * (likeness[:-1] + likeness[1:])  # an edge lies between two rows: both span it
+    upper = _dip(pairs[:middle], likeness, "where the flyer meets the specimen")
+    dull = np.flatnonzero(contrast[middle:] < BAND * typical)
+    if dull.size and np.all(contrast[middle + dull[0] :] < BAND * typical):
+        first = middle + int(dull[0])  # an even platen: where the contrast has fallen to half
+        before, after = contrast[first - 1], contrast[first]
+        edge = first - 1 + float((before - BAND * typical) / (before - after))
+    else:
+        edge = middle + _dip(pairs[middle:], likeness, "where the specimen meets the platen") + 0.5
+    top, bottom = upper + 2, int(np.floor(edge - 1.0))
+    if bottom - top < SMALLEST:
+        raise ValueError(
+            f"rows {top} to {bottom} are too few for a specimen; declare specimen and transmission_edge"
+        )
+    return top, bottom, edge
+
+
+def _dip(pairs: FloatArray, likeness: FloatArray, where: str) -> int:
+    """The row before the one clear edge among rows."""
+    k = int(np.argmin(pairs))
+    median = float(np.median(likeness))
+    others = np.delete(pairs, np.arange(max(k - 3, 0), min(k + 4, pairs.size)))
+    second = float(others.min(initial=1.0))
+    if pairs[k] > CLEAR * median or pairs[k] > second - APART:
+        raise ValueError(
+            f"no clear edge is seen {where}: rows that span it correlate by {pairs[k]:.2f}, others by "
+            f"{second:.2f} and more; declare the regions specimen and flyer, and transmission_edge"
+        )
+    return k
+
+
+def _followed(
+    pictures: Pictures, frames: Sequence[int], toward: str, inner: slice, start: int, farthest: int
+) -> tuple[int, FloatArray, int]:
+    """The last frame, its picture, and the row before the flyer's edge in it, by the path of least
+    correlation from row `start` of the first; it never comes to row `farthest`."""
+    cost, back, kept = None, [], []
+    picture = np.empty(0)
+    for k in frames:
+        try:
+            picture = _turned(pictures.frame(k).astype(np.float64), toward)
+        except PictureError:
+            continue
+        likeness = row_likeness(picture[:, inner])
+        here = 0.5 * (likeness[:-1] + likeness[1:])
+        here[farthest:] = np.inf
+        if cost is None:
+            cost = np.full(here.size, np.inf)
+            cost[start] = here[start]
+        else:
+            steps = np.stack([_shifted(cost, step) for step in range(-1, FASTEST + 1)])
+            back.append(np.argmin(steps, axis=0) - 1)
+            cost = here + steps.min(axis=0)
+        kept.append((k, here, float(np.median(likeness))))
+    assert cost is not None  # a usable static frame was there
+    row = int(np.argmin(cost))
+    last, here, median = kept[-1]
+    if here[row] > CLEAR * median:
+        raise ValueError(
+            f"the flyer's edge is lost on the way to frame {last}: rows that span it correlate by "
+            f"{here[row]:.2f}, others by {median:.2f}; declare flyer, in a frame that shows much of it"
+        )
+    return last, picture, row
+
+
+def _shifted(cost: FloatArray, step: int) -> FloatArray:
+    """The cost of having been `step` rows further up."""
+    moved = np.full(cost.size, np.inf)
+    if step >= 0:
+        moved[step:] = cost[: cost.size - step]
+    else:
+        moved[:step] = cost[-step:]
+    return moved
+
+
+def _columns(body: FloatArray, name: str) -> tuple[int, int]:
+    """First and last column of a body that reaches from its middle to where its contrast ends."""
+    contrast = gaussian_filter1d(np.std(body, axis=0), 3.0)
+    middle = contrast.size // 2
+    inside = contrast >= FLANK * np.median(contrast[middle - middle // 2 : middle + middle // 2])
+    if not inside[middle]:
+        raise ValueError(f"no speckles are seen in the middle of the {name}; declare its region")
+    outside = np.flatnonzero(~inside)
+    first = int(outside[outside < middle].max(initial=-1)) + 1
+    last = int(outside[outside > middle].min(initial=contrast.size)) - 1
+    return first, last
+
+
+def _inner(columns: tuple[int, int]) -> slice:
+    """Columns of a body clear of its flanks."""
+    room = (columns[1] - columns[0]) // 16
+    return slice(columns[0] + room, columns[1] + 1 - room)
+
+
+def _turned(picture: FloatArray, toward: str) -> FloatArray:
+    """The picture with the flyer at the top."""
+    return np.rot90(picture, TURNS[toward])
+
+
+def _back(place: tuple[float, float], shape: tuple[int, ...], toward: str) -> tuple[float, float]:
+    """A place (x, y) of a turned picture of this shape in the picture itself."""
+    (x, y), (rows, columns) = place, shape
+    return {
+        "up": (x, y),
+        "right": (rows - 1 - y, x),
+        "down": (columns - 1 - x, rows - 1 - y),
+        "left": (y, columns - 1 - x),
+    }[toward]

@@ -1,0 +1,121 @@
+"""A look at the pictures before anything is followed in them: which can be used, how noisy they are, and
+whether they fit their cameras."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.arrays import BoolArray, FloatArray, IntArray
+from dic.bodies.region import Region, grid_points, polygon_mask
+from dic.camera import StereoRig
+from dic.chain.settings import ChainError, ChainSettings
+from dic.correlation import Noise
+from dic.images import PictureError, Pictures
+from dic.images.health import frame_health
+from dic.images.kept import kept
+from dic.images.noise import GreyNoise, grey_noise
+from dic.outcome import FrameOutcome
+from dic.stereo.diagnose import Finding
+from dic.stereo.setup_check import check_setup, free_pairs
+
+
+@dataclass(frozen=True)
+class Given:
+    """What all stages share: the pictures and what a look at them told, their cameras and times."""
+
+    pictures: tuple[Pictures, Pictures]
+    """The series of camera 0 and camera 1; small ones stay in memory once they were read."""
+    rig: StereoRig
+    """The cameras, for pictures with their crop."""
+    settings: ChainSettings
+    """What to measure, and how."""
+    t: FloatArray
+    """Frame times [s], shape [n_frames]."""
+    static: BoolArray
+    """Frames in which specimen and flyer rest, shape [n_frames]."""
+    health: tuple[IntArray, IntArray]
+    """`FrameOutcome` of each camera's pictures, each of shape [n_frames]."""
+    grey: tuple[GreyNoise, GreyNoise]
+    """Noise of each camera's grey values."""
+
+    @property
+    def noise(self) -> tuple[Noise, Noise]:
+        """The same as the matches take it."""
+        return _line(self.grey[0]), _line(self.grey[1])
+
+
+def look(
+    pictures: tuple[Pictures, Pictures],
+    rig: StereoRig,
+    settings: ChainSettings,
+    *,
+    t: FloatArray,
+    static: BoolArray,
+) -> Given:
+    """Outcome of every picture, and the noise of each camera's grey values.
+
+    Raises
+    ------
+    ChainError
+        If there are not as many pictures as frame times, or a camera has fewer than two usable static
+        pictures.
+    """
+    series = (kept(pictures[0]), kept(pictures[1]))
+    (health0, grey0), (health1, grey1) = (_looked(camera, series[camera], static) for camera in (0, 1))
+    return Given(
+        pictures=series,
+        rig=rig,
+        settings=settings,
+        t=t,
+        static=static,
+        health=(health0, health1),
+        grey=(grey0, grey1),
+    )
+
+
+def _looked(camera: int, series: Pictures, static: BoolArray) -> tuple[IntArray, GreyNoise]:
+    """The same of one camera."""
+    if series.n_frames != static.size:
+        raise ChainError(
+            f"camera {camera} has {series.n_frames} pictures, there are {static.size} frame times"
+        )
+    outcome = frame_health(series).outcome
+    rest = np.flatnonzero(static & (outcome == FrameOutcome.VALID))
+    if rest.size < 2:
+        raise ChainError(
+            f"camera {camera} has {rest.size} usable static pictures, needs 2 or more: export those "
+            "before the test too, or look at their exposure"
+        )
+    try:
+        return outcome, grey_noise(series, rest.tolist())
+    except (PictureError, ValueError) as error:
+        raise ChainError(f"camera {camera}: {error}") from error
+
+
+def _line(grey: GreyNoise) -> Noise:
+    """The straight line of the noise where that is one, else its mean."""
+    if grey.intercept > 0.0 and grey.slope > 0.0:
+        return Noise(floor=grey.intercept**0.5, gain=grey.slope)
+    return Noise(floor=grey.sigma)
+
+
+def check_cameras(given: Given, region: Region) -> tuple[Finding, ...]:
+    """What a first pair of pictures says of the cameras, found without their parameters.
+
+    Raises
+    ------
+    ChainError
+        If no frame has a usable picture of both cameras.
+    """
+    pictures, settings, health = given.pictures, given.settings, given.health
+    usable = np.flatnonzero((health[0] == FrameOutcome.VALID) & (health[1] == FrameOutcome.VALID))
+    if usable.size == 0:
+        raise ChainError("no frame has a usable picture of both cameras")
+    frame = int(usable[np.argmin(np.abs(usable - region.frame))])
+    mask = polygon_mask(region.corners, pictures[0].shape)
+    points, _ = grid_points(mask, settings.step, margin=settings.margin)
+    pair = (pictures[0].frame(frame), pictures[1].frame(frame))
+    pixels = free_pairs(
+        pair, points, settings.tracking, noise=given.noise[1], mask=mask, device=settings.device
+    )
+    return check_setup(given.rig, *pixels)

@@ -1,0 +1,88 @@
+"""What is taken out of the followed specimen: false matches, subsets past an end, points off the surface."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from dic.arrays import BoolArray
+from dic.bodies.ends import past_the_ends
+from dic.bodies.follow import Followed
+from dic.chain.inspect_images import Given
+from dic.chain.test_frame import Placed
+from dic.outcome import PointOutcome
+from dic.rigid_body.axial_displacement import Travel
+from dic.stereo import reconstruct
+from dic.surfaces import static_mean
+from dic.surfaces.smoothness import off_surface
+
+LEAST_GATE = 0.1
+"""Smallest gate for epipolar distances [px]."""
+GATE_SIGMAS = 6.0
+"""The gate in standard deviations of the epipolar distances at rest."""
+OWN_SIGMAS = 4.0
+"""And in standard deviations of the point's own."""
+
+
+def near_epipolar_lines(given: Given, body: Followed, placed: Placed) -> Followed:
+    """The body with the epipolar gate that its own static frames ask for."""
+    r, rest = body.reconstruction, placed.rest
+    at_rest = r.epipolar[rest][r.outcome[rest] == PointOutcome.VALID]
+    gate = max(LEAST_GATE, GATE_SIGMAS * float(np.median(np.abs(at_rest))) / 0.6745)
+    return replace(
+        body,
+        reconstruction=reconstruct(
+            given.rig, *body.tracks, gate=gate, gate_sigmas=OWN_SIGMAS, common=body.common
+        ),
+    )
+
+
+def between_ends(given: Given, body: Followed, placed: Placed, travel: Travel | None) -> Followed:
+    """The body without points whose subset reaches past an end.
+
+    The upper end is where the flyer's travel puts it; without a declared length or a travel it is not known,
+    and only the lower one judges.
+    """
+    settings, t = given.settings, given.t
+    upper = np.full(t.size, np.nan)
+    if settings.length is not None and travel is not None and travel.t.size:
+        upper = settings.length - np.interp(t, travel.t, travel.displacement)
+    past = past_the_ends(
+        body,
+        given.rig.cameras[0],
+        placed.placement.frame,
+        settings.subset,
+        settings.direction,
+        (np.zeros(t.size), upper),
+    )
+    return _without(body, past, PointOutcome.AT_END)
+
+
+def on_surface(body: Followed, placed: Placed) -> Followed:
+    """The body without points that lie off the smooth surface through their neighbours."""
+    r, placement = body.reconstruction, placed.placement
+    variance = np.einsum("...ii->...i", placement.frame.covariances(r.covariance))
+    # Against the cylinder: its own curvature is none of the surface through a few neighbours.
+    at_rest = placement.frame.positions(static_mean(r, placed.rest)[0])
+    depth = np.sqrt(np.maximum(placement.radius**2 - at_rest[:, 0] ** 2, 0.0))
+    cylinder = np.stack([at_rest[:, 0], at_rest[:, 1], depth], axis=1)
+    off = off_surface(
+        placement.frame.positions(r.position) - cylinder,
+        np.sqrt(variance),
+        np.asarray(r.outcome == PointOutcome.VALID) & np.isfinite(cylinder).all(axis=1),
+        body.cell,
+    )
+    return _without(body, off, PointOutcome.OFF_SURFACE)
+
+
+def _without(body: Followed, points: BoolArray, outcome: PointOutcome) -> Followed:
+    """The body with some points of some frames ended."""
+    r, gone = body.reconstruction, points[..., None]
+    return replace(
+        body,
+        reconstruction=replace(
+            r,
+            position=np.where(gone, np.nan, r.position),
+            covariance=np.where(gone[..., None], np.nan, r.covariance),
+            outcome=np.where(points, int(outcome), r.outcome),
+        ),
+    )

@@ -1,0 +1,90 @@
+"""Where the test's coordinates lie: the cylinder of the specimen at rest, and its end."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.arrays import FloatArray
+from dic.bodies.ends import refined_end
+from dic.bodies.follow import Followed
+from dic.chain.inspect_images import Given
+from dic.chain.settings import ChainError
+from dic.images import Pictures
+from dic.outcome import PointOutcome
+from dic.result import Placement
+from dic.surfaces import fit_cylinder, on_cylinder, overlap_factor, static_mean, test_frame
+
+MOST_AVERAGED = 50
+"""Static pictures that are averaged to find the specimen's edge."""
+
+
+@dataclass(frozen=True)
+class Placed:
+    """The specimen at rest."""
+
+    placement: Placement
+    """The test frame, and the cylinder it was taken from."""
+    rest: list[int]
+    """Static frames in which both cameras saw the specimen."""
+    edges: int
+    """Cameras in which its end was found."""
+
+
+def place(given: Given, body: Followed) -> Placed:
+    """The test frame from the specimen at rest.
+
+    Raises
+    ------
+    ChainError
+        If no point was found by both cameras at rest, or the points lie on no cylinder.
+    """
+    rig, settings = given.rig, given.settings
+    rest = _at_rest(given, body)
+    position, covariance = static_mean(body.reconstruction, rest)
+    known = np.isfinite(position).all(axis=1)
+    try:
+        overlap = overlap_factor(body.points[known], settings.subset)
+        free = fit_cylinder(position[known], covariance[known], overlap=overlap)
+        cylinder = free
+        if settings.radius is not None:
+            cylinder = fit_cylinder(
+                position[known], covariance[known], overlap=overlap, radius=settings.radius
+            )
+        declared = on_cylinder(rig.cameras[0], settings.zero, cylinder)
+        means = (_mean_picture(given.pictures[0], rest), _mean_picture(given.pictures[1], rest))
+        zero, zero_sigma, edges = refined_end(means, rig, cylinder, declared, settings.direction)
+        frame = test_frame(cylinder, rig, toward_flyer=settings.direction, zero=zero, zero_sigma=zero_sigma)
+    except ValueError as error:
+        raise ChainError(f"the specimen at rest gives no test frame: {error}") from error
+    placement = Placement(
+        frame=frame,
+        radius=free.radius,
+        radius_sigma=float(free.sigma[4]),
+        rms=cylinder.rms,
+        chi2_per_dof=cylinder.chi2_per_dof,
+        n_points=int(cylinder.used.sum()),
+    )
+    return Placed(placement=placement, rest=rest, edges=edges)
+
+
+def _at_rest(given: Given, body: Followed) -> list[int]:
+    """Static frames in which both cameras saw the body."""
+    seen = np.any(body.reconstruction.outcome == PointOutcome.VALID, axis=1)
+    rest: list[int] = np.flatnonzero(given.static & seen).tolist()
+    if not rest:
+        failed = [f"{gate.name} {count}" for gate, count in body.stereo.count().items() if count]
+        raise ChainError(
+            f"no point of the specimen was found by both cameras at rest; of {len(body.points)} points the "
+            f"match between the cameras failed by {', '.join(failed)}: check the calibration, the crop "
+            "offsets and which camera is which"
+        )
+    return rest
+
+
+def _mean_picture(pictures: Pictures, frames: list[int]) -> FloatArray:
+    """The mean of some static pictures, at most `MOST_AVERAGED`."""
+    chosen = frames[:MOST_AVERAGED]
+    total = np.zeros(pictures.shape)
+    for frame in chosen:
+        total += pictures.frame(frame)
+    return total / len(chosen)

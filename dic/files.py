@@ -1,0 +1,34 @@
+"""Files that are complete or not there at all."""
+
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A new empty file beside `path` that takes its place when the block ends without an exception.
+
+    The data are on the disk before the name changes, so a reader finds the old file or the whole new one.
+    After an exception the old file is untouched and nothing else is left.
+    """
+    path = Path(path)
+    # The suffix stays last: some writers choose their format by it.
+    partial = path.with_name(f".{secrets.token_hex(6)}.{path.name}")
+    os.close(os.open(partial, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+    try:
+        yield partial
+        with partial.open("rb+") as file:
+            os.fsync(file.fileno())
+        os.replace(partial, path)
+    except BaseException:
+        partial.unlink(missing_ok=True)
+        raise
+    if os.name == "posix":  # the new name itself; Windows cannot open a folder
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)

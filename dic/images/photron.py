@@ -1,0 +1,247 @@
+"""Photron's raw pictures: `.mraw` of 8, 10, 12 or 16 bits, described by a `.cih` text or `.cihx` XML beside
+them."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.images.packed import packed_size, unpack
+from dic.images.series import (
+    Grey,
+    PictureError,
+    checked_bits,
+    checked_count,
+    checked_frame,
+    checked_index,
+    checked_shape,
+)
+
+_LARGEST = 4_000_000
+_XML = {
+    "Total Frame": "frameInfo/totalFrame",
+    "Start Frame": "frameInfo/startFrame",
+    "Record Rate(fps)": "recordInfo/recordRate",
+    "Image Width": "imageDataInfo/resolution/width",
+    "Image Height": "imageDataInfo/resolution/height",
+    "File Format": "imageFileInfo/fileFormat",
+    "Color Type": "imageDataInfo/colorInfo/type",
+    "Color Bit": "imageDataInfo/colorInfo/bit",
+    "EffectiveBit Depth": "imageDataInfo/effectiveBit/depth",
+    "EffectiveBit Side": "imageDataInfo/effectiveBit/side",
+    "Save Step": "frameInfo/skipFrame",
+}
+"""The fields that are read: their names in text, and their places in XML."""
+
+
+@dataclass(frozen=True)
+class Header:
+    """The fields of a camera information header, by their names in the text form."""
+
+    path: Path
+    """The header file."""
+    fields: dict[str, str]
+    """Name and value as written."""
+
+    def word(self, name: str, default: str = "") -> str:
+        """A field's text, in lower case."""
+        return self.fields.get(name, default).lower()
+
+    def whole(self, name: str, default: int | None = None) -> int:
+        """A field's whole number.
+
+        Raises
+        ------
+        PictureError
+            If it is missing and has no default, or is not a whole number.
+        """
+        text = self.fields.get(name)
+        if text is None and default is not None:
+            return default
+        if text is None or not re.fullmatch(r"[+-]?\d{1,15}", text):
+            raise PictureError(self.path, f'"{name}" must be a whole number, is {text!r}')
+        return int(text)
+
+    def number(self, name: str) -> float | None:
+        """A field's number; None if it is missing.
+
+        Raises
+        ------
+        PictureError
+            If it is no number.
+        """
+        text = self.fields.get(name)
+        if text is None:
+            return None
+        if not re.fullmatch(r"\d{1,15}(\.\d{1,15})?", text):
+            raise PictureError(self.path, f'"{name}" must be a number, is {text!r}')
+        return float(text)
+
+
+def read_header(path: Path) -> Header:
+    """Read a `.cih` or `.cihx` file.
+
+    Raises
+    ------
+    PictureError
+        If it cannot be read, is too large, or is neither of the two.
+    """
+    try:
+        with open(path, "rb") as file:
+            data = file.read(_LARGEST + 1)
+    except OSError as error:
+        raise PictureError(path, f"cannot be read ({error.strerror})") from None
+    if len(data) > _LARGEST:
+        raise PictureError(path, f"is larger than {_LARGEST} bytes, which no header is")
+    if b"<cih>" in data:
+        return Header(path, _from_xml(path, data))
+    fields = _from_text(data.decode("utf-8", "replace"))
+    if not fields:
+        raise PictureError(path, 'has no line of the form "name : value"')
+    return Header(path, fields)
+
+
+def _from_text(text: str) -> dict[str, str]:
+    """Fields of the text form; the first of a name counts."""
+    fields: dict[str, str] = {}
+    for line in text.splitlines():
+        name, colon, value = line.partition(":")
+        if colon:
+            fields.setdefault(name.strip(), value.strip())
+    return fields
+
+
+def _from_xml(path: Path, data: bytes) -> dict[str, str]:
+    """Fields of the XML form, which stands between other bytes."""
+    start, end = data.find(b"<cih>"), data.rfind(b"</cih>")
+    inside = data[start : end + len(b"</cih>")] if end > start else b""
+    if b"<!" in re.sub(rb"<!--.*?-->", b"", inside, flags=re.DOTALL):
+        raise PictureError(path, "declares entities or a document type, which no camera writes")
+    try:
+        tree = ElementTree.fromstring(inside.decode("utf-8", "replace"))
+    except (ElementTree.ParseError, ValueError) as error:
+        raise PictureError(path, f"its XML cannot be read ({error})") from None
+    found = {name: tree.findtext(place) for name, place in _XML.items()}
+    return {name: text.strip() for name, text in found.items() if text is not None}
+
+
+@dataclass(frozen=True)
+class MrawPictures:
+    """Frames of a Photron recording; see `dic.images.Pictures`."""
+
+    path: Path
+    n_frames: int
+    shape: tuple[int, int]
+    bits: int
+    times: NDArray[np.float64] | None
+    stored: int
+    """Bits of a grey value in the file: 8, 16, or 10 and 12 packed."""
+    shift: int
+    """Zero bits below the grey value, in the file ("EffectiveBit Side: Higher")."""
+    crop_offset: tuple[float, float] = (0.0, 0.0)
+
+    def frame(self, index: int) -> Grey:
+        """Grey values of one picture, shape [rows, columns].
+
+        Raises
+        ------
+        PictureError
+            If it lies beyond the end of the file, or needs more bits than the header says.
+        """
+        index = checked_index(self.n_frames, index)
+        rows, columns = self.shape
+        need = packed_size(rows * columns, self.stored)
+        size = self.path.stat().st_size
+        if (index + 1) * need > size:
+            raise PictureError(
+                self.path,
+                f"the file has {size} bytes, {size // need} of {self.n_frames} frames",
+                frame=index,
+                cure="it is cut off: copy it again",
+            )
+        raw = np.memmap(self.path, dtype=np.uint8, mode="r", offset=index * need, shape=(need,))
+        if self.stored in (10, 12):
+            grey: NDArray[np.generic] = unpack(raw, self.stored, rows * columns)
+        else:
+            grey = np.array(raw.view("<u2")) if self.stored == 16 else np.array(raw)
+        if self.shift:
+            grey = self._lowered(index, grey)
+        return checked_frame(self.path, index, grey.reshape(rows, columns), self.shape, self.bits)
+
+    def _lowered(self, index: int, grey: NDArray[np.generic]) -> NDArray[np.generic]:
+        values = np.asarray(grey, dtype=np.uint16)
+        if np.any(values & (2**self.shift - 1)):
+            raise PictureError(
+                self.path,
+                f"its lowest {self.shift} bits are not zero, as the header says",
+                frame=index,
+                cure='correct "EffectiveBit Depth" and "EffectiveBit Side" in the header',
+            )
+        return values >> self.shift
+
+
+def sniff(path: Path, start: bytes) -> bool:
+    """Whether a file is one of the two of a Photron recording; raw pictures are known by name only."""
+    return path.suffix.lower() in (".mraw", ".cih", ".cihx")
+
+
+def read(path: Path) -> MrawPictures:
+    """Open a recording by its `.mraw` or its header.
+
+    The times are (Start Frame + i)/Record Rate, on the trigger's clock; none if the header gives no rate or a
+    step between saved frames that it does not define for both of its forms.
+
+    Raises
+    ------
+    PictureError
+        If one of the two files is missing, or the header contradicts itself or promises colours.
+    """
+    pixels, header = _pair(path)
+    colours, kind = header.word("Color Type", "mono"), header.word("File Format", "mraw")
+    if colours != "mono" or kind != "mraw":
+        raise PictureError(
+            header.path,
+            f"describes {colours} pictures in {kind} files; raw grey ones can be read",
+            cure="open the TIFF or PNG files themselves, or export grey values",
+        )
+    rows, columns = checked_shape(header.path, header.whole("Image Height"), header.whole("Image Width"))
+    stored = header.whole("Color Bit")
+    if stored not in (8, 10, 12, 16) or rows * columns * stored % 8:
+        raise PictureError(
+            header.path,
+            f'"Color Bit" is {stored} for {rows} x {columns} pixels: 8, 10, 12 or 16 in whole bytes',
+        )
+    real = checked_bits(header.path, min(header.whole("EffectiveBit Depth", stored), stored), stored)
+    high = header.word("EffectiveBit Side", "lower") == "higher"
+    n_frames = checked_count(header.path, header.whole("Total Frame"))
+    return MrawPictures(
+        path=pixels,
+        n_frames=n_frames,
+        shape=(rows, columns),
+        bits=real,
+        times=_times(header, n_frames),
+        stored=stored,
+        shift=stored - real if high else 0,
+    )
+
+
+def _pair(path: Path) -> tuple[Path, Header]:
+    """The raw file and its header."""
+    beside = {file.suffix.lower(): file for file in path.parent.iterdir() if file.stem == path.stem}
+    pixels = path if path.suffix.lower() == ".mraw" else beside.get(".mraw")
+    header = beside.get(".cihx", beside.get(".cih")) if pixels == path else path
+    if pixels is None or not pixels.is_file():
+        raise PictureError(path, f"there is no {path.stem}.mraw beside it", cure="copy it too")
+    if header is None or not header.is_file():
+        raise PictureError(path, f"there is no {path.stem}.cih or .cihx beside it", cure="copy it too")
+    return pixels, read_header(header)
+
+
+def _times(header: Header, n_frames: int) -> NDArray[np.float64] | None:
+    rate, step = header.number("Record Rate(fps)"), header.whole("Save Step", 1)
+    if not rate or step not in (0, 1):
+        return None
+    return (header.whole("Start Frame", 0) + np.arange(n_frames)) / rate

@@ -1,0 +1,321 @@
+"""How far the flyer went: one translation a frame, from whatever either camera saw of it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.arrays import BoolArray, FloatArray, IntArray
+from dic.bodies.follow import Followed
+from dic.camera import Camera, StereoRig
+from dic.correlation.warp import apply
+from dic.images import PictureError, Pictures
+from dic.outcome import PointOutcome
+from dic.rigid_body.edge_registration import STRIDE, Rim, RimSearch
+from dic.stereo.rays import projection_slope
+from dic.surfaces import SpecimenFrame
+from dic.surfaces.overlap import overlap_correlation
+from dic.tracking import Track
+
+SIDEWAYS = 50e-6
+"""How far the flyer may have moved across the axis since the nearest frame that both cameras saw [m]."""
+NEAR = 50e-6
+"""How far from where it is expected the rim of the body is looked for [m]."""
+OWN = 0.5
+"""Share of the variance of a match that is the frame's own; the rest is the reference's, common to all."""
+LEARNT = 40
+"""Frames from which the rows at the border of the picture are learnt."""
+ROUNDS = 4
+"""Rounds in which places on the body and translations are found from each other."""
+GATE = 5.0
+"""A pixel this many robust standard deviations off the body's motion is left out [-]."""
+
+
+@dataclass(frozen=True)
+class Travel:
+    """Displacement of the flyer toward the specimen; a frame in which it was not found has no row."""
+
+    t: FloatArray
+    """Times [s], shape [n]."""
+    frame: IntArray
+    """Frames, shape [n]."""
+    displacement: FloatArray
+    """Toward the specimen, from its mean place at rest [m], shape [n]."""
+    sigma: FloatArray
+    """Standard deviation from frame to frame [m], shape [n]."""
+    n_points: IntArray
+    """Points it is from, shape [n]."""
+    rest_sigma: float
+    """Standard deviation of the mean place at rest, common to all displacements [m]."""
+
+
+def flyer_travel(
+    body: Followed,
+    rig: StereoRig,
+    frame: SpecimenFrame,
+    t: FloatArray,
+    static: BoolArray,
+    *,
+    subset: int,
+    pictures: tuple[Pictures, Pictures] | None = None,
+) -> Travel | None:
+    """Displacement of a rigid body along the axis, toward the specimen.
+
+    The places of the points on the body come from the frames in which both cameras see them. In every frame
+    the translation is then the one that fits all pixels of both cameras best, in their covariances; where one
+    camera alone sees the body, its place across the axis is held to that of the nearest frame that both saw.
+
+    Parameters
+    ----------
+    body
+        The flyer, followed.
+    rig
+        The cameras.
+    frame
+        The test frame.
+    t
+        Frame times [s], shape [n_frames].
+    static
+        Frames in which the flyer rests, shape [n_frames].
+    subset
+        Side of the subsets [px]: those that overlap share their noise.
+    pictures
+        Both series, to look for the edge strip of the body (`dic.rigid_body.edge_registration`) in the
+        frames before its first point came into view, where that is after the static ones; None: do not.
+
+    Returns
+    -------
+    Travel or None
+        None if no point was ever seen by both cameras, or the body at all in no static frame: the place at
+        rest, which displacements count from, is then not known.
+    """
+    r = body.reconstruction
+    seen_twice = r.outcome == PointOutcome.VALID
+    if not seen_twice.any():
+        return None
+    places, moves = _places(frame.positions(np.where(seen_twice[..., None], r.position, np.nan)))
+    known = np.asarray(np.isfinite(places).all(axis=1))
+    rows, found, sigma, counts = [], [], [], []
+    twice = np.flatnonzero(np.isfinite(moves).all(axis=1))
+    overlap = overlap_correlation(body.points, body.points, subset)
+    for k in range(len(t)):
+        near = moves[twice[np.argmin(np.abs(twice - k))]]
+        both = bool(np.isfinite(moves[k]).all())
+        fit = _translation(body, rig, frame, k, places, known, near, both, overlap)
+        if fit is not None:
+            rows.append(k)
+            found.append(fit[0])
+            sigma.append(fit[1])
+            counts.append(fit[2])
+    fine = np.flatnonzero(_on_their_way(rows, found, counts, static)).tolist()
+    rows, found = [rows[i] for i in fine], [found[i] for i in fine]
+    sigma, counts = [sigma[i] for i in fine], [counts[i] for i in fine]
+    if body.material in rows and len(rows) > 1:  # exact there, but not against all others
+        at = rows.index(body.material)
+        beside = [sigma[k] for k in (at - 1, at + 1) if 0 <= k < len(rows)]
+        sigma[at] = max(sigma[at], min(beside))
+    common = 0.0
+    by_rim = bool(rows) and not static[rows].any() and pictures is not None
+    if by_rim and pictures is not None:
+        for k, rim in _rims(pictures, body, rig, frame, places[known], moves, rows, found, static):
+            rows.insert(0, k)
+            found.insert(0, rim.y)
+            sigma.insert(0, rim.sigma)
+            counts.insert(0, 0)
+            common = rim.common  # the last is the first frame's, at rest
+    index = np.array(rows, dtype=np.int64)
+    y = np.array(found)
+    at_rest = static[index]
+    if not at_rest.any():
+        return None
+    rest = float(np.mean(y[at_rest]))
+    return Travel(
+        t=t[index],
+        frame=index,
+        displacement=rest - y,
+        sigma=np.array(sigma) * OWN**0.5,
+        n_points=np.array(counts, dtype=np.int64),
+        rest_sigma=float(np.hypot(_of_mean(np.array(sigma)[at_rest]), common)),
+    )
+
+
+def _rims(
+    pictures: tuple[Pictures, Pictures],
+    body: Followed,
+    rig: StereoRig,
+    frame: SpecimenFrame,
+    places: FloatArray,
+    moves: FloatArray,
+    rows: list[int],
+    found: list[float],
+    static: BoolArray,
+) -> list[tuple[int, Rim]]:
+    """The frames before the first of `rows`, latest first, with where the body's rim puts it."""
+    first, m = rows[0], body.material
+    twice = np.flatnonzero(np.isfinite(moves).all(axis=1))
+    near = moves[twice[0]]
+    if not np.isfinite(moves[m]).all() or first < 1:
+        return []
+    chosen = (pictures[0].frame(m).astype(np.float64), pictures[1].frame(m).astype(np.float64))
+    search = RimSearch(chosen, body.mask, rig, frame, places, moves[m])
+    search.learn(_in_view(pictures, moves, rows, found))
+    result: list[tuple[int, Rim]] = []
+    # The first points to come into view are few: the motion is that of the first ten frames together.
+    at, y = np.array(rows[:10], dtype=np.float64), np.array(found[:10])
+    speed = float(np.median(np.diff(y) / np.diff(at))) if at.size > 1 else 0.0
+    start = float(np.median(y - speed * (at - first)))
+    past = [(first, start), (first + 1, start + speed)]
+    for k in range(first - 1, -1, -1):
+        try:
+            pair = (pictures[0].frame(k).astype(np.float64), pictures[1].frame(k).astype(np.float64))
+        except PictureError:
+            continue  # its frame has an outcome that says so (`dic.images.frame_health`)
+        (last, there), (before, earlier) = past
+        speed = 0.0 if static[k] else (there - earlier) / (last - before)
+        expected = there + speed * (k - last)
+        settled = static[k] and static[min(k + 1, len(static) - 1)] and last == k + 1
+        around = STRIDE if settled else NEAR * (last - k)
+        rim = search.find(pair, near, expected + np.arange(-around, around + 0.5 * STRIDE, STRIDE))
+        if rim is not None:
+            result.append((k, rim))
+            past = [(k, rim.y), past[0]]
+    return result
+
+
+def _on_their_way(rows: list[int], found: list[float], counts: list[int], static: BoolArray) -> list[bool]:
+    """Which frames lie on the way of those after them.
+
+    As a body comes into view a few of its points may agree on a wrong place. From the frame with most points
+    back to rest, a frame farther than `NEAR`, or half a step, from the line through the next is left out.
+    """
+    fine = [True] * len(rows)
+    if not rows:
+        return fine
+    best = int(np.argmax(counts))
+    kept = [best]
+    for i in range(best - 1, -1, -1):
+        after = kept[-6:]
+        if len(after) >= 3 and not static[rows[i]]:
+            at, y = np.array([rows[k] for k in after]), np.array([found[k] for k in after])
+            speed = float(np.median(np.diff(y) / np.diff(at)))
+            off = found[i] - float(np.median(y + speed * (rows[i] - at)))
+            fine[i] = abs(off) <= max(NEAR, 0.5 * abs(speed))
+        if fine[i]:
+            kept.append(i)
+    return fine
+
+
+def _in_view(
+    pictures: tuple[Pictures, Pictures], moves: FloatArray, rows: list[int], found: list[float]
+) -> Iterator[tuple[tuple[FloatArray, FloatArray], FloatArray]]:
+    """Pictures in which points say where the body is, with its translation; about `LEARNT` of them."""
+    seen = [(k, y) for k, y in zip(rows, found, strict=True) if np.isfinite(moves[k]).all()]
+    for k, y in seen[:: max(len(seen) // LEARNT, 1)]:
+        try:
+            pair = (pictures[0].frame(k).astype(np.float64), pictures[1].frame(k).astype(np.float64))
+        except PictureError:
+            continue
+        yield pair, np.array([moves[k, 0], y, moves[k, 2]])
+
+
+def _of_mean(sigma: FloatArray) -> float:
+    """Sigma of the mean of static frames, in which the reference's part does not average out."""
+    return float(np.sqrt(np.mean(sigma**2) * (1.0 - OWN + OWN / sigma.size)))
+
+
+def _places(position: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Places of points on the body [n_points, 3] and translations of the frames [n_frames, 3]; NaN if
+    unknown."""
+    moves = np.full((len(position), 3), np.nan)
+    start = int(np.argmax(np.isfinite(position[..., 0]).sum(axis=1)))
+    places = position[start].copy()
+    for _ in range(ROUNDS):
+        moves = _mean(position - places, axis=1)
+        places = _mean(position - moves[:, None], axis=0)
+    return places, moves
+
+
+def _mean(values: FloatArray, axis: int) -> FloatArray:
+    """Mean of what is finite, NaN where nothing is."""
+    good = np.isfinite(values)
+    count = good.sum(axis=axis)
+    total = np.where(good, values, 0.0).sum(axis=axis)
+    return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
+
+
+def _translation(
+    body: Followed,
+    rig: StereoRig,
+    frame: SpecimenFrame,
+    k: int,
+    places: FloatArray,
+    known: BoolArray,
+    near: FloatArray,
+    both: bool,
+    overlap: FloatArray,
+) -> tuple[float, float, int] | None:
+    """Translation along y in frame `k` [m], its standard deviation and the number of points; None if not
+    seen."""
+    seen = [
+        _Seen.of(camera, track, k, places, known)
+        for camera, track in zip(rig.cameras, body.tracks, strict=True)
+    ]
+    if not any(points.rows.size for points in seen):
+        return None
+    move, keep = near.copy(), [np.ones(len(points.rows), dtype=bool) for points in seen]
+    off = [points.off(frame, move) for points in seen]
+    across = 1.0 / (10.0 * SIDEWAYS if both else SIDEWAYS) ** 2
+    for _ in range(3):
+        H = np.diag([across, 0.0, across])
+        g = H @ (near - move)
+        for points, fine, away in zip(seen, keep, off, strict=True):
+            if not fine.any():
+                continue
+            J = projection_slope(points.camera, frame.in_rig(points.places[fine] + move)) @ frame.rotation.T
+            rows = points.rows[fine]
+            factor = overlap[np.ix_(rows, rows)].sum(axis=1)
+            weighted = np.linalg.solve(points.covariance[fine] * factor[:, None, None], J)
+            H += np.tensordot(J, weighted, axes=([0, 1], [0, 1]))
+            g += np.tensordot(weighted, away[fine], axes=([0, 1], [0, 1]))
+        move = move + np.linalg.solve(H, g)
+        off = [points.off(frame, move) for points in seen]
+        keep = [points.near_enough(away) for points, away in zip(seen, off, strict=True)]
+        if not any(fine.any() for fine in keep):
+            return None
+    counted = np.unique(np.concatenate([points.rows[fine] for points, fine in zip(seen, keep, strict=True)]))
+    return float(move[1]), float(np.sqrt(np.linalg.inv(H)[1, 1])), len(counted)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What one camera saw of a body's points in one frame."""
+
+    camera: Camera
+    rows: IntArray
+    """The points, shape [n]."""
+    places: FloatArray
+    """Their places on the body [m], shape [n, 3]."""
+    pixels: FloatArray
+    """Where they were seen [px], shape [n, 2]."""
+    covariance: FloatArray
+    """Of the pixels [px²], shape [n, 2, 2]."""
+
+    @classmethod
+    def of(cls, camera: Camera, track: Track, k: int, places: FloatArray, known: BoolArray) -> "_Seen":
+        """The `known` points that were found in frame `k`."""
+        rows = np.flatnonzero(known & (track.outcome[k] == PointOutcome.VALID))
+        pixels = apply(track.points[rows], track.warp[k, rows])
+        return cls(camera, rows, places[rows], pixels, track.covariance[k, rows])
+
+    def off(self, frame: SpecimenFrame, move: FloatArray) -> FloatArray:
+        """What was seen less what a body moved by `move` would show [px], shape [n, 2]."""
+        return np.asarray(self.pixels - self.camera.project(frame.in_rig(self.places + move)))
+
+    def near_enough(self, off: FloatArray) -> BoolArray:
+        """Which points agree with the body's motion, shape [n]."""
+        if not len(off):
+            return np.zeros(0, dtype=bool)
+        size = np.linalg.norm(off - np.median(off, axis=0), axis=1)
+        noise = np.sqrt(0.5 * np.trace(self.covariance, axis1=1, axis2=2))
+        spread = max(1.0, float(np.median(size / noise)) / 1.18)
+        return np.asarray(size <= GATE * spread * noise)

@@ -1,0 +1,286 @@
+"""The motion of a rigid body whose points come into view and go out of it.
+
+Poses of all frames and places of all points on the body are found together, by least squares over every
+valid sight of every point: points first seen in a late frame join the body by what is seen together with
+them, backward and forward in time, and the covariance knows through how many hands a displacement came.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
+
+from dic.arrays import BoolArray, FloatArray, IntArray
+from dic.camera import Camera, StereoRig
+from dic.correlation.warp import apply
+from dic.outcome import FrameOutcome, PointOutcome
+from dic.rigid_body.adjustment import Habits, Poses, Sights, adjust
+from dic.rigid_body.rigid_motion import lever
+from dic.stereo.reconstruction import Reconstruction
+from dic.surfaces.frame import SpecimenFrame
+from dic.tracking.history import Track
+
+STEP = 1e-6
+"""Of the difference quotients of the projection [m]."""
+
+
+def sights_of_one(
+    camera: Camera, frame: SpecimenFrame, pixels: FloatArray, covariance: FloatArray, near: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Points on a camera's rays and their inverse covariances, which are of rank 2.
+
+    Parameters
+    ----------
+    camera
+        One camera of the rig.
+    frame
+        The frame that points are wanted in.
+    pixels
+        Where the camera sees them [px], shape [n, 2].
+    covariance
+        Of the pixels [px²], shape [n, 2, 2].
+    near
+        Points near them, whose depth is taken, in the frame [m], shape [n, 3].
+
+    Returns
+    -------
+    NDArray
+        The point of each ray nearest to `near`, to first order [m], shape [n, 3].
+    NDArray
+        Inverse covariances ``Jᵀ C⁻¹ J``, J the projection's derivative [1/m²], shape [n, 3, 3].
+    """
+    x = np.array(near)
+    for _ in range(3):  # the projection is nearly linear: each step leaves the square of the last
+        J = _slope(camera, frame, x)
+        off = pixels - camera.project(frame.in_rig(x))
+        x = x + np.einsum("nij,nj->ni", np.linalg.pinv(J), off)
+    J = _slope(camera, frame, x)
+    return x, np.swapaxes(J, 1, 2) @ np.linalg.inv(covariance) @ J
+
+
+def _slope(camera: Camera, frame: SpecimenFrame, x: FloatArray) -> FloatArray:
+    """Derivative of the pixel by the place [px/m], shape [n, 2, 3]."""
+    columns = [
+        camera.project(frame.in_rig(x + STEP * axis)) - camera.project(frame.in_rig(x - STEP * axis))
+        for axis in np.eye(3)
+    ]
+    return np.stack(columns, axis=-1) / (2.0 * STEP)
+
+
+@dataclass(frozen=True)
+class BodyMotion:
+    """Displacement of one point of a rigid body, and its rotation, from rest; NaN in a LOST frame."""
+
+    at: FloatArray
+    """The body's point at rest, in the test frame [m], shape [3]."""
+    displacement: FloatArray
+    """Of that point, mean over the rest frames zero [m], shape [n_frames, 3]."""
+    rotation: FloatArray
+    """Rotation vectors from the mean attitude at rest [rad], shape [n_frames, 3]."""
+    covariance: FloatArray
+    """Of rotation [rad] and displacement [m] of all frames, shape [n_frames, 6, n_frames, 6]."""
+    n_points: IntArray
+    """Points used in each frame, shape [n_frames]."""
+    outcome: IntArray
+    """`dic.FrameOutcome`: LOST with too few points seen elsewhere too, shape [n_frames]."""
+    chi2_per_dof: float
+    """Sum of squared residuals in their declared sigmas over the degrees of freedom [-]."""
+    noise_scale: float
+    """Noise used over noise declared, at least 1 [-]."""
+
+    @property
+    def displacement_sigma(self) -> FloatArray:
+        """Standard uncertainties of `displacement` [m], shape [n_frames, 3]."""
+        return self._sigma()[:, 3:]
+
+    @property
+    def rotation_sigma(self) -> FloatArray:
+        """Standard uncertainties of `rotation` [rad], shape [n_frames, 3]."""
+        return self._sigma()[:, :3]
+
+    def along(self, direction: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Displacement along a unit direction of the test frame and its covariance between frames.
+
+        Returns
+        -------
+        NDArray
+            Displacements [m], shape [n_frames].
+        NDArray
+            Covariance [m²], shape [n_frames, n_frames].
+        """
+        unit = np.asarray(direction, dtype=np.float64)
+        if unit.shape != (3,) or not abs(np.linalg.norm(unit) - 1.0) < 1e-9:
+            raise ValueError(f"direction must be a unit vector of 3 components, got {unit}")
+        block = self.covariance[:, 3:, :, 3:]
+        return self.displacement @ unit, np.einsum("a,kalb,b->kl", unit, block, unit, optimize=True)
+
+    def _sigma(self) -> FloatArray:
+        return np.sqrt(np.einsum("kaka->ka", self.covariance))
+
+
+def body_motion(
+    reconstructions: Sequence[Reconstruction],
+    frame: SpecimenFrame,
+    *,
+    at: ArrayLike,
+    rest: Sequence[int],
+    overlaps: Sequence[ArrayLike] | None = None,
+    shared: float = 0.5,
+    rig: StereoRig | None = None,
+    tracks: Sequence[tuple[Track, Track]] | None = None,
+    turn: float | None = None,
+    sway: float | None = None,
+    reject: float = 5.0,
+) -> BodyMotion:
+    """Find the motion of a rigid body from points on it.
+
+    Parameters
+    ----------
+    reconstructions
+        Points of the body, all in the same frames; one for each material picture that points were chosen
+        in, if there are several.
+    frame
+        The test frame.
+    at
+        The body's point whose displacement is wanted, at rest, in the test frame [m], shape [3].
+    rest
+        Frames in which the body rests; their mean is the zero of displacement and rotation.
+    overlaps
+        For each reconstruction the variance factors of points whose subsets overlap,
+        `dic.surfaces.overlap_factor`; shape [n_points] or [n_frames, n_points].
+    shared
+        Share of a point's variance that is the same in all frames, being the noise of its material
+        picture: it moves the point on the body, not the body [-].
+    rig, tracks
+        The cameras, and for each reconstruction the tracks it was made from: then a frame in which only
+        one camera sees a point counts too, with what that camera knows. Such frames need `turn` and
+        `sway`, or they know little along the view.
+    turn
+        Standard deviation of the change of attitude from one frame to the next, about each axis [rad],
+        by which narrow views of the body borrow their attitude from wide ones; None: every frame has its
+        own.
+    sway
+        Standard deviation of the displacement across y from one frame to the next, along x and Z [m];
+        None: any.
+    reject
+        Sights farther off than this many sigmas, or this many robust standard deviations if the scatter
+        is larger than the sigmas say, are left out [-].
+
+    Raises
+    ------
+    ValueError
+        No frame at rest that is connected with the others, shapes that do not fit, options out of range.
+    """
+    point = np.asarray(at, dtype=np.float64)
+    _check(reconstructions, point, rest, shared, (turn, sway), reject, overlaps)
+    valid = np.concatenate([r.outcome == PointOutcome.VALID for r in reconstructions], axis=1)
+    place = np.concatenate([frame.positions(r.position) for r in reconstructions], axis=1)
+    noise = np.concatenate([frame.covariances(r.covariance) for r in reconstructions], axis=1)
+    factor = np.ones(valid.shape)
+    if overlaps is not None:
+        shape = [(len(valid), r.outcome.shape[1]) for r in reconstructions]
+        factor = np.concatenate(
+            [np.broadcast_to(np.asarray(o), s) for o, s in zip(overlaps, shape, strict=True)], axis=1
+        )
+    place = np.where(valid[..., None], place, 0.0)
+    information = np.zeros(noise.shape)
+    information[valid] = np.linalg.inv((1.0 - shared) * noise[valid])
+    single = np.zeros(valid.shape, dtype=bool)
+    if rig is not None and tracks is not None:
+        both = np.split(valid, np.cumsum([r.outcome.shape[1] for r in reconstructions])[:-1], axis=1)
+        for k, camera in enumerate(rig.cameras):
+            alone = np.concatenate(
+                [(pair[k].outcome == PointOutcome.VALID) & ~v for pair, v in zip(tracks, both, strict=True)],
+                axis=1,
+            )
+            alone &= valid.any(axis=0) & ~single  # its depth must be known from some frame
+            pixels = np.concatenate([apply(pair[k].points, pair[k].warp) for pair in tracks], axis=1)
+            spread = np.concatenate([pair[k].covariance for pair in tracks], axis=1)
+            at_ray, known = sights_of_one(
+                camera, frame, pixels[alone], (1.0 - shared) * spread[alone], _nearest(place, valid)[alone]
+            )
+            place[alone], information[alone], single = at_ray, known, single | alone
+    seen = valid | single
+    seen &= seen.sum(axis=0) >= 2  # a point seen once says nothing about motion
+    found = adjust(Sights(place, information, seen, single, factor), Habits(turn, sway), reject)
+    return _from_rest(found, point, rest, len(valid))
+
+
+def _check(
+    reconstructions: Sequence[Reconstruction],
+    at: FloatArray,
+    rest: Sequence[int],
+    shared: float,
+    habits: tuple[float | None, float | None],
+    reject: float,
+    overlaps: Sequence[ArrayLike] | None,
+) -> None:
+    if not reconstructions:
+        raise ValueError("no points: give at least one reconstruction of the body")
+    frames = {len(r.outcome) for r in reconstructions}
+    if len(frames) != 1:
+        raise ValueError(f"the reconstructions must have the same frames, have {sorted(frames)}")
+    if overlaps is not None and len(overlaps) != len(reconstructions):
+        raise ValueError(f"{len(overlaps)} overlaps for {len(reconstructions)} reconstructions")
+    n = frames.pop()
+    if not len(rest) or min(rest) < 0 or max(rest) >= n:
+        raise ValueError(f"rest must name frames in 0..{n - 1}, got {list(rest)}")
+    if at.shape != (3,) or not np.isfinite(at).all():
+        raise ValueError(f"at must be a point [m] of 3 finite components, got {at}")
+    if not 0.0 <= shared < 1.0 or not reject > 0.0 or not all(h is None or h > 0.0 for h in habits):
+        raise ValueError(
+            f"shared must be in [0, 1), reject > 0, turn [rad] and sway [m] > 0 or None, got {shared}, "
+            f"{reject}, {habits[0]}, {habits[1]}"
+        )
+
+
+def _nearest(place: FloatArray, valid: BoolArray) -> FloatArray:
+    """Place of each point in the valid frame nearest in time, shape of `place`."""
+    n = len(valid)
+    frame = np.arange(n)[:, None]
+    before = np.maximum.accumulate(np.where(valid, frame, -2 * n), axis=0)
+    after = np.minimum.accumulate(np.where(valid, frame, 3 * n)[::-1], axis=0)[::-1]
+    nearest = np.where(frame - before <= after - frame, before, after).clip(0, n - 1)
+    return np.take_along_axis(place, nearest[..., None], axis=0)
+
+
+def _from_rest(poses: Poses, at: FloatArray, rest: Sequence[int], n_frames: int) -> BodyMotion:
+    """Poses as motions of `at` from rest; what is common to all frames is fixed by the mean at rest."""
+    k, R = poses.frames, poses.R
+    still = np.isin(k, list(rest))
+    if not still.any():
+        raise ValueError(
+            f"none of the rest frames {list(rest)} is connected with the others by common points; name other "
+            "frames, or choose points that are in view there"
+        )
+    mean = Rotation.from_matrix(R[still]).mean().as_matrix()
+    body = mean.T @ (at - poses.p[still].mean(axis=0))
+    arm = R @ body
+    n = len(k)
+    T = np.tile(np.eye(6), (n, 1, 1))
+    T[:, 3:] = lever(arm)
+    N = np.zeros((n, 6, 6))
+    N[:, :3, :3] = N[:, 3:, 3:] = R
+    inverse = np.linalg.inv(N[still].mean(axis=0))
+
+    def from_rest(V: FloatArray) -> FloatArray:  # motions of all frames less those that make the rest zero
+        return np.asarray(V - np.einsum("kab,bc,cx->kax", N, inverse, V[still].mean(axis=0), optimize=True))
+
+    V = np.einsum("kab,kblc->kalc", T, poses.covariance, optimize=True)
+    V = np.einsum("kalc,ldc->kald", V, T, optimize=True)
+    V = from_rest(V.reshape(n, 6, 6 * n)).reshape(6 * n, n, 6)
+    V = from_rest(np.moveaxis(V, 0, 2)).reshape(n, 6, n, 6)
+    scale = float(np.sqrt(max(1.0, poses.chi2_per_dof)))
+    covariance = np.full((n_frames, 6, n_frames, 6), np.nan)
+    six = np.arange(6)
+    covariance[np.ix_(k, six, k, six)] = scale**2 * V
+    displacement, rotation = np.full((n_frames, 3), np.nan), np.full((n_frames, 3), np.nan)
+    displacement[k] = arm + poses.p - at
+    rotation[k] = Rotation.from_matrix(R @ mean.T).as_rotvec()
+    count = np.zeros(n_frames, dtype=np.int64)
+    count[k] = poses.count
+    outcome = np.full(n_frames, int(FrameOutcome.LOST), dtype=np.int64)
+    outcome[k] = FrameOutcome.VALID
+    return BodyMotion(at, displacement, rotation, covariance, count, outcome, poses.chi2_per_dof, scale)

@@ -1,0 +1,1 @@
+"""Pictures computed with a known answer, to test what measures them."""

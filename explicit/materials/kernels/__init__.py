@@ -1,0 +1,1 @@
+"""Warp functions that laws share."""

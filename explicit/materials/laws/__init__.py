@@ -1,0 +1,46 @@
+"""The closed-form laws by name. A new one is a line here."""
+
+from explicit.materials.invariants import InvariantLaw
+from explicit.materials.laws.arruda_boyce import ArrudaBoyce
+from explicit.materials.laws.exponential import Humphrey, VerondaWestmann
+from explicit.materials.laws.gent import Gent
+from explicit.materials.laws.mooney_rivlin import MooneyRivlin
+from explicit.materials.laws.neo_hookean import NeoHookean
+from explicit.materials.laws.ogden import Ogden1, Ogden2, Ogden3
+from explicit.materials.laws.polynomial import Polynomial
+from explicit.materials.laws.yeoh import ReducedPolynomial, Yeoh
+from explicit.materials.stretches import StretchLaw
+
+AnyLaw = InvariantLaw | StretchLaw
+"""A closed-form law: it has its constants, its energy by stretches, and all that the solver asks for."""
+
+LAWS: dict[str, type[AnyLaw]] = {
+    law.NAME: law
+    for law in (
+        NeoHookean,
+        MooneyRivlin,
+        Polynomial,
+        ReducedPolynomial,
+        Yeoh,
+        Ogden1,
+        Ogden2,
+        Ogden3,
+        ArrudaBoyce,
+        Gent,
+        VerondaWestmann,
+        Humphrey,
+    )
+}
+
+
+def law_class(name: str) -> type[AnyLaw]:
+    """Look a law up by name.
+
+    Raises
+    ------
+    ValueError
+        If there is no such law; the message lists those there are.
+    """
+    if name not in LAWS:
+        raise ValueError(f"law must be one of {sorted(LAWS)}, got {name!r}")
+    return LAWS[name]

@@ -1,0 +1,195 @@
+"""What relaxes, in the time loop: the stress that branches have given up, and the energy they took.
+
+The law's own stress enters at its instantaneous stiffness, through the element's forces and its step bound;
+the functions here subtract what the branches have relaxed since. Every stress point remembers a few numbers
+a branch, every element what its branches were worth so far, side by side over the elements.
+A sample without rate dependence runs none of this.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from explicit.elements import ElementFunctions
+from explicit.precision import Precision
+from explicit.relaxation.base import Relaxation
+from explicit.time_loop.element_sweeps import SweepFunctions, corner_functions
+from explicit.time_loop.lanes import lane_functions
+from explicit.time_loop.slots import INTERVAL, PLAN, PLANS, STEP_BEFORE
+from explicit.time_loop.state_layout import StateLayout
+from explicit.time_loop.structs import Structs
+
+
+@dataclass(frozen=True)
+class RelaxationFunctions:
+    """What the time loop asks of the branches."""
+
+    sweep: Any
+    """``sweep(body, solid, row, branches, memory, clock, step, u_r, u_y, v_r, v_y, corner_r, corner_y, lane,
+    measure)``: subtract the forces of what has relaxed from the corners; returns the largest omega^2 of
+    theirs [1/s^2], 0 unless `measure` is 1."""
+    energies: Any
+    """``energies(body, solid, row, limit_s, branches, memory, u_r, u_y, lane)``: as of the sweep over
+    energies, of the long-term law, and what was done on the branches [J]."""
+    memory: int
+    """Numbers that an element remembers."""
+
+
+@cache
+def relaxation_functions(
+    kind: Relaxation | None,
+    law: type,
+    precision: Precision,
+    bound: str,
+    element: ElementFunctions,
+    structs: Structs,
+    place: StateLayout,
+    sweeps: SweepFunctions,
+) -> RelaxationFunctions:
+    """Generate the functions of a kind of branches, or those of none."""
+    if kind is None:
+        return _nothing(precision, element, structs, sweeps)
+    real = precision.real
+    Body, Solid = structs.Body, element.Solid
+    lanes = lane_functions()
+    empty_sum, add_to, n_workers = lanes.empty_sum, lanes.add_to, lanes.n_workers
+    corner = corner_functions(precision, structs)
+    nodes, values = corner.nodes, corner.values
+    read_shape, corner_stride = element.read_shape, place.corner_stride
+    stress_point, sweep_energies = element.stress_point, sweeps.energies
+    point = kind.point(law, precision, bound)
+    relax, held = point.relax, point.held
+    n_points, per_point = int(element.n_points), int(point.memory)
+    worth, place_of_rest = int(n_points * per_point), int(kind.place_of_rest)
+    zero = real(0.0)
+
+    @wp.func
+    def sweep(
+        body: Body,
+        solid: Solid,
+        row: wp.array(dtype=real),
+        branches: wp.array(dtype=real),
+        memory: wp.array(dtype=real),
+        clock: wp.array(dtype=wp.float64),
+        step: int,
+        u_r: wp.array(dtype=real),
+        u_y: wp.array(dtype=real),
+        v_r: wp.array(dtype=real),
+        v_y: wp.array(dtype=real),
+        corner_r: wp.array(dtype=real),
+        corner_y: wp.array(dtype=real),
+        lane: int,
+        measure: int,
+    ):
+        # The step that led here, and the time between the velocities before and after.
+        moved, interval = real(0.0), real(0.0)
+        if step >= 0:
+            here = PLANS + PLAN * (step % 2)
+            moved = real(clock[here + STEP_BEFORE])
+            interval = real(clock[here + INTERVAL])
+        most = real(0.0)
+        places, rooms = body.n_elements, corner_stride(body.n_elements)
+        e = lane
+        while e < body.n_elements:
+            q = nodes(body, e)
+            shape = read_shape(body.shapes, e, measure)
+            ur, uy, vr, vy = values(u_r, q), values(u_y, q), values(v_r, q), values(v_y, q)
+            done, stiffer = real(0.0), real(0.0)
+            for g in range(n_points):
+                weight, gradient_r, gradient_y, hoop = stress_point(shape, g)
+                f_r, f_y, more, omega_squared = relax(
+                    weight, gradient_r, gradient_y, hoop, shape.inverse_mass_r, shape.inverse_mass_y,
+                    solid.scale, row, branches, memory, g * per_point, places, e,
+                    ur, uy, vr, vy, moved, interval, measure,
+                )  # fmt: skip
+                for a in range(4):
+                    corner_r[a * rooms + e] = corner_r[a * rooms + e] + f_r[a]
+                    corner_y[a * rooms + e] = corner_y[a * rooms + e] + f_y[a]
+                done += more
+                stiffer += omega_squared
+            memory[worth * places + e] = memory[worth * places + e] + done
+            most = wp.max(most, stiffer)
+            e += n_workers()
+        return wp.float64(most)
+
+    @wp.func
+    def energies(
+        body: Body,
+        solid: Solid,
+        row: wp.array(dtype=real),
+        limit_s: real,
+        branches: wp.array(dtype=real),
+        memory: wp.array(dtype=real),
+        u_r: wp.array(dtype=real),
+        u_y: wp.array(dtype=real),
+        lane: int,
+    ):
+        rest = branches[place_of_rest]
+        lasting = Solid(solid.scale * rest, solid.bulk, solid.hourglass, zero, zero, zero, zero, zero)
+        elastic, hourglass, past, most = sweep_energies(body, lasting, row, limit_s, u_r, u_y, lane)
+        taken = empty_sum()
+        places = body.n_elements
+        e = lane
+        while e < body.n_elements:
+            q = nodes(body, e)
+            shape = read_shape(body.shapes, e, 0)
+            ur, uy = values(u_r, q), values(u_y, q)
+            stored = real(0.0)
+            for g in range(n_points):
+                weight, gradient_r, gradient_y, hoop = stress_point(shape, g)
+                stored += held(
+                    weight, gradient_r, gradient_y, hoop,
+                    solid.scale, row, branches, memory, g * per_point, places, e, ur, uy,
+                )  # fmt: skip
+            taken = add_to(taken, wp.float64(stored + memory[worth * places + e]), e)
+            e += n_workers()
+        return elastic, hourglass, past, most, taken
+
+    return RelaxationFunctions(sweep, energies, n_points * per_point + 1)
+
+
+def _nothing(
+    precision: Precision, element: ElementFunctions, structs: Structs, sweeps: SweepFunctions
+) -> RelaxationFunctions:
+    real = precision.real
+    Body, Solid = structs.Body, element.Solid
+    sweep_energies, empty_sum = sweeps.energies, lane_functions().empty_sum
+
+    @wp.func
+    def sweep(
+        body: Body,
+        solid: Solid,
+        row: wp.array(dtype=real),
+        branches: wp.array(dtype=real),
+        memory: wp.array(dtype=real),
+        clock: wp.array(dtype=wp.float64),
+        step: int,
+        u_r: wp.array(dtype=real),
+        u_y: wp.array(dtype=real),
+        v_r: wp.array(dtype=real),
+        v_y: wp.array(dtype=real),
+        corner_r: wp.array(dtype=real),
+        corner_y: wp.array(dtype=real),
+        lane: int,
+        measure: int,
+    ):
+        return wp.float64(0.0)
+
+    @wp.func
+    def energies(
+        body: Body,
+        solid: Solid,
+        row: wp.array(dtype=real),
+        limit_s: real,
+        branches: wp.array(dtype=real),
+        memory: wp.array(dtype=real),
+        u_r: wp.array(dtype=real),
+        u_y: wp.array(dtype=real),
+        lane: int,
+    ):
+        elastic, hourglass, past, most = sweep_energies(body, solid, row, limit_s, u_r, u_y, lane)
+        return elastic, hourglass, past, most, empty_sum()
+
+    return RelaxationFunctions(sweep, energies, 0)

@@ -1,0 +1,141 @@
+"""The two sweeps over a simulation's elements: corner forces, and energies at the times of the ledger."""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from explicit.elements import ElementFunctions
+from explicit.grouped_tables import entries_function
+from explicit.precision import Precision
+from explicit.time_loop.lanes import lane_functions
+from explicit.time_loop.state_layout import StateLayout
+from explicit.time_loop.structs import Structs
+
+
+@dataclass(frozen=True)
+class CornerFunctions:
+    """What a sweep over elements asks of their corners."""
+
+    nodes: Any
+    """``nodes(body, e) -> vec4i``: the corner nodes of element e."""
+    values: Any
+    """``values(field, corners) -> vec4``: a field there."""
+
+
+@cache
+def corner_functions(precision: Precision, structs: Structs) -> CornerFunctions:
+    """Generate the corners' functions."""
+    real, vec4, Body = precision.real, precision.vec4, structs.Body
+    nodes_at = entries_function(wp.int32)
+
+    @wp.func
+    def nodes(body: Body, e: int):
+        return nodes_at(body.quads, 0, e)
+
+    @wp.func
+    def values(field: wp.array(dtype=real), corners: wp.vec4i):
+        return vec4(field[corners[0]], field[corners[1]], field[corners[2]], field[corners[3]])
+
+    return CornerFunctions(nodes, values)
+
+
+@dataclass(frozen=True)
+class SweepFunctions:
+    """The sweeps of one law and precision."""
+
+    elements: Any
+    """``elements(body, solid, row, u_r, u_y, v_r, v_y, corner_r, corner_y, lane, measure) -> (omega_squared,
+    power, artificial)``."""
+    energies: Any
+    """``energies(body, solid, row, limit_s, u_r, u_y, lane) -> (elastic, hourglass, volume past data,
+    s)``."""
+
+
+@cache
+def sweep_functions(
+    precision: Precision, element: ElementFunctions, structs: Structs, place: StateLayout
+) -> SweepFunctions:
+    """Generate the sweeps."""
+    real = precision.real
+    Body, Solid = structs.Body, element.Solid
+    lanes = lane_functions()
+    empty_sum, add_to, n_workers = lanes.empty_sum, lanes.add_to, lanes.n_workers
+    corner = corner_functions(precision, structs)
+    nodes, values = corner.nodes, corner.values
+    read_shape, corner_stride = element.read_shape, place.corner_stride
+    element_forces, element_energies = element.forces, element.energies
+
+    @wp.func
+    def sweep_elements(
+        body: Body,
+        solid: Solid,
+        row: wp.array(dtype=real),
+        u_r: wp.array(dtype=real),
+        u_y: wp.array(dtype=real),
+        v_r: wp.array(dtype=real),
+        v_y: wp.array(dtype=real),
+        corner_r: wp.array(dtype=real),
+        corner_y: wp.array(dtype=real),
+        lane: int,
+        measure: int,
+    ):
+        """Corner forces of this lane's elements; the largest omega^2; powers lost, as of the element."""
+        worst, power, artificial = real(0.0), empty_sum(), empty_sum()
+        places = corner_stride(body.n_elements)
+        e = lane
+        while e < body.n_elements:
+            q = nodes(body, e)
+            f_r, f_y, omega_squared, dissipated, controlled = element_forces(
+                read_shape(body.shapes, e, measure),
+                solid,
+                row,
+                values(u_r, q),
+                values(u_y, q),
+                values(v_r, q),
+                values(v_y, q),
+                measure,
+            )
+            for a in range(4):
+                corner_r[a * places + e] = f_r[a]
+                corner_y[a * places + e] = f_y[a]
+            worst = wp.max(worst, omega_squared)
+            power = add_to(power, wp.float64(dissipated), e)
+            artificial = add_to(artificial, wp.float64(controlled), e)
+            e += n_workers()
+        return wp.float64(worst), power, artificial
+
+    @wp.func
+    def sweep_energies(
+        body: Body,
+        solid: Solid,
+        row: wp.array(dtype=real),
+        limit_s: real,
+        u_r: wp.array(dtype=real),
+        u_y: wp.array(dtype=real),
+        lane: int,
+    ):
+        """Strain and hourglass energy, volume past the data and the largest s of this lane's elements."""
+        elastic, hourglass, past = empty_sum(), empty_sum(), empty_sum()
+        most = real(0.0)
+        e = lane
+        while e < body.n_elements:
+            q = nodes(body, e)
+            shape = read_shape(body.shapes, e, 0)
+            w, h, s = element_energies(
+                shape,
+                solid,
+                row,
+                values(u_r, q),
+                values(u_y, q),
+            )
+            elastic = add_to(elastic, wp.float64(w), e)
+            hourglass = add_to(hourglass, wp.float64(h), e)
+            most = wp.max(most, s)
+            if s > limit_s:
+                past = add_to(past, wp.float64(shape.volume), e)
+            e += n_workers()
+        return elastic, hourglass, past, wp.float64(most)
+
+    return SweepFunctions(sweep_elements, sweep_energies)

@@ -1,0 +1,206 @@
+"""Lanes of one simulation: what they do together, natively.
+
+On a GPU the lanes are the threads of one block. On the CPU `explicit.simd` translates the lanes to those of
+SIMD registers.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+BARRIER = """
+#if defined(__CUDA_ARCH__)
+    __syncthreads();
+#endif
+"""
+"""Lanes of one simulation meet here; a single lane (CPU) has nobody to wait for."""
+
+# A GPU's block has a clerk, its last warp, which keeps the clock while the others sweep the elements.
+# Totals are handed to it warp by warp and added in one order.
+_HAND_OVER = """
+#if defined(__CUDA_ARCH__)
+    #pragma unroll
+    for (int offset = 16; offset > 0; offset >>= 1) {
+        double other = __shfl_down_sync(0xffffffffu, x, offset);
+        x = COMBINE;
+    }
+    if ((threadIdx.x & 31) == 0) parts.data[k * WARPS + (threadIdx.x >> 5)] = x;
+#else
+    parts.data[k] = x;
+#endif
+"""
+_TAKE = """
+#if defined(__CUDA_ARCH__)
+    const int warp = threadIdx.x & 31;
+    double x = warp < (blockDim.x >> 5) ? parts.data[k * WARPS + warp] : NOTHING;
+    #pragma unroll
+    for (int step = 16; step > 0; step >>= 1) {
+        const double other = __shfl_xor_sync(0xffffffffu, x, step);
+        x = COMBINE;
+    }
+    return x;
+#else
+    return parts.data[k];
+#endif
+"""
+_SUM, _LARGER = "x + other", "x > other ? x : other"
+_SEAT_TOTALS = """
+    wp::vec_t<2, wp::float64> sums(0.0, 0.0);
+#if defined(__CUDA_ARCH__)
+    #pragma unroll 1
+    for (int k = threadIdx.x & 31; k < n; k += 32) { sums[0] += first.data[k]; sums[1] += second.data[k]; }
+    #pragma unroll
+    for (int other = 16; other > 0; other >>= 1) {
+        const double a = __shfl_xor_sync(0xffffffffu, sums[0], other);
+        const double b = __shfl_xor_sync(0xffffffffu, sums[1], other);
+        sums[0] += a;
+        sums[1] += b;
+    }
+#else
+    for (int k = 0; k < n; ++k) { sums[0] += first.data[k]; sums[1] += second.data[k]; }
+#endif
+    return sums;
+"""
+BLOCK = 384
+"""Threads that share one simulation on a GPU; among them its registers are shared out."""
+SMALL_BLOCK = 96
+"""The same where there are more simulations than multiprocessors: four share one, and while the threads of
+one wait for each other those of the others go on."""
+SHARING = 4
+"""How many those are."""
+WARPS = BLOCK // 32
+"""Most warps of a block; its last one is the clerk."""
+
+_INSIDE = f"((signed)blockDim.x - (blockDim.x < {BLOCK} ? 32 : 96))"
+
+
+def block_for(n_samples: int, device: Any, on_chip: bool) -> int:
+    """Threads that a simulation of a batch gets on a Warp device."""
+    return SMALL_BLOCK if device.is_cuda and on_chip and n_samples > device.sm_count else BLOCK
+
+
+def _either(cuda: str, cpu: str) -> str:
+    return f"\n#if defined(__CUDA_ARCH__)\n    {cuda}\n#else\n    {cpu}\n#endif\n"
+
+
+@dataclass(frozen=True)
+class LaneFunctions:
+    """What lanes do together. On a GPU they are a block with a clerk; elsewhere a lane is all of them."""
+
+    sync: Any
+    """``sync()``: every lane waits for the others; their writes are visible after it."""
+    empty_sum: Any
+    """``empty_sum()``: where a sum over elements or nodes begins."""
+    add_to: Any
+    """``add_to(sum, x, k)``: the sum with the share of the k-th element or node."""
+    is_worker: Any
+    """``is_worker(lane)``: 1 for a lane that sweeps elements."""
+    n_workers: Any
+    """``n_workers()``: how many those are."""
+    is_control: Any
+    """``is_control(lane)``: 1 for a lane of the clerk."""
+    is_writer: Any
+    """``is_writer(lane)``: 1 for the lane of the clerk that writes what is written once."""
+    put_total: Any
+    """``put_total(parts, k, x)``: hand over the k-th total, of every lane's x."""
+    put_largest: Any
+    """``put_largest(parts, k, x)``: the same for the largest x."""
+    get_total: Any
+    """``get_total(parts, k)``: the k-th total."""
+    get_largest: Any
+    """``get_largest(parts, k)``: the k-th largest value."""
+    boundary_totals: Any
+    """``boundary_totals(first, second, n)``: sums of n numbers each, on every lane of the clerk."""
+    control_sync: Any
+    """``control_sync()``: the clerk's lanes have read what they are about to write."""
+    boundary_first: Any
+    """``boundary_first(lane)``: the seat of the boundary at which a worker begins."""
+    first_inner: Any
+    """``first_inner(lane)``: the node of the interior at which a worker begins. A whole block keeps its last
+    workers for the boundary, where a node takes several times as long."""
+    inner_stride: Any
+    """``inner_stride()``: how far a worker goes on there."""
+    control_first: Any
+    """``control_first(lane)``: where a lane of the clerk begins a walk."""
+    control_stride: Any
+    """``control_stride()``: how far it goes on."""
+
+
+@cache
+def lane_functions() -> LaneFunctions:
+    """Generate the lane functions.
+
+    On the CPU `explicit.simd` gives them their meaning over packs; short sums are made one after the other
+    there, in one order whatever the lanes are, so that forces keep their bits.
+    """
+    total = _HAND_OVER.replace("WARPS", str(WARPS)).replace("COMBINE", _SUM)
+    largest = _HAND_OVER.replace("WARPS", str(WARPS)).replace("COMBINE", _LARGER)
+    take_total = _TAKE.replace("WARPS", str(WARPS)).replace("COMBINE", _SUM).replace("NOTHING", "0.0")
+    take_largest = _TAKE.replace("WARPS", str(WARPS)).replace("COMBINE", _LARGER).replace("NOTHING", "-1e300")
+    parts_of: Any = wp.array(dtype=wp.float64)
+
+    @wp.func_native(snippet=BARRIER)
+    def sync(): ...
+
+    @wp.func
+    def empty_sum():
+        return wp.float64(0.0)
+
+    @wp.func
+    def add_to(sofar: wp.float64, share: wp.float64, place: int):
+        return sofar + share
+
+    @wp.func_native(snippet=_either("return lane < blockDim.x - 32;", "return 1;"))
+    def is_worker(lane: int) -> int: ...
+
+    @wp.func_native(snippet=_either("return blockDim.x - 32;", "return 1;"))
+    def n_workers() -> int: ...
+
+    @wp.func_native(snippet=_either("return lane >= blockDim.x - 32;", "return 1;"))
+    def is_control(lane: int) -> int: ...
+
+    @wp.func_native(snippet=_either("return lane == blockDim.x - 32;", "return 1;"))
+    def is_writer(lane: int) -> int: ...
+
+    @wp.func_native(snippet=total)
+    def put_total(parts: parts_of, k: int, x: wp.float64): ...
+
+    @wp.func_native(snippet=largest)
+    def put_largest(parts: parts_of, k: int, x: wp.float64): ...
+
+    @wp.func_native(snippet=take_total)
+    def get_total(parts: parts_of, k: int) -> wp.float64: ...
+
+    @wp.func_native(snippet=take_largest)
+    def get_largest(parts: parts_of, k: int) -> wp.float64: ...
+
+    @wp.func_native(snippet=_SEAT_TOTALS)
+    def boundary_totals(first: parts_of, second: parts_of, n: int) -> wp.vec2d: ...
+
+    @wp.func_native(snippet=_either("__syncwarp();", ""))
+    def control_sync(): ...
+
+    @wp.func_native(snippet=_either("return blockDim.x - 33 - lane;", "return lane;"))
+    def boundary_first(lane: int) -> int: ...
+
+    @wp.func_native(snippet=_either(f"return lane < {_INSIDE} ? lane : 0x40000000;", "return lane;"))
+    def first_inner(lane: int) -> int: ...
+
+    @wp.func_native(snippet=_either(f"return {_INSIDE};", "return 1;"))
+    def inner_stride() -> int: ...
+
+    @wp.func_native(snippet=_either("return lane & 31;", "return lane;"))
+    def control_first(lane: int) -> int: ...
+
+    @wp.func_native(snippet=_either("return 32;", "return 1;"))
+    def control_stride() -> int: ...
+
+    return LaneFunctions(
+        sync=sync, empty_sum=empty_sum, add_to=add_to, is_worker=is_worker, n_workers=n_workers,
+        is_control=is_control, is_writer=is_writer, put_total=put_total, put_largest=put_largest,
+        get_total=get_total, get_largest=get_largest, boundary_totals=boundary_totals,
+        control_sync=control_sync, boundary_first=boundary_first, first_inner=first_inner,
+        inner_stride=inner_stride, control_first=control_first, control_stride=control_stride,
+    )  # fmt: skip

@@ -1,0 +1,280 @@
+"""Repeated tests on one axis: mean, scatter, confidence band (Type A), and what all tests share."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import t as student
+
+from kolsky.bars.records import History, Reduction
+from kolsky.base.arrays import FloatArray
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One test: a quantity over strain or time."""
+
+    name: str
+    """Which test, for messages."""
+    axis: FloatArray
+    """Strain or time, increasing, shape [n]."""
+    value: FloatArray
+    """The quantity, shape [n]."""
+    sigma: FloatArray | None = None
+    """Standard uncertainty from what is independent from test to test, its noise for one; None if unknown."""
+
+
+@dataclass(frozen=True)
+class Repeats:
+    """Mean of tests with the uncertainty that their scatter gives it."""
+
+    axis: FloatArray
+    """Common axis, shape [n]."""
+    values: FloatArray
+    """Every test on it, shape [n_tests, n]."""
+    mean: FloatArray
+    """Mean over the tests, shape [n]."""
+    scatter: FloatArray
+    """Experimental standard deviation between tests, n - 1, Eq. (U.14), shape [n]."""
+    within: FloatArray | None
+    """Root mean square of the tests' own sigmas, shape [n]; None if one is unknown. Where the scatter is no
+    larger, the tests differ by no more than their noise."""
+    remarks: tuple[str, ...]
+    """What was cut off, in words."""
+
+    @property
+    def count(self) -> int:
+        """Tests."""
+        return len(self.values)
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom of the scatter."""
+        return self.count - 1
+
+    @property
+    def sigma(self) -> FloatArray:
+        """Type A standard uncertainty of the mean, Eq. (U.15), shape [n]."""
+        return self.scatter / np.sqrt(self.count)
+
+    def combined(self, shared: FloatArray | float = 0.0) -> tuple[FloatArray, FloatArray]:
+        """Standard uncertainty of the mean with what all tests share, and its degrees of freedom.
+
+        Parameters
+        ----------
+        shared
+            Standard uncertainty from what does not differ between the tests: moduli, gauge factors, ...,
+            shape [n]. It is not reduced by repeating and its degrees of freedom count as infinite.
+
+        Returns
+        -------
+        tuple
+            Eq. (U.16) and the effective degrees of freedom by Welch and Satterthwaite, shape [n] both.
+        """
+        u = np.hypot(self.sigma, shared)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            nu = np.where(self.sigma > 0.0, self.freedom * (u / self.sigma) ** 4, np.inf)
+        return u, nu
+
+    def band(
+        self, probability: float = 0.95, *, shared: FloatArray | float = 0.0
+    ) -> tuple[FloatArray, FloatArray]:
+        """Confidence band of the mean, pointwise: mean -+ t u, shape [n] both ends.
+
+        Raises
+        ------
+        ValueError
+            If the probability is not inside (0, 1).
+        """
+        if not 0.0 < probability < 1.0:
+            raise ValueError(f"a confidence must be inside (0, 1), got {probability}")
+        u, nu = self.combined(shared)
+        half = student.ppf(0.5 + 0.5 * probability, nu) * u
+        return self.mean - half, self.mean + half
+
+
+def average(curves: Sequence[Curve], *, points: int | None = None) -> Repeats:
+    """Mean and scatter of repeated tests over the range that all of them have.
+
+    Curves are interpolated linearly to a uniform axis from the latest start to the earliest end; what lies
+    outside is cut off, and a remark says so.
+
+    Parameters
+    ----------
+    curves
+        The tests, at least two.
+    points
+        Points of the common axis, at least 2; by default as many as the test with the fewest has there.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two tests, an axis does not increase, lengths differ, a value is not finite,
+        or the tests have no range in common.
+    """
+    if len(curves) < 2:
+        raise ValueError(f"a scatter needs at least 2 tests, got {len(curves)}")
+    for curve in curves:
+        _check(curve)
+    low, high = max(c.axis[0] for c in curves), min(c.axis[-1] for c in curves)
+    if not low < high:
+        first = max(curves, key=lambda c: c.axis[0]).name
+        last = min(curves, key=lambda c: c.axis[-1]).name
+        raise ValueError(
+            f"the tests have no range in common: {first} starts at {low:.6g}, {last} ends at {high:.6g}"
+        )
+    count = points or max(2, min(int(((c.axis >= low) & (c.axis <= high)).sum()) for c in curves))
+    if count < 2:
+        raise ValueError(f"a common axis needs at least 2 points, got {count}")
+    axis = np.linspace(low, high, count)
+    values = np.stack([np.interp(axis, c.axis, c.value) for c in curves])
+    within = None
+    if all(c.sigma is not None for c in curves):
+        sigmas = [np.interp(axis, c.axis, c.sigma) for c in curves if c.sigma is not None]
+        within = np.sqrt(np.mean(np.square(sigmas), axis=0))
+    remarks = [
+        f"{c.name}: {c.axis[0]:.4g} to {c.axis[-1]:.4g} cut to the common range {low:.4g} to {high:.4g}"
+        for c in curves
+        if c.axis[0] < low or c.axis[-1] > high
+    ]
+    return Repeats(
+        axis=axis,
+        values=values,
+        mean=values.mean(axis=0),
+        scatter=values.std(axis=0, ddof=1),
+        within=within,
+        remarks=tuple(remarks),
+    )
+
+
+def _check(curve: Curve) -> None:
+    x, y, sigma = curve.axis, curve.value, curve.sigma
+    if x.ndim != 1 or x.size < 2 or x.shape != y.shape or (sigma is not None and sigma.shape != x.shape):
+        raise ValueError(
+            f"{curve.name}: axis, value and sigma need one length of 2 or more, got {x.shape}, {y.shape}"
+        )
+    if not (np.isfinite(x).all() and np.isfinite(y).all() and (sigma is None or np.isfinite(sigma).all())):
+        raise ValueError(f"{curve.name}: every axis value, value and sigma must be finite")
+    back = np.flatnonzero(~(np.diff(x) > 0.0))
+    if back.size:
+        raise ValueError(
+            f"{curve.name}: the axis must increase, it goes from {x[back[0]]:.6g} to {x[back[0] + 1]:.6g} at"
+            f" point {back[0] + 1}; cut the curve there (a strain falls after its largest value)"
+        )
+
+
+QUANTITIES = ("stress", "rate", "strain")
+AXES = ("strain", "time")
+
+
+@dataclass(frozen=True)
+class RepeatedTests:
+    """The mean of repeated tests, its scatter, and what the tests have in common."""
+
+    quantity: str
+    """"stress", "rate" or "strain"."""
+    over: str
+    """"strain" or "time"."""
+    unit: str
+    """Unit of the quantity."""
+    repeats: Repeats
+    """Mean, scatter and single tests on the common axis."""
+    shared: FloatArray
+    """Standard uncertainty that repeating does not lower, shape [n]."""
+
+    def history(self) -> History:
+        """The mean with its combined standard uncertainty, Eq. (U.16)."""
+        return History(self.repeats.mean, self.repeats.combined(self.shared)[0], self.unit)
+
+    def band(self, probability: float = 0.95) -> tuple[FloatArray, FloatArray]:
+        """Confidence band of the mean, scatter and shared parts together, shape [n] both ends."""
+        return self.repeats.band(probability, shared=self.shared)
+
+
+def repeated_tests(
+    reductions: Mapping[str, Reduction],
+    *,
+    quantity: str = "stress",
+    over: str = "strain",
+    way: str = "three waves",
+    points: int | None = None,
+) -> RepeatedTests:
+    """Average a history of several tests.
+
+    Over strain only the loading counts, the longest stretch of each test in which its strain increases; a
+    remark says from where to where. The standard uncertainties of the single tests, which all rest on the
+    same bars, gauges and instruments, are taken as shared, their noise with them: where it matters, the band
+    is on the safe side by it.
+
+    Parameters
+    ----------
+    reductions
+        Reductions by the names of the tests, with their full bands (`kolsky.bars.reduction.analyse`).
+    quantity
+        A key of `QUANTITIES`.
+    over
+        "strain" or "time"; "strain" not for the strain itself.
+    way
+        "one wave", "two waves" or "three waves".
+    points
+        Points of the common axis; see `kolsky.bars.reduction.repeated_tests.average`.
+
+    Raises
+    ------
+    ValueError
+        If an option is unknown, or as `kolsky.bars.reduction.repeated_tests.average`.
+    """
+    if quantity not in QUANTITIES or over not in AXES or quantity == over:
+        raise ValueError(
+            f"quantity must be one of {', '.join(QUANTITIES)} over one of {', '.join(AXES)} and not over"
+            f" itself, got {quantity!r} over {over!r}"
+        )
+    curves, remarks, unit = [], [], ""
+    for name, reduction in reductions.items():
+        kinds = getattr(reduction, quantity)
+        if way not in kinds:
+            raise ValueError(f"{name}: no analysis is called {way!r}; there are {', '.join(kinds)}")
+        history: History = kinds[way]
+        unit = history.unit
+        inside = slice(None)
+        axis = reduction.time
+        if over == "strain":
+            axis = reduction.strain[way].value
+            inside = rising(axis)
+            first, last = axis[inside][0], axis[inside][-1]
+            if inside.start or inside.stop < axis.size:
+                remarks.append(f"{name}: loading from strain {first:.4g} to {last:.4g}, the rest is cut off")
+        curves.append(Curve(name, axis[inside], history.value[inside], history.sigma[inside]))
+    found = average(curves, points=points)
+    assert found.within is not None  # every curve has its sigma
+    return RepeatedTests(
+        quantity=quantity,
+        over=over,
+        unit=unit,
+        repeats=Repeats(
+            axis=found.axis,
+            values=found.values,
+            mean=found.mean,
+            scatter=found.scatter,
+            within=None,  # it is what is shared here, not what differs from test to test
+            remarks=(*remarks, *found.remarks),
+        ),
+        shared=found.within,
+    )
+
+
+def rising(value: FloatArray) -> slice:
+    """The longest stretch of samples in which each is larger than the one before; of equals the first.
+
+    Raises
+    ------
+    ValueError
+        If no sample is larger than the one before.
+    """
+    up = np.concatenate([[False], np.diff(value) > 0.0, [False]])
+    starts = np.flatnonzero(~up[:-1] & up[1:])
+    stops = np.flatnonzero(up[:-1] & ~up[1:])
+    if not starts.size:
+        raise ValueError("the strain does not increase anywhere")
+    longest = int(np.argmax(stops - starts))
+    return slice(int(starts[longest]), int(stops[longest]) + 1)

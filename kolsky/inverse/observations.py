@@ -1,0 +1,182 @@
+"""The measurements inside the window, and the same quantities predicted from simulations of the shot."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from explicit import Response
+from kolsky.bars.signals.transducers import CAMERA_FRAME, ForceBins, bin_force
+from kolsky.base.arrays import BoolArray, FloatArray
+from kolsky.base.records import CentreLine, ForceHistory
+from kolsky.inverse.side_surface import radius_at
+
+SAME_TIME = 1e-9
+"""Times closer than this are one [s]: the platen moves by 5 nm meanwhile."""
+
+
+@dataclass(frozen=True)
+class Observations:
+    """What the instruments saw inside the window."""
+
+    force: ForceHistory
+    """The transmitted force at every recorded sample, P of them."""
+    bins: ForceBins
+    """The same force in bins."""
+    centre_line: CentreLine
+    """The outline points, Q of them, frames in order of time; Q is 0 if nobody looked."""
+    force_sigma_gain: float = 0.0
+    """Standard uncertainty of the force's scale, common to all samples [-]; in no sigma above."""
+
+    @property
+    def has_shape(self) -> bool:
+        """Whether an outline was measured."""
+        return self.centre_line.time.size > 0
+
+    @property
+    def frame_times(self) -> FloatArray:
+        """Times of the frames that have a point [s], shape [M]."""
+        return np.unique(self.centre_line.time)
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What the instruments would have seen of each simulation."""
+
+    force: FloatArray
+    """Transmitted force at the recorded times [N], shape [n_samples, P]."""
+    force_bins: FloatArray
+    """Its mean over each bin [N], shape [n_samples, n_bins]."""
+    Z: FloatArray
+    """Radius at the measured heights [m], shape [n_samples, Q]; NaN where `inside` is False."""
+    inside: BoolArray
+    """Points that the model's free surface reaches, shape [n_samples, Q]."""
+
+
+def observe(
+    force: ForceHistory,
+    centre_line: CentreLine | None,
+    *,
+    window: tuple[float, float],
+    bin_width: float = CAMERA_FRAME,
+) -> Observations:
+    """Keep what lies inside the window, and bin the force.
+
+    Parameters
+    ----------
+    force : ForceHistory
+        The transmitted force.
+    centre_line : CentreLine or None
+        The outline; None if nobody looked.
+    window : tuple of float
+        First and last time, both included [s].
+    bin_width : float
+        Width of the force bins [s]; the camera's frame interval by default.
+
+    Raises
+    ------
+    ValueError
+        If the window holds no outline point or fewer than 2 force samples, the bin width does not fit,
+        or a Z or a sigma inside is not positive.
+    """
+    bins = bin_force(force, window=window, width=bin_width)
+    first, last = window
+    kept = (force.time >= first) & (force.time <= last)
+    inside = ForceHistory(time=force.time[kept], force=force.force[kept], sigma=force.sigma[kept])
+    _positive("sigma of the force", inside.sigma)
+    if centre_line is None:
+        return Observations(force=inside, bins=bins, centre_line=_NO_LINE)
+    point = np.flatnonzero((centre_line.time >= first) & (centre_line.time <= last))
+    if point.size == 0:
+        raise ValueError(
+            f"no outline point lies in the window {first:.9g} to {last:.9g} s; the frames span"
+            f" {centre_line.time.min():.9g} to {centre_line.time.max():.9g} s"
+            if centre_line.time.size
+            else "the centre line has no point"
+        )
+    point = point[np.argsort(centre_line.time[point], kind="stable")]
+    line = CentreLine(
+        time=centre_line.time[point],
+        frame=centre_line.frame[point],
+        y=centre_line.y[point],
+        Z=centre_line.Z[point],
+        sigma=centre_line.sigma[point],
+    )
+    _positive("Z", line.Z)
+    _positive("sigma of Z", line.sigma)
+    return Observations(force=inside, bins=bins, centre_line=line)
+
+
+def predict(response: Response, observations: Observations) -> Prediction:
+    """See every simulation of a batch through the instruments.
+
+    The force at the recorded times is interpolated linearly, as for Eq. (M.4). A bin's mean is the
+    difference of the impulse at its edges over its width: exact, whatever the force does in between. The
+    radius is interpolated by `kolsky.inverse.side_surface.radius_at`, never beyond the model's range.
+
+    Parameters
+    ----------
+    response : explicit.Response
+        Completed simulations; its `surface_times` contain every frame and its `force_times` every bin
+        edge, and they span the recorded samples.
+    observations : Observations
+        What to predict.
+
+    Raises
+    ------
+    ValueError
+        If a simulation did not complete, or a frame, a bin edge or a recorded sample is not covered.
+    """
+    lost = np.flatnonzero(~response.completed)
+    if lost.size:
+        raise ValueError(
+            f"simulation {lost[0]} of {response.n_samples} did not complete"
+            f" ({response.describe(int(lost[0]))}); first select the completed ones:"
+            " response.select(np.flatnonzero(response.completed))"
+        )
+    t, line = response.force_times, observations.centre_line
+    recorded = observations.force.time
+    if recorded[0] < t[0] - SAME_TIME or recorded[-1] > t[-1] + SAME_TIME:
+        raise ValueError(
+            f"the simulated force spans {t[0]:.9g} to {t[-1]:.9g} s, the recorded samples"
+            f" {recorded[0]:.9g} to {recorded[-1]:.9g} s; request force_times over the whole window"
+        )
+    edge = _rows(t, observations.bins.edges, "bin edge", "force_times")
+    outline = _no_outline(response)
+    if observations.has_shape:
+        frame = _rows(response.surface_times, line.time, "frame", "surface_times")
+        outline = [
+            radius_at(r, y, frame, line.y)
+            for r, y in zip(response.surface_r, response.surface_y, strict=True)
+        ]
+    impulse = response.impulse_transmission[:, edge]
+    return Prediction(
+        force=np.stack([np.interp(recorded, t, f) for f in response.force_transmission]),
+        force_bins=np.diff(impulse, axis=1) / np.diff(observations.bins.edges),
+        Z=np.stack([Z for Z, _ in outline]),
+        inside=np.stack([inside for _, inside in outline]),
+    )
+
+
+_NO_LINE = CentreLine(np.empty(0), np.empty(0, dtype=np.int64), np.empty(0), np.empty(0), np.empty(0))
+
+
+def _no_outline(response: Response) -> list[tuple[FloatArray, BoolArray]]:
+    return [(np.empty(0), np.empty(0, dtype=bool))] * response.n_samples
+
+
+def _positive(name: str, value: FloatArray) -> None:
+    if not (value > 0.0).all():
+        raise ValueError(f"every {name} in the window must be > 0, got {value.min():.6g}")
+
+
+def _rows(times: FloatArray, wanted: FloatArray, what: str, field: str) -> NDArray[np.intp]:
+    """Index of each wanted time among increasing `times`."""
+    row = np.minimum(np.searchsorted(times, wanted - SAME_TIME), times.size - 1)
+    missing = np.flatnonzero(~(np.abs(times[row] - wanted) <= SAME_TIME))
+    if missing.size:
+        raise ValueError(
+            f"the response has no {field} entry at the {what} {wanted[missing[0]]:.9g} s ({missing.size} of"
+            f" {wanted.size} missing); request every {what} in explicit.Sampling({field}=...)"
+        )
+    return row

@@ -1,0 +1,192 @@
+"""The simulations of an identification, stage by stage, every one of them kept in the run table."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import Box, Design, full_factorial, latin_hypercube
+from explicit import Response
+from kolsky.base.arrays import FloatArray
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.observations import Observations, Prediction, predict
+from kolsky.inverse.prepared_shot import PreparedShot
+from kolsky.inverse.run_table import RunTable
+from kolsky.inverse.settings import Settings
+
+Progress = Callable[[str, int, int], None]
+"""Called as ``progress(stage, runs done, runs in the stage)``."""
+
+
+@dataclass(frozen=True)
+class CompletedRuns:
+    """Completed runs of one stage."""
+
+    points: FloatArray
+    """Parameters, shape [n, d]."""
+    rows: NDArray[np.intp]
+    """Their rows in the design, shape [n]."""
+    prediction: Prediction
+    """What the instruments would have seen."""
+    response: Response
+    """The solver's full answer."""
+    lost: str
+    """What became of the runs that did not complete, the first of them in full; empty if there are none."""
+
+
+@dataclass(frozen=True)
+class Replicates:
+    """Runs at one point under other motions of the flyer and other curves, drawn from their noise."""
+
+    prediction: Prediction
+    """Row 0 is the reference, with the fitted motion and curve."""
+    flyer: NDArray[np.bool_]
+    """Which rows have another motion."""
+    curve: NDArray[np.bool_]
+    """Which rows have another curve."""
+    scale: NDArray[np.bool_]
+    """Which row has a motion larger by one standard uncertainty of its scale; at most one."""
+    lost: int
+    """How many did not complete."""
+
+
+class StagedRuns:
+    """Runs designs over a box of parameters; keeps every run, and the seconds of each stage."""
+
+    def __init__(self, prepared: PreparedShot, settings: Settings, box: Box, progress: Progress) -> None:
+        self.prepared, self.settings, self.box, self.progress = prepared, settings, box, progress
+        self.rng = np.random.default_rng(settings.seed)
+        self.table = RunTable(box.names)
+        self._coarse: list[tuple[FloatArray, Prediction]] = []
+        self.seconds: dict[str, float] = {}
+
+    @property
+    def observations(self) -> Observations:
+        """What the predictions are compared with."""
+        return self.prepared.observations
+
+    def design(self, box: Box) -> Design:
+        """Seven levels of one parameter, or a Latin hypercube of twelve points for each of several."""
+        if box.dimension == 1:
+            return full_factorial(box, 7)
+        return latin_hypercube(box, 12 * box.dimension, rng=self.rng, optimise=True)
+
+    def simulate(
+        self, stage: str, design: Design, numerics: Numerics, *, all_nodes: bool = False
+    ) -> CompletedRuns:
+        """Run a design.
+
+        Raises
+        ------
+        ValueError
+            If no run of it completed.
+        """
+        points = {name: design.points[:, i] for i, name in enumerate(self.box.names)}
+        started, report = time.perf_counter(), self._counter(stage, len(design))
+        response = self.prepared.forward.run(
+            {**self.settings.held, **points}, numerics, all_nodes=all_nodes, progress=report
+        )
+        self._clock(stage, started)
+        rows = np.flatnonzero(response.completed)
+        if len(rows) == 0:
+            raise ValueError(f"no run of the {stage} completed: {_first_lost(design, response)}")
+        kept = response.select(rows)
+        prediction = predict(kept, self.observations)
+        if numerics.mesh == self.settings.numerics.mesh:
+            self._coarse.append((design.points[rows], prediction))
+        self.table.add(stage, design.points, response.endings, rows, prediction, self.observations)
+        return CompletedRuns(design.points[rows], rows, prediction, kept, _lost(design, response))
+
+    def evaluate(
+        self, stage: str, points: FloatArray, numerics: Numerics
+    ) -> tuple[NDArray[np.intp], Prediction | None]:
+        """Rows of the points whose runs completed, and their predictions, None if there are none.
+
+        For a search that asks for many points beside each other: they join neither the table nor the runs
+        on the surrogate's mesh.
+        """
+        started, report = time.perf_counter(), self._counter(stage, len(points))
+        values = {name: points[:, i] for i, name in enumerate(self.box.names)}
+        response = self.prepared.forward.run({**self.settings.held, **values}, numerics, progress=report)
+        self._clock(stage, started)
+        rows = np.flatnonzero(response.completed)
+        return rows, predict(response.select(rows), self.observations) if len(rows) else None
+
+    def on_surrogate_mesh(self) -> tuple[FloatArray, Prediction]:
+        """Points and predictions of all completed runs on the surrogate's mesh, in their order."""
+        points, predictions = zip(*self._coarse, strict=True)
+        parts = {
+            name: np.concatenate([getattr(prediction, name) for prediction in predictions])
+            for name in Prediction.__dataclass_fields__
+        }
+        return np.concatenate(points), Prediction(**parts)
+
+    def replicate(self, point: FloatArray) -> Replicates:
+        """Run the point again under `settings.replicates` other motions, and as many other curves.
+
+        One more run has the motion larger by the standard uncertainty of its scale, if that is known.
+
+        Raises
+        ------
+        ValueError
+            If the reference among them did not complete.
+        """
+        n = self.settings.replicates
+        forward = self.prepared.with_replicates(n, self.rng)
+        scaled = len(forward.paths) - n - 1
+        motion = np.concatenate(
+            [[0], np.arange(1, n + 1), np.zeros(n, dtype=int), np.full(scaled, n + 1, dtype=int)]
+        )
+        material = np.concatenate(
+            [[0], np.zeros(n, dtype=int), np.arange(1, n + 1), np.zeros(scaled, dtype=int)]
+        )
+        started, report = time.perf_counter(), self._counter("noise", len(motion))
+        response = forward.run(
+            {**self.settings.held, **dict(zip(self.box.names, point, strict=True))},
+            self.settings.numerics.with_mesh(self.settings.replicate_mesh),
+            motion=motion,
+            material=material,
+            progress=report,
+        )
+        self._clock("noise", started)
+        rows = np.flatnonzero(response.completed)
+        if 0 not in rows:
+            raise ValueError(f"the noise stage's reference run ended {response.describe(0)}")
+        return Replicates(
+            prediction=predict(response.select(rows), self.observations),
+            flyer=(rows > 0) & (rows <= n),
+            curve=(rows > n) & (rows <= 2 * n),
+            scale=rows > 2 * n,
+            lost=response.n_samples - len(rows),
+        )
+
+    def _counter(self, stage: str, total: int) -> Callable[[int], None]:
+        done = 0
+        self.progress(stage, 0, total)
+
+        def report(n: int) -> None:
+            nonlocal done
+            done += n
+            self.progress(stage, done, total)
+
+        return report
+
+    def _clock(self, stage: str, started: float) -> None:
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - started
+
+
+def _lost(design: Design, response: Response) -> str:
+    """How many runs did not complete, and how the first of them ended; empty if all did."""
+    lost = len(design) - int(response.completed.sum())
+    told = f"{lost} of {len(design)} runs did not complete"
+    return f"{told}; {_first_lost(design, response)}" if lost else ""
+
+
+def _first_lost(design: Design, response: Response) -> str:
+    """Where the first run that did not complete lies, and how it ended."""
+    first = int(np.argmin(response.completed))
+    values = design.box.as_dict(design.points[first])
+    point = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
+    return f"the one at {point} ended {response.describe(first)}"

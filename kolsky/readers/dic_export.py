@@ -1,0 +1,266 @@
+"""Points of a surface from a series of text files, one a frame."""
+
+import hashlib
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from pathlib import Path
+
+import numpy as np
+
+from kolsky.base.arrays import FloatArray, IntArray
+from kolsky.base.errors import InputError
+from kolsky.readers.delimited import lines_of
+from kolsky.readers.dialect import find_dialect
+from kolsky.readers.dic_layouts import LAYOUTS, ExportLayout
+from kolsky.readers.encoding import decode_text
+from kolsky.readers.layout import Layout
+from kolsky.readers.metalines import uncommented
+from kolsky.readers.sheet import Sheet, first_samples, names_and_units
+from kolsky.readers.table import read_bytes
+
+UNITS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": 0.0254}
+"""Units of length that may be stated, in metres."""
+FILES_LIMIT = 10_000
+"""Most frames of one export."""
+_UNIT = re.compile(r"\s*\[[^\[\]]*\]\s*$|\s*\([^()]*\)\s*$")
+
+
+class PointState(IntEnum):
+    """What an export says of a point in a frame."""
+
+    VALID = 0
+    """It has a displacement."""
+    REJECTED = 1
+    """The program marked it as failed."""
+    MISSING = 2
+    """It has no row, or no numbers in it."""
+
+
+@dataclass(frozen=True)
+class DicExport:
+    """Points of a surface in the frame of the program that measured them (SI)."""
+
+    paths: tuple[Path, ...]
+    """The files, by frame."""
+    sha256: str
+    """SHA-256 over the hashes of all files, hex."""
+    program: str
+    """The layout that fitted."""
+    frame: IntArray
+    """Frame numbers from the names of the files, increasing, shape [n_frames]."""
+    X: FloatArray
+    """Reference positions [m], shape [n_points, 3]."""
+    u: FloatArray
+    """Displacements from them [m], NaN where a point is not valid, shape [n_frames, n_points, 3]."""
+    state: IntArray
+    """`PointState` of every point in every frame, shape [n_frames, n_points]."""
+
+
+def matching(folder: Path, pattern: str) -> tuple[Path, ...]:
+    """The files of a pattern, by name.
+
+    Raises
+    ------
+    InputError
+        If there is none, or more than `FILES_LIMIT`.
+    """
+    found = tuple(sorted(path for path in folder.glob(pattern) if path.is_file()))
+    if not found:
+        raise InputError(folder / pattern, "matches no file", cure="correct the pattern, or put them there")
+    if len(found) > FILES_LIMIT:
+        raise InputError(folder / pattern, f"matches {len(found)} files", allowed=f"at most {FILES_LIMIT}")
+    return found
+
+
+def read(
+    paths: Sequence[Path],
+    layout: str,
+    *,
+    unit: str = "mm",
+    delimiter: str | None = None,
+    decimal: str | None = None,
+) -> DicExport:
+    """Read the points of all frames.
+
+    A point is recognised by the layout's key, else by its row. Whether the coordinates of the files are those
+    of the reference frame or of the current one is told from the numbers: the former stay, the latter move
+    with the displacements.
+
+    Parameters
+    ----------
+    paths
+        The files; their names have the frame numbers.
+    layout
+        A key of `LAYOUTS`.
+    unit
+        Unit of length of coordinates and displacements.
+    delimiter, decimal
+        As in `kolsky.readers.layout.Layout`; found if None.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read or lacks a column, names have no frame numbers, a point is there twice, rows
+        cannot be told apart, or coordinates are of neither kind.
+    """
+    if layout not in LAYOUTS or unit not in UNITS:
+        raise InputError(
+            paths[0],
+            f"is said to be of '{layout}' in '{unit}'",
+            allowed=f"one of {', '.join(LAYOUTS)} in one of {', '.join(UNITS)}",
+        )
+    numbers = _frame_numbers(paths)
+    order = np.argsort(numbers)
+    files = [_one(paths[i], layout, Layout(delimiter=delimiter, decimal=decimal)) for i in order]
+    programs = {file.program for file in files}
+    if len(programs) > 1:
+        raise InputError(
+            paths[0], f"and the others are of {sorted(programs)}", cure="export all frames alike"
+        )
+    index = _point_index(files)
+    coordinates = np.full((len(files), len(index), 3), np.nan)
+    u, state = coordinates.copy(), np.full(coordinates.shape[:2], int(PointState.MISSING))
+    for i, file in enumerate(files):
+        places = [index[key] for key in file.keys]
+        coordinates[i, places] = file.coordinates * UNITS[unit]
+        u[i, places] = file.displacements * UNITS[unit]
+        state[i, places] = file.state
+    u[state != PointState.VALID] = np.nan
+    X = _reference(files[0].path, coordinates, u)
+    known = np.isfinite(X).all(axis=1)
+    if not known.any():
+        raise InputError(files[0].path, "and the others have no valid point", cure="export valid points")
+    return DicExport(
+        paths=tuple(file.path for file in files),
+        sha256=hashlib.sha256("".join(file.sha256 for file in files).encode()).hexdigest(),
+        program=files[0].program,
+        frame=numbers[order],
+        X=X[known],
+        u=u[:, known],
+        state=state[:, known],
+    )
+
+
+@dataclass(frozen=True)
+class _File:
+    path: Path
+    sha256: str
+    program: str
+    keys: tuple[object, ...]
+    coordinates: FloatArray
+    displacements: FloatArray
+    state: IntArray
+
+
+def _one(path: Path, layout: str, said: Layout) -> _File:
+    """The points of one frame."""
+    data = read_bytes(path)
+    text, _ = decode_text(path, data)
+    lines = lines_of(path, text)
+    dialect = find_dialect(path, lines, delimiter=said.delimiter, decimal=said.decimal)
+    # Columns that are NaN or empty in most rows still are columns of numbers.
+    lines = [line.strip() if dialect.delimiter == " " else line for line in lines]
+    first = first_samples(path, lines, replace(dialect, empty=()), said)
+    above = [uncommented(line, None) for line in lines[:first]]
+    names, *_ = names_and_units(path, above, first, dialect, said)
+    sheet = Sheet(path, dialect, lines[first:], first + 1, tuple(_UNIT.sub("", name) for name in names), ())
+    chosen = next((form for form in LAYOUTS[layout] if _has(sheet, form)), None)
+    if chosen is None:
+        forms = " or ".join(
+            ", ".join((*form.key, *form.coordinates, *form.displacements)) for form in LAYOUTS[layout]
+        )
+        raise InputError(
+            path,
+            f"lacks columns of '{layout}'; its columns are {', '.join(sheet.names)}",
+            line=first or None,
+            cure=f"export {forms}",
+        )
+
+    def columns(wanted: tuple[str, ...]) -> FloatArray:
+        return np.stack([sheet.values(sheet.column(name, "column"), gaps=True) for name in wanted], axis=-1)
+
+    coordinates, displacements = columns(chosen.coordinates), columns(chosen.displacements)
+    state = np.full(len(coordinates), int(PointState.VALID))
+    for name in (name for name in chosen.rejected if name in sheet.names):
+        state[columns((name,))[:, 0] < 0.0] = int(PointState.REJECTED)
+    gone = ~(np.isfinite(coordinates).all(axis=1) & np.isfinite(displacements).all(axis=1))
+    state[gone] = int(PointState.MISSING)
+    keys: tuple[object, ...] = tuple(range(len(coordinates)))
+    if all(name in sheet.names for name in chosen.key) and chosen.key:
+        keys = tuple(map(tuple, columns(chosen.key)))
+        if len(set(keys)) < len(keys):
+            twice = next(key for i, key in enumerate(keys) if key in keys[:i])
+            raise sheet.error(
+                f"has the point {chosen.key} = {twice} twice", keys.index(twice), "export each point once"
+            )
+    return _File(
+        path, hashlib.sha256(data).hexdigest(), chosen.program, keys, coordinates, displacements, state
+    )
+
+
+def _has(sheet: Sheet, form: ExportLayout) -> bool:
+    needed = (*form.coordinates, *form.displacements)
+    return all(name in sheet.names for name in needed) and (
+        not form.key or all(name in sheet.names for name in form.key) or form.program == "VIC-3D"
+    )
+
+
+def _frame_numbers(paths: Sequence[Path]) -> IntArray:
+    """The group of digits that differs from name to name."""
+    groups = [re.findall(r"\d+", path.stem) for path in paths]
+    count = min(map(len, groups), default=0)
+    if any(len(group) != count for group in groups) or not count:
+        raise InputError(
+            paths[0], "and the others have names with different numbers", cure="end them alike: img_0012.csv"
+        )
+    changing = [i for i in range(count) if len({int(group[i]) for group in groups}) == len(groups)]
+    varied = [i for i in range(count) if len({int(group[i]) for group in groups}) > 1]
+    place = [count - 1] if len(groups) == 1 else changing
+    if len(place) != 1 or (len(groups) > 1 and varied != place):
+        raise InputError(
+            paths[0],
+            "and the others have no single number that differs from file to file",
+            cure="name them by frame: img_0012.csv",
+        )
+    return np.array([int(group[place[0]]) for group in groups], dtype=np.int64)
+
+
+def _point_index(files: Sequence[_File]) -> dict[object, int]:
+    """Every point of any frame -> its place."""
+    by_row = isinstance(files[0].keys[0], int) if files[0].keys else True
+    lengths = {len(file.keys) for file in files}
+    if by_row and len(lengths) > 1:
+        raise InputError(
+            files[0].path,
+            f"and the others have {min(lengths)} to {max(lengths)} rows and nothing that says which point is"
+            " which",
+            cure="export the points' numbers or places in the picture too",
+        )
+    return {key: i for i, key in enumerate(dict.fromkeys(key for file in files for key in file.keys))}
+
+
+def _reference(path: Path, coordinates: FloatArray, u: FloatArray) -> FloatArray:
+    """Reference positions of all points, NaN where a point is never valid."""
+    valid = np.asarray(np.isfinite(u).all(axis=2))
+    first = np.argmax(valid, axis=0)
+    points = np.arange(valid.shape[1])
+    still, moving = coordinates, coordinates - u
+    spread = {}
+    for name, candidate in (("reference", still), ("current", moving)):
+        off = np.abs(candidate - candidate[first, points])[valid]
+        spread[name] = float(np.median(off.max(axis=-1))) if off.size else 0.0
+    kind = "reference" if spread["reference"] <= spread["current"] else "current"
+    travel = float(np.median(np.abs(u[valid]).max(axis=-1))) if valid.any() else 0.0
+    if spread[kind] > 1e-6 + 1e-3 * travel:  # printed digits of a micrometre at worst
+        raise InputError(
+            path,
+            f"and the others: coordinates of a point change by {spread[kind] * 1e6:.3g} um from frame to"
+            " frame, and not by its displacement",
+            cure="are the keys those of the points? export without removal of rigid motion",
+        )
+    chosen = still if kind == "reference" else moving
+    X = np.array(chosen[first, points], dtype=np.float64)
+    X[~valid[first, points]] = np.nan
+    return X

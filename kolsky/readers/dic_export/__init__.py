@@ -1,1 +1,0 @@
-"""Exports of DIC programs: points of a surface, one text file a frame."""

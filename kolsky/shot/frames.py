@@ -1,0 +1,208 @@
+"""[frames] and [flyer]: times of the frames and the motion of the flyer at them, read and checked."""
+
+from pathlib import Path
+
+import numpy as np
+
+from kolsky.base.errors import InputError
+from kolsky.base.records import FlyerMotion
+from kolsky.base.units import in_us
+from kolsky.readers import flyer_csv
+from kolsky.readers.centre_line_csv import CentreLineTable
+from kolsky.readers.flyer_csv import FlyerTable
+from kolsky.readers.frame_times import FrameTimes
+from kolsky.readers.table import Column
+from kolsky.shot.schema.measured import FlyerSection
+from kolsky.shot.schema.reading import ShotToml
+
+MOTION_SIGMAS = 6.0
+"""A displacement this many sigmas from rest is motion: noise does that once in 5e8 frames."""
+
+
+def flyer_motion(
+    folder: Path, frames: FrameTimes, section: FlyerSection, toml: ShotToml
+) -> tuple[FlyerMotion, str]:
+    """[flyer]: the flyer's displacement at the frames, toward the specimen, and the hash of its file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, its frames and times are not those of [frames], or the flyer rests.
+    """
+    table = flyer_csv.read(
+        folder / section.file,
+        frame=Column(section.frame),
+        displacement=section.displacement.as_column(),
+        time=None if section.time is None else section.time.as_column(),
+    )
+    frames_agree(table, frames)
+    flyer_covers(table, frames, toml)
+    sign = 1.0 if section.positive == "toward specimen" else -1.0
+    index = np.searchsorted(frames.frame, table.frame)
+    flyer = FlyerMotion(
+        time=frames.time[index] + toml.declared.frames.clock_offset,
+        displacement=sign * table.displacement,
+        sigma=np.full(table.displacement.size, section.sigma),
+    )
+    flyer_moves(table, flyer, section.sigma, toml)
+    return flyer, table.sha256
+
+
+def frames_agree(table: FlyerTable | CentreLineTable, frames: FrameTimes) -> None:
+    """Every frame number is one of the frames', and the file's own times are the frames' times.
+
+    Times agree if they differ by no more than half of the last printed digit of each file.
+    """
+    index = np.searchsorted(frames.frame, table.frame).clip(max=frames.frame.size - 1)
+    unknown = np.flatnonzero(frames.frame[index] != table.frame)
+    if unknown.size:
+        row = int(unknown[0])
+        raise InputError(
+            table.path,
+            f"frame {table.frame[row]} is not in {frames.path.name} ({unknown.size} such lines)",
+            line=row + 2,
+            cure="both files must come from the same test; are two columns swapped?",
+        )
+    if table.time is None:
+        return
+    expected = frames.time[index]
+    tolerance = 0.5 * (table.digit + frames.digit)
+    # The sum of the half digits and the times themselves are rounded binary numbers.
+    slack = 1e-6 * tolerance + 4.0 * np.finfo(float).eps * np.abs(expected).max()
+    apart = np.flatnonzero(np.abs(table.time - expected) > tolerance + slack)
+    if apart.size:
+        row = int(apart[0])
+        raise InputError(
+            table.path,
+            f"frame {table.frame[row]} has the time {table.time[row]:.9g} s, in {frames.path.name} it has"
+            f" {expected[row]:.9g} s ({apart.size} such lines)",
+            line=row + 2,
+            cure="both files must come from the same test and clock; are two columns swapped?",
+        )
+
+
+def some_motion_frames(frames: FrameTimes, toml: ShotToml) -> None:
+    """There are more frames than static ones."""
+    if toml.declared.frames.static >= frames.frame.size:
+        raise toml.error(
+            "frames.static",
+            "is not allowed",
+            allowed=f"smaller than the {frames.frame.size} frames in {frames.path.name}",
+            cure="count the frames before the flyer moves",
+        )
+
+
+def flyer_covers(table: FlyerTable, frames: FrameTimes, toml: ShotToml) -> None:
+    """Every frame up to the end of the window has a flyer displacement."""
+    missing = np.setdiff1d(frames.frame, table.frame)
+    end = toml.declared.window.end
+    if end is not None:
+        beyond = frames.frame[frames.time + toml.declared.frames.clock_offset > end]
+        missing = np.setdiff1d(missing, beyond)
+    if not missing.size:
+        return
+    number = int(missing[0])
+    line = int(np.searchsorted(frames.frame, number)) + 2
+    if number > table.frame[-1]:
+        raise InputError(
+            frames.path,
+            f"frame {number} is beyond the flyer record, which ends with frame {table.frame[-1]} in"
+            f" {table.path.name} ({missing.size} such frames)",
+            line=line,
+            cure="export the flyer for all frames, or declare window.end inside its record",
+        )
+    raise InputError(
+        frames.path,
+        f"frame {number} has no displacement in {table.path.name} ({missing.size} such frames)",
+        line=line,
+        cure="export the flyer for every frame, or remove the frame from all files",
+    )
+
+
+def flyer_moves(table: FlyerTable, flyer: FlyerMotion, sigma: float, toml: ShotToml) -> None:
+    """At rest in the static frames, then toward the specimen, by less than its length."""
+    n_static = toml.declared.frames.static
+    length = toml.declared.specimen.length
+    travel = flyer.displacement - flyer.displacement[:n_static].mean()
+    row = int(np.argmax(np.abs(travel)))
+    if abs(travel[row]) >= length:
+        raise InputError(
+            table.path,
+            f"the flyer's displacement of {travel[row] * 1e3:.6g} mm exceeds the specimen's length"
+            f" ({length * 1e3:.6g} mm)",
+            line=row + 2,
+            cure="check flyer.displacement in the shot file: is it the right column and unit?",
+        )
+    moving = np.flatnonzero(np.abs(travel[:n_static]) > MOTION_SIGMAS * sigma)
+    if moving.size:
+        row = int(moving[0])
+        raise InputError(
+            table.path,
+            f"frame {table.frame[row]} is {travel[row] * 1e6:.3g} um from the mean of the {n_static} frames"
+            f" declared static, more than {MOTION_SIGMAS:g} times flyer.sigma ({sigma * 1e6:.3g} um)",
+            line=row + 2,
+            cure="lower frames.static, or declare the noise that flyer.sigma really has",
+        )
+    if abs(travel[row]) <= MOTION_SIGMAS * sigma:
+        raise InputError(
+            table.path,
+            f"the flyer never moves by more than {abs(travel[row]) * 1e6:.3g} um",
+            cure="check flyer.displacement in the shot file: is it the right column and unit?",
+        )
+    if travel[row] < 0.0:
+        raise toml.error(
+            "flyer.positive",
+            f"contradicts {table.path.name}: with this sign the flyer moves away from the specimen, by"
+            f" {-travel[row] * 1e3:.4g} mm",
+            cure="declare the other sign",
+        )
+
+
+def body_moves(flyer: FlyerMotion, rest: float, source: Path, toml: ShotToml) -> None:
+    """At rest in the static frames, then toward the specimen: a flyer that was followed in pictures.
+
+    Parameters
+    ----------
+    flyer
+        Its motion; frames that were lost have no row.
+    rest
+        Time of the last static frame on the shot's clock [s].
+    source
+        The file that a complaint names.
+    toml
+        The shot file.
+    """
+    static = flyer.time <= rest
+    if not static.any():
+        raise InputError(
+            source,
+            "the flyer was found in no static frame, so its place at rest is unknown",
+            cure="declare a region in [dic] flyer that the flyer covers in the static frames too",
+        )
+    travel = flyer.displacement - flyer.displacement[static].mean()
+    score = np.where(static, np.abs(travel) / flyer.sigma, 0.0)
+    if score.max() > MOTION_SIGMAS:
+        row = int(np.argmax(score))
+        raise toml.error(
+            "frames.static",
+            f"contradicts the pictures: at {in_us(flyer.time[row])} the flyer is {travel[row] * 1e6:.3g} "
+            f"um from its mean place at rest, {score[row]:.2g} times its standard deviation",
+            cure="lower frames.static",
+        )
+    furthest = float(travel[np.argmax(np.abs(travel))])
+    if furthest <= MOTION_SIGMAS * float(np.median(flyer.sigma)):
+        moves = (
+            "never moves" if furthest > 0.0 else f"moves away from the specimen, by {-furthest * 1e3:.4g} mm"
+        )
+        raise toml.error(
+            "dic.flyer_side",
+            f"does not fit the pictures: with it the flyer {moves}",
+            cure="declare where the flyer lies in the pictures of camera 0, and its region",
+        )
+    if furthest >= toml.declared.specimen.length:
+        raise InputError(
+            source,
+            f"the flyer's displacement of {furthest * 1e3:.6g} mm exceeds the specimen's length"
+            f" ({toml.declared.specimen.length * 1e3:.6g} mm)",
+            cure="check the calibration: its unit, and the crop offsets",
+        )

@@ -1,0 +1,103 @@
+"""[centre_line]: the specimen's outline at the frames, read and checked."""
+
+from pathlib import Path
+
+import numpy as np
+
+from kolsky.base.errors import InputError
+from kolsky.base.records import CentreLine
+from kolsky.readers import centre_line_csv
+from kolsky.readers.frame_times import FrameTimes
+from kolsky.readers.table import Column
+from kolsky.shot.frames import frames_agree
+from kolsky.shot.schema.measured import CentreLineSection
+from kolsky.shot.schema.reading import ShotToml
+
+RADIUS_TOLERANCE = 0.2
+"""Largest disagreement of the outline at rest with the specimen's radius, relative to it."""
+
+
+def read_outline(
+    folder: Path, frames: FrameTimes, section: CentreLineSection, toml: ShotToml
+) -> tuple[CentreLine, str]:
+    """[centre_line]: the specimen's outline at the frames, and the hash of its file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or its frames and times are not those of [frames].
+    """
+    table = centre_line_csv.read(
+        folder / section.file,
+        frame=Column(section.frame),
+        y=section.y.as_column(),
+        Z=section.Z.as_column(),
+        sigma=None if section.sigma_column is None else section.sigma_column.as_column(),
+        time=None if section.time is None else section.time.as_column(),
+    )
+    frames_agree(table, frames)
+    index = np.searchsorted(frames.frame, table.frame)
+    line = CentreLine(
+        time=frames.time[index] + toml.declared.frames.clock_offset,
+        frame=table.frame,
+        y=table.y + section.y_offset,
+        Z=table.Z + section.Z_offset,
+        sigma=np.full(table.Z.size, section.sigma) if table.sigma is None else table.sigma,
+    )
+    return line, table.sha256
+
+
+def check_outline(
+    line: CentreLine, path: Path, rest: float, span: tuple[float, float], toml: ShotToml
+) -> None:
+    """Points before the axis, between the platens, at the specimen's radius while it rests.
+
+    Parameters
+    ----------
+    line
+        The outline in the shot's coordinates, rows as in the file.
+    path
+        The file it came from.
+    rest
+        Time of the last static frame on the shot's clock [s].
+    span
+        The window [s].
+    toml
+        The shot file.
+
+    Raises
+    ------
+    InputError
+        For the first point that cannot be one of this specimen's outline, or if no point is in the window.
+    """
+    length, radius = toml.declared.specimen.length, 0.5 * toml.declared.specimen.diameter
+    low, high = -0.1 * length, 1.1 * length
+    cure = "check columns, units and offsets of [centre_line] in the shot file: are y and Z swapped?"
+    for name, value, bad, allowed in (
+        ("Z from the axis", line.Z, line.Z <= 0.0, "> 0 mm"),
+        (
+            "y above the transmission platen",
+            line.y,
+            (line.y < low) | (line.y > high),
+            f"in [{low * 1e3:.6g}, {high * 1e3:.6g}] mm, 10 % around the specimen",
+        ),
+    ):
+        rows = np.flatnonzero(bad)
+        if rows.size:
+            row = int(rows[0])
+            message = f"{name} is {value[row] * 1e3:.6g} mm in frame {line.frame[row]}"
+            if rows.size > 1:
+                message += f" ({rows.size} such points)"
+            raise InputError(path, f"{message}; it must be {allowed}", line=row + 2, cure=cure)
+    static = line.time <= rest
+    if static.any():
+        middle = float(np.median(line.Z[static]))
+        if abs(middle - radius) > RADIUS_TOLERANCE * radius:
+            raise InputError(
+                path,
+                f"Z from the axis is {middle * 1e3:.4g} mm (median of the static frames); it must agree with"
+                f" the specimen's radius of {radius * 1e3:.4g} mm within {100 * RADIUS_TOLERANCE:g} %",
+                cure=cure,
+            )
+    if not np.any((line.time >= span[0]) & (line.time <= span[1])):
+        raise InputError(path, "no point is inside the window", cure="export the frames of the test")

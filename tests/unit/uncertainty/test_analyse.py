@@ -1,0 +1,151 @@
+"""What identify tells of open-01 beside its estimate: profiles, declared uncertainties, posterior."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from doe import Box, ResponseSurrogate, full_factorial
+from kolsky.identification import identify
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.method_comparison import POSTERIOR, PROFILE
+from kolsky.inverse.objective import Objective
+from kolsky.inverse.optimum import CorrectedSurrogate
+from kolsky.inverse.prepared_shot import prepare_shot
+from kolsky.inverse.result import Identification
+from kolsky.inverse.settings import Settings
+from kolsky.shot.load import load_shot
+from kolsky.uncertainty.reduced_likelihood import full_likelihood, reduced_likelihood
+
+OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
+COARSE = Settings(
+    free={"stiffness_factor": (1.0, 1.25)},
+    numerics=Numerics(mesh=(12, 16)),
+    refined_mesh=(18, 24),
+    replicates=0,
+)
+DECLARED = {
+    "poisson": 5e-4,
+    "friction": 0.1,
+    "curve_scale": 0.01,
+    "specimen_density": 0.01,
+    "sensitivity": 0.01,
+    "Z_offset": 0.0,
+    "y_offset": 5e-6,
+}
+
+
+@pytest.fixture(scope="module")
+def found() -> Identification:
+    return identify(replace(load_shot(OPEN_01), uncertainty=DECLARED), COARSE)
+
+
+def _shift(found: Identification, key: str) -> float:
+    part = next(part for part in found.systematic if part.key == key)
+    return part.shifts["stiffness_factor"]
+
+
+def test_scale_of_the_curve_is_the_stiffness_factor_itself(found: Identification) -> None:
+    """m multiplies the curve: a curve higher by 1 % gives an m lower by 1 %, whatever the mesh."""
+    m = found.estimates["stiffness_factor"].value
+    # Both slopes are central differences, over 1 % and 0.45 % of m, of forces that ring in so coarse a mesh.
+    assert _shift(found, "curve_scale") == pytest.approx(-0.01 * m, rel=0.05)
+
+
+def test_density_force_and_stiffness_scale_together(found: Identification) -> None:
+    """Density, force and m larger by the same factor leave every motion as it is."""
+    m = found.estimates["stiffness_factor"].value
+    # A larger sensitivity is a smaller force.
+    together = _shift(found, "specimen_density") - _shift(found, "sensitivity")
+    assert together == pytest.approx(0.01 * m, rel=0.05)  # as above
+
+
+def test_declared_parts_are_listed_and_add_up(found: Identification) -> None:
+    status = {part.key: part.status for part in found.systematic}
+    assert status["poisson"] == "varied"
+    assert status["damping"] == "not declared, counted as exact"
+    assert status["friction"] == "no part: nothing slides"
+    assert status["Z_offset"] == "declared exact"
+    e = found.estimates["stiffness_factor"]
+    shifts = [part.shifts["stiffness_factor"] for part in found.systematic if part.shifts]
+    assert len(shifts) == 5
+    assert e.sigma_systematic == pytest.approx(np.sqrt(np.sum(np.square(shifts))), rel=1e-12)
+    assert e.sigma > e.sigma_systematic > e.sigma_noise
+
+
+def test_profile_agrees_with_curvature_and_answer(found: Identification) -> None:
+    (profile,) = found.profiles
+    low, high = profile.interval
+    e = found.estimates["stiffness_factor"]
+    # 1.96 sigma to both sides, but for what curvature of the response adds to Gauss and Newton's: residuals
+    # on so coarse a mesh are large.
+    assert 0.5 * (high - low) == pytest.approx(1.96 * e.noise_parts["force and shape"], rel=0.2)
+    assert profile.verdict == "identified"
+    assert 0.0 < profile.error < profile.level  # so coarse a mesh rings; the slow test has a better one
+    method = next(method for method in found.methods if method.name == PROFILE)
+    assert abs(method.distances["stiffness_factor"]) < 0.25
+    assert found.ridge is None
+    assert found.posterior is None
+
+
+@pytest.fixture(scope="module")
+def surrogate() -> tuple[CorrectedSurrogate, Objective, Box]:
+    """A surrogate of open-01 on a mesh that is too coarse for anything but algebra."""
+    prepared = prepare_shot(load_shot(OPEN_01))
+    box = Box.of({"stiffness_factor": (1.05, 1.2)})
+    points = full_factorial(box, 5).points
+    from kolsky.inverse.observations import predict
+
+    response = prepared.forward.run({"stiffness_factor": points[:, 0]}, Numerics(mesh=(8, 11)))
+    prediction = predict(response, prepared.observations)
+    objective = Objective(prepared.observations, np.asarray(prediction.inside.all(axis=0)))
+    vectors = objective.vectors(prediction)
+    model = CorrectedSurrogate(ResponseSurrogate.fit(box, points, vectors, scale=objective.noise))
+    model = model.through(np.array([1.1]), vectors[2]).through(np.array([1.13]), vectors[3])
+    return model, objective.with_discrepancy(vectors[2]), box
+
+
+def test_reduced_likelihood_is_the_whole_one(surrogate: tuple[CorrectedSurrogate, Objective, Box]) -> None:
+    model, objective, box = surrogate
+    short, whole = reduced_likelihood(model, objective, box), full_likelihood(model, objective, box)
+    u = np.linspace(0.0, 1.0, 7)[:, None]
+    chi2 = objective.chi2(model.predict(box.scale(u)))
+    brief = (short.residuals(u) ** 2).sum(axis=1)
+    assert len(short.data) < 10 < len(whole.data)
+    np.testing.assert_allclose(brief, chi2, rtol=1e-9)  # round-off of a QR of 2,500 rows
+    full = [whole.deviance(r, whole.discrepancies(r)) for r in whole.residuals(u)]
+    np.testing.assert_allclose(np.diff(full), np.diff(chi2), rtol=1e-9)  # they differ by a constant
+
+
+@pytest.mark.slow
+def test_what_the_data_cannot_see_is_said() -> None:
+    free = {"stiffness_factor": (1.0, 1.25), "mass_damping": (0.0, 1e-3)}
+    found = identify(load_shot(OPEN_01), replace(COARSE, free=free))
+    m, alpha = found.profiles
+    # 1e-3 1/s over 1.4 ms dissipates a millionth, which no force of 0.03 N and no 4 um tell.
+    assert alpha.verdict == "not seen"
+    assert np.isnan(alpha.interval).all()
+    assert m.verdict == "identified"
+    assert found.ridge is not None
+    assert found.ridge.names == ("stiffness_factor", "mass_damping")
+    assert any("mass_damping is not seen" in warning for warning in found.warnings)
+
+
+@pytest.mark.slow
+def test_posterior_agrees_with_the_profile() -> None:
+    pytest.importorskip("emcee")
+    found = identify(load_shot(OPEN_01), Settings(replicates=0, bayes=True))
+    assert found.posterior is not None
+    assert found.posterior.converged
+    assert found.profiles[0].error <= 0.1 * found.profiles[0].level  # confirmed by runs along it
+    assert found.posterior.names == ("stiffness_factor", "force_discrepancy", "shape_discrepancy")
+    low, high = found.profiles[0].interval
+    # Flat prior and nearly a parabola: the same interval, but for discrepancies that vary too, and the
+    # quantiles of some thousand samples (3 % of the length).
+    assert found.posterior.lower[0] == pytest.approx(low, abs=0.15 * (high - low))
+    assert found.posterior.upper[0] == pytest.approx(high, abs=0.15 * (high - low))
+    for name in (PROFILE, POSTERIOR):
+        method = next(method for method in found.methods if method.name == name)
+        assert method.converged
+        assert abs(method.distances["stiffness_factor"]) < 0.25

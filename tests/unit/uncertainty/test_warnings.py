@@ -1,0 +1,206 @@
+"""Warnings: each is raised by its own cause, with its numbers, and by nothing else."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from synthetic import CHECKS, failed, synthetic
+
+from explicit import Outcome
+from kolsky.base.apparatus import Interface
+from kolsky.inverse.result import Identification, Verdict
+from kolsky.uncertainty.warnings.collect import collect_warnings
+
+BONDED = Interface(faces="bonded", side="bonded")
+SLIDING = Interface(faces="coulomb", side="coulomb", friction=0.3)
+
+
+def clean(**changes: Any) -> Identification:
+    """A result with nothing to say about."""
+    result = synthetic(nodes=False)
+    design = replace(result.design, outcomes=("COMPLETED",) * len(result.design.outcomes))
+    terms = replace(result.terms, n_outside=0)
+    response = replace(result.response, extrapolated_share=np.array([0.009]))
+    surrogate = {**result.surrogate, "counted_points": float(terms.n_shape)}
+    result = replace(result, design=design, terms=terms, response=response, surrogate=surrogate)
+    return replace(result, **changes)
+
+
+def estimate(**changes: Any) -> Identification:
+    e = clean().estimates["stiffness_factor"]
+    return clean(estimates={"stiffness_factor": replace(e, **changes)})
+
+
+def said(result: Identification, interface: Interface = BONDED, lost: int = 0, **checks: float) -> str:
+    """The only warning."""
+    found = collect_warnings(result, checks={**CHECKS, **checks}, interface=interface, lost_replicates=lost)
+    assert len(found) == 1, found
+    assert "\n" not in found[0]
+    assert not found[0].endswith(".")
+    return found[0]
+
+
+def test_nothing_to_say() -> None:
+    assert collect_warnings(clean(), checks=CHECKS, interface=BONDED) == ()
+
+
+def test_strained_past_the_curve() -> None:
+    # A uniaxial test at the stretch 0.3 has I1 = 0.09 + 2 / 0.3 and s = sqrt(I1 - 3) = 1.9390.
+    s = np.sqrt(0.09 + 2.0 / 0.3 - 3.0)
+    response = replace(
+        clean().response, extrapolated_share=np.array([0.3014]), largest_strain_measure=np.array([s])
+    )
+    text = said(clean(response=response), curve_last_s=1.64, curve_last_strain=-0.64)
+    for words in (
+        "30 % of",
+        "reached 1.94",
+        "ends at 1.64",
+        "strain -0.64",
+        "without a test that supports it",
+        "strain of -0.7 ",
+    ):
+        assert words in text
+    # In tension: lam^3 - (3 + s^2) lam + 2 has the root 0.3; dividing by it leaves lam^2 + 0.3 lam - 2 / 0.3,
+    # whose positive root is 2.436.
+    lam = (-0.3 + np.sqrt(0.09 + 8.0 / 0.3)) / 2.0
+    assert lam == pytest.approx(2.4363, abs=5e-5)
+    assert "strain of +1.4 " in said(clean(response=response), curve_last_s=1.0, curve_last_strain=0.64)
+
+
+def test_hourglass_control_takes_part() -> None:
+    energy = clean().response.energy
+    # 0.9 % stored and 0.3 % dissipated of the largest strain energy: together they pass 1 %.
+    most = energy.elastic.max()
+    changed = replace(
+        energy,
+        hourglass=0.009 * most * np.ones_like(energy.elastic),
+        hourglass_damping=0.003 * most * np.ones_like(energy.elastic),
+        external=energy.external - energy.artificial + 0.012 * most,  # the balance stays as it was
+    )
+    text = said(clean(response=replace(clean().response, energy=changed)))
+    assert text.startswith("hourglass control stored and dissipated 1.2 % of the strain energy")
+    assert "--element fbar" in text
+
+
+def test_flyer_noise() -> None:
+    assert said(clean(), flyer_noise_scale=1.31, flyer_chi2_per_dof=1.75).startswith(
+        "the flyer's noise is 1.3 "
+    )
+    # chi-square 0.25 per degree of freedom: residuals of half the declared sigma.
+    text = said(clean(), flyer_chi2_per_dof=0.25)
+    assert "about 2 times too large" in text
+    assert "about 2 times too small" in said(clean(), flyer_chi2_per_dof=4.0)
+    assert collect_warnings(clean(), checks={**CHECKS, "flyer_chi2_per_dof": 0.6}, interface=BONDED) == ()
+
+
+def test_force_noise_that_is_not_white() -> None:
+    # White noise of 400 samples correlates by less than 3 / sqrt(400) = 0.15; at 0.6 the factor is 2.
+    text = said(clean(), force_noise_correlation=0.6)
+    assert "correlate by 0.6 (white noise: within 0.15)" in text
+    assert text.endswith("about 2")
+    assert (
+        collect_warnings(clean(), checks={**CHECKS, "force_noise_correlation": -0.14}, interface=BONDED) == ()
+    )
+
+
+def test_points_that_do_not_count() -> None:
+    terms = replace(clean().terms, n_outside=16, n_shape=2588)
+    surrogate = {**clean().surrogate, "counted_points": 2588.0}
+    assert said(clean(terms=terms, surrogate=surrogate)).startswith("16 of 2604 outline points lie outside")
+    surrogate["counted_points"] = 2500.0
+    terms = replace(terms, n_outside=0)
+    assert said(clean(terms=terms, surrogate=surrogate)).startswith("88 of 2588 outline points were not")
+
+
+def test_friction_replaces_the_interface() -> None:
+    result = synthetic(("stiffness_factor", "friction"), nodes=False)
+    c = clean()
+    result = replace(result, design=c.design, terms=c.terms, response=c.response, surrogate=c.surrogate)
+    assert "Coulomb's law replaced the interface that the shot declares (faces bonded, side bonded)" in said(
+        result
+    )
+    assert collect_warnings(result, checks=CHECKS, interface=SLIDING) == ()
+    held = {**c.provenance, "settings": {"held": {"friction": 0.5}}}
+    assert "Coulomb's law replaced" in said(clean(provenance=held))
+
+
+def test_runs_that_did_not_complete() -> None:
+    outcomes = ["COMPLETED"] * 22
+    outcomes[3] = outcomes[5] = "INVERTED"
+    outcomes[17] = "STEP_COLLAPSED"
+    design = replace(
+        clean().design,
+        outcomes=tuple(outcomes),
+        end_times=np.full(22, 1.2e-3),
+        failed_elements=np.full(22, 351),
+        failed_places=np.tile([4.6e-3, 6.4e-3], (22, 1)),
+    )
+    texts = collect_warnings(clean(design=design), checks=CHECKS, interface=BONDED)
+    assert len(texts) == 3  # the count, and the first run of each kind with its moment, element and cure
+    count = "3 of 22 runs did not complete (2 in design: INVERTED, 1 in refinement: STEP_COLLAPSED)"
+    assert texts[0] == f"{count}; the surrogate rests on the others"
+    for text, run, outcome in zip(
+        texts[1:], (3, 17), (Outcome.INVERTED, Outcome.STEP_COLLAPSED), strict=True
+    ):
+        assert text.startswith(
+            f"run {run} (stiffness_factor = {design.points[run, 0]:.4g}) ended {outcome.name}"
+        )
+        assert "at 1200.0 us in element 351 (R = 4.60 mm, Y = 6.40 mm)" in text
+        assert outcome.cure in text
+    assert "4 replicates of the input noise did not complete" in said(clean(), lost=4)
+
+
+def routes(force: float, shape: float) -> Identification:
+    result = clean()
+    values = {"force only": force, "shape only": shape}
+    found = [
+        replace(r, parameters={"stiffness_factor": values[r.name]}, sigma={"stiffness_factor": 0.003})
+        if r.name in values
+        else r
+        for r in result.routes
+    ]
+    return clean(routes=tuple(found))
+
+
+def test_force_and_shape_that_disagree() -> None:
+    # The routes' 0.003 each, flyer 0.000912, curve 0.000684 and mesh 0.0016: twice their root sum is 0.00935.
+    assert collect_warnings(routes(1.12, 1.1293), checks=CHECKS, interface=BONDED) == ()
+    text = said(routes(1.12, 1.1294))
+    assert "1.12 by the force alone, 1.1294 by the shape alone" in text
+    assert "0.0094" in text
+    assert "edge" not in text
+    end = float(clean().curves[0].x[-1])
+    assert "at the edge of the box that was searched" in said(routes(1.12, end))
+
+
+def test_an_interval_past_the_design() -> None:
+    # Bounds 0.75 to 1.45; u = hypot(0.0019, 0.0016) = 0.00248.
+    assert collect_warnings(estimate(value=1.4450), checks=CHECKS, interface=BONDED) == ()
+    assert "past the bounds of its design (0.75 to 1.45)" in said(estimate(value=1.4451))
+    at_bound = estimate(value=1.45, outcome=Verdict.AT_BOUND)
+    assert collect_warnings(at_bound, checks=CHECKS, interface=BONDED) == ()
+
+
+def test_numbers_that_cannot_be_trusted() -> None:
+    assert "the mesh contributes more to the uncertainty of stiffness_factor (0.002)" in said(
+        estimate(sigma_numerical=0.002, numerical_parts={})
+    )
+    rough = {"mesh": 0.0001, "roughness": 0.002}
+    assert "so rough that it contributes more to the uncertainty of stiffness_factor (0.002)" in said(
+        estimate(sigma_numerical=0.002, numerical_parts=rough)
+    )
+    text = said(replace(estimate(outcome=Verdict.DISAGREEING), surrogate={"check_shift_sigmas": 0.63}))
+    assert "still moved the optimum by 0.63 sigma" in text
+    parts = {"force and shape": 0.0019, "flyer motion": 0.001}
+    assert said(estimate(noise_parts=parts)) == "the interval leaves out the noise of the material curve"
+    small = replace(clean().terms, chi2_shape=clean().terms.n_shape / 4.0)
+    assert "2 times smaller than its declared sigma" in said(clean(terms=small))
+    ledger = clean().response.energy
+    wrong = replace(clean().response, energy=replace(ledger, external=1.1 * ledger.external))
+    assert "% of the simulation's external work is not accounted for" in said(clean(response=wrong))
+
+
+def test_a_failed_result_has_no_traceback() -> None:
+    found = collect_warnings(failed(), checks=CHECKS, interface=BONDED)
+    assert any("22 of 22 runs did not complete" in text for text in found)
