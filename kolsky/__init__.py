@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from kolsky.material.reference_curve import reference_curve
     from kolsky.report.canvas import save_figures
     from kolsky.report.notebook import to_dataframe, to_xarray
-    from kolsky.report.page import write_report
+    from kolsky.report.pages.identification import write_report
     from kolsky.report.result_folder import (
         read_identify_results,
         write_identify_results,
@@ -71,7 +71,7 @@ _HOME = {
     "write_identification": "kolsky.results.hdf5",
     "write_identify_results": "kolsky.report.result_folder",
     "write_rate_results": "kolsky.report.result_folder",
-    "write_report": "kolsky.report.page",
+    "write_report": "kolsky.report.pages.identification",
     "write_sweep_results": "kolsky.report.result_folder",
     "write_table": "kolsky.base.files",
     "write_waves_results": "kolsky.report.result_folder",

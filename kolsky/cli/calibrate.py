@@ -50,7 +50,7 @@ def calibrate(
     from kolsky.base.files import filling, usable_folder
     from kolsky.base.process import single_threaded_libraries
     from kolsky.cli.terminal import print_result, progress_bars, since
-    from kolsky.report.calibrationsummary import summary, warnings
+    from kolsky.report.pages.calibration import summary, warnings
     from kolsky.shot.calibration_output import to_json, write_points
     from kolsky.shot.rig import calibration_of, read_calibration_toml
 
@@ -58,9 +58,9 @@ def calibrate(
     folder = usable_folder(out or toml.path.parent / "results")
     with progress_bars() as progress, single_threaded_libraries():
         found = calibration_of(toml, section, progress)
-    from kolsky.report.calibrationpage import write_page
     from kolsky.report.canvas import save_figures
     from kolsky.report.figures import CALIBRATION
+    from kolsky.report.pages.calibration import write_page
 
     with filling(folder) as partial:
         try:

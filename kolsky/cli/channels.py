@@ -12,7 +12,7 @@ from kolsky.cli import texts
 from kolsky.cli.options import AsJson, HeaderLine
 
 if TYPE_CHECKING:
-    from kolsky.readers.layout import ChannelInfo
+    from kolsky.readers.contents import ChannelInfo
 
 
 def channels(
@@ -36,7 +36,7 @@ def channels(
 
     The options are the keys of a `layout` in shot.toml, to try them out.
     """
-    from kolsky.readers.layout import Layout
+    from kolsky.readers.contents import Layout
     from kolsky.readers.recordings import list_channels
 
     layout = Layout(

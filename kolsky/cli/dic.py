@@ -46,10 +46,10 @@ def dic(
     times = {name: result.seconds[name] for name in ("calibration", "correlation")} if found.fresh else {}
     times["surfaces file"] = now - began - sum(times.values())
     from kolsky.report.canvas import save_figures
-    from kolsky.report.dicpage import write_page
     from kolsky.report.figures import SURFACES
-    from kolsky.report.view import view
-    from kolsky.report.vtp import write_vtp
+    from kolsky.report.pages.surfaces import write_page
+    from kolsky.report.paraview import write_vtp
+    from kolsky.report.surface_view import view
 
     shown = view(loaded.name, result, loaded.pictures.series, found.flight)
     with filling(folder) as partial:

@@ -50,12 +50,12 @@ def film(
 
     loaded, folder = load(shot, out)
     from kolsky.base.files import filling
+    from kolsky.report.paraview import write_vtu
     from kolsky.report.result_folder import RESULT_FILE
     from kolsky.report.scene.drawing import CannotRender
     from kolsky.report.scene.fields import solid_of
     from kolsky.report.scene.film import write_film, write_stills
     from kolsky.report.scene.stage import stage_of
-    from kolsky.report.vtu import write_vtu
     from kolsky.results.hdf5 import read_identification
 
     result = read_identification(folder / RESULT_FILE)

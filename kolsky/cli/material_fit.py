@@ -113,7 +113,7 @@ def material_fit(
     said = to_json(found, hashes)
     from kolsky.report.canvas import save_figures
     from kolsky.report.figures import MATERIALS
-    from kolsky.report.materialpage import write_page
+    from kolsky.report.pages.material import write_page
 
     with filling(folder) as partial:
         for name, table in tables(found).items():
@@ -193,8 +193,8 @@ def _refuse_columns(path: Path, mode: "Mode", columns: "Columns") -> None:
     """Refuse columns that are not enough for a test, or contradict each other."""
     from kolsky.material.fits.modes import Mode
     from kolsky.material.fits.test_files import CONVENTIONS
+    from kolsky.readers.contents import Layout
     from kolsky.readers.homogeneous import column_names
-    from kolsky.readers.layout import Layout
 
     texts.one_of("--convention", columns.convention, CONVENTIONS)
     if columns.stretch and columns.strain:

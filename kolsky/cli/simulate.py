@@ -52,7 +52,7 @@ def simulate(
     with filling(folder) as partial:
         simulation.write_simulation(partial, run)
         if vtu:
-            from kolsky.report.vtu import write_vtu
+            from kolsky.report.paraview import write_vtu
 
             write_vtu(partial, run.response, run.prepared.forward.mesh(numerics).quads)
     share, ending = float(run.response.extrapolated_share[0]), run.response.ending(0)

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from kolsky.report import printed
-from kolsky.report.labels import STAGES
+from kolsky.report.nomenclature import STAGES
 
 if TYPE_CHECKING:
     from doe.executors import Pace

@@ -44,7 +44,7 @@ def waves(shot: ShotPath, out: Out = None, figures: Figures = "", as_json: AsJso
 
 def _rows(result: "ReducedTest") -> dict[str, str]:
     """The lines that a terminal gets."""
-    from kolsky.report.wavespage import answers, quantity
+    from kolsky.report.pages.waves import answers, quantity
 
     balanced = result.reduction.balanced
     return {

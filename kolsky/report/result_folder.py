@@ -101,14 +101,14 @@ def write_identify_page(
     formats
         Any of `kolsky.report.formats.FIGURES`.
     processes
-        How many draw, 1 or 2; see `kolsky.report.sidebyside.drawn_by`.
+        How many draw, 1 or 2; see `kolsky.report.pages.parallel.drawn_by`.
     """
     from kolsky.report.scene import stills
 
     stills.begin(found)  # rendered meanwhile; whoever asks first is the one that begins
     from kolsky.report.canvas import save_figures
     from kolsky.report.figures import RECORDINGS
-    from kolsky.report.page import write_report
+    from kolsky.report.pages.identification import write_report
 
     write_report(folder / PAGE, found, recordings, processes=processes)
     if formats:
@@ -134,7 +134,7 @@ def write_waves_results(folder: Path, result: ReducedTest, *, formats: Sequence[
         If the results cannot be written.
     """
     from kolsky.report.canvas import save_figures
-    from kolsky.report.wavespage import figures_of, write_page
+    from kolsky.report.pages.waves import figures_of, write_page
 
     with filling(folder) as partial:
         waves_output.write_hdf5(partial / "waves.h5", result)
@@ -162,7 +162,7 @@ def write_rate_results(folder: Path, report: RateReport, *, formats: Sequence[st
         If the results cannot be written.
     """
     from kolsky.report.canvas import save_figures
-    from kolsky.report.ratepage import figures_of, write_page
+    from kolsky.report.pages.rates import figures_of, write_page
 
     with filling(folder) as partial:
         rates_output.write_hdf5(partial / "rates.h5", report)
@@ -207,7 +207,7 @@ def write_sweep_results(
     """
     from kolsky.report.canvas import save_figures
     from kolsky.report.figures import SWEEPS
-    from kolsky.report.sweeppage import write_page
+    from kolsky.report.pages.sweep import write_page
 
     with filling(folder) as partial:
         write_sweep(partial / f"{name}.csv", result)

@@ -10,7 +10,7 @@ from kolsky.base.errors import InputError
 from kolsky.material.fits.modes import Mode
 from kolsky.material.fits.test_data import HomogeneousTest, mean_test
 from kolsky.readers import homogeneous
-from kolsky.readers.layout import Layout
+from kolsky.readers.contents import Layout
 
 CONVENTIONS = ("tension-positive", "compression-positive")
 """Signs of stress and strain that a file may have."""
