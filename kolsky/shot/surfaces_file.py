@@ -17,7 +17,7 @@ from dic.camera import Camera, StereoRig
 from dic.files import replacing
 from dic.outcome import PointOutcome, Remark
 from dic.result import Body, Placement, StereoResult, SurfaceStrain
-from dic.rigid_body.axial_displacement import Travel
+from dic.rigid_body.axial_displacement import AxialDisplacement
 from dic.rigid_body.body_motion import BodyMotion
 from dic.surfaces.frame import SpecimenFrame
 from dic.surfaces.noise_floor import NoiseFloor
@@ -81,8 +81,10 @@ def _write_entry(entry: h5py.Group, result: StereoResult) -> None:
             _write_body(_data(entry, name, "u", "t", "points", "."), body, sizes["frames"])
     part = _data(entry, "strain", "value", "../t", "points", ".")
     _write(part, layout.STRAIN, vars(result.strain), {**layout.FIXED, "frames": sizes["frames"]})
-    if result.travel is not None:
-        _write(_data(entry, "travel", "displacement", "t"), layout.TRAVEL, vars(result.travel), {})
+    if result.axial_displacement is not None:
+        _write(
+            _data(entry, "travel", "displacement", "t"), layout.TRAVEL, vars(result.axial_displacement), {}
+        )
     if result.motion is not None:
         part = _data(entry, "motion", "displacement", "../t", ".")
         _write(part, layout.MOTION, vars(result.motion), {**layout.FIXED, "frames": sizes["frames"]})
@@ -175,7 +177,9 @@ def _read_entry(entry: h5py.Group) -> StereoResult:
         static=head["static"],
         specimen=_read_body(entry["specimen"], sizes["frames"]),
         flyer=_read_body(entry["flyer"], sizes["frames"]) if "flyer" in entry else None,
-        travel=Travel(**_read(entry["travel"], layout.TRAVEL, {})) if "travel" in entry else None,
+        axial_displacement=AxialDisplacement(**_read(entry["travel"], layout.TRAVEL, {}))
+        if "travel" in entry
+        else None,
         centre=CentrePoints(**centre, left_out=MappingProxyType(left_out)),
         placement=Placement(
             frame=SpecimenFrame(**_read(entry["test_frame"], layout.FRAME, dict(layout.FIXED))),

@@ -122,8 +122,8 @@ def _tables(folder: Path, result: StereoResult, number: np.ndarray) -> None:
             "sigma_Z (mm)": MM * line.sigma,
         },
     )
-    if result.travel is not None:
-        travel = result.travel
+    if result.axial_displacement is not None:
+        travel = result.axial_displacement
         write_history(
             folder / "flyer.csv",
             {

@@ -16,7 +16,7 @@ def caption(view: SurfaceView) -> str:
 
 def draw(view: SurfaceView, panels: Panels) -> None:
     """Draw displacement, difference quotients and sigma."""
-    result, travel = view.result, view.result.travel
+    result, travel = view.result, view.result.axial_displacement
     assert travel is not None  # `applies`
     time = MS * travel.t
     for ax in panels.values():
@@ -71,5 +71,7 @@ KIND: FigureKind[SurfaceView] = FigureKind(
     panels=lambda view: [["displacement"], ["velocity"], ["sigma"]],
     draw=draw,
     mosaic={"sharex": True, "height_ratios": [1.2, 1.2, 0.7]},
-    applies=lambda view: view.result.travel is not None and view.result.travel.t.size > 2,
+    applies=lambda view: (
+        view.result.axial_displacement is not None and view.result.axial_displacement.t.size > 2
+    ),
 )
