@@ -1,26 +1,73 @@
-"""Designs, surrogates, search: a box of named parameters and a function, no physics."""
+"""Designs, surrogates, search, uncertainty: a box of named parameters and a function, no physics.
 
-from doe.box import Box
-from doe.designs import DESIGNS, Design, from_points, full_factorial, latin_hypercube, sobol
-from doe.multistart import multi_start
-from doe.outcome import SearchOutcome
-from doe.search import SearchResult, nelder_mead
-from doe.surrogates import SURROGATES, CostSurrogate, ResponseSurrogate, Surrogate
+The names below are loaded when they are first used.
+"""
 
-__all__ = [
-    "DESIGNS",
-    "SURROGATES",
-    "Box",
-    "CostSurrogate",
-    "Design",
-    "ResponseSurrogate",
-    "SearchOutcome",
-    "SearchResult",
-    "Surrogate",
-    "from_points",
-    "full_factorial",
-    "latin_hypercube",
-    "multi_start",
-    "nelder_mead",
-    "sobol",
-]
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from doe.box import Box
+    from doe.designs import DESIGNS, Design, DesignKind, from_points, full_factorial, latin_hypercube, sobol
+    from doe.executors import run_chunks
+    from doe.ledger import Ledger
+    from doe.multistart import multi_start
+    from doe.outcome import SearchOutcome
+    from doe.search import SearchResult, nelder_mead
+    from doe.sensitivity import morris, sobol_indices
+    from doe.surrogates import (
+        SURROGATES,
+        CostSurrogate,
+        ProcessSurrogate,
+        QuadraticSurrogate,
+        ResponseSurrogate,
+        Surrogate,
+    )
+    from doe.uncertainty import Channel, Likelihood, profile_likelihoods, sample_posterior, verdicts
+
+_HOME = {
+    "DESIGNS": "doe.designs",
+    "SURROGATES": "doe.surrogates",
+    "Box": "doe.box",
+    "Channel": "doe.uncertainty",
+    "CostSurrogate": "doe.surrogates",
+    "Design": "doe.designs",
+    "DesignKind": "doe.designs",
+    "Ledger": "doe.ledger",
+    "Likelihood": "doe.uncertainty",
+    "ProcessSurrogate": "doe.surrogates",
+    "QuadraticSurrogate": "doe.surrogates",
+    "ResponseSurrogate": "doe.surrogates",
+    "SearchOutcome": "doe.outcome",
+    "SearchResult": "doe.search",
+    "Surrogate": "doe.surrogates",
+    "from_points": "doe.designs",
+    "full_factorial": "doe.designs",
+    "latin_hypercube": "doe.designs",
+    "morris": "doe.sensitivity",
+    "multi_start": "doe.multistart",
+    "nelder_mead": "doe.search",
+    "profile_likelihoods": "doe.uncertainty",
+    "run_chunks": "doe.executors",
+    "sample_posterior": "doe.uncertainty",
+    "sobol": "doe.designs",
+    "sobol_indices": "doe.sensitivity",
+    "verdicts": "doe.uncertainty",
+}
+"""Where each public name is defined. The imports above tell a type checker the same; a test compares both."""
+
+__all__ = [*_HOME]
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name when it is first asked for."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'doe' has no attribute {name!r}; it offers {', '.join(_HOME)}")
+    from importlib import import_module
+
+    value = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOME})

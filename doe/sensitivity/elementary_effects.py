@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from doe.arrays import FloatArray
 from doe.box import Box
-from doe.design import Design, Rng, seed_of
+from doe.designs.design import Design, Rng, seed_of
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from doe.arrays import FloatArray
 from doe.box import Box
-from doe.design import Rng, seed_of
+from doe.designs.design import Rng, seed_of
 from doe.sensitivity.variance import Function, SaltelliSample, evaluate, interval_ends, resampled
 from doe.surrogates.pca import PrincipalComponents
 

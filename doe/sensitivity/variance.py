@@ -18,7 +18,7 @@ from scipy.stats import qmc
 
 from doe.arrays import FloatArray
 from doe.box import Box
-from doe.design import Rng, seed_of
+from doe.designs.design import Rng, seed_of
 
 Function = Callable[[FloatArray], FloatArray]
 """Outputs, shape [n, s], at points in parameter units, shape [n, d]."""

@@ -1,28 +1,27 @@
 """Surrogates of expensive functions of a box. A new one is one file and one line in `SURROGATES`."""
 
-from typing import Any
-
 from doe.surrogates.cost import CostSurrogate
 from doe.surrogates.kernels import DEFAULT_KERNELS, Kernel, SurrogateError
 from doe.surrogates.pca import PrincipalComponents
 from doe.surrogates.process import ProcessSurrogate
-from doe.surrogates.protocol import Surrogate
+from doe.surrogates.protocol import ComponentSurrogate, Surrogate, SurrogateKind
 from doe.surrogates.quadratic import QuadraticSurrogate
 from doe.surrogates.rbf import Candidate, RadialBasis
 from doe.surrogates.response import ResponseSurrogate
 
-SURROGATES: dict[str, Any] = {
-    "response": ResponseSurrogate,
-    "process": ProcessSurrogate,
-    "quadratic": QuadraticSurrogate,
-    "cost": CostSurrogate,
+SURROGATES: dict[str, SurrogateKind] = {
+    "response": SurrogateKind(ResponseSurrogate, "radial basis functions of principal components"),
+    "process": SurrogateKind(ProcessSurrogate, "Gaussian processes of principal components"),
+    "quadratic": SurrogateKind(QuadraticSurrogate, "a polynomial of the second degree, by least squares"),
+    "cost": SurrogateKind(CostSurrogate, "radial basis functions of one number", scalar=True),
 }
-"""Surrogate classes by name; each has `fit(box, points, values, ...)` and offers `Surrogate`."""
+"""Surrogates by name; what each one's `fit` builds offers `Surrogate`."""
 
 __all__ = [
     "DEFAULT_KERNELS",
     "SURROGATES",
     "Candidate",
+    "ComponentSurrogate",
     "CostSurrogate",
     "Kernel",
     "PrincipalComponents",
@@ -32,4 +31,5 @@ __all__ = [
     "ResponseSurrogate",
     "Surrogate",
     "SurrogateError",
+    "SurrogateKind",
 ]

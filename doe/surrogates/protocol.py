@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,6 +33,63 @@ class Surrogate(Protocol):
 
         A point outside the box is refused with a ValueError unless `extrapolate` is True.
         """
+
+
+@runtime_checkable
+class ComponentSurrogate(Surrogate, Protocol):
+    """A surrogate of the scores of principal components, in which its response is affine."""
+
+    @property
+    def n_components(self) -> int:
+        """Number of components."""
+
+    @property
+    def components(self) -> Any:
+        """The `doe.surrogates.PrincipalComponents`."""
+
+    def scores(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
+        """The scores at points in parameter units, shape [m, d] -> [m, n_components]."""
+
+
+@dataclass(frozen=True)
+class SurrogateKind:
+    """A kind of surrogate in the registry, with one way to fit all of them."""
+
+    surrogate: Any
+    """The class; its class method ``fit(box, points, values, ...)`` builds a `Surrogate` from runs."""
+    summary: str
+    """What it is, in a few words."""
+    scalar: bool = False
+    """Whether the response is one number a run; then `fit` of the class takes values of shape [n] and no
+    scale."""
+
+    def fit(self, box: Box, points: ArrayLike, values: ArrayLike, *, scale: ArrayLike = 1.0) -> Any:
+        """Build the surrogate from runs.
+
+        Parameters
+        ----------
+        box
+            Where the runs lie.
+        points
+            The runs, in parameter units, shape [n, d].
+        values
+            Their responses, shape [n, k]; k = 1 for a scalar kind.
+        scale
+            What counts as a difference in each entry of the response, shape [k] or a number.
+
+        Raises
+        ------
+        ValueError
+            If a point is outside the box or shapes do not match.
+        SurrogateError
+            If no surrogate can be built from these runs.
+        """
+        if not self.scalar:
+            return self.surrogate.fit(box, points, values, scale=scale)
+        y = np.asarray(values, dtype=np.float64)
+        if y.ndim != 2 or y.shape[1] != 1:
+            raise ValueError(f"values of a scalar response must have shape [n, 1], got {list(y.shape)}")
+        return self.surrogate.fit(box, points, y[:, 0])
 
 
 def checked_runs(box: Box, points: ArrayLike, values: ArrayLike) -> tuple[FloatArray, FloatArray]:

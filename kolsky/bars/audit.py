@@ -64,7 +64,7 @@ class Switches(Mapping[str, bool]):
     def __len__(self) -> int:
         return len(CORRECTIONS)
 
-    def said(self, key: str) -> str:
+    def state(self, key: str) -> str:
         """Why a switch stands as it does: "on by default", "switched off", ..."""
         state = "on" if self[key] else "off"
         return f"switched {state}" if known_key(key) in self.stated else f"{state} by default"
@@ -193,7 +193,7 @@ class AuditLog:
     ) -> FloatArray:
         """The corrected signal if its switch is on, else the other; listed with its size either way."""
         on = self.switches[key]
-        why = f"{reason}; {self.switches.said(key)}"
+        why = f"{reason}; {self.switches.state(key)}"
         self.compare(name, key, before, after, applied=on, unit=unit, reason=why, over=over)
         return after if on else before
 

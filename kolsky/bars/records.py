@@ -71,7 +71,7 @@ class Windows:
     transmitted: tuple[float, float]
     """At the transmission gauge."""
     source: str
-    """How they were found: "arrival", "dead reckoning" or "shot file"."""
+    """How they were found: "arrival", "travel times" or "shot file"."""
 
 
 @dataclass(frozen=True)

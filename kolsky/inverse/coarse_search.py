@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from doe import Box, ResponseSurrogate, Surrogate, from_points
+from doe import SURROGATES, Box, Surrogate, from_points
 from doe.refine import Refinement, refine
-from doe.surrogates import ProcessSurrogate, SurrogateError
+from doe.surrogates import ProcessSurrogate, SurrogateError, SurrogateKind
 from doe.surrogates.quality import Fitness, fitness
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.method_comparison import AGREEMENT
@@ -21,6 +21,9 @@ from kolsky.inverse.observations import Prediction
 from kolsky.inverse.optimum import CorrectedSurrogate, at_inner_face, jacobian, search
 from kolsky.inverse.staged_runs import CompletedRuns, StagedRuns
 
+ONE_PARAMETER, SEVERAL = "response", "process"
+"""Surrogates, by their names in `doe.SURROGATES`, for one free parameter and for several: where a direction
+matters little a kernel that is the same in all of them wastes its runs."""
 LOCAL_FRACTION = 0.12
 """Edge of the second design's box over the first one's."""
 MOST_REFINEMENTS = 3
@@ -43,6 +46,11 @@ class CoarseOptimum:
     """With the discrepancies of the optimum."""
     x: FloatArray
     """The optimum, shape [d]."""
+
+
+def surrogate_kind(box: Box) -> SurrogateKind:
+    """The surrogate for a number of free parameters, from the registry."""
+    return SURROGATES[ONE_PARAMETER if box.dimension == 1 else SEVERAL]
 
 
 def search_coarse(stages: StagedRuns) -> CoarseOptimum:
@@ -73,13 +81,13 @@ def second_design(stages: StagedRuns, wide: CompletedRuns) -> CoarseOptimum:
     return CoarseOptimum(box, surrogate, best.objective, best.x)
 
 
-def _fit(stages: StagedRuns, box: Box, runs: CompletedRuns) -> tuple[Objective, ResponseSurrogate]:
+def _fit(stages: StagedRuns, box: Box, runs: CompletedRuns) -> tuple[Objective, Surrogate]:
     """The objective over the points that every run reaches, and the surrogate of its data vector."""
     objective = Objective(stages.observations, _reached(runs.prediction.inside))
     use = box.contains(runs.points)
     vectors = objective.vectors(runs.prediction)
     try:
-        surrogate = ResponseSurrogate.fit(box, runs.points[use], vectors[use], scale=objective.noise)
+        surrogate = surrogate_kind(box).fit(box, runs.points[use], vectors[use], scale=objective.noise)
     except SurrogateError as error:
         raise _no_surrogate(error, runs) from error
     return objective, surrogate
@@ -153,10 +161,11 @@ def fit_for_purpose(stages: StagedRuns, coarse: CoarseOptimum, gain: FloatArray)
     points, prediction = _used(stages, coarse.surrogate)
     vectors = coarse.objective.vectors(prediction)
     scale, box = coarse.objective.noise, coarse.surrogate.box
-    kind = ResponseSurrogate if isinstance(coarse.surrogate, ResponseSurrogate) else ProcessSurrogate
+    kind = surrogate_kind(box)
 
     def fit(x: FloatArray, y: FloatArray) -> Surrogate:
-        return kind.fit(box, x, y, scale=scale)
+        found: Surrogate = kind.fit(box, x, y, scale=scale)
+        return found
 
     return fitness(fit, box, points, vectors, sigma=scale, allowed=AGREEMENT, gain=gain)
 

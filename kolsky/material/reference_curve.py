@@ -14,9 +14,9 @@ from kolsky.material.curves.band import (
     CurveBand,
     apparent_modulus,
     mean_of_repeats,
-    resampled,
+    resample,
 )
-from kolsky.material.curves.uniaxial import Begun, Toe, UniaxialTest, correct_toe, loading_ramps
+from kolsky.material.curves.uniaxial import Toe, UniaxialTest, ZeroedTest, correct_toe, loading_ramps
 from kolsky.material.end_friction.correct import correct_friction
 from kolsky.material.end_friction.problem import EndFriction, FrictionCorrection
 from kolsky.material.end_friction.slow_test import SlowNumerics
@@ -69,7 +69,7 @@ class ReferenceCurve:
     """Which ramps: the first pull, or the last one of conditioned specimens."""
     compression: bool
     """Whether the branch is compression."""
-    tests: tuple[Begun, ...]
+    tests: tuple[ZeroedTest, ...]
     """Every test's ramp after compliance and toe."""
     apparent: CurveBand
     """Mean of the tests as if the ends had slid freely."""
@@ -116,7 +116,7 @@ def reference_curve(
     begun = tuple(correct_toe(_ramp(test, treatment, pull), treatment.toe) for test in tests)
     axis = _axis([one.test for one in begun], treatment)
     apparent, remarks = _mean(begun, axis, treatment)
-    times, bulge = _beside(begun, axis)
+    times, bulge = _mean_time_and_bulge(begun, axis)
     friction, band = None, apparent
     if treatment.ends is not None:
         assert treatment.specimen is not None
@@ -179,9 +179,9 @@ def _axis(tests: Sequence[UniaxialTest], treatment: Treatment) -> FloatArray:
 
 
 def _mean(
-    begun: Sequence[Begun], axis: FloatArray, treatment: Treatment
+    begun: Sequence[ZeroedTest], axis: FloatArray, treatment: Treatment
 ) -> tuple[CurveBand, tuple[str, ...]]:
-    found = [resampled(one.test.strain, one.test.stress, axis) for one in begun]
+    found = [resample(one.test.strain, one.test.stress, axis) for one in begun]
     values = np.stack([value for value, _ in found])
     wrong = np.argwhere(values <= 0.0)
     if wrong.size:
@@ -204,16 +204,18 @@ def _mean(
     return band, remarks
 
 
-def _beside(begun: Sequence[Begun], axis: FloatArray) -> tuple[FloatArray | None, FloatArray | None]:
+def _mean_time_and_bulge(
+    begun: Sequence[ZeroedTest], axis: FloatArray
+) -> tuple[FloatArray | None, FloatArray | None]:
     """Mean time since the strain was zero, and mean radius at mid-height, where all tests have them."""
     tests = [one.test for one in begun]
     times, radii = [], []
     for test in tests:
         if test.time is not None:
-            when, _ = resampled(test.strain, test.time, axis)
+            when, _ = resample(test.strain, test.time, axis)
             rate = np.polyfit(when, axis, 1)[0]
             times.append(when - (when[0] - axis[0] / rate))
         if test.bulge is not None:
-            radii.append(resampled(test.strain, test.bulge, axis)[0])
+            radii.append(resample(test.strain, test.bulge, axis)[0])
     complete = [np.mean(rows, axis=0) if len(rows) == len(tests) else None for rows in (times, radii)]
     return complete[0], complete[1]

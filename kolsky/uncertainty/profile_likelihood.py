@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from doe import Box, ResponseSurrogate, from_points
-from doe.surrogates import ProcessSurrogate
+from doe import Box, from_points
 from doe.uncertainty import Likelihood, Profiles, profile_likelihoods, verdicts
 from doe.uncertainty.profile import Profile
 from kolsky.base.arrays import FloatArray
+from kolsky.inverse.coarse_search import surrogate_kind
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.optimum import CorrectedSurrogate, Model, jacobian
@@ -197,9 +197,9 @@ def surrogate_of(
     counted = answer.objective.counted & prediction.inside[use].all(axis=0)
     objective = replace(answer.objective, counted=counted)
     kept = np.concatenate([np.ones(objective.n_force, dtype=bool), counted[answer.objective.counted]])
-    # Where a direction matters little a kernel that is the same in all of them wastes its runs.
-    kind = ResponseSurrogate if box.dimension == 1 else ProcessSurrogate
-    surrogate = kind.fit(box, points[use], objective.vectors(prediction)[use], scale=objective.noise)
+    surrogate = surrogate_kind(box).fit(
+        box, points[use], objective.vectors(prediction)[use], scale=objective.noise
+    )
     model = CorrectedSurrogate(surrogate).through(answer.x, answer.vector[kept])
     if box != whole:
         model = replace(model, slope=answer.steeper[kept])

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from doe import Box, ResponseSurrogate
-from doe.surrogates import ProcessSurrogate
+from doe import Box
+from doe.surrogates import ComponentSurrogate
 from doe.uncertainty import Channel, Likelihood
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.objective import Objective
@@ -42,7 +42,7 @@ def reduce_residuals(model: CorrectedSurrogate, objective: Objective) -> Reduced
         If the surrogate is not one by principal components.
     """
     surrogate = model.surrogate
-    if not isinstance(surrogate, ResponseSurrogate | ProcessSurrogate):
+    if not isinstance(surrogate, ComponentSurrogate):
         raise TypeError(f"a surrogate by principal components is needed, got {type(surrogate).__name__}")
     q = surrogate.n_components
     slope = np.zeros((len(objective.data), 0)) if np.isscalar(model.slope) else np.asarray(model.slope)

@@ -207,7 +207,7 @@ stress over strain beside the authors' columns ("2w"). The transmitted pulse of 
 What is left is the baseline. The incident gauge of sample 1 drifts: the authors' zero, the mean of its
 first 500 samples, lies {zero * 1e6:.1f} µε from the mean up to 25 µs before the pulse, the zero here.
 At the front face the incident and the reflected wave both carry it, {shift:.1f} MPa of the three waves'
-stress. The reflected pulses are seen {late[0]:.1f} and {late[1]:.1f} µs later than reckoned,
+stress. The reflected pulses arrive {late[0]:.1f} and {late[1]:.1f} µs later than predicted,
 {share:.1f} % of their way.
 
 Equilibrium holds from {span_of(one)} (sample 1) and from {span_of(two)} (sample 2). It begins at so
@@ -234,7 +234,7 @@ Los Alamos's example of HopPyBar (github.com/lanl/HopPyBar, BSD-3 licence): anne
 3.204 mm, Ti-6Al-4V bars of 9.47 mm. All but the bars' length comes from the file's own metadata. Two
 things in it do not go together: gauges {1e3 * said["gauge"]:.0f} mm from the specimen and a rod speed
 of {said["speed"]:.0f} m/s make a way back of {way:.1f} µs, while the laboratory's calibration lists
-{listed:.1f} µs. The record decides: the reflected pulse is seen {late:.2f} µs later than reckoned, at
+{listed:.1f} µs. The record decides: the reflected pulse arrives {late:.2f} µs later than predicted, at
 {way + late:.1f} µs. With the incident gauge where the calibrated time puts it, it is seen within
 {rest:.2f} µs of where it should be. The root mean square of R from 10 µs to 50 µs is
 {unrest[False, False]:.3f} with the distance as written and waves that are only shifted,

@@ -18,12 +18,12 @@ from kolsky.bars.reduction.faces import face_waves
 from kolsky.bars.reduction.punching import correct_punching
 from kolsky.bars.reduction.stress_strain import cauchy_stress, hencky_strain, reduce
 from kolsky.bars.reduction.summary import Summary, mean_over, summarise
-from kolsky.bars.reduction.windows import Reckoning, check_windows, find_windows, incident_arrival
+from kolsky.bars.reduction.windows import PulseCheck, check_windows, find_windows, incident_arrival
 from kolsky.bars.signals.arrival import Arrival, find_arrival
 from kolsky.bars.signals.bridge import Linear
 from kolsky.bars.signals.stations import bar_signal
 from kolsky.base.apparatus import Bar, Specimen
-from kolsky.readers.layout import Layout
+from kolsky.readers.contents import Layout
 from kolsky.readers.recordings import read_contents, read_recordings
 
 BARS = Path(__file__).resolve().parent.parent.parent.parent / "shared" / "data" / "bars"
@@ -39,7 +39,7 @@ class Reduced:
     signals: tuple[BarSignal, BarSignal]
     specimen: Specimen
     arrival: Arrival
-    seen: tuple[Reckoning, Reckoning]
+    seen: tuple[PulseCheck, PulseCheck]
     faces: FaceWaves
     reduction: Reduction
     summary: Summary

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from kolsky.bars.signals.bridge import Bridge, Linear
-from kolsky.bars.signals.signal_zero import measure_baseline
+from kolsky.bars.signals.signal_zero import measure_signal_zero
 from kolsky.bars.signals.stations import bar_signal
 from kolsky.base.apparatus import Bar
-from kolsky.readers.layout import Layout
+from kolsky.readers.contents import Layout
 from kolsky.readers.recordings import read_recordings
 
 STEEL = Bar(diameter=20e-3, length=2.1, youngs_modulus=210e9, density=7800.0)
@@ -59,7 +59,7 @@ def test_epoxy_of_yao_steps_and_noise(shared, file, interval, steps):
             clock_offset=0.0,
             compression=-1,
         ).signal.strain
-        rest = measure_baseline(made.time, made.value, (-1.9e-4, -2e-5), name=side)
+        rest = measure_signal_zero(made.time, made.value, (-1.9e-4, -2e-5), name=side)
         assert rest.step == pytest.approx(1e-6 * step, rel=2e-3)  # printed with three digits
         # An 8-bit recorder whose noise is below its step; the rounding alone is step / sqrt(12).
         assert rest.step / np.sqrt(12.0) < made.sigma < rest.step

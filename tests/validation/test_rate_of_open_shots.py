@@ -6,7 +6,7 @@ import pytest
 
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.prepared_shot import prepare_shot
-from kolsky.material.relaxation.prony_fit import branches_asked_for
+from kolsky.material.relaxation.prony_fit import required_branches
 from kolsky.shot.load import load_shot
 from kolsky.studies.shot_evidence import ShotEvidence
 
@@ -17,7 +17,7 @@ OPEN_01 = Path(__file__).resolve().parents[2] / "runs" / "open-01"
 def test_an_elastic_shot_does_not_ask_for_rate_dependence() -> None:
     prepared = prepare_shot(load_shot(OPEN_01))
     evidence = ShotEvidence.of(prepared, Numerics(mesh=(12, 16), threads=1))
-    verdict = branches_asked_for(prepared.forward.laws[0], [evidence], at_most=1, max_evaluations=12)
+    verdict = required_branches(prepared.forward.laws[0], [evidence], at_most=1, max_evaluations=12)
     assert verdict.branches == 0
     # 1.12 planted; the mesh is half as fine in each direction as that of an identification: 3 % (measured)
     assert verdict.fit.model.factor == pytest.approx(1.12, rel=0.05)

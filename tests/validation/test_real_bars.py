@@ -59,10 +59,10 @@ def test_epoxy_is_in_equilibrium_and_conserves_energy(sample):
 
 
 @pytest.mark.parametrize("sample", [1, 2])
-def test_reflected_pulses_are_seen_where_they_are_reckoned(sample):
+def test_reflected_pulses_arrive_when_predicted(sample):
     reflected, transmitted = epoxy(sample, dispersion=False).seen
-    assert abs(reflected.late) < 1.5e-6  # 392 us of way at a wave speed of 0.3 %
-    assert 5e-6 < transmitted.late < 30e-6  # soft specimens are slow to load
+    assert abs(reflected.delay) < 1.5e-6  # 392 us of way at a wave speed of 0.3 %
+    assert 5e-6 < transmitted.delay < 30e-6  # soft specimens are slow to load
 
 
 @pytest.mark.parametrize("sample", [1, 2])
@@ -92,8 +92,8 @@ def test_the_copper_record_confirms_the_calibrated_reflected_time():
     as_said = copper(dispersion=False, calibrated=False).seen[0]
     way = 2 * said["gauge"] / said["speed"]
     # A pulse that starts as steep as the reference; 0.1 us is one sample.
-    assert way + as_said.late == pytest.approx(said["reflected time"], abs=0.1e-6)
-    assert abs(copper(dispersion=False).seen[0].late) < 0.1e-6
+    assert way + as_said.delay == pytest.approx(said["reflected time"], abs=0.1e-6)
+    assert abs(copper(dispersion=False).seen[0].delay) < 0.1e-6
 
 
 def test_dispersion_and_place_bring_the_copper_into_balance():

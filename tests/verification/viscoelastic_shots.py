@@ -11,7 +11,7 @@ from explicit import Model, cylinder
 from explicit.materials import neo_hookean
 from explicit.relaxation import PronySeries
 from kolsky.material.relaxation.evidence import Evidence, HistoryTest, RateModel
-from kolsky.material.relaxation.prony_fit import branches_asked_for, fit_prony
+from kolsky.material.relaxation.prony_fit import fit_prony, required_branches
 from kolsky.studies.shot_evidence import ShotEvidence
 
 FloatArray = NDArray[np.float64]
@@ -124,8 +124,8 @@ def noisy(truth: RateModel, seed: int) -> list[Evidence]:
 def recovery() -> Recovery:
     """The first draw from the grid of strengths and times, the others from the planted pair."""
     first = noisy(PLANTED, 3)
-    verdict = branches_asked_for(LAW, first, at_most=1, max_evaluations=20)
-    elastic = branches_asked_for(
+    verdict = required_branches(LAW, first, at_most=1, max_evaluations=20)
+    elastic = required_branches(
         LAW, noisy(RateModel(1.05, PronySeries((), ())), 4), at_most=1, max_evaluations=20
     )
     fits = [verdict.fits[1]]

@@ -167,7 +167,7 @@ class Budget:
         return output
 
 
-def quoted(budget: Budget, results: Mapping[str, tuple[str, int | None, str]]) -> BudgetTable:
+def budget_table(budget: Budget, results: Mapping[str, tuple[str, int | None, str]]) -> BudgetTable:
     """The budget at the numbers that are quoted, e.g. at the peak stress.
 
     Parameters

@@ -56,7 +56,7 @@ def propagate(
     whole: dict[str, list[FloatArray]] = {name: [] for name in value}
     bend: dict[str, list[FloatArray]] = {name: [] for name in value}
     for q in quantities:
-        plus, minus = moved(model, value, best, {q: 1.0})
+        plus, minus = outputs_beside(model, value, best, {q: 1.0})
         for name in value:
             whole[name].append(0.5 * (plus[name] - minus[name]))
             bend[name].append(0.5 * (plus[name] + minus[name]) - value[name])
@@ -64,7 +64,7 @@ def propagate(
     curvature = {name: _stack(bend[name], value[name]) for name in value}
     # All at once over half a step, with alternating signs so that equal contributions do not hide.
     share = {q: 0.5 * (-1) ** k for k, q in enumerate(quantities)}
-    plus, minus = moved(model, value, best, share)
+    plus, minus = outputs_beside(model, value, best, share)
     steps = np.array(list(share.values()))
     interaction = {}
     for name in value:
@@ -72,7 +72,7 @@ def propagate(
         straight = np.tensordot(steps, contribution[name], 1)
         scale = _size(contribution[name], noises[name])
         if float(np.sqrt(np.mean((together - straight) ** 2))) > tolerance * scale:
-            refuse_steps(model, value, best, quantities, name, contribution[name], tolerance * scale)
+            raise_for_steps(model, value, best, quantities, name, contribution[name], tolerance * scale)
         mean = 0.5 * (plus[name] + minus[name]) - value[name]
         interaction[name] = 4.0 * (mean - np.tensordot(steps**2, curvature[name], 1))
     return Budget(
@@ -108,7 +108,7 @@ def _stack(rows: list[FloatArray], like: FloatArray) -> FloatArray:
     return np.stack(rows) if rows else np.zeros((0, *like.shape))
 
 
-def moved(
+def outputs_beside(
     model: Model, value: Mapping[str, FloatArray], best: Mapping[str, float], steps: Mapping[Quantity, float]
 ) -> tuple[Mapping[str, FloatArray], Mapping[str, FloatArray]]:
     """Outputs with quantities moved by shares of their standard uncertainties, and by the same back."""
@@ -126,7 +126,7 @@ def moved(
     return found[0], found[1]
 
 
-def refuse_steps(
+def raise_for_steps(
     model: Model,
     value: Mapping[str, FloatArray],
     best: Mapping[str, float],
@@ -144,7 +144,7 @@ def refuse_steps(
     """
     off = []
     for q, one in zip(quantities, contribution, strict=True):
-        plus, minus = moved(model, value, best, {q: 0.5})
+        plus, minus = outputs_beside(model, value, best, {q: 0.5})
         off.append(float(np.sqrt(np.mean((one - (plus[output] - minus[output])) ** 2))))
     q = quantities[int(np.argmax(off))]
     raise ValueError(

@@ -9,7 +9,7 @@ from kolsky.bars.records import Quantity
 from kolsky.base.arrays import FloatArray
 
 
-def merged(quantities: Iterable[Quantity]) -> list[Quantity]:
+def merge_quantities(quantities: Iterable[Quantity]) -> list[Quantity]:
     """Quantities with those that were listed more than once, such as a bar's Poisson's ratio, listed once.
 
     Where only one of them has an uncertainty, that one is taken.

@@ -48,7 +48,7 @@ def end_of_dip(signal: Signal, after: float, before: float, ringing: float) -> E
     Event or None
         Without a name; None if there is no dip below five sigmas and 5 % of the drive, or no kink behind it.
     """
-    t, force, sigma = averaged(signal, ringing)
+    t, force, sigma = moving_average(signal, ringing)
     near = np.flatnonzero((t >= after - ringing) & (t <= before))
     driven = force[(t >= signal.start) & (t <= after)]
     if near.size < 12 or not driven.size:
@@ -76,7 +76,7 @@ def end_of_dip(signal: Signal, after: float, before: float, ringing: float) -> E
     return Event("", kink.time, spread, "the tensile dip of the flyer's transducer ends")
 
 
-def jump(signal: Signal, after: float, rest: float, ringing: float) -> Event | None:
+def first_jump(signal: Signal, after: float, rest: float, ringing: float) -> Event | None:
     """First jump of a signal against its own past average, far beyond those of the flight.
 
     Parameters
@@ -117,7 +117,7 @@ def jump(signal: Signal, after: float, rest: float, ringing: float) -> Event | N
     )
 
 
-def push_back(arrest: Event, impact: Event, transmitted: Signal | None, ringing: float) -> Event:
+def find_push_back(arrest: Event, impact: Event, transmitted: Signal | None, ringing: float) -> Event:
     """The transmitted force falls to half its peak after the arrest.
 
     Parameters
@@ -134,7 +134,7 @@ def push_back(arrest: Event, impact: Event, transmitted: Signal | None, ringing:
         return Event(name, None, None, "the flyer was not seen to stand still")
     if transmitted is None:
         return Event(name, None, None, "needs the transmitted force")
-    t, force, sigma = averaged(transmitted, ringing)
+    t, force, sigma = moving_average(transmitted, ringing)
     use = t <= (t[-1] if impact.time is None else impact.time - 0.5 * ringing)
     t, force = t[use], force[use]
     half = 0.5 * float(force.max())
@@ -151,7 +151,7 @@ def push_back(arrest: Event, impact: Event, transmitted: Signal | None, ringing:
     )
 
 
-def back_velocity(time: FloatArray, force: Signal, bar: Bar, ringing: float) -> FloatArray:
+def back_face_velocity(time: FloatArray, force: Signal, bar: Bar, ringing: float) -> FloatArray:
     """Velocity of the bar's face under a force: what it sends, and twice what comes back from a free end.
 
     Parameters
@@ -170,7 +170,7 @@ def back_velocity(time: FloatArray, force: Signal, bar: Bar, ringing: float) -> 
     NDArray
         Into the bar [m/s], shape [n].
     """
-    at, F, _ = averaged(force, ringing)
+    at, F, _ = moving_average(force, ringing)
     returns = range(1, int((time[-1] - at[0]) / bar.round_trip) + 1)
     echoes = [np.interp(time - k * bar.round_trip, at, F, left=0.0) for k in returns]
     return np.asarray(
@@ -178,7 +178,7 @@ def back_velocity(time: FloatArray, force: Signal, bar: Bar, ringing: float) -> 
     )
 
 
-def averaged(signal: Signal, span: float) -> tuple[FloatArray, FloatArray, float]:
+def moving_average(signal: Signal, span: float) -> tuple[FloatArray, FloatArray, float]:
     """Times and centred moving averages of a signal over a span, and the noise of one.
 
     Raises

@@ -16,10 +16,10 @@ from kolsky.bars.flyer.event_signals import (
     CERTAIN,
     RINGING,
     Event,
-    back_velocity,
+    back_face_velocity,
     end_of_dip,
-    jump,
-    push_back,
+    find_push_back,
+    first_jump,
 )
 from kolsky.bars.flyer.fit import fit_flyer
 from kolsky.bars.flyer.kink import Kink, find_kink
@@ -136,7 +136,7 @@ def flyer_events(
         speed,
         _separation(kept, speed, arrest, incident, ringing),
         arrest,
-        push_back(arrest, impact, transmitted, ringing),
+        find_push_back(arrest, impact, transmitted, ringing),
         impact,
         _symmetry(symmetry),
     ]
@@ -200,7 +200,7 @@ def _arrest(path: FlyerPath, speed: Event, force: Signal | None, bar: Bar | None
     t = np.linspace(speed.time, path.end, 8 * path.knots.size)
     v, seen = path.velocity(t), "the velocity of the flyer's path falls through zero"
     if force is not None and bar is not None:
-        v = v - back_velocity(t, force, bar, ringing)
+        v = v - back_face_velocity(t, force, bar, ringing)
         seen = "the velocity of the flyer's path falls to that of the back face"
     below = np.flatnonzero(v <= 0.0)
     if not below.size or below[0] == 0:
@@ -224,7 +224,7 @@ def _second_impact(
     if turn is None:
         return Event(name, None, None, "the flyer does not turn back in the record")
     if incident is not None:
-        found = jump(incident, motion.time[turn], rest, ringing)
+        found = first_jump(incident, motion.time[turn], rest, ringing)
         if found is not None:
             return replace(found, name=name)
     kink = _slope_jump(motion, turn, motion.time.size)

@@ -29,7 +29,7 @@ not in the path's uncertainty either; `chi2_per_dof` above 1 at a trusted sigma 
 
 import numpy as np
 
-from kolsky.bars.flyer.jerks import ZERO_PRIOR, hat_functions, most_likely, posterior
+from kolsky.bars.flyer.jerks import ZERO_PRIOR, hat_functions, maximum_likelihood, posterior
 from kolsky.bars.flyer.path import FlyerPath, responses
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import FlyerMotion
@@ -78,7 +78,7 @@ def fit_flyer(motion: FlyerMotion, *, start: float, covariance: FloatArray | Non
     weight = unit / sigma
     G = np.column_stack([np.ones(t.size), responses(t, knots, 0) / frame**3]) * weight[:, None]
     hats = hat_functions((0.5 * (knots[1:] + knots[:-1]) - start) / frame)
-    log_scale, log_tau = most_likely(y, weight, np.diff(knots) / frame, hats)
+    log_scale, log_tau = maximum_likelihood(y, weight, np.diff(knots) / frame, hats)
     s = np.exp(log_scale)
     prior = np.concatenate([[ZERO_PRIOR], np.exp(hats @ log_tau)])
     z, V, rest = posterior(y / s, G * (prior / s))

@@ -64,7 +64,7 @@ def posterior(y: FloatArray, G: FloatArray) -> tuple[FloatArray, FloatArray, Flo
     return z, V, y - G @ z
 
 
-def most_likely(
+def maximum_likelihood(
     y: FloatArray, weight: FloatArray, spans: FloatArray, hats: FloatArray
 ) -> tuple[float, FloatArray]:
     """Log noise scale (>= 0) and log tau at the control points, of largest marginal likelihood.

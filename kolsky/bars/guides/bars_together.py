@@ -218,7 +218,7 @@ def _fit(
         for nu in (max(bar.poisson - POISSON_STEP, 0.0), min(bar.poisson + POISSON_STEP, 0.499))
     )
     width = min(bar.poisson + POISSON_STEP, 0.499) - max(bar.poisson - POISSON_STEP, 0.0)
-    alike = _alike(residual)
+    alike = _correlated_samples(residual)
     # Slow noise alone moves speed and gain, and all of the first pulse's is in the band.
     noise = (gain * first.sigma) ** 2 * first.memory + later.sigma**2 * later.memory
     variance = max(alike * float(residual @ residual) / (residual.size - 2), noise / peak**2)
@@ -262,7 +262,7 @@ def _cosine(a: FloatArray, b: FloatArray) -> float:
     return float(a @ b) / norm if norm > 0.0 else 0.0
 
 
-def _alike(residual: FloatArray) -> float:
+def _correlated_samples(residual: FloatArray) -> float:
     """Integrated correlation of a residual [samples], up to where it first passes zero."""
     n = residual.size
     lagged = np.correlate(residual, residual, mode="full")[n - 1 :]

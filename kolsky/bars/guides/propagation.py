@@ -124,7 +124,7 @@ def propagation(
     limit = min(waveguide.largest_frequency, np.inf if band is None else band)
 
     fade = max(64, n // 4)
-    before = fade + _spread(waveguide, distance, step, limit) + max(0, -whole)
+    before = fade + _largest_delay(waveguide, distance, step, limit) + max(0, -whole)
     after = before + max(0, whole + count - n)
     length = next_fast_len(before + n + after, real=True)
     frequency = rfftfreq(length, step)
@@ -153,7 +153,7 @@ def propagation(
         result - shifted if fraction == 0.0 else result - _shifted(padded, fraction, before + whole, count)
     )
     return Propagation(
-        signal=_told(signal, first, result, noise, abs(turn[0]), signal.unit),
+        signal=_with_noise(signal, first, result, noise, abs(turn[0]), signal.unit),
         band=float(limit),
         energy=float(result @ result) / total if total > 0.0 else 1.0,
         noise_gain=noise,
@@ -188,16 +188,18 @@ def _multiplied(strain: Signal, waveguide: Waveguide, unit: str, band: float | N
         factor[kept] /= waveguide.impedance(omega)
     value = irfft(rfft(faded(strain.value, fade, length, fade=fade)) * factor, length)[fade : fade + n]
     noise = float(np.sqrt(mean_square(factor, length, strain.memory)))
-    return _told(strain, strain.start, value, noise, abs(factor[0]), unit)
+    return _with_noise(strain, strain.start, value, noise, abs(factor[0]), unit)
 
 
-def _told(signal: Signal, start: float, value: FloatArray, noise: float, at_rest: float, unit: str) -> Signal:
+def _with_noise(
+    signal: Signal, start: float, value: FloatArray, noise: float, at_rest: float, unit: str
+) -> Signal:
     """What a signal became, with the sigma and the memory of its noise: slow noise is passed by `at_rest`."""
     memory = max(1.0, signal.memory * (at_rest / noise) ** 2) if noise > 0.0 else signal.memory
     return replace(signal, start=start, value=value, sigma=signal.sigma * noise, unit=unit, memory=memory)
 
 
-def _spread(waveguide: Waveguide, distance: float, step: float, limit: float) -> int:
+def _largest_delay(waveguide: Waveguide, distance: float, step: float, limit: float) -> int:
     """Samples by which the slowest component is later than the arrival, from the slope of the phase."""
     omega = 2.0 * pi * np.linspace(0.0, min(0.5 / step, limit), _SLOPES)
     late = waveguide.wavenumber(omega).real - omega / waveguide.wave_speed

@@ -1,4 +1,4 @@
-"""The chain: gauges to strain, windows, waves at the faces, reduction, corrections, budget."""
+"""Reduction of a test between bars: strain, windows, waves at the faces, corrections, budget."""
 
 from collections.abc import Callable, Mapping
 
@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 from kolsky.bars.audit import AuditLog
 from kolsky.bars.budget.budget import Budget
 from kolsky.bars.budget.propagation import propagate
-from kolsky.bars.budget.quantities import merged
+from kolsky.bars.budget.quantities import merge_quantities
 from kolsky.bars.records import (
     BarSignal,
     FaceWaves,
@@ -18,7 +18,7 @@ from kolsky.bars.records import (
     map_histories,
     with_opposite_sign,
 )
-from kolsky.bars.reduction import quoted
+from kolsky.bars.reduction import quoted_values
 from kolsky.bars.reduction.inputs import FAR, SIDES, WavesInput
 from kolsky.bars.reduction.overlap import overlapping_windows
 from kolsky.bars.reduction.summary import Summary, summarise
@@ -28,8 +28,8 @@ from kolsky.bars.result import WavesResult
 from kolsky.bars.signals.stations import Station
 
 LARGEST_BEND = 1.0
-"""Disagreement of the budget's two steps that ends the work, in combined standard uncertainties: steep fronts
-that a wave speed moves bend more than any straight line; `quoted.remarks` says where it matters."""
+"""Largest disagreement of the budget's two steps, in combined standard uncertainties. Steep fronts that a wave
+speed shifts are nonlinear; `quoted_values.remarks` names the values that suffer from it."""
 Progress = Callable[[str, int, int], None]
 
 
@@ -54,7 +54,7 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
     incident, transmission = (best[side].signal for side in SIDES)
     arrival = incident_arrival(incident, tension=tension)
     windows = _windows(given, incident, transmission, tension)
-    seen = check_windows(incident, transmission, tension=tension)
+    checks = check_windows(incident, transmission, tension=tension)
     progress("waves", 1, 3)
 
     log = AuditLog(given.switches)
@@ -83,16 +83,16 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
         faces=faces,
         reduction=with_opposite_sign(reduction) if tension else reduction,
         corrections=log.corrections,
-        budget=quoted.table(budget, sign),
-        facts=quoted.facts(best, arrival, seen, windows, reduction, summary, given.specimen),
-        remarks=tuple(quoted.remarks(reduction, budget, seen, given)),
+        budget=quoted_values.table(budget, sign),
+        facts=quoted_values.facts(best, arrival, checks, windows, reduction, summary, given.specimen),
+        remarks=tuple(quoted_values.remarks(reduction, budget, checks, given)),
         inputs=given.inputs,
         settings=given.settings,
     )
 
 
 def _windows(given: WavesInput, incident: BarSignal, transmission: BarSignal, tension: bool) -> Windows:
-    """Windows by hand, by dead reckoning or, with two stations on a bar, in spite of an overlap."""
+    """Windows given by hand, from travel times or, with two stations on a bar, for overlapping pulses."""
     if given.windows is None and FAR in given.stations and given.switches["separation"]:
         return overlapping_windows(incident, station_of(given, FAR).signal, transmission, tension=tension)
     return find_windows(incident, transmission, tension=tension, manual=given.windows)
@@ -126,10 +126,10 @@ def _budget(
     quantities += length_quantities(
         given.specimen, {key: station.position for key, station in given.stations.items()}, given.uncertainty
     )
-    known = merged(quantities)
+    known = merge_quantities(quantities)
     noise: dict[str, ArrayLike] = {
         **{name: history.sigma for name, history in histories(reduction).items()},
-        **quoted.noise(reduction, summary),
+        **quoted_values.noise(reduction, summary),
     }
     names = {q.name for q in known}
     pairs = {

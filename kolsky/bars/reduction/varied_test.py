@@ -9,7 +9,7 @@ from kolsky.bars.audit import AuditLog
 from kolsky.bars.guides.polymer_waveguide import ViscoelasticWaveguide
 from kolsky.bars.guides.waveguide import ElasticWaveguide, Waveguide
 from kolsky.bars.records import Correction, FaceWaves, Quantity, Reduction, Windows, histories
-from kolsky.bars.reduction import quoted
+from kolsky.bars.reduction import quoted_values
 from kolsky.bars.reduction.faces import face_waves
 from kolsky.bars.reduction.inputs import FAR, SIDES, WavesInput
 from kolsky.bars.reduction.overlap import separated
@@ -134,7 +134,7 @@ def station_of(given: WavesInput, key: str, values: Mapping[str, float] | None =
         compression=station.compression,
         full_scale=station.full_scale,
         switches=given.switches,
-        uncertainty=quoted.calibration_sigma(
+        uncertainty=quoted_values.calibration_sigma(
             station.calibration, given.uncertainty.get("gauge_calibration", 0.0)
         ),
         values=values,
@@ -202,5 +202,5 @@ class VariedTest:
         reduction, _ = self.reduced(faces, values)
         return {
             **{name: history.value for name, history in histories(reduction).items()},
-            **quoted.numbers(reduction, summary),
+            **quoted_values.numbers(reduction, summary),
         }

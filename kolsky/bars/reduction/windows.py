@@ -1,4 +1,4 @@
-"""Where the three pulses lie at the gauges: dead reckoning from the incident pulse, and what it is worth."""
+"""Time windows of the three pulses at the gauges: from travel times, checked against observed arrivals."""
 
 from dataclasses import dataclass, replace
 from math import inf, isfinite
@@ -10,37 +10,37 @@ TAIL = 0.25
 """Share of the incident pulse's duration by which the windows outlast it."""
 
 OTHER_SIGN = 0.2
-"""Share of the incident pulse's level from which a pulse of the other sign before it is no mere ripple."""
+"""Share of the incident pulse's level above which an earlier pulse of the other sign is not noise."""
 
 VISIBLE = 0.05
-"""Share of the incident pulse's level that a reflected or transmitted one needs to be seen."""
+"""Smallest level of an observable reflected or transmitted pulse, as a share of the incident one's."""
 
 
 @dataclass(frozen=True)
 class Limit:
-    """When a gauge no longer shows the pulse alone."""
+    """End of the time in which a gauge shows one pulse alone."""
 
     time: float
     """Time after the arrival of its pulse at the gauge [s]."""
     reason: str
-    """What ends it, in words."""
+    """The wave that ends it, in words."""
 
 
 @dataclass(frozen=True)
-class Reckoning:
-    """A pulse as dead reckoning has it and as it is seen."""
+class PulseCheck:
+    """Predicted and observed arrival of a pulse."""
 
-    reckoned: float
-    """Arrival by dead reckoning [s]."""
-    seen: Arrival | None
-    """The arrival that the signal shows; None if it shows none."""
+    predicted: float
+    """Arrival by the travel times from the incident pulse [s]."""
+    observed: Arrival | None
+    """Arrival found in the signal; None if there is none."""
     reason: str
-    """Why none is seen, or how far the two are apart, in words."""
+    """The delay in words, or the reason why there is no observed arrival."""
 
     @property
-    def late(self) -> float:
-        """By how much the pulse is seen later than reckoned [s]; nan if it is not seen."""
-        return float("nan") if self.seen is None else self.seen.time - self.reckoned
+    def delay(self) -> float:
+        """Observed less predicted arrival [s]; nan without an observed one."""
+        return float("nan") if self.observed is None else self.observed.time - self.predicted
 
 
 def incident_arrival(incident: BarSignal, *, tension: bool = False) -> Arrival:
@@ -68,7 +68,7 @@ def incident_arrival(incident: BarSignal, *, tension: bool = False) -> Arrival:
 
 
 def averaging_time(signal: BarSignal) -> float:
-    """The time a wave needs to cross the bar's diameter, below which one-dimensional theory is blind [s]."""
+    """Travel time of a wave across the bar's diameter [s]: the resolution of one-dimensional theory."""
     return signal.bar.diameter / signal.bar.wave_speed
 
 
@@ -83,7 +83,7 @@ def find_windows(
 ) -> Windows:
     """Windows of the incident, reflected and transmitted pulse.
 
-    The incident pulse is found by its arrival t_i. The others follow by dead reckoning from the gauges'
+    The incident pulse is found by its arrival t_i. The others follow by travel times from the gauges'
     distances x and the bars' wave speeds c0, Eqs. (R.1) and (R.2) of the theory page:
 
         t_r = t_i + 2 x_i / c_i,    t_t = t_i + x_i / c_i + x_t / c_t + transit.
@@ -108,7 +108,7 @@ def find_windows(
     Returns
     -------
     Windows
-        With the source "dead reckoning", or "shot file" for `manual`.
+        With the source "travel times", or "shot file" for `manual`.
 
     Raises
     ------
@@ -155,17 +155,17 @@ def find_windows(
     def window(at: float) -> tuple[float, float]:
         return at + start, at + length
 
-    reckoned = Windows(window(arrival.time), window(reflected), window(transmitted), source="dead reckoning")
-    return _checked(reckoned, incident, transmission)
+    found = Windows(window(arrival.time), window(reflected), window(transmitted), source="travel times")
+    return _checked(found, incident, transmission)
 
 
 def travel_time(signal: BarSignal) -> float:
-    """Time of a wave between the gauge and the specimen [s]."""
+    """Travel time of a wave between the gauge and the specimen [s]."""
     return signal.position / signal.bar.wave_speed
 
 
 def usable_limits(incident: BarSignal, transmission: BarSignal) -> tuple[Limit, Limit, Limit]:
-    """When another wave reaches a gauge, counted from the arrival of its pulse there.
+    """Times at which another wave reaches a gauge, from the arrival of its pulse there.
 
     Returns
     -------
@@ -188,11 +188,11 @@ def usable_limits(incident: BarSignal, transmission: BarSignal) -> tuple[Limit, 
 
 def check_windows(
     incident: BarSignal, transmission: BarSignal, *, tension: bool = False, transit: float = 0.0
-) -> tuple[Reckoning, Reckoning]:
-    """The reflected and the transmitted pulse as reckoned and as seen.
+) -> tuple[PulseCheck, PulseCheck]:
+    """Predicted and observed arrivals of the reflected and the transmitted pulse.
 
-    A reflected pulse that comes earlier or later than reckoned says that distance or wave speed are wrong;
-    a specimen that does not touch the bars, or is slow to load, makes the transmitted one late.
+    A delayed or early reflected pulse indicates a wrong distance or wave speed; a specimen that does not
+    touch the bars, or is slow to load, delays the transmitted one.
 
     Parameters
     ----------
@@ -210,30 +210,34 @@ def check_windows(
     reflected = arrival.time + 2.0 * travel_time(incident)
     transmitted = arrival.time + travel_time(incident) + travel_time(transmission) + transit
     return (
-        _seen(incident, reflected, limits[1].time, -sign, VISIBLE * abs(arrival.level)),
-        _seen(transmission, transmitted, limits[2].time, sign, VISIBLE * abs(arrival.level)),
+        _pulse_check(incident, reflected, limits[1].time, -sign, VISIBLE * abs(arrival.level)),
+        _pulse_check(transmission, transmitted, limits[2].time, sign, VISIBLE * abs(arrival.level)),
     )
 
 
-def _seen(signal: BarSignal, reckoned: float, length: float, sign: int, smallest: float) -> Reckoning:
+def _pulse_check(
+    signal: BarSignal, predicted: float, length: float, sign: int, smallest: float
+) -> PulseCheck:
     average = averaging_time(signal)
-    before = reckoned - min(5.0 * average, 0.5 * travel_time(signal))
+    before = predicted - min(5.0 * average, 0.5 * travel_time(signal))
     strain = signal.strain
     # The incident pulse leaves a tail on which the reflected one sits; its level is taken off.
     tail = (strain.time >= before) & (strain.time < before + 2.0 * average)
     if not tail.any():
-        return Reckoning(reckoned, None, f"{strain.name}: the record ends before {before:.6g} s")
+        return PulseCheck(predicted, None, f"{strain.name}: the record ends before {before:.6g} s")
     flat = replace(strain, value=strain.value - strain.value[tail].mean())
     try:
-        seen = find_arrival(
-            flat, sign=sign, average=average, after=before, before=reckoned + length, smallest=smallest
+        observed = find_arrival(
+            flat, sign=sign, average=average, after=before, before=predicted + length, smallest=smallest
         )
     except ValueError as missing:
-        return Reckoning(reckoned, None, str(missing))
-    late = seen.time - reckoned
-    word = "later" if late > 0.0 else "earlier"
-    reason = f"seen {abs(late):.3g} s {word} than reckoned (sigma of what is seen: {seen.sigma:.2g} s)"
-    return Reckoning(reckoned, seen, reason)
+        return PulseCheck(predicted, None, str(missing))
+    delay = observed.time - predicted
+    word = "later" if delay > 0.0 else "earlier"
+    reason = (
+        f"observed {abs(delay):.3g} s {word} than predicted (sigma of the observed: {observed.sigma:.2g} s)"
+    )
+    return PulseCheck(predicted, observed, reason)
 
 
 def _check_sides(incident: BarSignal, transmission: BarSignal) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from kolsky.bars.audit import AuditLog, Switches
 from kolsky.bars.records import Correction, Quantity, Signal
 from kolsky.bars.signals.bridge import check_fields
-from kolsky.bars.signals.signal_zero import measure_baseline
+from kolsky.bars.signals.signal_zero import measure_signal_zero
 from kolsky.bars.signals.stations import uniform_clock
 from kolsky.bars.signals.transducers import force_history
 from kolsky.base.apparatus import Transducer
@@ -90,7 +90,7 @@ def force_signal(
         reason = f"time constant {transducer.time_constant:.4g} s"
         over = seen.time > baseline[1]
         force = log.choose(f"droop, {name}", "droop", force, full.force, unit="N", reason=reason, over=over)
-    rest = measure_baseline(seen.time, seen.force, baseline, name=name)
+    rest = measure_signal_zero(seen.time, seen.force, baseline, name=name)
     zero = Quantity(f"{name}, zero", 0.0, rest.mean_sigma, "N", "A", rest.freedom)
     return ForceSignal(
         signal=Signal(

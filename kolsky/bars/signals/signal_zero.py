@@ -115,7 +115,7 @@ SIGNIFICANCE = 0.01
 
 
 @dataclass(frozen=True)
-class Baseline:
+class SignalZero:
     """A stretch in which nothing happens; values in the unit of the signal."""
 
     first: float
@@ -155,9 +155,9 @@ class Baseline:
         return self.slope * (time - 0.5 * (self.first + self.last))
 
 
-def measure_baseline(
+def measure_signal_zero(
     time: FloatArray, value: FloatArray, span: tuple[float, float], *, name: str
-) -> Baseline:
+) -> SignalZero:
     """Zero, noise and drift of a signal at rest.
 
     Parameters
@@ -201,7 +201,7 @@ def measure_baseline(
     memory = max(
         noise.memory, 1.0
     )  # what alternates is not credited with a mean better than that of white noise
-    return Baseline(
+    return SignalZero(
         first=float(t[0]),
         last=float(t[-1]),
         count=t.size,
@@ -227,7 +227,7 @@ def quantisation_step(value: FloatArray) -> float:
     return float(np.median(np.diff(distinct)))
 
 
-def check_clipping(value: FloatArray, baseline: Baseline, *, name: str, full_scale: float | None) -> None:
+def check_clipping(value: FloatArray, baseline: SignalZero, *, name: str, full_scale: float | None) -> None:
     """Refuse a signal that left the recorder's range.
 
     With a full scale, no sample may reach it. Without, a signal is taken as clipped if it stays at its

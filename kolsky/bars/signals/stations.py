@@ -8,7 +8,7 @@ import numpy as np
 from kolsky.bars.audit import AuditLog, Switches
 from kolsky.bars.records import BarSignal, Correction, Quantity, Signal
 from kolsky.bars.signals.bridge import Bridge, Calibration
-from kolsky.bars.signals.signal_zero import Baseline, check_clipping, measure_baseline
+from kolsky.bars.signals.signal_zero import SignalZero, check_clipping, measure_signal_zero
 from kolsky.base.apparatus import Bar
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.records import Recording
@@ -90,8 +90,8 @@ def bar_signal(
         raise ValueError(f"a station has one channel or two of opposed gauges, got {len(recordings)}")
     gauge, wave, given = f"{side} gauge", f"{side} bar", values or {}
     shared = not isinstance(calibration, Sequence)
-    calibrations: list[Calibration] = _each(calibration, len(recordings), "calibration")
-    signs: list[int] = _each(compression, len(recordings), "compression")
+    calibrations: list[Calibration] = _one_per_channel(calibration, len(recordings), "calibration")
+    signs: list[int] = _one_per_channel(compression, len(recordings), "compression")
     labels = [gauge if shared else f"{gauge} {i + 1}" for i in range(len(recordings))]
     log = AuditLog(switches)
 
@@ -114,11 +114,11 @@ def bar_signal(
         if not (shared and i):
             quantities += calibrated.quantities(label, uncertainty or {}, bar=wave)
         known = calibrated.with_values(label, given, bar=wave)
-        rest = measure_baseline(time, recording.value, baseline, name=name)
+        rest = measure_signal_zero(time, recording.value, baseline, name=name)
         check_clipping(recording.value, rest, name=name, full_scale=full_scale)
         strains.append(_strain(recording, known, rest, sign, name=name, log=log, after=after))
     axial, bending = _axial(strains, gauge, log, after)
-    axial, zero = _settled(axial, time, baseline, gauge, log, after, given)
+    axial, zero = _zeroed(axial, time, baseline, gauge, log, after, given)
     return Station(
         signal=BarSignal(
             strain=Signal(
@@ -137,7 +137,7 @@ def bar_signal(
 def _strain(
     recording: Recording,
     calibration: Calibration,
-    rest: Baseline,
+    rest: SignalZero,
     sign: int,
     *,
     name: str,
@@ -192,7 +192,7 @@ def _axial(
     return axial, bending
 
 
-def _settled(
+def _zeroed(
     axial: FloatArray,
     time: FloatArray,
     baseline: tuple[float, float],
@@ -200,9 +200,9 @@ def _settled(
     log: AuditLog,
     after: BoolArray,
     values: Mapping[str, float],
-) -> tuple[FloatArray, tuple[Baseline, list[Quantity]]]:
+) -> tuple[FloatArray, tuple[SignalZero, list[Quantity]]]:
     """Drift taken out or reported; zero and drift as quantities of the budget, at their values."""
-    rest = measure_baseline(time, axial, baseline, name=gauge)
+    rest = measure_signal_zero(time, axial, baseline, name=gauge)
     verdict = "significant" if rest.drifts else "not significant"
     fixed = log.choose(
         f"baseline drift, {gauge}",
@@ -276,7 +276,7 @@ def _same_times(first: Recording, other: Recording, interval: float) -> None:
     )
 
 
-def _each(given: T | Sequence[T], count: int, what: str) -> list[T]:
+def _one_per_channel(given: T | Sequence[T], count: int, what: str) -> list[T]:
     """One for every channel."""
     if not isinstance(given, Sequence):
         return [given] * count

@@ -125,7 +125,7 @@ def mean_of_repeats(strain: FloatArray, values: FloatArray) -> CurveBand:
     return CurveBand(strain, mean, np.zeros_like(mean), modes, ("between tests",) * used)
 
 
-def resampled(strain: FloatArray, value: FloatArray, axis: FloatArray) -> tuple[FloatArray, float]:
+def resample(strain: FloatArray, value: FloatArray, axis: FloatArray) -> tuple[FloatArray, float]:
     """A test's values on an axis, and the standard deviation of one of its samples about a smooth curve.
 
     At each place a straight line is fitted to the samples within half the axis' spacing; with fewer than four

@@ -148,7 +148,7 @@ class Toe:
 
 
 @dataclass(frozen=True)
-class Begun:
+class ZeroedTest:
     """A test whose strain begins where the specimen does."""
 
     test: UniaxialTest
@@ -159,7 +159,7 @@ class Begun:
     """Its standard uncertainty from the scatter about the continued curve [-]."""
 
 
-def correct_toe(test: UniaxialTest, toe: Toe) -> Begun:
+def correct_toe(test: UniaxialTest, toe: Toe) -> ZeroedTest:
     """Find the zero of the strain and leave out the toe.
 
     Parameters
@@ -176,7 +176,7 @@ def correct_toe(test: UniaxialTest, toe: Toe) -> Begun:
         meets zero stress only inside the range itself.
     """
     if toe.kind == "none":
-        return Begun(test.part(test.strain > 0.0), 0.0, 0.0)
+        return ZeroedTest(test.part(test.strain > 0.0), 0.0, 0.0)
     inside = (test.strain >= toe.low) & (test.strain <= toe.high)
     if inside.sum() < FEWEST:
         raise ValueError(
@@ -206,4 +206,4 @@ def correct_toe(test: UniaxialTest, toe: Toe) -> Begun:
     variance = float(fit.fun @ fit.fun) / (e.size - 2)
     covariance = variance * np.linalg.inv(fit.jac.T @ fit.jac)
     kept = test.part(test.strain >= toe.low)
-    return Begun(replace(kept, strain=kept.strain - offset), offset, float(np.sqrt(covariance[1, 1])))
+    return ZeroedTest(replace(kept, strain=kept.strain - offset), offset, float(np.sqrt(covariance[1, 1])))

@@ -10,7 +10,7 @@ from explicit.materials import AnyLaw
 from kolsky.base.arrays import FloatArray
 from kolsky.material.fits import goodness
 from kolsky.material.fits.residuals import Residuals, Weighting, residuals_of
-from kolsky.material.fits.search import SAME, Found, search
+from kolsky.material.fits.search import SAME, SearchResult, search
 from kolsky.material.fits.test_data import HomogeneousTest
 
 STARTS = 12
@@ -220,7 +220,7 @@ def fit_law(
     )
 
 
-def _covariance(problem: Residuals, found: Found) -> tuple[FloatArray, bool]:
+def _covariance(problem: Residuals, found: SearchResult) -> tuple[FloatArray, bool]:
     """Covariance of the free constants in SI, and whether the data tell them apart."""
     inside = ~np.array(found.at_bound)
     k = len(inside)

@@ -41,7 +41,7 @@ NEAR_BOUND = 1e-7
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchResult:
     """The least sum of squares that was found."""
 
     unknowns: FloatArray
@@ -56,7 +56,7 @@ class Found:
     """Sum of squares that each polished start reached, least first."""
 
 
-def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> Found:
+def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> SearchResult:
     """Minimise the sum of squares.
 
     Parameters
@@ -78,18 +78,20 @@ def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> Fo
     """
     lower, upper = _bounds(residuals, bounded)
     begun = _starts(residuals, lower, upper, starts, seed)
-    ends = [_polished(residuals, start, lower, upper, ROUGH, "2-point") for start in begun]
+    ends = [_refined(residuals, start, lower, upper, ROUGH, "2-point") for start in begun]
     ends = sorted((end for end in ends if end[0] < REFUSED), key=lambda end: end[0])
     if not ends:
         raise ValueError(_NO_LAW.format(residuals.law.NAME))
-    ends[:BEST] = [_polished(residuals, x, lower, upper, FINE, "3-point") for _, x in ends[:BEST]]
+    ends[:BEST] = [_refined(residuals, x, lower, upper, FINE, "3-point") for _, x in ends[:BEST]]
     ends.sort(key=lambda end: end[0])
     chi2, x = ends[0]
     if residuals.build(x).shear_modulus < NO_MODULUS * residuals.stress_scale:
         raise ValueError(_NO_LAW.format(residuals.law.NAME))
-    chi2, x, at = _settled(residuals, chi2, x, lower, upper)
+    chi2, x, at = _snapped_to_bounds(residuals, chi2, x, lower, upper)
     jacobian = least_squares(residuals, x, jac="3-point", max_nfev=1, x_scale="jac").jac
-    return Found(x, chi2, np.asarray(jacobian), tuple(bool(a) for a in at), tuple(end[0] for end in ends))
+    return SearchResult(
+        x, chi2, np.asarray(jacobian), tuple(bool(a) for a in at), tuple(end[0] for end in ends)
+    )
 
 
 def _bounds(residuals: Residuals, bounded: bool) -> tuple[FloatArray, FloatArray]:
@@ -162,7 +164,7 @@ def _with_best_moduli(
     return best
 
 
-def _polished(
+def _refined(
     residuals: Residuals, x: FloatArray, lower: FloatArray, upper: FloatArray, most: int, jac: str
 ) -> tuple[float, FloatArray]:
     """Sum of squares and unknowns where a search from x ends."""
@@ -183,7 +185,7 @@ def _polished(
     return float(2.0 * end.cost), np.asarray(end.x)
 
 
-def _settled(
+def _snapped_to_bounds(
     residuals: Residuals, chi2: float, x: FloatArray, lower: FloatArray, upper: FloatArray
 ) -> tuple[float, FloatArray, NDArray[np.bool_]]:
     """The minimum with what is next to a bound put on it: a trust region only comes near."""

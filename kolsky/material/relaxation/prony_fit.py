@@ -233,7 +233,7 @@ def fit_prony(
     return problem.fit(found.x, found.jac, lower, upper)
 
 
-def branches_asked_for(
+def required_branches(
     law: Any, evidence: Sequence[Evidence], *, at_most: int = 2, max_evaluations: int = 60
 ) -> RateVerdict:
     """Fit 0, 1, ... `at_most` branches and judge each by what it improves.

@@ -10,9 +10,9 @@ from math import inf, sqrt
 import numpy as np
 
 from kolsky.bars.audit import AuditLog
-from kolsky.bars.budget.budget import quoted
+from kolsky.bars.budget.budget import budget_table
 from kolsky.bars.budget.propagation import propagate
-from kolsky.bars.budget.quantities import merged
+from kolsky.bars.budget.quantities import merge_quantities
 from kolsky.bars.flyer.events import FlyerEvents, flyer_events
 from kolsky.bars.flyer.synchronisation import Agreement, Synchronisation, synchronise
 from kolsky.bars.records import Quantity, Signal
@@ -93,7 +93,7 @@ def _result(
         quantities.append(Quantity("flyer, mass", given.mass, given.mass * u.get("mass", 0.0), "kg", "B"))
     budget = propagate(
         state.outputs,
-        merged(quantities),
+        merge_quantities(quantities),
         noise={
             "largest strain": r.strain["three waves"].sigma,
             "back stress": r.stress["one wave"].sigma,
@@ -127,7 +127,7 @@ def _result(
         load="compression",
         reduction=r,
         corrections=log.corrections,
-        budget=quoted(
+        budget=budget_table(
             budget,
             {
                 name if name == "largest strain" else f"{name} there": (name, last, unit)

@@ -58,7 +58,7 @@ def test_switches_are_a_mapping_with_defaults():
     bare = Switches({"radial_inertia": True})  # as a bare key of TOML
     assert bare["radial inertia"]
     assert bare["radial_inertia"]
-    assert bare.said("radial inertia") == "switched on"
+    assert bare.state("radial inertia") == "switched on"
 
 
 @pytest.mark.parametrize(

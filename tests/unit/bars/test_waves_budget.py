@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from kolsky.bars.budget.budget import quoted
+from kolsky.bars.budget.budget import budget_table
 from kolsky.bars.budget.monte_carlo import monte_carlo
 from kolsky.bars.budget.propagation import propagate
-from kolsky.bars.budget.quantities import merged
+from kolsky.bars.budget.quantities import merge_quantities
 from kolsky.bars.records import Quantity
 from kolsky.bars.signals.signal_zero import Noise
 
@@ -60,7 +60,7 @@ def test_histories_sample_by_sample():
     assert table[0]["sensitivity"] == pytest.approx(1.0)
     assert table[0]["share"] == pytest.approx(0.04 / u[10] ** 2)
     assert budget.sigma("z") == pytest.approx(0.6)
-    numbers = quoted(budget, {"y at the end": ("y", 10, "N"), "z": ("z", None, "N2")})
+    numbers = budget_table(budget, {"y at the end": ("y", 10, "N"), "z": ("z", None, "N2")})
     assert numbers.results["y at the end"][:2] == pytest.approx((6.0, u[10]))
     assert [c.quantity.name for c in numbers.contributions][3:] == ["noise, y at the end", "noise, z"]
     for name in numbers.results:
@@ -138,12 +138,16 @@ def test_outputs_keep_their_shapes():
 
 
 def test_quantities_that_are_listed_twice():
-    assert merged([*FOUR, FOUR[1]]) == FOUR
-    assert merged([q("a", 0.0, 0.0), FOUR[0]]) == merged([FOUR[0], q("a", 0.0, 0.0)]) == FOUR[:1]
+    assert merge_quantities([*FOUR, FOUR[1]]) == FOUR
+    assert (
+        merge_quantities([q("a", 0.0, 0.0), FOUR[0]])
+        == merge_quantities([FOUR[0], q("a", 0.0, 0.0)])
+        == FOUR[:1]
+    )
     with pytest.raises(ValueError, match="quantity 'a' is stated twice"):
-        merged([FOUR[0], q("a", 0.1, 0.0)])
+        merge_quantities([FOUR[0], q("a", 0.1, 0.0)])
     with pytest.raises(ValueError, match="quantity 'a' is stated twice"):
-        merged([FOUR[0], q("a", 0.0, 2.0)])
+        merge_quantities([FOUR[0], q("a", 0.0, 2.0)])
 
 
 def test_noise_goes_through_the_model_by_draws():

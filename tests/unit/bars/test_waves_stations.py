@@ -8,9 +8,9 @@ import pytest
 
 from kolsky.bars.audit import Switches
 from kolsky.bars.budget.propagation import propagate
-from kolsky.bars.budget.quantities import merged
+from kolsky.bars.budget.quantities import merge_quantities
 from kolsky.bars.signals.bridge import Bridge, Linear
-from kolsky.bars.signals.signal_zero import Noise, estimate_noise, measure_baseline, quantisation_step
+from kolsky.bars.signals.signal_zero import Noise, estimate_noise, measure_signal_zero, quantisation_step
 from kolsky.bars.signals.stations import bar_signal
 from kolsky.base.apparatus import Bar
 from kolsky.base.records import Recording
@@ -142,7 +142,7 @@ def test_budget_of_a_station():
     def model(values):
         return {"strain": station([record], uncertainty=uncertainty, values=values).signal.strain.value}
 
-    budget = propagate(model, merged(made.quantities), noise={"strain": made.signal.strain.sigma})
+    budget = propagate(model, merge_quantities(made.quantities), noise={"strain": made.signal.strain.sigma})
     np.testing.assert_array_equal(budget.value["strain"], made.signal.strain.value)
     relative = np.sqrt((0.01 / 2.1) ** 2 + (0.01 / 5.0) ** 2 + (1.0 / 500.0) ** 2)
     zero = made.quantities[-1].sigma
@@ -215,7 +215,7 @@ def test_a_coarse_recorder_is_not_taken_for_clipped():
 def test_noise_is_not_smaller_than_rounding():
     value = np.zeros(1000)
     value[::100] = 1.0  # all but still
-    rest = measure_baseline(np.arange(1000.0), value, (0.0, 999.0), name="x")
+    rest = measure_signal_zero(np.arange(1000.0), value, (0.0, 999.0), name="x")
     assert rest.step == 1.0
     assert rest.noise.sigma == pytest.approx(np.sqrt(1 / 12))
 
@@ -228,7 +228,7 @@ def test_uncertainty_of_a_mean_of_red_noise():
     means, claimed, slopes, claimed_slopes = [], [], [], []
     t = np.arange(4000.0)
     for _ in range(300):
-        rest = measure_baseline(t, red.draw(4000, rng), (0.0, 4000.0), name="x")
+        rest = measure_signal_zero(t, red.draw(4000, rng), (0.0, 4000.0), name="x")
         means.append(rest.mean)
         claimed.append(rest.mean_sigma)
         slopes.append(rest.slope / rest.slope_sigma)

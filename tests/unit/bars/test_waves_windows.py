@@ -31,7 +31,7 @@ def test_windows_lie_where_the_waves_are(scene):
     np.testing.assert_allclose(lengths, lengths[0], rtol=1e-12)
     pulse = 2 * scene.rise + scene.hold
     assert lengths[0] == pytest.approx(1.25 * pulse + lead, abs=5e-6)
-    assert windows.source == "dead reckoning"
+    assert windows.source == "travel times"
 
 
 def test_transit_moves_the_transmitted_window_alone():
@@ -79,23 +79,23 @@ def test_distances_are_checked_against_what_is_seen():
     first, second = replace(SCENE, modulus=0.5e9).signals(noise=1e-6)
     right = check_windows(first, second)
     # The specimen's own reflection begins with the incident pulse's slope; its foot is as straight.
-    assert abs(right[0].late) < 0.3e-6
+    assert abs(right[0].delay) < 0.3e-6
     wrong = check_windows(replace(first, position=0.72), second)
     expected = -2 * 0.02 / ALUMINIUM.wave_speed
-    assert wrong[0].late - right[0].late == pytest.approx(expected, abs=0.02e-6)  # of the noise in the tail
-    assert "earlier than reckoned" in wrong[0].reason
+    assert wrong[0].delay - right[0].delay == pytest.approx(expected, abs=0.02e-6)  # of the noise in the tail
+    assert "earlier than predicted" in wrong[0].reason
     # The transmitted wave comes a transit of the specimen later, 7.7 us, and rises in steps of two transits,
     # between which its tangent may meet the baseline half a transit early.
     transit = replace(SCENE, modulus=0.5e9).transit
-    assert 0.5 * transit < right[1].late < 2 * transit
+    assert 0.5 * transit < right[1].delay < 2 * transit
 
 
 def test_nothing_transmitted_is_said():
     first, second = SCENE.signals()
     silent = replace(second, strain=replace(second.strain, value=0.0 * second.strain.value, sigma=1e-6))
     _, transmitted = check_windows(first, silent)
-    assert transmitted.seen is None
-    assert np.isnan(transmitted.late)
+    assert transmitted.observed is None
+    assert np.isnan(transmitted.delay)
     assert "no positive pulse" in transmitted.reason
 
 

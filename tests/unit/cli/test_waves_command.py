@@ -143,7 +143,7 @@ def test_rate_stress_and_strain_are_those_that_were_planted(reduced):
     # 1 % of the diameter is 2 % of the stress; noise adds to it in quadrature.
     at = np.argmin(np.abs(time - 75e-6))
     assert sigma[at] == pytest.approx(0.02 * STRESS, rel=0.1)
-    assert said["windows"]["source"] == "dead reckoning"
+    assert said["windows"]["source"] == "travel times"
 
 
 def test_forces_balance_and_files_hold_the_same_numbers(reduced):

@@ -1,38 +1,54 @@
 """Designs: levels, strata and discrepancy, and the battery that every entry of DESIGNS passes."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from scipy.stats import qmc
 
 from doe import DESIGNS, Box, Design, from_points, full_factorial, latin_hypercube, sobol
+from doe.designs import DesignKind, design_kind
 
 BOX = Box(("friction", "damping", "poisson"), (0.0, 1e-6, 0.45), (2.0, 1e-4, 0.4999), (False, True, False))
 
-# A new design joins this table and gets the battery below.
-EXAMPLES: dict[str, Callable[[Box], Design]] = {
-    "full_factorial": lambda box: full_factorial(box, 3),
-    "latin_hypercube": lambda box: latin_hypercube(box, 12, rng=1),
-    "sobol": lambda box: sobol(box, 16, rng=1),
-    "from_points": lambda box: from_points(box, [box.lower, box.upper]),
-    "halton": lambda box: DESIGNS["halton"](box, 12, rng=1),
-    "maximin": lambda box: DESIGNS["maximin"](box, 12, rng=1, tries=20),
-    "fractional_factorial": lambda box: DESIGNS["fractional_factorial"](box, "a b ab"),
-    "central_composite": lambda box: DESIGNS["central_composite"](box),
-    "box_behnken": lambda box: DESIGNS["box_behnken"](box),
-    "d_optimal": lambda box: DESIGNS["d_optimal"](box, 12, rng=1, starts=2),
-}
+
+def example(kind: str) -> Design:
+    """A design of every kind from the same options."""
+    return DESIGNS[kind].make(
+        BOX, levels=3, runs=16, rng=1, generators="a b ab", points=[BOX.lower, BOX.upper]
+    )
 
 
-def test_every_registered_design_has_an_example() -> None:
-    assert set(EXAMPLES) == set(DESIGNS)
+def one_in_the_middle(box: Box, n: int, *, rng: int) -> Design:
+    """A made-up kind: a Latin hypercube whose first point is the middle of the box."""
+    points = np.array(latin_hypercube(box, n, rng=rng).unit_points)
+    points[0] = 0.5
+    return Design(box.scale(points), box, "one_in_the_middle", {"n": n, "rng": rng})
 
 
-@pytest.mark.parametrize("kind", EXAMPLES)
+def test_a_made_up_design_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    made_up = DesignKind(one_in_the_middle, "middle", ("runs", "rng"), "one point in the middle")
+    monkeypatch.setitem(DESIGNS, "one_in_the_middle", made_up)
+    test_battery("one_in_the_middle")
+    assert design_kind("middle") is made_up
+    np.testing.assert_allclose(example("one_in_the_middle").unit_points[0], 0.5, rtol=1e-14)
+
+
+def test_a_kind_is_asked_for_what_it_needs_alone() -> None:
+    asked = []
+    kind = DesignKind(lambda box, **given: asked.append(given), "x", ("levels", "rng"), "")  # type: ignore[arg-type,return-value]
+    kind.make(BOX, levels=(2, 3, 4), runs=7, rng=5, generators="a b")
+    assert asked == [{"levels": (2, 3, 4), "rng": 5}]
+
+
+def test_names_at_the_command_line_are_different_and_an_unknown_one_lists_them() -> None:
+    options = [kind.option for kind in DESIGNS.values()]
+    assert len(set(options)) == len(options)
+    with pytest.raises(ValueError, match=r"'grid'; choose from factorial, lhs, .*, csv"):
+        design_kind("grid")
+
+
+@pytest.mark.parametrize("kind", DESIGNS)
 def test_battery(kind: str) -> None:
-    design = EXAMPLES[kind](BOX)
-    again = EXAMPLES[kind](BOX)
+    design, again = example(kind), example(kind)
     assert design.kind == kind
     assert design.points.shape == (len(design), 3)
     assert BOX.contains(design.points).all()

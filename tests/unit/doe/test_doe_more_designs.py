@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from doe import Box, full_factorial, latin_hypercube
-from doe.designs import halton, maximin
-from doe.optimal import d_optimal, keep, monomials
-from doe.response_designs import box_behnken, central_composite, fractional_factorial
+from doe.designs.optimal import d_optimal, keep, monomials
+from doe.designs.response_surface import box_behnken, central_composite, fractional_factorial
+from doe.designs.space_filling import halton, maximin
 
 CUBE = Box(("x", "y", "z"), (-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))
 SQUARE = Box(("x", "y"), (-1.0, -1.0), (1.0, 1.0))

@@ -7,7 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from doe import SURROGATES, Box, CostSurrogate, ResponseSurrogate, Surrogate, full_factorial, sobol
-from doe.surrogates import Kernel, PrincipalComponents, SurrogateError
+from doe.surrogates import Kernel, PrincipalComponents, SurrogateError, SurrogateKind
+from doe.surrogates.protocol import checked_runs, unit_points
 
 FloatArray = NDArray[np.float64]
 BOX = Box(("m", "beta"), (0.75, 1e-6), (1.25, 1e-4), (False, True))
@@ -29,9 +30,9 @@ def fitted(kind: str) -> tuple[Surrogate, FloatArray]:
     """Every kind of surrogate on the same runs, and the values it was given."""
     points = sobol(BOX, 32, rng=0).points
     values = response(points)
-    if kind == "cost":
-        cost = np.sum(values[:, :40] ** 2, axis=1)
-        return CostSurrogate.fit(BOX, points, cost), cost[:, None]
+    if SURROGATES[kind].scalar:
+        cost = np.sum(values[:, :40] ** 2, axis=1, keepdims=True)
+        return SURROGATES[kind].fit(BOX, points, cost), cost
     return SURROGATES[kind].fit(BOX, points, values, scale=SCALE), values
 
 
@@ -192,3 +193,41 @@ def test_refusals() -> None:
         ResponseSurrogate.fit(BOX, points, values, truncation=0.0)
     with pytest.raises(SurrogateError, match="at least 4 runs"):
         ResponseSurrogate.fit(BOX, points[:3], values[:3])
+
+
+class Nearest:
+    """A made-up surrogate: the response of the nearest run."""
+
+    def __init__(self, box: Box, points: FloatArray, values: FloatArray) -> None:
+        self.box, self.points, self.values = box, points, values
+
+    @classmethod
+    def fit(cls, box: Box, points: Any, values: Any, *, scale: Any = 1.0) -> "Nearest":
+        return cls(box, *checked_runs(box, points, values))
+
+    def predict(self, points: Any, *, extrapolate: bool = False) -> FloatArray:
+        away = unit_points(self.box, points, extrapolate=extrapolate)[:, None] - self.box.unit(self.points)
+        rows = (away**2).sum(axis=2).argmin(axis=1)
+        return np.asarray(self.values[rows])
+
+    @property
+    def loo_residuals(self) -> FloatArray:
+        u = self.box.unit(self.points)
+        away = ((u[:, None] - u) ** 2).sum(axis=2)
+        np.fill_diagonal(away, np.inf)
+        return np.asarray(self.values - self.values[away.argmin(axis=1)])
+
+
+@pytest.mark.parametrize("scalar", [False, True])
+def test_a_made_up_surrogate_is_one_line(monkeypatch: pytest.MonkeyPatch, scalar: bool) -> None:
+    made_up: Any = Nearest
+    if scalar:
+        made_up = type("Scalar", (), {"fit": lambda box, x, y: Nearest.fit(box, x, y[:, None])})
+    monkeypatch.setitem(SURROGATES, "nearest", SurrogateKind(made_up, "the nearest run", scalar=scalar))
+    test_battery("nearest")
+
+
+def test_values_of_a_scalar_response_have_one_column() -> None:
+    points = sobol(BOX, 8, rng=0).points
+    with pytest.raises(ValueError, match=r"shape \[n, 1\], got \[8, 2\]"):
+        SURROGATES["cost"].fit(BOX, points, np.ones((8, 2)))

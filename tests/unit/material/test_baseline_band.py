@@ -10,7 +10,7 @@ from kolsky.material.curves.band import (
     CurveBand,
     apparent_modulus,
     mean_of_repeats,
-    resampled,
+    resample,
     student_factor,
 )
 from kolsky.material.curves.uniaxial import Toe, UniaxialTest, correct_toe, loading_ramps
@@ -75,10 +75,10 @@ def test_replicates_of_a_shots_curve_keep_the_modes_together():
 def test_a_line_through_samples_is_read_off_exactly_and_its_noise_is_found():
     rng = np.random.default_rng(2)
     x = np.linspace(0.0, 1.0, 3001)
-    value, noise = resampled(x, 3.0 * x + 1.0, np.linspace(0.1, 0.9, 9))
+    value, noise = resample(x, 3.0 * x + 1.0, np.linspace(0.1, 0.9, 9))
     assert value == pytest.approx(3.0 * np.linspace(0.1, 0.9, 9) + 1.0, rel=1e-12)
     assert noise < 1e-12
-    _, noise = resampled(x, 3.0 * x + 0.2 * rng.standard_normal(x.size), np.linspace(0.1, 0.9, 9))
+    _, noise = resample(x, 3.0 * x + 0.2 * rng.standard_normal(x.size), np.linspace(0.1, 0.9, 9))
     assert noise == pytest.approx(0.2, rel=0.1)  # a median of 3000: 2.5 %, four of those
 
 

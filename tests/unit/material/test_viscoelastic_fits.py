@@ -9,7 +9,7 @@ from explicit.materials import neo_hookean
 from explicit.relaxation import BergstromBoyce, PronySeries, bergstrom_boyce_stress
 from kolsky.material.relaxation.creep_fit import NAMES, fit_bergstrom_boyce
 from kolsky.material.relaxation.evidence import DynamicTest, Evidence, HistoryTest, RateModel
-from kolsky.material.relaxation.prony_fit import branches_asked_for, fit_prony
+from kolsky.material.relaxation.prony_fit import fit_prony, required_branches
 
 LAW = neo_hookean(20e3)
 TRUTH = RateModel(1.1, PronySeries((0.4, 0.25), (3e-3, 0.2)))
@@ -30,7 +30,7 @@ def evidence(truth: RateModel, seed: int) -> list[Evidence]:
 
 
 def test_two_branches_are_found_and_a_third_is_not_asked_for() -> None:
-    verdict = branches_asked_for(LAW, evidence(TRUTH, 1), at_most=3)
+    verdict = required_branches(LAW, evidence(TRUTH, 1), at_most=3)
     assert verdict.branches == 2
     assert "2 branches" in verdict.sentence
     fit = verdict.fit
@@ -45,7 +45,7 @@ def test_two_branches_are_found_and_a_third_is_not_asked_for() -> None:
 
 
 def test_elastic_data_do_not_ask_for_a_branch() -> None:
-    asked = [branches_asked_for(LAW, evidence(ELASTIC, seed), at_most=1) for seed in range(3)]
+    asked = [required_branches(LAW, evidence(ELASTIC, seed), at_most=1) for seed in range(3)]
     assert [verdict.branches for verdict in asked] == [0, 0, 0]
     assert all("do not ask" in verdict.sentence for verdict in asked)
     factors = [verdict.fit.model.factor for verdict in asked]
@@ -74,7 +74,7 @@ def test_a_time_that_no_test_reaches_is_said_to_be_at_its_bound() -> None:
     slow = HistoryTest.relaxation(np.linspace(10.0, 100.0, 20), np.zeros(20), 50.0, stretch=0.8, rise=1.0)
     fast = RateModel(1.0, PronySeries((0.5,), (1e-4,)))
     made = replace(slow, stress=slow.predict(LAW, [fast])[0])
-    assert branches_asked_for(LAW, [made], at_most=1).branches == 0
+    assert required_branches(LAW, [made], at_most=1).branches == 0
 
 
 @pytest.mark.slow

@@ -1,0 +1,64 @@
+"""Designs of experiments: where in a box to run. A new one is one file and one line of `DESIGNS`."""
+
+from doe.designs.design import Design, Rng
+from doe.designs.kind import DesignKind
+from doe.designs.optimal import d_optimal
+from doe.designs.response_surface import box_behnken, central_composite, fractional_factorial
+from doe.designs.space_filling import (
+    from_points,
+    full_factorial,
+    halton,
+    latin_hypercube,
+    maximin,
+    sobol,
+)
+
+DESIGNS: dict[str, DesignKind] = {
+    kind.function.__name__: kind
+    for kind in (
+        DesignKind(full_factorial, "factorial", ("levels",), "every combination of levels"),
+        DesignKind(latin_hypercube, "lhs", ("runs", "rng"), "a Latin hypercube"),
+        DesignKind(maximin, "maximin", ("runs", "rng"), "a Latin hypercube with points far apart"),
+        DesignKind(sobol, "sobol", ("runs", "rng"), "Sobol' points, a power of two"),
+        DesignKind(halton, "halton", ("runs", "rng"), "Halton points, any number"),
+        DesignKind(fractional_factorial, "fractional", ("generators",), "a part of the box's corners"),
+        DesignKind(central_composite, "composite", (), "corners, axis points, centre"),
+        DesignKind(box_behnken, "box-behnken", (), "middles of the edges, centre"),
+        DesignKind(d_optimal, "d-optimal", ("runs", "rng", "candidates"), "best for a quadratic"),
+        DesignKind(from_points, "csv", ("points",), "points of a file"),
+    )
+}
+"""Designs by the name of their function, in the order of a command line's help."""
+
+__all__ = [
+    "DESIGNS",
+    "Design",
+    "DesignKind",
+    "Rng",
+    "box_behnken",
+    "central_composite",
+    "d_optimal",
+    "design_kind",
+    "fractional_factorial",
+    "from_points",
+    "full_factorial",
+    "halton",
+    "latin_hypercube",
+    "maximin",
+    "sobol",
+]
+
+
+def design_kind(option: str) -> DesignKind:
+    """Look a design up by its name at a command line.
+
+    Raises
+    ------
+    ValueError
+        If there is no such design; the message lists those there are.
+    """
+    for kind in DESIGNS.values():
+        if kind.option == option:
+            return kind
+    known = ", ".join(kind.option for kind in DESIGNS.values())
+    raise ValueError(f"there is no design {option!r}; choose from {known}")

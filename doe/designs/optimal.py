@@ -1,0 +1,170 @@
+"""D-optimal designs: the candidates that fix a polynomial best, by Fedorov's exchange.
+
+The design maximises det(X^T X) of the model matrix X, and so makes the volume of the confidence ellipsoid of
+the polynomial's coefficients smallest (V. V. Fedorov, Theory of Optimal Experiments, 1972, chapter 3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import combinations_with_replacement
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from doe.arrays import FloatArray
+from doe.box import Box
+from doe.designs.design import Design, Rng, count_of, seed_of
+
+IntArray = NDArray[np.intp]
+
+GAIN = 1e-9
+"""Smallest relative gain in the determinant that an exchange is made for: round-off is far below."""
+
+
+def d_optimal(
+    box: Box,
+    n: int,
+    *,
+    rng: Rng,
+    candidates: ArrayLike | None = None,
+    degree: int = 2,
+    starts: int = 10,
+) -> Design:
+    """The n distinct candidates that fix a polynomial best, as far as exchanges find them.
+
+    Each start is a random choice, from which one point at a time is exchanged for the candidate that
+    raises the determinant most, until none does. The best of the starts is taken.
+
+    Parameters
+    ----------
+    box
+        Where; the polynomial is one in the unit box's coordinates.
+    n
+        Number of points, at least the number of terms and at most that of the candidates.
+    rng
+        Integer seed or NumPy generator of the starts.
+    candidates
+        In parameter units, shape [c, d], constraints met; a grid of five levels a parameter if left out.
+    degree
+        Of the polynomial, all terms up to it.
+    starts
+        Number of random starts.
+
+    Raises
+    ------
+    ValueError
+        If a candidate is outside the box, n is outside its range, degree or starts is below 1, or the
+        candidates do not fix the polynomial.
+    TypeError
+        If `rng` is neither an integer nor a generator.
+    """
+    n, seed = count_of(n), seed_of(rng)
+    if degree < 1 or starts < 1:
+        raise ValueError(f"degree and starts must be at least 1, got {degree} and {starts}")
+    if candidates is None:
+        candidates = grid(box)
+    points = np.unique(box.require(np.asarray(candidates, dtype=np.float64), what="candidate"), axis=0)
+    model = monomials(2.0 * box.unit(points) - 1.0, degree)
+    terms = model.shape[1]
+    if not terms <= n <= len(points):
+        raise ValueError(
+            f"n must be in [{terms}, {len(points)}] (terms of the polynomial, distinct candidates), got {n}"
+        )
+    if np.linalg.matrix_rank(model) < terms:
+        raise ValueError(
+            f"the candidates do not fix a polynomial of degree {degree}: give more levels or a lower degree"
+        )
+    generator = np.random.default_rng(seed)
+    found = [_exchange(model, _start(model, n, generator)) for _ in range(starts)]
+    best = max(found, key=lambda rows: _log_det(model[rows]))
+    settings = {"n": n, "candidates": len(points), "degree": degree, "starts": starts, "rng": seed}
+    return Design(points[np.sort(best)], box, "d_optimal", settings)
+
+
+def grid(box: Box, levels: int = 5) -> FloatArray:
+    """Candidates on a grid of equally spaced levels, in parameter units, shape [levels^d, d]."""
+    axes = np.meshgrid(*[np.linspace(0.0, 1.0, levels)] * box.dimension, indexing="ij")
+    return box.scale(np.stack([axis.ravel() for axis in axes], axis=1))
+
+
+def monomials(coded: FloatArray, degree: int) -> FloatArray:
+    """All monomials up to a degree at coded points in [-1, 1], shape [n, C(d + degree, d)]."""
+    d = coded.shape[1]
+    powers = [term for total in range(degree + 1) for term in combinations_with_replacement(range(d), total)]
+    return np.stack([np.prod(coded[:, list(term)], axis=1) for term in powers], axis=1)
+
+
+def _start(model: FloatArray, n: int, generator: np.random.Generator) -> IntArray:
+    """Random rows that fix the polynomial: a basis met in random order, then others at random."""
+    order = generator.permutation(len(model))
+    rows: list[int] = []
+    rest = model[order].copy()
+    for _ in range(model.shape[1]):  # Gram-Schmidt: the rows with most that is new, ties in random order
+        size = np.einsum("ij,ij->i", rest, rest) * generator.uniform(0.5, 1.0, len(rest))
+        pick = int(np.argmax(size))
+        rows.append(int(order[pick]))
+        direction = rest[pick] / np.linalg.norm(rest[pick])
+        rest -= np.outer(rest @ direction, direction)
+    others = [int(row) for row in order if int(row) not in set(rows)]
+    return np.array(rows + others[: n - len(rows)], dtype=np.intp)
+
+
+def _exchange(model: FloatArray, rows: IntArray) -> IntArray:
+    """Exchange one row at a time for the candidate that raises the determinant most, until none does."""
+    rows = rows.copy()
+    while True:
+        inverse = np.linalg.inv(model[rows].T @ model[rows])
+        cross = model @ inverse @ model[rows].T
+        variance = np.einsum("ij,jk,ik->i", model, inverse, model)
+        # Fedorov's delta: det(new)/det(old) - 1 when row j of the design gives way to candidate i.
+        gain = variance[:, None] - variance[rows] - variance[:, None] * variance[rows] + cross**2
+        gain[rows] = -np.inf  # a simulation run twice tells nothing new
+        i, j = np.unravel_index(int(np.argmax(gain)), gain.shape)
+        if gain[i, j] <= GAIN:
+            return rows
+        rows[j] = i
+
+
+def _log_det(model: FloatArray) -> float:
+    return float(np.linalg.slogdet(model.T @ model)[1])
+
+
+LinearConstraint = tuple[dict[str, float], float]
+"""Coefficients by parameter name and a bound b: sum of coefficient times parameter <= b."""
+
+
+def keep(design: Design, *constraints: LinearConstraint | Callable[[FloatArray], ArrayLike]) -> Design:
+    """The points of a design that meet all constraints; how many did not is in ``settings["refused"]``.
+
+    Parameters
+    ----------
+    design
+        Any design.
+    constraints
+        Linear ones as coefficients by name and a bound, in parameter units; others as a function that
+        takes points, shape [n, d], and returns True where one may be run, shape [n].
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown, a function returns another shape, or no point is left.
+    """
+    kept = np.ones(len(design), dtype=bool)
+    names = design.box.names
+    for constraint in constraints:
+        if callable(constraint):
+            allowed = np.asarray(constraint(design.points.copy()))
+            if allowed.shape != kept.shape or allowed.dtype != bool:
+                raise ValueError(f"a constraint must return {len(kept)} truth values, got {allowed!r}")
+        else:
+            coefficients, bound = constraint
+            unknown = sorted(set(coefficients) - set(names))
+            if unknown:
+                raise ValueError(f"a constraint names {unknown}, but the parameters are {list(names)}")
+            allowed = design.points @ [coefficients.get(name, 0.0) for name in names] <= bound
+        kept &= allowed
+    if not kept.any():
+        raise ValueError(f"no point of the {len(design)} of the {design.kind} meets the constraints")
+    settings = {**design.settings, "refused": int((~kept).sum())}
+    return Design(design.points[kept], design.box, design.kind, settings)

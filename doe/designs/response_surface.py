@@ -1,0 +1,100 @@
+"""The classical designs for a quadratic response surface, from pyDOE, in the box's own units."""
+
+from __future__ import annotations
+
+import re
+from operator import index
+from typing import Any, Literal
+
+import numpy as np
+
+from doe.arrays import FloatArray
+from doe.box import Box
+from doe.designs.design import Design
+
+FACES = {"faced": "ccf", "inscribed": "cci"}
+"""pyDOE's names of the central composite designs whose points stay in the box."""
+GENERATOR = re.compile(r"[+-]?[a-z]+")
+
+
+def fractional_factorial(box: Box, generators: str) -> Design:
+    """A two-level fractional factorial, 2^(d-p) of the box's corners.
+
+    Parameters
+    ----------
+    box
+        Where; the levels are the bounds.
+    generators
+        One word a parameter: a letter alone is a factor of its own, a word of letters the product of
+        theirs, a minus before it turns its levels round. "a b ab" is half of 2^3 corners.
+
+    Raises
+    ------
+    ValueError
+        If there is not one word a parameter, a word is not of letters a to z, a letter in a word is no
+        factor, or a letter alone stands twice.
+    """
+    words = generators.split()
+    if len(words) != box.dimension:
+        raise ValueError(f"generators must be one word a parameter ({box.dimension}), got {generators!r}")
+    for word in words:
+        if not GENERATOR.fullmatch(word):
+            raise ValueError(f"a generator is letters a to z with or without a sign, got {word!r}")
+    bare = [word.lstrip("+-") for word in words]
+    factors = [word for word in bare if len(word) == 1]
+    for word in bare:
+        missing = sorted(set(word) - set(factors))
+        if missing:
+            raise ValueError(f"generator {word!r} multiplies {missing}, which stand for no parameter")
+    if len(set(factors)) != len(factors):
+        raise ValueError(f"a letter alone stands for one parameter, got {generators!r}")
+    from pydoe import fracfact
+
+    return _scaled(box, fracfact(" ".join(words)), "fractional_factorial", {"generators": generators})
+
+
+def central_composite(box: Box, *, shape: Literal["faced", "inscribed"] = "faced") -> Design:
+    """Corners, two points on each axis and the centre, once (a simulation has no scatter to average).
+
+    Parameters
+    ----------
+    box
+        Where, of two parameters or more.
+    shape
+        "faced": corners of the box, axis points in the middle of its faces. "inscribed": axis points in
+        the middle of the faces, corners drawn in so that the design is rotatable, alpha = 2^(d/4).
+
+    Raises
+    ------
+    ValueError
+        If the box has fewer than two parameters or the shape is unknown.
+    """
+    if box.dimension < 2:
+        raise ValueError("a central composite design needs two parameters or more, got 1")
+    if shape not in FACES:
+        raise ValueError(f"shape must be one of {list(FACES)}, got {shape!r}")
+    from pydoe import ccdesign
+
+    coded = ccdesign(box.dimension, center=(0, 1), alpha="rotatable", face=FACES[shape])  # type: ignore[arg-type]
+    return _scaled(box, coded, "central_composite", {"shape": shape})
+
+
+def box_behnken(box: Box) -> Design:
+    """Middles of the box's edges and its centre, once: a quadratic design without the corners.
+
+    Raises
+    ------
+    ValueError
+        If the box has fewer than three parameters.
+    """
+    if index(box.dimension) < 3:
+        raise ValueError(f"a Box-Behnken design needs three parameters or more, got {box.dimension}")
+    from pydoe import bbdesign
+
+    return _scaled(box, bbdesign(box.dimension, center=1), "box_behnken", {})
+
+
+def _scaled(box: Box, coded: Any, kind: str, settings: dict[str, Any]) -> Design:
+    """Coded levels in [-1, 1] in parameter units."""
+    unit: FloatArray = 0.5 * (np.asarray(coded, dtype=np.float64) + 1.0)
+    return Design(box.scale(unit), box, kind, settings)

@@ -1,0 +1,177 @@
+"""Designs that fill a box: factorial, Latin hypercube, low-discrepancy sequences, points chosen elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from operator import index
+
+import numpy as np
+import scipy  # its parts load when they are named: statistics take half a second, and few designs are drawn
+from numpy.typing import ArrayLike
+from scipy.spatial import KDTree
+
+from doe.arrays import FloatArray
+from doe.box import Box
+from doe.designs.design import Design, Rng, count_of, seed_of
+
+
+def full_factorial(box: Box, levels: int | Sequence[int]) -> Design:
+    """Every combination of equally spaced levels, bounds included; the last parameter varies fastest.
+
+    Parameters
+    ----------
+    box
+        Where; a logarithmic parameter's levels have equal ratios.
+    levels
+        Number of levels, one for all parameters or one each.
+
+    Raises
+    ------
+    ValueError
+        If a number of levels is below 2 or their count is not that of the parameters.
+    """
+    counts = (
+        tuple(index(n) for n in levels) if isinstance(levels, Sequence) else (index(levels),) * box.dimension
+    )
+    if len(counts) != box.dimension:
+        raise ValueError(
+            f"levels must be one number or one for each of {list(box.names)}, got {list(counts)}"
+        )
+    for name, count in zip(box.names, counts, strict=True):
+        if count < 2:
+            raise ValueError(f"levels of {name!r} must be at least 2 (both bounds), got {count}")
+    axes = np.meshgrid(*(np.linspace(0.0, 1.0, count) for count in counts), indexing="ij")
+    unit_points = np.stack([axis.ravel() for axis in axes], axis=1)
+    return Design(box.scale(unit_points), box, "full_factorial", {"levels": counts})
+
+
+def latin_hypercube(box: Box, n: int, *, rng: Rng, optimise: bool = False) -> Design:
+    """A Latin hypercube: in every parameter, one point in each of n equal slices.
+
+    Parameters
+    ----------
+    box
+        Where.
+    n
+        Number of points, at least 2.
+    rng
+        Integer seed or NumPy generator.
+    optimise
+        Lower the centred discrepancy by swapping coordinates (the slices keep one point each).
+
+    Raises
+    ------
+    ValueError
+        If n is below 2.
+    TypeError
+        If `rng` is neither an integer nor a generator.
+    """
+    n = count_of(n)
+    seed = seed_of(rng)
+    swaps = "random-cd" if optimise else None
+    sampler = scipy.stats.qmc.LatinHypercube(box.dimension, optimization=swaps, rng=seed)
+    settings = {"n": n, "optimise": optimise, "rng": seed}
+    return Design(box.scale(sampler.random(n)), box, "latin_hypercube", settings)
+
+
+def sobol(box: Box, n: int, *, rng: Rng, scramble: bool = True) -> Design:
+    """The first n points of a Sobol' sequence, n a power of two (its balance holds for no other n).
+
+    Parameters
+    ----------
+    box
+        Where.
+    n
+        Number of points: 2, 4, 8, ...
+    rng
+        Integer seed or NumPy generator of the scrambling.
+    scramble
+        Owen scrambling. Without it the sequence is deterministic and starts at the lower corner.
+
+    Raises
+    ------
+    ValueError
+        If n is below 2 or not a power of two; the message names the next one.
+    TypeError
+        If `rng` is neither an integer nor a generator.
+    """
+    n = count_of(n)
+    exponent = (n - 1).bit_length()
+    if n != 2**exponent:
+        raise ValueError(
+            f"a Sobol' design needs a power of two, got n = {n}: "
+            f"take {2**exponent} (or {2 ** (exponent - 1)})"
+        )
+    seed = seed_of(rng)
+    sampler = scipy.stats.qmc.Sobol(box.dimension, scramble=scramble, rng=seed)
+    settings = {"n": n, "scramble": scramble, "rng": seed}
+    return Design(box.scale(sampler.random_base2(exponent)), box, "sobol", settings)
+
+
+def from_points(box: Box, points: ArrayLike) -> Design:
+    """A design somebody else chose.
+
+    Parameters
+    ----------
+    box
+        Where the points lie.
+    points
+        In parameter units, shape [n, d].
+
+    Raises
+    ------
+    ValueError
+        If the shape is wrong or a point is not finite or outside the box; the message names it.
+    """
+    return Design(np.asarray(points, dtype=np.float64), box, "from_points")
+
+
+def halton(box: Box, n: int, *, rng: Rng, scramble: bool = True) -> Design:
+    """The first n points of a Halton sequence, any n; more points can follow without moving these.
+
+    Parameters
+    ----------
+    box, n, rng, scramble
+        As of `sobol`, n >= 2; unscrambled it is the radical inverse in the first d primes.
+
+    Raises
+    ------
+    ValueError
+        If n is below 2.
+    TypeError
+        If `rng` is neither an integer nor a generator.
+    """
+    n, seed = count_of(n), seed_of(rng)
+    sampler = scipy.stats.qmc.Halton(box.dimension, scramble=scramble, rng=seed)
+    settings = {"n": n, "scramble": scramble, "rng": seed}
+    return Design(box.scale(sampler.random(n)), box, "halton", settings)
+
+
+def maximin(box: Box, n: int, *, rng: Rng, tries: int = 200) -> Design:
+    """Of many Latin hypercubes the one whose two nearest points are farthest apart in the unit box.
+
+    Parameters
+    ----------
+    box, n, rng
+        As of `latin_hypercube`.
+    tries
+        Number of hypercubes drawn.
+
+    Raises
+    ------
+    ValueError
+        If n is below 2 or `tries` below 1.
+    TypeError
+        If `rng` is neither an integer nor a generator.
+    """
+    n, seed = count_of(n), seed_of(rng)
+    if tries < 1:
+        raise ValueError(f"tries must be at least 1, got {tries}")
+    sampler = scipy.stats.qmc.LatinHypercube(box.dimension, rng=seed)
+    best = max((sampler.random(n) for _ in range(tries)), key=_nearest)
+    return Design(box.scale(best), box, "maximin", {"n": n, "tries": tries, "rng": seed})
+
+
+def _nearest(unit_points: FloatArray) -> float:
+    """Distance of the two nearest points."""
+    return float(KDTree(unit_points).query(unit_points, k=2)[0][:, 1].min())

@@ -1,0 +1,155 @@
+"""The quoted values of a reduction: their budget, facts of the record, remarks with their cures."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from kolsky.bars.budget.budget import Budget, budget_table
+from kolsky.bars.records import Reduction, Windows
+from kolsky.bars.reduction.equilibrium import report_equilibrium
+from kolsky.bars.reduction.inputs import WavesInput
+from kolsky.bars.reduction.summary import Summary, mean_over, spread_of
+from kolsky.bars.reduction.windows import PulseCheck
+from kolsky.bars.result import BudgetTable
+from kolsky.bars.signals.arrival import Arrival
+from kolsky.bars.signals.bridge import Bridge, Calibration
+from kolsky.bars.signals.stations import Station
+from kolsky.base.apparatus import Specimen
+
+WAY = "three waves"
+"""The analysis whose numbers are quoted."""
+UNITS = {"largest strain": "1", "peak stress": "Pa", "mean stress": "Pa", "mean rate": "1/s"}
+BEND = 0.2
+"""Second-order term over the standard uncertainty above which a value's band is a first estimate [-]."""
+LARGEST_DELAY = 3.0
+"""Delay of the reflected pulse, in its own sigmas beyond two samples, above which a remark is made."""
+
+
+def calibration_sigma(calibration: Calibration, relative: float) -> dict[str, float]:
+    """Relative uncertainty of a gauge's calibration as one of the field that scales it."""
+    if isinstance(calibration, Bridge):
+        return {"gauge_factor": relative * calibration.gauge_factor}
+    return {"factor": relative * calibration.factor}
+
+
+def numbers(reduction: Reduction, summary: Summary) -> dict[str, np.ndarray]:
+    """Quoted values at fixed instants and spans, so that they vary smoothly with the inputs."""
+    strain, stress = reduction.strain[WAY].value, reduction.stress[WAY].value
+    last, peak = _instants(reduction)
+    found = {"largest strain": strain[last], "peak stress": stress[peak]}
+    if summary.plateau is not None:
+        for name, history in (("mean stress", reduction.stress[WAY]), ("mean rate", reduction.rate[WAY])):
+            found[name] = mean_over(history, reduction.time, summary.plateau, name).value
+    return {name: np.asarray(value, dtype=float) for name, value in found.items()}
+
+
+def noise(reduction: Reduction, summary: Summary) -> dict[str, float]:
+    """Standard uncertainties of the quoted values from the gauges' noise."""
+    last, peak = _instants(reduction)
+    found = {
+        "largest strain": float(reduction.strain[WAY].sigma[last]),
+        "peak stress": float(reduction.stress[WAY].sigma[peak]),
+    }
+    if summary.mean_stress is not None and summary.mean_rate is not None:
+        found |= {"mean stress": summary.mean_stress.sigma, "mean rate": summary.mean_rate.sigma}
+    return found
+
+
+def table(budget: Budget, sign: float) -> BudgetTable:
+    """Quoted values with the share of every input, largest first; `sign` -1 makes tension positive."""
+    found = budget_table(
+        budget, {name: (name, None, unit) for name, unit in UNITS.items() if name in budget.value}
+    )
+    rows = sorted(found.contributions, key=lambda row: -max(map(abs, row.shares.values()), default=0.0))
+    return BudgetTable(
+        results={name: (sign * value, sigma, unit) for name, (value, sigma, unit) in found.results.items()},
+        contributions=tuple(rows),
+    )
+
+
+def facts(
+    best: Mapping[str, Station],
+    arrival: Arrival,
+    checks: tuple[PulseCheck, PulseCheck],
+    windows: Windows,
+    reduction: Reduction,
+    summary: Summary,
+    specimen: Specimen,
+) -> dict[str, tuple[float, str]]:
+    """Facts of the record and of its reduction: value and unit by name."""
+    energy = summary.energy
+    found: dict[str, tuple[float, str]] = {
+        "sample interval": (best["incident"].signal.strain.interval, "s"),
+        "arrival at the incident gauge": (arrival.time, "s"),
+        "its standard uncertainty": (arrival.sigma, "s"),
+        "duration of the incident pulse": (arrival.end - arrival.time, "s"),
+        "length of the windows": (windows.incident[1] - windows.incident[0], "s"),
+    }
+    for side, station in best.items():
+        found[f"wave speed, {side} bar"] = (station.signal.bar.wave_speed, "m/s")
+        found[f"noise, {side} gauge"] = (station.signal.strain.sigma, "1")
+    for name, check in zip(("reflected", "transmitted"), checks, strict=True):
+        if check.observed is not None:
+            found[f"{name} pulse, later than predicted by"] = (check.delay, "s")
+    found |= {
+        "energy of the incident wave": (energy.incident, "J"),
+        "energy of the reflected wave": (energy.reflected, "J"),
+        "energy of the transmitted wave": (energy.transmitted, "J"),
+        "energy absorbed by the specimen": (energy.absorbed, "J"),
+        "work of deformation": (energy.deformation, "J"),
+        "spread of the largest strain over the analyses": (spread_of(reduction.strain), "1"),
+    }
+    if summary.modulus is not None:
+        found["loading modulus in equilibrium"] = (summary.modulus.value, "Pa")
+    balance = report_equilibrium(reduction, specimen_length=specimen.length)
+    if balance.ring_up is not None:
+        found["time to equilibrium"] = (balance.ring_up, "s")
+    return found
+
+
+def remarks(
+    reduction: Reduction, budget: Budget, checks: tuple[PulseCheck, PulseCheck], given: WavesInput
+) -> list[str]:
+    """Remarks on conditions that limit the use of the values, each with its cure."""
+    found = []
+    if reduction.balanced is None:
+        found.append(
+            f"the forces on the faces are nowhere in equilibrium within {100 * given.allowance:g} %, so that "
+            "no stress-strain curve of the material follows; cure: a shorter specimen, a pulse shaper, or "
+            "the inverse method (kolsky identify)"
+        )
+    reflected = checks[0]
+    interval = float(reduction.time[1] - reduction.time[0])
+    if reflected.observed is None:
+        found.append(f"no reflected pulse is found: {reflected.reason}")
+    elif abs(reflected.delay) > LARGEST_DELAY * reflected.observed.sigma + 2.0 * interval:
+        found.append(
+            f"the reflected pulse arrives {1e6 * reflected.delay:+.2f} us from the time that the gauge's "
+            "distance and the wave speed predict; cure: check both, or measure the wave speed (kolsky "
+            "wavespeed)"
+        )
+    bent = [name for name in UNITS if name in budget.value and budget.nonlinearity(name) > BEND]
+    if bent:
+        found.append(
+            f"the {', the '.join(bent)} depends on its inputs nonlinearly within their "
+            "uncertainty, so that the band is a first estimate; cure: a better wave speed (kolsky wavespeed)"
+        )
+    systematic = {key: value for key, value in given.uncertainty.items() if value > 0.0}
+    if not systematic:
+        found.append(
+            "no standard uncertainty is declared, so that the bands hold the gauges' noise and zero only; "
+            "cure: add a table [uncertainty]"
+        )
+    return found
+
+
+def _instants(reduction: Reduction) -> tuple[int, int]:
+    """Samples of the largest strain and of the largest stress."""
+    strain, stress = reduction.strain[WAY].value, reduction.stress[WAY].value
+    return int(np.abs(strain).argmax()), int(np.abs(stress).argmax())
+
+
+def as_text(value: Any) -> str:
+    """A declared value as text, numbers with six digits."""
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
