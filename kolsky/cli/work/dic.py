@@ -70,9 +70,9 @@ def correlate(
     from kolsky.report.figures import SURFACES
     from kolsky.report.pages.surfaces import write_page
     from kolsky.report.paraview import write_vtp
-    from kolsky.report.surface_view import view
+    from kolsky.report.surface_view import read_surface_view
 
-    shown = view(loaded.name, result, loaded.pictures.series, found.flight)
+    shown = read_surface_view(loaded.name, result, loaded.pictures.series, found.flight)
     with filling(folder) as partial:
         _tables(partial, result, loaded.pictures.frames.frame)
         if not isinstance(found.flight, str):

@@ -66,7 +66,7 @@ def film(
     from kolsky.report.scene.drawing import CannotRender
     from kolsky.report.scene.fields import Solid
     from kolsky.report.scene.film import write_film, write_stills
-    from kolsky.report.scene.stage import stage_of
+    from kolsky.report.scene.scene_data import scene_of
     from kolsky.results.hdf5 import read_identification
 
     result = read_identification(folder / "identification.h5")
@@ -79,22 +79,22 @@ def film(
     )
     written: list[str] = []
     with usable(loaded), filling(folder / "film") as partial, bars() as progress:
-        stage = stage_of(result, field=field, solid=solid)
+        scene = scene_of(result, field=field, solid=solid)
         try:
             if STILLS in formats:
-                written += [path.name for path in write_stills(partial, stage, stills)]
+                written += [path.name for path in write_stills(partial, scene, stills)]
             for name in (name for name in formats if name in FILMS):
-                frames = len(range(0, len(stage.times), every))
+                frames = len(range(0, len(scene.times), every))
                 report = counted(progress, f"pictures, {name}", frames)
                 written.append(
                     write_film(
-                        partial / f"{field}.{name}", stage, every=every, rate=rate, progress=report
+                        partial / f"{field}.{name}", scene, every=every, rate=rate, progress=report
                     ).name
                 )
         except CannotRender as error:
             raise InputError(options.COMMAND_LINE, str(error)) from None
         if SERIES in formats:
-            series = write_vtu(partial, result.response, stage.mesh.quads, every=every)
+            series = write_vtu(partial, result.response, scene.mesh.quads, every=every)
             written.append(f"{series[-1].name} and {len(series) - 1} meshes")
     summary = {"shot": loaded.name, "field": field, "folder": str(folder / "film"), "files": written}
     said = summary if as_json else None

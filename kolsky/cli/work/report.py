@@ -71,7 +71,7 @@ def write_page(
     formats
         Any of `kolsky.report.formats.FIGURES`.
     processes
-        How many draw, 1 or 2; see `kolsky.report.pages.parallel.drawn_by`.
+        How many draw, 1 or 2; see `kolsky.report.pages.parallel.draw_in_processes`.
     """
     _ahead(found)
     from kolsky.report.canvas import save_figures
@@ -86,9 +86,9 @@ def write_page(
 
 def _ahead(found: Any) -> None:
     """Let the stills be rendered meanwhile; whoever asks first is the one that begins."""
-    from kolsky.report.scene.stills import begin
+    from kolsky.report.scene.stills import start_stills
 
-    begin(found)
+    start_stills(found)
 
 
 def _same_files(path: Path, then: Any, now: dict[str, str]) -> None:
