@@ -90,7 +90,7 @@ def write_identified(folder: Path, found: Any, shot: Shot, source: Path, formats
     from kolsky.results.tables import write_csv
     from kolsky.shot.recorded import recorded
 
-    recordings = recorded(shot, source, folder)
+    recordings = recorded(shot, folder)
     with filling(folder) as partial:
         whole = replace(found, image_correlation=recordings.numbers)
         write_identification(partial / RESULT_FILE, whole)

@@ -46,7 +46,7 @@ def report(shot: Path, *, out: Path | None, formats: Sequence[str], as_json: boo
     _same_files(path, found.provenance.get("inputs", {}), loaded.inputs)
     _ahead(found)
     with usable(loaded):
-        recordings = recorded(loaded, shot, folder)
+        recordings = recorded(loaded, folder)
     with filling(folder) as partial:
         write_page(partial, found, recordings, formats, processes=2)
     rows = {"shot": loaded.name, "report": str(folder / PAGE)}
