@@ -1,0 +1,111 @@
+"""A body that only shows its rim: rendered cylinders that have moved by a known distance."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter1d
+from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, rig
+
+from dic.rigid_body.axial_displacement import _consistent_frames
+from dic.rigid_body.edge_registration import EDGE, EdgeRegistration
+from dic.surfaces import SpecimenFrame
+from dic.synthetic.cylinder import Speckles
+
+SCALE = 5400.0 / 0.295  # pixels per metre where the cylinder faces the cameras
+TOP = 0.5 * (SHAPE[0] - 1) / SCALE  # height that the first row shows
+TRAVEL = 1.2e-3
+RIG = rig()
+FRAME = SpecimenFrame(np.eye(3), np.zeros(3), np.zeros((6, 6)))
+
+
+def scene(shift: float, edge: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Both cameras' pictures: the body above `edge` at rest, moved up by `shift` [m], on another pattern."""
+    body, ground = Speckles(3.5e-4, seed=5), Speckles(3.5e-4, seed=6)
+
+    def pattern(arc: np.ndarray, height: np.ndarray) -> np.ndarray:
+        return np.where(height - shift > edge, body(arc, height - shift), ground(arc, height))
+
+    rng = np.random.default_rng(seed)
+    first, second = (
+        CYLINDER.picture(camera, SHAPE, pattern) + rng.normal(0.0, NOISE, SHAPE) for camera in RIG.cameras
+    )
+    return first, second
+
+
+def search(edge: float) -> EdgeRegistration:
+    """Knows the body from pictures in which it has come down by `TRAVEL`."""
+    rows = np.arange(SHAPE[0])[:, None] < (TOP - (edge - TRAVEL)) * SCALE - 2.0
+    angle = np.linspace(-0.3, 0.3, 7)
+    places = np.stack([RADIUS * np.sin(angle), np.full(7, edge), RADIUS * np.cos(angle)], axis=1)
+    move = np.array([0.0, -TRAVEL, 0.0])
+    mask = np.broadcast_to(rows, SHAPE)
+    return EdgeRegistration(scene(-TRAVEL, edge, 1), mask, RIG, FRAME, places, move)
+
+
+@pytest.mark.parametrize("rest", [0.0, 13.7e-6])
+def test_a_rim_of_three_rows_is_found(rest):
+    edge = TOP - 5.0 / SCALE  # five rows, of which two are left out with the edge
+    tried = np.arange(-40e-6, 45e-6, 10e-6)
+    found = search(edge).register(scene(rest, edge, 2), np.zeros(3), tried)
+    assert found is not None
+    assert found.zncc > 0.98
+    # noise alone: 0.02 px over some hundred pixels; the pixel at the edge is not needed and left out
+    assert abs(found.y - rest) < 1e-6
+    assert found.common < 0.1 * EDGE / SCALE
+    assert abs(found.y - rest) < 4.0 * found.sigma
+
+
+def blurred(pictures: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """The first row is blurred from one side only, as a filter does that repeats it beyond the border."""
+    first, second = (gaussian_filter1d(picture, 0.6, axis=0, mode="nearest") for picture in pictures)
+    return first, second
+
+
+def test_the_picture_s_last_row_is_learnt_from_frames_that_show_more():
+    edge = TOP - 3.0 / SCALE  # one row, after the two at the edge
+    rows = np.arange(SHAPE[0])[:, None] < (TOP - (edge - TRAVEL)) * SCALE - 2.0
+    angle = np.linspace(-0.3, 0.3, 7)
+    places = np.stack([RADIUS * np.sin(angle), np.full(7, edge), RADIUS * np.cos(angle)], axis=1)
+    move, mask = np.array([0.0, -TRAVEL, 0.0]), np.broadcast_to(rows, SHAPE)
+    edge_strip = EdgeRegistration(blurred(scene(-TRAVEL, edge, 1)), mask, RIG, FRAME, places, move)
+    resting, tried = blurred(scene(0.0, edge, 2)), np.arange(-40e-6, 45e-6, 10e-6)
+    before = edge_strip.register(resting, np.zeros(3), tried)
+    shifts = -np.linspace(0.35e-3, 0.9e-3, 3)
+    known = [
+        (blurred(scene(shift, edge, 10 + k)), np.array([0.0, shift, 0.0])) for k, shift in enumerate(shifts)
+    ]
+    offset, scatter = edge_strip.fit_row_offsets(known)
+    after = edge_strip.register(resting, np.zeros(3), tried)
+    assert before is not None
+    assert after is not None
+    # The first row stands for all beyond it: its mean place lies further in by sum of k times weight k.
+    weight = gaussian_filter1d(np.eye(1, 21, 10)[0], 0.6)[10:]
+    assert offset[:, 0] * SCALE == pytest.approx(weight @ np.arange(11), abs=0.02)  # of a hundred pixels
+    assert np.all(scatter[:, 0] * SCALE < 0.02)
+    assert np.abs(offset[:, 2:]).max() * SCALE < 0.01  # rows that the border is not near
+    assert before.y > 5.0 * before.sigma  # what this is about
+    sigma = np.hypot(after.sigma, after.common)
+    assert abs(after.y) < 3.0 * sigma
+    assert sigma * SCALE < 0.03  # 0.01 px of noise and learning, 0.02 of the edge
+
+
+def test_a_body_out_of_view_is_not_found():
+    edge = TOP + 2.0 / SCALE
+    tried = np.arange(-40e-6, 45e-6, 10e-6)
+    assert search(edge).register(scene(0.0, edge, 2), np.zeros(3), tried) is None
+
+
+def test_another_pattern_is_not_found():
+    edge = TOP - 5.0 / SCALE
+    rng = np.random.default_rng(3)
+    other = (rng.uniform(size=SHAPE), rng.uniform(size=SHAPE))
+    assert search(edge).register(other, np.zeros(3), np.arange(-40e-6, 45e-6, 10e-6)) is None
+
+
+def test_a_wrong_place_agreed_on_by_few_points_is_left_out():
+    rows, static = list(range(5, 30)), np.arange(30) < 3
+    found = [-19e-6 * k for k in rows]
+    wrong = [k + (300e-6 if i < 6 else 0.0) for i, k in enumerate(found)]
+    counts = [8 if i < 6 else 30 + i for i in range(len(rows))]
+    assert _consistent_frames(rows, found, counts, static) == [True] * len(rows)
+    assert _consistent_frames(rows, wrong, counts, static) == [False] * 6 + [True] * (len(rows) - 6)
+    assert _consistent_frames([], [], [], static) == []
