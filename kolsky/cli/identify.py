@@ -7,6 +7,7 @@ import typer
 
 from kolsky.cli import texts
 from kolsky.cli.options import AsJson, Figures, Mesh, Numbers, Out, ShotPath, SolverOptions
+from kolsky.inverse.parameters import PARAMETERS
 
 
 def identify(
@@ -16,8 +17,7 @@ def identify(
         typer.Option(
             "--free",
             metavar="NAME[=LOW:HIGH]",
-            help="Free parameter and the bounds of its design; repeat for more. stiffness_factor, friction, "
-            "poisson, damping, mass_damping, release_stress.",
+            help=f"Free parameter and the bounds of its design; repeat for more. {', '.join(PARAMETERS)}.",
             show_default="stiffness_factor",
         ),
     ] = None,
