@@ -24,7 +24,7 @@ def report(shot: ShotPath, out: Out = None, figures: Figures = "", as_json: AsJs
     found = read_identify_results(folder, loaded)
     stills.start_stills(found)  # rendered while the recordings are read
     with usable(loaded):
-        recordings = recorded(loaded, shot, folder)
+        recordings = recorded(loaded, folder)
     with filling(folder) as partial:
         write_identify_page(partial, found, recordings, formats, processes=2)
     rows = {"shot": loaded.name, "report": str(folder / PAGE)}
