@@ -95,7 +95,7 @@ def runs(raw: Path, repeats: int, *, say: Callable[[str], Any] = print) -> list[
     say
         Told of each run.
     """
-    from kolsky.cli.work.dic import correlate
+    from kolsky.cli.dic import dic
     from kolsky.shot.surfaces_file import read_stereo_result
 
     found = []
@@ -108,10 +108,7 @@ def runs(raw: Path, repeats: int, *, say: Callable[[str], Any] = print) -> list[
             wall, processor = time.perf_counter(), time.process_time()
             told = StringIO()
             with redirect_stdout(told), redirect_stderr(StringIO()):
-                correlate(
-                    shot, out=folder / "out", device="cpu", again=True, csv=False, vtp=False, formats=(),
-                    as_json=False,
-                )  # fmt: skip
+                dic(shot, out=folder / "out", again=True)
             whole = Whole(
                 wall=time.perf_counter() - wall,
                 processor=time.process_time() - processor,

@@ -12,7 +12,7 @@ from time import perf_counter
 
 import numpy as np
 
-from kolsky.cli.work.options import ranges
+from kolsky.cli.texts import ranges
 from kolsky.inverse.coarse_search import adaptive, second_design
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import predict

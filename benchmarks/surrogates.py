@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from doe import Box, ResponseSurrogate, latin_hypercube, sobol
 from doe.surrogates import ProcessSurrogate
-from kolsky.cli.work.options import ranges
+from kolsky.cli.texts import ranges
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.parameters import design_box
 from kolsky.inverse.prepared_shot import prepare_shot

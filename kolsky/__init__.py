@@ -22,12 +22,20 @@ if TYPE_CHECKING:
     from kolsky.material.reference_curve import reference_curve
     from kolsky.report.canvas import save_figures
     from kolsky.report.notebook import to_dataframe, to_xarray
-    from kolsky.report.page import write_report
+    from kolsky.report.pages.identification import write_report
+    from kolsky.report.result_folder import (
+        read_identify_results,
+        write_identify_results,
+        write_rate_results,
+        write_sweep_results,
+        write_waves_results,
+    )
     from kolsky.results.hdf5 import read_identification, write_identification
     from kolsky.results.tables import write_csv
     from kolsky.shot.dic import dic
     from kolsky.shot.load import check_shot, load_shot
     from kolsky.shot.records import Shot
+    from kolsky.shot.repeated_tests import repeats
     from kolsky.shot.waves import waves
     from kolsky.studies.planning.plan import plan
     from kolsky.studies.rates.rate import rate
@@ -50,7 +58,9 @@ _HOME = {
     "plan": "kolsky.studies.planning.plan",
     "rate": "kolsky.studies.rates.rate",
     "read_identification": "kolsky.results.hdf5",
+    "read_identify_results": "kolsky.report.result_folder",
     "reference_curve": "kolsky.material.reference_curve",
+    "repeats": "kolsky.shot.repeated_tests",
     "save_figures": "kolsky.report.canvas",
     "simulate": "kolsky.inverse.simulate",
     "sweep": "kolsky.studies.sweep",
@@ -59,8 +69,12 @@ _HOME = {
     "waves": "kolsky.shot.waves",
     "write_csv": "kolsky.results.tables",
     "write_identification": "kolsky.results.hdf5",
-    "write_report": "kolsky.report.page",
+    "write_identify_results": "kolsky.report.result_folder",
+    "write_rate_results": "kolsky.report.result_folder",
+    "write_report": "kolsky.report.pages.identification",
+    "write_sweep_results": "kolsky.report.result_folder",
     "write_table": "kolsky.base.files",
+    "write_waves_results": "kolsky.report.result_folder",
 }
 """Where each public name is defined. The imports above tell a type checker the same; a test compares both."""
 

@@ -10,9 +10,9 @@ from pathlib import Path
 from kolsky.bars.flyer import flight_report
 from kolsky.identification import identify
 from kolsky.inverse.settings import Settings
-from kolsky.report.dicpage import write_page
-from kolsky.report.page import write_report
-from kolsky.report.view import view
+from kolsky.report.pages.identification import write_report
+from kolsky.report.pages.surfaces import write_page
+from kolsky.report.surface_view import view
 from kolsky.results.hdf5 import write_identification
 from kolsky.shot import dic_summary
 from kolsky.shot.load import load_pictures, load_shot

@@ -7,7 +7,7 @@ group without which the mean moves most.
 import sys
 from pathlib import Path
 
-from kolsky.report.ratepage import write_page
+from kolsky.report.pages.rates import write_page
 from kolsky.studies.rates.collect import collected_shot, declarations, group_key, group_of
 from kolsky.studies.rates.comparison import compare
 from kolsky.studies.rates.output import write_csv, write_hdf5

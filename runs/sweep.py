@@ -12,7 +12,7 @@ from doe.designs.space_filling import sobol
 from kolsky.inverse.forward import Numerics
 from kolsky.report.canvas import save_figures
 from kolsky.report.figures import SWEEPS
-from kolsky.report.sweeppage import write_page
+from kolsky.report.pages.sweep import write_page
 from kolsky.shot.load import load_shot
 from kolsky.studies.sweep import sweep, write_sweep
 from kolsky.studies.sweep_analysis import analyse_sweep

@@ -1,4 +1,4 @@
-"""The command line, `kolsky`: the typed options of every command, and nothing that computes."""
+"""The command line, `kolsky`: a file a command, with its options and what is done with them."""
 
 from kolsky.cli.commandline import app, main
 

@@ -1,27 +1,61 @@
 """The commands of `kolsky` in the order of `--help`, and what the program does before any of them."""
 
 import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from io import TextIOWrapper
 from typing import Annotated
 
 import typer
 
-from kolsky.cli.bars import repeats, waves, wavespeed
-from kolsky.cli.identified import film, rate, report
-from kolsky.cli.identify import identify, simulate
-from kolsky.cli.material import material
-from kolsky.cli.pictures import calibrate, dic
+from kolsky.base.errors import InputError
+from kolsky.cli.calibrate import calibrate
+from kolsky.cli.channels import channels
+from kolsky.cli.check import check
+from kolsky.cli.dic import dic
+from kolsky.cli.film import film
+from kolsky.cli.identify import identify
+from kolsky.cli.material_fit import material_fit
+from kolsky.cli.new import new
+from kolsky.cli.options import with_solver_options
 from kolsky.cli.plan import plan
-from kolsky.cli.shots import channels, check, new
+from kolsky.cli.rate import rate
+from kolsky.cli.reference_curve import reference_curve
+from kolsky.cli.repeats import repeats
+from kolsky.cli.report import report
+from kolsky.cli.simulate import simulate
 from kolsky.cli.sweep import sweep
+from kolsky.cli.waves import waves
+from kolsky.cli.wavespeed import wavespeed
 
-app = typer.Typer(
-    name="kolsky",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    help="One impact test on a soft material, in; its dynamic stiffness with its uncertainty, out.",
-)
+Command = Callable[..., None]
+
+COMMANDS: dict[str, Command] = {
+    "new": new,
+    "check": check,
+    "channels": channels,
+    "dic": dic,
+    "waves": waves,
+    "wavespeed": wavespeed,
+    "repeats": repeats,
+    "rate": rate,
+    "calibrate": calibrate,
+    "identify": identify,
+    "report": report,
+    "simulate": simulate,
+    "plan": plan,
+    "sweep": sweep,
+    "film": film,
+    "material reference-curve": reference_curve,
+    "material fit": material_fit,
+}
+"""Every command by its words on the command line; the first of two words is a group of `GROUPS`."""
+
+GROUPS = {"material": "The quasi-static tests of the material behind a shot."}
+"""Groups of commands and their line of `--help`."""
+
+FORMER_NAMES: dict[str, str] = {"material baseline": "material reference-curve"}
+"""Words that commands had once: they still work, and `--help` does not show them."""
 
 
 def main() -> None:
@@ -31,6 +65,47 @@ def main() -> None:
             # A terminal without a character (± in an old code page) gets its escape, not a traceback.
             stream.reconfigure(errors="backslashreplace")
     app()
+
+
+def program(commands: Mapping[str, Command]) -> typer.Typer:
+    """The command line of a table of commands.
+
+    Parameters
+    ----------
+    commands
+        As `COMMANDS`. An `InputError` that a command raises ends it with its lines on stderr and exit code 2.
+    """
+    made = typer.Typer(
+        name="kolsky",
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        help="One impact test on a soft material, in; its dynamic stiffness with its uncertainty, out.",
+    )
+    made.callback()(_kolsky)
+    groups = {
+        name: typer.Typer(name=name, no_args_is_help=True, help=line)
+        for name, line in GROUPS.items()
+        if any(words.startswith(f"{name} ") for words in commands)
+    }
+    former = {old: commands[new] for old, new in FORMER_NAMES.items() if new in commands}
+    for words, command in {**commands, **former}.items():
+        group, _, name = words.rpartition(" ")
+        place = groups[group] if group else made
+        place.command(name, hidden=words in former)(refusing_bad_input()(with_solver_options(command)))
+    for group_of_commands in groups.values():
+        made.add_typer(group_of_commands)
+    return made
+
+
+@contextmanager
+def refusing_bad_input() -> Iterator[None]:
+    """Turn an `InputError` into its lines on stderr and exit code 2."""
+    try:
+        yield
+    except InputError as error:
+        typer.echo(str(error), err=True)
+        raise typer.Exit(2) from None
 
 
 def _show_version(wanted: bool) -> None:
@@ -44,7 +119,6 @@ def _show_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def _kolsky(
     version: Annotated[
         bool,
@@ -54,23 +128,4 @@ def _kolsky(
     pass
 
 
-COMMANDS = (
-    new,
-    check,
-    channels,
-    dic,
-    waves,
-    wavespeed,
-    repeats,
-    rate,
-    calibrate,
-    identify,
-    report,
-    simulate,
-    plan,
-    sweep,
-    film,
-)
-for command in COMMANDS:
-    app.command()(command)
-app.add_typer(material)
+app = program(COMMANDS)

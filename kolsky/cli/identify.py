@@ -1,25 +1,12 @@
-"""The options of `kolsky identify` and `simulate`."""
+"""`kolsky identify`: load, identify, write, print."""
 
+from time import perf_counter
 from typing import Annotated
 
 import typer
 
-from kolsky.cli.shared import (
-    AsJson,
-    Corrected,
-    Device,
-    Element,
-    Hourglass,
-    Mesh,
-    Numbers,
-    Out,
-    PastData,
-    Precision,
-    ShotPath,
-    Threads,
-    listed,
-    refusing_bad_input,
-)
+from kolsky.cli import texts
+from kolsky.cli.options import AsJson, Figures, Mesh, Numbers, Out, ShotPath, SolverOptions
 
 
 def identify(
@@ -44,87 +31,60 @@ def identify(
     ] = 16,
     methods: Annotated[
         str,
-        typer.Option(metavar="WHICH", help="surrogate, or all: least squares on the solver too (dear)."),
+        typer.Option(metavar="WHICH", help="surrogate, or all: least squares on the solver too (expensive)."),
     ] = "surrogate",
-    element: Element = "one_point",
-    hourglass: Hourglass = "stiffness",
-    nearly_incompressible: Corrected = False,
-    precision: Precision = "fp64",
-    device: Device = "cpu",
-    threads: Threads = None,
-    past_data: PastData = "continue",
+    solver: SolverOptions = SolverOptions(),  # noqa: B008 - frozen
     bayes: Annotated[bool, typer.Option("--bayes", help="Sample the posterior too; needs emcee.")] = False,
     pull: Annotated[str, typer.Option(help="The curve m refers to: first pull or conditioned.")] = "first",
     seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 1,
     out: Out = None,
-    figures: Annotated[
-        str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png,csv.")
-    ] = "",
+    figures: Figures = "",
     as_json: AsJson = False,
 ) -> None:
     """Identify the stiffness factor m (and more) of a shot, with its k = 2 interval and a report.
 
     Writes identification.h5, report.html and CSV tables into SHOT/results.
     """
-    from kolsky.cli.work import options
-    from kolsky.cli.work.identify import identify as run
-    from kolsky.cli.work.parts import Arithmetic
+    started = perf_counter()
+    ranges = texts.ranges("--free", free or ["stiffness_factor"])
+    held = texts.values("--parameter", parameter or [])
+    coarse, refined = texts.mesh("--mesh", mesh), texts.mesh("--refined-mesh", refined_mesh)
+    texts.finer("--refined-mesh", refined, "--mesh", coarse)
+    formats = texts.figure_formats(figures)
+    texts.one_of("--methods", methods, ("surrogate", "all"))
+    texts.one_of("--pull", pull, ("first", "conditioned"))
+    texts.apart("--free", ranges, "--parameter", held)
+    if bayes:
+        texts.installed("--bayes", "emcee", "bayes")
+    from kolsky.cli.inputs import load, usable
+    from kolsky.cli.terminal import print_result, progress_bars, since
 
-    with refusing_bad_input():
-        run(
-            shot,
-            free=options.ranges("--free", free or ["stiffness_factor"]),
-            held=options.values("--parameter", parameter or []),
-            mesh=options.mesh("--mesh", mesh),
-            refined_mesh=options.mesh("--refined-mesh", refined_mesh),
-            replicates=replicates,
-            methods=methods,
-            arithmetic=Arithmetic(
-                precision, device, threads, past_data, element, hourglass, nearly_incompressible
-            ),
-            bayes=bayes,
-            pull=pull,
-            seed=seed,
-            out=out,
-            formats=listed(figures),
-            as_json=as_json,
-        )
+    loaded, folder = load(shot, out)
+    numerics = solver.numerics(coarse)
+    from kolsky import identification
+    from kolsky.inverse.settings import Settings
+    from kolsky.report import printed
+    from kolsky.report.result_folder import PAGE, write_identify_results
+    from kolsky.results.summary import to_json
 
-
-def simulate(
-    shot: ShotPath,
-    parameter: Numbers = None,
-    mesh: Mesh = "24x32",
-    element: Element = "one_point",
-    hourglass: Hourglass = "stiffness",
-    nearly_incompressible: Corrected = False,
-    precision: Precision = "fp64",
-    device: Device = "cpu",
-    threads: Threads = None,
-    past_data: PastData = "continue",
-    out: Out = None,
-    vtu: Annotated[bool, typer.Option("--vtu", help="Also write the deforming mesh for ParaView.")] = False,
-    as_json: AsJson = False,
-) -> None:
-    """Simulate a shot once, e.g. -p stiffness_factor=1.1, and compare it with the data.
-
-    A run that fails is written up to its end; the exit code is then 1.
-    """
-    from kolsky.cli.work import options
-    from kolsky.cli.work.parts import Arithmetic
-    from kolsky.cli.work.simulate import simulate as run
-
-    with refusing_bad_input():
-        completed = run(
-            shot,
-            parameters=options.values("--parameter", parameter or []),
-            mesh=options.mesh("--mesh", mesh),
-            arithmetic=Arithmetic(
-                precision, device, threads, past_data, element, hourglass, nearly_incompressible
-            ),
-            out=out,
-            vtu=vtu,
-            as_json=as_json,
-        )
-    if not completed:
-        raise typer.Exit(1)
+    settings = Settings(
+        free=ranges,
+        held=held,
+        numerics=numerics,
+        refined_mesh=refined,
+        replicates=replicates,
+        methods="all" if methods == "all" else "surrogate",
+        bayes=bayes,
+        pull="conditioned" if pull == "conditioned" else "first",
+        seed=seed,
+    )
+    with usable(loaded), progress_bars() as progress:
+        found = identification.identify(loaded, settings, progress=progress)
+    write_identify_results(folder, found, loaded, source=shot, formats=formats)
+    print_result(
+        printed.details(found),
+        to_json(found) if as_json else None,
+        answers=[printed.answer(estimate) for estimate in found.estimates.values()],
+        rest={"report": folder / PAGE, "wall time": since(started)},
+        warnings=found.warnings,
+    )

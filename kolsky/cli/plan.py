@@ -1,10 +1,15 @@
-"""The options of `kolsky plan`."""
+"""`kolsky plan`: where and when a measurement would tell most, and how well parameters would be known."""
 
-from typing import Annotated
+import json
+from dataclasses import replace
+from time import perf_counter
+from typing import Annotated, Any
 
 import typer
 
-from kolsky.cli.shared import (
+from kolsky.base.errors import InputError
+from kolsky.cli import texts
+from kolsky.cli.options import (
     AsJson,
     Device,
     Mesh,
@@ -12,9 +17,8 @@ from kolsky.cli.shared import (
     Out,
     Precision,
     ShotPath,
+    SolverOptions,
     Threads,
-    listed,
-    refusing_bad_input,
 )
 
 
@@ -76,27 +80,101 @@ def plan(
     ] = "png",
     as_json: AsJson = False,
 ) -> None:
-    """Foretell what a test like this shot would tell: where, when and how fast to measure.
+    """Predict what a test like this shot would tell: where, when and how fast to measure.
 
     Writes plan.h5, plan.json, CSV tables and figures into SHOT/results.
     """
-    with refusing_bad_input():
-        from kolsky.cli.work import options
-        from kolsky.cli.work.parts import Arithmetic
-        from kolsky.cli.work.plan import Wishes
-        from kolsky.cli.work.plan import plan as run
-
-        run(
-            shot,
-            free=free or [],
-            held=options.values("--parameter", parameter or []),
-            wishes=Wishes(
-                outline_sigma, force_sigma, frame_rate, points, clearance, window, rates, heights, discrepancy
-            ),
-            reach=reach,
-            mesh=options.mesh("--mesh", mesh),
-            arithmetic=Arithmetic(precision, device, threads),
-            out=out,
-            formats=listed(figures),
-            as_json=as_json,
+    started = perf_counter()
+    held = texts.values("--parameter", parameter or [])
+    elements = texts.mesh("--mesh", mesh)
+    formats = texts.figure_formats(figures)
+    texts.one_of("--discrepancy", discrepancy, ("mesh", "none"))
+    changes: dict[str, Any] = {
+        name: texts.physical(option, text, unit)
+        for name, option, text, unit in (
+            ("outline_sigma", "--outline-sigma", outline_sigma, "m"),
+            ("force_sigma", "--force-sigma", force_sigma, "N"),
+            ("points", "--points", points, "1/m"),
+            ("clearance", "--clearance", clearance, "m"),
         )
+        if text
+    }
+    if frame_rate:
+        changes["frame_interval"] = _frame_interval(frame_rate)
+    if window:
+        changes["window"] = _window(window)
+    names = tuple(texts.ranges("--free", [_without_bounds(name) for name in free])) if free else None
+    speeds = texts.numbers("--rates", rates)
+    counts = texts.numbers("--heights", heights)
+    if any(count != round(count) or count < 1.0 for count in counts):
+        raise InputError(texts.COMMAND_LINE, "must be whole numbers from 1", key="--heights", value=heights)
+    from kolsky.cli.inputs import load, usable
+    from kolsky.cli.terminal import print_result, progress_bars, since
+
+    loaded, folder = load(shot, out)
+    numerics = SolverOptions(precision=precision, device=device, threads=threads).numerics(elements)
+    from kolsky.base.files import filling
+    from kolsky.report.canvas import save_figures
+    from kolsky.report.figures import PLANS
+    from kolsky.studies.planning import output
+    from kolsky.studies.planning import plan as planning
+    from kolsky.studies.planning.instruments import instruments_of
+
+    with usable(loaded), progress_bars() as progress:
+        found = planning.plan(
+            loaded,
+            names=names or planning.NAMES,
+            held=held,
+            instruments=lambda prepared: replace(instruments_of(prepared), **changes),
+            rates=speeds or planning.RATES,
+            heights=[int(count) for count in counts] or (1, 2, 3),
+            reach=reach,
+            discrepancy=(0.0, 0.0) if discrepancy == "none" else None,
+            numerics=numerics,
+            progress=progress,
+        )
+    said = output.to_json(found)
+    with filling(folder) as partial:
+        output.write_hdf5(partial / "plan.h5", found)
+        output.write_csv(partial, found)
+        (partial / "plan.json").write_text(json.dumps(said, indent=2, allow_nan=False), encoding="utf-8")
+        if formats:
+            save_figures(partial / "figures", found, formats=formats, registry=PLANS)
+    print_result(
+        output.rows(found),
+        said if as_json else None,
+        rest={"folder": folder, "wall time": since(started)},
+        warnings=[f"{part}: {e.unseen}" for part, e in found.expected.items() if e.unseen],
+    )
+
+
+def _frame_interval(text: str) -> float:
+    """ "120 kHz" as time between pictures [s]."""
+    rate = texts.physical("--frame-rate", text, "1/s")
+    if not rate > 0.0:
+        raise InputError(texts.COMMAND_LINE, "must be > 0", key="--frame-rate", value=text)
+    return 1.0 / rate
+
+
+def _window(text: str) -> tuple[float, float]:
+    """ "0 ms:1.2 ms" as start and end [s]."""
+    ends = text.split(":")
+    if len(ends) != 2:
+        raise InputError(
+            texts.COMMAND_LINE,
+            f"--window {text!r} cannot be read",
+            cure='write START:END, e.g. "0 ms:1.2 ms"',
+        )
+    start, end = (texts.physical("--window", part, "s") for part in ends)
+    return start, end
+
+
+def _without_bounds(text: str) -> str:
+    """Name of a free parameter, which has no bounds in a plan."""
+    if "=" in text:
+        raise InputError(
+            texts.COMMAND_LINE,
+            f"--free {text!r}: a plan has no bounds",
+            cure=f"write --free {text.partition('=')[0]}, and its value with -p",
+        )
+    return text

@@ -1,26 +1,14 @@
-"""The options of `kolsky sweep`."""
+"""`kolsky sweep`: choose the points, run what no ledger holds, write a row a run and a page."""
 
+from dataclasses import replace
 from pathlib import Path
+from time import perf_counter
 from typing import Annotated
 
 import typer
 
-from kolsky.cli.shared import (
-    AsJson,
-    Corrected,
-    Device,
-    Element,
-    Hourglass,
-    Mesh,
-    Numbers,
-    Out,
-    PastData,
-    Precision,
-    ShotPath,
-    Threads,
-    listed,
-    refusing_bad_input,
-)
+from kolsky.cli import texts
+from kolsky.cli.options import AsJson, Figures, Mesh, Numbers, Out, ShotPath, SolverOptions
 
 
 def sweep(
@@ -52,13 +40,7 @@ def sweep(
         Path | None, typer.Option(metavar="CSV", help="File of a csv design; columns NAME (UNIT).")
     ] = None,
     mesh: Mesh = "16x22",
-    element: Element = "one_point",
-    hourglass: Hourglass = "stiffness",
-    nearly_incompressible: Corrected = False,
-    precision: Precision = "fp64",
-    device: Device = "cpu",
-    threads: Threads = None,
-    past_data: PastData = "continue",
+    solver: SolverOptions = SolverOptions(),  # noqa: B008 - frozen
     seed: Annotated[int, typer.Option(min=0, help="Seed of a random design.")] = 1,
     log: Annotated[
         list[str] | None,
@@ -94,52 +76,68 @@ def sweep(
         typer.Option("--merge", metavar="LEDGER", help="Take over another ledger's runs; repeat for more."),
     ] = None,
     out: Out = None,
-    figures: Annotated[
-        str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png,csv.")
-    ] = "",
+    figures: Figures = "",
     as_json: AsJson = False,
 ) -> None:
     """Run a design of experiments over a shot's parameters; writes sweep.csv, a row a run, and sweep.html."""
-    from kolsky.cli.work import options
-    from kolsky.cli.work.designchoice import DesignChoice
-    from kolsky.cli.work.parts import Arithmetic
-    from kolsky.cli.work.sweep import sweep as run
-    from kolsky.cli.work.sweeprecords import Records
-    from kolsky.cli.work.workers import Workers
+    started = perf_counter()
+    from kolsky.cli.sweep_options import DesignChoice, Records, Workers
 
-    with refusing_bad_input():
-        if options.one_of("--design", design, options.DESIGNS) == "factorial":
-            factors = vary or ["friction=0:2:10", "stiffness_factor=0.75:1.25:10"]
-            bounds, counts = options.levels("--vary", factors)
-        elif design == "csv":
-            options.none("--vary", vary or [], "--design csv, whose file names the parameters")
-            bounds, counts = {}, []
-        else:
-            bounds = options.spans("--vary", vary or ["friction=0:2", "stiffness_factor=0.75:1.25"])
-            counts = []
-        run(
-            shot,
-            choice=DesignChoice(
-                kind=design,
-                bounds=bounds,
-                levels=counts,
-                runs=runs,
-                seed=seed,
-                generators=generators,
-                points=points,
-                logarithmic=tuple(log or ()),
-                where=tuple(where or ()),
-            ),
-            held=options.values("--parameter", parameter or []),
-            mesh=options.mesh("--mesh", mesh),
-            arithmetic=Arithmetic(
-                precision, device, threads, past_data, element, hourglass, nearly_incompressible
-            ),
-            records=Records(
-                ledger, retry=retry, shard=options.shard("--shard", shard), merge=tuple(merge or ())
-            ),
-            workers=Workers(processes, dask),
-            out=out,
-            formats=listed(figures),
-            as_json=as_json,
+    choice = DesignChoice.of(
+        design,
+        vary or [],
+        runs=runs,
+        seed=seed,
+        generators=generators,
+        points=points,
+        logarithmic=tuple(log or ()),
+        where=tuple(where or ()),
+    )
+    held = texts.values("--parameter", parameter or [])
+    elements = texts.mesh("--mesh", mesh)
+    records = Records(ledger, retry=retry, shard=texts.shard("--shard", shard), merge=tuple(merge or ()))
+    workers = Workers(processes, dask)
+    formats = texts.figure_formats(figures)
+    chosen = choice.design()
+    texts.apart("--points" if points else "--vary", chosen.box.names, "--parameter", held)
+    part = records.part(chosen)
+    from kolsky.cli.inputs import load, usable
+    from kolsky.cli.terminal import print_result, since, sweep_progress
+
+    loaded, folder = load(shot, out)
+    numerics = replace(solver, threads=workers.threads(solver.threads)).numerics(elements)
+    place = records.place(folder)
+    from kolsky.base.json_types import jsonable
+    from kolsky.report.result_folder import write_sweep_results
+    from kolsky.results.summary import failed_runs
+    from kolsky.studies import sweep as sweeping
+    from kolsky.studies.sweep_analysis import analyse_sweep
+    from kolsky.uncertainty.warnings.runs import lost_runs, sliding
+
+    with usable(loaded), records.usable(), workers.executor() as executor, sweep_progress() as progress:
+        result = sweeping.sweep(
+            loaded,
+            part,
+            held=held,
+            numerics=numerics,
+            ledger=place,
+            merge=records.merge,
+            retry=records.retry,
+            executor=executor,
+            progress=progress,
         )
+    warnings = [*lost_runs(result.table), *sliding(loaded.interface, [*result.table.names, *held])]
+    analysis = analyse_sweep(result.shot, chosen.box, result.table)
+    write_sweep_results(folder, result, analysis, name=records.stem, warnings=warnings, formats=formats)
+    summary = {
+        "shot": result.shot,
+        **sweeping.counts(result),
+        **({"left_out_by_constraints": chosen.settings["refused"]} if where else {}),
+        **sweeping.least_misfit(result),
+        "file": str(folder / f"{records.stem}.csv"),
+        "page": str(folder / f"{records.stem}.html"),
+        **({} if place is None else {"ledger": str(place)}),
+    }
+    failed = {"failed_runs": failed_runs(result.table)}
+    said = jsonable({**summary, **failed, "warnings": warnings}, "sweep") if as_json else None
+    print_result(summary, said, rest={"wall time": since(started)}, warnings=warnings)

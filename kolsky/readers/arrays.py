@@ -8,9 +8,8 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.readers.contents import Channel, Clock, check_samples, stated_clock
-from kolsky.readers.headerclock import INTERVAL_KEYS, RATE_KEYS, START_KEYS, bare_key
-from kolsky.readers.layout import Layout
+from kolsky.readers.contents import Channel, Clock, Layout, check_samples, stated_clock
+from kolsky.readers.header import INTERVAL_KEYS, RATE_KEYS, START_KEYS, bare_key
 from kolsky.readers.signalunits import si_unit, time_factor
 from kolsky.readers.timecolumn import array_clock
 

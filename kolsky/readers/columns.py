@@ -9,8 +9,7 @@ import numpy as np
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.units import UnitError, unit_factor
-from kolsky.readers.contents import Channel, Contents
-from kolsky.readers.layout import Layout
+from kolsky.readers.contents import Channel, Contents, Layout
 from kolsky.readers.recordings import read_contents
 
 _HEADING = re.compile(r"(.*?)\s*[(\[]\s*([^()\[\]]*?)\s*[)\]]\s*")

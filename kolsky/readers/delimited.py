@@ -4,15 +4,14 @@ import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
-from kolsky.base.errors import InputError
-from kolsky.readers.contents import Contents, head_of
+from kolsky.readers.contents import Contents, Layout, head_of
 from kolsky.readers.dialect import find_dialect
-from kolsky.readers.encoding import decode_text
-from kolsky.readers.layout import Layout
-from kolsky.readers.metalines import heading_keys, key_lines, names_by_key, uncommented
+from kolsky.readers.header import heading_keys, key_lines, names_by_key, uncommented
 from kolsky.readers.sheet import Sheet, first_samples, names_and_units
 from kolsky.readers.signaltable import signal_table
-from kolsky.readers.table import read_bytes
+from kolsky.readers.text import decode_text, lines_of, read_bytes
+
+BINARY = False
 
 SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".prn", "")
 
@@ -37,22 +36,6 @@ def read(path: Path, layout: Layout) -> Contents:
     text, encoding = decode_text(path, data, layout.encoding)
     facts = {"format": "delimited", "encoding": encoding}
     return read_lines(path, hashlib.sha256(data).hexdigest(), lines_of(path, text), layout, facts)
-
-
-def lines_of(path: Path, text: str) -> list[str]:
-    """The lines of a text without empty ones at its end; lines end with LF, CR LF or CR.
-
-    Raises
-    ------
-    InputError
-        If there is nothing but blanks.
-    """
-    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    while lines and not lines[-1].strip():
-        lines.pop()
-    if not lines:
-        raise InputError(path, "is empty", cure="export it again")
-    return lines
 
 
 def read_lines(

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from kolsky.base.errors import InputError
 
@@ -38,12 +39,14 @@ class Dialect:
     """Which of them hold numbers, counted from 0."""
     empty: tuple[int, ...] = ()
     """Which of them hold nothing: behind a last delimiter, or below the keys of the header."""
+    quoted: bool = True
+    """Whether quotes around a field are taken off; else they belong to it."""
 
     def split(self, line: str) -> list[str]:
         """The fields of a line, without quotes and outer blanks."""
         if self.delimiter == " ":
-            return line.replace('"', "").split()
-        if '"' in line:
+            return (line.replace('"', "") if self.quoted else line).split()
+        if self.quoted and '"' in line:
             cells = csv.reader([line], delimiter=self.delimiter, skipinitialspace=True)
             return [part.strip() for part in next(cells, [])]
         return [part.strip() for part in line.split(self.delimiter)]
@@ -85,8 +88,8 @@ def find_dialect(
     InputError
         If something stated is not allowed, or no column is numeric.
     """
-    characters = _stated(path, "delimiter", delimiter, {**DELIMITERS, **{c: c for c in "\t;, "}})
-    decimals = _stated(path, "decimal", decimal, {".": ".", ",": ","})
+    characters = () if delimiter is None else (stated(path, "delimiter", delimiter),)
+    decimals = () if decimal is None else (stated(path, "decimal", decimal),)
     filled = [line for line in lines[-4 * _SAMPLED :] if line.strip()][-_SAMPLED:]
     found = [
         dialect
@@ -164,10 +167,16 @@ def _other(lines: Sequence[str], stated: str) -> Dialect | None:
     return None
 
 
-def _stated(path: Path, what: str, value: str | None, allowed: dict[str, str]) -> tuple[str, ...]:
-    if value is None:
-        return ()
+def stated(path: Path, what: Literal["delimiter", "decimal"], value: str) -> str:
+    """The character that a layout names as delimiter or decimal sign.
+
+    Raises
+    ------
+    InputError
+        If it is none that is known.
+    """
+    allowed = {**DELIMITERS, **{c: c for c in "\t;, "}} if what == "delimiter" else {".": ".", ",": ","}
     if value not in allowed:
         names = ", ".join(f'"{name}"' for name in allowed if name.strip())
         raise InputError(path, f"is said to have the {what} {value!r}", allowed=f"one of {names}")
-    return (allowed[value],)
+    return allowed[value]

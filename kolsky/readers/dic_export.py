@@ -11,14 +11,12 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
-from kolsky.readers.delimited import lines_of
+from kolsky.readers.contents import Layout
 from kolsky.readers.dialect import find_dialect
 from kolsky.readers.dic_layouts import LAYOUTS, ExportLayout
-from kolsky.readers.encoding import decode_text
-from kolsky.readers.layout import Layout
-from kolsky.readers.metalines import uncommented
+from kolsky.readers.header import uncommented
 from kolsky.readers.sheet import Sheet, first_samples, names_and_units
-from kolsky.readers.table import read_bytes
+from kolsky.readers.text import decode_text, lines_of, read_bytes
 
 UNITS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": 0.0254}
 """Units of length that may be stated, in metres."""
@@ -97,7 +95,7 @@ def read(
     unit
         Unit of length of coordinates and displacements.
     delimiter, decimal
-        As in `kolsky.readers.layout.Layout`; found if None.
+        As in `kolsky.readers.contents.Layout`; found if None.
 
     Raises
     ------

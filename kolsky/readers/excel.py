@@ -6,9 +6,10 @@ import zlib
 from pathlib import Path
 
 from kolsky.base.errors import InputError
-from kolsky.readers.contents import Contents, file_hash, head_of
+from kolsky.readers.contents import Contents, Layout, file_hash, head_of
 from kolsky.readers.delimited import read_lines
-from kolsky.readers.layout import Layout
+
+BINARY = True
 
 COMPRESSED_LIMIT = 100_000_000
 """Largest workbook that is read [bytes]."""

@@ -15,12 +15,14 @@ from kolsky.readers import (
     tdms,
     tektronix_csv,
 )
-from kolsky.readers.contents import Contents
-from kolsky.readers.layout import Layout
+from kolsky.readers.contents import Contents, Layout
 
 
 class RecorderFormat(Protocol):
     """What a module offers that reads one format."""
+
+    BINARY: bool
+    """Whether its files are no text: they have no lines to name and no digits that were printed."""
 
     def sniff(self, path: Path) -> bool:
         """Whether a file looks like this format, by its ending and first bytes."""
@@ -40,4 +42,4 @@ FORMATS: Mapping[str, RecorderFormat] = {
     "scope": scope_binary,
     "delimited": delimited,
 }
-"""Name -> module; text of any make comes last."""
+"""Name -> module, one file and one line here for each; text of any make comes last."""

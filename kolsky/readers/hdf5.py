@@ -12,8 +12,9 @@ import numpy as np
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.readers.arrays import NamedArray, array_channels, column_of, columns_of, known_unit
-from kolsky.readers.contents import SAMPLES_LIMIT, Contents, file_hash, head_of
-from kolsky.readers.layout import Layout
+from kolsky.readers.contents import SAMPLES_LIMIT, Contents, Layout, file_hash, head_of
+
+BINARY = True
 
 _MOST = 2000
 """Most objects in a file that are looked at."""

@@ -8,8 +8,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.readers.contents import Channel, Contents
-from kolsky.readers.layout import Layout
+from kolsky.readers.contents import Channel, Contents, Layout
 from kolsky.readers.recordings import read_contents
 from kolsky.readers.signalunits import si_unit, split_unit
 

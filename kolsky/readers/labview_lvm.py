@@ -9,15 +9,14 @@ import hashlib
 from pathlib import Path
 
 from kolsky.base.errors import InputError
-from kolsky.readers.contents import Contents, head_of
-from kolsky.readers.delimited import lines_of
+from kolsky.readers.contents import Contents, Layout, head_of
 from kolsky.readers.dialect import Dialect
-from kolsky.readers.encoding import decode_text
-from kolsky.readers.layout import Layout
-from kolsky.readers.metalines import add_key
+from kolsky.readers.header import add_key
 from kolsky.readers.sheet import Sheet
 from kolsky.readers.signaltable import SignalTable
-from kolsky.readers.table import read_bytes
+from kolsky.readers.text import decode_text, lines_of, read_bytes
+
+BINARY = False
 
 _END = "***End_of_Header***"
 

@@ -7,11 +7,13 @@ Tab-separated; line 1 names the signals, line 2 holds the time of the first samp
 from pathlib import Path
 
 from kolsky.base.errors import InputError
-from kolsky.readers.beside import check_width, keys_beside, read_text
-from kolsky.readers.contents import Channel, Clock, Contents, check_samples, head_of
+from kolsky.readers.contents import Channel, Clock, Contents, Layout, check_samples, head_of
 from kolsky.readers.dialect import Dialect
-from kolsky.readers.layout import Layout
+from kolsky.readers.header import check_width, keys_beside
 from kolsky.readers.sheet import Sheet
+from kolsky.readers.text import read_text
+
+BINARY = False
 
 
 def sniff(path: Path) -> bool:

@@ -8,9 +8,8 @@ import numpy as np
 from kolsky.base.errors import InputError
 from kolsky.base.records import Recording
 from kolsky.readers import judge
-from kolsky.readers.contents import Channel, Contents
+from kolsky.readers.contents import Channel, ChannelInfo, Contents, Layout
 from kolsky.readers.formats import FORMATS
-from kolsky.readers.layout import ChannelInfo, Layout
 from kolsky.readers.signalunits import si_unit
 
 _FOUND = Layout()

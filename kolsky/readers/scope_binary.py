@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from kolsky.base.errors import InputError
-from kolsky.readers.contents import Channel, Clock, Contents, check_samples, file_hash, head_of
-from kolsky.readers.layout import Layout
+from kolsky.readers.contents import Channel, Clock, Contents, Layout, check_samples, file_hash, head_of
+
+BINARY = True
 
 SUFFIXES = (".wfm", ".isf", ".trc", ".hdr", ".wvf", ".bin")
 SCOPE_LIMIT = 400_000_000

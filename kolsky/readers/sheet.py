@@ -8,9 +8,9 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
+from kolsky.readers.contents import ColumnId, Layout
 from kolsky.readers.dialect import Dialect
-from kolsky.readers.headerclock import KEYS, bare_key
-from kolsky.readers.layout import ColumnId, Layout
+from kolsky.readers.header import KEYS, bare_key
 from kolsky.readers.signalunits import si_unit, split_unit
 
 
@@ -34,6 +34,8 @@ class Sheet:
     """Key -> the fields behind it."""
     word: str = "line"
     """What a row is called: "line", or "row" of a workbook."""
+    counted: str = "the other lines have"
+    """What has as many fields as there must be, in words."""
     _checked: list[bool] = field(default_factory=list, compare=False, repr=False)
     """Not empty once the fields of all rows have been counted."""
 
@@ -52,11 +54,11 @@ class Sheet:
         InputError
             If a line has another number of fields than the first, or a field is no finite number.
         """
-        self._check_fields()
+        self.check_fields()
         rows: Sequence[str] = self.rows
         if self.dialect.decimal == ",":
             rows = [row.replace(",", ".") for row in rows]
-        if '"' in rows[0]:
+        if self.dialect.quoted and '"' in rows[0]:
             rows = [row.replace('"', "") for row in rows]
         delimiter = None if self.dialect.delimiter == " " else self.dialect.delimiter
         try:
@@ -115,7 +117,14 @@ class Sheet:
             return InputError(self.path, f"row {line}: {message}", cure=cure)
         return InputError(self.path, message, line=line, cure=cure)
 
-    def _check_fields(self) -> None:
+    def check_fields(self) -> None:
+        """Refuse an empty line, and one with more or fewer fields than there are columns.
+
+        Raises
+        ------
+        InputError
+            For the first such line.
+        """
         count = self.dialect.fields
         character = self.dialect.delimiter
         # The usual case in one pass: delimiters alone, no quotes, more than one column.
@@ -134,7 +143,7 @@ class Sheet:
                 continue
             last = number == len(self.rows) - 1
             raise self.error(
-                f"has {fields} fields, the other lines have {count}"
+                f"has {fields} fields, {self.counted} {count}"
                 + ("; the file seems to be cut off" if last and fields < count else "")
                 if row.strip()
                 else "is an empty line between samples",

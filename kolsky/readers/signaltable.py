@@ -5,9 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from kolsky.base.arrays import FloatArray
-from kolsky.readers.contents import Channel, Clock, check_samples, stated_clock
-from kolsky.readers.headerclock import header_clock, stated_samples, time_unit
-from kolsky.readers.layout import Layout
+from kolsky.readers.contents import Channel, Clock, Layout, check_samples, stated_clock
+from kolsky.readers.header import header_clock, stated_samples, time_unit
 from kolsky.readers.sheet import Sheet
 from kolsky.readers.signalunits import si_unit, split_unit, time_factor
 from kolsky.readers.timecolumn import column_clock, column_digits

@@ -1,8 +1,7 @@
-"""What all readers share: strict reading of comma-separated text with one header line."""
+"""Strict reading of a table of declared columns: nothing is found, guessed or left out."""
 
 import csv
 import hashlib
-import stat
 from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
@@ -11,9 +10,14 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
+from kolsky.readers.contents import Layout
+from kolsky.readers.dialect import Dialect, stated
+from kolsky.readers.header import uncommented
+from kolsky.readers.sheet import Sheet
+from kolsky.readers.text import SIZE_LIMIT, decode, decode_text, read_bytes
 
-SIZE_LIMIT = 200_000_000
-"""Largest text export that is read [bytes]."""
+PLAIN = Layout(delimiter="comma", decimal=".", header_line=1)
+"""Text as it is read where no layout says otherwise: UTF-8, one line of column names, then data."""
 
 
 @dataclass(frozen=True)
@@ -21,23 +25,36 @@ class Column:
     """A declared column of a text file."""
 
     name: str
-    """Its name in the header line."""
+    """Its name in the header line, or its number where the file has none."""
     factor: float = 1.0
     """SI units per unit of the file, e.g. 1e-3 for "mm"."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """A text file as it was read: row i of the data is line i + 2 of the file."""
+    """A text file as it was read."""
 
-    path: Path
-    """The file."""
+    sheet: Sheet
+    """Its lines of data, taken apart."""
     sha256: str
     """SHA-256 of its bytes, hex."""
-    header: tuple[str, ...]
-    """Column names."""
-    rows: tuple[str, ...]
-    """The data lines, text."""
+    header_line: int | None
+    """Line of the column names, counted from 1; None if the file has none."""
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self.sheet.path
+
+    @property
+    def header(self) -> tuple[str, ...]:
+        """Column names; "1", "2", ... without a header."""
+        return self.sheet.names
+
+    @property
+    def first_line(self) -> int:
+        """Line of the first row of data, counted from 1."""
+        return self.sheet.first
 
     def values(self, column: Column) -> FloatArray:
         """A column in SI units, shape [n_rows].
@@ -47,18 +64,7 @@ class Table:
         InputError
             If the column is missing or named twice, or holds anything but finite numbers.
         """
-        index = self._index(column)
-        try:
-            numbers = np.loadtxt(self.rows, delimiter=",", usecols=index, comments=None, ndmin=1)
-        except ValueError as error:
-            raise self._first_bad_number(column, index, str(error)) from None
-        bad = np.flatnonzero(~np.isfinite(numbers))
-        if bad.size:
-            raise self.error(
-                f"column '{column.name}' is not a finite number: '{self.field(column, int(bad[0]))}'",
-                row=int(bad[0]),
-                cure="a sample that was not measured has no row; remove the line or export again",
-            )
+        numbers = self.sheet.values(self._index(column))
         return np.asarray(numbers * column.factor, dtype=np.float64)
 
     def integers(self, column: Column) -> IntArray:
@@ -81,18 +87,17 @@ class Table:
         return numbers.astype(np.int64)
 
     def field(self, column: Column, row: int) -> str:
-        """The text of one field."""
-        return self.rows[row].split(",")[self._index(column)].strip()
+        """The text of one field, with a decimal point."""
+        return self.sheet.field(self._index(column), row)
 
     def printed_digit(self, column: Column) -> float:
         """The last digit that the file prints of a column, in SI units, e.g. 1e-11 for "-1.9950000e-04" s.
 
         With an exponent the last digit depends on the size of the number; the coarsest one counts.
         """
-        index = self._index(column)
-        step = max(1, len(self.rows) // 1000)
-        sampled = (*self.rows[::step], self.rows[-1])
-        fields = [row.split(",")[index].strip() for row in sampled]
+        index, last = self._index(column), len(self.sheet.rows) - 1
+        step = max(1, (last + 1) // 1000)
+        fields = [self.sheet.field(index, row) for row in (*range(0, last + 1, step), last)]
         decimals = [Decimal(field) for field in fields]
         nonzero = [d for d in decimals if d != 0]
         if nonzero and any("e" in field.lower() for field in fields):
@@ -128,8 +133,8 @@ class Table:
         )
 
     def error(self, message: str, *, row: int | None = None, cure: str | None = None) -> InputError:
-        """An error about this file; `row` counts data rows from 0."""
-        return InputError(self.path, message, line=None if row is None else row + 2, cure=cure)
+        """An error about this file; `row` counts rows of data from 0."""
+        return InputError(self.path, message, line=None if row is None else self.first_line + row, cure=cure)
 
     def _index(self, column: Column) -> int:
         found = [i for i, name in enumerate(self.header) if name == column.name]
@@ -140,118 +145,101 @@ class Table:
             raise InputError(
                 self.path,
                 f"column '{column.name}' is there {len(found)} times",
-                line=1,
+                line=self.header_line,
                 cure="give each column its own name",
             )
+        separated = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "blanks"}
         raise InputError(
             self.path,
             f"column '{column.name}' is missing; the columns are {names}",
-            line=1,
-            cure="correct the column's name in the shot file (columns are separated by commas)",
+            line=self.header_line,
+            cure="correct the column's name in the shot file (columns are separated by "
+            f"{separated[self.sheet.dialect.delimiter]}; a layout may say otherwise)",
         )
 
-    def _first_bad_number(self, column: Column, index: int, fallback: str) -> InputError:
-        """Slow, line by line; only after the fast path has failed."""
-        for number, row in enumerate(self.rows):
-            field = row.split(",")[index].strip()
-            try:
-                if "_" in field:  # float() reads "1_000", the fast path does not
-                    raise ValueError
-                float(field)
-            except ValueError:
-                return self.error(
-                    f"column '{column.name}' is not a number: '{field[:60]}'",
-                    row=number,
-                    cure="correct the line or export again (decimal point, no unit)",
-                )
-        return self.error(f"column '{column.name}' cannot be read: {fallback}")
 
+def read_table(path: Path, *, layout: Layout | None = None, limit: int = SIZE_LIMIT) -> Table:
+    """Read a table of text: by default UTF-8 with commas, decimal points and one header line.
 
-def read_bytes(path: Path, *, limit: int = SIZE_LIMIT) -> bytes:
-    """The bytes of a regular file of sensible size.
+    Parameters
+    ----------
+    path
+        The file.
+    layout
+        Encoding, delimiter, decimal sign, sign of commented header lines, header and first line, where they
+        are others; what it leaves out is as without it.
+    limit
+        Largest size that is read [bytes].
 
     Raises
     ------
     InputError
-        If there is no such file, it is a folder or a device, it is empty, larger than `limit` bytes
-        (found without reading it), or may not be read.
+        If the file cannot be read (see `kolsky.readers.text`), has no data, or a line that is empty or has
+        another number of fields than the header; or if the layout is impossible or does not fit.
     """
-    try:
-        status = path.stat()
-        if stat.S_ISDIR(status.st_mode):
-            raise InputError(path, "is a folder, not a file", cure="name the file inside it")
-        if not stat.S_ISREG(status.st_mode):
-            raise InputError(path, "is not a regular file", cure="copy the data into a file")
-        if status.st_size > limit:
-            raise InputError(
-                path,
-                f"has {status.st_size / 1e6:.0f} MB, more than the {limit / 1e6:.0f} MB that are read",
-                cure="export the time span of the test only",
-            )
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(path, "there is no such file", cure="put it there or correct its name") from None
-    except OSError as error:
-        raise InputError(path, f"cannot be read ({error.strerror})") from None
-    if not data.strip():
-        raise InputError(path, "is empty", cure="export it again")
-    return data
-
-
-def decode(path: Path, data: bytes) -> str:
-    """UTF-8 text of a file, with or without a byte order mark.
-
-    Raises
-    ------
-    InputError
-        If the bytes are not UTF-8, with the offset of the first that is not.
-    """
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        offset = error.start + (3 if data.startswith(b"\xef\xbb\xbf") else 0)
-        raise InputError(
-            path,
-            f"is not UTF-8 text: byte 0x{data[offset]:02x} at byte offset {offset}",
-            line=data.count(b"\n", 0, offset) + 1,
-            cure="convert it to UTF-8, e.g. `iconv -f latin1 -t utf-8`",
-        ) from None
-
-
-def read_table(path: Path, *, limit: int = SIZE_LIMIT) -> Table:
-    """Read a comma-separated text file with one header line.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read (see `read_bytes`, `decode`), has no data, or a line that is empty
-        or has another number of fields than the header.
-    """
+    layout = layout or PLAIN
     data = read_bytes(path, limit=limit)
+    text = decode(path, data) if layout.encoding is None else decode_text(path, data, layout.encoding)[0]
+    lines = _lines(path, text)
+    dialect = _dialect(path, layout)
+    header_line = 1 if layout.header_line is None else layout.header_line
+    first = layout.first_line or max(header_line, layout.units_line or 0) + 1
+    for name, line in (("header_line", header_line), ("first_line", first)):
+        if line > len(lines) and not (name == "first_line" and layout.first_line is None):
+            raise InputError(path, f"{name} = {line}", allowed=f"at most {len(lines)}, the file's lines")
+    if first <= header_line:
+        raise InputError(path, f"first_line = {first}", allowed=f"below the header in line {header_line}")
+    rows = lines[first - 1 :]
+    if dialect.delimiter == " ":
+        rows = [row.strip() for row in rows]
+    if not rows:
+        raise InputError(path, "has a header but no data", cure="export it again")
+    if header_line:
+        heading = lines[header_line - 1]
+        names = _names(uncommented(heading, layout.comment) if layout.comment else heading, dialect.delimiter)
+    else:
+        names = tuple(str(i + 1) for i in range(len(dialect.split(rows[0]))))
+    dialect = Dialect(
+        dialect.delimiter, dialect.decimal, len(names), tuple(range(len(names))), quoted=dialect.quoted
+    )
+    said = "the header has" if header_line else "the first line has"
+    sheet = Sheet(path, dialect, rows, first, names, (None,) * len(names), counted=said)
+    sheet.check_fields()
+    return Table(sheet, hashlib.sha256(data).hexdigest(), header_line or None)
+
+
+def _lines(path: Path, text: str) -> list[str]:
     # Not splitlines(): it also splits at characters that are no line ends in a text file.
-    lines = [line.removesuffix("\r") for line in decode(path, data).split("\n")]
-    while not lines[-1].strip():
+    lines = [line.removesuffix("\r") for line in text.split("\n")]
+    while lines and not lines[-1].strip():
         lines.pop()
-    broken = next((number for number, line in enumerate(lines) if "\r" in line), None)
+    if not lines:
+        raise InputError(path, "is empty", cure="export it again")
+    broken = next((number for number, line in enumerate(lines, start=1) if "\r" in line), None)
     if broken is not None:
         raise InputError(
             path,
             "has a carriage return inside the line",
-            line=broken + 1,
+            line=broken,
             cure="end lines with a line feed (Unix) or with both (Windows)",
         )
-    header = tuple(name.strip() for name in next(csv.reader(lines[:1]), []))
-    rows = tuple(lines[1:])
-    if not rows:
-        raise InputError(path, "has a header but no data", cure="export it again")
-    commas = len(header) - 1
-    for number, row in enumerate(rows):
-        if row.count(",") != commas or not row.strip():
-            found = f"has {row.count(',') + 1} fields, the header has {commas + 1}"
-            raise InputError(
-                path,
-                found if row.strip() else "is an empty line",
-                line=number + 2,
-                cure="correct the line or export again",
-            )
-    return Table(path=path, sha256=hashlib.sha256(data).hexdigest(), header=header, rows=rows)
+    return lines
+
+
+def _dialect(path: Path, layout: Layout) -> Dialect:
+    """Delimiter and decimal sign as said, without columns yet; quotes are read only where a layout is."""
+    delimiter = stated(path, "delimiter", layout.delimiter or "comma")
+    decimal = stated(path, "decimal", layout.decimal or ".")
+    if delimiter == decimal:
+        raise InputError(
+            path,
+            f"is said to have {decimal!r} as delimiter and as decimal sign",
+            cure='say the other one too, e.g. delimiter = ";"',
+        )
+    return Dialect(delimiter, decimal, 0, (), quoted=layout is not PLAIN)
+
+
+def _names(line: str, delimiter: str) -> tuple[str, ...]:
+    if delimiter == " ":
+        return tuple(line.replace('"', "").split())
+    return tuple(name.strip() for name in next(csv.reader([line], delimiter=delimiter), []))

@@ -11,9 +11,19 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.readers.contents import Channel, Clock, Contents, check_samples, file_hash, head_of, stated_clock
-from kolsky.readers.layout import Layout
+from kolsky.readers.contents import (
+    Channel,
+    Clock,
+    Contents,
+    Layout,
+    check_samples,
+    file_hash,
+    head_of,
+    stated_clock,
+)
 from kolsky.readers.timecolumn import array_clock
+
+BINARY = True
 
 
 def sniff(path: Path) -> bool:

@@ -6,13 +6,14 @@ three empty fields. Several channels of one capture come as several such blocks 
 
 from pathlib import Path
 
-from kolsky.readers.beside import check_width, keys_beside, read_text
-from kolsky.readers.contents import Channel, Contents, head_of
+from kolsky.readers.contents import Channel, Contents, Layout, head_of
 from kolsky.readers.dialect import Dialect
-from kolsky.readers.headerclock import bare_key
-from kolsky.readers.layout import Layout
+from kolsky.readers.header import bare_key, check_width, keys_beside
 from kolsky.readers.sheet import Sheet
 from kolsky.readers.signaltable import SignalTable
+from kolsky.readers.text import read_text
+
+BINARY = False
 
 _BLOCK = 5
 """Columns of a block: key, value, unit, time, volts; exports end each line of a block with a comma or not."""

@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 
 from kolsky.base.files import replacing
 from kolsky.inverse.result import Identification
-from kolsky.report.figuredata import write_data
+from kolsky.report.display_units import in_shown_units
+from kolsky.report.figure_data import write_data
 from kolsky.report.figures import REGISTRY, FigureKind
 from kolsky.report.formats import FIGURES
-from kolsky.report.shown import in_shown_units
 
 STYLE = Path(__file__).with_name("kolsky.mplstyle")
 FORMATS = FIGURES

@@ -1,8 +1,10 @@
-"""Words for the API, symbols for figures and pages: one list."""
+"""Nomenclature of pages and figures: symbols, units and words of parameters and of recorded settings."""
 
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+
+from kolsky.inverse.parameters import PARAMETERS
 
 
 @dataclass(frozen=True)
@@ -22,15 +24,17 @@ class Name:
 
 
 _NAMES = {
-    "stiffness_factor": Name("m", "m", "stiffness factor, dynamic over quasi-static modulus", "1"),
-    "friction": Name("f", "f", "Coulomb friction between specimen and platens", "1"),
-    "poisson": Name("ν", r"\nu", "Poisson’s ratio of the initial state", "1"),
-    "damping": Name("β", r"\beta", "stiffness-proportional damping", "µs", 1e6),
-    "release_stress": Name("σ_b", r"\sigma_b", "tensile stress at which a bonded face lets go", "kPa", 1e-3),
     "force_discrepancy": Name("τ_F", r"\tau_F", "discrepancy of the force", "N"),
     "shape_discrepancy": Name("τ_Z", r"\tau_Z", "discrepancy of the outline", "µm", 1e6),
-    "mass_damping": Name("α", r"\alpha", "mass-proportional damping", "1/s"),
 }
+
+
+def _known(parameter: str) -> Name | None:
+    if parameter in PARAMETERS:
+        p = PARAMETERS[parameter]
+        return Name(p.written, p.tex, p.words, p.shown_unit, p.shown_factor)
+    return _NAMES.get(parameter)
+
 
 _ROUTES = {
     "joint": "joint χ²",
@@ -42,8 +46,9 @@ _ROUTES = {
 
 def name_of(parameter: str, unit: str | None = None) -> Name:
     """How a parameter is written; one that is not in the list is written as it is called."""
-    if parameter in _NAMES:
-        return _NAMES[parameter]
+    known = _known(parameter)
+    if known is not None:
+        return known
     words = parameter.replace("_", " ")
     escaped = words.replace("\\", " ").replace("$", " ").replace("^", " ").replace(" ", r"\ ")
     return Name(words, rf"\mathrm{{{escaped}}}", words, unit or "SI")
@@ -67,14 +72,15 @@ def in_words(text: str, names: Iterable[str] = ()) -> str:
         Parameters to look for, beside those whose API name is no word of English: "friction" can be meant as
         the word.
     """
-    known = {*names, *(name for name in _NAMES if "_" in name)}
+    known = {*names, *(name for name in (*PARAMETERS, *_NAMES) if "_" in name)}
     called = "|".join(sorted(map(re.escape, known), key=len, reverse=True))
     return re.sub(rf"(?<![\w.\-\[])({called})(?![\w\]])", lambda found: short(found[1]), text)
 
 
 def factor_of(parameter: str) -> float:
     """Shown number over SI number."""
-    return _NAMES[parameter].factor if parameter in _NAMES else 1.0
+    known = _known(parameter)
+    return 1.0 if known is None else known.factor
 
 
 def axis_label(parameter: str, unit: str | None = None) -> str:
@@ -90,3 +96,180 @@ def axis_label(parameter: str, unit: str | None = None) -> str:
 def route_label(route: str) -> str:
     """What a route of `Identification.routes` minimises."""
     return _ROUTES.get(route, route)
+
+
+STAGES = {
+    "design": "design",
+    "refinement": "design near the optimum",
+    "check": "check on the refined mesh",
+    "noise": "replicates of the input noise",
+    "profile": "profile likelihoods",
+    "posterior": "posterior",
+    "choices": "other choices",
+    "systematic": "declared uncertainties",
+    "simulation": "simulation",
+    "sweep": "sweep",
+    "rates": "speeds of the flyer",
+    "calibration": "calibration pictures",
+    "specimen, camera 0": "specimen in camera 0",
+    "specimen, camera 1": "specimen in camera 1",
+    "flyer, camera 0": "flyer in camera 0",
+    "flyer, camera 1": "flyer in camera 1",
+    "waves": "waves",
+    "repeats": "tests",
+    "rate": "shots",
+}
+"""Stages of the work."""
+
+LABELS = {
+    "specimen.diameter": "diameter",
+    "specimen.length": "length",
+    "specimen.density": "density",
+    "interface.faces": "interface, end faces",
+    "interface.side": "interface, side surface",
+    "declared_interface.faces": "the shot declares, end faces",
+    "declared_interface.side": "the shot declares, side surface",
+    "support": "transmission side",
+    "window_s": "simulated window",
+    "flyer_chi2_per_dof": "flyer fit, χ² per degree of freedom",
+    "flyer_noise_scale": "flyer noise, used over declared",
+    "flyer_static_scatter": "flyer noise, static frames over declared",
+    "front_noise_scale": "front face’s velocity, noise used over declared",
+    "front_sigma_gain": "front face’s velocity, standard uncertainty of its scale",
+    "force_noise_correlation": "force noise, correlation of neighbouring samples",
+    "force_baseline_samples": "force noise, samples it is from",
+    "window_end": "end of the window, s",
+    "symmetry_end": "end of symmetry by the flyer’s flight, s",
+    "curve_last_s": "quasi-static curve, last √(Ī₁ − 3)",
+    "curve_last_strain": "quasi-static curve, last nominal strain",
+    "numerics.mesh": "mesh of the surrogate",
+    "numerics.grading": "mesh, largest over smallest element",
+    "numerics.safety": "time step over the stable one",
+    "numerics.precision": "arithmetic",
+    "numerics.device": "device",
+    "numerics.threads": "threads",
+    "numerics.past_data": "past the quasi-static curve",
+    "numerics.element": "element",
+    "numerics.hourglass_form": "hourglass control",
+    "numerics.compressible": "Poisson’s ratio corrected from",
+    "refined_mesh": "refined mesh",
+    "replicates": "replicates of the input noise",
+    "replicate_mesh": "mesh of the replicates",
+    "bayes": "posterior sampled",
+    "seed": "seed of random draws",
+    "machine": "processor",
+    "recordings.force_from": "force from",
+    "recordings.channel": "channel of the recorder",
+    "recordings.sampling_interval_s": "sampling interval",
+    "recordings.baseline_s": "baseline",
+    "recordings.baseline_V": "mean of the baseline, subtracted",
+    "recordings.noise_V": "noise of a sample, from the baseline",
+    "recordings.sensitivity_V_per_N": "sensitivity",
+    "recordings.compression": "compression gives",
+    "recordings.clock_offset_s": "clock, shot’s minus recorder’s",
+    "recordings.frames": "frames with a flyer displacement",
+    "recordings.flyer_sigma_m": "noise of a flyer displacement, median",
+    "recordings.front_noise_m_per_s": "noise of the front face’s velocity",
+    "recordings.front_samples": "samples of the front face’s velocity",
+    "recordings.window_start_s": "window, first time",
+    "recordings.window_end_s": "window, last time",
+    "recordings.symmetry_end_s": "end of symmetry by the flyer’s flight",
+}
+"""Words for the dotted keys of provenance; a key that is not here is shown as it is."""
+
+UNITS = {
+    "specimen.diameter": (1e3, "mm"),
+    "specimen.length": (1e3, "mm"),
+    "specimen.density": (1.0, "kg/m³"),
+    "window_s": (1e3, "ms"),
+    "recordings.sampling_interval_s": (1e6, "µs"),
+    "recordings.baseline_s": (1e3, "ms"),
+    "recordings.baseline_V": (1e3, "mV"),
+    "recordings.noise_V": (1e3, "mV"),
+    "recordings.sensitivity_V_per_N": (1e3, "mV/N"),
+    "recordings.clock_offset_s": (1e6, "µs"),
+    "recordings.flyer_sigma_m": (1e6, "µm"),
+    "recordings.front_noise_m_per_s": (1.0, "m/s"),
+    "recordings.window_start_s": (1e3, "ms"),
+    "recordings.window_end_s": (1e3, "ms"),
+    "recordings.symmetry_end_s": (1e3, "ms"),
+}
+"""Factor and unit in which an SI entry of provenance is shown."""
+
+JOINED = {
+    "window_s": " to ",
+    "recordings.baseline_s": " to ",
+    "numerics.mesh": " × ",
+    "refined_mesh": " × ",
+    "replicate_mesh": " × ",
+}
+"""What stands between the numbers of a list; a comma otherwise."""
+
+DEFAULTS = {"numerics.threads": "all cores", "numerics.compressible": "none, run directly"}
+"""What a value that was left out means."""
+
+DIGITS = {
+    "window_s": 4,
+    "flyer_chi2_per_dof": 3,
+    "flyer_noise_scale": 3,
+    "flyer_static_scatter": 2,
+    "front_noise_scale": 3,
+    "front_sigma_gain": 2,
+    "force_noise_correlation": 2,
+    "curve_last_s": 3,
+    "curve_last_strain": 3,
+    "recordings.baseline_V": 3,
+    "recordings.noise_V": 3,
+    "recordings.flyer_sigma_m": 3,
+    "recordings.window_start_s": 4,
+    "recordings.window_end_s": 4,
+}
+"""Significant digits of a number; six otherwise."""
+
+QUALITY = {
+    "loo_force": ("force, leave-one-out, rms", 1.0, " N"),
+    "loo_shape": ("outline, leave-one-out, rms", 1e6, " µm"),
+    "check_shift_sigmas": ("optimum moved by the last check run", 1.0, " σ"),
+    "check_force": ("force, against the last check run, rms", 1.0, " N"),
+    "check_shape": ("outline, against the last check run, rms", 1e6, " µm"),
+    "runs_needed": ("runs around the optimum that would do", 1.0, ""),
+    "counted_points": ("outline points counted in the search", 1.0, ""),
+    "force_discrepancy": ("discrepancy of the model, force", 1.0, " N"),
+    "shape_discrepancy": ("discrepancy of the model, outline", 1e6, " µm"),
+}
+"""Words, factor and unit of the entries of `Identification.surrogate`."""
+
+
+def label(key: str) -> str:
+    """Words for a dotted key; "free.damping" and "held.damping" name the parameter."""
+    kind, dot, name = key.partition(".")
+    if dot and kind in ("free", "held"):
+        known = name_of(name)
+        return f"{kind}: {known.words.split(',')[0]}" + (f" {known.symbol}" if known.symbol != name else "")
+    return LABELS.get(key, key)
+
+
+def written(key: str) -> tuple[float, str, str, str, int]:
+    """How a value is shown: factor, unit, what joins a list, what None means, significant digits."""
+    factor, unit = UNITS.get(key, (1.0, ""))
+    kind, dot, name = key.partition(".")
+    if dot and kind in ("free", "held"):
+        unit = "" if name_of(name).unit in ("1", "SI") else name_of(name).unit
+        return factor_of(name), unit, " to ", "default bounds", 6
+    return factor, unit, JOINED.get(key, ", "), DEFAULTS.get(key, "default"), DIGITS.get(key, 6)
+
+
+def shortened(text: str, most: int) -> str:
+    """A name that fits a figure: one line of printable characters, its middle left out if it is long.
+
+    A dollar sign is escaped, so that it starts no formula. A character that the figures' font does not have
+    becomes a square; the tables of a page have it as it is.
+    """
+    from matplotlib.font_manager import findfont, get_font
+
+    font = get_font(findfont("DejaVu Sans"))
+    known = (c if c.isprintable() else " " for c in text)
+    line = "".join(c if font.get_char_index(ord(c)) else "□" for c in known)
+    if len(line) > most:
+        line = f"{line[: most - most // 2 - 1]}…{line[-(most // 2) :]}"
+    return line.replace("$", r"\$")

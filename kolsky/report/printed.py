@@ -8,7 +8,7 @@ from kolsky.inverse.method_comparison import Method
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Estimate, Identification, Route, Verdict
 from kolsky.report import numbers
-from kolsky.report.shown import in_shown_units, shown_estimate
+from kolsky.report.display_units import in_shown_units, shown_estimate
 
 _POWER = re.compile(" × 10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)")
 _LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")

@@ -1,117 +1,260 @@
-"""What the HDF5 result file holds: every dataset with its unit, its dimensions and its type."""
+"""The HDF5 file of an identification: unit, dimensions and place of every field, a table a record."""
 
 from dataclasses import fields
 
-from explicit import EnergyLedger
+from explicit import EnergyLedger, Outcome, Response
+from kolsky.base.hdf5 import Format
+from kolsky.base.hdf5_items import (
+    COLLECTION,
+    OWN,
+    Choice,
+    Flags,
+    Floats,
+    Group,
+    Integers,
+    Item,
+    Json,
+    Text,
+    numbers,
+    nxdata,
+)
+from kolsky.base.hdf5_records import GroupName, Named, Part, Parts, Record
+from kolsky.base.records import CentreLine, ForceHistory
+from kolsky.inverse.method_comparison import Method
 from kolsky.inverse.misfit import Terms
+from kolsky.inverse.result import Comparison, Estimate, Identification, Route, SurrogateCurve, Verdict
+from kolsky.inverse.run_table import DesignTable
+from kolsky.inverse.uncertainty_results import (
+    Declaration,
+    PairMap,
+    ParameterProfile,
+    PosteriorSummary,
+    Variation,
+)
 
-FORMAT = "kolsky identification"
-VERSION = 2
-READABLE = (1, 2)
-"""Versions that are read; the first one knows no other choices, numbers of image correlation and parts of the
-numerical uncertainty."""
-STORED = {"f": "<f8", "i": "<i8", "b": "|b1", "t": "S"}
-"""Kind of a dataset -> its type in the file."""
+FORMAT = Format("kolsky identification", version=2, readable=(1, 2))
+"""Version 1 knows no other choices, numbers of image correlation and parts of the numerical uncertainty."""
 
-# One row a dataset: name -> (unit, names of the dimensions, kind), kind "f" float64, "i" int64, "b" bool,
-# "t" text. Dimensions of one name must agree wherever they occur in one part of the file.
-Table = dict[str, tuple[str, str, str]]
-
-FORCE: Table = {
-    "force_time": ("s", "bins", "f"),
-    "force_measured": ("N", "bins", "f"),
-    "force_sigma": ("N", "bins", "f"),
-    "force_model": ("N", "bins", "f"),
-}
-PROFILE: Table = {
-    "time": ("s", "points", "f"),
-    "frame": ("1", "points", "i"),
-    "y": ("m", "points", "f"),
-    "Z": ("m", "points", "f"),
-    "sigma": ("m", "points", "f"),
-}
-PROFILE_MODEL: Table = {"Z_model": ("m", "points", "f"), "inside": ("1", "points", "b")}
-RECORDED: Table = {
-    "time": ("s", "recorded", "f"),
-    "force": ("N", "recorded", "f"),
-    "sigma": ("N", "recorded", "f"),
-}
-DESIGN: Table = {
-    "names": ("", "parameters", "t"),
-    "points": ("SI", "runs parameters", "f"),
-    "lower": ("SI", "parameters", "f"),
-    "upper": ("SI", "parameters", "f"),
-    "outcomes": ("", "runs", "t"),
-    "end_times": ("s", "runs", "f"),
-    "failed_elements": ("1", "runs", "i"),
-    "failed_places": ("m", "runs two", "f"),
-    "stage": ("", "runs", "t"),
-    "phi_shape": ("1", "runs", "f"),
-    "phi_force": ("N", "runs", "f"),
-    "chi2_shape": ("1", "runs", "f"),
-    "chi2_force": ("1", "runs", "f"),
-}
-CURVE: Table = {
-    "parameter": ("", "", "t"),
-    "x": ("SI", "x", "f"),
-    "chi2": ("1", "x", "f"),
-    "phi_shape": ("1", "x", "f"),
-    "phi_force": ("N", "x", "f"),
-}
-RESPONSE: Table = {
-    "force_times": ("s", "force_times", "f"),
-    "force_flyer": ("N", "samples force_times", "f"),
-    "force_transmission": ("N", "samples force_times", "f"),
-    "impulse_flyer": ("N s", "samples force_times", "f"),
-    "impulse_transmission": ("N s", "samples force_times", "f"),
-    "surface_times": ("s", "surface_times", "f"),
-    "surface_r": ("m", "samples surface_times surface_nodes", "f"),
-    "surface_y": ("m", "samples surface_times surface_nodes", "f"),
-    "outcomes": ("", "samples", "t"),
-    "failed_elements": ("1", "samples", "i"),
-    "failed_places": ("m", "samples two", "f"),
-    "end_times": ("s", "samples", "f"),
-    "steps": ("1", "samples", "i"),
-    "smallest_step": ("s", "samples", "f"),
-    "extrapolated_share": ("1", "samples", "f"),
-    "largest_strain_measure": ("1", "samples", "f"),
-}
-NODES: Table = {"nodes": ("m", "samples surface_times nodes two", "f")}
-ENERGY: Table = {f.name: ("J", "samples surface_times", "f") for f in fields(EnergyLedger)}
-TERMS: Table = {
-    f.name: (
-        "N" if f.name in ("phi_force", "sigma_phi_force") else "1",
-        "",
-        "i" if f.name[:2] == "n_" else "f",
-    )
-    for f in fields(Terms)
-}
-ESTIMATE: Table = {
-    "unit": ("", "", "t"),
-    "value": ("", "", "f"),
-    "sigma_noise": ("", "", "f"),
-    "sigma_numerical": ("", "", "f"),
-    "sigma_systematic": ("", "", "f"),
-    "mesh_shift": ("", "", "f"),
-    "outcome": ("", "", "t"),
-}
-ROUTE: Table = {"name": ("", "", "t"), "cost": ("1", "", "f")}
-NUMBERS: Table = {"names": ("", "entries", "t"), "values": ("SI", "entries", "f")}
-ENTRY: Table = {
-    "shot": ("", "", "t"),
-    "mesh": ("1", "two", "i"),
-    "refined_mesh": ("1", "two", "i"),
-    "warnings": ("", "warnings", "t"),
-    "provenance": ("", "", "t"),
-}
+ESTIMATE = Record(
+    Estimate,
+    COLLECTION,
+    {
+        "name": GroupName(),
+        "unit": Text(),
+        "value": Floats(OWN),
+        "sigma_noise": Floats(OWN),
+        "sigma_numerical": Floats(OWN),
+        "sigma_systematic": Floats(OWN),
+        "mesh_shift": Floats(OWN),
+        "noise_parts": numbers(OWN),
+        "numerical_parts": numbers(OWN, since=2),
+        "outcome": Choice(Verdict),
+    },
+    derived={"sigma": Floats(OWN), "interval": Floats(OWN, "2", attributes={"coverage_factor": 2})},
+)
+ROUTE = Record(
+    Route,
+    COLLECTION,
+    {"name": Text(), "parameters": numbers("SI"), "cost": Floats("1"), "sigma": numbers("SI")},
+)
+METHOD = Record(
+    Method,
+    COLLECTION,
+    {
+        "name": Text(),
+        "values": numbers("SI"),
+        "distances": numbers("1"),
+        "runs": Integers("1"),
+        "shared_runs": Integers("1"),
+        "converged": Flags("1"),
+        "ended": Text(),
+    },
+)
 
 
-def shape_problem(shape: tuple[int, ...], dimensions: str, dims: dict[str, int]) -> str:
-    """What is wrong with a shape, "" if nothing; new named dimensions are added to `dims`."""
-    names = dimensions.split()
-    if len(shape) != len(names):
-        return f"has {len(shape)} dimensions, expected {len(names)} ({dimensions or 'scalar'})"
-    for name, size in zip(names, shape, strict=True):
-        if dims.setdefault(name, size) != size:
-            return f"has {size} {name}, expected {dims[name]}"
-    return ""
+def _term(name: str) -> Item:
+    if name.startswith("n_"):
+        return Integers("1")
+    return Floats("N" if name in ("phi_force", "sigma_phi_force") else "1")
+
+
+TERMS = Record(Terms, COLLECTION, {f.name: _term(f.name) for f in fields(Terms)})
+OUTLINE = Record(
+    CentreLine,
+    None,
+    {
+        "time": Floats("s", "points"),
+        "frame": Integers("1", "points"),
+        "y": Floats("m", "points"),
+        "Z": Floats("m", "points"),
+        "sigma": Floats("m", "points"),
+    },
+)
+RECORDED = Record(
+    ForceHistory,
+    nxdata("force", "time"),
+    {
+        "time": Floats("s", "recorded"),
+        "force": Floats("N", "recorded"),
+        "sigma": Floats("N", "recorded"),
+    },
+)
+COMPARISON = Record(
+    Comparison,
+    None,
+    {
+        "force_time": Floats("s", "bins", at="force/force_time"),
+        "force_measured": Floats("N", "bins", at="force/force_measured"),
+        "force_sigma": Floats("N", "bins", at="force/force_sigma"),
+        "force_model": Floats("N", "bins", at="force/force_model"),
+        "centre_line": Part(OUTLINE, at="profile"),
+        "Z_model": Floats("m", "points", at="profile/Z_model"),
+        "inside": Flags("1", "points", at="profile/inside"),
+        "recorded": Part(RECORDED, at="recorded"),
+    },
+    groups={"force": nxdata("force_measured", "force_time"), "profile": nxdata("Z", "time")},
+)
+DESIGN = Record(
+    DesignTable,
+    nxdata("chi2_force", "."),
+    {
+        "names": Text("parameters"),
+        "points": Floats("SI", "runs parameters"),
+        "lower": Floats("SI", "parameters"),
+        "upper": Floats("SI", "parameters"),
+        "outcomes": Text("runs", among=tuple(Outcome.__members__)),
+        "end_times": Floats("s", "runs"),
+        "failed_elements": Integers("1", "runs"),
+        "failed_places": Floats("m", "runs 2"),
+        "stage": Text("runs"),
+        "phi_shape": Floats("1", "runs"),
+        "phi_force": Floats("N", "runs"),
+        "chi2_shape": Floats("1", "runs"),
+        "chi2_force": Floats("1", "runs"),
+    },
+)
+CURVE = Record(
+    SurrogateCurve,
+    nxdata("chi2", "x"),
+    {
+        "parameter": Text(),
+        "x": Floats("SI", "x"),
+        "chi2": Floats("1", "x"),
+        "phi_shape": Floats("1", "x"),
+        "phi_force": Floats("N", "x"),
+    },
+)
+ENERGY = Record(
+    EnergyLedger,
+    nxdata("external", ".", "surface_times"),
+    {f.name: Floats("J", "samples surface_times") for f in fields(EnergyLedger)},
+)
+RESPONSE = Record(
+    Response,
+    nxdata("force_transmission", ".", "force_times"),
+    {
+        "force_times": Floats("s", "force_times"),
+        "force_flyer": Floats("N", "samples force_times"),
+        "force_transmission": Floats("N", "samples force_times"),
+        "impulse_flyer": Floats("N s", "samples force_times"),
+        "impulse_transmission": Floats("N s", "samples force_times"),
+        "surface_times": Floats("s", "surface_times"),
+        "surface_r": Floats("m", "samples surface_times surface_nodes"),
+        "surface_y": Floats("m", "samples surface_times surface_nodes"),
+        "outcomes": Choice(Outcome, "samples"),
+        "failed_elements": Integers("1", "samples"),
+        "failed_places": Floats("m", "samples 2"),
+        "end_times": Floats("s", "samples"),
+        "steps": Integers("1", "samples"),
+        "smallest_step": Floats("s", "samples"),
+        "extrapolated_share": Floats("1", "samples"),
+        "largest_strain_measure": Floats("1", "samples"),
+        "nodes": Floats("m", "samples surface_times nodes 2", optional=True),
+        "energy": Part(ENERGY, at="../energy"),
+    },
+    links={"../energy/surface_times": "surface_times"},
+)
+PROFILE = Record(
+    ParameterProfile,
+    nxdata("rise", "values"),
+    {
+        "name": Text(),
+        "values": Floats("SI", "values"),
+        "rise": Floats("1", "values"),
+        "points": Floats("SI", "values parameters"),
+        "level": Floats("1"),
+        "correlation": Floats("1"),
+        "interval": Floats("SI", "2", as_tuple=True),
+        "alone": Floats("SI", "2", as_tuple=True),
+        "verdict": Text(),
+        "text": Text(),
+        "error": Floats("1"),
+    },
+)
+RIDGE = Record(
+    PairMap,
+    nxdata("rise", "y", "x"),
+    {"names": Text("2"), "x": Floats("SI", "x"), "y": Floats("SI", "y"), "rise": Floats("1", "y x")},
+)
+DECLARED = Record(
+    Declaration,
+    COLLECTION,
+    {
+        "key": Text(),
+        "sigma": Floats("SI"),
+        "unit": Text(),
+        "shifts": numbers("SI"),
+        "status": Text(),
+    },
+)
+VARIATION = Record(
+    Variation,
+    COLLECTION,
+    {"key": Text(), "value": Floats("s"), "shifts": numbers("SI"), "status": Text()},
+)
+POSTERIOR = Record(
+    PosteriorSummary,
+    COLLECTION,
+    {
+        "names": Text("coordinates"),
+        "samples": Floats("SI", "samples coordinates"),
+        "median": Floats("SI", "coordinates"),
+        "lower": Floats("SI", "coordinates"),
+        "upper": Floats("SI", "coordinates"),
+        "converged": Flags("1"),
+        "autocorrelation": Floats("1"),
+        "steps": Integers("1"),
+        "acceptance": Floats("1"),
+        "power": Floats("1"),
+        "prior": Text(),
+    },
+)
+IDENTIFICATION = Record(
+    Identification,
+    Group("NXentry", {"default": "force"}),
+    {
+        "shot": Text(),
+        "mesh": Integers("1", "2", as_tuple=True),
+        "refined_mesh": Integers("1", "2", as_tuple=True),
+        "warnings": Text("warnings"),
+        "provenance": Json(),
+        "estimates": Named(ESTIMATE),
+        "fixed": numbers("SI"),
+        "routes": Parts(ROUTE),
+        "terms": Part(TERMS),
+        "comparison": Part(COMPARISON, at="."),
+        "response": Part(RESPONSE),
+        "design": Part(DESIGN),
+        "curves": Parts(CURVE),
+        "surrogate": numbers("SI"),
+        "seconds": numbers("s"),
+        "methods": Parts(METHOD),
+        "profiles": Parts(PROFILE, at="knowledge/profiles"),
+        "systematic": Parts(DECLARED, at="knowledge/systematic"),
+        "variations": Parts(VARIATION, at="knowledge/variations", since=2),
+        "ridge": Part(RIDGE, at="knowledge/ridge", optional=True),
+        "posterior": Part(POSTERIOR, at="knowledge/posterior", optional=True),
+        "image_correlation": numbers("SI", since=2),
+    },
+    groups={"knowledge": COLLECTION},
+)

@@ -5,8 +5,6 @@ from typing import Any
 from kolsky.base.json_types import jsonable
 from kolsky.inverse.result import Identification, worst_imbalance
 from kolsky.inverse.run_table import DesignTable
-from kolsky.results.knowledge import knowledge_json
-from kolsky.results.methods import methods_json
 
 
 def to_json(identification: Identification) -> dict[str, Any]:
@@ -29,7 +27,7 @@ def to_json(identification: Identification) -> dict[str, Any]:
         "shot": result.shot,
         "warnings": result.warnings,
         "routes": [vars(route) for route in result.routes],
-        "methods": methods_json(result.methods),
+        "methods": [vars(method) for method in result.methods],
         "terms": terms,
         "fixed": result.fixed,
         "mesh": {"default": result.mesh, "refined": result.refined_mesh},
@@ -42,7 +40,7 @@ def to_json(identification: Identification) -> dict[str, Any]:
             "energy_imbalance": worst_imbalance(response),
         },
         "failed_runs": failed_runs(result.design),
-        **knowledge_json(result),
+        **_findings(result),
         "surrogate": result.surrogate,
         "seconds": result.seconds,
         "provenance": result.provenance,
@@ -87,3 +85,32 @@ def failed_runs(design: DesignTable) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def _findings(result: Identification) -> dict[str, Any]:
+    """Intervals, verdicts and shares beside the estimates, without curves, maps and samples."""
+    posterior = None
+    if result.posterior is not None:
+        posterior = {name: value for name, value in vars(result.posterior).items() if name != "samples"}
+    return {
+        "profiles": {
+            profile.name: {
+                "interval": profile.interval,
+                "interval_others_known": profile.alone,
+                "level": profile.level,
+                "verdict": profile.verdict,
+                "text": profile.text,
+                "error": profile.error,
+            }
+            for profile in result.profiles
+        },
+        "systematic": {
+            part.key: {"sigma": part.sigma, "unit": part.unit, "shifts": part.shifts, "status": part.status}
+            for part in result.systematic
+        },
+        "variations": [
+            {"key": other.key, "value": other.value, "shifts": other.shifts, "status": other.status}
+            for other in result.variations
+        ],
+        "posterior": posterior,
+    }

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.records import MaterialCurve
-from kolsky.readers import uniaxial_csv
+from kolsky.readers.shot_tables import UniaxialTable, read_uniaxial
 from kolsky.readers.table import Column
 from kolsky.shot.schema.curve import CurveSection, LawSection
 
@@ -77,16 +77,17 @@ def conditioned_ratio(curve: MaterialCurve) -> float | None:
 
 
 def _read(path: Path, section: CurveSection) -> tuple[MaterialCurve, str]:
-    table = uniaxial_csv.read(
+    table = read_uniaxial(
         path,
         strain=section.strain.as_column(),
         stress=section.stress.as_column(),
         sigma=None if section.sigma is None else section.sigma.as_column(),
         modes=None if section.modes is None else Column(section.modes.prefix, section.modes.unit),
+        layout=None if section.layout is None else section.layout.as_layout(),
     )
     sign = 1.0 if section.convention == "tension positive" else -1.0
     strain, stress = sign * table.strain, sign * table.stress
-    check_curve(strain, stress, table.path, section)
+    check_curve(strain, stress, table, section)
     order = np.argsort(np.abs(strain))
     sigma = np.hypot(section.relative_sigma * stress, section.sigma_floor)
     if table.sigma is not None:
@@ -100,7 +101,7 @@ def _read(path: Path, section: CurveSection) -> tuple[MaterialCurve, str]:
     return curve, table.sha256
 
 
-def check_curve(strain: FloatArray, stress: FloatArray, path: Path, section: CurveSection) -> None:
+def check_curve(strain: FloatArray, stress: FloatArray, table: UniaxialTable, section: CurveSection) -> None:
     """One branch, one sign, from rest outward.
 
     Parameters
@@ -109,8 +110,8 @@ def check_curve(strain: FloatArray, stress: FloatArray, path: Path, section: Cur
         Nominal strain, tension-positive by the declared convention, rows as in the file [-], shape [n].
     stress
         Nominal stress, likewise [Pa], shape [n].
-    path
-        The file it came from.
+    table
+        The file they came from.
     section
         What the shot file says of it.
 
@@ -122,14 +123,14 @@ def check_curve(strain: FloatArray, stress: FloatArray, path: Path, section: Cur
     branch = 1.0 if section.branch == "tension" else -1.0
     other = "tension" if section.branch == "compression" else "compression"
     _rows(
-        path,
+        table,
         np.abs(strain) > LARGEST_STRAIN,
         strain,
         f"the strain {{value:.6g}} is no strain of an elastomer; it must be in (-1, {LARGEST_STRAIN:g}]",
         "check curve.strain in the shot file: is it the right column and unit?",
     )
     _rows(
-        path,
+        table,
         branch * strain < 0.0,
         strain,
         f"the strain is in {other} ({{value:+.6g}} counted tension-positive), but curve.branch is"
@@ -137,21 +138,21 @@ def check_curve(strain: FloatArray, stress: FloatArray, path: Path, section: Cur
         "correct curve.convention or curve.branch in the shot file; one curve holds one branch",
     )
     _rows(
-        path,
+        table,
         strain <= -1.0,
         strain,
         "the strain {value:.6g} would leave no length; it must be > -1 (tension-positive)",
         "nominal strain is change of length over initial length; check curve.strain and its unit",
     )
     _rows(
-        path,
+        table,
         strain * stress < 0.0,
         stress,
         "the stress {value:+.6g} Pa has the opposite sign of the strain",
         "strain and stress follow one convention; correct the file's signs or remove points near rest",
     )
     _rows(
-        path,
+        table,
         (strain == 0.0) & (stress != 0.0),
         stress,
         "the stress is {value:+.6g} Pa at zero strain",
@@ -159,7 +160,7 @@ def check_curve(strain: FloatArray, stress: FloatArray, path: Path, section: Cur
     )
     forward = np.sign(strain[-1] - strain[0])  # a file may as well begin at the largest strain
     _rows(
-        path,
+        table,
         np.append(False, np.diff(strain) * forward <= 0.0),
         strain,
         "the strain does not move on from the line before: {value:.6g}",
@@ -167,16 +168,18 @@ def check_curve(strain: FloatArray, stress: FloatArray, path: Path, section: Cur
     )
     if np.count_nonzero(strain) < SMALLEST_CURVE:
         raise InputError(
-            path,
+            table.path,
             f"has {np.count_nonzero(strain)} points away from rest; it must be at least {SMALLEST_CURVE}",
             cure="export the whole loading ramp",
         )
 
 
-def _rows(path: Path, bad: NDArray[np.bool_], values: FloatArray, message: str, cure: str) -> None:
+def _rows(table: UniaxialTable, bad: NDArray[np.bool_], values: FloatArray, message: str, cure: str) -> None:
     """Refuse the first bad row, saying how many there are."""
     rows = np.flatnonzero(bad)
     if rows.size:
         row = int(rows[0])
         count = f" ({rows.size} such lines)" if rows.size > 1 else ""
-        raise InputError(path, message.format(value=values[row]) + count, line=row + 2, cure=cure)
+        raise InputError(
+            table.path, message.format(value=values[row]) + count, line=table.line(row), cure=cure
+        )

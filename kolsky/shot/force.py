@@ -11,7 +11,7 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.records import FlyerMotion, Recording
 from kolsky.base.units import in_us
-from kolsky.readers import scope_csv
+from kolsky.readers.shot_tables import read_scope
 from kolsky.shot.records import ForceChannel
 from kolsky.shot.schema.measured import ForceSection
 from kolsky.shot.schema.reading import ShotToml
@@ -60,7 +60,7 @@ def force_recording(path: Path, section: ForceSection) -> Recording:
     """
     if section.layout is None:
         assert section.time is not None  # the section has one of the two
-        return scope_csv.read(path, time=section.time.as_column(), voltage=section.voltage.as_column())
+        return read_scope(path, time=section.time.as_column(), voltage=section.voltage.as_column())
     from kolsky.readers.recordings import read_recordings
 
     time, unit = None, None
@@ -69,7 +69,7 @@ def force_recording(path: Path, section: ForceSection) -> Recording:
         if unit is None:
             raise InputError(path, "force.time has an unusual unit", allowed='"s", "ms", "us" or "ns"')
     factor = section.voltage.unit
-    layout = section.layout.as_layout(
+    layout = section.layout.as_recorder_layout(
         full_scale=section.full_scale / factor, unit="V", time=time, time_unit=unit
     )
     name = section.voltage.column

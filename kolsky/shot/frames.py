@@ -7,16 +7,32 @@ import numpy as np
 from kolsky.base.errors import InputError
 from kolsky.base.records import FlyerMotion
 from kolsky.base.units import in_us
-from kolsky.readers import flyer_csv
-from kolsky.readers.centre_line_csv import CentreLineTable
-from kolsky.readers.flyer_csv import FlyerTable
-from kolsky.readers.frame_times import FrameTimes
+from kolsky.readers.shot_tables import FlyerTable, FrameTimes, OutlineTable, read_flyer, read_frame_times
 from kolsky.readers.table import Column
 from kolsky.shot.schema.measured import FlyerSection
 from kolsky.shot.schema.reading import ShotToml
 
 MOTION_SIGMAS = 6.0
 """A displacement this many sigmas from rest is motion: noise does that once in 5e8 frames."""
+
+
+def read_frames(toml: ShotToml) -> FrameTimes:
+    """[frames]: frame numbers and their times on the clock of the file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or there are no frames but static ones.
+    """
+    section = toml.declared.frames
+    frames = read_frame_times(
+        toml.path.parent / section.file,
+        frame=Column(section.frame),
+        time=section.time.as_column(),
+        layout=None if section.layout is None else section.layout.as_layout(),
+    )
+    some_motion_frames(frames, toml)
+    return frames
 
 
 def flyer_motion(
@@ -29,11 +45,12 @@ def flyer_motion(
     InputError
         If the file cannot be read, its frames and times are not those of [frames], or the flyer rests.
     """
-    table = flyer_csv.read(
+    table = read_flyer(
         folder / section.file,
         frame=Column(section.frame),
         displacement=section.displacement.as_column(),
         time=None if section.time is None else section.time.as_column(),
+        layout=None if section.layout is None else section.layout.as_layout(),
     )
     frames_agree(table, frames)
     flyer_covers(table, frames, toml)
@@ -48,7 +65,7 @@ def flyer_motion(
     return flyer, table.sha256
 
 
-def frames_agree(table: FlyerTable | CentreLineTable, frames: FrameTimes) -> None:
+def frames_agree(table: FlyerTable | OutlineTable, frames: FrameTimes) -> None:
     """Every frame number is one of the frames', and the file's own times are the frames' times.
 
     Times agree if they differ by no more than half of the last printed digit of each file.
@@ -60,7 +77,7 @@ def frames_agree(table: FlyerTable | CentreLineTable, frames: FrameTimes) -> Non
         raise InputError(
             table.path,
             f"frame {table.frame[row]} is not in {frames.path.name} ({unknown.size} such lines)",
-            line=row + 2,
+            line=table.line(row),
             cure="both files must come from the same test; are two columns swapped?",
         )
     if table.time is None:
@@ -76,7 +93,7 @@ def frames_agree(table: FlyerTable | CentreLineTable, frames: FrameTimes) -> Non
             table.path,
             f"frame {table.frame[row]} has the time {table.time[row]:.9g} s, in {frames.path.name} it has"
             f" {expected[row]:.9g} s ({apart.size} such lines)",
-            line=row + 2,
+            line=table.line(row),
             cure="both files must come from the same test and clock; are two columns swapped?",
         )
 
@@ -102,7 +119,7 @@ def flyer_covers(table: FlyerTable, frames: FrameTimes, toml: ShotToml) -> None:
     if not missing.size:
         return
     number = int(missing[0])
-    line = int(np.searchsorted(frames.frame, number)) + 2
+    line = frames.line(int(np.searchsorted(frames.frame, number)))
     if number > table.frame[-1]:
         raise InputError(
             frames.path,
@@ -130,7 +147,7 @@ def flyer_moves(table: FlyerTable, flyer: FlyerMotion, sigma: float, toml: ShotT
             table.path,
             f"the flyer's displacement of {travel[row] * 1e3:.6g} mm exceeds the specimen's length"
             f" ({length * 1e3:.6g} mm)",
-            line=row + 2,
+            line=table.line(row),
             cure="check flyer.displacement in the shot file: is it the right column and unit?",
         )
     moving = np.flatnonzero(np.abs(travel[:n_static]) > MOTION_SIGMAS * sigma)
@@ -140,7 +157,7 @@ def flyer_moves(table: FlyerTable, flyer: FlyerMotion, sigma: float, toml: ShotT
             table.path,
             f"frame {table.frame[row]} is {travel[row] * 1e6:.3g} um from the mean of the {n_static} frames"
             f" declared static, more than {MOTION_SIGMAS:g} times flyer.sigma ({sigma * 1e6:.3g} um)",
-            line=row + 2,
+            line=table.line(row),
             cure="lower frames.static, or declare the noise that flyer.sigma really has",
         )
     if abs(travel[row]) <= MOTION_SIGMAS * sigma:

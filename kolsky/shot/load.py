@@ -8,12 +8,10 @@ from typing import Any
 from kolsky.base.apparatus import Bar, Interface, Specimen
 from kolsky.base.errors import refuse
 from kolsky.base.records import MaterialCurve
-from kolsky.readers import frame_times
-from kolsky.readers.frame_times import FrameTimes
-from kolsky.readers.table import Column
+from kolsky.readers.shot_tables import FrameTimes
 from kolsky.shot.curve import read_curve
 from kolsky.shot.force import check_sign, force_channel
-from kolsky.shot.frames import body_moves, flyer_motion, some_motion_frames
+from kolsky.shot.frames import body_moves, flyer_motion, read_frames
 from kolsky.shot.outline import check_outline, read_outline
 from kolsky.shot.picture_set import PictureSet, open_pictures
 from kolsky.shot.records import ForceChannel, ModelSettings, OpticalData, PicturedShot, Shot, ShotBase
@@ -61,10 +59,10 @@ def load_shot(
     force = force_channel(folder, rest, toml)
     span = window(toml, frame_time, float(flyer.time[-1]), force.recording, force.time)
     check_sign(force.raw_force(), force.time, span, flyer, toml)
-    centre_line, outline_hash = read_outline(folder, frames, declared.centre_line, toml)
-    check_outline(centre_line, folder / declared.centre_line.file, rest, span, toml)
+    centre_line, table = read_outline(folder, frames, declared.centre_line, toml)
+    check_outline(centre_line, table.path, rest, span, toml, line_of=table.line)
     curve, curve_hashes = read_curve(folder, declared.baseline)
-    exports = {declared.flyer.file: flyer_hash, declared.centre_line.file: outline_hash}
+    exports = {declared.flyer.file: flyer_hash, declared.centre_line.file: table.sha256}
     base = _base(toml, frames, force, curve, curve_hashes, exports)
     return Shot(**base, flyer=flyer, centre_line=centre_line, window=span)
 
@@ -170,15 +168,8 @@ def _pictured(toml: ShotToml, frames: FrameTimes, pictures: PictureSet) -> Pictu
 def _opened(folder_or_toml: str | Path) -> tuple[ShotToml, FrameTimes]:
     """The shot file and the frame times."""
     toml = read_shot_toml(find_shot_file(Path(folder_or_toml)))
-    declared, folder = toml.declared, toml.path.parent
-    _all_there(toml, folder)
-    frames = frame_times.read(
-        folder / declared.frames.file,
-        frame=Column(declared.frames.frame),
-        time=declared.frames.time.as_column(),
-    )
-    some_motion_frames(frames, toml)
-    return toml, frames
+    _all_there(toml, toml.path.parent)
+    return toml, read_frames(toml)
 
 
 def _base(

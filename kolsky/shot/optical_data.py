@@ -30,7 +30,7 @@ from kolsky.shot.records import OpticalData
 from kolsky.shot.rig import calibrated
 from kolsky.shot.schema.apparatus import SpecimenSection
 from kolsky.shot.schema.pictures import DicSection, RegionSection
-from kolsky.shot.surfaces_file import ResultFileError, read_stereo_result, stored_key, write_stereo_result
+from kolsky.shot.surfaces_file import read_stereo_result, stored_key, write_stereo_result
 
 RESULT_FILE = "dic.h5"
 Progress = Callable[[str, int, int], None]
@@ -85,7 +85,7 @@ def surfaces(
         try:
             result = read_stereo_result(path)
             return Surfaces(result=result, path=path, fresh=False, flight=flight_of(result, length))
-        except ResultFileError:
+        except InputError:
             pass  # damaged since it was written: made anew
     with single_threaded_libraries(), infrequent_gc():
         result = _correlated(pictures, device, progress)

@@ -1,13 +1,14 @@
 """[centre_line]: the specimen's outline at the frames, read and checked."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from kolsky.base.errors import InputError
 from kolsky.base.records import CentreLine
-from kolsky.readers import centre_line_csv
-from kolsky.readers.frame_times import FrameTimes
+from kolsky.readers import shot_tables
+from kolsky.readers.shot_tables import FrameTimes, OutlineTable
 from kolsky.readers.table import Column
 from kolsky.shot.frames import frames_agree
 from kolsky.shot.schema.measured import CentreLineSection
@@ -19,21 +20,22 @@ RADIUS_TOLERANCE = 0.2
 
 def read_outline(
     folder: Path, frames: FrameTimes, section: CentreLineSection, toml: ShotToml
-) -> tuple[CentreLine, str]:
-    """[centre_line]: the specimen's outline at the frames, and the hash of its file.
+) -> tuple[CentreLine, OutlineTable]:
+    """[centre_line]: the specimen's outline at the frames, and the table it was read from.
 
     Raises
     ------
     InputError
         If the file cannot be read, or its frames and times are not those of [frames].
     """
-    table = centre_line_csv.read(
+    table = shot_tables.read_outline(
         folder / section.file,
         frame=Column(section.frame),
         y=section.y.as_column(),
         Z=section.Z.as_column(),
         sigma=None if section.sigma_column is None else section.sigma_column.as_column(),
         time=None if section.time is None else section.time.as_column(),
+        layout=None if section.layout is None else section.layout.as_layout(),
     )
     frames_agree(table, frames)
     index = np.searchsorted(frames.frame, table.frame)
@@ -44,11 +46,17 @@ def read_outline(
         Z=table.Z + section.Z_offset,
         sigma=np.full(table.Z.size, section.sigma) if table.sigma is None else table.sigma,
     )
-    return line, table.sha256
+    return line, table
 
 
 def check_outline(
-    line: CentreLine, path: Path, rest: float, span: tuple[float, float], toml: ShotToml
+    line: CentreLine,
+    path: Path,
+    rest: float,
+    span: tuple[float, float],
+    toml: ShotToml,
+    *,
+    line_of: Callable[[int], int] | None = None,
 ) -> None:
     """Points before the axis, between the platens, at the specimen's radius while it rests.
 
@@ -64,6 +72,8 @@ def check_outline(
         The window [s].
     toml
         The shot file.
+    line_of
+        Line of the file on which a row stands, where the file is a table.
 
     Raises
     ------
@@ -88,7 +98,9 @@ def check_outline(
             message = f"{name} is {value[row] * 1e3:.6g} mm in frame {line.frame[row]}"
             if rows.size > 1:
                 message += f" ({rows.size} such points)"
-            raise InputError(path, f"{message}; it must be {allowed}", line=row + 2, cure=cure)
+            raise InputError(
+                path, f"{message}; it must be {allowed}", line=line_of(row) if line_of else None, cure=cure
+            )
     static = line.time <= rest
     if static.any():
         middle = float(np.median(line.Z[static]))

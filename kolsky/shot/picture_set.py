@@ -13,9 +13,8 @@ from dic.outcome import FrameOutcome
 from dic.result import StereoResult
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError, refuse
-from kolsky.readers import frame_times
-from kolsky.readers.frame_times import FrameTimes
-from kolsky.readers.table import Column
+from kolsky.readers.shot_tables import FrameTimes
+from kolsky.shot.frames import read_frames
 from kolsky.shot.schema.pictures import PicturesSection, SeriesSection
 from kolsky.shot.schema.reading import ShotToml
 
@@ -214,14 +213,8 @@ def picture_pair(toml: ShotToml, result: StereoResult) -> PicturePair | str:
     result
         What its pictures gave.
     """
-    declared = toml.declared
     try:
-        frames = frame_times.read(
-            toml.path.parent / declared.frames.file,
-            frame=Column(declared.frames.frame),
-            time=declared.frames.time.as_column(),
-        )
-        first, second = open_pictures(toml, frames).series
+        first, second = open_pictures(toml, read_frames(toml)).series
     except InputError as error:
         return str(error)
     alive = np.where(result.outcome == FrameOutcome.VALID, result.specimen.alive, 0)

@@ -8,7 +8,6 @@ import numpy as np
 
 from kolsky.bars.flyer.front_path import BarForce
 from kolsky.base.arrays import FloatArray
-from kolsky.base.errors import InputError
 from kolsky.base.records import FlyerMotion
 from kolsky.shot.picture_set import PicturePair, picture_pair
 from kolsky.shot.records import Shot
@@ -179,13 +178,9 @@ def surface_of(source: Path, folder: Path) -> dict[str, Any]:
         return {}
     from kolsky.shot.dic_summary import numbers, printed
     from kolsky.shot.optical_data import RESULT_FILE
-    from kolsky.shot.surfaces_file import ResultFileError, read_stereo_result
+    from kolsky.shot.surfaces_file import read_stereo_result
 
-    try:
-        result = read_stereo_result(folder / RESULT_FILE)
-    except ResultFileError as error:
-        cause = str(error).removeprefix(f"{folder / RESULT_FILE}: ")
-        raise InputError(folder / RESULT_FILE, cause, cure="run `kolsky dic` again") from None
+    result = read_stereo_result(folder / RESULT_FILE)
     page = DIC_PAGE if (folder / DIC_PAGE).is_file() else ""
     return {
         "surface": printed(result),

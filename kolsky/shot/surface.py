@@ -13,7 +13,7 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.records import CentreLine, FlyerMotion
 from kolsky.readers.dic_export import DicExport, PointState, matching, read
-from kolsky.readers.frame_times import FrameTimes
+from kolsky.readers.shot_tables import FrameTimes
 from kolsky.shot.schema.measured import SurfaceSection
 from kolsky.shot.schema.reading import ShotToml
 

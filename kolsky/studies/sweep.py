@@ -17,9 +17,9 @@ from explicit import Outcome
 from kolsky.base.arrays import FloatArray
 from kolsky.base.files import write_table
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.misfit import terms
+from kolsky.inverse.misfit import SCALE_FORCE, SCALE_SHAPE, terms
 from kolsky.inverse.observations import predict
-from kolsky.inverse.parameters import PARAMETERS
+from kolsky.inverse.parameters import PARAMETERS, any_slides
 from kolsky.inverse.prepared_shot import PreparedShot, prepare_shot
 from kolsky.inverse.provenance import provenance
 from kolsky.inverse.run_table import DesignTable
@@ -90,7 +90,7 @@ class ShotRuns:
             "held": dict(sorted(self.held.items())),
             "numerics": replace(self.numerics, threads=None, device=device),
         }
-        sliding = "friction" in {*self.names, *self.held}
+        sliding = any_slides([*self.names, *self.held])
         said = provenance(self.prepared.forward.shot, settings, self.prepared, sliding=sliding)
         text = json.dumps({**said, "kept": KEPT, "sources": _sources()}, sort_keys=True, default=_plain)
         return hashlib.sha256(text.encode()).digest()
@@ -222,3 +222,25 @@ def write_sweep(path: Path, result: Sweep) -> Path:
         **ends(table),
     }
     return write_table(path, columns)
+
+
+def counts(result: Sweep) -> dict[str, int]:
+    """Number of runs, and of those that completed."""
+    table = result.table
+    return {"runs": len(table.outcomes), "completed": len(table.outcomes) - len(table.lost)}
+
+
+def least_misfit(result: Sweep) -> dict[str, Any]:
+    """The completed run with the smallest Phi, and its parameters in SI; by Phi_F alone without an outline.
+
+    Values are None if no run completed.
+    """
+    table = result.table
+    phi = table.phi_force / SCALE_FORCE + table.phi_shape / SCALE_SHAPE  # Eq. (M.5)
+    seen = bool(np.isfinite(phi).any())
+    best = int(np.nanargmin(phi if seen else table.phi_force)) if counts(result)["completed"] else None
+    return {
+        "smallest_phi": float(phi[best]) if best is not None and seen else None,
+        **({} if seen or best is None else {"smallest_phi_force": float(table.phi_force[best])}),
+        "at": None if best is None else dict(zip(table.names, table.points[best].tolist(), strict=True)),
+    }

@@ -7,7 +7,7 @@ from kolsky.bars.signals.bridge import Bridge, Linear
 from kolsky.bars.signals.signal_zero import measure_signal_zero
 from kolsky.bars.signals.stations import bar_signal
 from kolsky.base.apparatus import Bar
-from kolsky.readers.layout import Layout
+from kolsky.readers.contents import Layout
 from kolsky.readers.recordings import read_recordings
 
 STEEL = Bar(diameter=20e-3, length=2.1, youngs_modulus=210e9, density=7800.0)

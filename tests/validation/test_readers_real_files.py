@@ -10,11 +10,11 @@ import pytest
 from scipy.io import whosmat
 
 from kolsky.base.errors import InputError
-from kolsky.readers import scope_csv
+from kolsky.readers.contents import Layout
 from kolsky.readers.dic_export import PointState, read
-from kolsky.readers.layout import Layout
-from kolsky.readers.matlab5 import variables
+from kolsky.readers.matlab import variables
 from kolsky.readers.recordings import list_channels, read_contents, read_recordings
+from kolsky.readers.shot_tables import read_scope
 from kolsky.readers.table import Column
 
 YAO_INTERVAL = 80e-9
@@ -97,7 +97,7 @@ def test_lanl_copper_with_all_its_metadata(shared):
 
 def test_open_01_as_the_strict_reader_has_it(shared):
     path = shared / "data/shots/open-01/scope.csv"
-    strict = scope_csv.read(path, time=Column("Time (s)"), voltage=Column("CH2 transmitted (V)"))
+    strict = read_scope(path, time=Column("Time (s)"), voltage=Column("CH2 transmitted (V)"))
     found = read_recordings(path, ["CH2 transmitted (V)"])["CH2 transmitted (V)"]
     np.testing.assert_array_equal(found.value, strict.value)
     np.testing.assert_array_equal(found.time, -2e-4 + 5e-7 * np.arange(3341))

@@ -4,9 +4,12 @@ import math
 from typing import Any
 
 from kolsky.material.fits.compare import Comparison, Row
-from kolsky.material.fits.fit import Fit
+from kolsky.material.fits.fit import Fit, FitOutcome
 
 Columns = dict[str, list[Any]]
+
+CORRELATED = 1.0
+"""Durbin-Watson number below which residuals follow each other too closely to count as independent."""
 
 
 def tables(comparison: Comparison) -> dict[str, Columns]:
@@ -176,3 +179,27 @@ def _curves(comparison: Comparison) -> Columns:
     for row, f in rows:
         made[f"{row.candidate.name} (Pa)"] = [float(x) for p in f.parts for x in p.predicted]
     return made
+
+
+def remarks(found: Comparison) -> list[str]:
+    """Warnings about a comparison: laws without a fit, ranks that differ, dependent residuals."""
+    said = [f"{row.candidate.name} has no fit: {row.reason}" for row in found.rows if row.fit is None]
+    best = found.best
+    if best is None or best.fit is None:
+        return [*said, "no law is determined by these tests and stable over them"]
+    first = found.rows[0]
+    if first is not best:
+        why = "is not stable over the data" if not first.stable else "has a higher BIC"
+        if first.fit is not None and first.fit.outcome is FitOutcome.NOT_DETERMINED:
+            why = "has constants that the data do not tell apart"
+        said.append(f"{first.candidate.name} has the least AIC, but {why}")
+    if best.fit.durbin_watson < CORRELATED:
+        said.append(
+            f"residuals of {best.candidate.name} follow each other (Durbin-Watson "
+            f"{best.fit.durbin_watson:.2g}): it misses the curve's shape, and the u of its constants, which "
+            "take every point as new, are too small"
+        )
+    first_failure = best.first_failure
+    if first_failure is not None:
+        said.append(f"{best.candidate.name} beyond the data: {first_failure}")
+    return said

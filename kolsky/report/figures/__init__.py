@@ -1,56 +1,26 @@
-"""Figures, one file each; a new one is its file and one line of `REGISTRY`."""
+"""Figures of every page by file; a new one is its file and its entry in one of the registries below."""
 
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from kolsky.report.figures import (
-    bars_together,
-    baseline,
-    calibration_pairs,
-    calibration_residuals,
-    contour,
-    corner,
-    energy,
-    flight_of_view,
-    flyer_motion,
-    flyer_path,
+    calibration,
+    comparison,
     flyer_test,
-    force,
-    force_residual,
-    kymograph,
-    likelihood,
-    lost_points,
-    material_fits,
-    material_residuals,
-    material_stability,
-    meshes,
+    material,
     misfit,
-    overlay_epipolar,
-    overlay_sigma,
-    picture_pair,
-    plan_choices,
-    plan_information,
-    plan_slopes,
-    profiles,
-    rate_equal_strain,
-    rate_forest,
-    rate_moduli,
-    rate_slope,
-    rate_stiffness,
-    raw_signals,
-    repeats,
-    ridge,
-    scene,
+    plan,
+    rate_curves,
+    rates,
+    recordings,
     sensitivity,
-    shape_residual,
-    speckle_floor,
-    speckle_overlay,
-    sweep_effects,
-    sweep_indices,
-    sweep_maps,
-    trend_damping,
-    trend_friction,
-    trend_poisson,
-    trend_stiffness,
+    simulation,
+    speckles,
+    surface_motion,
+    surface_points,
+    sweep,
+    trends,
+    uncertainty,
     waves,
 )
 from kolsky.report.figures.base import FigureKind
@@ -61,10 +31,12 @@ __all__ = [
     "CALIBRATION",
     "FLYER_TESTS",
     "MATERIALS",
+    "MODULI",
     "PLANS",
     "RATES",
     "RECORDINGS",
     "REGISTRY",
+    "REPEATS",
     "SENSITIVITY",
     "SPECKLES",
     "SURFACES",
@@ -74,79 +46,57 @@ __all__ = [
     "FigureKind",
 ]
 
-REGISTRY: dict[str, FigureKind[Any]] = {
-    module.KIND.name: module.KIND
-    for module in (
-        force,
-        shape_residual,
-        profiles,
-        force_residual,
-        misfit,
-        contour,
-        likelihood,
-        ridge,
-        corner,
-        energy,
-        meshes,
-        scene,
-    )
-}
-"""Every figure of an identification by name, in the order of its report."""
-RECORDINGS: dict[str, FigureKind[Any]] = {
-    module.KIND.name: module.KIND for module in (raw_signals, flyer_path, picture_pair)
-}
-"""Every figure of the recordings behind an identification, before those of `REGISTRY` in its report."""
-SURFACES: dict[str, FigureKind[Any]] = {
-    module.KIND.name: module.KIND
-    for module in (
-        overlay_sigma,
-        overlay_epipolar,
-        lost_points,
-        kymograph,
-        flyer_motion,
-        flight_of_view,
-        speckle_overlay,
-    )
-}
-"""Every figure of the surfaces that pictures gave, likewise."""
-CALIBRATION: dict[str, FigureKind[Any]] = {
-    module.KIND.name: module.KIND for module in (calibration_residuals, calibration_pairs)
-}
-"""Every figure of a calibration, likewise."""
-SPECKLES: dict[str, FigureKind[Any]] = {speckle_floor.KIND.name: speckle_floor.KIND}
-"""Every figure of a speckle pattern, likewise."""
-WAVES: dict[str, FigureKind[Any]] = {waves.KIND.name: waves.KIND}
-"""Every figure of a reduction of bar signals, likewise."""
-FLYER_TESTS: dict[str, FigureKind[Any]] = {flyer_test.KIND.name: flyer_test.KIND}
-"""Every figure of a flyer test that was reduced by classical means, likewise."""
-BARS_TOGETHER: dict[str, FigureKind[Any]] = {bars_together.KIND.name: bars_together.KIND}
-"""Every figure of a shot with the bars together, likewise."""
-REPEATS: dict[str, FigureKind[Any]] = {repeats.KIND.name: repeats.KIND}
-"""Every figure of repeated tests, likewise."""
-PLANS: dict[str, FigureKind[Any]] = {
-    module.KIND.name: module.KIND for module in (plan_information, plan_slopes, plan_choices)
-}
-"""Every figure of a plan, likewise."""
-RATES: dict[str, FigureKind[Any]] = {
-    module.KIND.name: module.KIND for module in (rate_slope, rate_forest, rate_stiffness, rate_equal_strain)
-}
-"""Every figure of a group of shots whose rates are compared, likewise."""
-TRENDS: dict[str, FigureKind[Any]] = {
-    module.KIND.name: module.KIND
-    for module in (trend_poisson, trend_damping, trend_friction, trend_stiffness)
-}
-"""Every figure of a shot's trends, Figs. 7 to 10 of Mates et al. (2012), likewise."""
-BASELINES: dict[str, FigureKind[Any]] = {baseline.KIND.name: baseline.KIND}
-"""Every figure of a quasi-static baseline, likewise."""
-MATERIALS: dict[str, FigureKind[Any]] = {
-    module.KIND.name: module.KIND for module in (material_fits, material_residuals, material_stability)
-}
-"""Every figure of laws fitted to homogeneous tests, likewise."""
-SENSITIVITY: dict[str, FigureKind[Any]] = {sensitivity.KIND.name: sensitivity.KIND}
-"""Every figure of a shot's global sensitivity, likewise."""
-SWEEPS: dict[str, FigureKind[Any]] = {
-    module.KIND.name: module.KIND for module in (sweep_maps, sweep_effects, sweep_indices)
-}
-"""Every figure of a design of experiments, likewise."""
-MODULI: dict[str, FigureKind[Any]] = {rate_moduli.KIND.name: rate_moduli.KIND}
-"""Moduli of tests of every kind on one axis of time, likewise."""
+Registry = Mapping[str, FigureKind[Any]]
+"""Figures of one page by name, in the order in which the page shows them."""
+
+
+def by_name(*files: Iterable[FigureKind[Any]]) -> Registry:
+    """Return the figures of several files as one registry.
+
+    Raises
+    ------
+    ValueError
+        If two figures have the same name.
+    """
+    found: dict[str, FigureKind[Any]] = {}
+    for kind in (kind for figures in files for kind in figures):
+        if kind.name in found:
+            raise ValueError(f"two figures of one page are called {kind.name!r}; rename one of them")
+        found[kind.name] = kind
+    return found
+
+
+RECORDINGS = by_name(recordings.FIGURES)
+"""Recordings behind an identification; shown before those of `REGISTRY`."""
+REGISTRY = by_name(comparison.FIGURES, misfit.FIGURES, uncertainty.FIGURES, simulation.FIGURES)
+"""Identification."""
+SURFACES = by_name(surface_points.FIGURES, surface_motion.FIGURES, speckles.FIGURES)
+"""Surfaces measured by image correlation."""
+CALIBRATION = by_name(calibration.FIGURES)
+"""Stereo calibration."""
+SPECKLES = by_name([speckles.SPECKLE_FLOOR])
+"""Speckle pattern of one camera."""
+WAVES = by_name(waves.FIGURES)
+"""Reduction of a test between bars."""
+FLYER_TESTS = by_name(flyer_test.FIGURES)
+"""Classical reduction of a flyer test."""
+BARS_TOGETHER = by_name([waves.BARS_TOGETHER])
+"""Shot with the bars together."""
+REPEATS = by_name([waves.REPEATED_TESTS])
+"""Repeated tests."""
+PLANS = by_name(plan.FIGURES)
+"""Plan of an experiment."""
+RATES = by_name(rates.FIGURES, rate_curves.FIGURES)
+"""Group of shots compared over their strain rates."""
+TRENDS = by_name(trends.FIGURES)
+"""Trends of a shot, Figs. 7 to 10 of Mates et al. (2012)."""
+BASELINES = by_name([material.REFERENCE_CURVE])
+"""Reference curve from quasi-static tests."""
+MATERIALS = by_name(material.FIGURES)
+"""Laws fitted to homogeneous tests."""
+SENSITIVITY = by_name(sensitivity.FIGURES)
+"""Global sensitivity of a shot."""
+SWEEPS = by_name(sweep.FIGURES)
+"""Design of experiments over a shot's parameters."""
+MODULI = by_name([rate_curves.MODULI])
+"""Moduli of tests of every kind over their time scales."""

@@ -21,7 +21,7 @@ from kolsky.report.figures.waves import band, stress_scale
 
 
 def caption(result: FlyerResult) -> str:
-    """What is seen."""
+    """Return the caption."""
     valid = "no time span is known to be valid for a classical curve"
     if result.valid is not None:
         first, last = (MS * t for t in result.valid)
@@ -121,17 +121,19 @@ def _curve(ax: Axes, result: FlyerResult) -> None:
     ax.legend(loc="lower right")
 
 
-KIND: FigureKind[FlyerResult] = FigureKind(
-    name="flyer-test",
-    width=PAGE,
-    height=lambda result: 130.0,
-    caption=caption,
-    panels=lambda result: [
-        ["signals", "forces"],
-        ["signals", "shares"],
-        ["strain", "curve"],
-        ["rate", "curve"],
-    ],
-    draw=draw,
-    mosaic={"height_ratios": [1.5, 1.0, 1.25, 1.25]},
+FIGURES: tuple[FigureKind[FlyerResult], ...] = (
+    FigureKind(
+        name="flyer-test",
+        width=PAGE,
+        height=lambda result: 130.0,
+        caption=caption,
+        panels=lambda result: [
+            ["signals", "forces"],
+            ["signals", "shares"],
+            ["strain", "curve"],
+            ["rate", "curve"],
+        ],
+        draw=draw,
+        mosaic={"height_ratios": [1.5, 1.0, 1.25, 1.25]},
+    ),
 )

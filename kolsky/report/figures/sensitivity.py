@@ -14,7 +14,7 @@ WORDS = {"Phi_F": r"$\Phi_F$", "Phi_S": r"$\Phi_S$", "Phi": r"$\Phi$", "peak for
 
 
 def caption(result: GlobalSensitivity) -> str:
-    """What is seen."""
+    """Return the caption."""
     ranges = ", ".join(
         f"{name_of(n).symbol} = {a * name_of(n).factor:.4g} to {b * name_of(n).factor:.4g}"
         + ("" if name_of(n).unit == "1" else f" {name_of(n).unit}")
@@ -84,12 +84,14 @@ def _panels(result: GlobalSensitivity) -> list[list[str]]:
     return [names]
 
 
-KIND: FigureKind[GlobalSensitivity] = FigureKind(
-    name="sensitivity",
-    width=PAGE,
-    height=lambda result: 58.0,
-    caption=caption,
-    panels=_panels,
-    draw=draw,
-    applies=lambda result: result.scalars is not None,
+FIGURES: tuple[FigureKind[GlobalSensitivity], ...] = (
+    FigureKind(
+        name="sensitivity",
+        width=PAGE,
+        height=lambda result: 58.0,
+        caption=caption,
+        panels=_panels,
+        draw=draw,
+        applies=lambda result: result.scalars is not None,
+    ),
 )

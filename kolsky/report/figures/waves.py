@@ -1,12 +1,15 @@
-"""A classical Kolsky test: signals, forces and equilibrium, strain and rate, stress and strain."""
+"""Figures of bar signals: reduced test, bars brought together, repeated tests."""
 
 import numpy as np
 from matplotlib.axes import Axes
 
+from kolsky.bars.guides.bars_together import BarsTogether
 from kolsky.bars.records import History
+from kolsky.bars.reduction.repeated_tests import RepeatedTests
 from kolsky.bars.result import WavesResult
 from kolsky.report.figures.base import (
     BAND,
+    COLUMN,
     FORCE,
     GREY,
     MEASURED,
@@ -20,7 +23,8 @@ from kolsky.report.figures.base import (
     say_empty,
 )
 
-US = 1e6
+US, MICRO = 1e6, 1e6
+"""Factors from s to µs and from strain to µm/m."""
 WAYS = {"one wave": (SHAPE, "-"), "two waves": (FORCE, "--"), "three waves": (MEASURED, "-")}
 """Colour and line of each way of analysis."""
 PULSES = {"incident": SHAPE, "reflected": MODEL, "transmitted": FORCE}
@@ -45,8 +49,8 @@ def stress_scale(values: np.ndarray) -> tuple[float, str]:
     return scale(values, ((1e-6, "MPa"), (1e-3, "kPa"), (1.0, "Pa")))
 
 
-def caption(result: WavesResult) -> str:
-    """What is seen."""
+def caption_waves(result: WavesResult) -> str:
+    """Return the caption."""
     balanced = result.reduction.balanced
     held = (
         f"the forces are balanced from {US * balanced[0]:.4g} to {US * balanced[1]:.4g} µs (shaded)"
@@ -62,7 +66,7 @@ def caption(result: WavesResult) -> str:
     )
 
 
-def draw(result: WavesResult, panels: Panels) -> None:
+def draw_waves(result: WavesResult, panels: Panels) -> None:
     """Draw the four panels."""
     _signals(panels["signals"], result)
     _forces(panels["forces"], panels["imbalance"], result)
@@ -78,7 +82,12 @@ def _signals(ax: Axes, result: WavesResult) -> None:
         (result.transmission, "--", "transmission gauge"),
     ):
         ax.plot(
-            US * station.strain.time, US * station.strain.value, dash, color=MEASURED, lw=0.7, label=label
+            US * station.strain.time,
+            US * station.strain.value,
+            dash,
+            color=MEASURED,
+            lw=0.7,
+            label=label,
         )
     for row, (name, colour) in enumerate(PULSES.items()):
         first, last = getattr(result.windows, name)
@@ -172,17 +181,81 @@ def _curve(ax: Axes, result: WavesResult) -> None:
     ax.legend(loc="best")
 
 
-KIND: FigureKind[WavesResult] = FigureKind(
-    name="waves",
-    width=PAGE,
-    height=lambda result: 130.0,
-    caption=caption,
-    panels=lambda result: [
-        ["signals", "forces"],
-        ["signals", "imbalance"],
-        ["strain", "curve"],
-        ["rate", "curve"],
-    ],
-    draw=draw,
-    mosaic={"height_ratios": [1.5, 1.0, 1.25, 1.25]},
+def caption_bars_together(found: BarsTogether) -> str:
+    """Return the caption."""
+    return (
+        "Bars together. Top: strain at the transmission gauge, and the incident gauge's carried there by the "
+        f"first mode of Pochhammer and Chree with c₀ = {found.wave_speed:.1f} m/s and gain {found.gain:.4f}. "
+        f"Bottom: their difference, {100.0 * found.rms:.2f} % rms of the peak; a plain shift leaves "
+        f"{100.0 * found.plain_rms:.2f} %."
+    )
+
+
+def draw_bars_together(found: BarsTogether, panels: Panels) -> None:
+    """Draw both pulses and the residual."""
+    top, low = panels["pulse"], panels["residual"]
+    time = US * found.time
+    top.plot(time, MICRO * found.measured, color=MEASURED, label="measured")
+    top.plot(time, MICRO * (found.measured + found.residual), "--", color=MODEL, label="carried there")
+    top.set_ylabel("Strain (µm/m)")
+    top.legend(loc="best")
+    top.tick_params(labelbottom=False)
+    low.axhline(0.0, color=GREY, lw=0.5)
+    low.plot(time, MICRO * found.residual, color=MODEL, lw=0.7)
+    low.set(xlabel="Time (µs)", ylabel="Difference (µm/m)")
+
+
+def caption_repeats(mean: RepeatedTests) -> str:
+    """Return the caption."""
+    return (
+        f"Nominal stress against nominal strain of {mean.repeats.count} tests (grey), their mean and its 95 "
+        "% confidence band, with the scatter between tests and what they have in common."
+    )
+
+
+def draw_repeats(mean: RepeatedTests, panels: Panels) -> None:
+    """Draw the tests, the mean and the band."""
+    ax, together = panels["curve"], mean.repeats
+    factor, unit = stress_scale(together.mean)
+    for number, row in enumerate(together.values):
+        ax.plot(together.axis, factor * row, color=GREY, lw=0.5, label="" if number else "tests")
+    low, high = mean.band()
+    ax.fill_between(together.axis, factor * low, factor * high, color=BAND, alpha=0.4, lw=0.0, label="95 %")
+    ax.plot(together.axis, factor * together.mean, color=MEASURED, lw=1.0, label="mean")
+    ax.set(xlabel="Nominal strain (–)", ylabel=f"Nominal stress ({unit})")
+    ax.legend(loc="best")
+
+
+FIGURES: tuple[FigureKind[WavesResult], ...] = (
+    FigureKind(
+        name="waves",
+        width=PAGE,
+        height=lambda result: 130.0,
+        caption=caption_waves,
+        panels=lambda result: [
+            ["signals", "forces"],
+            ["signals", "imbalance"],
+            ["strain", "curve"],
+            ["rate", "curve"],
+        ],
+        draw=draw_waves,
+        mosaic={"height_ratios": [1.5, 1.0, 1.25, 1.25]},
+    ),
+)
+BARS_TOGETHER = FigureKind(
+    name="bars-together",
+    width=COLUMN,
+    height=lambda found: 80.0,
+    caption=caption_bars_together,
+    panels=lambda found: [["pulse"], ["residual"]],
+    draw=draw_bars_together,
+    mosaic={"sharex": True, "height_ratios": [2.0, 1.0]},
+)
+REPEATED_TESTS = FigureKind(
+    name="repeats",
+    width=COLUMN,
+    height=lambda mean: 70.0,
+    caption=caption_repeats,
+    panels=lambda mean: [["curve"]],
+    draw=draw_repeats,
 )

@@ -12,6 +12,8 @@ from kolsky.base.arrays import FloatArray
 
 if TYPE_CHECKING:
     from explicit.materials.volumetric import VolumetricLaw
+    from kolsky.base.records import MaterialCurve
+    from kolsky.inverse.result import Identification
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,20 @@ class Solid:
     """Volumetric law, unscaled."""
     stiffness_factor: float
     """Factor on both."""
+
+
+def solid_of(curve: MaterialCurve, result: Identification) -> Solid:
+    """The material of an identification: the law of the curve, scaled by what was found."""
+    from explicit.materials.volumetric import VolumetricLaw, bulk_modulus
+    from kolsky.inverse.forward import material_law
+
+    law = material_law(curve)
+    values = {**result.fixed, **{name: e.value for name, e in result.estimates.items()}}
+    return Solid(
+        law=law,
+        volume=VolumetricLaw(float(bulk_modulus(law.initial_shear_modulus, values["poisson"]))),
+        stiffness_factor=values["stiffness_factor"],
+    )
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from pydantic import model_validator
 from kolsky.base.records import MaterialCurve
 from kolsky.base.units import UnitError, quantity
 from kolsky.shot.schema import fields as f
-from kolsky.shot.schema.section import ModeColumns, RatioColumn, Section, StressColumn
+from kolsky.shot.schema.section import ModeColumns, RatioColumn, Section, StressColumn, TextLayoutSection
 
 if TYPE_CHECKING:
     import explicit.materials
@@ -141,6 +141,7 @@ class CurveSection(Section):
     """[curve]: the quasi-static uniaxial curve."""
 
     file: f.FileName
+    layout: TextLayoutSection | None = None
     strain: RatioColumn
     stress: StressColumn
     convention: Literal["tension positive", "compression positive"]

@@ -6,7 +6,14 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from kolsky.readers.dic_layouts import LAYOUTS
 from kolsky.shot.schema import fields as f
-from kolsky.shot.schema.section import LayoutSection, LengthColumn, Section, TimeColumn, VoltageColumn
+from kolsky.shot.schema.section import (
+    LayoutSection,
+    LengthColumn,
+    Section,
+    TextLayoutSection,
+    TimeColumn,
+    VoltageColumn,
+)
 
 
 class ForceSection(Section):
@@ -77,6 +84,7 @@ class FramesSection(Section):
     """[frames]: when the cameras took their pictures."""
 
     file: f.FileName
+    layout: TextLayoutSection | None = None
     frame: f.Name
     time: TimeColumn
     static: Annotated[int, Field(ge=3)]
@@ -87,6 +95,7 @@ class FlyerSection(Section):
     """[flyer]: the flyer's displacement frame by frame."""
 
     file: f.FileName
+    layout: TextLayoutSection | None = None
     frame: f.Name
     time: TimeColumn | None = None
     displacement: LengthColumn
@@ -98,6 +107,7 @@ class CentreLineSection(Section):
     """[centre_line]: the specimen's outline frame by frame."""
 
     file: f.FileName
+    layout: TextLayoutSection | None = None
     frame: f.Name
     time: TimeColumn | None = None
     y: LengthColumn

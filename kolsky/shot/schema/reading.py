@@ -12,7 +12,7 @@ from typing import Any, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 
 from kolsky.base.errors import InputError, InputErrors
-from kolsky.readers.table import decode, read_bytes
+from kolsky.readers.text import decode, read_bytes
 from kolsky.shot.schema.bars import AnyFile
 from kolsky.shot.schema.schema import ShotFile, schema
 

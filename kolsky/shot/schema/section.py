@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from kolsky.readers.layout import Layout
+from kolsky.readers.contents import Layout
 from kolsky.readers.signalunits import si_unit
 from kolsky.readers.table import Column
 from kolsky.shot.schema import fields as f
@@ -84,10 +84,13 @@ def _time_unit(text: object) -> str:
     return str(text)
 
 
-class LayoutSection(Section):
-    """A table that says how a recorder's file is to be read; what it leaves out is found in the file."""
+class TextLayoutSection(Section):
+    """A table that says how a text file is to be read.
 
-    format: f.Name | None = None
+    In the tables of a shot ([frames], [flyer], [centre_line], [curve]) what it leaves out is as without it:
+    UTF-8, commas, decimal points, one header line. In a recorder's file it is found.
+    """
+
     encoding: f.Name | None = None
     delimiter: str | None = None
     decimal: str | None = None
@@ -95,6 +98,16 @@ class LayoutSection(Section):
     header_line: Annotated[int, Field(ge=0)] | None = None
     units_line: Annotated[int, Field(ge=0)] | None = None
     first_line: Annotated[int, Field(ge=1)] | None = None
+
+    def as_layout(self) -> Layout:
+        """What a reader needs to know."""
+        return Layout(**{name: getattr(self, name) for name in TextLayoutSection.model_fields})
+
+
+class LayoutSection(TextLayoutSection):
+    """A table that says how a recorder's file is to be read; what it leaves out is found in the file."""
+
+    format: f.Name | None = None
     sheet: f.Name | None = None
     time: str | int | dict[str, str | int] | None = None
     time_unit: Annotated[str, BeforeValidator(_time_unit)] | None = None
@@ -102,7 +115,7 @@ class LayoutSection(Section):
     start: f.Time | None = None
     unit: Annotated[str, BeforeValidator(_unit)] | None = None
 
-    def as_layout(self, *, full_scale: float | None = None, **said: str | int | None) -> Layout:
+    def as_recorder_layout(self, *, full_scale: float | None = None, **said: str | int | None) -> Layout:
         """What a reader needs to know.
 
         Parameters

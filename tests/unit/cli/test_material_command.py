@@ -11,9 +11,10 @@ from typer.testing import CliRunner
 from explicit.materials.laws.mooney_rivlin import MooneyRivlin
 from kolsky.base.errors import InputError
 from kolsky.cli import app
-from kolsky.cli.work.materialfiles import Columns, read_tests
+from kolsky.cli.material_fit import read_tests
 from kolsky.material.fits.homogeneous import incompressible_stress
 from kolsky.material.fits.modes import Mode
+from kolsky.material.fits.test_files import Columns
 
 LAW = MooneyRivlin(4e3, 2e3)
 STRETCH = np.linspace(0.55, 0.97, 15)

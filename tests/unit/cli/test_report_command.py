@@ -18,8 +18,8 @@ from kolsky.cli import app
 from kolsky.inverse.method_comparison import Method
 from kolsky.inverse.uncertainty_results import Declaration, ParameterProfile
 from kolsky.report import numbers
-from kolsky.report.page import render
-from kolsky.report.rendering import HEADING, LONGEST, legible
+from kolsky.report.pages.identification import render
+from kolsky.report.pages.rendering import HEADING, LONGEST, legible
 from kolsky.results.hdf5 import write_identification
 from kolsky.shot.load import load_shot
 from kolsky.shot.recorded import recording_facts
@@ -31,7 +31,7 @@ EVIL = "<script>alert(1)</script>"
 @pytest.fixture
 def no_old_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """The figures of the result have tests of their own, and take most of a page's time."""
-    monkeypatch.setattr("kolsky.report.page.REGISTRY", {})
+    monkeypatch.setattr("kolsky.report.pages.identification.REGISTRY", {})
 
 
 def identified(folder: Path, **changed: object) -> None:
@@ -97,7 +97,7 @@ def test_a_shot_without_a_result_is_refused(tmp_path: Path) -> None:
 def test_a_hostile_name_is_escaped_and_confined(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("kolsky.report.page.RECORDINGS", {})  # they show no name
+    monkeypatch.setattr("kolsky.report.pages.identification.RECORDINGS", {})  # they show no name
     (tmp_path / "a" / "b").mkdir(parents=True)  # two folders up from the shot is still the test's own
     folder = shot_in(tmp_path / "a" / "b" / "shot")
     file = folder / "shot.toml"

@@ -20,10 +20,10 @@ from typer.testing import CliRunner
 from doe.ledger import Ledger
 from kolsky.base.errors import InputError
 from kolsky.cli import app
-from kolsky.cli.work.designfile import read_design
 from kolsky.inverse.forward import Forward, Numerics
 from kolsky.inverse.prepared_shot import prepare_shot
 from kolsky.shot.load import load_shot
+from kolsky.studies.design_file import read_design
 from kolsky.studies.sweep import ShotRuns
 
 runner = CliRunner()

@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 from scipy.ndimage import fourier_shift, gaussian_filter
 
+from dic.chain.speckle_report import Speckles
 from dic.images import grey_noise, speckle_quality
 from dic.images.__main__ import main
 from dic.images.noise import gradient, noise_gain
 from kolsky.report.canvas import build
-from kolsky.report.figures.speckle_floor import KIND, Speckles
+from kolsky.report.figures import SPECKLES
 
 
 def blurred(side=160, width=2.0, contrast=400.0, mean=1500.0, seed=1):
@@ -263,7 +264,7 @@ def test_the_figure_names_its_axes_and_shows_every_panel(wanted):
     mask = np.ones(f.shape, dtype=bool)
     mask[:, 60:] = False
     quality = speckle_quality(f, mask, 21, 20.0, wanted=wanted)
-    figure = build(KIND, Speckles(f, quality))
+    figure = build(SPECKLES["speckle-floor"], Speckles(f, quality))
     labels = {ax.get_xlabel() for ax in figure.axes}
     assert {"$x$ (px)", "Floor (mpx)", "Predicted floor (mpx)"} <= labels
     share = next(ax for ax in figure.axes if ax.get_xlabel() == "Floor (mpx)")
@@ -272,4 +273,4 @@ def test_the_figure_names_its_axes_and_shows_every_panel(wanted):
     known = quality.floor[np.all(np.isfinite(quality.floor), axis=2)]
     assert np.interp(0.5, parts, x) == pytest.approx(1e3 * np.median(known[:, 0]), rel=1e-3)
     assert ("asked for" in [text.get_text() for text in share.get_legend().get_texts()]) == bool(wanted)
-    assert ("asked for" in KIND.caption(Speckles(f, quality))) == bool(wanted)
+    assert ("asked for" in SPECKLES["speckle-floor"].caption(Speckles(f, quality))) == bool(wanted)

@@ -23,7 +23,7 @@ from kolsky.inverse.prepared_shot import PreparedShot, prepare_shot
 from kolsky.inverse.result import Identification
 from kolsky.inverse.settings import Settings
 from kolsky.inverse.simulate import simulate, write_simulation
-from kolsky.report.page import render
+from kolsky.report.pages.identification import render
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.results.summary import to_json
 from kolsky.results.tables import write_csv

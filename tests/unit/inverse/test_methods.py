@@ -12,7 +12,7 @@ from kolsky.inverse.method_comparison import AGREEMENT, LEAST_SQUARES, SIMPLEX, 
 from kolsky.inverse.result import Identification
 from kolsky.inverse.settings import Settings
 from kolsky.report.numbers import NOTHING
-from kolsky.report.page import render
+from kolsky.report.pages.identification import render
 from kolsky.report.printed import details
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.results.summary import to_json
@@ -87,7 +87,7 @@ def test_a_method_that_failed_is_said() -> None:
 
 def page(result: Identification) -> str:
     """The report without its figures, which take seconds."""
-    with patch("kolsky.report.page.REGISTRY", {}):
+    with patch("kolsky.report.pages.identification.REGISTRY", {}):
         return render(result)
 
 

@@ -17,7 +17,7 @@ from kolsky.material.relaxation.time_scales import (
 )
 from kolsky.report.canvas import build
 from kolsky.report.figures import MODULI
-from kolsky.report.figures.rate_moduli import TimeScales
+from kolsky.report.figures.rate_curves import TimeScales
 
 LAW, YOUNG = neo_hookean(20e3), 60e3
 MODEL = RateModel(1.1, PronySeries((0.4,), (0.05,)))

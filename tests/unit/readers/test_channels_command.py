@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from kolsky.base.errors import InputError
 from kolsky.cli import app
-from kolsky.readers.layout import Layout
+from kolsky.readers.contents import Layout
 from kolsky.shot.load import load_shot
 from kolsky.shot.schema.section import LayoutSection
 

@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from kolsky.base.errors import InputError
-from kolsky.readers import centre_line_csv, flyer_csv, frame_times, scope_csv, uniaxial_csv
+from kolsky.readers.shot_tables import (
+    read_flyer,
+    read_frame_times,
+    read_outline,
+    read_scope,
+    read_uniaxial,
+)
 from kolsky.readers.table import Column, read_table
 
 T, V = Column("t (ms)", 1e-3), Column("CH 2", 1e-3)
@@ -31,14 +37,14 @@ def write(tmp_path: Path):
 
 def refused(path: Path) -> InputError:
     with pytest.raises(InputError) as caught:
-        scope_csv.read(path, time=T, voltage=V)
+        read_scope(path, time=T, voltage=V)
     assert "\n" not in str(caught.value)
     return caught.value
 
 
 def test_scope_channel_in_si_with_the_hash_of_its_bytes(write) -> None:
     path = write("t (ms),CH 1,CH 2\n-0.10,x,1.5\n-0.05,y,-2\n0.00,z,+3.25e0\n")
-    recording = scope_csv.read(path, time=T, voltage=V)
+    recording = read_scope(path, time=T, voltage=V)
     np.testing.assert_allclose(recording.time, [-1e-4, -5e-5, 0.0], rtol=1e-15)  # one product
     np.testing.assert_allclose(recording.value, [1.5e-3, -2e-3, 3.25e-3], rtol=1e-15)
     assert (recording.channel, recording.unit, recording.path) == ("CH 2", "V", path)
@@ -53,7 +59,7 @@ def test_line_ends_byte_order_mark_and_trailing_blank_lines(
     write, ending: str, mark: bytes, tail: bytes
 ) -> None:
     text = scope_text(["1", "2", "3"]).replace("\n", ending)
-    recording = scope_csv.read(write(mark + text.encode() + tail), time=T, voltage=V)
+    recording = read_scope(write(mark + text.encode() + tail), time=T, voltage=V)
     assert recording.time.size == 3
 
 
@@ -114,7 +120,7 @@ def test_a_step_rounded_in_the_last_digit_is_uniform(write) -> None:
     # 120 kHz sampling printed to 9 digits: the steps differ by one unit of the last digit.
     times = [f"{k / 120.0:.9f}" for k in range(200)]
     assert len({round(float(b) - float(a), 12) for a, b in itertools.pairwise(times)}) > 1
-    recording = scope_csv.read(write(scope_text(times)), time=T, voltage=V)
+    recording = read_scope(write(scope_text(times)), time=T, voltage=V)
     np.testing.assert_allclose(np.diff(recording.time), 1e-3 / 120.0, rtol=2e-7)  # last digit over the step
 
 
@@ -149,7 +155,7 @@ def test_two_gigabytes_are_refused_unread(tmp_path: Path) -> None:
 
 def test_frame_times(write) -> None:
     path = write("frame,time (ms),shutter\n3,-1.0,open\n4,0.0,open\n7,1.5,open\n", "frames.csv")
-    frames = frame_times.read(path, frame=Column("frame"), time=Column("time (ms)", 1e-3))
+    frames = read_frame_times(path, frame=Column("frame"), time=Column("time (ms)", 1e-3))
     assert frames.frame.tolist() == [3, 4, 7]
     assert frames.time.tolist() == [-1e-3, 0.0, 1.5e-3]
     assert frames.digit == pytest.approx(1e-4, rel=1e-12)  # powers of ten
@@ -168,15 +174,15 @@ def test_frame_times(write) -> None:
 def test_frame_times_refuse(write, body: str, fragment: str) -> None:
     path = write("frame,time (ms)\n" + body, "frames.csv")
     with pytest.raises(InputError, match="line 3") as caught:
-        frame_times.read(path, frame=Column("frame"), time=Column("time (ms)", 1e-3))
+        read_frame_times(path, frame=Column("frame"), time=Column("time (ms)", 1e-3))
     assert fragment in str(caught.value)
 
 
 def test_flyer_with_and_without_a_time_column(write) -> None:
     path = write("frame,d,t\n0,0.5,1.00\n1,-2,2.00\n", "flyer.csv")
     frame, d = Column("frame"), Column("d", 1e-3)
-    without = flyer_csv.read(path, frame=frame, displacement=d)
-    with_time = flyer_csv.read(path, frame=frame, displacement=d, time=Column("t"))
+    without = read_flyer(path, frame=frame, displacement=d)
+    with_time = read_flyer(path, frame=frame, displacement=d, time=Column("t"))
     np.testing.assert_allclose(without.displacement, [5e-4, -2e-3], rtol=1e-15)  # one product
     assert without.time is None
     assert with_time.time is not None
@@ -187,11 +193,11 @@ def test_flyer_with_and_without_a_time_column(write) -> None:
 def test_centre_line_rows_of_several_frames(write) -> None:
     path = write("frame,y,Z,s\n0,1,4.5,0.01\n0,2,4.6,0.02\n2,1,4.7,0.03\n", "line.csv")
     mm = {"y": Column("y", 1e-3), "Z": Column("Z", 1e-3)}
-    table = centre_line_csv.read(path, frame=Column("frame"), sigma=Column("s", 1e-3), **mm)
+    table = read_outline(path, frame=Column("frame"), sigma=Column("s", 1e-3), **mm)
     assert table.frame.tolist() == [0, 0, 2]
     assert table.sigma is not None
     np.testing.assert_allclose(table.sigma, [1e-5, 2e-5, 3e-5], rtol=1e-15)  # one product
-    assert centre_line_csv.read(path, frame=Column("frame"), **mm).sigma is None
+    assert read_outline(path, frame=Column("frame"), **mm).sigma is None
 
 
 @pytest.mark.parametrize(
@@ -204,12 +210,12 @@ def test_centre_line_rows_of_several_frames(write) -> None:
 def test_centre_line_refuses(write, body: str, fragment: str) -> None:
     path = write("frame,y,Z,s\n" + body, "line.csv")
     with pytest.raises(InputError, match="line 3") as caught:
-        centre_line_csv.read(path, frame=Column("frame"), y=Column("y"), Z=Column("Z"), sigma=Column("s"))
+        read_outline(path, frame=Column("frame"), y=Column("y"), Z=Column("Z"), sigma=Column("s"))
     assert fragment in str(caught.value)
 
 
 def test_uniaxial_percent_and_kilopascal(write) -> None:
     path = write("e,s\n0,0\n-50,-200\n", "curve.csv")
-    table = uniaxial_csv.read(path, strain=Column("e", 0.01), stress=Column("s", 1e3))
+    table = read_uniaxial(path, strain=Column("e", 0.01), stress=Column("s", 1e3))
     assert table.strain.tolist() == [0.0, -0.5]
     assert table.stress.tolist() == [0.0, -2e5]

@@ -10,8 +10,8 @@ import readerfiles as files
 from scipy.io import loadmat, savemat
 
 from kolsky.base.errors import InputError
-from kolsky.readers.layout import Layout
-from kolsky.readers.matlab5 import variables
+from kolsky.readers.contents import Layout
+from kolsky.readers.matlab import variables
 from kolsky.readers.recordings import list_channels, read_contents, read_recordings
 
 ALL = {**files.FILES, **files.UNITLESS}

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from synthetic import RESULTS
 
 from kolsky.report.canvas import build
-from kolsky.report.figuredata import COLUMNS, write_data
+from kolsky.report.figure_data import COLUMNS, write_data
 from kolsky.report.figures import REGISTRY
 
 

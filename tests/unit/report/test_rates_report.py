@@ -14,8 +14,8 @@ from ratedshots import DIAMETER, SHEAR, baseline, rated
 from kolsky.inverse.result import Verdict
 from kolsky.inverse.uncertainty_results import Declaration
 from kolsky.report.canvas import build, save_figures
-from kolsky.report.labels import shortened
-from kolsky.report.ratepage import figures_of, render
+from kolsky.report.nomenclature import shortened
+from kolsky.report.pages.rates import figures_of, render
 from kolsky.studies.rates.comparison import compare
 from kolsky.studies.rates.output import summary, write_csv, write_hdf5
 from kolsky.studies.rates.records import RateReport

@@ -21,14 +21,12 @@ from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Identification, Verdict
 from kolsky.report import numbers
 from kolsky.report.canvas import build, inline_svg, save_figures
+from kolsky.report.display_units import in_shown_units
 from kolsky.report.figures import REGISTRY
-from kolsky.report.figures.profiles import chosen_frames
-from kolsky.report.figures.shape_residual import cells
-from kolsky.report.labels import QUALITY, label
-from kolsky.report.nomenclature import name_of
-from kolsky.report.page import flattened, render, write_report
-from kolsky.report.shown import in_shown_units
-from kolsky.report.vtu import write_vtu
+from kolsky.report.figures.comparison import cells, chosen_frames
+from kolsky.report.nomenclature import QUALITY, label, name_of
+from kolsky.report.pages.identification import flattened, render, write_report
+from kolsky.report.paraview import write_vtu
 
 ROOT = Path(__file__).parents[3]
 
@@ -257,7 +255,7 @@ def test_page_says_the_answer_first_and_rounds(html: str) -> None:
 
 
 def test_page_without_warnings_has_no_banner(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("kolsky.report.page.REGISTRY", {})
+    monkeypatch.setattr("kolsky.report.pages.identification.REGISTRY", {})
     assert "Before using" not in render(replace(RESULTS["one"], warnings=()))
     text = " ".join(Page(render(RESULTS["damping"])).text.split())
     assert "β = 25.00 ± 0.82 µs" in text  # U = 2 hypot(0.4, 0.1) = 0.825
@@ -265,7 +263,7 @@ def test_page_without_warnings_has_no_banner(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_friction_that_is_not_used_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("kolsky.report.page.REGISTRY", {})
+    monkeypatch.setattr("kolsky.report.pages.identification.REGISTRY", {})
     result = RESULTS["one"]
     assert "not used: nothing slides" in render(result)
     sliding = {**result.provenance, "interface": {"faces": "coulomb", "side": "rough"}}
@@ -281,7 +279,7 @@ def test_page_of_a_failed_search_says_so() -> None:
 
 @pytest.mark.parametrize("verdict", Verdict)
 def test_every_verdict_is_explained(verdict: Verdict, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("kolsky.report.page.REGISTRY", {})  # words only
+    monkeypatch.setattr("kolsky.report.pages.identification.REGISTRY", {})  # words only
     result = RESULTS["one"]
     estimate = replace(result.estimates["stiffness_factor"], outcome=verdict, sigma_noise=float("inf"))
     html = render(replace(result, estimates={"stiffness_factor": estimate}))
@@ -291,7 +289,7 @@ def test_every_verdict_is_explained(verdict: Verdict, monkeypatch: pytest.Monkey
 
 
 def test_parts_that_do_not_add_up_are_mentioned(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("kolsky.report.page.REGISTRY", {})
+    monkeypatch.setattr("kolsky.report.pages.identification.REGISTRY", {})
     result = RESULTS["one"]
     estimate = replace(result.estimates["stiffness_factor"], noise_parts={"force and shape": 0.5})
     assert "do not add up" in render(replace(result, estimates={"stiffness_factor": estimate}))
@@ -299,7 +297,7 @@ def test_parts_that_do_not_add_up_are_mentioned(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_written_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("kolsky.report.page.REGISTRY", {})
+    monkeypatch.setattr("kolsky.report.pages.identification.REGISTRY", {})
     path = tmp_path / "report.html"
     write_report(path, replace(RESULTS["one"], provenance={"inputs": {"a\udcff.csv": "0"}}))
     assert "a\\udcff.csv" in path.read_text(encoding="utf-8")  # a file name that is no text

@@ -7,10 +7,9 @@ import pytest
 from synthetic import synthetic
 
 from kolsky.report import numbers
-from kolsky.report.changes import changes, parts
-from kolsky.report.choices import choices
+from kolsky.report.display_units import in_shown_units
 from kolsky.report.nomenclature import in_words, short
-from kolsky.report.shown import in_shown_units
+from kolsky.report.pages.uncertainty import changes, choices, parts
 
 
 def test_changes_are_the_parts_of_the_interval() -> None:

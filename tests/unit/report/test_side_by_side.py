@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from kolsky.report.sidebyside import can_share, drawn_by
+from kolsky.report.pages.parallel import can_share, drawn_by
 
 sharing = pytest.mark.skipif(not can_share(), reason="one core, or no copies of processes here")
 

@@ -11,7 +11,7 @@ from doe import Box, sobol
 from kolsky.inverse.run_table import DesignTable
 from kolsky.report.canvas import build
 from kolsky.report.figures import SWEEPS
-from kolsky.report.sweeppage import render, write_page
+from kolsky.report.pages.sweep import render, write_page
 from kolsky.studies.sweep_analysis import LEVELS, SweepAnalysis, analyse_sweep
 
 BOX = Box.of({"friction": (0.0, 1.0), "stiffness_factor": (0.5, 1.5), "damping": (1e-6, 1e-4)})

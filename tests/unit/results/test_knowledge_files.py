@@ -19,10 +19,10 @@ from kolsky.inverse.uncertainty_results import (
     Variation,
 )
 from kolsky.report.canvas import build
-from kolsky.report.choices import choices
+from kolsky.report.display_units import in_shown_units
 from kolsky.report.figures import REGISTRY
-from kolsky.report.page import render
-from kolsky.report.shown import in_shown_units
+from kolsky.report.pages.identification import render
+from kolsky.report.pages.uncertainty import choices
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.results.summary import to_json
 

@@ -15,7 +15,7 @@ from kolsky.inverse.prepared_shot import prepare_shot
 from kolsky.inverse.result import Verdict
 from kolsky.inverse.settings import Settings
 from kolsky.inverse.simulate import simulate, write_simulation
-from kolsky.report.page import render
+from kolsky.report.pages.identification import render
 from kolsky.report.printed import answer, details
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.results.summary import to_json

@@ -15,8 +15,8 @@ from synthetic_dic import SIDE, synthetic_result
 from kolsky.base.errors import InputError
 from kolsky.report.canvas import build
 from kolsky.report.figures import RECORDINGS
-from kolsky.report.labels import label
-from kolsky.report.page import render
+from kolsky.report.nomenclature import label
+from kolsky.report.pages.identification import render
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.shot.dic_summary import numbers, printed
 from kolsky.shot.load import load_shot
@@ -58,7 +58,7 @@ def seen() -> Recorded:
 @pytest.fixture
 def no_old_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """The figures of the result have tests of their own, and take most of a page's time."""
-    monkeypatch.setattr("kolsky.report.page.REGISTRY", {})
+    monkeypatch.setattr("kolsky.report.pages.identification.REGISTRY", {})
 
 
 def test_recordings_are_those_of_the_files(seen: Recorded) -> None:

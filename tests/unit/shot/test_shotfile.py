@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from kolsky.base.errors import InputError, InputErrors
-from kolsky.cli.work.new import template
+from kolsky.cli.new import template
 from kolsky.shot.schema.reading import key_lines, line_of, read_shot_toml
 
 

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from synthetic_dic import BLACK, synthetic_result
 
-from kolsky.shot.surfaces_file import ResultFileError, read_stereo_result, stored_key, write_stereo_result
+from kolsky.base.errors import InputError
+from kolsky.shot.surfaces_file import read_stereo_result, stored_key, write_stereo_result
 
 
 @pytest.fixture(scope="module")
@@ -76,12 +77,12 @@ CHANGES = {
     "missing": (lambda f: f.__delitem__("entry/specimen/u"), "u"),
     "shape": (
         lambda f: (f.__delitem__("entry/t"), f["entry"].create_dataset("t", data=np.zeros(3))),
-        "units|frames|in None",
+        "size 3 along 'frames'|expected 3|in None",
     ),
     "unit": (lambda f: f["entry/t"].attrs.__setitem__("units", "ms"), "must be in 's'"),
     "version": (lambda f: f.attrs.__setitem__("format_version", 99), "99"),
     "outcome": (lambda f: f["entry/specimen/outcome"].__setitem__((0, 0), 77), "outcome 77"),
-    "facts": (lambda f: f["entry/facts"].__setitem__((), b"{"), "damaged"),
+    "facts": (lambda f: f["entry/facts"].__setitem__((), b"{"), "facts: not JSON"),
     "camera": (lambda f: f["entry/cameras/0/fx"].__setitem__((), -1.0), "focal"),
 }
 
@@ -92,7 +93,7 @@ def test_a_damaged_file_is_refused(tmp_path, result, name):
     path = tmp_path / "dic.h5"
     write_stereo_result(path, result)
     damaged(path, change)
-    with pytest.raises(ResultFileError, match=says) as refused:
+    with pytest.raises(InputError, match=says) as refused:
         read_stereo_result(path)
     assert str(path) in str(refused.value)
 
@@ -101,7 +102,7 @@ def test_no_file_and_no_hdf5(tmp_path):
     (tmp_path / "text.h5").write_text("no HDF5")
     for name in ("text.h5", "nothing.h5"):
         assert stored_key(tmp_path / name) is None
-        with pytest.raises(ResultFileError, match=name):
+        with pytest.raises(InputError, match=name):
             read_stereo_result(tmp_path / name)
 
 

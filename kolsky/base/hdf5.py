@@ -1,0 +1,264 @@
+"""HDF5 files: groups and datasets with units, written whole or not at all, and read without trust.
+
+The files follow the NeXus habit: `NXentry` and `NXdata` groups with `signal` and `axes`, and `units` on every
+array. Text is fixed-length UTF-8: no pickles, no object types. Of a file that is read, link, type, shape,
+size and unit of a dataset are checked before its values. Records are joined to it by
+`kolsky.base.hdf5_records`.
+"""
+
+import posixpath
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from dic.files import replacing
+from kolsky.base.errors import InputError
+
+STORED = {"f": "<f8", "i": "<i8", "b": "|b1", "u": "|u1"}
+"""Kind of a dataset -> its type in the file: float64, int64, bool, small unsigned integer."""
+COMPRESSED_FROM = 4096
+"""Values of a dataset from which on it is compressed."""
+
+
+class Refused(Exception):
+    """A part of a file that cannot be used, said without the file's name."""
+
+
+@dataclass(frozen=True)
+class Format:
+    """Name and version that a file carries as the attributes `format` and `format_version`."""
+
+    name: str
+    """Name of the format."""
+    version: int = 1
+    """Version that is written."""
+    readable: tuple[int, ...] = (1,)
+    """Versions that are read."""
+    largest: int = 2**30
+    """Largest dataset that is read [bytes]."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A group or dataset of an open file."""
+
+    file: h5py.File
+    """The file."""
+    path: str
+    """Path in it, without the leading slash."""
+    version: int
+    """Version of the file's format."""
+    largest: int
+    """Largest dataset that is read [bytes]."""
+    sizes: dict[str, int] = field(default_factory=dict)
+    """Sizes of the named dimensions met so far; a dimension of one name has one size."""
+    unit: str = ""
+    """Unit of the record it belongs to, see `kolsky.base.hdf5_records.OWN`."""
+
+    @property
+    def name(self) -> str:
+        """Last part of the path."""
+        return posixpath.basename(self.path)
+
+    @property
+    def parent(self) -> "Place":
+        """The group around it."""
+        return self.at("..")
+
+    def at(self, path: str) -> "Place":
+        """A place relative to this one, with the same dimensions."""
+        return replace(self, path=posixpath.normpath(f"{self.path}/{path}"))
+
+    def inside(self, path: str = ".") -> "Place":
+        """A place whose new dimensions are its own; those met so far hold there too."""
+        return replace(self.at(path), sizes=dict(self.sizes))
+
+    def exists(self) -> bool:
+        """Whether anything, be it a link, has this name."""
+        return opened(self.parent, h5py.Group).get(self.name, getlink=True) is not None
+
+
+@contextmanager
+def creating(path: Path, **attributes: Any) -> Iterator[h5py.File]:
+    """A new file with these attributes that takes its place at the end; an older one stays if that fails."""
+    with replacing(Path(path)) as partial, h5py.File(partial, "w") as file:
+        for key, value in attributes.items():
+            file.attrs[key] = value
+        yield file
+
+
+@contextmanager
+def writing(path: Path, form: Format, **attributes: Any) -> Iterator[Place]:
+    """The place "entry" of a new file of a format, see `creating`; the group itself is not made yet."""
+    head = {"format": form.name, "format_version": form.version, "default": "entry"}
+    with creating(path, **head, **attributes) as file:
+        yield Place(file, "entry", form.version, form.largest)
+
+
+@contextmanager
+def adding_to(path: Path) -> Iterator[h5py.Group]:
+    """The group "entry" of an existing file, to write more into it."""
+    with h5py.File(path, "r+") as file:
+        yield file["entry"]
+
+
+@contextmanager
+def reading(path: Path, form: Format, *, cure: str) -> Iterator[Place]:
+    """The place "entry" of a file of a format, nothing of it read yet.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged or of another format or version, or if something inside the block is
+        refused. The message is one line and ends in `cure`.
+    """
+    try:
+        with h5py.File(path, "r") as file:
+            name, version = (_attribute(file, key) for key in ("format", "format_version"))
+            if not (name == form.name and version in form.readable):
+                known = " or ".join(map(str, form.readable))
+                raise Refused(
+                    f"version {version} of the format {name!r}, expected version {known} of {form.name!r}"
+                )
+            yield Place(file, "entry", int(str(version)), form.largest)
+    except FileNotFoundError:
+        raise InputError(path, "no such file", cure=cure) from None
+    except Refused as error:
+        raise InputError(path, str(error), cure=cure) from None
+    except (OSError, RuntimeError, KeyError, TypeError, ValueError, AttributeError) as error:
+        # What h5py raises on damaged files; its messages can span lines.
+        cause = " ".join(str(error).split())
+        raise InputError(path, f"not a readable HDF5 file ({cause})", cure=cure) from error
+
+
+def stored_attribute(path: Path, form: Format, name: str) -> object:
+    """One attribute of a file; None if there is no such file, format, version or attribute."""
+    try:
+        with h5py.File(path, "r") as file:
+            found = (_attribute(file, "format"), _attribute(file, "format_version"))
+            return _attribute(file, name) if found == (form.name, form.version) else None
+    except (OSError, RuntimeError, KeyError, TypeError, ValueError):
+        return None
+
+
+def _attribute(file: h5py.File, name: str) -> object:
+    value = file.attrs.get(name)
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def group(parent: h5py.Group, name: str, nx_class: str = "NXcollection", **attributes: Any) -> h5py.Group:
+    """Make a group of a NeXus class."""
+    made = parent.create_group(name)
+    made.attrs["NX_class"] = nx_class
+    for key, value in attributes.items():
+        made.attrs[key] = value
+    return made
+
+
+def data(parent: h5py.Group, name: str, signal: str, *axes: str) -> h5py.Group:
+    """Make a group of data that names its signal and its axes."""
+    return group(parent, name, "NXdata", signal=signal, axes=list(axes))
+
+
+def put(
+    parent: h5py.Group, name: str, values: Any, unit: str | None, *, kind: str = "f", **attributes: Any
+) -> None:
+    """Write numbers as a dataset of the kind, with their unit (None: none is written) and attributes."""
+    array = np.asarray(values, dtype=STORED[kind])
+    large = array.size > COMPRESSED_FROM
+    packing = {"compression": "gzip", "compression_opts": 4, "shuffle": True} if large else {}
+    dataset = parent.create_dataset(name, data=array, **packing)
+    if unit is not None:
+        dataset.attrs["units"] = unit
+    for key, value in attributes.items():
+        dataset.attrs[key] = value
+
+
+def put_text(parent: h5py.Group, name: str, value: str | Sequence[str]) -> None:
+    """Write a text or several as a dataset of fixed-length UTF-8.
+
+    Raises
+    ------
+    ValueError
+        If a text has a NUL character or a lone surrogate.
+    """
+    texts = [value] if isinstance(value, str) else list(value)
+    if any("\0" in text for text in texts):
+        place = f"{parent.name.rstrip('/')}/{name}"
+        raise ValueError(f"{place}: a text with a NUL character cannot be stored")
+    encoded = [text.encode() for text in texts]
+    array = np.array(encoded, dtype=h5py.string_dtype("utf-8", max([1, *map(len, encoded)])))
+    parent.create_dataset(name, data=array.reshape(()) if isinstance(value, str) else array)
+
+
+def shape_problem(shape: tuple[int, ...], dimensions: str, sizes: dict[str, int]) -> str:
+    """What is wrong with a shape, "" if nothing; new named dimensions are added to `sizes`.
+
+    Parameters
+    ----------
+    shape
+        The shape.
+    dimensions
+        Names of its dimensions, "" for a scalar; a number is a size: "frames points 3".
+    sizes
+        Size of every dimension that is known.
+    """
+    names = dimensions.split()
+    if len(shape) != len(names):
+        return f"has {len(shape)} dimensions, expected {len(names)} ({dimensions or 'scalar'})"
+    for name, size in zip(names, shape, strict=True):
+        expected = int(name) if name.isdigit() else sizes.setdefault(name, size)
+        if size != expected:
+            return f"has size {size} along {name!r} of ({dimensions}), expected {expected}"
+    return ""
+
+
+def take(place: Place, unit: str | None, dimensions: str, kind: str) -> Any:
+    """Values of a dataset, or text (kind "t"), once everything else about it is as expected."""
+    dataset, where = opened(place, h5py.Dataset), f"/{place.path}"
+    if dataset.external or dataset.is_virtual:
+        raise Refused(f"{where}: its values lie in another file, expected them in this one")
+    right = dataset.dtype.kind == "S" if kind == "t" else dataset.dtype == np.dtype(STORED[kind])
+    if not right:
+        raise Refused(f"{where}: type {dataset.dtype}, expected {'text' if kind == 't' else STORED[kind]}")
+    if dataset.shape is None:
+        raise Refused(f"{where}: holds nothing, expected ({dimensions or 'scalar'})")
+    wrong = shape_problem(dataset.shape, dimensions, place.sizes)
+    if wrong:
+        raise Refused(f"{where}: {wrong}")
+    if dataset.size * dataset.dtype.itemsize > place.largest:
+        raise Refused(f"{where}: more than {place.largest} bytes")
+    if unit is not None and dataset.attrs.get("units") != unit:
+        raise Refused(f"{where}: in {dataset.attrs.get('units')!r}, must be in {unit!r}")
+    return _text(dataset[()], where) if kind == "t" else dataset[()]
+
+
+def _text(value: Any, where: str) -> str | tuple[str, ...]:
+    try:
+        if isinstance(value, np.ndarray):
+            return tuple(text.decode() for text in value.tolist())
+        return bytes(value).decode()
+    except UnicodeDecodeError as error:
+        raise Refused(f"{where}: not UTF-8 ({error.reason})") from None
+
+
+def opened(place: Place, kind: type) -> Any:
+    """The object at a place, reached over hard links only (a soft or external link could lead anywhere)."""
+    here: Any = place.file
+    done = ""
+    for part in place.path.split("/"):
+        done += "/" + part
+        link = here.get(part, getlink=True) if isinstance(here, h5py.Group) else None
+        if link is None:
+            raise Refused(f"{done}: missing")
+        if not isinstance(link, h5py.HardLink):
+            raise Refused(f"{done}: a {type(link).__name__}, expected the object itself")
+        here = here[part]
+    if not isinstance(here, kind):
+        raise Refused(f"{done}: a {type(here).__name__}, expected a {kind.__name__}")
+    return here

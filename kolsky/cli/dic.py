@@ -1,0 +1,84 @@
+"""`kolsky dic`: from the pictures of a shot to surfaces, files, tables and a page."""
+
+from time import perf_counter
+from typing import Annotated
+
+import typer
+
+from kolsky.cli import texts
+from kolsky.cli.options import AsJson, Figures, Out, ShotPath
+
+
+def dic(
+    shot: ShotPath,
+    out: Out = None,
+    device: Annotated[
+        str, typer.Option(help='Where pictures are correlated: "cpu" or a CUDA device such as "cuda:0".')
+    ] = "cpu",
+    again: Annotated[bool, typer.Option("--again", help="Correlate even if the result is there.")] = False,
+    csv: Annotated[bool, typer.Option("--csv", help="Also write the points of every frame as CSV.")] = False,
+    vtp: Annotated[bool, typer.Option("--vtp", help="Also write the surfaces for ParaView.")] = False,
+    figures: Figures = "",
+    as_json: AsJson = False,
+) -> None:
+    """Correlate a shot's pictures: surfaces, outline and the flyer's displacement, each with its sigma.
+
+    Writes dic.h5, dic.html, centreline.csv, flyer.csv and the reporting table into SHOT/results. `kolsky
+    identify` does the same by itself for a shot without exports.
+    """
+    started = perf_counter()
+    formats = texts.figure_formats(figures)
+    from dic.output.csv import write_frames
+    from kolsky.bars.flyer import flight_report
+    from kolsky.base.files import filling, usable_folder
+    from kolsky.cli.terminal import print_result, progress_bars, since
+    from kolsky.shot import dic_summary
+    from kolsky.shot.dic_output import write_tables
+    from kolsky.shot.load import load_pictures
+    from kolsky.shot.optical_data import RESULT_FILE, surfaces
+
+    loaded = load_pictures(shot)
+    folder = usable_folder(out or loaded.folder / "results")
+    with progress_bars() as progress:
+        began = perf_counter()
+        found = surfaces(loaded.pictures, folder, device=device, again=again, progress=progress)
+    result, now = found.result, perf_counter()
+    times = {name: result.seconds[name] for name in ("calibration", "correlation")} if found.fresh else {}
+    times["surfaces file"] = now - began - sum(times.values())
+    from kolsky.report.canvas import save_figures
+    from kolsky.report.figures import SURFACES
+    from kolsky.report.pages.surfaces import write_page
+    from kolsky.report.paraview import write_vtp
+    from kolsky.report.surface_view import view
+
+    shown = view(loaded.name, result, loaded.pictures.series, found.flight)
+    with filling(folder) as partial:
+        write_tables(partial, found, loaded.pictures.frames.frame)
+        now = perf_counter()
+        write_page(partial / "dic.html", shown, loaded.inputs, processes=2)
+        times["page"] = perf_counter() - now
+        if formats:
+            save_figures(partial / "figures", shown, formats=formats, registry=SURFACES)
+        if csv:
+            write_frames(partial / "surface", result.specimen, strain=result.strain.value)
+        if vtp:
+            write_vtp(partial / "vtp", result.specimen, "specimen")
+            if result.flyer is not None:
+                write_vtp(partial / "vtp", result.flyer, "flyer")
+    said = {
+        "shot": loaded.name,
+        **dic_summary.summary(result),
+        **flight_report.summary(found.flight),
+        "remarks": dic_summary.warnings(result),
+    }
+    print_result(
+        {**dic_summary.printed(result), **flight_report.printed(found.flight)},
+        said if as_json else None,
+        rest={
+            "result": f"{folder / RESULT_FILE}" + ("" if found.fresh else " (as it was)"),
+            "page": folder / "dic.html",
+            "stages": ", ".join(f"{name} {value:.1f} s" for name, value in times.items()),
+            "wall time": since(started),
+        },
+        warnings=dic_summary.warnings(result),
+    )

@@ -1,0 +1,81 @@
+"""`kolsky film`: the deforming specimen of an identified shot as stills, a film and files for ParaView."""
+
+from time import perf_counter
+from typing import Annotated
+
+import typer
+
+from kolsky.base.errors import InputError
+from kolsky.cli import texts
+from kolsky.cli.options import AsJson, Out, ShotPath
+
+STILLS = "png"
+SERIES = "vtu"
+
+
+def film(
+    shot: ShotPath,
+    field: Annotated[str, typer.Option(help="What colours it: stretch, pressure or energy.")] = "stretch",
+    formats: Annotated[
+        str,
+        typer.Option(
+            "--format", metavar="FORMATS", help="png (stills), mp4, gif, vtu (ParaView); several by commas."
+        ),
+    ] = "png",
+    every: Annotated[int, typer.Option(min=1, help="Take every so many of the recorded times.")] = 1,
+    rate: Annotated[float, typer.Option(min=1.0, max=120.0, help="Pictures a second of a film.")] = 25.0,
+    stills: Annotated[int, typer.Option(min=1, max=1000, help="Number of stills.")] = 6,
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """Render the specimen of an identified shot between its platens, half of it cut away.
+
+    Needs the results of `kolsky identify`; writes into their folder film.
+    """
+    started = perf_counter()
+    from kolsky.report.scene.fields import FIELDS
+    from kolsky.report.scene.film import FILMS, writer_for
+
+    texts.one_of("--field", field, tuple(FIELDS))
+    wanted = texts.listed(formats)
+    for name in wanted:
+        texts.one_of("--format", name, (*FILMS, STILLS, SERIES))
+        if name in FILMS:
+            try:
+                writer_for(name)
+            except ImportError as error:
+                raise InputError(texts.COMMAND_LINE, f"--format {name}: {error}") from None
+    from kolsky.cli.inputs import load, usable
+    from kolsky.cli.terminal import counted, print_result, progress_bars, since
+
+    loaded, folder = load(shot, out)
+    from kolsky.base.files import filling
+    from kolsky.report.paraview import write_vtu
+    from kolsky.report.result_folder import RESULT_FILE
+    from kolsky.report.scene.drawing import CannotRender
+    from kolsky.report.scene.fields import solid_of
+    from kolsky.report.scene.film import write_film, write_stills
+    from kolsky.report.scene.stage import stage_of
+    from kolsky.results.hdf5 import read_identification
+
+    result = read_identification(folder / RESULT_FILE)
+    solid = solid_of(loaded.curve, result)
+    written: list[str] = []
+    with usable(loaded), filling(folder / "film") as partial, progress_bars() as progress:
+        stage = stage_of(result, field=field, solid=solid)
+        try:
+            if STILLS in wanted:
+                written += [path.name for path in write_stills(partial, stage, stills)]
+            for name in (name for name in wanted if name in FILMS):
+                frames = len(range(0, len(stage.times), every))
+                report = counted(progress, f"pictures, {name}", frames)
+                path = partial / f"{field}.{name}"
+                written.append(write_film(path, stage, every=every, rate=rate, progress=report).name)
+        except CannotRender as error:
+            raise InputError(texts.COMMAND_LINE, str(error)) from None
+        if SERIES in wanted:
+            series = write_vtu(partial, result.response, stage.mesh.quads, every=every)
+            written.append(f"{series[-1].name} and {len(series) - 1} meshes")
+    summary = {"shot": loaded.name, "field": field, "folder": str(folder / "film"), "files": written}
+    shown = {**summary, "files": ", ".join(written)}
+    print_result(shown, summary if as_json else None, rest={"wall time": since(started)})

@@ -1,0 +1,219 @@
+"""Texts of the command line turned into typed settings; every refusal says what was expected."""
+
+from collections.abc import Iterable, Sequence
+from math import prod
+from pathlib import Path
+
+from kolsky.base.errors import InputError
+
+COMMAND_LINE = Path("command line")
+MOST_RUNS = 1_000_000
+"""Most runs of a sweep; their histories must fit into memory."""
+
+
+def _refuse(option: str, text: str, expected: str) -> InputError:
+    return InputError(COMMAND_LINE, f"{option} {text!r} cannot be read", cure=f"write {expected}")
+
+
+def listed(text: str) -> tuple[str, ...]:
+    """The names of a comma-separated option."""
+    return tuple(part.strip() for part in text.split(",") if part.strip())
+
+
+def figure_formats(text: str) -> tuple[str, ...]:
+    """ "pdf,svg" as formats of figures that are saved alone."""
+    from kolsky.report.formats import FIGURES
+
+    return tuple(one_of("--figures", name, FIGURES) for name in listed(text))
+
+
+def numbers(option: str, text: str) -> list[float]:
+    """ "0.5, 1, 2" as numbers."""
+    try:
+        return [float(part) for part in listed(text)]
+    except ValueError:
+        raise _refuse(option, text, "numbers with commas, e.g. 1,2") from None
+
+
+def physical(option: str, text: str, unit: str, *, positive: bool = False) -> float:
+    """ "0.2 um/N" as a number in a unit of SI; above zero if it must be positive."""
+    from kolsky.base.units import UnitError, quantity
+
+    try:
+        value = quantity(text, unit)
+    except UnitError as error:
+        raise InputError(COMMAND_LINE, f"{option} {error}") from None
+    if positive and not value > 0.0:
+        raise InputError(COMMAND_LINE, "is not allowed", key=option, value=text, allowed=f"> 0 {unit}")
+    return value
+
+
+def strains(option: str, text: str) -> tuple[float, ...]:
+    """ "0.1,0.3" as nominal compressive strains."""
+    try:
+        found = tuple(float(part) for part in text.split(",") if part.strip())
+    except ValueError:
+        found = ()
+    if not found or not all(0.0 < strain < 1.0 for strain in found):
+        raise _refuse(option, text, "numbers between 0 and 1, e.g. 0.1,0.3")
+    return found
+
+
+def mesh(option: str, text: str) -> tuple[int, int]:
+    """ "24x32" as elements across the radius and along the length."""
+    parts = text.lower().split("x")
+    if len(parts) != 2 or not all(part.strip().isdecimal() for part in parts):
+        raise _refuse(option, text, "elements across the radius x along the length, e.g. 24x32")
+    across, along = int(parts[0]), int(parts[1])
+    if across < 2 or along < 2 or across * along > 1_000_000:
+        raise _refuse(option, text, "at least 2x2 and at most a million elements")
+    return across, along
+
+
+def values(option: str, texts: Sequence[str]) -> dict[str, float]:
+    """["stiffness_factor=1.1", "damping=25 us"] as values in SI, checked against the allowed ranges."""
+    found: dict[str, float] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise _refuse(option, text, "NAME=VALUE, e.g. stiffness_factor=1.1")
+        if name in found:
+            raise _refuse(option, text, f"{name} once")
+        found[name] = _value(option, text, name, value)
+    return found
+
+
+def ranges(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float] | None]:
+    """["stiffness_factor", "friction=0:2"] as bounds by name; None where the default bounds apply."""
+    found: dict[str, tuple[float, float] | None] = {}
+    for text in texts:
+        name, equals, bounds = text.partition("=")
+        ends = bounds.split(":")
+        if equals and len(ends) != 2:
+            raise _refuse(option, text, "NAME or NAME=LOW:HIGH, e.g. friction=0:2")
+        if name in found:
+            raise _refuse(option, text, f"{name} once")
+        if not equals:
+            _known(option, text, name)
+            found[name] = None
+            continue
+        low, high = (_value(option, text, name, end) for end in ends)
+        if not low < high:
+            raise _refuse(option, text, f"the lower bound of {name} before the upper one")
+        found[name] = (low, high)
+    return found
+
+
+def levels(option: str, texts: Sequence[str]) -> tuple[dict[str, tuple[float, float]], list[int]]:
+    """["stiffness_factor=0.75:1.25:10"] as bounds by name and the number of levels of each."""
+    bounds: dict[str, tuple[float, float]] = {}
+    counts: list[int] = []
+    for text in texts:
+        rest, _, count = text.rpartition(":")
+        if rest.count(":") != 1 or not count.strip().isdecimal() or int(count) < 2:
+            raise _refuse(option, text, "NAME=LOW:HIGH:LEVELS with at least 2 levels, e.g. friction=0:2:10")
+        counts.append(int(count))
+        for name, pair in spans(option, [rest]).items():
+            if name in bounds:
+                raise _refuse(option, text, f"{name} once")
+            bounds[name] = pair
+    if prod(counts) > MOST_RUNS:
+        raise InputError(
+            COMMAND_LINE,
+            f"{option}: {' x '.join(map(str, counts))} levels are {prod(counts)} runs",
+            allowed=f"at most {MOST_RUNS}",
+            cure="take fewer levels, or --design sobol",
+        )
+    return bounds, counts
+
+
+def spans(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """["friction=0:2"] as bounds by name."""
+    found: dict[str, tuple[float, float]] = {}
+    for text in texts:
+        for name, pair in ranges(option, [text]).items():
+            if pair is None:
+                raise _refuse(option, text, "NAME=LOW:HIGH, e.g. friction=0:2")
+            if name in found:
+                raise _refuse(option, text, f"{name} once")
+            found[name] = pair
+    return found
+
+
+def none(option: str, texts: Sequence[str], other: str) -> None:
+    """Refuse an option beside another that excludes it."""
+    if texts:
+        raise InputError(COMMAND_LINE, f"{option} excludes {other}", cure=f"leave out {option}")
+
+
+def shard(option: str, text: str) -> tuple[int, int]:
+    """ "2/8" as the second of eight parts."""
+    part, slash, parts = text.partition("/")
+    if not slash or not part.isdecimal() or not parts.isdecimal() or not 1 <= int(part) <= int(parts):
+        raise _refuse(option, text, "I/N with I from 1 to N, e.g. 2/8")
+    return int(part), int(parts)
+
+
+def one_of(option: str, text: str, choices: Sequence[str]) -> str:
+    """The text, if it is one of the choices."""
+    if text not in choices:
+        *others, last = choices
+        allowed = f"{', '.join(others)} or {last}"
+        raise InputError(COMMAND_LINE, "is not known", key=option, value=text, allowed=allowed)
+    return text
+
+
+def finer(option: str, refined: tuple[int, int], than: str, mesh: tuple[int, int]) -> None:
+    """Refuse a refined mesh that is not finer than the other one in both directions."""
+    if refined[0] <= mesh[0] or refined[1] <= mesh[1]:
+        raise InputError(
+            COMMAND_LINE,
+            f"is not finer than {than} {mesh[0]}x{mesh[1]} in both directions",
+            key=option,
+            value=f"{refined[0]}x{refined[1]}",
+            cure=f"write {2 * mesh[0]}x{2 * mesh[1]}",
+        )
+
+
+def apart(option: str, names: Iterable[str], other: str, others: Iterable[str]) -> None:
+    """Refuse a parameter that two options claim."""
+    for name in sorted(set(names) & set(others)):
+        raise InputError(COMMAND_LINE, f"{name} is named by both {option} and {other}", cure="choose one")
+
+
+def installed(option: str, package: str, extra: str) -> None:
+    """Refuse an option whose package is not there."""
+    from importlib.util import find_spec
+
+    if find_spec(package) is None:
+        raise InputError(
+            COMMAND_LINE, f"{option} needs {package}", cure=f"install it: pip install 'kolsky[{extra}]'"
+        )
+
+
+def _known(option: str, whole: str, name: str) -> str:
+    """The unit of a parameter that exists."""
+    from kolsky.inverse.parameters import parameter
+
+    try:
+        return parameter(name).unit
+    except ValueError as error:
+        raise InputError(COMMAND_LINE, f"{option} {whole!r}: {error}") from None
+
+
+def _value(option: str, whole: str, name: str, text: str) -> float:
+    from kolsky.base.units import UnitError, quantity
+    from kolsky.inverse.parameters import checked_value
+
+    unit = _known(option, whole, name)
+    try:
+        number = float(text)
+    except ValueError:
+        try:
+            number = quantity(text, unit)
+        except UnitError as error:
+            raise InputError(COMMAND_LINE, f"{option} {whole!r}: {error}") from None
+    try:
+        return checked_value(name, number)
+    except ValueError as error:
+        raise InputError(COMMAND_LINE, f"{option} {whole!r}: {error}") from None

@@ -1,1 +1,0 @@
-"""What a command does once its options are typed: load, call, write, print."""

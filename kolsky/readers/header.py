@@ -1,0 +1,277 @@
+"""Keys and values in the header of a text file, above or beside the samples, and the clock they state."""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+from kolsky.base.errors import InputError
+from kolsky.readers.dialect import Dialect
+from kolsky.readers.signalunits import si_unit
+
+INTERVAL_KEYS = (
+    "deltax", "increment", "xincrement", "xincr", "xinc", "tinc", "sampleinterval", "samplinginterval",
+    "sampleperiod", "samplingperiod", "timeinterval", "timeincrement", "horizontalinterval",
+    "horizontalincrement", "hresolution", "deltat", "dt", "tinterval", "wfincrement", "sampletime",
+)  # fmt: skip
+"""Keys of the time from sample to sample, without case, blanks and signs."""
+RATE_KEYS = ("samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "fs")
+"""Keys of its reciprocal [1/s]."""
+START_KEYS = (
+    "x0", "t0", "start", "xorigin", "xorg", "xstart", "xzero", "hoffset", "tstart", "wfstartoffset",
+    "firstsampletime", "horizontalstart",
+)  # fmt: skip
+"""Keys of the time of the first sample."""
+ZERO_INDEX_KEYS = ("zeroindex", "triggerpoint", "triggersample")
+"""Keys of the sample at time 0."""
+COUNT_KEYS = ("recordlength", "samples", "numpoints", "points", "blocksize", "segmentsize", "length")
+"""Keys of the number of samples."""
+UNIT_KEYS = ("horizontalunits", "hunit", "xunits", "xunit", "timeunit")
+"""Keys of the unit of time."""
+KEYS = frozenset(
+    key
+    for keys in (INTERVAL_KEYS, RATE_KEYS, START_KEYS, ZERO_INDEX_KEYS, COUNT_KEYS, UNIT_KEYS)
+    for key in keys
+    if key not in ("x0", "t0", "start", "length", "samples")  # these may be columns too
+) | {"tracename", "vunit", "model", "firmwareversion"}
+"""Keys that no column has."""
+
+_NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-zµμ]*)")
+
+
+@dataclass(frozen=True)
+class HeaderClock:
+    """What the header says of the clock; None for what it does not say."""
+
+    interval: float | None
+    """Time from sample to sample [s]."""
+    interval_digit: float
+    """Half the last printed digit of it [s]."""
+    start: float | None
+    """Time of the first sample [s]."""
+    source: str
+    """The keys they come from."""
+
+
+def bare_key(text: str) -> str:
+    """A key without case, blanks, signs and unit: "Sample Interval:" is "sampleinterval"."""
+    return re.sub(r"[^a-z0-9]", "", re.sub(r"[(\[].*?[)\]]", "", text.lower()))
+
+
+def header_clock(
+    path: Path, metadata: Mapping[str, Sequence[str]], *, channel: int = 0, channels: int = 1
+) -> HeaderClock:
+    """The clock of one channel.
+
+    Parameters
+    ----------
+    path
+        The file, for messages.
+    metadata
+        Key as written -> the fields behind it.
+    channel
+        Which of the channels, counted from 0, where a key has one value for each.
+    channels
+        Number of channels.
+
+    Raises
+    ------
+    InputError
+        If an interval is not positive, or a key has neither one value nor one for each channel.
+    """
+    written = time_unit(metadata)
+    known = None if written is None else si_unit(written)
+    unit = 1.0 if known is None else known[1]
+    interval, digit, start, sources = None, 0.0, None, []
+    for key, fields in metadata.items():
+        bare = bare_key(key)
+        wanted = bare in INTERVAL_KEYS or bare in RATE_KEYS or bare in START_KEYS
+        value = _of_channel(path, key, fields, channel, channels) if wanted else None
+        if value is None:
+            continue
+        number, factor, last = value
+        factor = factor or unit
+        if bare in START_KEYS and start is None:
+            start = number * factor
+            sources.append(key)
+        elif bare not in START_KEYS and interval is None:
+            if number <= 0.0:
+                raise InputError(path, f"says {key} = {number:g}", allowed="> 0", cure="state the interval")
+            rate = bare in RATE_KEYS
+            interval = 1.0 / number if rate else number * factor
+            digit = 0.5 * interval * last / number
+            sources.append(key)
+    if start is None and interval is not None:
+        for key, fields in metadata.items():
+            index = _number(fields[0]) if fields and bare_key(key) in ZERO_INDEX_KEYS else None
+            if index is not None:
+                start = -index[0] * interval
+                sources.append(key)
+                break
+    return HeaderClock(interval, digit, start, "header: " + ", ".join(sources) if sources else "")
+
+
+def time_unit(metadata: Mapping[str, Sequence[str]]) -> str | None:
+    """The unit of time that the header states, as it is written."""
+    for key, fields in metadata.items():
+        if bare_key(key) in UNIT_KEYS and fields:
+            known = si_unit(fields[0])
+            if known is not None and known[0] == "s":
+                return fields[0]
+    return None
+
+
+def stated_samples(metadata: Mapping[str, Sequence[str]]) -> tuple[str, int] | None:
+    """Key and value of the number of samples, if the header states one."""
+    for key, fields in metadata.items():
+        cells = [key, *fields]  # LeCroy: "Segments,1,SegmentSize,2500"
+        for name, text in pairwise(cells):
+            value = _number(text) if bare_key(name) in COUNT_KEYS else None
+            if value is not None and value[0] > 0 and value[0] == int(value[0]):
+                return name, int(value[0])
+    return None
+
+
+def _of_channel(
+    path: Path, key: str, fields: Sequence[str], channel: int, channels: int
+) -> tuple[float, float, float] | None:
+    """Number, factor of its unit (0 if it has none) and last digit, for one channel."""
+    values = [value for field in fields if (value := _number(field.rpartition(":")[2])) is not None]
+    if not values:
+        return None
+    chosen = values[0]
+    if any(value[0] != chosen[0] for value in values):
+        if len(values) != channels:
+            raise InputError(
+                path,
+                f"says {key} = {', '.join(f'{v[0]:g}' for v in values)} for {channels} channels",
+                cure="state interval and start in the layout",
+            )
+        chosen = values[channel]
+    number, word, last = chosen
+    follower = next((f for f in fields if (known := si_unit(f)) is not None and known[0] == "s"), "")
+    known = si_unit(word or follower) if word or follower else None
+    return number, known[1] if known is not None and known[0] == "s" else 0.0, last
+
+
+def _number(field: str) -> tuple[float, str, float] | None:
+    """Number, unit behind it and last printed digit of a field such as "4.0E-10" or "20 ns"."""
+    match = _NUMBER.fullmatch(field.strip())
+    if match is None:
+        return None
+    text, word = match.groups()
+    mantissa, _, exponent = text.lower().partition("e")
+    places = len(mantissa.partition(".")[2])
+    return float(text), word, 10.0 ** (int(exponent or 0) - places)
+
+
+COMMENTS = ("#", "%", "!", "//")
+"""How commented lines above the samples usually begin."""
+
+_PAIR = re.compile(r'"?([^:=;,\t"]+?)"?\s*[:=;,\t]\s*(.*)')
+_BLANKS = re.compile(r"(\D.*?)\s+([-+.\d].*)")
+
+
+def uncommented(line: str, comment: str | None) -> str:
+    """A line without its sign of a comment."""
+    for sign in (comment,) if comment else COMMENTS:
+        if line.startswith(sign):
+            return line.removeprefix(sign).lstrip()
+    return line
+
+
+def key_lines(dialect: Dialect, lines: Iterable[str]) -> dict[str, list[str]]:
+    """Key -> fields of lines such as "Sample Interval,1e-7,s" or "tInc = 2e-9"; a key that comes again is
+    numbered."""
+    metadata: dict[str, list[str]] = {}
+    separator = dialect.delimiter if dialect.delimiter != " " else None
+    for line in lines:
+        match = _PAIR.fullmatch(line.strip()) or _BLANKS.fullmatch(line.strip())
+        if match is None:
+            continue
+        key, rest = match.groups()
+        fields = [part.strip(' "') for part in (rest.split(separator) if separator else [rest])]
+        add_key(metadata, key, [part for part in fields if part])
+    return metadata
+
+
+def add_key(metadata: dict[str, list[str]], key: str, fields: list[str]) -> None:
+    """Add a key; one that is there already is numbered: "Date", "Date (2)"."""
+    name, count = key, 1
+    while name in metadata:
+        count += 1
+        name = f"{key} ({count})"
+    metadata[name] = fields
+
+
+def heading_keys(dialect: Dialect, lines: Sequence[str]) -> dict[str, list[str]]:
+    """Start and increment that stand beside the column names: as columns of their own, or as "tInc = 2e-9".
+
+    Parameters
+    ----------
+    dialect
+        How the lines are taken apart.
+    lines
+        The line of the names, and the line of the units if there is one.
+    """
+    rows = [dialect.split(line) for line in lines]
+    metadata: dict[str, list[str]] = {}
+    for i, cell in enumerate(rows[0] if rows else []):
+        if "=" in cell:
+            key, _, value = cell.partition("=")
+            metadata[key.strip()] = [value.strip()]
+        elif bare_key(cell) in (*START_KEYS, *INTERVAL_KEYS) and len(rows) > 1 and i < len(rows[1]):
+            metadata[cell] = [rows[1][i]]
+    return metadata
+
+
+def names_by_key(
+    metadata: Mapping[str, Sequence[str]],
+    columns: Sequence[int],
+    names: tuple[str, ...],
+    units: tuple[str | None, ...],
+) -> tuple[tuple[str, ...], tuple[str | None, ...]]:
+    """Names and units where a header line gives them behind a key (Yokogawa: TraceName, VUnit)."""
+    named, measured = list(names), list(units)
+    for key, fields in metadata.items():
+        bare = bare_key(key)
+        if bare not in ("tracename", "vunit") or len(fields) != len(columns):
+            continue
+        for column, field in zip(columns, fields, strict=True):
+            if bare == "tracename":
+                named[column] = field
+            else:
+                measured[column] = field
+    return tuple(named), tuple(measured)
+
+
+def keys_beside(rows: list[list[str]]) -> dict[str, list[str]]:
+    """Keys of the first column and what stands behind them."""
+    metadata: dict[str, list[str]] = {}
+    for row in rows:
+        key = row[0].strip().rstrip(":")
+        if key:
+            add_key(metadata, key, [part.strip() for part in row[1:] if part.strip()])
+    return metadata
+
+
+def check_width(path: Path, lines: list[str], separator: str, least: int) -> None:
+    """Refuse a line with too few fields.
+
+    Raises
+    ------
+    InputError
+        With its number.
+    """
+    for number, line in enumerate(lines):
+        fields = line.count(separator) + 1
+        if fields < least:
+            last = number == len(lines) - 1
+            raise InputError(
+                path,
+                f"has {fields} fields, {least} are needed"
+                + ("; the file seems to be cut off" if last else ""),
+                line=number + 1,
+                cure="copy or export the file again",
+            )

@@ -1,0 +1,265 @@
+"""Figures of the comparison: force and outline, measured and simulated, and their residuals."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.collections import PolyCollection
+from numpy.typing import NDArray
+
+from kolsky.inverse.result import Identification
+from kolsky.report.figures.base import (
+    BAND,
+    COLUMN,
+    GREY,
+    MEASURED,
+    MM,
+    MODEL,
+    MS,
+    PAGE,
+    UM,
+    FigureKind,
+    Panels,
+    largest,
+    letter,
+    say_empty,
+    smooth_bar,
+)
+
+
+def caption_force(result: Identification) -> str:
+    """Return the caption."""
+    return (
+        "Force on the transmission platen: every recorded sample, means over bins and the simulation at the "
+        "optimum (top); simulated minus measured force of each bin with the k = 2 band of the measured noise "
+        "(bottom). Compression is positive."
+    )
+
+
+def draw_force(result: Identification, panels: Panels) -> None:
+    """Draw the overlay and the residual."""
+    c = result.comparison
+    time = MS * c.force_time
+    top, low = panels["force"], panels["residual"]
+    top.plot(MS * c.recorded.time, c.recorded.force, color=GREY, lw=0.3, alpha=0.6, label="recorded")
+    top.plot(time, c.force_measured, "o", color=MEASURED, ms=1.6, mew=0.0, label="bin means")
+    top.plot(time, c.force_model, color=MODEL, label="simulated")
+    top.set_ylabel("Force $F$ (N)")
+    top.legend(loc="upper left")
+    top.tick_params(labelbottom=False)
+
+    band = 2.0 * c.force_sigma
+    low.fill_between(time, -band, band, color=BAND, alpha=0.4, lw=0.0, label="noise, k = 2")
+    low.axhline(0.0, color=GREY, lw=0.5)
+    low.plot(time, c.force_model - c.force_measured, color=MODEL, lw=0.8)
+    low.set_xlabel("Time $t$ (ms)")
+    low.set_ylabel(r"$F_\mathrm{sim} - F_\mathrm{meas}$ (N)")
+    low.legend(loc="lower left", ncols=2)
+    if time.size > 1:
+        half = 0.5 * (time[1] - time[0])
+        low.set_xlim(time[0] - half, time[-1] + half)
+    low.margins(y=0.25)
+
+
+def caption_outline_residual(result: Identification) -> str:
+    """Return the caption."""
+    outside = int((~result.comparison.inside).sum())
+    counted = f"{outside} point{'' if outside == 1 else 's'} outside the model’s range"
+    marks = f"crosses: {counted}, not counted" if outside else f"{counted}"
+    return (
+        "Simulated minus measured Z over height and time, one cell a measured point; the colour scale ends "
+        f"at the 99th percentile of its size. Lines: the ends of the simulated specimen; {marks}."
+    )
+
+
+def cells(time: NDArray[np.float64], frame: NDArray[np.int64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rectangles half-way to the neighbours in time and height, shape [n, 4, 2], in the given units."""
+    frames, first = np.unique(frame, return_index=True)
+    step = float(np.median(np.diff(time[first]) / np.diff(frames))) if frames.size > 1 else 1e-5
+    corners = np.empty((time.size, 4, 2))
+    for number in frames:
+        rows = np.flatnonzero(frame == number)
+        rows = rows[np.argsort(y[rows])]
+        gaps = np.diff(y[rows]) if rows.size > 1 else np.array([0.1 * abs(y[rows[0]])])
+        low = y[rows] - 0.5 * np.concatenate([gaps[:1], gaps])
+        high = y[rows] + 0.5 * np.concatenate([gaps, gaps[-1:]])
+        if rows.size == 1:
+            low, high = low[:1], high[:1]
+        left, right = time[rows] - 0.5 * step, time[rows] + 0.5 * step
+        loop = ((left, low), (right, low), (right, high), (left, high))
+        corners[rows] = np.stack([np.stack(corner, axis=-1) for corner in loop], axis=1)
+    return corners
+
+
+def draw_outline_residual(result: Identification, panels: Panels) -> None:
+    """Draw the map with its colour bar."""
+    c, line, response, ax = result.comparison, result.comparison.centre_line, result.response, panels["map"]
+    ax.set_xlabel("Time $t$ (ms)")
+    ax.set_ylabel("Height $y$ (mm)")
+    left_over = UM * (c.Z_model - line.Z)
+    seen = c.inside & np.isfinite(left_over)
+    limit = float(np.percentile(np.abs(left_over[seen]), 99.0)) if seen.any() else 1.0
+    corners = cells(MS * line.time, line.frame, MM * line.y)[seen]
+    # Edges in the colour of the face: without them viewers show white seams between the cells.
+    mapped = PolyCollection(
+        list(corners), array=left_over[seen], cmap="RdBu_r", edgecolors="face", linewidths=0.1
+    )
+    mapped.set_clim(-limit, limit)
+    ax.add_collection(mapped)
+    if not seen.any():
+        say_empty(ax, "no simulated outline")
+    if (~c.inside).any() and seen.any():
+        ax.plot(MS * line.time[~c.inside], MM * line.y[~c.inside], "x", color=MEASURED, ms=1.6, mew=0.4)
+    for end in (np.min, np.max):
+        ax.plot(MS * response.surface_times, MM * end(response.surface_y[0], axis=1), color=MEASURED, lw=0.7)
+    if line.time.size:
+        ax.set_xlim(MS * line.time.min(), MS * line.time.max())
+    ax.set_ylim(0.0, 1.03 * MM * max(largest(line.y, 1e-3), largest(response.surface_y, 1e-3)))
+    figure = ax.get_figure()
+    assert figure is not None  # an axes of a report always lies in one
+    label = r"$Z_\mathrm{sim} - Z_\mathrm{meas}$ (µm)"
+    smooth_bar(figure.colorbar(mapped, ax=ax, extend="both", label=label, pad=0.02))
+
+
+COUNT = 6
+
+
+def chosen_frames(result: Identification) -> NDArray[np.int64]:
+    """Frame numbers at equal distances through the window, the last one included, shape [<= 6]."""
+    frames = np.unique(result.comparison.centre_line.frame)
+    if frames.size <= COUNT:
+        return frames
+    return frames[np.round(np.arange(1, COUNT + 1) * (frames.size - 1) / COUNT).astype(int)]
+
+
+def caption_outlines(result: Identification) -> str:
+    """Return the caption."""
+    return (
+        "Outline of the specimen on the camera side at six times: measured points with ±2σ and the simulated "
+        "side surface (top); ΔZ, simulated minus measured Z of the same points, with ±2σ (bottom). y is the "
+        "height above the transmission platen."
+    )
+
+
+def draw_outlines(result: Identification, panels: Panels) -> None:
+    """Draw the overlay above the residual, a column a time."""
+    c, line, response = result.comparison, result.comparison.centre_line, result.response
+    frames = chosen_frames(result)
+    left_over = UM * (c.Z_model - line.Z)
+    shown = MM * np.concatenate([line.Z, c.Z_model[c.inside]])
+    limits = (shown.min() - 0.3, shown.max() + 0.3) if shown.size else (0.0, 1.0)
+    reach = 1.15 * largest((np.abs(left_over) + 2.0 * UM * line.sigma)[np.isin(line.frame, frames)])
+    for column in range(COUNT):
+        top, low = panels[f"outline {column}"], panels[f"residual {column}"]
+        top.set_xlabel("$Z$ (mm)")
+        low.set_xlabel(r"$\Delta Z$ (µm)")
+        top.set_xlim(*limits)
+        low.axvline(0.0, color=GREY, lw=0.5)
+        low.set_xlim(-reach, reach)
+        for ax in (top, low):
+            if column == 0:
+                ax.set_ylabel("Height $y$ (mm)")
+            else:
+                ax.tick_params(labelleft=False)
+        if column >= frames.size:
+            continue
+        rows = line.frame == frames[column]
+        time = line.time[rows][0]
+        letter(top, f"{'abcdef'[column]}")
+        top.text(0.95, 0.965, f"{MS * time:.2f} ms", transform=top.transAxes, ha="right", va="top")
+        # The model's outline is drawn where it was sampled at the frame's time; the rest is for the points.
+        nearest = int(np.argmin(np.abs(response.surface_times - time)))
+        if abs(response.surface_times[nearest] - time) < 1e-9:
+            r, y = response.surface_r[0, nearest], response.surface_y[0, nearest]
+            top.plot(MM * r, MM * y, color=MODEL, label="simulated")
+        else:
+            order = np.argsort(line.y[rows])
+            top.plot(MM * c.Z_model[rows][order], MM * line.y[rows][order], color=MODEL, label="simulated")
+        style: dict[str, Any] = {"fmt": "o", "color": MEASURED, "ms": 1.8, "mew": 0.0, "elinewidth": 0.6}
+        y = MM * line.y[rows]
+        top.errorbar(MM * line.Z[rows], y, xerr=2.0 * MM * line.sigma[rows], label="measured", **style)
+        low.errorbar(left_over[rows], y, xerr=2.0 * UM * line.sigma[rows], **style)
+    # The specimen is flattest in the last picture: that panel has room above it.
+    panels[f"outline {max(frames.size, 1) - 1}"].legend(loc="upper right", bbox_to_anchor=(1.0, 0.9))
+
+
+def caption_force_residual(result: Identification) -> str:
+    """Return the caption."""
+    return (
+        "Residual of the force over the standard deviation of each bin, with the band of k = 2 (left), and "
+        "its distribution beside the standard normal one (right). Stretches of one sign are error of the "
+        "model, not noise."
+    )
+
+
+def draw_force_residual(result: Identification, panels: Panels) -> None:
+    """Draw history and histogram."""
+    c = result.comparison
+    weighted = (c.force_model - c.force_measured) / c.force_sigma
+    history, share = panels["history"], panels["share"]
+    history.axhspan(-2.0, 2.0, color=BAND, alpha=0.3, lw=0.0)
+    history.axhline(0.0, color=GREY, lw=0.5)
+    history.vlines(MS * c.force_time, 0.0, weighted, color=MODEL, lw=0.5)
+    history.plot(MS * c.force_time, weighted, "o", color=MODEL, ms=1.5, mew=0.0)
+    history.set_xlabel("Time $t$ (ms)")
+    history.set_ylabel(r"$(F_\mathrm{sim} - F_\mathrm{meas})/\sigma$ (–)")
+
+    reach = max(4.0, 1.05 * largest(weighted))
+    history.set_ylim(-reach, reach)
+    finite = weighted[np.isfinite(weighted)]
+    if finite.size == 0:
+        say_empty(history, "no simulated force")
+    else:
+        edges = np.linspace(-reach, reach, 31)
+        share.hist(
+            finite, bins=edges.tolist(), density=True, orientation="horizontal", color=MODEL, alpha=0.6
+        )
+    z = np.linspace(-reach, reach, 200)
+    share.plot(np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi), z, color="black", lw=0.7)
+    share.set_xlabel("Density (–)")
+    share.set_xlim(left=0.0)
+    share.tick_params(labelleft=False)
+
+
+FIGURES: tuple[FigureKind[Identification], ...] = (
+    FigureKind(
+        name="force",
+        width=COLUMN,
+        height=lambda result: 80.0,
+        caption=caption_force,
+        panels=lambda result: [["force"], ["residual"]],
+        draw=draw_force,
+        applies=lambda result: result.comparison.force_time.size > 0,
+        mosaic={"sharex": True, "height_ratios": [2.4, 1.0]},
+    ),
+    FigureKind(
+        name="shape-residual",
+        width=COLUMN,
+        height=lambda result: 62.0,
+        caption=caption_outline_residual,
+        panels=lambda result: [["map"]],
+        draw=draw_outline_residual,
+        applies=lambda result: result.comparison.centre_line.time.size > 0,
+    ),
+    FigureKind(
+        name="profiles",
+        width=PAGE,
+        height=lambda result: 105.0,
+        caption=caption_outlines,
+        panels=lambda result: [
+            [f"{row} {column}" for column in range(COUNT)] for row in ("outline", "residual")
+        ],
+        draw=draw_outlines,
+        mosaic={"sharey": True, "height_ratios": [1.25, 1.0]},
+        applies=lambda result: result.comparison.centre_line.time.size > 0,
+    ),
+    FigureKind(
+        name="force-residual",
+        width=COLUMN,
+        height=lambda result: 50.0,
+        caption=caption_force_residual,
+        panels=lambda result: [["history", "share"]],
+        draw=draw_force_residual,
+        applies=lambda result: result.comparison.force_time.size > 0,
+        mosaic={"sharey": True, "width_ratios": [3.2, 1.0]},
+    ),
+)

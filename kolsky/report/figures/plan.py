@@ -1,0 +1,262 @@
+"""Figures of a plan: expected information, sensitivities along the shot, candidate designs."""
+
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
+from numpy.typing import NDArray
+
+from kolsky.report.figures.base import (
+    BAND,
+    FORCE,
+    GREY,
+    MM,
+    MS,
+    PAGE,
+    UM,
+    FigureKind,
+    Panels,
+    largest,
+    letter,
+    smooth_bar,
+)
+from kolsky.report.nomenclature import name_of
+from kolsky.studies.local_sensitivity import ObservationGrid
+from kolsky.studies.planning.plan import Plan
+
+
+def draw_map(
+    ax: Axes, grid: ObservationGrid, values: NDArray[np.float64], label: str, *, bottom: float | None = None
+) -> None:
+    """Draw values of shape [n_frames, n_heights], NaN where there is none.
+
+    Parameters
+    ----------
+    ax
+        Where.
+    grid
+        Times and heights.
+    values
+        What, in the unit of the label.
+    label
+        Of the colour bar.
+    bottom
+        Smallest value of a one-sided scale; without it the scale is symmetric about zero.
+    """
+    top = largest(values)
+    shown = np.ma.masked_invalid(values.T)
+    drawn = ax.pcolormesh(
+        MS * grid.frames,
+        MM * grid.heights,
+        shown,
+        cmap="RdBu_r" if bottom is None else "cividis",
+        vmin=-top if bottom is None else bottom,
+        vmax=top,
+        shading="nearest",
+        rasterized=True,
+    )
+    ax.set(xlabel="Time (ms)", ylabel="Height $y$ (mm)", ylim=(0.0, MM * grid.heights[-1]))
+    # Few ticks: more of them as the axes shrink would have longer labels than the layout reckoned with.
+    ticks = MaxNLocator(4)
+    bar = ax.figure.colorbar(drawn, ax=ax, aspect=25, pad=0.02, ticks=ticks)  # type: ignore[union-attr]
+    bar.set_label(label)
+    smooth_bar(bar)
+
+
+PER_MM_MS, PER_MS = 1e-6, 1e-3
+"""From shares per m and s, and per s, to shares per mm and ms, and per ms."""
+LETTERS = "abcdefghijklmnop"
+
+
+def caption_information(plan: Plan) -> str:
+    """Return the caption."""
+    several = len(plan.names) > 1
+    together = " when all parameters are estimated together" if several else ""
+    heights = any(plan.heights.values())
+    return (
+        "Where and when a measurement would tell most about each parameter" + together + ". Top: share of a "
+        "parameter’s information in the outline at height y above the transmission platen and at a time, per "
+        "mm and ms; white: nothing can be "
+        "measured there"
+        + (
+            "; triangles: the best heights (D-optimal), "
+            + ", ".join(str(n) for n in sorted(plan.heights))
+            + " of them"
+            if heights
+            else ""
+        )
+        + ". Bottom: share in the force per ms"
+        + (", and what it would be if the other parameters were known (dashed)." if several else ".")
+    )
+
+
+def draw_information(plan: Plan, panels: Panels) -> None:
+    """Draw a map over a line for each parameter."""
+    found = plan.information
+    grid = found.sensitivity.grid
+    force, outline = found.densities()
+    alone, _ = found.densities(alone=True)
+    letters = iter(LETTERS)
+    for j, name in enumerate(plan.names):
+        symbol = name_of(name).tex
+        top, low = panels[f"{name} outline"], panels[f"{name} force"]
+        letter(top, next(letters))
+        label = f"Share on ${symbol}$ (1/(mm ms))"
+        draw_map(top, grid, PER_MM_MS * outline[j], label, bottom=0.0)
+        left, right = top.get_xlim()
+        for count, choices in plan.heights.items():
+            for choice in (c for c in choices if c.criterion == "D"):
+                x = np.full(choice.places.size, left + (right - left) * (0.035 * count))
+                top.plot(x, MM * choice.places, ">", color="white", ms=2.4, mew=0.0)
+        top.set_xlim(left, right)
+        time = MS * grid.times
+        low.plot(time, PER_MS * force[j], color=FORCE, label="together")
+        if len(plan.names) > 1:
+            low.plot(time, PER_MS * alone[j], color=GREY, ls="--", lw=0.8, label="others known")
+        low.set(xlabel="Time (ms)", xlim=top.get_xlim())
+        low.set_ylim(bottom=0.0)
+        low.set_ylabel(f"Share on ${symbol}$ (1/ms)")
+        letter(low, next(letters))
+        if j > 0:
+            top.set_ylabel("")
+        if j == 0 and len(plan.names) > 1:
+            low.legend(loc="upper left")
+
+
+CHANGE = 0.01
+"""Change of a parameter that is drawn, over its scale."""
+
+
+def caption_slopes(plan: Plan) -> str:
+    """Return the caption."""
+    changes = ", ".join(_said(plan, j) for j in range(len(plan.names)))
+    reach = 100.0 * plan.information.sensitivity.reach
+    return (
+        "Change of the transmitted force (top) and of the outline (bottom) with each parameter, for "
+        f"{changes}: straight lines through runs within {reach:g} % of the parameter’s scale. Band: "
+        "± what the lines leave out of the force, over that change; ringing is most of it. White: no free "
+        "surface at that height."
+    )
+
+
+def _said(plan: Plan, j: int) -> str:
+    slopes, name = plan.information.sensitivity, name_of(plan.names[j])
+    unit = "" if name.unit == "1" else f" {name.unit}"
+    return f"Δ{name.symbol} = {CHANGE * slopes.scale[j] * name.factor:.3g}{unit}"
+
+
+def draw_slopes(plan: Plan, panels: Panels) -> None:
+    """Draw a line over a map for each parameter."""
+    slopes = plan.information.sensitivity
+    letters = iter(LETTERS)
+    time = MS * slopes.grid.times
+    for j, name in enumerate(plan.names):
+        step = CHANGE * slopes.scale[j]
+        top, low = panels[f"{name} force"], panels[f"{name} outline"]
+        letter(top, next(letters))
+        change = step * slopes.force_slope[j]
+        left = CHANGE / slopes.reach * slopes.force_left[j]
+        top.fill_between(time, change - left, change + left, color=BAND, alpha=0.35, lw=0.0)
+        top.axhline(0.0, color=GREY, lw=0.5)
+        top.plot(time, change, color=FORCE)
+        top.set(xlabel="Time (ms)", ylabel=rf"$\Delta F$ with $\Delta {name_of(name).tex}$ (N)")
+        change_of_radius = UM * step * slopes.radius_slope[j]
+        shown = np.where(np.isfinite(slopes.radius), change_of_radius, np.nan)
+        draw_map(low, slopes.grid, shown, rf"$\Delta Z$ with $\Delta {name_of(name).tex}$ (µm)")
+        top.set_xlim(low.get_xlim())
+        letter(low, next(letters))
+        if j > 0:
+            low.set_ylabel("")
+
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
+MARKERS = "osDv^"
+
+
+def caption_choices(plan: Plan) -> str:
+    """Return the caption."""
+    return (
+        "Expected standard deviations of the parameters over their scale, all estimated together from force "
+        "and outline: (a) if the data end at some time, (b) at other speeds of the flyer on the same path "
+        "(open symbols: if the other parameters were known). (c) Expected correlations of the estimates. The "
+        "scale is the value itself, of Poisson’s ratio its distance from 1/2."
+    )
+
+
+def draw_choices(plan: Plan, panels: Panels) -> None:
+    """Draw three panels."""
+    scale = plan.information.sensitivity.scale
+    by_end = np.array([e.deviations for e in plan.by_end]) / scale
+    speeds = np.array([rate.factor for rate in plan.rates])
+    together = np.array([rate.expected.deviations for rate in plan.rates]) / scale
+    alone = np.array([rate.expected.alone for rate in plan.rates]) / scale
+    for j, name in enumerate(plan.names):
+        colour, marker, symbol = COLOURS[j % 5], MARKERS[j % 5], f"${name_of(name).tex}$"
+        panels["end"].plot(MS * plan.end_times, 100.0 * _finite(by_end[:, j]), color=colour, label=symbol)
+        line: dict[str, Any] = {"color": colour, "marker": marker, "ms": 3.2}
+        panels["rate"].plot(speeds, 100.0 * _finite(together[:, j]), label=symbol, **line)
+        panels["rate"].plot(speeds, 100.0 * _finite(alone[:, j]), ls=":", mfc="white", lw=0.7, **line)
+    for number, (i, k) in enumerate(combinations(range(len(plan.names)), 2)):
+        first, second = name_of(plan.names[i]).tex, name_of(plan.names[k]).tex
+        r = [np.nan if R is None else R[i, k] for R in (rate.expected.correlation for rate in plan.rates)]
+        style: dict[str, Any] = {"color": COLOURS[number % 5], "marker": MARKERS[number % 5], "ms": 3.2}
+        panels["correlation"].plot(speeds, r, label=f"${first}$, ${second}$", **style)
+    panels["end"].set(xlabel="End of the data (ms)", ylabel="Standard deviation over scale (%)")
+    panels["rate"].set_ylabel("Standard deviation over scale (%)")
+    panels["correlation"].set_ylabel("Correlation (–)")
+    panels["correlation"].set_ylim(-1.05, 1.05)
+    panels["correlation"].axhline(0.0, color=GREY, lw=0.5)
+    for name in ("end", "rate"):
+        panels[name].set_yscale("log")
+        panels[name].yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        panels[name].yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        panels[name].yaxis.set_minor_formatter(NullFormatter())
+    for name in ("rate", "correlation"):
+        _speeds(panels[name], speeds)
+    for key, ax in zip("abc", panels.values(), strict=True):
+        letter(ax, key)
+        if ax.get_legend_handles_labels()[0]:
+            ax.legend(loc="best")
+
+
+def _finite(values: np.ndarray) -> np.ndarray:
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def _speeds(ax: Axes, speeds: np.ndarray) -> None:
+    ax.set_xlabel("Speed of the flyer over the shot’s (–)")
+    ax.set_xscale("log")
+    ax.set_xticks(speeds, [f"{speed:g}" for speed in speeds])
+    ax.minorticks_off()
+
+
+FIGURES: tuple[FigureKind[Plan], ...] = (
+    FigureKind(
+        name="plan-information",
+        width=PAGE,
+        height=lambda plan: 92.0,
+        caption=caption_information,
+        panels=lambda plan: [[f"{name} {part}" for name in plan.names] for part in ("outline", "force")],
+        draw=draw_information,
+        mosaic={"height_ratios": [1.35, 1.0]},
+    ),
+    FigureKind(
+        name="plan-slopes",
+        width=PAGE,
+        height=lambda plan: 92.0,
+        caption=caption_slopes,
+        panels=lambda plan: [[f"{name} {part}" for name in plan.names] for part in ("force", "outline")],
+        draw=draw_slopes,
+        mosaic={"height_ratios": [1.0, 1.35]},
+    ),
+    FigureKind(
+        name="plan-choices",
+        width=PAGE,
+        height=lambda plan: 58.0,
+        caption=caption_choices,
+        panels=lambda plan: [["end", "rate", "correlation"]],
+        draw=draw_choices,
+    ),
+)

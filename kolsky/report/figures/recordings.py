@@ -1,0 +1,260 @@
+"""Figures of the recordings: force channel, motion of the front face, a stereo pair of images."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from dic.outcome import FrameOutcome
+from dic.result import Body
+from kolsky.report.figures.base import (
+    BAND,
+    COLUMN,
+    FORCE,
+    GREY,
+    MEASURED,
+    MM,
+    MODEL,
+    MS,
+    PAGE,
+    SHAPE,
+    UM,
+    FigureKind,
+    Panels,
+    letter,
+    smooth_bar,
+)
+from kolsky.shot.picture_set import PicturePair
+from kolsky.shot.recorded import Recorded
+
+
+def caption_raw_signals(shown: Recorded) -> str:
+    """Return the caption."""
+    if shown.baseline is None:
+        return (
+            "Force on the specimen from the waves in the transmission bar, every sample; blue: the window "
+            "that is simulated and compared. Compression is positive."
+        )
+    return (
+        "Force channel as recorded, every sample, on the shot’s clock; orange: the baseline, which gives "
+        "zero (dashed) and noise; blue: the window that is simulated and compared."
+    )
+
+
+def draw_raw_signals(shown: Recorded, panels: Panels) -> None:
+    """Draw samples, zero and windows."""
+    ax = panels["signal"]
+    first, last = (MS * end for end in shown.window)
+    ax.axvspan(first, last, color=BAND, alpha=0.2, lw=0.0, label="window")
+    if shown.baseline is not None:
+        first, last = (MS * end for end in shown.baseline)
+        ax.axvspan(first, last, color=MODEL, alpha=0.25, lw=0.0, label="baseline")
+        ax.axhline(shown.zero, color=MODEL, lw=0.7, ls="--", label="zero")
+    ax.plot(MS * shown.time, shown.value, color=MEASURED, lw=0.4, label="recorded")
+    if shown.symmetry_end is not None:
+        ax.axvline(MS * shown.symmetry_end, color=GREY, lw=0.8, ls=":", label="end of symmetry")
+    ax.set_xlabel("Time $t$ (ms)")
+    ax.set_ylabel("Signal (V)" if shown.unit == "V" else f"Force $F$ ({shown.unit})")
+    ax.margins(x=0.0)
+    ax.legend(loc="upper left")
+
+
+def caption_flyer_path(shown: Recorded) -> str:
+    """Return the caption."""
+    if shown.motion.is_velocity:
+        return (
+            "Front face, from the waves in the incident bar. (a) Its fitted displacement, (b) its velocity, "
+            "measured and fitted with ±2σ, (c) measured minus fitted velocity. Blue: the window."
+        )
+    return (
+        "Flyer. (a) Displacement toward the specimen at the frames and fitted path, (b) the path’s velocity "
+        "with ±2σ, (c) measured minus fitted displacement with the ±2σ of the noise. Blue: the window."
+    )
+
+
+def draw_flyer_path(shown: Recorded, panels: Panels) -> None:
+    """Draw displacement, velocity and residual."""
+    motion = shown.motion
+    first, last = (MS * end for end in shown.window)
+    for name, ax in panels.items():
+        ax.axvspan(first, last, color=BAND, alpha=0.2, lw=0.0)
+        if shown.symmetry_end is not None:
+            ax.axvline(MS * shown.symmetry_end, color=GREY, lw=0.8, ls=":", label="end of symmetry")
+        letter(ax, {"displacement": "a", "velocity": "b", "residual": "c"}[name])
+    time, frames = MS * motion.time, MS * motion.measured_time
+    ax, low = panels["velocity"], panels["residual"]
+    band = 2.0 * motion.velocity_sigma
+    ax.fill_between(time, motion.velocity - band, motion.velocity + band, color=MODEL, alpha=0.35, lw=0.0)
+    if motion.is_velocity:
+        ax.plot(frames, motion.measured, color=MEASURED, lw=0.4, label="measured")
+    ax.plot(time, motion.velocity, color=MODEL, label="fitted")
+    ax.set_ylabel("Velocity (m/s)")
+    ax = panels["displacement"]
+    if not motion.is_velocity:
+        ax.errorbar(
+            frames,
+            MM * motion.measured,
+            yerr=2.0 * MM * motion.sigma,
+            fmt="o",
+            ms=1.4,
+            mew=0.0,
+            color=MEASURED,
+            elinewidth=0.4,
+            label="measured",
+        )
+    ax.plot(time, MM * motion.position, color=MODEL, label="fitted")
+    ax.set_ylabel("Displacement (mm)")
+    ax.legend(loc="upper left")
+    factor, what = (1.0, "Residual (m/s)") if motion.is_velocity else (UM, "Residual (µm)")
+    low.fill_between(
+        frames, -2.0 * factor * motion.sigma, 2.0 * factor * motion.sigma, color=GREY, alpha=0.25, lw=0.0
+    )
+    low.plot(frames, factor * motion.residual, "o", ms=1.2, mew=0.0, color=MEASURED)
+    low.set(xlabel="Time $t$ (ms)", ylabel=what)
+    low.margins(x=0.01)
+
+
+CAMERAS = ("left", "right")
+LOST = "#CC79A7"
+
+
+def caption_picture_pair(seen: Recorded) -> str:
+    """Return the caption."""
+    pair = _pair(seen)
+    body, frame = pair.result.specimen, pair.frame
+    size = np.abs(body.epipolar[body.surface.valid])
+    largest = f"{float(np.percentile(size, 99.0)):.3f} px" if size.size else "unknown"
+    return (
+        f"(a), (b) Cameras 0 and 1 at {MS * float(pair.result.t[frame]):.3f} ms, frame {frame} counted from "
+        f"0, with the {int(body.alive[frame])} of {body.surface.n_points} points of the specimen that are "
+        "valid there, joined to their neighbours and coloured by the standard deviation of their place in "
+        "that picture. (c) Of the valid points of each frame: the median of the larger of both cameras’ "
+        "standard deviations and the rms distance from the epipolar line, 99 % of all distances below "
+        f"{largest}. (d) Points that are not valid."
+    )
+
+
+def draw_picture_pair(seen: Recorded, panels: Panels) -> None:
+    """Draw the pair with its points, and the histories."""
+    pair = _pair(seen)
+    body, frame = pair.result.specimen, pair.frame
+    valid = body.surface.valid[frame]
+    sigma = [camera[frame, valid] for camera in body.match_sigma]
+    low, high = np.percentile(np.concatenate(sigma), [1.0, 99.0])
+    points: Any = None
+    for number, (name, mark) in enumerate(zip(CAMERAS, "ab", strict=True)):
+        ax = panels[name]
+        _picture(ax, pair.pictures[number])
+        places = body.pixels[number][frame]
+        lines = places[_joined(body, valid)]
+        ax.add_collection(LineCollection(list(lines), colors=SHAPE, linewidths=0.5))
+        x, y = places[valid].T
+        points = ax.scatter(
+            x,
+            y,
+            c=sigma[number],
+            s=9.0,
+            vmin=low,
+            vmax=max(high, 1.01 * low),
+            cmap="plasma",
+            lw=0.4,
+            edgecolors="white",
+            zorder=3,
+        )
+        ax.set_title(f"camera {number}", loc="right", pad=2.5)
+        letter(ax, mark)
+    bar = panels["left"].figure.colorbar(  # type: ignore[union-attr]
+        points, ax=[panels[name] for name in CAMERAS], aspect=22, pad=0.02, extend="both"
+    )
+    bar.set_label("Standard deviation (px)")
+    bar.locator = MaxNLocator(5)
+    bar.update_ticks()
+    smooth_bar(bar)
+    _histories(pair, panels["quality"], panels["lost"])
+
+
+def _picture(ax: Axes, picture: NDArray[np.generic]) -> None:
+    low, high = np.percentile(np.asarray(picture, dtype=np.float64), [0.5, 99.5])
+    # Half as dark as it was taken: points must stand out.
+    ax.imshow(picture, cmap="gray", vmin=2.0 * low - high - 1, vmax=max(high, low + 1), interpolation="none")
+    ax.set_xlim(-0.5, picture.shape[1] - 0.5)
+    ax.set_ylim(picture.shape[0] - 0.5, -0.5)
+    ax.set(xlabel="$x$ (px)", ylabel="$y$ (px)")
+
+
+def _joined(body: Body, valid: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Pairs of valid points that are neighbours in the grid, shape [n, 2]."""
+    place = {tuple(cell): k for k, cell in enumerate(body.cell.tolist()) if valid[k]}
+    ends = [
+        (k, place[other])
+        for (column, row), k in place.items()
+        for other in ((column + 1, row), (column, row + 1))
+        if other in place
+    ]
+    return np.array(ends, dtype=np.int64).reshape(-1, 2)
+
+
+def _histories(pair: PicturePair, quality: Axes, lost: Axes) -> None:
+    result, body = pair.result, pair.result.specimen
+    usable = (result.outcome == FrameOutcome.VALID) & (body.alive > 0)
+    time, valid = MS * result.t[usable], body.surface.valid[usable]
+    larger = np.where(valid, np.fmax(*body.match_sigma)[usable], np.nan)
+    squares = np.where(valid, body.epipolar[usable] ** 2, np.nan)
+    quality.plot(time, np.nanmedian(larger, axis=1), color=SHAPE, label="standard deviation")
+    quality.plot(time, np.sqrt(np.nanmean(squares, axis=1)), color=MODEL, label="epipolar distance, rms")
+    quality.set(xlabel="Time (ms)", ylabel="In a picture (px)")
+    quality.set_ylim(bottom=0.0)
+    lost.plot(time, body.surface.n_points - body.alive[usable], color=FORCE)
+    lost.set(xlabel="Time (ms)", ylabel=f"Points not valid (of {body.surface.n_points})")
+    lost.set_ylim(0.0, max(1.1 * float(np.max(body.surface.n_points - body.alive[usable])), 1.0))
+    for ax, mark in ((quality, "c"), (lost, "d")):
+        ax.axvline(MS * float(result.t[pair.frame]), color=LOST, lw=0.8, ls="--", label="(a), (b)")
+        letter(ax, mark)
+    quality.legend(loc="best")
+
+
+def _pair(seen: Recorded) -> PicturePair:
+    assert isinstance(seen.pair, PicturePair)  # `applies` has looked
+    return seen.pair
+
+
+def _height(seen: Recorded) -> float:
+    """Height of the figure [mm]: pictures as wide as their panels, histories below."""
+    rows, columns = _pair(seen).pictures[0].shape
+    return float(np.clip((0.5 * PAGE - 16.0) * rows / columns + 12.0, 35.0, 140.0) + 45.0)
+
+
+FIGURES: tuple[FigureKind[Recorded], ...] = (
+    FigureKind(
+        name="raw-signals",
+        width=COLUMN,
+        height=lambda shown: 60.0,
+        caption=caption_raw_signals,
+        panels=lambda shown: [["signal"]],
+        draw=draw_raw_signals,
+        applies=lambda shown: shown.time.size > 0,
+    ),
+    FigureKind(
+        name="flyer-path",
+        width=COLUMN,
+        height=lambda shown: 105.0,
+        caption=caption_flyer_path,
+        panels=lambda shown: [["displacement"], ["velocity"], ["residual"]],
+        draw=draw_flyer_path,
+        mosaic={"sharex": True, "height_ratios": [1.3, 1.2, 0.8]},
+        applies=lambda shown: shown.motion.measured_time.size > 1,
+    ),
+    FigureKind(
+        name="picture-pair",
+        width=PAGE,
+        height=_height,
+        caption=caption_picture_pair,
+        panels=lambda seen: [list(CAMERAS), ["quality", "lost"]],
+        draw=draw_picture_pair,
+        mosaic={"height_ratios": [1.7, 1.0]},
+        applies=lambda seen: isinstance(seen.pair, PicturePair),
+    ),
+)

@@ -1,0 +1,110 @@
+"""Page of a stereo calibration: figures, parameters with their uncertainties, every pair of images."""
+
+from pathlib import Path
+from typing import Any
+
+from dic.calibration import Calibration
+from kolsky.report import numbers, printed
+from kolsky.report.figures import CALIBRATION
+from kolsky.report.pages.rendering import drawn, page, write
+
+
+def write_page(path: Path, name: str, found: Calibration) -> None:
+    """Write the page as a single HTML file without scripts or outside resources.
+
+    Parameters
+    ----------
+    path : Path
+        The file, replaced atomically if it exists; its folder must exist.
+    name : str
+        What was calibrated.
+    found : Calibration
+        The result.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written; an older one is then unchanged.
+    """
+    write(path, render(name, found))
+
+
+def render(name: str, found: Calibration) -> str:
+    """The page as HTML text; see `write_page`."""
+    return page(
+        "calibration.html",
+        kind="Two cameras from pictures of a target",
+        heading=name,
+        subject="calibration",
+        figures=drawn(CALIBRATION.values(), found),
+        rows=list(summary(found).items()),
+        warnings=[f"{warning}." for warning in warnings(found)],
+        pairs=[_row(pair) for pair in found.pairs],
+    )
+
+
+def _row(pair: Any) -> dict[str, Any]:
+    """What the table says of a pair."""
+    points = [0 if view is None else int(view.used.sum()) for view in pair.views]
+    rms = ["" if view is None else f"{view.rms:.4f}" for view in pair.views]
+    said = (
+        "" if pair.outcome.value == 0 else f"{pair.outcome.cause}: {pair.reason}. Cure: {pair.outcome.cure}"
+    )
+    return {
+        "name": pair.name, "rms": rms, "points": points, "ok": pair.outcome.used, "said": said,
+        "outcome": pair.outcome.name.lower().replace("_", " "),
+    }  # fmt: skip
+
+
+_PX = ("fx", "fy", "cx", "cy", "skew")
+
+
+def summary(found: Calibration) -> dict[str, str]:
+    """A name and a value for each line of the table."""
+    checks, sigma = found.checks, found.sigma
+    used = sum(pair.outcome.used for pair in found.pairs)
+    rows = {
+        "pairs used": f"{used} of {len(found.pairs)}",
+        "residual, rms": f"{checks.fit_rms:.4f} px ({found.unit:.3g} times the pictures' noise)",
+        "held-out pairs, rms": f"{checks.held_out_rms:.4f} px"
+        if checks.held_out_rms > 0
+        else "too few pairs",
+        "distances on the target": f"{1e6 * (checks.distance_ratio - 1.0):+.1f} ppm, points off by "
+        f"{1e6 * checks.distance_rms:.2f} um rms",
+        "clustering of residuals": f"{found.clustering:.2f} (1: independent)",
+    }
+    for k, camera in enumerate(found.rig.cameras):
+        values = {
+            "fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy, "skew": camera.skew,
+            **dict(zip(("k1", "k2", "p1", "p2", "k3"), camera.distortion, strict=True)),
+        }  # fmt: skip
+        rows |= {
+            f"camera {k}, {name}": _measured(values[name], sigma[f"{name}{k}"], "px" if name in _PX else "")
+            for name in found.free
+        }
+    from scipy.spatial.transform import Rotation
+
+    R, t = found.rig.relative
+    angle = Rotation.from_matrix(R).magnitude()
+    rows["stereo angle"] = f"{57.29577951308232 * angle:.4f} deg"
+    rows |= {
+        f"relative {name}": _measured(1e3 * value, 1e3 * sigma[name], "mm")
+        for name, value in zip(("tx", "ty", "tz"), t, strict=True)
+    }
+    return rows
+
+
+def warnings(found: Calibration) -> list[str]:
+    """What a user must know before using it."""
+    said = [f"pair {pair.name} was left out: {pair.reason}. {pair.outcome.cure}" for pair in found.rejected]
+    if found.clustering > 2.0:
+        said.append(
+            f"residuals of a picture hang together (factor {found.clustering:.1f} on variances): the target "
+            "may be bent or misprinted, or the lens model too simple; sigmas are enlarged accordingly"
+        )
+    return [*said, *found.advice]
+
+
+def _measured(value: float, sigma: float, unit: str) -> str:
+    best, uncertainty = numbers.measured(float(value), 2.0 * sigma) if sigma > 0.0 else (f"{value:.6g}", "0")
+    return printed.plain(f"{best} ± {uncertainty} {unit}".strip()) + " (k = 2)"

@@ -1,0 +1,91 @@
+"""One self-contained page about the surfaces of a shot: figures, noise floors, outcomes, the reporting
+table."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from dic.outcome import FrameOutcome
+from dic.output import reporting
+from kolsky.bars.flyer import flight_report
+from kolsky.report.figures import SURFACES
+from kolsky.report.pages.rendering import drawn, page, write
+from kolsky.report.surface_view import SurfaceView
+from kolsky.shot import dic_summary
+
+
+def write_page(path: Path, shown: SurfaceView, inputs: Mapping[str, str], *, processes: int = 1) -> None:
+    """Write the page as a single HTML file without scripts or outside resources.
+
+    Parameters
+    ----------
+    path : Path
+        The file, replaced atomically if it exists; its folder must exist.
+    shown : SurfaceView
+        The result with some pictures.
+    inputs : mapping
+        SHA-256 of every file that was read, by name.
+    processes : int
+        How many draw, 1 or 2; see `kolsky.report.pages.parallel.drawn_by`.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written; an older one is then unchanged.
+    """
+    write(path, render(shown, inputs, processes=processes))
+
+
+def render(shown: SurfaceView, inputs: Mapping[str, str], *, processes: int = 1) -> str:
+    """The page as HTML text; see `write_page`."""
+    result = shown.result
+    table = reporting.reporting_table(result)
+    return page(
+        "surfaces.html",
+        kind="Surfaces from two series of pictures",
+        heading=shown.shot,
+        subject="surfaces",
+        figures=drawn(SURFACES.values(), shown, processes=processes),
+        rows=list({**dic_summary.printed(result), **flight_report.printed(shown.flight)}.items()),
+        remarks=result.remarks,
+        outcomes=_outcomes(shown),
+        frames=_frames(shown),
+        parts=[
+            (part, [row for row in table if row.part == part])
+            for part in dict.fromkeys(r.part for r in table)
+        ],
+        inputs=list(inputs.items()),
+        seconds=[(name, f"{value:.3g} s") for name, value in result.seconds.items()],
+    )
+
+
+def _outcomes(shown: SurfaceView) -> list[dict[str, Any]]:
+    """How points ended, with cause and cure."""
+    bodies = [("specimen", shown.result.specimen), ("flyer", shown.result.flyer)]
+    rows = []
+    for name, body in bodies:
+        if body is None:
+            continue
+        total = max(body.surface.outcome.size, 1)
+        for outcome, count in sorted(body.outcomes().items()):
+            rows.append(
+                {
+                    "body": name,
+                    "outcome": dic_summary.words(outcome),
+                    "count": count,
+                    "share": f"{100.0 * count / total:.3g} %",
+                    "cause": outcome.cause,
+                    "cure": outcome.cure,
+                    "ok": outcome.ok,
+                }
+            )
+    return rows
+
+
+def _frames(shown: SurfaceView) -> list[tuple[str, str, str, str]]:
+    """Frames that gave no points: number, what, cause, cure."""
+    rows = []
+    for frame, name in dic_summary.bad_frames(shown.result).items():
+        outcome = FrameOutcome[name.upper().replace(" ", "_")]
+        rows.append((frame, name, outcome.cause, outcome.cure))
+    return rows

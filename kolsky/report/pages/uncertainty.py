@@ -1,0 +1,294 @@
+"""Tables of the report about uncertainty: likelihood, declared uncertainties, what would narrow it."""
+
+from math import isclose, isfinite, sqrt
+from typing import Any
+
+import numpy as np
+
+from doe.uncertainty import VerdictKind
+from kolsky.inverse.parameters import PARAMETERS
+from kolsky.inverse.result import Estimate, Identification
+from kolsky.inverse.uncertainty_results import Declaration, ParameterProfile
+from kolsky.report import numbers
+from kolsky.report.nomenclature import name_of, route_label, short
+from kolsky.shot.schema.uncertainty import IDENTIFIED
+from kolsky.uncertainty.warnings.runs import PAST_CURVE, equivalent_strain
+
+INPUTS = {
+    **{name: short(name) for name, p in PARAMETERS.items() if p.uncertainty},
+    "curve_scale": "scale of the quasi-static stress",
+    "specimen_diameter": "specimen’s diameter",
+    "specimen_length": "specimen’s length",
+    "specimen_density": "specimen’s density",
+    "sensitivity": "sensitivity of the force",
+    "clock_offset": "clock of the force against the cameras’",
+    "Z_offset": "axis of the outline, Z",
+    "y_offset": "height of the outline, y",
+}
+"""Words for the keys of [uncertainty]."""
+FACTORS = {"s": (1e6, "µs"), "m": (1e6, "µm")}
+"""Factor and unit in which an uncertainty is shown."""
+PLAIN = tuple(name for name, p in PARAMETERS.items() if p.uncertainty and p.unit == "1")
+"""Keys whose uncertainty is a number and no share."""
+OPEN = "open"
+
+
+def known(result: Identification) -> dict[str, Any]:
+    """Rows of the section, from a result in shown units."""
+    return {
+        "verdicts": [_verdict(result, profile) for profile in result.profiles],
+        "posterior": _posterior(result),
+        "declared": [_declared(result, part) for part in result.systematic],
+    }
+
+
+def _verdict(result: Identification, profile: ParameterProfile) -> dict[str, Any]:
+    name = name_of(profile.name, result.estimates[profile.name].unit)
+    ends = (*profile.interval, *profile.alone)
+    width = float(np.nanmax(np.abs([end - result.estimates[profile.name].value for end in ends] + [0.0])))
+    # What the table says already is not said again.
+    more = profile.verdict != VerdictKind.IDENTIFIED.value or ";" in profile.text
+    return {
+        "symbol": name.symbol,
+        "unit": "" if name.unit == "1" else name.unit,
+        "ends": [OPEN if np.isnan(end) else numbers.like(end, width) for end in ends],
+        "verdict": profile.verdict,
+        "text": profile.text + (" (in SI)" if name.factor != 1.0 else "") if more else "",
+    }
+
+
+def _posterior(result: Identification) -> list[tuple[str, str]]:
+    chains = result.posterior
+    if chains is None:
+        return []
+    rows = []
+    for name, middle, low, high in zip(chains.names, chains.median, chains.lower, chains.upper, strict=True):
+        shown = name_of(name)
+        unit = "" if shown.unit in ("1", "SI") else f" {shown.unit}"
+        width = 0.5 * (high - low)
+        texts = (numbers.like(float(x), width) for x in (middle, low, high))
+        rows.append((shown.symbol, "{}, {} to {}".format(*texts) + unit))
+    state = "converged" if chains.converged else "too short"
+    rows.append(("chains", f"{state}: {chains.steps} steps, autocorrelation {chains.autocorrelation:.0f}"))
+    rows.append(("priors", chains.prior))
+    return rows
+
+
+def _declared(result: Identification, part: Declaration) -> dict[str, Any]:
+    factor, unit = FACTORS.get(part.unit, (1.0, "") if part.key in PLAIN else (100.0, "%"))
+    known = np.isfinite(part.sigma)
+    return {
+        "words": INPUTS.get(part.key, part.key),
+        "sigma": f"{numbers.plain(factor * part.sigma, 3)} {unit}".rstrip() if known else numbers.NOTHING,
+        "shifts": [
+            numbers.plain(part.shifts[name], 2) if name in part.shifts else numbers.NOTHING
+            for name in result.estimates
+        ],
+        "status": part.status,
+    }
+
+
+SOURCES = {
+    "force and shape": "the noise of force and outline",
+    "force scale": "the uncertainty of the force’s scale",
+    "motion scale": "the uncertainty of the motion’s scale",
+    "flyer motion": "the noise of what moves the front face",
+    "material curve": "the uncertainty of the quasi-static curve",
+}
+"""Words for the keys of `Estimate.noise_parts`."""
+NUMERICS = {
+    "mesh": "the error of mesh and step",
+    "roughness": "the roughness of the simulated response",
+}
+"""Words for the keys of `Estimate.numerical_parts`."""
+UNDECLARED = "not declared, counted as exact"
+"""`Declaration.status` of an input that could be declared."""
+LEAST = 0.02
+"""Smallest share of the variance that is told."""
+
+
+def changes(result: Identification) -> list[str]:
+    """Sentences for the page, the largest effect on each parameter first.
+
+    Parameters
+    ----------
+    result
+        In shown units, see `kolsky.report.display_units`.
+    """
+    said = [line for estimate in result.estimates.values() for line in _halved(result, estimate)]
+    return [*said, *_others_known(result), *_curve(result), *_undeclared(result)]
+
+
+def parts(result: Identification, estimate: Estimate) -> dict[str, float]:
+    """Every standard uncertainty that is in the interval, by its cause, the largest first."""
+    found = {SOURCES.get(source, source): sigma for source, sigma in estimate.noise_parts.items()}
+    computed = estimate.numerical_parts or {"mesh": estimate.sigma_numerical}
+    found |= {NUMERICS.get(source, source): sigma for source, sigma in computed.items()}
+    for declared in result.systematic:
+        if estimate.name in declared.shifts:
+            words = INPUTS.get(declared.key, declared.key)
+            found[f"the declared uncertainty of the {words}"] = abs(declared.shifts[estimate.name])
+    return dict(sorted(found.items(), key=lambda part: -part[1]))
+
+
+def _halved(result: Identification, estimate: Estimate) -> list[str]:
+    """What half of each part would do, where the parts are independent and make up the whole."""
+    total = estimate.sigma
+    if not (isfinite(total) and total > 0.0):
+        return []
+    named = parts(result, estimate)
+    if not isclose(sqrt(sum(sigma**2 for sigma in named.values())), total, rel_tol=0.02):
+        return []
+    symbol = name_of(estimate.name, estimate.unit).symbol
+    now = numbers.like(2.0 * total, 2.0 * total)
+    unit = "" if estimate.unit == "1" else f" {estimate.unit}"
+    lines = []
+    for words, sigma in named.items():
+        share = sigma**2 / total**2
+        if share < LEAST:
+            continue
+        half = 2.0 * sqrt(total**2 - 0.75 * sigma**2)
+        then = numbers.like(half, 2.0 * total)  # in the digits of the present U: the two are compared
+        if then == now:
+            continue
+        lines.append(
+            f"Halving {words} would bring U of {symbol} from {now} to {then}{unit} "
+            f"({numbers.percent(share)} of the variance)"
+        )
+    return lines
+
+
+def _others_known(result: Identification) -> list[str]:
+    """What it costs that other parameters are free too."""
+    lines = []
+    for profile in result.profiles:
+        together, alone = (0.5 * (high - low) for low, high in (profile.interval, profile.alone))
+        if len(result.estimates) < 2 or not (isfinite(together) and 0.0 < alone < 0.95 * together):
+            continue
+        name = name_of(profile.name)
+        unit = "" if name.unit in ("1", "SI") else f" {name.unit}"
+        lines.append(
+            f"Knowing the other free parameters would narrow the profile interval of {name.symbol} from "
+            f"±{numbers.plain(together, 2)} to ±{numbers.plain(alone, 2)}{unit}"
+        )
+    return lines
+
+
+def _curve(result: Identification) -> list[str]:
+    """How far a quasi-static test would have to go."""
+    share = float(result.response.extrapolated_share[0])
+    last = result.provenance.get("checks", {}).get("curve_last_strain")
+    reached = float(result.response.largest_strain_measure[0])
+    if not (share > PAST_CURVE and isinstance(last, float) and np.isfinite(reached)):
+        return []
+    strain = equivalent_strain(reached, last)
+    return [
+        f"Measuring the quasi-static curve to a nominal strain of {numbers.plain(strain, 2)} instead of "
+        f"{numbers.plain(last, 2)} would support what {numbers.percent(share)} of the specimen’s volume was "
+        "strained to; no part of the interval stands for that"
+    ]
+
+
+def _undeclared(result: Identification) -> list[str]:
+    """Inputs that count as exact."""
+    open_ = [INPUTS.get(part.key, part.key) for part in result.systematic if part.status == UNDECLARED]
+    if not open_:
+        return []
+    return [
+        f"Counted as exact, because no uncertainty was declared: {', '.join(open_)}. A standard uncertainty "
+        "in [uncertainty] of the shot file can only widen the interval"
+    ]
+
+
+CHOSEN = tuple(key for key in IDENTIFIED if key in PARAMETERS)
+"""Inputs that no file of the shot measures."""
+NOT_VARIED = "not varied"
+WINDOW_END, FORCE_BINS = "window_end", "force_bins"
+"""Keys of `kolsky.inverse.uncertainty_results.Variation`."""
+
+
+def choices(result: Identification) -> list[dict[str, Any]]:
+    """Rows of the section: the choice, what was taken, the shift of each parameter, what was done.
+
+    Parameters
+    ----------
+    result
+        In shown units.
+    """
+    return [*_inputs(result), *_window(result), *_data(result), *_mesh(result)]
+
+
+def _row(
+    result: Identification, words: str, taken: str, shifts: dict[str, float], done: str
+) -> dict[str, Any]:
+    return {
+        "words": words,
+        "taken": taken,
+        "shifts": [
+            numbers.part(shifts[name], 2.0 * e.sigma) if name in shifts else numbers.NOTHING
+            for name, e in result.estimates.items()
+        ],
+        "done": done,
+    }
+
+
+def _inputs(result: Identification) -> list[dict[str, Any]]:
+    rows = []
+    varied = {part.key: part for part in result.systematic}
+    for key in CHOSEN:
+        part, name = varied.get(key), name_of(key)
+        unit = "" if name.unit == "1" else f" {name.unit}"
+        held = result.fixed.get(key)
+        taken = f"{numbers.plain(held)}{unit}" if held is not None else "free"
+        done = NOT_VARIED if part is None else part.status
+        if part is not None and part.shifts:
+            done = "larger by its declared standard uncertainty"
+        shifts = {} if part is None else dict(part.shifts)
+        rows.append(_row(result, INPUTS[key], taken, shifts, done))
+    return rows
+
+
+def _window(result: Identification) -> list[dict[str, Any]]:
+    c = result.comparison
+    rows = []
+    tried = {key: [v for v in result.variations if v.key == key] for key in (WINDOW_END, FORCE_BINS)}
+    if len(window := result.provenance.get("window_s", [])) == 2:
+        end = f"{numbers.rounded(1e3 * float(window[1]), -3)} ms"
+        words = "end of the window"
+        if not tried[WINDOW_END]:
+            rows.append(_row(result, words, end, {}, f"{NOT_VARIED}: set window.end and try"))
+        for v in tried[WINDOW_END]:
+            other = f"{numbers.rounded(1e3 * v.value, -3)} ms instead"
+            rows.append(_row(result, words, end, dict(v.shifts), f"{other}: {v.status}"))
+    if c.force_time.size > 1:
+        width = 1e6 * float(c.force_time[1] - c.force_time[0])
+        taken = f"{c.force_time.size} means over {numbers.plain(width, 3)} µs"
+        words = "bins of the force (no other filter)"
+        if not tried[FORCE_BINS]:
+            rows.append(_row(result, words, taken, {}, NOT_VARIED))
+        for v in tried[FORCE_BINS]:
+            other = f"{numbers.plain(1e6 * v.value, 3)} µs instead"
+            rows.append(_row(result, words, taken, dict(v.shifts), f"{other}: {v.status}"))
+    return rows
+
+
+def _data(result: Identification) -> list[dict[str, Any]]:
+    routes = [route for route in result.routes if route.name != "joint"]
+    return [
+        _row(
+            result,
+            f"misfit: {route_label(route.name)}",
+            "joint χ²",
+            {name: route.parameters[name] - e.value for name, e in result.estimates.items()},
+            # The paper's cost has its optimum from runs on the surrogate's mesh alone.
+            "searched with it alone" + (", on the surrogate’s mesh" if route.name == "paper" else ""),
+        )
+        for route in routes
+        if any(other.name == "joint" for other in result.routes)
+    ]
+
+
+def _mesh(result: Identification) -> list[dict[str, Any]]:
+    coarse, fine = ("{} × {}".format(*mesh) for mesh in (result.mesh, result.refined_mesh))
+    shifts = {name: -e.mesh_shift for name, e in result.estimates.items()}
+    return [_row(result, "mesh, radius × length", fine, shifts, f"{coarse} instead")]

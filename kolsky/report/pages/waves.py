@@ -1,0 +1,99 @@
+"""One self-contained page about a shot's bar signals: figure, results, corrections, uncertainty budget."""
+
+from pathlib import Path
+from typing import Any
+
+from kolsky.bars.result import FlyerResult, ReducedTest
+from kolsky.report import numbers
+from kolsky.report.figures import FLYER_TESTS, WAVES, FigureKind
+from kolsky.report.pages.rendering import drawn, page, write
+
+SHOWN = {"Pa": (1e-6, "MPa"), "s": (1e6, "µs"), "m": (1e3, "mm"), "1/V": (1e6, "µm/m/V")}
+"""SI unit -> factor and unit of the page; others are shown as they are."""
+
+
+def write_page(path: Path, result: ReducedTest) -> None:
+    """Write the page as a single HTML file without scripts or outside resources.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written; an older one is then unchanged.
+    """
+    write(path, render(result))
+
+
+def render(result: ReducedTest) -> str:
+    """The page as HTML text; see `write_page`."""
+    quoted = list(result.budget.results)
+    return page(
+        "waves.html",
+        heading=result.name,
+        subject="bar signals",
+        result=result,
+        figures=drawn(figures_of(result).values(), result),
+        answers=answers(result),
+        facts=[(name, quantity(value, unit)) for name, (value, unit) in result.facts.items()],
+        corrections=[
+            {
+                "name": c.name,
+                "key": c.key,
+                "applied": "yes" if c.applied else "no",
+                "size": quantity(c.size, c.unit),
+                "rms": quantity(c.rms, c.unit),
+                "reason": c.reason,
+            }
+            for c in result.corrections
+        ],
+        quoted=quoted,
+        kind="Forces and motion of a flyer test, classical reduction"
+        if isinstance(result, FlyerResult)
+        else f"Bar signals, classical reduction in {result.load}",
+        flyer=result if isinstance(result, FlyerResult) else None,
+        events=[
+            {
+                "name": name,
+                "time": "not found" if at is None else f"{1e3 * at:.4f} ms",
+                "sigma": "" if sigma is None else f"{2e6 * sigma:.2g} µs",
+                "how": how,
+            }
+            for name, at, sigma, how in (result.events if isinstance(result, FlyerResult) else ())
+        ],
+        budget=[
+            {
+                "name": row.quantity.name,
+                "value": quantity(row.quantity.value, row.quantity.unit),
+                "sigma": quantity(row.quantity.sigma, row.quantity.unit),
+                "kind": row.quantity.kind,
+                "shares": [f"{100.0 * row.shares.get(name, 0.0):.0f} %" for name in quoted],
+            }
+            for row in result.budget.contributions
+        ],
+        settings=list(result.settings.items()),
+        inputs=list(result.inputs.items()),
+    )
+
+
+def figures_of(result: ReducedTest) -> dict[str, FigureKind[Any]]:
+    """The figures that show this kind of test."""
+    return FLYER_TESTS if isinstance(result, FlyerResult) else WAVES
+
+
+def answers(result: ReducedTest) -> list[dict[str, Any]]:
+    """The quoted numbers with their expanded uncertainties, in the units of a page."""
+    rows = []
+    for name, (value, sigma, unit) in result.budget.results.items():
+        factor, shown = SHOWN.get(unit, (1.0, unit))
+        best, expanded = numbers.measured(factor * value, 2.0 * factor * sigma)
+        rows.append({"name": name, "value": best, "U": expanded, "unit": "" if shown == "1" else shown})
+    return rows
+
+
+def quantity(value: float, unit: str) -> str:
+    """A number with four digits in the unit of the page."""
+    factor, shown = SHOWN.get(unit, (1.0, unit))
+    if unit == "Pa" and abs(value) >= 1e9:
+        factor, shown = 1e-9, "GPa"
+    if unit == "1" and 0.0 < abs(value) < 1e-2:
+        factor, shown = 1e6, "µm/m"
+    return f"{factor * value:.4g}" + ("" if shown == "1" else f" {shown}")

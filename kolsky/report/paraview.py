@@ -1,0 +1,166 @@
+"""Simulated meshes (VTU) and measured surfaces (VTP) as series of files for ParaView."""
+
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.result import Body
+from explicit import Response
+from kolsky.base.files import replacing
+
+VTK_QUAD = 9
+
+
+def write_vtu(
+    folder: Path, response: Response, quads: NDArray[np.integer], *, sample: int = 0, every: int = 1
+) -> list[Path]:
+    """Write the mesh of one simulation at its surface times.
+
+    Parameters
+    ----------
+    folder : Path
+        Where to; made if absent. `mesh.pvd` lists the series with its times.
+    response : Response
+        A batch that kept its nodes.
+    quads : array
+        Corner nodes of each element, shape [n_elements, 4].
+    sample : int
+        Row of the batch.
+    every : int
+        Write every so many surface times, the first included.
+
+    Returns
+    -------
+    list of Path
+        The VTU files written, then `mesh.pvd`. Points are (r, y, 0) [m] with the displacement [m] from
+        the first surface time. The series ends where the simulation ended.
+
+    Raises
+    ------
+    ValueError
+        If the response kept no nodes, `sample` or `every` is out of range, or `quads` names a node that
+        does not exist.
+    """
+    if response.nodes is None:
+        raise ValueError("the response kept no nodes; ask for them when the simulation is run")
+    if not 0 <= sample < response.n_samples:
+        raise ValueError(f"sample must be in [0, {response.n_samples - 1}], got {sample}")
+    if every < 1:
+        raise ValueError(f"every must be >= 1, got {every}")
+    nodes = response.nodes[sample]
+    quads = np.asarray(quads)
+    if quads.ndim != 2 or quads.shape[1] != 4 or quads.min() < 0 or quads.max() >= nodes.shape[1]:
+        raise ValueError(
+            f"quads must have shape [n_elements, 4] and entries in [0, {nodes.shape[1] - 1}], "
+            f"got shape {quads.shape} and entries in [{quads.min()}, {quads.max()}]"
+        )
+    import pyvista  # heavy, and nothing else of the report needs it
+
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    cells = np.column_stack([np.full(len(quads), 4), quads]).ravel()
+    kinds = np.full(len(quads), VTK_QUAD, dtype=np.uint8)
+    root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
+    series = ElementTree.SubElement(root, "Collection")
+    written = []
+    for k in range(0, len(response.surface_times), every):
+        if not np.isfinite(nodes[k]).all():
+            break
+        grid = pyvista.UnstructuredGrid(cells, kinds, _in_space(nodes[k]))
+        grid.point_data["displacement [m]"] = _in_space(nodes[k] - nodes[0])
+        path = folder / f"mesh_{k:05d}.vtu"
+        with replacing(path) as partial:
+            grid.save(partial)
+        ElementTree.SubElement(
+            series, "DataSet", timestep=repr(float(response.surface_times[k])), part="0", file=path.name
+        )
+        written.append(path)
+    listing = folder / "mesh.pvd"
+    with replacing(listing) as partial:
+        ElementTree.ElementTree(root).write(partial, encoding="utf-8", xml_declaration=True)
+    return [*written, listing]
+
+
+def _in_space(plane: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.column_stack([plane, np.zeros(len(plane))])
+
+
+def write_vtp(folder: Path, body: Body, name: str = "specimen") -> list[Path]:
+    """Write the valid points of every frame, joined to triangles over the grid they were chosen on.
+
+    Parameters
+    ----------
+    folder : Path
+        Where to; made if absent. `<name>.pvd` lists the series with its times.
+    body : Body
+        The points. A triangle is left out where one of its corners was lost.
+    name : str
+        Beginning of the files' names.
+
+    Returns
+    -------
+    list of Path
+        The VTP files written, then the listing. Points are (x, y, Z) [m]; their data are displacement and
+        sigma [m], the epipolar distance and the standard deviation of a match [px], the correlation and the
+        point's number.
+    """
+    import pyvista  # heavy, and nothing else of the report but the meshes needs it
+
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    surface, triangles = body.surface, grid_triangles(body.cell)
+    root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
+    series = ElementTree.SubElement(root, "Collection")
+    written = []
+    for frame in range(surface.n_frames):
+        valid = surface.valid[frame]
+        number = np.cumsum(valid) - 1
+        kept = triangles[valid[triangles].all(axis=1)]
+        faces = np.column_stack([np.full(len(kept), 3), number[kept]]).ravel()
+        mesh = pyvista.PolyData()
+        if valid.any():
+            mesh = pyvista.PolyData(surface.position[frame, valid], faces=faces if len(kept) else None)
+            mesh.point_data["displacement [m]"] = surface.u[frame, valid]
+            mesh.point_data["sigma [m]"] = surface.sigma[frame, valid]
+            mesh.point_data["epipolar distance [px]"] = body.epipolar[frame, valid]
+            mesh.point_data["sigma of the match [px]"] = np.fmax(*(s[frame, valid] for s in body.match_sigma))
+            mesh.point_data["correlation"] = np.fmin(*(z[frame, valid] for z in body.zncc))
+            mesh.point_data["point"] = np.flatnonzero(valid)
+        path = folder / f"{name}_{frame:05d}.vtp"
+        with replacing(path) as partial:
+            mesh.save(partial)
+        ElementTree.SubElement(
+            series, "DataSet", timestep=repr(float(surface.t[frame])), part="0", file=path.name
+        )
+        written.append(path)
+    listing = folder / f"{name}.pvd"
+    with replacing(listing) as partial:
+        ElementTree.ElementTree(root).write(partial, encoding="utf-8", xml_declaration=True)
+    return [*written, listing]
+
+
+def grid_triangles(cell: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Two triangles for every square of four neighbouring points of a grid.
+
+    Parameters
+    ----------
+    cell : array of int
+        Column and row of each point, shape [n_points, 2].
+
+    Returns
+    -------
+    array of int
+        Points of each triangle, counter-clockwise seen from the cameras, shape [n_triangles, 3].
+    """
+    if len(cell) == 0:
+        return np.empty((0, 3), dtype=np.int64)
+    low = cell.min(axis=0)
+    table = np.full(tuple(cell.max(axis=0) - low + 2), -1, dtype=np.int64)
+    table[tuple((cell - low).T)] = np.arange(len(cell))
+    a, b, c, d = table[:-1, :-1], table[1:, :-1], table[1:, 1:], table[:-1, 1:]
+    whole = (a >= 0) & (b >= 0) & (c >= 0) & (d >= 0)
+    a, b, c, d = (corner[whole] for corner in (a, b, c, d))
+    # Rows count downward in a picture, so a, d, c turns counter-clockwise.
+    return np.concatenate([np.column_stack([a, d, c]), np.column_stack([a, c, b])])

@@ -1,0 +1,229 @@
+"""The folder that a command leaves: result, tables, page and figures, all or nothing."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from kolsky.bars.reduction import output as waves_output
+from kolsky.bars.result import ReducedTest
+from kolsky.base.errors import InputError
+from kolsky.base.files import filling
+from kolsky.inverse.result import Identification
+from kolsky.results.hdf5 import read_identification, write_identification
+from kolsky.results.tables import write_csv
+from kolsky.shot.recorded import Recorded, recorded
+from kolsky.shot.records import Shot
+from kolsky.studies.rates import output as rates_output
+from kolsky.studies.rates.records import RateReport
+from kolsky.studies.sweep import Sweep, write_sweep
+from kolsky.studies.sweep_analysis import SweepAnalysis
+
+RESULT_FILE = "identification.h5"
+PAGE = "report.html"
+
+
+def write_identify_results(
+    folder: Path,
+    found: Identification,
+    shot: Shot,
+    *,
+    source: str | Path | None = None,
+    formats: Sequence[str] = (),
+) -> None:
+    """Write what `kolsky identify` leaves: result, tables, report and, if asked for, figures; all or nothing.
+
+    Parameters
+    ----------
+    folder
+        Where to; made if it is not there.
+    found
+        The identification.
+    shot
+        The shot, as `kolsky.shot.load.load_shot` gives it.
+    source
+        Its folder or shot file; the folder of the shot if left out.
+    formats
+        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
+
+    Raises
+    ------
+    InputError
+        If the results cannot be written.
+    """
+    recordings = recorded(shot, Path(shot.folder if source is None else source), folder)
+    with filling(folder) as partial:
+        whole = replace(found, image_correlation=recordings.numbers)
+        write_identification(partial / RESULT_FILE, whole)
+        write_csv(partial, found)
+        write_identify_page(partial, found, recordings, formats)
+
+
+def read_identify_results(folder: Path, shot: Shot) -> Identification:
+    """Read the identification of a shot back from its folder.
+
+    Parameters
+    ----------
+    folder
+        The folder of the results.
+    shot
+        The shot.
+
+    Raises
+    ------
+    InputError
+        If there is none, it cannot be used, or it was made from other files than the shot's.
+    """
+    path = folder / RESULT_FILE
+    found = read_identification(path)
+    _refuse_other_files(path, found.provenance.get("inputs", {}), shot.inputs)
+    return found
+
+
+def write_identify_page(
+    folder: Path,
+    found: Identification,
+    recordings: Recorded,
+    formats: Sequence[str] = (),
+    *,
+    processes: int = 1,
+) -> None:
+    """Write the page of an identification into a folder, and its figures alone if formats are given.
+
+    Parameters
+    ----------
+    folder
+        An empty folder of `kolsky.base.files.filling`.
+    found
+        The identification.
+    recordings
+        What the shot's own files show.
+    formats
+        Any of `kolsky.report.formats.FIGURES`.
+    processes
+        How many draw, 1 or 2; see `kolsky.report.pages.parallel.drawn_by`.
+    """
+    from kolsky.report.scene import stills
+
+    stills.begin(found)  # rendered meanwhile; whoever asks first is the one that begins
+    from kolsky.report.canvas import save_figures
+    from kolsky.report.figures import RECORDINGS
+    from kolsky.report.pages.identification import write_report
+
+    write_report(folder / PAGE, found, recordings, processes=processes)
+    if formats:
+        save_figures(folder / "figures", recordings, formats=tuple(formats), registry=RECORDINGS)
+        save_figures(folder / "figures", found, formats=tuple(formats))
+
+
+def write_waves_results(folder: Path, result: ReducedTest, *, formats: Sequence[str] = ()) -> None:
+    """Write what `kolsky waves` leaves: waves.h5, waves.html, tables and, if asked for, figures.
+
+    Parameters
+    ----------
+    folder
+        Where to; made if it is not there.
+    result
+        The reduced test.
+    formats
+        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
+
+    Raises
+    ------
+    InputError
+        If the results cannot be written.
+    """
+    from kolsky.report.canvas import save_figures
+    from kolsky.report.pages.waves import figures_of, write_page
+
+    with filling(folder) as partial:
+        waves_output.write_hdf5(partial / "waves.h5", result)
+        waves_output.write_csv(partial, result)
+        write_page(partial / "waves.html", result)
+        if formats:
+            save_figures(partial / "figures", result, formats=tuple(formats), registry=figures_of(result))
+
+
+def write_rate_results(folder: Path, report: RateReport, *, formats: Sequence[str] = ()) -> None:
+    """Write what `kolsky rate` leaves: rates.h5, rates.html, tables and, if asked for, figures.
+
+    Parameters
+    ----------
+    folder
+        Where to; made if it is not there.
+    report
+        The comparison of shots.
+    formats
+        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
+
+    Raises
+    ------
+    InputError
+        If the results cannot be written.
+    """
+    from kolsky.report.canvas import save_figures
+    from kolsky.report.pages.rates import figures_of, write_page
+
+    with filling(folder) as partial:
+        rates_output.write_hdf5(partial / "rates.h5", report)
+        rates_output.write_csv(partial, report)
+        write_page(partial / "rates.html", report)
+        if formats:
+            for index, group in enumerate(report.groups):
+                registry = figures_of(report, index)
+                save_figures(partial / "figures", group, formats=tuple(formats), registry=registry)
+
+
+def write_sweep_results(
+    folder: Path,
+    result: Sweep,
+    analysis: SweepAnalysis,
+    *,
+    name: str = "sweep",
+    warnings: Sequence[str] = (),
+    formats: Sequence[str] = (),
+) -> None:
+    """Write what `kolsky sweep` leaves beside its ledger: sweep.csv, sweep.html and, if asked for, figures.
+
+    Parameters
+    ----------
+    folder
+        Where to; made if it is not there.
+    result
+        Every run of the design.
+    analysis
+        What `kolsky.studies.sweep_analysis.analyse_sweep` makes of them.
+    name
+        Name of table and page without their endings.
+    warnings
+        What to know before using the numbers, shown on the page.
+    formats
+        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
+
+    Raises
+    ------
+    InputError
+        If the results cannot be written.
+    """
+    from kolsky.report.canvas import save_figures
+    from kolsky.report.figures import SWEEPS
+    from kolsky.report.pages.sweep import write_page
+
+    with filling(folder) as partial:
+        write_sweep(partial / f"{name}.csv", result)
+        write_page(partial / f"{name}.html", analysis, warnings=warnings)
+        if formats:
+            save_figures(partial / "figures", analysis, formats=tuple(formats), registry=SWEEPS)
+
+
+def _refuse_other_files(path: Path, then: Any, now: Mapping[str, str]) -> None:
+    """Signals of one version of a file beside the result of another would mislead."""
+    then = then if isinstance(then, dict) else {}
+    differing = sorted(name for name in {*then, *now} if then.get(name) != now.get(name))
+    if differing:
+        more = f" and {len(differing) - 1} more" if len(differing) > 1 else ""
+        raise InputError(
+            path,
+            f"was made from other files than those of the shot: {differing[0]}{more}",
+            cure="run `kolsky identify` again, or put the files back",
+        )

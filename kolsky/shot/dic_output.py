@@ -1,0 +1,52 @@
+"""Tables of what the pictures of a shot gave: outline, flyer, flight, reporting table."""
+
+from pathlib import Path
+
+import numpy as np
+
+from dic.output import reporting
+from dic.output.csv import MM, write_history
+from kolsky.bars.flyer import flight_report
+from kolsky.shot.optical_data import Surfaces
+
+
+def write_tables(folder: Path, found: Surfaces, number: np.ndarray) -> None:
+    """Write outline and flyer as the exports that a shot can declare, the flight and the reporting table.
+
+    Parameters
+    ----------
+    folder
+        Where to; it exists.
+    found
+        What the pictures gave.
+    number
+        Number of each frame as the shot counts them, shape [n_frames].
+    """
+    result = found.result
+    line = result.centre
+    write_history(
+        folder / "centreline.csv",
+        {
+            "frame": number[line.frame],
+            "time (s)": line.t,
+            "y (mm)": MM * line.y,
+            "Z (mm)": MM * line.Z,
+            "sigma_Z (mm)": MM * line.sigma,
+        },
+    )
+    if result.travel is not None:
+        travel = result.travel
+        write_history(
+            folder / "flyer.csv",
+            {
+                "frame": number[travel.frame],
+                "time (s)": travel.t,
+                "flyer displacement toward the specimen (mm)": MM * travel.displacement,
+                "sigma (mm)": MM * travel.sigma,
+            },
+        )
+    table = reporting.reporting_table(result)
+    (folder / "dic_reporting.csv").write_text(reporting.as_csv(table), encoding="utf-8")
+    (folder / "dic_reporting.md").write_text(reporting.as_markdown(table), encoding="utf-8")
+    if not isinstance(found.flight, str):
+        write_history(folder / "flight.csv", flight_report.columns(found.flight))

@@ -1,0 +1,55 @@
+"""No named fault gets past the quick tests, and the trial itself can tell: see `tests.mutants`."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+if str(ROOT) not in sys.path:
+    sys.path.insert(0, str(ROOT))  # `tests` is no installed package
+
+from tests.mutants import FAULTS, Fault  # noqa: E402
+from tests.mutants.trial import Fate, trials  # noqa: E402
+
+FEWEST = 40
+"""Faults that the project wants to hold at least, over interval, verdicts, warnings, budget, waves, rates,
+image correlation, misfit and solver."""
+
+
+def test_every_fault_fits_its_file() -> None:
+    """A line that was rewritten takes its fault along: the right text stands in the file exactly once."""
+    assert len(FAULTS) >= FEWEST
+    assert len({fault.name for fault in FAULTS}) == len(FAULTS)
+    for fault in FAULTS:
+        fault.planted((ROOT / fault.file).read_text("utf-8"))
+        assert fault.tests, f"{fault.name}: no test must fail"
+        for test in fault.tests:
+            assert (ROOT / test.partition("::")[0]).is_file(), f"{fault.name}: {test} is no file"
+
+
+def test_a_fault_that_does_not_fit_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"stands 2 times in a\.py, not once"):
+        Fault("twice", "a.py", "x", "y", ("t.py",)).planted("x = x")
+    with pytest.raises(ValueError, match="nothing changes"):
+        Fault("none", "a.py", "x", "x", ("t.py",)).planted("x = 1")
+
+
+@pytest.mark.slow
+def test_no_fault_survives_the_quick_tests() -> None:
+    left = [
+        f"{fate}: {fault.file}: {fault.name}" for fault, fate in trials(FAULTS) if fate is not Fate.KILLED
+    ]
+    assert not left, "\n".join(left)
+
+
+@pytest.mark.slow
+def test_the_trial_tells_a_fault_that_no_test_sees() -> None:
+    unseen = Fault(
+        name="a text that no test of units reads",
+        file="kolsky/base/units.py",
+        right='"""Written-out quantities',
+        wrong='"""Quantities in words',
+        tests=("tests/unit/base/test_units.py",),
+    )
+    assert [fate for _, fate in trials([unseen])] == [Fate.SURVIVED]

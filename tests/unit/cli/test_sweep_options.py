@@ -1,0 +1,129 @@
+"""Designs as the command line asks for them: constraints, logarithmic parameters, workers."""
+
+import csv
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shot_folders import TINY, shot_in
+from typer.testing import CliRunner
+
+from doe.constraints import Constraint
+from kolsky.base.errors import InputError
+from kolsky.cli import app
+from kolsky.cli.sweep_options import DesignChoice, Workers
+
+NAMES = ("friction", "stiffness_factor")
+POINTS = np.array([[0.0, 1.0], [1.0, 1.0], [2.0, 0.5], [0.5, 2.0]])
+
+
+@pytest.mark.parametrize(
+    ("text", "met"),
+    [
+        ("friction <= 2 * stiffness_factor - 1", [True, True, False, True]),
+        ("friction * stiffness_factor < 1", [True, False, False, False]),
+        ("0.5 <= friction < 2", [False, True, False, True]),
+        ("1 / friction > 0", [False, True, True, True]),  # 1/0 is not finite and meets nothing
+        ("-friction >= -(0.5 ** 2 + 0.25)", [True, False, False, True]),
+    ],
+)
+def test_constraints_by_hand(text: str, met: list[bool]) -> None:
+    assert Constraint(text, NAMES)(POINTS).tolist() == met
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("friction + 1", "no <= or >="),
+        ("friction == 1", "only <, <=, > and >="),
+        ("damping < 1", "damping is not varied; varied are friction"),
+        ("friction.real < 1", "neither a number"),
+        ("__import__('os') < 1", "neither a number"),
+        ("friction < 'a'", "neither a number"),
+        ("friction < True", "neither a number"),
+        ("friction <", "cannot be read"),
+        ("(" * 499 + "<", "cannot be read"),
+        ("friction < 1" + " " * 500, "longer than 500"),
+    ],
+)
+def test_what_is_no_constraint_is_refused(text: str, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        Constraint(text, NAMES)
+
+
+def test_points_that_break_a_constraint_are_left_out_and_counted() -> None:
+    bounds = {"friction": (0.0, 2.0), "stiffness_factor": (0.5, 1.5)}
+    design = DesignChoice("factorial", bounds, (3, 3), where=("friction <= 1",)).design()
+    assert len(design) == 6
+    assert design.settings["refused"] == 3
+
+
+def test_a_d_optimal_design_chooses_among_what_is_allowed() -> None:
+    bounds = {"friction": (0.0, 2.0), "stiffness_factor": (0.5, 1.5)}
+    design = DesignChoice("d-optimal", bounds, runs=8, where=("friction <= 1.2",)).design()
+    assert len(design) == 8  # none is lost, as it would be if they were left out afterwards
+    assert design.points[:, 0].max() == pytest.approx(1.0)  # the last of five levels of 0 to 2 below 1.2
+
+
+def test_logarithmic_levels_have_equal_ratios() -> None:
+    design = DesignChoice("factorial", {"damping": (1e-6, 1e-4)}, (3,), logarithmic=("damping",)).design()
+    np.testing.assert_allclose(design.points[:, 0], [1e-6, 1e-5, 1e-4], rtol=1e-12)  # round-off
+
+
+@pytest.mark.parametrize(
+    ("choice", "words"),
+    [
+        (
+            DesignChoice("factorial", {"friction": (0.0, 2.0)}, (3,), logarithmic=("friction",)),
+            "needs a lower bound > 0",
+        ),
+        (
+            DesignChoice("factorial", {"friction": (0.0, 2.0)}, (3,), logarithmic=("damping",)),
+            "names",
+        ),
+        (
+            DesignChoice("factorial", {"friction": (0.0, 2.0)}, (3,), where=("friction > 3",)),
+            "no point of the 3",
+        ),
+        (DesignChoice("csv", {}, points=Path("x.csv"), logarithmic=("friction",)), "no effect on points"),
+        (DesignChoice("lhs", {"friction": (0.0, 2.0)}, generators="a b"), "need each other"),
+    ],
+)
+def test_choices_that_cannot_be(choice: DesignChoice, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        choice.design()
+
+
+def test_one_kind_of_workers() -> None:
+    with pytest.raises(InputError, match="exclude each other"), Workers(2, "tcp://x").executor():
+        pass
+    with Workers().executor() as none:
+        assert none is None
+
+
+def test_a_scheduler_that_does_not_answer() -> None:
+    pytest.importorskip("distributed")
+    with pytest.raises(InputError, match="no scheduler answers"), Workers(dask="no-such-thing").executor():
+        pass
+
+
+def rows(folder: Path) -> list[list[str]]:
+    with (folder / "results" / "sweep.csv").open(newline="") as file:
+        return list(csv.reader(file))
+
+
+@pytest.mark.slow
+def test_a_sweep_through_processes_is_the_same_sweep(tmp_path: Path) -> None:
+    shot = shot_in(tmp_path / "shot")
+    arguments = ["sweep", str(shot), *TINY, "--vary", "friction=0.1:0.6:3", "--where", "friction < 0.5"]
+    arguments += ["--ledger", "none", "--json"]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["left_out_by_constraints"] == 1
+    alone = rows(shot)
+    # A process of its own: spawned workers import the main module.
+    subprocess.run([sys.executable, "-m", "kolsky.cli", *arguments, "--processes", "2"], check=True)
+    assert rows(shot) == alone

@@ -1,0 +1,70 @@
+"""Files that earlier releases wrote: still read, and written again with the same contents.
+
+The files of tests/data/results hold made-up results of few samples: identification-1.h5 was written by the
+code that knew version 1 of the format, identification-2.h5 and dic-2.h5 by that before the codec of
+`kolsky.base.hdf5_records`.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hdf5_contents import contents
+
+from dic.outcome import FrameOutcome, PointOutcome
+from kolsky.inverse.result import Verdict
+from kolsky.results.hdf5 import read_identification, write_identification
+from kolsky.shot.surfaces_file import read_stereo_result, stored_key, write_stereo_result
+
+DATA = Path(__file__).parents[2] / "data" / "results"
+NEW = ("image_correlation", "numerical_parts", "variations")
+"""Groups that version 2 has beside those of version 1."""
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_an_identification_of_an_earlier_release(version: int) -> None:
+    result = read_identification(DATA / f"identification-{version}.h5")
+    assert result.shot == "made-up-01"
+    estimate = result.estimates["stiffness_factor"]
+    assert (estimate.name, estimate.unit, estimate.value) == ("stiffness_factor", "1", 1.12)
+    assert (estimate.sigma_noise, estimate.sigma_numerical) == (0.0019, 0.0016)
+    assert estimate.outcome is Verdict.IDENTIFIED
+    assert estimate.numerical_parts == ({} if version == 1 else {"mesh": 0.00128, "roughness": 0.00096})
+    assert result.estimates["damping"].unit == "s"
+    assert result.fixed == {"poisson": 0.499, "friction": 0.5}
+    assert len(result.variations) == (0 if version == 1 else 2)
+    assert result.image_correlation == ({} if version == 1 else {"sigma_match_px": 0.011})
+    assert result.profiles[1].name == "damping"
+    assert result.posterior is not None
+    assert result.posterior.samples.shape == (20, 4)
+    assert result.methods[0].runs == 20
+    assert result.response.nodes is not None
+    assert result.provenance["seed"] == 1
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_an_identification_written_again_holds_the_same(version: int, tmp_path: Path) -> None:
+    old = DATA / f"identification-{version}.h5"
+    write_identification(tmp_path / "again.h5", read_identification(old))
+    before, after = contents(old), contents(tmp_path / "again.h5")
+    if version == 1:  # written as version 2, whose further groups are empty
+        assert (before.pop("/")[0]["format_version"], after.pop("/")[0]["format_version"]) == (1, 2)
+        after = {name: found for name, found in after.items() if not any(new in name for new in NEW)}
+    assert after == before
+
+
+def test_a_stereo_result_of_an_earlier_release(tmp_path: Path) -> None:
+    old = DATA / "dic-2.h5"
+    result = read_stereo_result(old)
+    assert stored_key(old) == "abc"
+    assert result.specimen.surface.n_frames == 9
+    assert result.frames[0].tolist() == [0] * 7 + [int(FrameOutcome.BLACK), 0]
+    assert result.rig.cameras[0].fx == 5400.0
+    assert result.rig.cameras[1].sensor == (128, 128)
+    assert result.rig.covariance is not None
+    np.testing.assert_allclose(np.diag(result.rig.covariance), np.linspace(1.0, 2.0, 26), rtol=1e-15)
+    assert all(isinstance(outcome, PointOutcome) for outcome in result.centre.left_out)
+    assert [remark.name for remark in result.remarks] == ["wrong crop offset"]
+    assert dict(result.seconds) == {"track": 1.25, "match": 0.5}
+    write_stereo_result(tmp_path / "again.h5", result, key="abc")
+    assert contents(tmp_path / "again.h5") == contents(old)
