@@ -28,7 +28,6 @@ def write_identify_results(
     found: Identification,
     shot: Shot,
     *,
-    source: str | Path | None = None,
     formats: Sequence[str] = (),
 ) -> None:
     """Write what `kolsky identify` leaves: result, tables, report and, if asked for, figures; all or nothing.
@@ -41,8 +40,6 @@ def write_identify_results(
         The identification.
     shot
         The shot, as `kolsky.shot.load.load_shot` gives it.
-    source
-        Its folder or shot file; the folder of the shot if left out.
     formats
         Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
 
@@ -51,7 +48,7 @@ def write_identify_results(
     InputError
         If the results cannot be written.
     """
-    recordings = recorded(shot, Path(shot.folder if source is None else source), folder)
+    recordings = recorded(shot, folder)
     with filling(folder) as partial:
         whole = replace(found, image_correlation=recordings.numbers)
         write_identification(partial / RESULT_FILE, whole)

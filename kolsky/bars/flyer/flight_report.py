@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,6 +12,7 @@ from dic.outcome import FrameOutcome
 from dic.result import StereoResult
 from kolsky.bars.flyer.flight import Flight, SymmetryEnd, fit_flight, symmetry_end
 from kolsky.base.arrays import FloatArray
+from kolsky.base.hdf5 import adding_to, data, put
 from kolsky.base.records import FlyerMotion
 
 SHARE = 0.05
@@ -65,10 +65,10 @@ def flight_of(result: StereoResult, length: float) -> FlightOfSpecimen | str:
     length
         Length of the specimen at rest [m].
     """
-    if result.travel is None or result.motion is None:
+    if result.axial_displacement is None or result.motion is None:
         return "its travel or its poses are not known"
     start = float(result.t[result.static][-1])
-    travel = result.travel
+    travel = result.axial_displacement
     try:
         flight = fit_flight(
             result.motion,
@@ -133,13 +133,11 @@ def add_to(path: Path, found: FlightOfSpecimen) -> None:
     OSError
         If the file cannot be written.
     """
-    with h5py.File(path, "r+") as file:
-        group = file["entry"].create_group("flight")
-        group.attrs["NX_class"] = "NXdata"
-        group.attrs["signal"], group.attrs["axes"] = "velocity toward the specimen", ["time"]
+    with adding_to(path) as entry:
+        group = data(entry, "flight", "velocity toward the specimen", "time")
         for name, values in columns(found).items():
             plain, unit = name.rsplit(" (", 1)
-            group.create_dataset(plain, data=values).attrs["units"] = unit.rstrip(")")
+            put(group, plain, values, unit.rstrip(")"))
         group.attrs["separation_s"], group.attrs["share"] = found.separation, SHARE
         if found.end is not None:
             group.attrs["symmetry_end_s"] = found.end
