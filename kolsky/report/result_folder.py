@@ -1,4 +1,4 @@
-"""The folder that a command leaves: result, tables, page and figures, all or nothing."""
+"""Result folders of the commands: result, tables, page and figures, all written or none."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -30,12 +30,12 @@ def write_identify_results(
     *,
     formats: Sequence[str] = (),
 ) -> None:
-    """Write what `kolsky identify` leaves: result, tables, report and, if asked for, figures; all or nothing.
+    """Write the results of `kolsky identify`: result file, tables, report and figures; all of them or none.
 
     Parameters
     ----------
     folder
-        Where to; made if it is not there.
+        Folder; created if absent.
     found
         The identification.
     shot
@@ -94,15 +94,15 @@ def write_identify_page(
     found
         The identification.
     recordings
-        What the shot's own files show.
+        Recordings of the shot's own files.
     formats
         Any of `kolsky.report.formats.FIGURES`.
     processes
-        How many draw, 1 or 2; see `kolsky.report.pages.parallel.drawn_by`.
+        Processes that draw, 1 or 2; see `kolsky.report.pages.parallel.draw_in_processes`.
     """
     from kolsky.report.scene import stills
 
-    stills.begin(found)  # rendered meanwhile; whoever asks first is the one that begins
+    stills.start_stills(found)  # rendered meanwhile; a rendering that runs already is kept
     from kolsky.report.canvas import save_figures
     from kolsky.report.figures import RECORDINGS
     from kolsky.report.pages.identification import write_report
@@ -114,12 +114,12 @@ def write_identify_page(
 
 
 def write_waves_results(folder: Path, result: ReducedTest, *, formats: Sequence[str] = ()) -> None:
-    """Write what `kolsky waves` leaves: waves.h5, waves.html, tables and, if asked for, figures.
+    """Write the results of `kolsky waves`: waves.h5, waves.html, tables and figures.
 
     Parameters
     ----------
     folder
-        Where to; made if it is not there.
+        Folder; created if absent.
     result
         The reduced test.
     formats
@@ -142,12 +142,12 @@ def write_waves_results(folder: Path, result: ReducedTest, *, formats: Sequence[
 
 
 def write_rate_results(folder: Path, report: RateReport, *, formats: Sequence[str] = ()) -> None:
-    """Write what `kolsky rate` leaves: rates.h5, rates.html, tables and, if asked for, figures.
+    """Write the results of `kolsky rate`: rates.h5, rates.html, tables and figures.
 
     Parameters
     ----------
     folder
-        Where to; made if it is not there.
+        Folder; created if absent.
     report
         The comparison of shots.
     formats
@@ -180,20 +180,20 @@ def write_sweep_results(
     warnings: Sequence[str] = (),
     formats: Sequence[str] = (),
 ) -> None:
-    """Write what `kolsky sweep` leaves beside its ledger: sweep.csv, sweep.html and, if asked for, figures.
+    """Write the results of `kolsky sweep` beside its database: sweep.csv, sweep.html and figures.
 
     Parameters
     ----------
     folder
-        Where to; made if it is not there.
+        Folder; created if absent.
     result
         Every run of the design.
     analysis
-        What `kolsky.studies.sweep_analysis.analyse_sweep` makes of them.
+        Analysis of them by `kolsky.studies.sweep_analysis.analyse_sweep`.
     name
         Name of table and page without their endings.
     warnings
-        What to know before using the numbers, shown on the page.
+        Warnings at the top of the page.
     formats
         Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
 
@@ -214,7 +214,7 @@ def write_sweep_results(
 
 
 def _refuse_other_files(path: Path, then: Any, now: Mapping[str, str]) -> None:
-    """Signals of one version of a file beside the result of another would mislead."""
+    """Refuse a result made from other versions of the files: its page would mix both."""
     then = then if isinstance(then, dict) else {}
     differing = sorted(name for name in {*then, *now} if then.get(name) != now.get(name))
     if differing:
