@@ -18,13 +18,11 @@ LINE = re.compile(r"^<!-- (rooms|public) (\w+) -->$", re.MULTILINE)
 def rooms(package: str) -> str:
     """The rooms of a package in the order of their imports."""
     lines = ["| room | inside | holds |", "| --- | --- | --- |"]
-    for room in tomllib.loads((DOCS / "rooms.toml").read_text("utf-8"))[
-        "room" if package == "kolsky" else package
-    ]:
+    table = "room" if package == "kolsky" else package
+    for room in tomllib.loads((DOCS / "rooms.toml").read_text("utf-8"))[table]:
         inside = ", ".join(f"`{name}`" for name in room.get("inside", []))
-        lines.append(
-            f"| {{doc}}`{room['name']} <api/generated/{package}.{room['name']}>` | {inside} | {room['does']} |"
-        )
+        page = f"api/generated/{package}.{room['name']}"
+        lines.append(f"| {{doc}}`{room['name']} <{page}>` | {inside} | {room['does']} |")
     return "\n".join(lines)
 
 

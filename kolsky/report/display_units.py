@@ -1,4 +1,4 @@
-"""A result in the units in which a reader thinks: damping in µs, not in 1e-5 s."""
+"""An identification in display units, e.g. damping in µs."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -11,10 +11,10 @@ from kolsky.inverse.uncertainty_results import PairMap, ParameterProfile, Poster
 from kolsky.report.nomenclature import factor_of, name_of
 
 
-def in_shown_units(result: Identification) -> Identification:
-    """The result with every parameter in the unit of `kolsky.report.nomenclature`, for pages and figures.
+def in_display_units(result: Identification) -> Identification:
+    """Return a result with every parameter in the unit of `kolsky.report.nomenclature`.
 
-    Files and JSON stay in SI. Apply it once: the result of it is no longer in SI.
+    For pages and figures; files and JSON stay in SI. Apply it once: its result is no longer in SI.
     """
     factors = np.array([factor_of(name) for name in result.design.names])
     design = replace(
@@ -25,7 +25,7 @@ def in_shown_units(result: Identification) -> Identification:
     )
     return replace(
         result,
-        estimates={name: shown_estimate(e) for name, e in result.estimates.items()},
+        estimates={name: estimate_in_display_units(e) for name, e in result.estimates.items()},
         fixed=_scaled(result.fixed),
         routes=tuple(
             replace(route, parameters=_scaled(route.parameters), sigma=_scaled(route.sigma))
@@ -42,8 +42,8 @@ def in_shown_units(result: Identification) -> Identification:
     )
 
 
-def shown_estimate(e: Estimate) -> Estimate:
-    """One estimate in its shown unit."""
+def estimate_in_display_units(e: Estimate) -> Estimate:
+    """Return one estimate in its display unit."""
     factor = factor_of(e.name)
     return replace(
         e,

@@ -8,7 +8,7 @@ from kolsky.inverse.method_comparison import Method
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Estimate, Identification, Route, Verdict
 from kolsky.report import numbers
-from kolsky.report.display_units import in_shown_units, shown_estimate
+from kolsky.report.display_units import estimate_in_display_units, in_display_units
 
 _POWER = re.compile(" × 10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)")
 _LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
@@ -17,8 +17,8 @@ ROUTES = {"force only": "force only", "shape only": "shape only", "paper": "cost
 
 
 def answer(e: Estimate) -> str:
-    """The one line a user wants, e.g. "m = 1.1220 ± 0.0040 (k = 2)"; a verdict that is not good follows."""
-    e = shown_estimate(e)
+    """Return an estimate as one line, "m = 1.1220 ± 0.0040 (k = 2)"; also the verdict unless identified."""
+    e = estimate_in_display_units(e)
     value, uncertainty = numbers.measured(e.value, 2.0 * e.sigma)
     unit = "" if e.unit == "1" else f" {plain(e.unit)}"
     line = f"{_symbol(e.name)} = {plain(value)} ± {plain(uncertainty)}{unit} (k = 2)"
@@ -26,8 +26,8 @@ def answer(e: Estimate) -> str:
 
 
 def details(found: Identification) -> dict[str, str]:
-    """What the answers rest on: a name and a value each."""
-    found = in_shown_units(found)
+    """Return verdict, interval, uncertainties and optima of all routes: names and values."""
+    found = in_display_units(found)
     rows = [("shot", found.shot)]
     for name, e in found.estimates.items():
         symbol, U = _symbol(name), 2.0 * e.sigma
@@ -50,7 +50,7 @@ def details(found: Identification) -> dict[str, str]:
 
 
 def columns(rows: Mapping[str, Any]) -> list[str]:
-    """Names and values in two columns; numbers with six digits."""
+    """Return names and values in two columns; numbers with six digits."""
     width = max(map(len, rows), default=0)
     return [f"  {name:<{width}}  {_shown(value)}" for name, value in rows.items()]
 
@@ -75,7 +75,7 @@ def _symbol(name: str) -> str:
 
 
 def plain(text: str) -> str:
-    """A number of `kolsky.report.numbers` in characters every terminal has, e.g. "2.5e-5"."""
+    """Return a number of `kolsky.report.numbers` in ASCII where possible, e.g. "2.5e-5"."""
     text = _POWER.sub(lambda power: "e" + power[1].translate(_LOWERED), text)
     return text.replace("µ", "u").replace(numbers.MINUS, "-").replace(numbers.NOTHING, "unknown")
 

@@ -9,22 +9,20 @@ from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.staged_runs import StagedRuns
 
 
-def replicate_uncertainty(change: FloatArray, gain: FloatArray) -> FloatArray:
+def replicate_uncertainty(moves: FloatArray) -> FloatArray:
     """Standard uncertainty from replicates: root mean square of the moves of the optimum.
 
     Parameters
     ----------
-    change
-        Data vectors of the replicates minus that of the reference, shape [n, k].
-    gain
-        Linear map from a change of the data vector to the move of the optimum, shape [d, k].
+    moves
+        Optimum of each replicate minus that of the reference, shape [n, d].
 
     Returns
     -------
     ndarray
         In the parameters' units, shape [d].
     """
-    return np.asarray(np.sqrt(((change @ gain.T) ** 2).mean(axis=0)))
+    return np.asarray(np.sqrt((moves**2).mean(axis=0)))
 
 
 def scale_uncertainty(change: FloatArray, gains: Sequence[FloatArray]) -> FloatArray:
@@ -67,15 +65,18 @@ def replicate_parts(
     flyer, curve, scale
         Rows with another motion of the flyer, another curve, a motion larger by one standard uncertainty of
         its scale (one at most), shape [n].
-    gain, gains
-        As of `replicate_uncertainty` and `scale_uncertainty`.
+    gain
+        Linear map from a change of the data vector to the move of the optimum, shape [d, k].
+    gains
+        As of `scale_uncertainty`.
     """
     change = np.nan_to_num(vectors - vectors[0])
+    moves = change @ gain.T
     found = {"motion scale": scale_uncertainty(change[scale][0], gains)} if scale.any() else {}
     return {
         **found,
-        "flyer motion": replicate_uncertainty(change[flyer], gain),
-        "material curve": replicate_uncertainty(change[curve], gain),
+        "flyer motion": replicate_uncertainty(moves[flyer]),
+        "material curve": replicate_uncertainty(moves[curve]),
     }
 
 

@@ -7,18 +7,18 @@ from kolsky.material.fits.compare import Comparison, Row
 from kolsky.material.fits.modes import Mode
 from kolsky.material.fits.stability import PathStability, Stability
 from kolsky.material.reference_curve import ReferenceCurve
-from kolsky.report.figures.base import BAND, GREY, MEASURED, MODEL, PAGE, FigureKind, Panels, letter
+from kolsky.report.figures.base import BAND, GREY, MEASURED, MODEL, PAGE, FigureKind, Panels, label_panel
 from kolsky.report.figures.waves import stress_scale
 
 MOST_LAWS = 5
-"""Curves of one panel; more cannot be told apart."""
+"""Largest number of laws in one panel; more cannot be distinguished."""
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)))
 MARKERS = ("o", "s", "^", "D", "v")
 
 
 def shown(comparison: Comparison) -> list[Row]:
-    """The laws to draw: least AIC first, one of a kind that gives the same curve."""
+    """Return the laws to draw: least AIC first, only one of those with the same curve."""
     chosen: list[Row] = []
     for row in comparison.rows:
         # The same error to six digits is the same curve under another name.
@@ -30,7 +30,7 @@ def shown(comparison: Comparison) -> list[Row]:
 
 
 def modes(comparison: Comparison) -> list[Mode]:
-    """The modes that were tested."""
+    """Return the modes that were tested."""
     return [mode for mode in Mode if any(test.mode is mode for test in comparison.tests)]
 
 
@@ -47,7 +47,7 @@ def draw_fits(comparison: Comparison, panels: Panels) -> None:
     """Draw every test and the best laws."""
     for number, (mode, ax) in enumerate(zip(modes(comparison), panels.values(), strict=True)):
         if len(panels) > 1:
-            letter(ax, "abcd"[number])
+            label_panel(ax, "abcd"[number])
         tests = [k for k, test in enumerate(comparison.tests) if test.mode is mode]
         factor, unit = stress_scale(
             max((comparison.tests[k].stress for k in tests), key=lambda s: abs(s).max())
@@ -98,7 +98,7 @@ COLUMNS = 3
 def caption_residuals(comparison: Comparison) -> str:
     """Return the caption."""
     return (
-        "Law less measurement for the laws of the figure before, on one scale. What is left is smooth, not "
+        "Law minus measurement for the laws of the figure before, on one scale. Residuals are smooth, not "
         "scattered, where a law misses the shape of a curve."
     )
 
@@ -156,8 +156,8 @@ def caption_stability(comparison: Comparison) -> str:
     """Return the caption."""
     return (
         "Stretch to which each law meets Drucker's criterion. A bar that ends in a cross: unstable from "
-        "there; in a vertical stroke: the law locks; in nothing: stable as far as it was followed. Blue: the "
-        "stretches of the tests in this mode."
+        "there; in a vertical stroke: the law locks; with no mark: stable over the whole range evaluated. "
+        "Blue: the stretches of the tests in this mode."
     )
 
 
@@ -232,8 +232,8 @@ def draw_reference_curve(made: ReferenceCurve, panels: Panels) -> None:
     )
     right.set(xlim=left.get_xlim(), ylim=(0.0, 1.05 * right.dataLim.y1))
     left.legend(loc="upper left")
-    letter(left, "a")
-    letter(right, "b")
+    label_panel(left, "a")
+    label_panel(right, "b")
 
 
 FIGURES: tuple[FigureKind[Comparison], ...] = (

@@ -18,8 +18,8 @@ from kolsky.report.figures.base import (
     UM,
     FigureKind,
     Panels,
+    label_panel,
     largest,
-    letter,
     smooth_bar,
 )
 from kolsky.report.nomenclature import name_of
@@ -35,13 +35,13 @@ def draw_map(
     Parameters
     ----------
     ax
-        Where.
+        Axes.
     grid
         Times and heights.
     values
-        What, in the unit of the label.
+        Values in the unit of the label.
     label
-        Of the colour bar.
+        Label of the colour bar.
     bottom
         Smallest value of a one-sided scale; without it the scale is symmetric about zero.
     """
@@ -58,7 +58,7 @@ def draw_map(
         rasterized=True,
     )
     ax.set(xlabel="Time (ms)", ylabel="Height $y$ (mm)", ylim=(0.0, MM * grid.heights[-1]))
-    # Few ticks: more of them as the axes shrink would have longer labels than the layout reckoned with.
+    # Few ticks: with more, labels get longer than the layout allowed for when the axes shrink.
     ticks = MaxNLocator(4)
     bar = ax.figure.colorbar(drawn, ax=ax, aspect=25, pad=0.02, ticks=ticks)  # type: ignore[union-attr]
     bar.set_label(label)
@@ -76,10 +76,12 @@ def caption_information(plan: Plan) -> str:
     together = " when all parameters are estimated together" if several else ""
     heights = any(plan.heights.values())
     return (
-        "Where and when a measurement would tell most about each parameter" + together + ". Top: share of a "
+        "Information of a measurement about each parameter over place and time"
+        + together
+        + ". Top: share of a "
         "parameter’s information in the outline at height y above the transmission platen and at a time, per "
-        "mm and ms; white: nothing can be "
-        "measured there"
+        "mm and ms; white: no measurement "
+        "possible there"
         + (
             "; triangles: the best heights (D-optimal), "
             + ", ".join(str(n) for n in sorted(plan.heights))
@@ -102,7 +104,7 @@ def draw_information(plan: Plan, panels: Panels) -> None:
     for j, name in enumerate(plan.names):
         symbol = name_of(name).tex
         top, low = panels[f"{name} outline"], panels[f"{name} force"]
-        letter(top, next(letters))
+        label_panel(top, next(letters))
         label = f"Share on ${symbol}$ (1/(mm ms))"
         draw_map(top, grid, PER_MM_MS * outline[j], label, bottom=0.0)
         left, right = top.get_xlim()
@@ -118,7 +120,7 @@ def draw_information(plan: Plan, panels: Panels) -> None:
         low.set(xlabel="Time (ms)", xlim=top.get_xlim())
         low.set_ylim(bottom=0.0)
         low.set_ylabel(f"Share on ${symbol}$ (1/ms)")
-        letter(low, next(letters))
+        label_panel(low, next(letters))
         if j > 0:
             top.set_ylabel("")
         if j == 0 and len(plan.names) > 1:
@@ -155,7 +157,7 @@ def draw_slopes(plan: Plan, panels: Panels) -> None:
     for j, name in enumerate(plan.names):
         step = CHANGE * slopes.scale[j]
         top, low = panels[f"{name} force"], panels[f"{name} outline"]
-        letter(top, next(letters))
+        label_panel(top, next(letters))
         change = step * slopes.force_slope[j]
         left = CHANGE / slopes.reach * slopes.force_left[j]
         top.fill_between(time, change - left, change + left, color=BAND, alpha=0.35, lw=0.0)
@@ -166,7 +168,7 @@ def draw_slopes(plan: Plan, panels: Panels) -> None:
         shown = np.where(np.isfinite(slopes.radius), change_of_radius, np.nan)
         draw_map(low, slopes.grid, shown, rf"$\Delta Z$ with $\Delta {name_of(name).tex}$ (µm)")
         top.set_xlim(low.get_xlim())
-        letter(low, next(letters))
+        label_panel(low, next(letters))
         if j > 0:
             low.set_ylabel("")
 
@@ -216,7 +218,7 @@ def draw_choices(plan: Plan, panels: Panels) -> None:
     for name in ("rate", "correlation"):
         _speeds(panels[name], speeds)
     for key, ax in zip("abc", panels.values(), strict=True):
-        letter(ax, key)
+        label_panel(ax, key)
         if ax.get_legend_handles_labels()[0]:
             ax.legend(loc="best")
 

@@ -14,7 +14,7 @@ from kolsky.report.figures.base import (
     ROUTES,
     FigureKind,
     Panels,
-    letter,
+    label_panel,
 )
 from kolsky.report.nomenclature import shortened
 from kolsky.studies.rates.records import GroupRates
@@ -30,7 +30,7 @@ def caption_slope(group: GroupRates) -> str:
     through = (
         " Line: meta-regression on the logarithm of the rate with its 95 % band."
         if claimed
-        else " Dashed: the line through the shots, which their rates do not carry (see the conditions)."
+        else " Dashed: the line through the shots; their range of rates does not support it (see the conditions)."
     )
     return (
         "Stiffness factor m against nominal strain rate: each shot with ±2u (thick: what is its own, thin:"
@@ -46,7 +46,7 @@ def draw_slope(group: GroupRates, panels: Panels) -> None:
     """Draw both panels."""
     wide, near = panels["wide"], panels["near"]
     for ax, mark in ((wide, "a"), (near, "b")):
-        letter(ax, mark)
+        label_panel(ax, mark)
         ax.set_xscale("log")
         ax.set_xlabel("Strain rate (1/s)")
         ax.set_ylabel("Stiffness factor $m$ (–)")
@@ -111,7 +111,7 @@ def _shots(ax: Axes, group: GroupRates) -> None:
 
 
 def _lever(ax: Axes, group: GroupRates) -> None:
-    """Between which rates a slope would be claimed, drawn above the axis."""
+    """Mark the range of rates of the shots, above the axis."""
     rates = [shot.history.nominal_rate for shot in group.counted]
     if len(rates) < 2:
         return
@@ -147,8 +147,8 @@ def caption_forest(group: GroupRates) -> str:
 def draw_forest(group: GroupRates, panels: Panels) -> None:
     """Draw the forest and the leave-one-out."""
     left, right = panels["shots"], panels["without"]
-    letter(left, "a")
-    letter(right, "b")
+    label_panel(left, "a")
+    label_panel(right, "b")
     count = len(group.shots)
     rows = np.arange(count, 0, -1)
     for row, shot in zip(rows, group.shots, strict=True):

@@ -15,7 +15,7 @@ from kolsky.report.figures.base import (
     PAGE,
     FigureKind,
     Panels,
-    letter,
+    label_panel,
     smooth_bar,
 )
 from kolsky.report.figures.surface_points import LOST
@@ -53,7 +53,7 @@ def height_of_overlay(view: SurfaceView) -> float:
 
 
 def draw_overlay(view: SurfaceView, panels: Panels) -> None:
-    """Draw a picture with its map a camera."""
+    """Draw the picture of each camera with its map."""
     shown, drawn = _cameras(view), None
     worst = [MPX * np.where(np.isinf(s.quality.floor), np.nan, s.quality.floor).max(axis=2) for _, s in shown]
     known = np.concatenate([values[np.isfinite(values)] for values in worst])
@@ -71,11 +71,11 @@ def draw_overlay(view: SurfaceView, panels: Panels) -> None:
             ax.contour(small, levels=[0.5], colors=[LOST], linewidths=1.0)
         ax.set_xlabel("$x$ (px)")
         ax.set_title(f"camera {camera}", loc="right", pad=2.5)
-        letter(ax, mark)
+        label_panel(ax, mark)
         axes.append(ax)
     axes[0].set_ylabel("$y$ (px)")
     if drawn is not None:
-        full = ScalarMappable(drawn.norm, drawn.cmap)  # a bar that one sees through shows its seams
+        full = ScalarMappable(drawn.norm, drawn.cmap)  # a transparent bar would show its seams
         bar = axes[0].figure.colorbar(full, ax=axes, location="bottom", aspect=40, pad=0.02, extend="both")
         bar.set_label("Predicted standard deviation of a match (mpx)")
         smooth_bar(bar)
@@ -131,7 +131,7 @@ def draw_floor(shown: Speckles, panels: Panels) -> None:
     share.set_ylabel("Share of the subsets")
     share.legend(loc="upper left")
     for ax, mark in zip((picture, floor, share), "abc", strict=True):
-        letter(ax, mark)
+        label_panel(ax, mark)
 
 
 FIGURES: tuple[FigureKind[SurfaceView], ...] = (

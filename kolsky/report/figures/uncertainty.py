@@ -14,8 +14,8 @@ from kolsky.report.figures.base import (
     PAGE,
     FigureKind,
     Panels,
-    letter,
-    say_empty,
+    label_panel,
+    note_empty,
     smooth_bar,
 )
 from kolsky.report.nomenclature import axis_label, name_of
@@ -27,7 +27,7 @@ def caption_likelihood(result: Identification) -> str:
     """Return the caption."""
     others = ", the other parameters re-optimised at every point" if len(result.profiles) > 1 else ""
     return (
-        f"Profile likelihood of each free parameter from the noise of force and shape{others}: the rise of "
+        f"Profile likelihood of each free parameter from the noise of force and outline{others}: the rise of "
         "−2 ln L over its smallest value and over the factor by which residuals that are correlated in time "
         "raise the parameter’s variance. Dashed: 3.84, where the 95 % interval (band) ends; dotted: the "
         "answer."
@@ -35,11 +35,11 @@ def caption_likelihood(result: Identification) -> str:
 
 
 def draw_likelihood(result: Identification, panels: Panels) -> None:
-    """Draw a panel a parameter."""
+    """Draw one panel per parameter."""
     for number, profile in enumerate(result.profiles):
         ax = panels[profile.name]
         if len(result.profiles) > 1:
-            letter(ax, "abcdefghijkl"[number])
+            label_panel(ax, "abcdefghijkl"[number])
         low, high = profile.interval
         left, right = profile.values[0], profile.values[-1]
         low, high = (left if np.isnan(low) else low), (right if np.isnan(high) else high)
@@ -74,8 +74,8 @@ def caption_ridge(result: Identification) -> str:
     return (
         "Rise of −2 ln L over the plane of the two free parameters, over the factor by which correlated "
         f"residuals raise the variance of {first}; its square root is a distance in standard deviations. "
-        f"Dashed: the profiles of {first} and {second}, on which the other parameter makes up for the change "
-        "as well as it can; in the same colour the rise at which each has its 95 % interval. Star: the "
+        f"Dashed: the profiles of {first} and {second}, on which the other parameter is optimised at "
+        "every point; in the same colour the rise at which each has its 95 % interval. Star: the "
         "answer."
     )
 
@@ -86,7 +86,7 @@ def draw_ridge(result: Identification, panels: Panels) -> None:
     assert ridge is not None
     profiles = {profile.name: profile for profile in result.profiles}
     if not set(ridge.names) <= set(profiles):
-        say_empty(ax, "no profiles")
+        note_empty(ax, "no profiles")
         return
     distance = np.sqrt(ridge.rise / profiles[ridge.names[0]].correlation)
     drawn = ax.contourf(

@@ -17,9 +17,9 @@ GAIN = np.array([[2.0, 0.0, 0.0], [0.0, 1.0, -1.0]])
 
 
 def test_replicates_scatter_about_the_reference_not_about_their_mean() -> None:
-    change = np.array([[1.0, 0.0, 0.0], [3.0, 4.0, 1.0]])
-    # Moves (2, 0) and (6, 3): sqrt((4 + 36) / 2) and sqrt(9 / 2).
-    np.testing.assert_allclose(replicate_uncertainty(change, GAIN), np.sqrt([20.0, 4.5]), rtol=1e-15)
+    moves = np.array([[2.0, 0.0], [6.0, 3.0]])
+    # sqrt((4 + 36) / 2) and sqrt(9 / 2)
+    np.testing.assert_allclose(replicate_uncertainty(moves), np.sqrt([20.0, 4.5]), rtol=1e-15)
 
 
 def test_a_scale_moves_by_the_steepest_of_the_slopes() -> None:
