@@ -90,9 +90,7 @@ class LaneIsSimulation(_Lanes):
     def _add_to(self, sofar: Vector, share: Scalar, place: Scalar, node: ast.AST) -> Vector:
         """The k-th share belongs to partial sum k modulo the lanes."""
         if sofar.bank in ("", "new") or place.varying:
-            raise self.refuse(
-                node, "a sum has a name, and all lanes share the element's or node's number"
-            )
+            raise self.refuse(node, "a sum has a name, and all lanes share the element's or node's number")
         part = f"{sofar.bank}[(unsigned)({place.code}) % W]"
         new = self.temporary("f64", f"{part} + {self.pack(share)}", True)
         self.emit(
