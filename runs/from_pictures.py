@@ -12,7 +12,7 @@ from kolsky.identification import identify
 from kolsky.inverse.settings import Settings
 from kolsky.report.pages.identification import write_report
 from kolsky.report.pages.surfaces import write_page
-from kolsky.report.surface_view import view
+from kolsky.report.surface_view import read_surface_view
 from kolsky.results.hdf5 import write_identification
 from kolsky.shot import dic_summary
 from kolsky.shot.load import load_pictures, load_shot
@@ -26,7 +26,7 @@ folder.mkdir(exist_ok=True)
 found = surfaces(pictured.pictures, folder)
 write_page(
     folder / "dic.html",
-    view(pictured.name, found.result, pictured.pictures.series, found.flight),
+    read_surface_view(pictured.name, found.result, pictured.pictures.series, found.flight),
     pictured.inputs,
 )
 for name, value in {**dic_summary.printed(found.result), **flight_report.printed(found.flight)}.items():

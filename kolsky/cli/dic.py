@@ -49,9 +49,9 @@ def dic(
     from kolsky.report.figures import SURFACES
     from kolsky.report.pages.surfaces import write_page
     from kolsky.report.paraview import write_vtp
-    from kolsky.report.surface_view import view
+    from kolsky.report.surface_view import read_surface_view
 
-    shown = view(loaded.name, result, loaded.pictures.series, found.flight)
+    shown = read_surface_view(loaded.name, result, loaded.pictures.series, found.flight)
     with filling(folder) as partial:
         write_tables(partial, found, loaded.pictures.frames.frame)
         now = perf_counter()

@@ -80,7 +80,7 @@ def identify(
     )
     with usable(loaded), progress_bars() as progress:
         found = identification.identify(loaded, settings, progress=progress)
-    write_identify_results(folder, found, loaded, source=shot, formats=formats)
+    write_identify_results(folder, found, loaded, formats=formats)
     print_result(
         printed.details(found),
         to_json(found) if as_json else None,
