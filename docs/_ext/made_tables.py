@@ -2,7 +2,8 @@
 
 A line ``<!-- rooms -->`` of a page becomes the table of the rooms of `kolsky` (docs/rooms.toml, which the
 test of imports reads too), ``<!-- public kolsky -->`` the public names of a package, each with its first
-line.
+line, ``<!-- table laws -->`` (`contact_laws`, `elements`) the members of a registry of the solver. Anywhere
+in a line, ``<!-- names laws -->`` becomes their names.
 """
 
 import importlib
@@ -12,7 +13,8 @@ import tomllib
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[1]
-LINE = re.compile(r"^<!-- (rooms|public) (\w+) -->$", re.MULTILINE)
+LINE = re.compile(r"^<!-- (rooms|public|table) (\w+) -->$", re.MULTILINE)
+NAMES = re.compile(r"<!-- names (\w+) -->")
 
 
 def rooms(package: str) -> str:
@@ -41,11 +43,42 @@ def public(package: str) -> str:
     return "\n".join(lines)
 
 
+def members(registry: str) -> dict:
+    """A registry of the solver."""
+    from explicit.contact import CONTACT_LAWS
+    from explicit.elements import ELEMENTS
+    from explicit.materials import LAWS
+
+    return {"laws": LAWS, "contact_laws": CONTACT_LAWS, "elements": ELEMENTS}[registry]
+
+
+def table(registry: str) -> str:
+    """The members of a registry, a row each."""
+    if registry != "laws":
+        lines = ["| name | what it is |", "| --- | --- |"]
+        return "\n".join(
+            lines + [f"| `{name}` | {_first_line(type(item))} |" for name, item in members(registry).items()]
+        )
+    lines = [r"| name | $W$ | constants | $\mu_0$ |", "| --- | --- | --- | --- |"]
+    for name, law in members(registry).items():
+        formula = f"${law.FORMULA}$" if law.FORMULA else _first_line(law)
+        modulus = f"${law.MODULUS}$" if law.MODULUS else ""
+        constants = ", ".join(f"`{spec.name}`" for spec in law.PARAMETERS)
+        lines.append(f"| `{name}` | {formula} | {constants} | {modulus} |")
+    return "\n".join(lines)
+
+
+def _first_line(thing: type) -> str:
+    return " ".join((inspect.getdoc(thing) or "").partition("\n\n")[0].split()).replace("|", r"\|")
+
+
+MAKERS = {"rooms": rooms, "public": public, "table": table}
+
+
 def fill(app, name, source) -> None:
     """Put the tables where a page asks for them."""
-    source[0] = LINE.sub(
-        lambda found: rooms(found[2]) if found[1] == "rooms" else public(found[2]), source[0]
-    )
+    source[0] = LINE.sub(lambda found: MAKERS[found[1]](found[2]), source[0])
+    source[0] = NAMES.sub(lambda found: ", ".join(f"`{member}`" for member in members(found[1])), source[0])
 
 
 def setup(app):

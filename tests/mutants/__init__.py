@@ -8,6 +8,7 @@ beside this one.
 from tests.mutants.bars import FAULTS as BARS
 from tests.mutants.dic import FAULTS as DIC
 from tests.mutants.doe import FAULTS as DOE
+from tests.mutants.explicit import FAULTS as EXPLICIT
 from tests.mutants.fault import Fault
 from tests.mutants.inverse import FAULTS as INVERSE
 from tests.mutants.rates import FAULTS as RATES
@@ -18,6 +19,7 @@ __all__ = ["FAULTS", "Fault"]
 FAULTS: tuple[Fault, ...] = (
     *BARS,
     *DIC,
+    *EXPLICIT,
     *INVERSE,
     *DOE,
     *RATES,
