@@ -7,8 +7,11 @@ beside this one.
 
 from tests.mutants.bars import FAULTS as BARS
 from tests.mutants.dic import FAULTS as DIC
+from tests.mutants.doe import FAULTS as DOE
 from tests.mutants.fault import Fault
 from tests.mutants.inverse import FAULTS as INVERSE
+from tests.mutants.rates import FAULTS as RATES
+from tests.mutants.uncertainty import FAULTS as UNCERTAINTY
 
 __all__ = ["FAULTS", "Fault"]
 
@@ -16,4 +19,7 @@ FAULTS: tuple[Fault, ...] = (
     *BARS,
     *DIC,
     *INVERSE,
+    *DOE,
+    *RATES,
+    *UNCERTAINTY,
 )
