@@ -6,10 +6,16 @@ beside this one.
 """
 
 from tests.mutants.bars import FAULTS as BARS
+from tests.mutants.dic import FAULTS as DIC
 from tests.mutants.fault import Fault
 from tests.mutants.inverse import FAULTS as INVERSE
 from tests.mutants.material import FAULTS as MATERIAL
 
 __all__ = ["FAULTS", "Fault"]
 
-FAULTS: tuple[Fault, ...] = (*BARS, *INVERSE, *MATERIAL)
+FAULTS: tuple[Fault, ...] = (
+    *BARS,
+    *DIC,
+    *INVERSE,
+    *MATERIAL,
+)

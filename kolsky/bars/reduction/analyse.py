@@ -10,7 +10,6 @@ from kolsky.bars.budget.propagation import propagate
 from kolsky.bars.records import (
     BarSignal,
     FaceWaves,
-    Quantity,
     Reduction,
     Windows,
     histories,

@@ -20,7 +20,6 @@ from kolsky.bars.reduction.summary import Summary
 from kolsky.bars.signals.stations import Station, bar_signal
 from kolsky.base.apparatus import Bar, Specimen
 
-
 BAR_PROPERTIES = ("Young's modulus", "wave speed", "density", "diameter", "Poisson's ratio")
 """Properties of a bar that are quantities of a budget; modulus or wave speed, not both."""
 
