@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dic.arrays import FloatArray, IntArray
 from dic.camera import StereoRig
 from dic.outcome import FrameOutcome, PointOutcome, Remark
-from dic.rigid_body.axial_displacement import Travel
+from dic.rigid_body.axial_displacement import AxialDisplacement
 from dic.rigid_body.body_motion import BodyMotion
 from dic.surfaces.frame import SpecimenFrame
 from dic.surfaces.noise_floor import SMALLEST_SERIES, NoiseFloor
@@ -38,7 +38,7 @@ class Body:
     """Column and row of each point in the grid, shape [n_points, 2]."""
 
     @property
-    def alive(self) -> IntArray:
+    def n_valid(self) -> IntArray:
         """Valid points of each frame, shape [n_frames]."""
         return np.asarray(self.surface.valid.sum(axis=1), dtype=np.int64)
 
@@ -100,7 +100,7 @@ class StereoResult:
     """Points of the specimen."""
     flyer: Body | None
     """Points of the flyer, if a region was given."""
-    travel: Travel | None
+    axial_displacement: AxialDisplacement | None
     """Its displacement, if it was found."""
     centre: CentrePoints
     """The outline on the centre line."""
@@ -137,5 +137,5 @@ class StereoResult:
         [n_frames]."""
         first, second = self.frames
         pair = np.where(first != FrameOutcome.VALID, first, second)
-        lost = (pair == FrameOutcome.VALID) & (self.specimen.alive == 0)
+        lost = (pair == FrameOutcome.VALID) & (self.specimen.n_valid == 0)
         return np.asarray(np.where(lost, int(FrameOutcome.LOST), pair), dtype=np.int64)

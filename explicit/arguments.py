@@ -22,9 +22,9 @@ from explicit.time_loop.boundary import BAR_HISTORY, INTERIOR, LOWER, SIDE, UPPE
 from explicit.time_loop.failure import STRAY_ENERGY
 from explicit.time_loop.kernel import TimeLoopKernel
 from explicit.time_loop.lanes import WARPS
-from explicit.time_loop.nodes import VALENCE
-from explicit.time_loop.slots import CLOCK, ENDING, N_TOTALS
-from explicit.time_loop.state_layout import fits, state_layout
+from explicit.time_loop.node_sweeps import VALENCE
+from explicit.time_loop.slots import CONTROL_SIZE, Ending, Total
+from explicit.time_loop.state_layout import fits, on_chip_elements
 
 SPARE = 16
 """Entries behind every row that a pack may read: the most lanes there are."""
@@ -63,7 +63,7 @@ def _new_body(kernel: TimeLoopKernel, model: Model, numbers: Precision, where: A
     surface_mass = np.divide(mass, area, out=np.full(mesh.n_nodes, np.inf), where=area > 0.0)
     masses = np.stack([mass, np.where(mesh.on_axis, 0.0, 1.0 / mass), 1.0 / mass, np.zeros(mesh.n_nodes)])
     height = mesh.nodes[:, 1] - mesh.nodes[:, 1].min()
-    slots = state_layout(numbers, on_chip).elements if on_chip else mesh.n_elements
+    slots = on_chip_elements(numbers) if on_chip else mesh.n_elements
     corners = _corner_table(mesh, slots, place, 1 if where.is_cuda else SPARE)
 
     def table(values: NDArray[Any], dtype: Any) -> NDArray[Any]:
@@ -257,8 +257,8 @@ def state_of(
         *((name, first_boundary + n_boundary, numbers.real) for name in ("u_r", "u_y", "v_r", "v_y")),
         *((name, 4 * mesh.n_elements + SPARE, numbers.real) for name in ("corner_r", "corner_y")),
         *((name, n_boundary, wp.float64) for name in ("push_lower", "push_upper", "carried")),
-        ("clock", CLOCK, wp.float64),
-        ("parts", N_TOTALS * WARPS, wp.float64),
+        ("control", CONTROL_SIZE, wp.float64),
+        ("partials", Total.COUNT * WARPS, wp.float64),
         ("touched", n_boundary, wp.int32),
         ("slip", n_boundary, numbers.real),
         ("memory", kernel.memory * mesh.n_elements, numbers.real),
@@ -294,5 +294,5 @@ def output_of(kernel: TimeLoopKernel, mesh: Mesh, n: int, sampling: Sampling, no
         ("energy", (n, n_surface, 9)),
     ):
         setattr(output, name, wp.full(shape, nan, dtype=wp.float64, device=where))
-    output.ending = wp.zeros((n, ENDING), dtype=wp.float64, device=where)
+    output.ending = wp.zeros((n, Ending.COUNT), dtype=wp.float64, device=where)
     return output

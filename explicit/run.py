@@ -22,15 +22,7 @@ from explicit.response import Response
 from explicit.support import MovingSupport
 from explicit.time_loop.kernel import time_loop_kernel
 from explicit.time_loop.lanes import block_for
-from explicit.time_loop.slots import (
-    END_TIME,
-    ENDED_AS,
-    FAILED_ELEMENT,
-    LARGEST_S,
-    LEAST_STEP,
-    STEPS_TAKEN,
-    VOLUME_PAST_DATA,
-)
+from explicit.time_loop.slots import Ending
 
 
 def run(
@@ -120,7 +112,7 @@ def _response(
 ) -> Response:
     force, impulse, position, energy = (histories[name] for name in HISTORIES)
     ending = output.ending.numpy().T
-    failed = ending[FAILED_ELEMENT].astype(np.int64)
+    failed = ending[Ending.FAILED_ELEMENT].astype(np.int64)
     side = np.searchsorted(nodes, model.mesh.side) if sampling.all_nodes else slice(None)
     return Response(
         force_times=sampling.force_times.copy(),
@@ -132,13 +124,13 @@ def _response(
         surface_r=position[:, :, side, 0],
         surface_y=position[:, :, side, 1],
         energy=EnergyLedger(*(energy[:, :, k] for k in range(9))),
-        outcomes=tuple(Outcome(int(code)) for code in ending[ENDED_AS]),
+        outcomes=tuple(Outcome(int(code)) for code in ending[Ending.STATUS]),
         failed_elements=failed,
         failed_places=np.where(failed[:, None] >= 0, model.mesh.centres[failed], np.nan),
-        end_times=ending[END_TIME].copy(),
-        steps=ending[STEPS_TAKEN].astype(np.int64),
-        smallest_step=ending[LEAST_STEP].copy(),
-        extrapolated_share=ending[VOLUME_PAST_DATA] / element_geometry(model.mesh).volume.sum(),
-        largest_strain_measure=ending[LARGEST_S].copy(),
+        end_times=ending[Ending.END_TIME].copy(),
+        steps=ending[Ending.STEPS].astype(np.int64),
+        smallest_step=ending[Ending.SMALLEST_STEP].copy(),
+        extrapolated_share=ending[Ending.PAST_DATA] / element_geometry(model.mesh).volume.sum(),
+        largest_strain_measure=ending[Ending.MOST_STRAINED].copy(),
         nodes=position if sampling.all_nodes else None,
     )

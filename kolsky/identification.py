@@ -22,7 +22,7 @@ from kolsky.inverse.coarse_search import CoarseOptimum, fit_for_purpose, search_
 from kolsky.inverse.estimates import comparison, curves, estimates, routes
 from kolsky.inverse.misfit import terms
 from kolsky.inverse.optimum import CorrectedSurrogate, jacobian
-from kolsky.inverse.parameters import PARAMETERS, design_box
+from kolsky.inverse.parameters import PARAMETERS, any_slides, design_box
 from kolsky.inverse.prepared_shot import prepare_shot
 from kolsky.inverse.provenance import provenance
 from kolsky.inverse.quadratic_fit import search_by_quadratic
@@ -164,7 +164,7 @@ def _report(shot: Shot, stages: StagedRuns, coarse: CoarseOptimum, fine: Refined
         },
         seconds=stages.seconds,
         provenance=provenance(
-            shot, settings, stages.prepared, sliding="friction" in {*settings.free, *settings.held}
+            shot, settings, stages.prepared, sliding=any_slides([*settings.free, *settings.held])
         ),
     )
     found = add_method_comparison(known.added_to(found), stages, fine.objective)

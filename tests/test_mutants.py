@@ -13,8 +13,8 @@ from tests.mutants import FAULTS, Fault  # noqa: E402
 from tests.mutants.trial import Fate, trials  # noqa: E402
 
 FEWEST = 40
-"""Faults that the project wants to hold at least, over interval, verdicts, warnings, budget, waves, rates, image
-correlation, misfit and solver."""
+"""Faults that the project wants to hold at least, over interval, verdicts, warnings, budget, waves, rates,
+image correlation, misfit and solver."""
 
 
 def test_every_fault_fits_its_file() -> None:
@@ -29,7 +29,7 @@ def test_every_fault_fits_its_file() -> None:
 
 
 def test_a_fault_that_does_not_fit_is_refused() -> None:
-    with pytest.raises(ValueError, match="stands 2 times in a.py, not once"):
+    with pytest.raises(ValueError, match=r"stands 2 times in a\.py, not once"):
         Fault("twice", "a.py", "x", "y", ("t.py",)).planted("x = x")
     with pytest.raises(ValueError, match="nothing changes"):
         Fault("none", "a.py", "x", "x", ("t.py",)).planted("x = 1")

@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 from scipy.special import ndtr
 
 from dic.arrays import FloatArray
-from dic.bodies.follow import Followed
+from dic.bodies.follow import TrackedBody
 from dic.camera import Camera, StereoRig
 from dic.outcome import PointOutcome
 from dic.surfaces import Cylinder, SpecimenFrame
@@ -172,7 +172,7 @@ def refined_end(
 
 
 def past_the_ends(
-    body: Followed,
+    body: TrackedBody,
     camera: Camera,
     frame: SpecimenFrame,
     subset: int,
@@ -223,7 +223,7 @@ def past_the_ends(
     return past
 
 
-def _reach(body: Followed, step: FloatArray, half: int) -> FloatArray:
+def _reach(body: TrackedBody, step: FloatArray, half: int) -> FloatArray:
     """How far each subset's mask reaches from its point along `step` [px], shape [n_points]."""
     rows, columns = body.mask.shape
     reach = np.full(len(body.points), 0.5)

@@ -27,7 +27,7 @@ EXACT = 1e-8
 
 
 @dataclass(frozen=True)
-class Followed:
+class TrackedBody:
     """One body through all frames of both cameras."""
 
     points: FloatArray
@@ -64,7 +64,7 @@ def follow_body(
     device: str = "cpu",
     name: str = "specimen",
     progress: Progress | None = None,
-) -> Followed:
+) -> TrackedBody:
     """Follow the points of a region through both series.
 
     Parameters
@@ -114,7 +114,7 @@ def follow_body(
     def one(camera: int) -> Track:
         known = np.ones(len(points), dtype=bool) if camera == 0 else match.valid
         if not known.any():
-            return _nowhere(points, match, health[camera])
+            return _empty_track(points, match, health[camera])
         found = _followed(
             pictures[camera],
             points[known],
@@ -135,7 +135,7 @@ def follow_body(
         tracks = list(pool.map(one, (0, 1)))
     tracks[1] = _all_points(tracks[1], points, match)
     common = None if rigid else _common(match, len(health[0]), material)
-    return Followed(
+    return TrackedBody(
         points=points,
         cell=cell,
         mask=mask,
@@ -173,7 +173,7 @@ def _named(progress: Progress, stage: str) -> Callable[[int, int], None]:
     return lambda done, total: progress(stage, done, total)
 
 
-def _nowhere(points: FloatArray, match: StereoMatch, health: IntArray) -> Track:
+def _empty_track(points: FloatArray, match: StereoMatch, health: IntArray) -> Track:
     """The track of camera 1 when no point was matched between the cameras."""
     return Track(
         points=points[:0],

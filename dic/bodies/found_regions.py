@@ -96,7 +96,7 @@ def find_regions(pictures: Pictures, static: BoolArray, usable: BoolArray, *, to
     )
 
 
-def row_likeness(picture: FloatArray) -> FloatArray:
+def row_correlation(picture: FloatArray) -> FloatArray:
     """Correlation of the rows above and below each row, shape [rows]; 1 in the first and last, which have
     none."""
     f = picture - gaussian_filter1d(picture, EVEN, axis=1)
@@ -108,7 +108,7 @@ def row_likeness(picture: FloatArray) -> FloatArray:
 
 def _ends(mean: FloatArray) -> tuple[int, int, float]:
     """First and last row of the specimen at rest, and where it ends at the transmission platen [px]."""
-    rows, likeness = len(mean), row_likeness(mean)
+    rows, likeness = len(mean), row_correlation(mean)
     contrast = np.std(mean - gaussian_filter1d(mean, EVEN, axis=1), axis=1)
     typical = float(np.median(contrast))
     middle = rows // 2
@@ -155,7 +155,7 @@ def _followed(
             picture = _turned(pictures.frame(k).astype(np.float64), toward)
         except PictureError:
             continue
-        likeness = row_likeness(picture[:, inner])
+        likeness = row_correlation(picture[:, inner])
         here = 0.5 * (likeness[:-1] + likeness[1:])
         here[farthest:] = np.inf
         if cost is None:

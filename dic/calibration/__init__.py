@@ -2,7 +2,7 @@
 
 from dic.calibration.bundle import Undetermined
 from dic.calibration.detect import detect, detect_series
-from dic.calibration.result import Calibration, Checks, Pair, PairOutcome, Sighting
+from dic.calibration.result import Calibration, Checks, Pair, PairOutcome, PairView
 from dic.calibration.solve import MODELS, calibrate
 from dic.calibration.targets import TARGETS, Detection, Target, TargetNotFound
 
@@ -14,7 +14,7 @@ __all__ = [
     "Detection",
     "Pair",
     "PairOutcome",
-    "Sighting",
+    "PairView",
     "Target",
     "TargetNotFound",
     "Undetermined",

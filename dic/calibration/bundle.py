@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dic.arrays import FloatArray
-from dic.calibration.projection import OWN, SHARED, Sight, derivatives, exponential, joined, poses_of, seen
+from dic.calibration.projection import OWN, SHARED, View, derivatives, exponential, joined, poses_of, seen
 from dic.camera import PARAMETERS, Camera
 
 Pose = tuple[FloatArray, FloatArray]
@@ -92,10 +92,10 @@ def free_columns(free: Iterable[str], *, square_pixels: bool, relative: bool) ->
     return np.stack(columns, axis=1) if columns else np.zeros((SHARED, 0))
 
 
-def residuals(rig: Rig, sight: Sight) -> FloatArray:
+def residuals(rig: Rig, view: View) -> FloatArray:
     """Seen less expected [px], shape [n, 2]."""
-    R, t = rig.poses[sight.pair]
-    return np.asarray(sight.pixels - seen(rig.cameras[sight.camera], sight, R, t))
+    R, t = rig.poses[view.pair]
+    return np.asarray(view.pixels - seen(rig.cameras[view.camera], view, R, t))
 
 
 def moved(rig: Rig, shared: FloatArray, poses: Mapping[int, FloatArray]) -> Rig:
@@ -129,7 +129,7 @@ def moved(rig: Rig, shared: FloatArray, poses: Mapping[int, FloatArray]) -> Rig:
 
 def adjust(
     rig: Rig,
-    sights: Iterable[Sight],
+    views: Iterable[View],
     columns: FloatArray,
     *,
     tolerance: float = 1e-10,
@@ -155,16 +155,16 @@ def adjust(
     Undetermined
         Fewer numbers measured than adjusted, or a combination of parameters that no picture depends on.
     """
-    sights = list(sights)
-    pairs = sorted({sight.pair for sight in sights})
-    freedom = sum(2 * len(s.ids) for s in sights) - columns.shape[1] - 6 * len(pairs)
+    views = list(views)
+    pairs = sorted({view.pair for view in views})
+    freedom = sum(2 * len(s.ids) for s in views) - columns.shape[1] - 6 * len(pairs)
     if freedom <= 0:
         raise Undetermined(
             f"{freedom + columns.shape[1] + 6 * len(pairs)} coordinates were measured, too few for "
             f"{columns.shape[1]} parameters and {len(pairs)} poses; take more pictures, or free fewer "
             "parameters"
         )
-    cameras = _by_camera(sights)
+    cameras = _by_camera(views)
     off, cost = _weighted(rig, cameras)
     normal = _normal_equations(rig, cameras, columns, off)
     small = 0
@@ -192,7 +192,7 @@ def adjust(
     return Fit(rig, covariance, cost, freedom, poses)
 
 
-def clustering(fit: Fit, sights: Iterable[Sight], columns: FloatArray) -> float:
+def clustering(fit: Fit, views: Iterable[View], columns: FloatArray) -> float:
     """How much more than independent residuals the pairs pull the parameters about: a factor on variances.
 
     With g_p the pull of pair p on the parameters (its part of Jᵀ r, the pose eliminated) and S = Jᵀ J,
@@ -206,13 +206,13 @@ def clustering(fit: Fit, sights: Iterable[Sight], columns: FloatArray) -> float:
     .. [Moulton1986] B. R. Moulton, Random group effects and the precision of regression estimates, J. of
        Econometrics 32 (1986) 385-397, doi:10.1016/0304-4076(86)90021-7.
     """
-    views: dict[int, list[Sight]] = {}
-    for sight in sights:
-        views.setdefault(sight.pair, []).append(sight)
-    if len(views) < 2 or not columns.shape[1] or fit.unit == 0.0:
+    pairs: dict[int, list[View]] = {}
+    for view in views:
+        pairs.setdefault(view.pair, []).append(view)
+    if len(pairs) < 2 or not columns.shape[1] or fit.unit == 0.0:
         return 1.0
     S, pulls = np.zeros((columns.shape[1],) * 2), []
-    for pair, own in views.items():
+    for pair, own in pairs.items():
         cameras = _by_camera(own)
         U, b, parts = _normal_equations(fit.rig, cameras, columns, _weighted(fit.rig, cameras)[0])
         V, W, c = parts[pair]
@@ -225,7 +225,7 @@ def clustering(fit: Fit, sights: Iterable[Sight], columns: FloatArray) -> float:
     return total / (fit.unit**2 * columns.shape[1]) * len(pulls) / (len(pulls) - 1)
 
 
-OneCamera = tuple[list[Sight], Sight]
+OneCamera = tuple[list[View], View]
 Normal = tuple[FloatArray, FloatArray, dict[int, tuple[FloatArray, FloatArray, FloatArray]]]
 
 
@@ -244,17 +244,17 @@ def _normal_equations(
         U += A.T @ A
         b += A.T @ r
         last = 0
-        for sight in own:
-            first, last = last, last + 2 * len(sight.ids)
+        for one in own:
+            first, last = last, last + 2 * len(one.ids)
             A_own, P_own, r_own = A[first:last], P[first:last], r[first:last]
-            V, W, c = pairs.get(sight.pair, (0.0, 0.0, 0.0))
-            pairs[sight.pair] = (V + P_own.T @ P_own, W + A_own.T @ P_own, c + P_own.T @ r_own)
+            V, W, c = pairs.get(one.pair, (0.0, 0.0, 0.0))
+            pairs[one.pair] = (V + P_own.T @ P_own, W + A_own.T @ P_own, c + P_own.T @ r_own)
     return U, b, pairs
 
 
-def _by_camera(sights: list[Sight]) -> list[OneCamera]:
+def _by_camera(views: list[View]) -> list[OneCamera]:
     """The views of each camera that has some, one by one and as one."""
-    parts = [[sight for sight in sights if sight.camera == camera] for camera in (0, 1)]
+    parts = [[view for view in views if view.camera == camera] for camera in (0, 1)]
     return [(part, joined(part)) for part in parts if part]
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from dic.arrays import FloatArray
 from dic.calibration.bundle import HARDLY, Fit, Rig, adjust, residuals
-from dic.calibration.projection import SHARED, Sight, seen
+from dic.calibration.projection import SHARED, View, seen
 from dic.camera import StereoRig
 from dic.stereo import triangulate
 
@@ -15,24 +15,24 @@ ENOUGH = 1e-7
 """Relative tolerance of the sum of squares of held-out pairs, from a start that is all but the solution."""
 
 
-def by_pair(sights: Sequence[Sight]) -> dict[int, list[Sight]]:
+def by_pair(views: Sequence[View]) -> dict[int, list[View]]:
     """Views of each pair."""
-    ordered = sorted(sights, key=lambda s: (s.pair, s.camera))
+    ordered = sorted(views, key=lambda s: (s.pair, s.camera))
     return {pair: list(views) for pair, views in groupby(ordered, key=lambda s: s.pair)}
 
 
-def posed(rig: Rig, views: Sequence[Sight], *, tolerance: float = 1e-10) -> Fit:
+def posed(rig: Rig, views: Sequence[View], *, tolerance: float = 1e-10) -> Fit:
     """The best pose of one target for given cameras."""
     return adjust(rig, views, np.zeros((SHARED, 0)), tolerance=tolerance)
 
 
-def held_out(fit: Fit, sights: Sequence[Sight], columns: FloatArray, folds: int) -> float:
+def held_out(fit: Fit, views: Sequence[View], columns: FloatArray, folds: int) -> float:
     """Root mean square residual of pairs that the cameras were not fitted to [px].
 
     Pairs k, k + folds, ... are left out in turn, the rest is solved again, and of each pair left out only
     the target's pose is adjusted. NaN if a part leaves too little to solve.
     """
-    pairs = by_pair(sights)
+    pairs = by_pair(views)
     joint = [pair for pair, views in pairs.items() if len(views) == 2]
     if folds < 2 or len(joint) < 4:
         return float("nan")
@@ -40,7 +40,7 @@ def held_out(fit: Fit, sights: Sequence[Sight], columns: FloatArray, folds: int)
     for k in range(min(folds, len(joint))):
         out = set(joint[k::folds])
         try:
-            kept = [s for s in sights if s.pair not in out]
+            kept = [s for s in views if s.pair not in out]
             part = adjust(fit.rig, kept, columns, tolerance=ENOUGH, damping=HARDLY)
         except ValueError:
             return float("nan")
@@ -51,7 +51,7 @@ def held_out(fit: Fit, sights: Sequence[Sight], columns: FloatArray, folds: int)
     return float(np.sqrt(squares / count))
 
 
-def triangulated(rig: Rig, views: Sequence[Sight]) -> tuple[FloatArray, FloatArray]:
+def triangulated(rig: Rig, views: Sequence[View]) -> tuple[FloatArray, FloatArray]:
     """Points of a target seen by both cameras: in space from what they saw alone [m], and on the target.
 
     The offset of a dot's centroid from its centre's image is taken off first.
@@ -68,17 +68,17 @@ def triangulated(rig: Rig, views: Sequence[Sight]) -> tuple[FloatArray, FloatArr
     return found, first.points[rows0]
 
 
-def distances(rig: Rig, sights: Sequence[Sight]) -> tuple[float, float, float]:
+def distances(rig: Rig, views: Sequence[View]) -> tuple[float, float, float]:
     """Triangulated over true distances on the target, the ratio's sigma, and the rms error of shape [m].
 
     The ratio is the scale of the similarity that carries the true points of each pair onto the
     triangulated ones, which weights each distance with its length.
     """
     ratios, squares, count = [], 0.0, 0
-    for views in by_pair(sights).values():
-        if len(views) != 2:
+    for both in by_pair(views).values():
+        if len(both) != 2:
             continue
-        found, true = triangulated(rig, views)
+        found, true = triangulated(rig, both)
         if len(found) < 4:
             continue
         a, b = true - true.mean(axis=0), found - found.mean(axis=0)

@@ -36,7 +36,7 @@ SHARED = 2 * OWN + len(POSE)
 
 
 @dataclass(frozen=True)
-class Sight:
+class View:
     """What one camera saw of the target in one pair of pictures."""
 
     pair: int
@@ -91,21 +91,21 @@ def bent(inside: FloatArray, normals: FloatArray, spread: FloatArray, bend: Floa
     )
 
 
-def joined(sights: Sequence[Sight]) -> Sight:
+def joined(views: Sequence[View]) -> View:
     """All points of several views of one camera as one view; `poses_of` says where the target was."""
     parts = {
-        name: np.concatenate([getattr(sight, name) for sight in sights])
+        name: np.concatenate([getattr(view, name) for view in views])
         for name in ("ids", "points", "normals", "spread", "bend", "pixels", "sigma")
     }
-    return Sight(pair=-1, camera=sights[0].camera, **parts)
+    return View(pair=-1, camera=views[0].camera, **parts)
 
 
 def poses_of(
-    sights: Sequence[Sight], poses: Mapping[int, tuple[FloatArray, FloatArray]]
+    views: Sequence[View], poses: Mapping[int, tuple[FloatArray, FloatArray]]
 ) -> tuple[FloatArray, FloatArray]:
     """R and t of each point of joined views, as `seen` and `derivatives` take them, [n, 3, 3] and [n, 3]."""
-    count = [len(sight.ids) for sight in sights]
-    R, t = (np.repeat([poses[sight.pair][k] for sight in sights], count, axis=0) for k in (0, 1))
+    count = [len(view.ids) for view in views]
+    R, t = (np.repeat([poses[view.pair][k] for view in views], count, axis=0) for k in (0, 1))
     return R, t
 
 
@@ -114,7 +114,7 @@ def _turned(v: FloatArray, R: FloatArray) -> FloatArray:
     return np.asarray(v @ R.T if R.ndim == 2 else np.einsum("nij,nj->ni", R, v))
 
 
-def seen(camera: Camera, sight: Sight, R: FloatArray, t: FloatArray, *, patches: bool = True) -> FloatArray:
+def seen(camera: Camera, view: View, R: FloatArray, t: FloatArray, *, patches: bool = True) -> FloatArray:
     """Pixels of a target's points in a camera, shape [n, 2]; NaN behind it.
 
     Parameters
@@ -128,15 +128,15 @@ def seen(camera: Camera, sight: Sight, R: FloatArray, t: FloatArray, *, patches:
     patches
         Centroids of the patches, as they are measured; False: the points themselves.
     """
-    inside = camera.in_camera(_turned(sight.points, R) + t)
+    inside = camera.in_camera(_turned(view.points, R) + t)
     inside = np.where(inside[:, 2:] > 0.0, inside, np.nan)
-    normals = _turned(sight.normals, R) @ camera.rotation.T
-    if patches and sight.bend.any():
-        inside = bent(inside, normals, sight.spread, _turned(sight.bend, R) @ camera.rotation.T)
-    return camera.to_pixels(camera.distort(centroids(inside, normals, sight.spread * patches)))
+    normals = _turned(view.normals, R) @ camera.rotation.T
+    if patches and view.bend.any():
+        inside = bent(inside, normals, view.spread, _turned(view.bend, R) @ camera.rotation.T)
+    return camera.to_pixels(camera.distort(centroids(inside, normals, view.spread * patches)))
 
 
-def derivatives(camera: Camera, sight: Sight, R: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+def derivatives(camera: Camera, view: View, R: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Derivatives of `seen` after the rig's parameters and after the target's pose.
 
     The small changes of (C.1) and (C.2) with the pose are left out: they are (r/z)² and s κ/z of what stays.
@@ -148,21 +148,21 @@ def derivatives(camera: Camera, sight: Sight, R: FloatArray, t: FloatArray) -> t
     pose
         After a small rotation applied after R, and t, shape [n, 2, 6].
     """
-    n = len(sight.points)
-    turned = _turned(sight.points, R)
+    n = len(view.points)
+    turned = _turned(view.points, R)
     first = turned + t
     inside = camera.in_camera(first)
-    normals = _turned(sight.normals, R) @ camera.rotation.T
+    normals = _turned(view.normals, R) @ camera.rotation.T
     patch = inside
-    if sight.bend.any():
-        patch = bent(inside, normals, sight.spread, _turned(sight.bend, R) @ camera.rotation.T)
-    ideal = centroids(patch, normals, sight.spread)
+    if view.bend.any():
+        patch = bent(inside, normals, view.spread, _turned(view.bend, R) @ camera.rotation.T)
+    ideal = centroids(patch, normals, view.spread)
     plane = camera.distort(ideal)
     x, y = ideal.T
     r2 = x * x + y * y
 
     shared = np.zeros((n, 2, SHARED))
-    own = shared[:, :, camera_columns(sight.camera)]
+    own = shared[:, :, camera_columns(view.camera)]
     own[:, 0, 0], own[:, 1, 1] = plane[:, 0], plane[:, 1]
     own[:, 0, 2] = own[:, 1, 3] = 1.0
     own[:, 0, 4] = plane[:, 1]
@@ -182,7 +182,7 @@ def derivatives(camera: Camera, sight: Sight, R: FloatArray, t: FloatArray) -> t
     perspective[:, 0, 0] = perspective[:, 1, 1] = 1.0 / z
     perspective[:, :, 2] = -inside[:, :2] / (z * z)[:, None]
     by_place = camera.matrix[:2, :2] @ camera.distortion_slope(ideal) @ perspective
-    if sight.camera == 1:
+    if view.camera == 1:
         shared[:, :, 2 * OWN : 2 * OWN + 3] = crossed(first @ camera.rotation.T, by_place)
         shared[:, :, 2 * OWN + 3 :] = by_place
         by_place = by_place @ camera.rotation

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from dic.arrays import FloatArray
 from dic.calibration.bundle import HARDLY, Fit, Rig, Undetermined, adjust, residuals
 from dic.calibration.checks import by_pair, posed
-from dic.calibration.projection import Sight
+from dic.calibration.projection import View
 from dic.calibration.start import rms
 from dic.calibration.views import only
 
@@ -29,7 +29,7 @@ LEAST_PAIRS = 4
 class Verdicts:
     """What was kept and what was not."""
 
-    kept: list[Sight]
+    kept: list[View]
     """Views with the points used."""
     used: dict[tuple[int, int], NDArray[np.bool_]]
     """(pair, camera) -> which points of the view were used."""
@@ -38,7 +38,7 @@ class Verdicts:
 
 
 def solve_without_bad(
-    rig: Rig, sights: Sequence[Sight], columns: tuple[FloatArray, FloatArray], *, reject: bool
+    rig: Rig, views: Sequence[View], columns: tuple[FloatArray, FloatArray], *, reject: bool
 ) -> tuple[Fit, Verdicts]:
     """The least squares of the pairs and points that agree.
 
@@ -56,7 +56,7 @@ def solve_without_bad(
     reject
         False: keep all.
     """
-    pairs = by_pair([s for s in sights if s.pair in rig.poses])
+    pairs = by_pair([s for s in views if s.pair in rig.poses])
     bad: dict[int, str] = {}
     if reject:
         first = {pair: rms(rig, views) for pair, views in pairs.items()}
@@ -87,7 +87,7 @@ def solve_without_bad(
     ), Verdicts(kept, used, bad)
 
 
-def _solve(rig: Rig, pairs: dict[int, list[Sight]], bad: dict[int, str], columns: FloatArray) -> Fit:
+def _solve(rig: Rig, pairs: dict[int, list[View]], bad: dict[int, str], columns: FloatArray) -> Fit:
     good = [s for pair, views in pairs.items() if pair not in bad for s in views]
     if not any(len(views) == 2 for pair, views in pairs.items() if pair not in bad):
         raise Undetermined("no pair in which both cameras saw the target agrees with the others")
@@ -95,7 +95,7 @@ def _solve(rig: Rig, pairs: dict[int, list[Sight]], bad: dict[int, str], columns
 
 
 def _robust(
-    fit: Fit, pairs: dict[int, list[Sight]], bad: dict[int, str], columns: FloatArray
+    fit: Fit, pairs: dict[int, list[View]], bad: dict[int, str], columns: FloatArray
 ) -> tuple[Fit, dict[int, str]]:
     """Cameras that bad pairs pull little at, and the pairs that do not fit them.
 
@@ -104,13 +104,13 @@ def _robust(
     """
     weights = dict.fromkeys(pairs, 1.0)
     for _ in range(REWEIGHTED):
-        sights = [
+        views = [
             replace(s, sigma=s.sigma / np.sqrt(weights[pair]))
             for pair, views in pairs.items()
             if pair not in bad
             for s in views
         ]
-        fit = adjust(fit.rig, sights, columns, tolerance=1e-4)
+        fit = adjust(fit.rig, views, columns, tolerance=1e-4)
         errors = {pair: _error(fit, views, pair in bad) for pair, views in pairs.items()}
         median = float(np.median(list(errors.values())))
         weights = {pair: 1.0 / (1.0 + (value / median) ** 2) for pair, value in errors.items()}
@@ -125,7 +125,7 @@ def _limit(errors: Sequence[float]) -> tuple[float, float]:
     return max(median + Z_PAIR * spread, TIMES * median), median
 
 
-def _error(fit: Fit, views: list[Sight], out: bool) -> float:
+def _error(fit: Fit, views: list[View], out: bool) -> float:
     """Rms residual of a pair [px]; its pose is adjusted first if it took no part."""
     return rms(posed(fit.rig, views).rig if out else fit.rig, views)
 
@@ -150,15 +150,15 @@ def _judged(errors: dict[int, float], bad: dict[int, str]) -> dict[int, str]:
 
 
 def _points(
-    fit: Fit, pairs: dict[int, list[Sight]], bad: dict[int, str], reject: bool
+    fit: Fit, pairs: dict[int, list[View]], bad: dict[int, str], reject: bool
 ) -> dict[tuple[int, int], NDArray[np.bool_]]:
     """Which points of each view are used."""
     used = {}
     for pair, views in pairs.items():
-        for sight in views:
-            off = np.hypot(*residuals(fit.rig, sight).T)
+        for view in views:
+            off = np.hypot(*residuals(fit.rig, view).T)
             # The median length of a plane Gaussian vector is 1.1774 of its coordinates' sigma.
             limit = Z_POINT * float(np.median(off)) / 1.1774
             near = off <= limit if reject else np.ones(len(off), dtype=bool)
-            used[pair, sight.camera] = near & (pair not in bad)
+            used[pair, view.camera] = near & (pair not in bad)
     return used

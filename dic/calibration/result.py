@@ -56,7 +56,7 @@ def _rms(residual: FloatArray) -> float:
 
 
 @dataclass(frozen=True)
-class Sighting:
+class PairView:
     """One camera's part in a pair of pictures."""
 
     ids: IntArray
@@ -86,7 +86,7 @@ class Pair:
     outcome: PairOutcome
     reason: str
     """Why it was left out, with numbers; empty if it was not."""
-    views: tuple[Sighting | None, Sighting | None]
+    views: tuple[PairView | None, PairView | None]
     """Of camera 0 and 1; None where the target was not recognised."""
     rotation: FloatArray | None
     """From the target's frame to the rig's, shape [3, 3]; None if the target was not recognised."""

@@ -7,12 +7,12 @@ import numpy as np
 
 from dic.calibration import checks
 from dic.calibration.bundle import Fit, clustering, free_columns
-from dic.calibration.projection import Sight
+from dic.calibration.projection import View
 from dic.calibration.rejection import Verdicts, solve_without_bad
-from dic.calibration.result import Calibration, Checks, Pair, PairOutcome, Sighting
+from dic.calibration.result import Calibration, Checks, Pair, PairOutcome, PairView
 from dic.calibration.start import start
 from dic.calibration.targets.base import Detection, Target, TargetNotFound
-from dic.calibration.views import all_sights, finished_view
+from dic.calibration.views import all_views, finished_view
 from dic.camera import PARAMETERS, StereoRig
 
 Seen = Detection | TargetNotFound | None
@@ -90,8 +90,8 @@ def calibrate(
     if distortion not in MODELS:
         raise ValueError(f"distortion must be one of {', '.join(map(repr, MODELS))}, got {distortion!r}")
     free = ("fx", "fy", "cx", "cy", *(("skew",) if skew else ()), *MODELS[distortion])
-    sights = all_sights((views0, views1), targets)
-    rig, chosen = start(sensors, sights)
+    views = all_views((views0, views1), targets)
+    rig, chosen = start(sensors, views)
     rough = free_columns(("fx", "fy"), square_pixels=True, relative=True)
     columns = free_columns(free, square_pixels=square_pixels, relative=True)
     fit, verdicts = solve_without_bad(rig, list(chosen.values()), (rough, columns), reject=reject)
@@ -126,7 +126,7 @@ def _pair(
     k: int,
     name: str,
     views: tuple[Seen, Seen],
-    chosen: dict[tuple[int, int], Sight],
+    chosen: dict[tuple[int, int], View],
     fit: Fit,
     verdicts: Verdicts,
 ) -> Pair:
@@ -139,14 +139,14 @@ def _pair(
     if k not in fit.rig.poses:
         said = "; ".join(missing) or "no pose of the target explains what is seen"
         return Pair(name, PairOutcome.NOT_FOUND, said, (None, None), None, None)
-    parts: list[Sighting | None] = []
+    parts: list[PairView | None] = []
     for camera in (0, 1):
-        sight = chosen.get((k, camera))
-        if sight is None:
+        view = chosen.get((k, camera))
+        if view is None:
             parts.append(None)
         else:
-            used = verdicts.used.get((k, camera), np.zeros(len(sight.ids), dtype=bool))
-            parts.append(finished_view(fit.rig, replace(sight), used))
+            used = verdicts.used.get((k, camera), np.zeros(len(view.ids), dtype=bool))
+            parts.append(finished_view(fit.rig, replace(view), used))
     R, t = fit.rig.poses[k]
     outcome, reason = PairOutcome.VALID, ""
     if k in verdicts.bad:

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from dic.calibration.bundle import Pose, Rig, Undetermined, residuals
-from dic.calibration.projection import Sight, seen
+from dic.calibration.projection import View, seen
 from dic.camera import Camera
 
 FOCAL = (0.3, 60.0)
@@ -16,10 +16,10 @@ TRIED = 6
 """Pictures the focal length is chosen by, and pairs whose relative pose is tried."""
 
 
-def resection(camera: Camera, sight: Sight) -> list[Pose]:
+def resection(camera: Camera, view: View) -> list[Pose]:
     """Poses of a target in a camera's own frame, best first; two where a flat target leaves both open."""
-    pixels = camera.undistort(sight.pixels)
-    points = np.ascontiguousarray(sight.points)
+    pixels = camera.undistort(view.pixels)
+    points = np.ascontiguousarray(view.points)
     flat = np.ptp(points[:, 2]) == 0.0
     if len(points) < (4 if flat else 6):
         return []
@@ -35,12 +35,12 @@ def resection(camera: Camera, sight: Sight) -> list[Pose]:
         t = translation.ravel() - R @ shift
         if np.all(np.isfinite(R)) and np.all(np.isfinite(t)) and t[2] + (R @ shift)[2] > 0.0:
             poses.append((R, t))
-    return sorted(poses, key=lambda pose: misfit(camera, sight, pose))
+    return sorted(poses, key=lambda pose: misfit(camera, view, pose))
 
 
-def misfit(camera: Camera, sight: Sight, pose: Pose) -> float:
+def misfit(camera: Camera, view: View, pose: Pose) -> float:
     """Root mean square distance of what was seen from a pose's prediction [px]."""
-    off = sight.pixels - seen(camera, sight, *pose)
+    off = view.pixels - seen(camera, view, *pose)
     value = float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
     return value if np.isfinite(value) else np.inf
 
@@ -50,7 +50,7 @@ def lone(camera: Camera) -> Camera:
     return replace(camera, rotation=np.eye(3), translation=np.zeros(3))
 
 
-def focal_start(sensor: tuple[int, int], sights: Sequence[Sight]) -> Camera:
+def focal_start(sensor: tuple[int, int], views: Sequence[View]) -> Camera:
     """A camera without distortion, its principal point in the middle of the picture.
 
     The focal length is that of least median misfit over a few pictures, from a scan: it cannot run away, as
@@ -62,7 +62,7 @@ def focal_start(sensor: tuple[int, int], sights: Sequence[Sight]) -> Camera:
         If no pose explains any picture.
     """
     middle = (0.5 * (sensor[0] - 1), 0.5 * (sensor[1] - 1))
-    few = [sights[k] for k in np.unique(np.linspace(0, len(sights) - 1, TRIED).round().astype(int))]
+    few = [views[k] for k in np.unique(np.linspace(0, len(views) - 1, TRIED).round().astype(int))]
 
     def off(logarithm: float) -> float:
         f = float(np.exp(logarithm)) * max(sensor)
@@ -95,8 +95,8 @@ def onward(first: Pose, rel: Pose) -> Pose:
 
 def start(
     sensors: tuple[tuple[int, int], tuple[int, int]],
-    sights: Mapping[tuple[int, int], Sequence[Sight]],
-) -> tuple[Rig, dict[tuple[int, int], Sight]]:
+    views: Mapping[tuple[int, int], Sequence[View]],
+) -> tuple[Rig, dict[tuple[int, int], View]]:
     """Cameras, relative pose and the target's poses, and which of its equivalent numberings each view has.
 
     Parameters
@@ -113,39 +113,39 @@ def start(
     """
     cameras = []
     for camera in (0, 1):
-        own = [views[0] for (_, k), views in sorted(sights.items(), key=lambda i: i[0]) if k == camera]
+        own = [views[0] for (_, k), views in sorted(views.items(), key=lambda i: i[0]) if k == camera]
         if not own:
             raise Undetermined(f"camera {camera} has no picture in which the target was recognised")
         cameras.append(focal_start(sensors[camera], own))
-    pairs = sorted({pair for pair, _ in sights})
-    joint = [pair for pair in pairs if (pair, 0) in sights and (pair, 1) in sights]
+    pairs = sorted({pair for pair, _ in views})
+    joint = [pair for pair in pairs if (pair, 0) in views and (pair, 1) in views]
     if not joint:
         raise Undetermined("no target was recognised by both cameras in the same pair of pictures")
-    poses = {pair: resection(cameras[0], sights[pair, 0][0]) if (pair, 0) in sights else [] for pair in pairs}
-    rel = _relative(cameras[0], cameras[1], joint, poses, sights)
+    poses = {pair: resection(cameras[0], views[pair, 0][0]) if (pair, 0) in views else [] for pair in pairs}
+    rel = _relative(cameras[0], cameras[1], joint, poses, views)
     rig_cameras = (cameras[0], replace(cameras[1], rotation=rel[0], translation=rel[1]))
-    chosen: dict[tuple[int, int], Sight] = {}
+    chosen: dict[tuple[int, int], View] = {}
     found: dict[int, Pose] = {}
     for pair in pairs:
         options = poses[pair]
-        if (pair, 0) not in sights:  # seen by camera 1 alone: its pose, carried back
+        if (pair, 0) not in views:  # seen by camera 1 alone: its pose, carried back
             back = (rel[0].T, -rel[0].T @ rel[1])
-            options = [onward(p, back) for p in resection(cameras[1], sights[pair, 1][0])]
+            options = [onward(p, back) for p in resection(cameras[1], views[pair, 1][0])]
         if not options:
             continue
-        if (pair, 0) in sights:
-            chosen[pair, 0] = sights[pair, 0][0]
-        views = sights.get((pair, 1), ())
-        if not views:
+        if (pair, 0) in views:
+            chosen[pair, 0] = views[pair, 0][0]
+        numberings = views.get((pair, 1), ())
+        if not numberings:
             found[pair] = options[0]
             continue
         scores = [
             (misfit(cameras[1], view, onward(p, rel)), k, j)
-            for k, view in enumerate(views)
+            for k, view in enumerate(numberings)
             for j, p in enumerate(options)
         ]
         _, k, j = min(scores)
-        chosen[pair, 1], found[pair] = views[k], options[j]
+        chosen[pair, 1], found[pair] = numberings[k], options[j]
     return Rig(rig_cameras, found), chosen
 
 
@@ -154,14 +154,14 @@ def _relative(
     second: Camera,
     joint: Sequence[int],
     poses: Mapping[int, Sequence[Pose]],
-    sights: Mapping[tuple[int, int], Sequence[Sight]],
+    views: Mapping[tuple[int, int], Sequence[View]],
 ) -> Pose:
     """The relative pose that explains most pairs: a flat board leaves two tilts open in each picture."""
     few = [joint[k] for k in np.unique(np.linspace(0, len(joint) - 1, TRIED).round().astype(int))]
     candidates = [
         relative(p, q)
         for pair in few
-        for view in sights[pair, 1]
+        for view in views[pair, 1]
         for q in resection(second, view)
         for p in poses[pair]
     ]
@@ -169,7 +169,7 @@ def _relative(
     def off(rel: Pose) -> float:
         best = [
             min(
-                (misfit(second, view, onward(p, rel)) for view in sights[pair, 1] for p in poses[pair]),
+                (misfit(second, view, onward(p, rel)) for view in views[pair, 1] for p in poses[pair]),
                 default=np.inf,
             )
             for pair in few
@@ -182,7 +182,7 @@ def _relative(
     return candidates[int(np.argmin(scores))]
 
 
-def rms(rig: Rig, sights: Sequence[Sight]) -> float:
+def rms(rig: Rig, views: Sequence[View]) -> float:
     """Root mean square distance of all that was seen from its prediction [px]."""
-    off = np.concatenate([residuals(rig, sight) for sight in sights])
+    off = np.concatenate([residuals(rig, view) for view in views])
     return float(np.sqrt(np.mean(np.sum(off**2, axis=1))))

@@ -6,21 +6,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.calibration.bundle import Rig
-from dic.calibration.projection import Sight, seen
-from dic.calibration.result import Sighting
+from dic.calibration.projection import View, seen
+from dic.calibration.result import PairView
 from dic.calibration.targets.base import Detection, Target
 
 
-def all_sights(
-    views: tuple[Sequence[object], Sequence[object]], targets: Sequence[Target]
-) -> dict[tuple[int, int], list[Sight]]:
+def all_views(
+    detections: tuple[Sequence[object], Sequence[object]], targets: Sequence[Target]
+) -> dict[tuple[int, int], list[View]]:
     """(pair, camera) -> its view, once in each numbering of the target that looks the same.
 
     Camera 0 says which numbering a pair has, so it is listed in the first one alone if both saw the target.
     """
     geometries = {id(target): target.geometry() for target in targets}
-    sights: dict[tuple[int, int], list[Sight]] = {}
-    for camera, own in enumerate(views):
+    views: dict[tuple[int, int], list[View]] = {}
+    for camera, own in enumerate(detections):
         for pair, view in enumerate(own):
             if not isinstance(view, Detection):
                 continue
@@ -30,8 +30,8 @@ def all_sights(
                     f"pair {pair}, camera {camera}: ids must lie in 0 to {len(g.points) - 1} for this target"
                 )
             numberings = g.equivalents if camera == 1 else g.equivalents[:1]
-            sights[pair, camera] = [
-                Sight(
+            views[pair, camera] = [
+                View(
                     pair,
                     camera,
                     ids,
@@ -44,28 +44,28 @@ def all_sights(
                 )
                 for ids in (numbering[view.ids] for numbering in numberings)
             ]
-    return sights
+    return views
 
 
-def finished_view(rig: Rig, sight: Sight, used: NDArray[np.bool_]) -> Sighting:
+def finished_view(rig: Rig, view: View, used: NDArray[np.bool_]) -> PairView:
     """The record of one view in a solved rig."""
-    R, t = rig.poses[sight.pair]
-    camera = rig.cameras[sight.camera]
-    expected = seen(camera, sight, R, t)
-    shift = expected - seen(camera, sight, R, t, patches=False)
-    return Sighting(sight.ids, sight.pixels, sight.sigma, sight.pixels - expected, shift, used)
+    R, t = rig.poses[view.pair]
+    camera = rig.cameras[view.camera]
+    expected = seen(camera, view, R, t)
+    shift = expected - seen(camera, view, R, t, patches=False)
+    return PairView(view.ids, view.pixels, view.sigma, view.pixels - expected, shift, used)
 
 
-def only(sight: Sight, rows: NDArray[np.bool_]) -> Sight:
+def only(view: View, rows: NDArray[np.bool_]) -> View:
     """Some of a view's points."""
-    return Sight(
-        sight.pair,
-        sight.camera,
-        sight.ids[rows],
-        sight.points[rows],
-        sight.normals[rows],
-        sight.spread[rows],
-        sight.bend[rows],
-        sight.pixels[rows],
-        sight.sigma[rows],
+    return View(
+        view.pair,
+        view.camera,
+        view.ids[rows],
+        view.points[rows],
+        view.normals[rows],
+        view.spread[rows],
+        view.bend[rows],
+        view.pixels[rows],
+        view.sigma[rows],
     )

@@ -2,23 +2,23 @@
 
 from typing import Any
 
-from dic.chain.inspect_images import Given
+from dic.chain.inspect_images import Inputs
 from dic.chain.speckle_report import facts as speckle_facts
 from dic.chain.speckle_report import speckles
 from dic.images import PictureError
 from dic.result import Body
 
 
-def facts_of(given: Given) -> dict[str, Any]:
+def facts_of(inputs: Inputs) -> dict[str, Any]:
     """Pictures and settings."""
-    pictures, settings = given.pictures, given.settings
+    pictures, settings = inputs.pictures, inputs.settings
     correlation = settings.tracking.correlation
     return {
         "pictures": {
             "shape": list(pictures[0].shape),
             "bits": pictures[0].bits,
             "crop_offset": [list(series.crop_offset) for series in pictures],
-            "noise_grey": [grey.sigma for grey in given.grey],
+            "noise_grey": [grey.sigma for grey in inputs.grey],
         },
         "settings": {
             "subset": correlation.subset,
@@ -38,12 +38,12 @@ def facts_of(given: Given) -> dict[str, Any]:
     }
 
 
-def speckles_of(given: Given, specimen: Body, rest: list[int]) -> list[dict[str, Any]]:
+def speckles_of(inputs: Inputs, specimen: Body, rest: list[int]) -> list[dict[str, Any]]:
     """The speckle report of both cameras; where there can be none, why."""
     found: list[dict[str, Any]] = []
-    for series, noise, pixels in zip(given.pictures, given.grey, specimen.pixels, strict=True):
+    for series, noise, pixels in zip(inputs.pictures, inputs.grey, specimen.pixels, strict=True):
         try:
-            judged = speckles(series, rest, noise, pixels[rest[0]], subset=given.settings.subset)
+            judged = speckles(series, rest, noise, pixels[rest[0]], subset=inputs.settings.subset)
         except (PictureError, ValueError) as error:
             found.append({"problem": str(error)})
         else:

@@ -1,46 +1,46 @@
 """Specimen and flyer followed through both series, and what the flyer's points tell of its motion."""
 
-from dic.bodies.follow import Followed, Progress, follow_body
+from dic.bodies.follow import Progress, TrackedBody, follow_body
 from dic.bodies.region import Region
-from dic.chain.inspect_images import Given
+from dic.chain.inspect_images import Inputs
 from dic.outcome import Remark
 from dic.result import Placement
-from dic.rigid_body.axial_displacement import Travel, flyer_travel
+from dic.rigid_body.axial_displacement import AxialDisplacement, axial_displacement
 from dic.rigid_body.body_motion import BodyMotion
 from dic.rigid_body.poses import flyer_poses
 from dic.tracking import Tracking
 
 
-def follow_specimen(given: Given, region: Region, progress: Progress | None) -> Followed:
+def follow_specimen(inputs: Inputs, region: Region, progress: Progress | None) -> TrackedBody:
     """The specimen through both series; errors as `dic.bodies.follow.follow_body`."""
-    return _follow(given, region, "specimen", given.settings.tracking, progress)
+    return _follow(inputs, region, "specimen", inputs.settings.tracking, progress)
 
 
-def follow_flyer(given: Given, region: Region, progress: Progress | None) -> Followed:
+def follow_flyer(inputs: Inputs, region: Region, progress: Progress | None) -> TrackedBody:
     """The flyer through both series; errors as `dic.bodies.follow.follow_body`."""
-    return _follow(given, region, "flyer", given.settings.rigid, progress, rigid=True)
+    return _follow(inputs, region, "flyer", inputs.settings.rigid, progress, rigid=True)
 
 
 def _follow(
-    given: Given,
+    inputs: Inputs,
     region: Region,
     name: str,
     tracking: Tracking,
     progress: Progress | None,
     *,
     rigid: bool = False,
-) -> Followed:
-    settings = given.settings
+) -> TrackedBody:
+    settings = inputs.settings
     return follow_body(
-        given.pictures,
-        given.rig,
+        inputs.pictures,
+        inputs.rig,
         region,
         step=settings.step,
         margin=settings.margin,
         tracking=tracking,
         stereo=settings.stereo,
-        noise=given.noise,
-        health=given.health,
+        noise=inputs.noise,
+        health=inputs.health,
         rigid=rigid,
         device=settings.device,
         name=name,
@@ -48,33 +48,35 @@ def _follow(
     )
 
 
-def travel_of(given: Given, flyer: Followed | None, placement: Placement) -> Travel | None:
+def displacement_of(
+    inputs: Inputs, flyer: TrackedBody | None, placement: Placement
+) -> AxialDisplacement | None:
     """How far the flyer went, if there is one."""
     if flyer is None:
         return None
-    return flyer_travel(
+    return axial_displacement(
         flyer,
-        given.rig,
+        inputs.rig,
         placement.frame,
-        given.t,
-        given.static,
-        subset=given.settings.subset,
-        pictures=given.pictures,
+        inputs.t,
+        inputs.static,
+        subset=inputs.settings.subset,
+        pictures=inputs.pictures,
     )
 
 
 def poses_of(
-    given: Given, flyer: Followed | None, placement: Placement, travel: Travel | None
+    inputs: Inputs, flyer: TrackedBody | None, placement: Placement, travel: AxialDisplacement | None
 ) -> tuple[BodyMotion | None, list[Remark]]:
     """The flyer's rigid motion, if there is a flyer and its travel is known, and why it has none."""
     if flyer is None or travel is None:
         return None, []
     return flyer_poses(
         flyer,
-        given.rig,
+        inputs.rig,
         placement.frame,
         travel,
-        given.static,
-        subset=given.settings.subset,
-        length=given.settings.length,
+        inputs.static,
+        subset=inputs.settings.subset,
+        length=inputs.settings.length,
     )

@@ -20,7 +20,7 @@ from dic.stereo.setup_check import check_setup, free_pairs
 
 
 @dataclass(frozen=True)
-class Given:
+class Inputs:
     """What all stages share: the pictures and what a look at them told, their cameras and times."""
 
     pictures: tuple[Pictures, Pictures]
@@ -44,14 +44,14 @@ class Given:
         return _line(self.grey[0]), _line(self.grey[1])
 
 
-def look(
+def inspect_images(
     pictures: tuple[Pictures, Pictures],
     rig: StereoRig,
     settings: ChainSettings,
     *,
     t: FloatArray,
     static: BoolArray,
-) -> Given:
+) -> Inputs:
     """Outcome of every picture, and the noise of each camera's grey values.
 
     Raises
@@ -61,8 +61,8 @@ def look(
         pictures.
     """
     series = (kept(pictures[0]), kept(pictures[1]))
-    (health0, grey0), (health1, grey1) = (_looked(camera, series[camera], static) for camera in (0, 1))
-    return Given(
+    (health0, grey0), (health1, grey1) = (_inspect_one(camera, series[camera], static) for camera in (0, 1))
+    return Inputs(
         pictures=series,
         rig=rig,
         settings=settings,
@@ -73,7 +73,7 @@ def look(
     )
 
 
-def _looked(camera: int, series: Pictures, static: BoolArray) -> tuple[IntArray, GreyNoise]:
+def _inspect_one(camera: int, series: Pictures, static: BoolArray) -> tuple[IntArray, GreyNoise]:
     """The same of one camera."""
     if series.n_frames != static.size:
         raise ChainError(
@@ -99,7 +99,7 @@ def _line(grey: GreyNoise) -> Noise:
     return Noise(floor=grey.sigma)
 
 
-def check_cameras(given: Given, region: Region) -> tuple[Finding, ...]:
+def check_cameras(inputs: Inputs, region: Region) -> tuple[Finding, ...]:
     """What a first pair of pictures says of the cameras, found without their parameters.
 
     Raises
@@ -107,7 +107,7 @@ def check_cameras(given: Given, region: Region) -> tuple[Finding, ...]:
     ChainError
         If no frame has a usable picture of both cameras.
     """
-    pictures, settings, health = given.pictures, given.settings, given.health
+    pictures, settings, health = inputs.pictures, inputs.settings, inputs.health
     usable = np.flatnonzero((health[0] == FrameOutcome.VALID) & (health[1] == FrameOutcome.VALID))
     if usable.size == 0:
         raise ChainError("no frame has a usable picture of both cameras")
@@ -116,6 +116,6 @@ def check_cameras(given: Given, region: Region) -> tuple[Finding, ...]:
     points, _ = grid_points(mask, settings.step, margin=settings.margin)
     pair = (pictures[0].frame(frame), pictures[1].frame(frame))
     pixels = free_pairs(
-        pair, points, settings.tracking, noise=given.noise[1], mask=mask, device=settings.device
+        pair, points, settings.tracking, noise=inputs.noise[1], mask=mask, device=settings.device
     )
-    return check_setup(given.rig, *pixels)
+    return check_setup(inputs.rig, *pixels)

@@ -6,11 +6,11 @@ import numpy as np
 
 from dic.arrays import BoolArray
 from dic.bodies.ends import past_the_ends
-from dic.bodies.follow import Followed
-from dic.chain.inspect_images import Given
-from dic.chain.test_frame import Placed
+from dic.bodies.follow import TrackedBody
+from dic.chain.inspect_images import Inputs
+from dic.chain.test_frame import RestState
 from dic.outcome import PointOutcome
-from dic.rigid_body.axial_displacement import Travel
+from dic.rigid_body.axial_displacement import AxialDisplacement
 from dic.stereo import reconstruct
 from dic.surfaces import static_mean
 from dic.surfaces.smoothness import off_surface
@@ -23,33 +23,35 @@ OWN_SIGMAS = 4.0
 """And in standard deviations of the point's own."""
 
 
-def near_epipolar_lines(given: Given, body: Followed, placed: Placed) -> Followed:
+def gate_epipolar(inputs: Inputs, body: TrackedBody, rest_state: RestState) -> TrackedBody:
     """The body with the epipolar gate that its own static frames ask for."""
-    r, rest = body.reconstruction, placed.rest
+    r, rest = body.reconstruction, rest_state.rest
     at_rest = r.epipolar[rest][r.outcome[rest] == PointOutcome.VALID]
     gate = max(LEAST_GATE, GATE_SIGMAS * float(np.median(np.abs(at_rest))) / 0.6745)
     return replace(
         body,
         reconstruction=reconstruct(
-            given.rig, *body.tracks, gate=gate, gate_sigmas=OWN_SIGMAS, common=body.common
+            inputs.rig, *body.tracks, gate=gate, gate_sigmas=OWN_SIGMAS, common=body.common
         ),
     )
 
 
-def between_ends(given: Given, body: Followed, placed: Placed, travel: Travel | None) -> Followed:
+def gate_ends(
+    inputs: Inputs, body: TrackedBody, rest_state: RestState, travel: AxialDisplacement | None
+) -> TrackedBody:
     """The body without points whose subset reaches past an end.
 
     The upper end is where the flyer's travel puts it; without a declared length or a travel it is not known,
     and only the lower one judges.
     """
-    settings, t = given.settings, given.t
+    settings, t = inputs.settings, inputs.t
     upper = np.full(t.size, np.nan)
     if settings.length is not None and travel is not None and travel.t.size:
         upper = settings.length - np.interp(t, travel.t, travel.displacement)
     past = past_the_ends(
         body,
-        given.rig.cameras[0],
-        placed.placement.frame,
+        inputs.rig.cameras[0],
+        rest_state.placement.frame,
         settings.subset,
         settings.direction,
         (np.zeros(t.size), upper),
@@ -57,12 +59,12 @@ def between_ends(given: Given, body: Followed, placed: Placed, travel: Travel | 
     return _without(body, past, PointOutcome.AT_END)
 
 
-def on_surface(body: Followed, placed: Placed) -> Followed:
+def gate_surface(body: TrackedBody, rest_state: RestState) -> TrackedBody:
     """The body without points that lie off the smooth surface through their neighbours."""
-    r, placement = body.reconstruction, placed.placement
+    r, placement = body.reconstruction, rest_state.placement
     variance = np.einsum("...ii->...i", placement.frame.covariances(r.covariance))
     # Against the cylinder: its own curvature is none of the surface through a few neighbours.
-    at_rest = placement.frame.positions(static_mean(r, placed.rest)[0])
+    at_rest = placement.frame.positions(static_mean(r, rest_state.rest)[0])
     depth = np.sqrt(np.maximum(placement.radius**2 - at_rest[:, 0] ** 2, 0.0))
     cylinder = np.stack([at_rest[:, 0], at_rest[:, 1], depth], axis=1)
     off = off_surface(
@@ -74,7 +76,7 @@ def on_surface(body: Followed, placed: Placed) -> Followed:
     return _without(body, off, PointOutcome.OFF_SURFACE)
 
 
-def _without(body: Followed, points: BoolArray, outcome: PointOutcome) -> Followed:
+def _without(body: TrackedBody, points: BoolArray, outcome: PointOutcome) -> TrackedBody:
     """The body with some points of some frames ended."""
     r, gone = body.reconstruction, points[..., None]
     return replace(

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from dic.arrays import IntArray
-from dic.bodies.follow import Followed
-from dic.chain.inspect_images import Given
+from dic.bodies.follow import TrackedBody
+from dic.chain.inspect_images import Inputs
 from dic.chain.settings import ChainSettings
 from dic.result import Body, Placement, SurfaceStrain
 from dic.surfaces import StrainGauge, outline, referenced, strains, to_surface
@@ -14,13 +14,13 @@ from dic.surfaces.surface_history import CentrePoints
 
 
 def surface_of(
-    given: Given, body: Followed, placement: Placement, reference: list[int]
+    inputs: Inputs, body: TrackedBody, placement: Placement, reference: list[int]
 ) -> tuple[Body, IntArray]:
     """The points of a body that have a place in the reference frames; of those that have none, the outcomes
     in the material picture."""
     r = body.reconstruction
     kept = referenced(r, reference)
-    surface = to_surface(r, placement.frame, given.t, reference=reference, points=kept)
+    surface = to_surface(r, placement.frame, inputs.t, reference=reference, points=kept)
     sigma = [np.sqrt(0.5 * np.trace(track.covariance[:, kept], axis1=2, axis2=3)) for track in body.tracks]
     return (
         Body(
@@ -36,12 +36,12 @@ def surface_of(
     )
 
 
-def surface_of_flyer(given: Given, flyer: Followed | None, placement: Placement) -> Body | None:
+def surface_of_flyer(inputs: Inputs, flyer: TrackedBody | None, placement: Placement) -> Body | None:
     """The flyer's points, if there is one: from their places in the material picture, as most of them are not
     in view at rest."""
     if flyer is None:
         return None
-    return surface_of(given, flyer, placement, [flyer.material])[0]
+    return surface_of(inputs, flyer, placement, [flyer.material])[0]
 
 
 def outline_of(specimen: Body, settings: ChainSettings) -> tuple[CentrePoints, int]:

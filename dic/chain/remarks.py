@@ -5,11 +5,11 @@ from collections.abc import Iterable
 import numpy as np
 
 from dic.arrays import IntArray
-from dic.bodies.follow import Followed
+from dic.bodies.follow import TrackedBody
 from dic.bodies.region import Region
 from dic.outcome import FrameOutcome, PointOutcome, Remark
 from dic.result import Placement
-from dic.rigid_body.axial_displacement import Travel
+from dic.rigid_body.axial_displacement import AxialDisplacement
 from dic.stereo.diagnose import Finding
 
 RADIUS_SIGMAS = 4.0
@@ -59,7 +59,7 @@ def of_edge(cameras: int) -> list[Remark]:
     ]
 
 
-def of_flyer(wanted: bool, travel: Travel | None) -> list[Remark]:
+def of_flyer(wanted: bool, travel: AxialDisplacement | None) -> list[Remark]:
     """A flyer whose place at rest is not known."""
     if not wanted or travel is not None:
         return []
@@ -124,7 +124,7 @@ def of_frames(health: tuple[IntArray, IntArray]) -> list[Remark]:
     return found
 
 
-def of_material(body: Followed, region: Region) -> list[Remark]:
+def of_material(body: TrackedBody, region: Region) -> list[Remark]:
     """A material picture that is not the declared one."""
     if body.material == region.frame:
         return []

@@ -107,8 +107,8 @@ def speckles_of(
     """
     found: list[Speckles | None] = []
     rest = np.flatnonzero(result.static & result.specimen.surface.valid.any(axis=1)).tolist()
-    given = result.facts.get("speckle") or [{"problem": "not asked for"}] * len(pictures)
-    for series, pixels, fact in zip(pictures, result.specimen.pixels, given, strict=True):
+    inputs = result.facts.get("speckle") or [{"problem": "not asked for"}] * len(pictures)
+    for series, pixels, fact in zip(pictures, result.specimen.pixels, inputs, strict=True):
         if "problem" in fact:
             found.append(None)
             continue

@@ -13,12 +13,12 @@ from dic.bodies.region import Region
 from dic.camera import StereoRig
 from dic.chain import remarks
 from dic.chain.facts import facts_of, speckles_of
-from dic.chain.follow_bodies import follow_flyer, follow_specimen, poses_of, travel_of
-from dic.chain.inspect_images import check_cameras, look
-from dic.chain.outliers import between_ends, near_epipolar_lines, on_surface
+from dic.chain.follow_bodies import displacement_of, follow_flyer, follow_specimen, poses_of
+from dic.chain.inspect_images import check_cameras, inspect_images
+from dic.chain.outliers import gate_ends, gate_epipolar, gate_surface
 from dic.chain.reduce import outline_of, strains_of, surface_of, surface_of_flyer
 from dic.chain.settings import ChainError, ChainSettings
-from dic.chain.test_frame import place
+from dic.chain.test_frame import fit_test_frame
 from dic.images import Pictures
 from dic.result import StereoResult
 from dic.stereo.setup_check import check_setup
@@ -94,61 +94,65 @@ def measure(
         lie on no cylinder.
     """
     clock = Clock()
-    given = clock("look at the pictures", lambda: look(pictures, rig, settings, t=t, static=static))
-    findings = clock("cameras", lambda: check_cameras(given, specimen))
+    inputs = clock(
+        "look at the pictures", lambda: inspect_images(pictures, rig, settings, t=t, static=static)
+    )
+    findings = clock("cameras", lambda: check_cameras(inputs, specimen))
     with ThreadPoolExecutor(1) as beside:  # the flyer's work waits for the specimen in two places only
         flying_later = None
         if flyer is not None:
-            flying_later = beside.submit(clock, "flyer", partial(follow_flyer, given, flyer, progress))
+            flying_later = beside.submit(clock, "flyer", partial(follow_flyer, inputs, flyer, progress))
         try:
-            followed = clock("specimen", lambda: follow_specimen(given, specimen, progress))
-            placed = clock("test frame", lambda: place(given, followed))
+            followed = clock("specimen", lambda: follow_specimen(inputs, specimen, progress))
+            rest_state = clock("test frame", lambda: fit_test_frame(inputs, followed))
         except ChainError as error:
             said = [*(f"{f.what} ({f.cure})" for f in findings), str(error)]
             raise ChainError("; ".join(said)) from error
-        placement, rest = placed.placement, placed.rest
+        placement, rest = rest_state.placement, rest_state.rest
         flying = None if flying_later is None else flying_later.result()
-        travel_later = beside.submit(clock, "flyer's travel", lambda: travel_of(given, flying, placement))
+        travel_later = beside.submit(
+            clock, "flyer's travel", lambda: displacement_of(inputs, flying, placement)
+        )
         in_time = clock("steps of the cameras", lambda: check_setup(rig, *followed.reconstruction.pixels))
-        body = near_epipolar_lines(given, followed, placed)
-        flyer_surface = surface_of_flyer(given, flying, placement)
+        body = gate_epipolar(inputs, followed, rest_state)
+        flyer_surface = surface_of_flyer(inputs, flying, placement)
         travel = travel_later.result()
         motion_later = beside.submit(
-            clock, "flyer's poses", lambda: poses_of(given, flying, placement, travel)
+            clock, "flyer's poses", lambda: poses_of(inputs, flying, placement, travel)
         )
-        body = on_surface(between_ends(given, body, placed, travel), placed)
-        surface, left_out = surface_of(given, body, placement, rest)
+        body = gate_surface(gate_ends(inputs, body, rest_state, travel), rest_state)
+        surface, left_out = surface_of(inputs, body, placement, rest)
         centre, uncertain = outline_of(surface, settings)
         strain = clock("strains", lambda: strains_of(surface, settings))
         motion, unposed = motion_later.result()
     found = {finding.fault: finding for finding in (*in_time, *findings)}
     return StereoResult(
         t=t,
-        frames=given.health,
+        frames=inputs.health,
         static=static,
         specimen=surface,
         flyer=flyer_surface,
-        travel=travel,
+        axial_displacement=travel,
         centre=centre,
         strain=strain,
         placement=placement,
         noise=noise_floor(surface.surface, static),
         remarks=(
             *remarks.of_findings(found.values()),
-            *remarks.of_edge(placed.edges),
+            *remarks.of_edge(rest_state.edges),
             *remarks.of_flyer(flyer is not None, travel),
             *unposed,
             *remarks.of_radius(placement, settings.radius),
             *remarks.of_missing_points(left_out),
             *remarks.of_uncertain_rows(uncertain, settings.largest_sigma),
-            *remarks.of_frames(given.health),
+            *remarks.of_frames(inputs.health),
             *remarks.of_material(followed, specimen),
         ),
         rig=rig,
         facts={
             **(facts or {}),
-            **facts_of(given),
-            "speckle": clock("speckles", lambda: speckles_of(given, surface, rest)),
+            **facts_of(inputs),
+            "speckle": clock("speckles", lambda: speckles_of(inputs, surface, rest)),
         },
         seconds=clock.seconds,
         motion=motion,

@@ -6,8 +6,8 @@ import numpy as np
 
 from dic.arrays import FloatArray
 from dic.bodies.ends import refined_end
-from dic.bodies.follow import Followed
-from dic.chain.inspect_images import Given
+from dic.bodies.follow import TrackedBody
+from dic.chain.inspect_images import Inputs
 from dic.chain.settings import ChainError
 from dic.images import Pictures
 from dic.outcome import PointOutcome
@@ -19,7 +19,7 @@ MOST_AVERAGED = 50
 
 
 @dataclass(frozen=True)
-class Placed:
+class RestState:
     """The specimen at rest."""
 
     placement: Placement
@@ -30,7 +30,7 @@ class Placed:
     """Cameras in which its end was found."""
 
 
-def place(given: Given, body: Followed) -> Placed:
+def fit_test_frame(inputs: Inputs, body: TrackedBody) -> RestState:
     """The test frame from the specimen at rest.
 
     Raises
@@ -38,8 +38,8 @@ def place(given: Given, body: Followed) -> Placed:
     ChainError
         If no point was found by both cameras at rest, or the points lie on no cylinder.
     """
-    rig, settings = given.rig, given.settings
-    rest = _at_rest(given, body)
+    rig, settings = inputs.rig, inputs.settings
+    rest = _rest_frames(inputs, body)
     position, covariance = static_mean(body.reconstruction, rest)
     known = np.isfinite(position).all(axis=1)
     try:
@@ -51,7 +51,7 @@ def place(given: Given, body: Followed) -> Placed:
                 position[known], covariance[known], overlap=overlap, radius=settings.radius
             )
         declared = on_cylinder(rig.cameras[0], settings.zero, cylinder)
-        means = (_mean_picture(given.pictures[0], rest), _mean_picture(given.pictures[1], rest))
+        means = (_mean_picture(inputs.pictures[0], rest), _mean_picture(inputs.pictures[1], rest))
         zero, zero_sigma, edges = refined_end(means, rig, cylinder, declared, settings.direction)
         frame = test_frame(cylinder, rig, toward_flyer=settings.direction, zero=zero, zero_sigma=zero_sigma)
     except ValueError as error:
@@ -64,13 +64,13 @@ def place(given: Given, body: Followed) -> Placed:
         chi2_per_dof=cylinder.chi2_per_dof,
         n_points=int(cylinder.used.sum()),
     )
-    return Placed(placement=placement, rest=rest, edges=edges)
+    return RestState(placement=placement, rest=rest, edges=edges)
 
 
-def _at_rest(given: Given, body: Followed) -> list[int]:
+def _rest_frames(inputs: Inputs, body: TrackedBody) -> list[int]:
     """Static frames in which both cameras saw the body."""
     seen = np.any(body.reconstruction.outcome == PointOutcome.VALID, axis=1)
-    rest: list[int] = np.flatnonzero(given.static & seen).tolist()
+    rest: list[int] = np.flatnonzero(inputs.static & seen).tolist()
     if not rest:
         failed = [f"{gate.name} {count}" for gate, count in body.stereo.count().items() if count]
         raise ChainError(

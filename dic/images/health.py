@@ -95,7 +95,7 @@ def frame_health(
     if used.shape != pictures.shape or not np.any(used[:, 1:] & used[:, :-1]):
         raise ValueError(f"mask must be of shape {pictures.shape} with neighbouring pixels, is {used.shape}")
 
-    seen = _look(pictures, used)
+    seen = _scan(pictures, used)
     readable = ~np.isnan(seen.mean)
     ceiling = _ceiling(seen.total)
     saturated = np.where(seen.top >= ceiling, seen.at_top, np.where(readable, 0.0, np.nan))
@@ -156,7 +156,7 @@ def saturated_mask(picture: NDArray[np.generic], ceiling: int, *, grow: int = 1)
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _Scan:
     """What one pass over the frames gives: one number a frame, NaN where it cannot be read."""
 
     mean: FloatArray
@@ -174,7 +174,7 @@ class _Seen:
     unreadable: dict[int, str]
 
 
-def _look(pictures: Pictures, used: NDArray[np.bool_]) -> _Seen:
+def _scan(pictures: Pictures, used: NDArray[np.bool_]) -> _Scan:
     mean, middle, contrast, correlation, top, at_top = np.full((6, pictures.n_frames), np.nan)
     total = np.zeros(2**pictures.bits, dtype=np.int64)
     starts = np.arange(0, len(total), max(len(total) // 1024, 1))
@@ -196,7 +196,7 @@ def _look(pictures: Pictures, used: NDArray[np.bool_]) -> _Seen:
         mean[index] = counts @ np.arange(len(counts)) / values.size
         middle[index] = np.searchsorted(np.cumsum(counts), values.size / 2.0)
         contrast[index], correlation[index] = _shared(picture, used)
-    return _Seen(mean, middle, contrast, correlation, top, at_top, histograms, total, unreadable)
+    return _Scan(mean, middle, contrast, correlation, top, at_top, histograms, total, unreadable)
 
 
 def _brighter(histograms: list[IntArray | None], gain: FloatArray) -> FloatArray:

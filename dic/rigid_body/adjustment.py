@@ -24,7 +24,7 @@ FLATTEST = 1e-10
 
 
 @dataclass(frozen=True)
-class Sights:
+class Observations:
     """Where the points were seen, frame by frame."""
 
     x: FloatArray
@@ -43,10 +43,10 @@ class Sights:
         """Inverse covariances for the sums over points, zero where not used [1/m²]."""
         return self.W * (self.valid / self.factor)[..., None, None]
 
-    def part(self, frames: IntArray, points: IntArray) -> "Sights":
+    def part(self, frames: IntArray, points: IntArray) -> "Observations":
         """Some frames and points."""
         at = np.ix_(frames, points)
-        return Sights(self.x[at], self.W[at], self.valid[at], self.single[at], self.factor[at])
+        return Observations(self.x[at], self.W[at], self.valid[at], self.single[at], self.factor[at])
 
     @property
     def components(self) -> IntArray:
@@ -55,12 +55,12 @@ class Sights:
 
 
 @dataclass(frozen=True)
-class Habits:
+class MotionPrior:
     """What is known beforehand of how a body moves from one frame to the next."""
 
-    turn: float | None
+    rotation_change: float | None
     """Standard deviation of its change of attitude, about each axis [rad]; None: any."""
-    sway: float | None
+    lateral_change: float | None
     """Standard deviation of its displacement across y, along x and Z [m]; None: any."""
 
 
@@ -83,7 +83,7 @@ class Poses:
     """Sum of squared residuals in the declared sigmas over the degrees of freedom [-]."""
 
 
-def adjust(sights: Sights, habits: Habits, reject: float) -> Poses:
+def adjust(sights: Observations, prior: MotionPrior, reject: float) -> Poses:
     """Poses of all frames that are connected with the one that sees most points.
 
     Parameters
@@ -108,7 +108,7 @@ def adjust(sights: Sights, habits: Habits, reject: float) -> Poses:
         size = float(np.sqrt(np.mean(X**2)))
         sigma = float(np.sqrt(3.0 / np.median(np.trace(now.W[now.valid], axis1=1, axis2=2))))
         for _ in range(MOST_STEPS):
-            R, p, X, step, covariance = _step(now, R, p, X, habits, frames, size, sigma)
+            R, p, X, step, covariance = _step(now, R, p, X, prior, frames, size, sigma)
             if step < tolerance:
                 break
         else:
@@ -133,7 +133,7 @@ def adjust(sights: Sights, habits: Habits, reject: float) -> Poses:
     return Poses(frames, R, p, covariance(), now.valid.sum(axis=1), chi2)
 
 
-def _chain(sights: Sights) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
+def _chain(sights: Observations) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
     """Frames and points that hang together, rough poses, places on the body about their centroid."""
     n_frames, n_points = sights.valid.shape
     weights = sights.weights
@@ -187,11 +187,11 @@ def _determined(x: FloatArray, W: FloatArray) -> bool:
 
 
 def _step(
-    sights: Sights,
+    sights: Observations,
     R: FloatArray,
     p: FloatArray,
     X: FloatArray,
-    habits: Habits,
+    prior: MotionPrior,
     frames: IntArray,
     size: float,
     sigma: float,
@@ -217,10 +217,10 @@ def _step(
     np.negative(S, out=S)
     S.reshape(n, 6, n, 6)[np.arange(n), :, np.arange(n)] += A
     right = pose - B @ np.einsum("iab,ib->ia", D, point).ravel()
-    for prior, what in ((habits.turn, "turn"), (habits.sway, "sway")):
-        if prior is not None:
-            scaled = prior / unit[0 if what == "turn" else 3]
-            _add_habit(S.reshape(n, 6, n, 6), right.reshape(n, 6), R, p, frames, what, scaled, unit)
+    for spread, what in ((prior.rotation_change, "rotation"), (prior.lateral_change, "translation")):
+        if spread is not None:
+            scaled = spread / unit[0 if what == "rotation" else 3]
+            _add_prior(S.reshape(n, 6, n, 6), right.reshape(n, 6), R, p, frames, what, scaled, unit)
     # The body's own frame is open: its six motions get a value of their own.
     common = np.zeros((n, 6, 6))
     common[:, :3, :3] = common[:, 3:, 3:] = R
@@ -243,7 +243,7 @@ def _step(
     )
 
 
-def _add_habit(
+def _add_prior(
     S: FloatArray,
     right: FloatArray,
     R: FloatArray,
@@ -254,14 +254,14 @@ def _add_habit(
     unit: FloatArray,
 ) -> None:
     """Add the prior of small changes between neighbouring frames; `scaled` in `unit`s."""
-    at = slice(0, 3) if what == "turn" else slice(3, 6)
-    across = np.eye(3) if what == "turn" else np.diag([1.0, 0.0, 1.0])
+    at = slice(0, 3) if what == "rotation" else slice(3, 6)
+    across = np.eye(3) if what == "rotation" else np.diag([1.0, 0.0, 1.0])
     if len(R) < 2:
         return
     a, b = np.arange(len(R) - 1), np.arange(1, len(R))
     w = across / (scaled**2 * np.diff(frames))[:, None, None]
     r = p[1:] - p[:-1]
-    if what == "turn":
+    if what == "rotation":
         r = Rotation.from_matrix(R[1:] @ np.swapaxes(R[:-1], 1, 2)).as_rotvec()
     pull = (w @ (r / unit[at])[..., None])[..., 0]
     S[a, at, a, at] += w

@@ -1,4 +1,4 @@
-"""How far the flyer went: one translation a frame, from whatever either camera saw of it."""
+"""Axial displacement of the flyer: one translation a frame, from all points that either camera sees."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -6,33 +6,33 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.arrays import BoolArray, FloatArray, IntArray
-from dic.bodies.follow import Followed
+from dic.bodies.follow import TrackedBody
 from dic.camera import Camera, StereoRig
 from dic.correlation.warp import apply
 from dic.images import PictureError, Pictures
 from dic.outcome import PointOutcome
-from dic.rigid_body.edge_registration import STRIDE, Rim, RimSearch
+from dic.rigid_body.edge_registration import SEARCH_STEP, EdgeRegistration, RegisteredEdge
 from dic.stereo.rays import projection_slope
 from dic.surfaces import SpecimenFrame
 from dic.surfaces.overlap import overlap_correlation
 from dic.tracking import Track
 
-SIDEWAYS = 50e-6
-"""How far the flyer may have moved across the axis since the nearest frame that both cameras saw [m]."""
-NEAR = 50e-6
-"""How far from where it is expected the rim of the body is looked for [m]."""
-OWN = 0.5
+LATERAL_SIGMA = 50e-6
+"""Prior standard deviation of the lateral motion since the nearest frame that both cameras saw [m]."""
+SEARCH_RANGE = 50e-6
+"""Half width of the interval about the prediction in which the edge strip is searched [m]."""
+OWN_SHARE = 0.5
 """Share of the variance of a match that is the frame's own; the rest is the reference's, common to all."""
-LEARNT = 40
-"""Frames from which the rows at the border of the picture are learnt."""
+MOST_OFFSET_FRAMES = 40
+"""Frames at most from which the offsets of the rows at the border of the picture are found."""
 ROUNDS = 4
-"""Rounds in which places on the body and translations are found from each other."""
+"""Alternating estimates of places on the body and translations."""
 GATE = 5.0
-"""A pixel this many robust standard deviations off the body's motion is left out [-]."""
+"""Outlier threshold: a point this many robust standard deviations off the body's motion is left out [-]."""
 
 
 @dataclass(frozen=True)
-class Travel:
+class AxialDisplacement:
     """Displacement of the flyer toward the specimen; a frame in which it was not found has no row."""
 
     t: FloatArray
@@ -49,8 +49,8 @@ class Travel:
     """Standard deviation of the mean place at rest, common to all displacements [m]."""
 
 
-def flyer_travel(
-    body: Followed,
+def axial_displacement(
+    body: TrackedBody,
     rig: StereoRig,
     frame: SpecimenFrame,
     t: FloatArray,
@@ -58,7 +58,7 @@ def flyer_travel(
     *,
     subset: int,
     pictures: tuple[Pictures, Pictures] | None = None,
-) -> Travel | None:
+) -> AxialDisplacement | None:
     """Displacement of a rigid body along the axis, toward the specimen.
 
     The places of the points on the body come from the frames in which both cameras see them. In every frame
@@ -85,7 +85,7 @@ def flyer_travel(
 
     Returns
     -------
-    Travel or None
+    AxialDisplacement or None
         None if no point was ever seen by both cameras, or the body at all in no static frame: the place at
         rest, which displacements count from, is then not known.
     """
@@ -107,7 +107,7 @@ def flyer_travel(
             found.append(fit[0])
             sigma.append(fit[1])
             counts.append(fit[2])
-    fine = np.flatnonzero(_on_their_way(rows, found, counts, static)).tolist()
+    fine = np.flatnonzero(_consistent_frames(rows, found, counts, static)).tolist()
     rows, found = [rows[i] for i in fine], [found[i] for i in fine]
     sigma, counts = [sigma[i] for i in fine], [counts[i] for i in fine]
     if body.material in rows and len(rows) > 1:  # exact there, but not against all others
@@ -115,33 +115,35 @@ def flyer_travel(
         beside = [sigma[k] for k in (at - 1, at + 1) if 0 <= k < len(rows)]
         sigma[at] = max(sigma[at], min(beside))
     common = 0.0
-    by_rim = bool(rows) and not static[rows].any() and pictures is not None
-    if by_rim and pictures is not None:
-        for k, rim in _rims(pictures, body, rig, frame, places[known], moves, rows, found, static):
+    by_edge = bool(rows) and not static[rows].any() and pictures is not None
+    if by_edge and pictures is not None:
+        for k, edge in _registered_edges(
+            pictures, body, rig, frame, places[known], moves, rows, found, static
+        ):
             rows.insert(0, k)
-            found.insert(0, rim.y)
-            sigma.insert(0, rim.sigma)
+            found.insert(0, edge.y)
+            sigma.insert(0, edge.sigma)
             counts.insert(0, 0)
-            common = rim.common  # the last is the first frame's, at rest
+            common = edge.common  # the last is the first frame's, at rest
     index = np.array(rows, dtype=np.int64)
     y = np.array(found)
     at_rest = static[index]
     if not at_rest.any():
         return None
     rest = float(np.mean(y[at_rest]))
-    return Travel(
+    return AxialDisplacement(
         t=t[index],
         frame=index,
         displacement=rest - y,
-        sigma=np.array(sigma) * OWN**0.5,
+        sigma=np.array(sigma) * OWN_SHARE**0.5,
         n_points=np.array(counts, dtype=np.int64),
         rest_sigma=float(np.hypot(_of_mean(np.array(sigma)[at_rest]), common)),
     )
 
 
-def _rims(
+def _registered_edges(
     pictures: tuple[Pictures, Pictures],
-    body: Followed,
+    body: TrackedBody,
     rig: StereoRig,
     frame: SpecimenFrame,
     places: FloatArray,
@@ -149,17 +151,17 @@ def _rims(
     rows: list[int],
     found: list[float],
     static: BoolArray,
-) -> list[tuple[int, Rim]]:
-    """The frames before the first of `rows`, latest first, with where the body's rim puts it."""
+) -> list[tuple[int, RegisteredEdge]]:
+    """The frames before the first of `rows`, latest first, with the registration of the edge strip."""
     first, m = rows[0], body.material
     twice = np.flatnonzero(np.isfinite(moves).all(axis=1))
     near = moves[twice[0]]
     if not np.isfinite(moves[m]).all() or first < 1:
         return []
     chosen = (pictures[0].frame(m).astype(np.float64), pictures[1].frame(m).astype(np.float64))
-    search = RimSearch(chosen, body.mask, rig, frame, places, moves[m])
-    search.learn(_in_view(pictures, moves, rows, found))
-    result: list[tuple[int, Rim]] = []
+    registration = EdgeRegistration(chosen, body.mask, rig, frame, places, moves[m])
+    registration.fit_row_offsets(_in_view(pictures, moves, rows, found))
+    result: list[tuple[int, RegisteredEdge]] = []
     # The first points to come into view are few: the motion is that of the first ten frames together.
     at, y = np.array(rows[:10], dtype=np.float64), np.array(found[:10])
     speed = float(np.median(np.diff(y) / np.diff(at))) if at.size > 1 else 0.0
@@ -174,19 +176,24 @@ def _rims(
         speed = 0.0 if static[k] else (there - earlier) / (last - before)
         expected = there + speed * (k - last)
         settled = static[k] and static[min(k + 1, len(static) - 1)] and last == k + 1
-        around = STRIDE if settled else NEAR * (last - k)
-        rim = search.find(pair, near, expected + np.arange(-around, around + 0.5 * STRIDE, STRIDE))
-        if rim is not None:
-            result.append((k, rim))
-            past = [(k, rim.y), past[0]]
+        around = SEARCH_STEP if settled else SEARCH_RANGE * (last - k)
+        edge = registration.register(
+            pair, near, expected + np.arange(-around, around + 0.5 * SEARCH_STEP, SEARCH_STEP)
+        )
+        if edge is not None:
+            result.append((k, edge))
+            past = [(k, edge.y), past[0]]
     return result
 
 
-def _on_their_way(rows: list[int], found: list[float], counts: list[int], static: BoolArray) -> list[bool]:
-    """Which frames lie on the way of those after them.
+def _consistent_frames(
+    rows: list[int], found: list[float], counts: list[int], static: BoolArray
+) -> list[bool]:
+    """Frames that agree with the path of those after them.
 
     As a body comes into view a few of its points may agree on a wrong place. From the frame with most points
-    back to rest, a frame farther than `NEAR`, or half a step, from the line through the next is left out.
+    back to rest, a frame farther than `SEARCH_RANGE`, or half a step, from the line through the next is left
+    out.
     """
     fine = [True] * len(rows)
     if not rows:
@@ -199,7 +206,7 @@ def _on_their_way(rows: list[int], found: list[float], counts: list[int], static
             at, y = np.array([rows[k] for k in after]), np.array([found[k] for k in after])
             speed = float(np.median(np.diff(y) / np.diff(at)))
             off = found[i] - float(np.median(y + speed * (rows[i] - at)))
-            fine[i] = abs(off) <= max(NEAR, 0.5 * abs(speed))
+            fine[i] = abs(off) <= max(SEARCH_RANGE, 0.5 * abs(speed))
         if fine[i]:
             kept.append(i)
     return fine
@@ -208,9 +215,9 @@ def _on_their_way(rows: list[int], found: list[float], counts: list[int], static
 def _in_view(
     pictures: tuple[Pictures, Pictures], moves: FloatArray, rows: list[int], found: list[float]
 ) -> Iterator[tuple[tuple[FloatArray, FloatArray], FloatArray]]:
-    """Pictures in which points say where the body is, with its translation; about `LEARNT` of them."""
+    """Pictures of frames whose points give the translation, with it; about `MOST_OFFSET_FRAMES` of them."""
     seen = [(k, y) for k, y in zip(rows, found, strict=True) if np.isfinite(moves[k]).all()]
-    for k, y in seen[:: max(len(seen) // LEARNT, 1)]:
+    for k, y in seen[:: max(len(seen) // MOST_OFFSET_FRAMES, 1)]:
         try:
             pair = (pictures[0].frame(k).astype(np.float64), pictures[1].frame(k).astype(np.float64))
         except PictureError:
@@ -220,7 +227,7 @@ def _in_view(
 
 def _of_mean(sigma: FloatArray) -> float:
     """Sigma of the mean of static frames, in which the reference's part does not average out."""
-    return float(np.sqrt(np.mean(sigma**2) * (1.0 - OWN + OWN / sigma.size)))
+    return float(np.sqrt(np.mean(sigma**2) * (1.0 - OWN_SHARE + OWN_SHARE / sigma.size)))
 
 
 def _places(position: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -244,7 +251,7 @@ def _mean(values: FloatArray, axis: int) -> FloatArray:
 
 
 def _translation(
-    body: Followed,
+    body: TrackedBody,
     rig: StereoRig,
     frame: SpecimenFrame,
     k: int,
@@ -257,14 +264,14 @@ def _translation(
     """Translation along y in frame `k` [m], its standard deviation and the number of points; None if not
     seen."""
     seen = [
-        _Seen.of(camera, track, k, places, known)
+        _ObservedPoints.of(camera, track, k, places, known)
         for camera, track in zip(rig.cameras, body.tracks, strict=True)
     ]
     if not any(points.rows.size for points in seen):
         return None
     move, keep = near.copy(), [np.ones(len(points.rows), dtype=bool) for points in seen]
     off = [points.off(frame, move) for points in seen]
-    across = 1.0 / (10.0 * SIDEWAYS if both else SIDEWAYS) ** 2
+    across = 1.0 / (10.0 * LATERAL_SIGMA if both else LATERAL_SIGMA) ** 2
     for _ in range(3):
         H = np.diag([across, 0.0, across])
         g = H @ (near - move)
@@ -279,7 +286,7 @@ def _translation(
             g += np.tensordot(weighted, away[fine], axes=([0, 1], [0, 1]))
         move = move + np.linalg.solve(H, g)
         off = [points.off(frame, move) for points in seen]
-        keep = [points.near_enough(away) for points, away in zip(seen, off, strict=True)]
+        keep = [points.inliers(away) for points, away in zip(seen, off, strict=True)]
         if not any(fine.any() for fine in keep):
             return None
     counted = np.unique(np.concatenate([points.rows[fine] for points, fine in zip(seen, keep, strict=True)]))
@@ -287,8 +294,8 @@ def _translation(
 
 
 @dataclass(frozen=True)
-class _Seen:
-    """What one camera saw of a body's points in one frame."""
+class _ObservedPoints:
+    """Points of a body that one camera saw in one frame."""
 
     camera: Camera
     rows: IntArray
@@ -301,18 +308,20 @@ class _Seen:
     """Of the pixels [px²], shape [n, 2, 2]."""
 
     @classmethod
-    def of(cls, camera: Camera, track: Track, k: int, places: FloatArray, known: BoolArray) -> "_Seen":
+    def of(
+        cls, camera: Camera, track: Track, k: int, places: FloatArray, known: BoolArray
+    ) -> "_ObservedPoints":
         """The `known` points that were found in frame `k`."""
         rows = np.flatnonzero(known & (track.outcome[k] == PointOutcome.VALID))
         pixels = apply(track.points[rows], track.warp[k, rows])
         return cls(camera, rows, places[rows], pixels, track.covariance[k, rows])
 
     def off(self, frame: SpecimenFrame, move: FloatArray) -> FloatArray:
-        """What was seen less what a body moved by `move` would show [px], shape [n, 2]."""
+        """Residuals: observed pixels less those of a body moved by `move` [px], shape [n, 2]."""
         return np.asarray(self.pixels - self.camera.project(frame.in_rig(self.places + move)))
 
-    def near_enough(self, off: FloatArray) -> BoolArray:
-        """Which points agree with the body's motion, shape [n]."""
+    def inliers(self, off: FloatArray) -> BoolArray:
+        """Points within `GATE` robust standard deviations of the body's motion, shape [n]."""
         if not len(off):
             return np.zeros(0, dtype=bool)
         size = np.linalg.norm(off - np.median(off, axis=0), axis=1)

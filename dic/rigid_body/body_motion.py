@@ -16,7 +16,7 @@ from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.camera import Camera, StereoRig
 from dic.correlation.warp import apply
 from dic.outcome import FrameOutcome, PointOutcome
-from dic.rigid_body.adjustment import Habits, Poses, Sights, adjust
+from dic.rigid_body.adjustment import MotionPrior, Observations, Poses, adjust
 from dic.rigid_body.rigid_motion import lever
 from dic.stereo.reconstruction import Reconstruction
 from dic.surfaces.frame import SpecimenFrame
@@ -26,7 +26,7 @@ STEP = 1e-6
 """Of the difference quotients of the projection [m]."""
 
 
-def sights_of_one(
+def ray_observations(
     camera: Camera, frame: SpecimenFrame, pixels: FloatArray, covariance: FloatArray, near: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Points on a camera's rays and their inverse covariances, which are of rank 2.
@@ -130,8 +130,8 @@ def body_motion(
     shared: float = 0.5,
     rig: StereoRig | None = None,
     tracks: Sequence[tuple[Track, Track]] | None = None,
-    turn: float | None = None,
-    sway: float | None = None,
+    rotation_change: float | None = None,
+    lateral_change: float | None = None,
     reject: float = 5.0,
 ) -> BodyMotion:
     """Find the motion of a rigid body from points on it.
@@ -155,13 +155,13 @@ def body_motion(
         picture: it moves the point on the body, not the body [-].
     rig, tracks
         The cameras, and for each reconstruction the tracks it was made from: then a frame in which only
-        one camera sees a point counts too, with what that camera knows. Such frames need `turn` and
-        `sway`, or they know little along the view.
-    turn
+        one camera sees a point counts too, with what that camera knows. Such frames need
+        `rotation_change` and `lateral_change`, or they know little along the view.
+    rotation_change
         Standard deviation of the change of attitude from one frame to the next, about each axis [rad],
         by which narrow views of the body borrow their attitude from wide ones; None: every frame has its
         own.
-    sway
+    lateral_change
         Standard deviation of the displacement across y from one frame to the next, along x and Z [m];
         None: any.
     reject
@@ -174,7 +174,7 @@ def body_motion(
         No frame at rest that is connected with the others, shapes that do not fit, options out of range.
     """
     point = np.asarray(at, dtype=np.float64)
-    _check(reconstructions, point, rest, shared, (turn, sway), reject, overlaps)
+    _check(reconstructions, point, rest, shared, (rotation_change, lateral_change), reject, overlaps)
     valid = np.concatenate([r.outcome == PointOutcome.VALID for r in reconstructions], axis=1)
     place = np.concatenate([frame.positions(r.position) for r in reconstructions], axis=1)
     noise = np.concatenate([frame.covariances(r.covariance) for r in reconstructions], axis=1)
@@ -198,13 +198,17 @@ def body_motion(
             alone &= valid.any(axis=0) & ~single  # its depth must be known from some frame
             pixels = np.concatenate([apply(pair[k].points, pair[k].warp) for pair in tracks], axis=1)
             spread = np.concatenate([pair[k].covariance for pair in tracks], axis=1)
-            at_ray, known = sights_of_one(
+            at_ray, known = ray_observations(
                 camera, frame, pixels[alone], (1.0 - shared) * spread[alone], _nearest(place, valid)[alone]
             )
             place[alone], information[alone], single = at_ray, known, single | alone
     seen = valid | single
     seen &= seen.sum(axis=0) >= 2  # a point seen once says nothing about motion
-    found = adjust(Sights(place, information, seen, single, factor), Habits(turn, sway), reject)
+    found = adjust(
+        Observations(place, information, seen, single, factor),
+        MotionPrior(rotation_change, lateral_change),
+        reject,
+    )
     return _from_rest(found, point, rest, len(valid))
 
 
@@ -213,7 +217,7 @@ def _check(
     at: FloatArray,
     rest: Sequence[int],
     shared: float,
-    habits: tuple[float | None, float | None],
+    prior: tuple[float | None, float | None],
     reject: float,
     overlaps: Sequence[ArrayLike] | None,
 ) -> None:
@@ -229,10 +233,10 @@ def _check(
         raise ValueError(f"rest must name frames in 0..{n - 1}, got {list(rest)}")
     if at.shape != (3,) or not np.isfinite(at).all():
         raise ValueError(f"at must be a point [m] of 3 finite components, got {at}")
-    if not 0.0 <= shared < 1.0 or not reject > 0.0 or not all(h is None or h > 0.0 for h in habits):
+    if not 0.0 <= shared < 1.0 or not reject > 0.0 or not all(h is None or h > 0.0 for h in prior):
         raise ValueError(
-            f"shared must be in [0, 1), reject > 0, turn [rad] and sway [m] > 0 or None, got {shared}, "
-            f"{reject}, {habits[0]}, {habits[1]}"
+            f"shared must be in [0, 1), reject > 0, rotation_change [rad] and lateral_change [m] > 0 or "
+            f"None, got {shared}, {reject}, {prior[0]}, {prior[1]}"
         )
 
 

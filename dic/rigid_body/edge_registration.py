@@ -1,13 +1,14 @@
-"""Where a rigid body rests of which the static pictures show no more than a rim.
+"""Rest position of a body of which the static images show only an edge strip.
 
 A subset needs several rows of speckle around its point; a body that only just reaches into the pictures at
-rest has none. But its whole rim moves as one: the static pictures are compared, pixel by pixel and both
-cameras together, with the picture in which the body's points were chosen. One unknown is left, its place
-along the axis.
+rest has none. But its whole edge strip moves as one: the static pictures are compared, pixel by pixel and
+both cameras together, with the material picture, in which the body's points were chosen. One unknown is left,
+its translation along the axis.
 
 The last rows of a picture are not like the others: optics and electronics, or whatever filtered the pictures,
-blur them from one side only, so that they show a place a fraction of a pixel further in. By how much, row by
-row, is measured in frames in which enough of the body is in view to say where it is (`RimSearch.learn`).
+blur them from one side only, so that they show a place a fraction of a pixel further in. This offset of each
+row is measured in frames in which enough of the body is in view to know its translation
+(`EdgeRegistration.fit_row_offsets`).
 """
 
 from collections.abc import Iterable
@@ -20,53 +21,53 @@ from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.camera import Camera, StereoRig
 from dic.surfaces import SpecimenFrame
 
-RIM = 12
-"""Rows of pixels that are looked at, from the border that the body comes in by."""
+EDGE_ROWS = 12
+"""Rows of pixels that are compared, from the border that the body comes in by."""
 FEWEST = 40
 """Pixels of both cameras that must show the body."""
 EDGE = 0.02
-"""What a body may be off, beside its noise, of which only the last pixel of its region is in view [px]:
-the blur of its own edge is near. On `open-02` such rows are off by 0.02 px (1 µm)."""
+"""Standard deviation beside the noise where only the last pixel row of the region is in view [px]: the blur
+of the body's own edge is near. On `open-02` such rows are off by 0.02 px (1 µm)."""
 FEWEST_ROW = 20
 """Pixels of a row that must show the body before the row's own place is found."""
 FEWEST_FRAMES = 3
 """Frames in which a row must have shown it."""
-STRIDE = 10e-6
-"""Distance of the places that are tried [m]: a fraction of a speckle."""
+SEARCH_STEP = 10e-6
+"""Distance of the translations that are tried [m]: a fraction of a speckle."""
 LEAST_ZNCC = 0.9
-"""Least correlation of the place that is taken."""
-MOST_STEPS, SETTLED = 10, 1e-8
+"""Least ZNCC of the translation that is accepted."""
+MOST_STEPS, CONVERGED = 10, 1e-8
 """Gauss-Newton steps at most, and the step at which they end [m]."""
-CORE = 30e-6
-"""How far the search may end from the best of the places tried [m]."""
+LARGEST_CORRECTION = 30e-6
+"""Largest distance of the result from the best of the translations tried [m]."""
 
 
 @dataclass(frozen=True)
-class Rim:
-    """A place of the body."""
+class RegisteredEdge:
+    """A translation of the body."""
 
     y: float
     """Translation along the axis [m]."""
     sigma: float
     """Its standard deviation, from the residual of the comparison [m]."""
     common: float
-    """What frames that show the same rows have in common beside it: `EDGE`, and what is not known of the
-    rows' offsets [m]."""
+    """Standard deviation common to frames that show the same rows, beside `sigma`: `EDGE`, and the
+    uncertainty of the rows' offsets [m]."""
     zncc: float
-    """Correlation of the rim."""
+    """ZNCC of the edge strip."""
     n_pixels: int
     """Pixels that showed it."""
 
 
 @dataclass(frozen=True)
-class View:
-    """What one camera knows of the body."""
+class EdgeView:
+    """The edge strip as one camera sees it, and its material picture."""
 
     camera: Camera
     coefficients: FloatArray
     """Quintic spline of the picture in which the points were chosen, shape [rows, columns]."""
     x: IntArray
-    """Pixels of the rim (x, y), shape [n, 2]."""
+    """Pixels of the edge strip (x, y), shape [n, 2]."""
     X: FloatArray
     """Where their rays meet the body's cylinder, in the test frame, shape [n, 3]; those that miss it are
     left out."""
@@ -80,8 +81,8 @@ class View:
         return np.asarray(grey)
 
 
-class RimSearch:
-    """Finds a body of revolution by its rim, in any frame.
+class EdgeRegistration:
+    """Registration of the edge strip of a body of revolution with its material picture, in any frame.
 
     Parameters
     ----------
@@ -114,14 +115,15 @@ class RimSearch:
         ends = rig.cameras[0].project(frame.in_rig(middle + np.array([[0.0, 0.0, 0.0], [0.0, 1e-4, 0.0]])))
         self._scale = float(np.linalg.norm(ends[1] - ends[0])) / 1e-4
         self._views = [
-            _view(*both, frame, radius, ends[1] - ends[0]) for both in zip(rig.cameras, material, strict=True)
+            _edge_view(*both, frame, radius, ends[1] - ends[0])
+            for both in zip(rig.cameras, material, strict=True)
         ]
-        self._offset, self._offset_sigma = np.zeros((2, RIM)), np.zeros((2, RIM))
+        self._offset, self._offset_sigma = np.zeros((2, EDGE_ROWS)), np.zeros((2, EDGE_ROWS))
 
-    def learn(
+    def fit_row_offsets(
         self, known: Iterable[tuple[tuple[FloatArray, FloatArray], FloatArray]]
     ) -> tuple[FloatArray, FloatArray]:
-        """By how much each row at the border shows the body elsewhere than it is; `find` then takes it off.
+        """Offset with which each row at the border shows the body; `register` then subtracts it.
 
         Parameters
         ----------
@@ -131,11 +133,14 @@ class RimSearch:
         Returns
         -------
         offset : array
-            Of each camera's rows from the border inward, along y [m], shape [2, `RIM`]; 0 where unknown.
+            Of each camera's rows from the border inward, along y [m], shape [2, `EDGE_ROWS`]; 0 where
+            unknown.
         sigma : array
             Its standard deviation, from the scatter of the frames [m], same shape.
         """
-        found = np.stack([self._rows(pictures, move) for pictures, move in known])  # frame, camera, row
+        found = np.stack(
+            [self._row_offsets(pictures, move) for pictures, move in known]
+        )  # frame, camera, row
         count = np.isfinite(found).sum(axis=0)
         enough = count >= FEWEST_FRAMES
         values = np.where(np.isfinite(found), found, 0.0)
@@ -145,10 +150,10 @@ class RimSearch:
         self._offset_sigma = np.where(enough, np.sqrt(square / np.maximum(count * (count - 1), 1)), 0.0)
         return self._offset, self._offset_sigma
 
-    def find(
+    def register(
         self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, tried: FloatArray
-    ) -> Rim | None:
-        """Where the body is in a pair of pictures.
+    ) -> RegisteredEdge | None:
+        """Translation of the body in a pair of pictures.
 
         Parameters
         ----------
@@ -165,57 +170,63 @@ class RimSearch:
             None if too few pixels show the body, or no place tried looks like it.
         """
         whole, clear = self._masks
-        score = np.array([_zncc(self._shown(pictures, near, y, whole)) for y in tried])
+        score = np.array([_zncc(self._visible(pictures, near, y, whole)) for y in tried])
         best = int(np.argmax(score))
         if score[best] < 0.0:
             return None
-        y, fit = self._settled(pictures, near, float(tried[best]), clear)
+        y, fit = self._converged(pictures, near, float(tried[best]), clear)
         edge = 0.0
         if fit[-1] < FEWEST:
-            y, fit = self._settled(pictures, near, float(tried[best]), whole)
+            y, fit = self._converged(pictures, near, float(tried[best]), whole)
             edge = EDGE / self._scale
         zncc, _, variance, offset, n = fit
-        if zncc < LEAST_ZNCC or abs(y - tried[best]) > CORE:
+        if zncc < LEAST_ZNCC or abs(y - tried[best]) > LARGEST_CORRECTION:
             return None
-        return Rim(
+        return RegisteredEdge(
             y=y, sigma=float(np.sqrt(variance)), common=float(np.hypot(edge, offset)), zncc=zncc, n_pixels=n
         )
 
-    def _settled(
+    def _converged(
         self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float, mask: BoolArray
     ) -> tuple[float, tuple[float, float, float, float, int]]:
-        """The translation near y that fits best [m], and what `_compare` says of it."""
+        """Gauss-Newton from y to the translation that fits best [m], and `_compare` there."""
         for _ in range(MOST_STEPS):
             fit = self._compare(pictures, near, y, mask)
-            step = float(np.clip(fit[1], -STRIDE, STRIDE))
-            if abs(step) < SETTLED:
+            step = float(np.clip(fit[1], -SEARCH_STEP, SEARCH_STEP))
+            if abs(step) < CONVERGED:
                 break
             y += step
         return y, fit
 
-    def _rows(self, pictures: tuple[FloatArray, FloatArray], move: FloatArray) -> FloatArray:
-        """How much further along y than `move` each row shows the body [m], shape [2, `RIM`]; NaN: not
+    def _row_offsets(self, pictures: tuple[FloatArray, FloatArray], move: FloatArray) -> FloatArray:
+        """Offset along y from `move` at which each row shows the body [m], shape [2, `EDGE_ROWS`]; NaN: not
         known."""
-        off = np.full((2, RIM), np.nan)
+        off = np.full((2, EDGE_ROWS), np.nan)
         for camera, (view, picture) in enumerate(zip(self._views, pictures, strict=True)):
-            shown = _pair(
-                view, picture, self._first, self._frame, self._masks[1], self._move - move, np.zeros(RIM)
+            visible = _visible_pixels(
+                view,
+                picture,
+                self._first,
+                self._frame,
+                self._masks[1],
+                self._move - move,
+                np.zeros(EDGE_ROWS),
             )
-            slope = shown.slope(self._frame)
-            for k in range(RIM):
-                of = shown.row == k
+            slope = visible.slope(self._frame)
+            for k in range(EDGE_ROWS):
+                of = visible.row == k
                 if of.sum() >= FEWEST_ROW:
-                    step, variance = _fit(shown.still[of], shown.moved[of], slope[of])
+                    step, variance = _fit(visible.grey[of], visible.reference[of], slope[of])
                     off[camera, k] = step if np.isfinite(variance) else np.nan
         return off
 
-    def _shown(
+    def _visible(
         self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float, mask: BoolArray
-    ) -> list["Shown"]:
-        """What both cameras show of the body at a translation y."""
+    ) -> list["VisiblePixels"]:
+        """Pixels of both cameras that show the body at a translation y."""
         motion = self._move - np.array([near[0], y, near[2]])
         return [
-            _pair(view, picture, self._first, self._frame, mask, motion, offset)
+            _visible_pixels(view, picture, self._first, self._frame, mask, motion, offset)
             for view, picture, offset in zip(self._views, pictures, self._offset, strict=True)
         ]
 
@@ -224,14 +235,14 @@ class RimSearch:
     ) -> tuple[float, float, float, float, int]:
         """Correlation at a translation y, the step of y by Gauss-Newton [m], its variance, what the rows'
         offsets add to its sigma [m], and the pixels."""
-        parts = self._shown(pictures, near, y, mask)
-        zncc, n = _zncc(parts), sum(len(part.still) for part in parts)
+        parts = self._visible(pictures, near, y, mask)
+        zncc, n = _zncc(parts), sum(len(part.grey) for part in parts)
         if zncc <= -1.0:
             return -1.0, 0.0, np.inf, 0.0, n
-        still = np.concatenate([part.still for part in parts])
-        moved = np.concatenate([part.moved for part in parts])
+        grey = np.concatenate([part.grey for part in parts])
+        reference = np.concatenate([part.reference for part in parts])
         slope = np.concatenate([part.slope(self._frame) for part in parts])
-        step, variance = _fit(still, moved, slope)
+        step, variance = _fit(grey, reference, slope)
         weight = slope**2 / float(slope @ slope)
         known = np.concatenate(
             [sigma[part.row] for sigma, part in zip(self._offset_sigma, parts, strict=True)]
@@ -241,59 +252,60 @@ class RimSearch:
 
 
 @dataclass(frozen=True)
-class Shown:
-    """The pixels of a camera that show the body, side by side with the picture of its points."""
+class VisiblePixels:
+    """The pixels of a camera that show the body, beside the same places of the material picture."""
 
-    view: View
+    view: EdgeView
     X: FloatArray
-    """Where the body was when the points were chosen, in the test frame [m], shape [n, 3]."""
-    still: FloatArray
-    """Grey values here, shape [n]."""
-    moved: FloatArray
-    """Those of the same places in the picture of the points, shape [n]."""
+    """Their places on the body at the time of the material picture, in the test frame [m], shape [n, 3]."""
+    grey: FloatArray
+    """Grey values of the pixels, shape [n]."""
+    reference: FloatArray
+    """Grey values of the same places in the material picture, shape [n]."""
     row: IntArray
     """The pixels' rows from the border, shape [n]."""
 
     def slope(self, frame: SpecimenFrame) -> FloatArray:
-        """By how much `moved` grows if the body is further along y here [grey/m], shape [n]."""
+        """Derivative of `reference` with respect to the translation along y [grey/m], shape [n]."""
         beside = self.view.camera.project(frame.in_rig(self.X - [0.0, 1e-6, 0.0]))
-        return (self.view.grey(beside) - self.moved) / 1e-6
+        return (self.view.grey(beside) - self.reference) / 1e-6
 
 
-def _zncc(parts: list[Shown]) -> float:
-    """Correlation of what all cameras show; -1 for too few pixels, or grey values that are all one."""
-    still, moved = (np.concatenate([getattr(part, name) for part in parts]) for name in ("still", "moved"))
-    if len(still) < FEWEST:
+def _zncc(parts: list[VisiblePixels]) -> float:
+    """ZNCC over the pixels of both cameras; -1 for too few pixels, or constant grey values."""
+    grey = np.concatenate([part.grey for part in parts])
+    reference = np.concatenate([part.reference for part in parts])
+    if len(grey) < FEWEST:
         return -1.0
-    f, g = still - still.mean(), moved - moved.mean()
+    f, g = grey - grey.mean(), reference - reference.mean()
     energy = float((f @ f) * (g @ g))
     return float(f @ g) / float(np.sqrt(energy)) if energy > 0.0 else -1.0
 
 
-def _fit(still: FloatArray, moved: FloatArray, slope: FloatArray) -> tuple[float, float]:
-    """Step of y that makes ``grey = gain (moved + slope step) + offset`` fit best, gain and offset free [m],
-    and its variance; infinite where grey values are all one."""
-    f, g = still - still.mean(), moved - moved.mean()
-    cross, energy, n = float(f @ g), float(g @ g), len(still)
+def _fit(grey: FloatArray, reference: FloatArray, slope: FloatArray) -> tuple[float, float]:
+    """Least-squares step of y in ``grey = gain (reference + slope step) + offset``, gain and offset free [m],
+    and its variance; infinite where grey values are constant."""
+    f, g = grey - grey.mean(), reference - reference.mean()
+    cross, energy, n = float(f @ g), float(g @ g), len(grey)
     if not (energy > 0.0 and f @ f > 0.0):
         return 0.0, np.inf
     A = np.stack([1e-6 * slope * cross / energy, g, np.ones(n)], axis=1)  # the step in micrometres
     inverse = np.linalg.pinv(A.T @ A)
-    solution = inverse @ (A.T @ still)
-    scatter = float(np.sum((still - A @ solution) ** 2)) / (n - 3)
+    solution = inverse @ (A.T @ grey)
+    scatter = float(np.sum((grey - A @ solution) ** 2)) / (n - 3)
     return 1e-6 * float(solution[0]), 1e-12 * scatter * float(inverse[0, 0])
 
 
-def _view(
+def _edge_view(
     camera: Camera, material: FloatArray, frame: SpecimenFrame, radius: float, outward: FloatArray
-) -> View:
-    """What a camera knows of the body, which comes in by the border that `outward` (x, y) points to."""
+) -> EdgeView:
+    """The edge strip in one camera; the body comes in by the border that `outward` (x, y) points to."""
     rows, columns = material.shape
     y, x = np.mgrid[0:rows, 0:columns]
     axis = int(np.argmax(np.abs(outward)))
     along = (x, y)[axis]
     row = (columns, rows)[axis] - 1 - along if outward[axis] > 0.0 else along
-    near = row < RIM
+    near = row < EDGE_ROWS
     pixels = np.stack([x[near], y[near]], axis=1).astype(np.float64)
     ideal = camera.undistort(pixels)
     rays = np.concatenate([ideal, np.ones((len(ideal), 1))], axis=1) @ camera.rotation
@@ -306,19 +318,19 @@ def _view(
     smooth = ndimage.spline_filter(np.asarray(material, dtype=np.float64), order=5, mode="mirror")
     X = start + depth[:, None] * d
     hit = np.isfinite(X).all(axis=1)
-    return View(camera, smooth, pixels[hit].astype(np.int64), X[hit], row[near][hit].astype(np.int64))
+    return EdgeView(camera, smooth, pixels[hit].astype(np.int64), X[hit], row[near][hit].astype(np.int64))
 
 
-def _pair(
-    view: View,
+def _visible_pixels(
+    view: EdgeView,
     picture: FloatArray,
     first: Camera,
     frame: SpecimenFrame,
     inner: BoolArray,
     motion: FloatArray,
     offset: FloatArray,
-) -> Shown:
-    """The pixels that show the body, moved by `motion` to where it was when its points were chosen."""
+) -> VisiblePixels:
+    """The pixels that show the body, moved by `motion` to its place in the material picture."""
     X = view.X + motion
     X[:, 1] -= offset[view.row]
     chosen = first.project(frame.in_rig(X))
@@ -328,6 +340,6 @@ def _pair(
     within[within] = inner[at[within, 1], at[within, 0]]
     seen = chosen[within] if view.camera is first else view.camera.project(frame.in_rig(X[within]))
     held = np.all((seen >= 3.0) & (seen <= np.array([columns, rows]) - 4.0), axis=1)
-    shown = np.flatnonzero(within)[held]
-    x, y = view.x[shown].T
-    return Shown(view, X[shown], picture[y, x], view.grey(seen[held]), view.row[shown])
+    visible = np.flatnonzero(within)[held]
+    x, y = view.x[visible].T
+    return VisiblePixels(view, X[visible], picture[y, x], view.grey(seen[held]), view.row[visible])

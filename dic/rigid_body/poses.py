@@ -1,38 +1,38 @@
-"""How the flyer turned and swayed: the poses of a rigid body from what was followed of it."""
+"""Poses of the flyer: rotation and displacement of a rigid body from its tracked points."""
 
 from dataclasses import replace
 
 import numpy as np
 
 from dic.arrays import BoolArray, FloatArray
-from dic.bodies.follow import Followed
+from dic.bodies.follow import TrackedBody
 from dic.camera import StereoRig
 from dic.outcome import PointOutcome, Remark
-from dic.rigid_body.axial_displacement import Travel
+from dic.rigid_body.axial_displacement import AxialDisplacement
 from dic.rigid_body.body_motion import BodyMotion, body_motion
 from dic.surfaces import SpecimenFrame, overlap_factor
 from dic.tracking import Track
 
-SWAY = 0.05
-"""Change of the displacement across the axis from frame to frame that is usual, over the way along it: the
-velocity turns by so much [rad]."""
+LATERAL_SHARE = 0.05
+"""Prior standard deviation of the lateral displacement from frame to frame, over the axial displacement in
+that time: the change of direction of the velocity [rad]."""
 MOST_FRAMES = 400
 """Frames whose poses are solved for together; of more, evenly chosen ones."""
 WIDE = 0.25
 """Share of the points of the best frame that a frame must see.
 
-A rim of a few rows at the border of the picture has a lever too short for a rotation: what the border does to
-its places, 0.1 px alike in all frames, turns it by several mrad.
+A strip of a few rows at the border of the picture has a lever too short for a rotation: what the border does
+to its places, 0.1 px alike in all frames, turns it by several mrad.
 """
 ZERO_FRAMES = 6
 """Frames that give it."""
 
 
 def flyer_poses(
-    body: Followed,
+    body: TrackedBody,
     rig: StereoRig,
     frame: SpecimenFrame,
-    travel: Travel,
+    travel: AxialDisplacement,
     static: BoolArray,
     *,
     subset: int,
@@ -88,8 +88,8 @@ def flyer_poses(
             overlaps=[overlap_factor(body.points, subset, seen)],
             rig=rig,
             tracks=[tracks],
-            turn=SWAY * step / radius,
-            sway=SWAY * step,
+            rotation_change=LATERAL_SHARE * step / radius,
+            lateral_change=LATERAL_SHARE * step,
         )
     except ValueError as error:
         return None, [

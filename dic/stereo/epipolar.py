@@ -101,10 +101,10 @@ def epipolar_slopes(
     the focal length.
     """
     first, second = rig.cameras
-    return slopes_between(rig, Aim.of(first, pixels0), Aim.of(second, pixels1))
+    return slopes_between(rig, Rays.of(first, pixels0), Rays.of(second, pixels1))
 
 
-class Aim(NamedTuple):
+class Rays(NamedTuple):
     """Where a camera's pixels look, found once for all that they are compared with."""
 
     x: FloatArray
@@ -113,14 +113,14 @@ class Aim(NamedTuple):
     """Derivatives of the pixels by them [px], shape [..., 2, 2]."""
 
     @classmethod
-    def of(cls, camera: Camera, pixels: FloatArray) -> "Aim":
+    def of(cls, camera: Camera, pixels: FloatArray) -> "Rays":
         """That of `pixels` (x, y) [px], shape [..., 2]; a ValueError if the lens cannot be undone there."""
         x = inside(camera, pixels)
         return cls(x, pixel_slope(camera, x[..., :2]))
 
 
-def slopes_between(rig: StereoRig, aim0: Aim, aim1: Aim) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """`epipolar_slopes` of pixels whose `Aim` is known."""
+def slopes_between(rig: StereoRig, aim0: Rays, aim1: Rays) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """`epipolar_slopes` of pixels whose `Rays` is known."""
     R, t = rig.relative
     if not np.any(t):
         raise ValueError("both cameras have the same centre, 0 m apart: two views of one place give no depth")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.camera import Camera, StereoRig
-from dic.stereo.facet import Sight, distance_along, gradient, normals, sight
+from dic.stereo.facet import FacetGeometry, distance_along, facet_geometry, gradient, normals
 from dic.stereo.rays import directions
 from dic.stereo.template import ROWS, Subsets, correlation, sample, smoothed
 from dic.stereo.triangulation import midpoint
@@ -111,7 +111,7 @@ class Candidates(NamedTuple):
     """Affine total warps to the best place, shape [n, 12]; NaN where the curve misses the picture."""
     zncc: FloatArray
     """Correlation there, shape [n]; -1 where the curve misses the picture."""
-    rival: FloatArray
+    second_peak: FloatArray
     """Largest correlation outside the best place's own peak, shape [n]; -1 if there is no other place."""
     distance: FloatArray
     """Of the best place along camera 0's line of sight [m], shape [n]."""
@@ -176,9 +176,9 @@ def _gradients(
     """Gradient of camera 1's pixel by camera 0's at every place for every turn, shape [n, k, h, 2, 2]."""
     if given is not None:
         return np.broadcast_to(given[:, None, None], (*s.shape, 1, 2, 2))
-    seen = sight(rig, np.repeat(pixels0[:, None], s.shape[1], axis=1), s)
+    seen = facet_geometry(rig, np.repeat(pixels0[:, None], s.shape[1], axis=1), s)
     n = normals(rig, seen.X, np.zeros((1, 2)) if turns is None else turns)
-    wide = Sight(*(np.expand_dims(part, 2) for part in seen))
+    wide = FacetGeometry(*(np.expand_dims(part, 2) for part in seen))
     return gradient(wide, s[..., None], n)
 
 
@@ -235,12 +235,12 @@ def _keep_best(
         found.warp[row, :2] = centre[i, k] - points[i]
         found.warp[row, 2:6] = (A[i, k, h] - np.eye(2)).reshape(-1)
         left, right = _peak(along[i], k)
-        crests = _crests(along[i])
+        crests = _refined_maxima(along[i])
         found.zncc[row] = crests[k]
-        found.rival[row] = max(crests[:left].max(initial=-1.0), crests[right:].max(initial=-1.0))
+        found.second_peak[row] = max(crests[:left].max(initial=-1.0), crests[right:].max(initial=-1.0))
 
 
-def _crests(profile: FloatArray) -> FloatArray:
+def _refined_maxima(profile: FloatArray) -> FloatArray:
     """The profile, its local maxima raised to the crest of the parabola through them and their neighbours."""
     crests = profile.copy()
     before, here, after = profile[:-2], profile[1:-1], profile[2:]

@@ -21,7 +21,7 @@ from dic.camera import StereoRig
 from dic.stereo.rays import directions, pixel_slope, projection_slope
 
 
-class Sight(NamedTuple):
+class FacetGeometry(NamedTuple):
     """Facets' places in space and how both cameras' pixels depend on them; arrays of shape [..., n, n]."""
 
     X: FloatArray
@@ -34,7 +34,7 @@ class Sight(NamedTuple):
     """Derivative of camera 1's pixel by X [px/m], shape [..., 2, 3]."""
 
 
-def sight(rig: StereoRig, pixels0: FloatArray, distance: FloatArray) -> Sight:
+def facet_geometry(rig: StereoRig, pixels0: FloatArray, distance: FloatArray) -> FacetGeometry:
     """The geometry of facets seen by camera 0 at `pixels0` [px], `distance` [m] along its line of sight."""
     first, second = rig.cameras
     ideal = first.undistort(pixels0)
@@ -43,7 +43,7 @@ def sight(rig: StereoRig, pixels0: FloatArray, distance: FloatArray) -> Sight:
     B = first.rotation.T[:, :2] @ np.linalg.inv(pixel_slope(first, ideal)) / length[..., None, None]
     d = v / length[..., None]
     X = first.centre + np.asarray(distance)[..., None] * d
-    return Sight(X, d, np.broadcast_to(B, (*X.shape[:-1], 3, 2)), projection_slope(second, X))
+    return FacetGeometry(X, d, np.broadcast_to(B, (*X.shape[:-1], 3, 2)), projection_slope(second, X))
 
 
 def normals(rig: StereoRig, X: FloatArray, turns: FloatArray) -> FloatArray:
@@ -74,7 +74,7 @@ def normals(rig: StereoRig, X: FloatArray, turns: FloatArray) -> FloatArray:
     return np.asarray(level * np.cos(out) + axis[..., None, :] * np.sin(out))
 
 
-def gradient(seen: Sight, distance: FloatArray, normal: FloatArray) -> FloatArray:
+def gradient(seen: FacetGeometry, distance: FloatArray, normal: FloatArray) -> FloatArray:
     """A: how camera 1's pixel of a facet changes with camera 0's [-], shape [..., 2, 2].
 
     Parameters
@@ -117,7 +117,7 @@ def fit_facet(rig: StereoRig, pixels0: FloatArray, distance: FloatArray, A: Floa
     A
         Measured gradients [-], shape [n, 2, 2].
     """
-    seen = sight(rig, pixels0, distance)
+    seen = facet_geometry(rig, pixels0, distance)
     s = np.asarray(distance)[..., None]
     epipole = (seen.P @ seen.d[..., None])[..., 0]  # along the epipolar line [px/m]
     length = np.linalg.norm(epipole, axis=-1, keepdims=True)

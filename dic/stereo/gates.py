@@ -32,7 +32,7 @@ SUSPECT = 0.75
 
 
 @dataclass(frozen=True)
-class Evidence:
+class GateValues:
     """The number behind each gate, one row a point; inf where it could not be had."""
 
     sigma: FloatArray
@@ -57,7 +57,7 @@ class Evidence:
     """Share of the subset within the mask that a picture does not hold [-], shape [n]."""
 
 
-def gather(pair: Pair, match: Match) -> Evidence:
+def measure_gates(pair: Pair, match: Match) -> GateValues:
     """The evidence for every match; a match that is not VALID has none."""
     n = len(pair.points)
     valid = match.outcome == PointOutcome.VALID
@@ -86,7 +86,7 @@ def gather(pair: Pair, match: Match) -> Evidence:
         reach = _reach(pair)
         shares = _share(there, warp, reach), _share(again, pair.reference[rows], reach)
         distinct[rows] = np.maximum(*shares)
-    return Evidence(
+    return GateValues(
         sigma, epipolar, epipolar_sigma, facet, incidence, back, neighbours, distinct, distance, unseen
     )
 
@@ -173,12 +173,12 @@ def _looked_for(
 ) -> Candidates:
     """The best places of subsets deformed as matched, and rivals; where one comes near, of any slope."""
     found = search_curves(rig, wanted, picture, limits=limits, gradients=A)
-    rows = np.flatnonzero(found.rival > SUSPECT)
+    rows = np.flatnonzero(found.second_peak > SUSPECT)
     if len(rows):
         again = search_curves(rig, wanted.take(rows), picture, limits=limits, turns=pair.search.turns)
         apart = np.linalg.norm(again.warp[:, :2] - found.warp[rows, :2], axis=1) > _reach(pair)
-        rival = np.where(apart, np.maximum(again.zncc, again.rival), again.rival)
-        found.rival[rows] = np.maximum(found.rival[rows], rival)
+        second_peak = np.where(apart, np.maximum(again.zncc, again.second_peak), again.second_peak)
+        found.second_peak[rows] = np.maximum(found.second_peak[rows], second_peak)
     return found
 
 
@@ -190,7 +190,7 @@ def _reach(pair: Pair) -> float:
 def _share(candidates: Candidates, home: FloatArray, reach: float) -> FloatArray:
     """ZNSSD of the best place over its rival's; inf if the best place is not where the match is."""
     at_home = np.linalg.norm(candidates.warp[:, :2] - home[:, :2], axis=1) <= reach
-    share = np.maximum(1.0 - candidates.zncc, COARSE) / np.maximum(1.0 - candidates.rival, 1e-9)
+    share = np.maximum(1.0 - candidates.zncc, COARSE) / np.maximum(1.0 - candidates.second_peak, 1e-9)
     return np.where(at_home, share, np.inf)
 
 
@@ -215,7 +215,9 @@ class Gate(IntFlag):
     """A camera's picture holds too little of the subset: its outcome is OUT_OF_VIEW."""
 
 
-def judge(evidence: Evidence, gates: StereoGates, distances: tuple[float, float] | None = None) -> IntArray:
+def failed_gates(
+    gate_values: GateValues, gates: StereoGates, distances: tuple[float, float] | None = None
+) -> IntArray:
     """Gates that each match fails, as a sum of `Gate` members, shape [n].
 
     Parameters
@@ -229,20 +231,21 @@ def judge(evidence: Evidence, gates: StereoGates, distances: tuple[float, float]
     """
     near, far = distances if distances is not None else (0.0, np.inf)
     with np.errstate(invalid="ignore"):  # inf, where there is no evidence, passes no comparison
-        noise = np.where(np.isfinite(evidence.sigma), gates.sigmas * evidence.sigma, 0.0)
+        noise = np.where(np.isfinite(gate_values.sigma), gates.sigmas * gate_values.sigma, 0.0)
         passes = (
             (
                 Gate.EPIPOLAR,
-                np.abs(evidence.epipolar) <= gates.epipolar + gates.sigmas * evidence.epipolar_sigma,
+                np.abs(gate_values.epipolar) <= gates.epipolar + gates.sigmas * gate_values.epipolar_sigma,
             ),
             (
                 Gate.FACET,
-                (evidence.facet <= gates.facet + noise) & (evidence.incidence <= np.radians(gates.incidence)),
+                (gate_values.facet <= gates.facet + noise)
+                & (gate_values.incidence <= np.radians(gates.incidence)),
             ),
-            (Gate.BACK_MATCH, evidence.back_match <= gates.back_match + noise),
-            (Gate.NEIGHBOURS, evidence.neighbours <= gates.neighbours + noise),
-            (Gate.UNIQUENESS, evidence.distinct <= gates.distinct),
-            (Gate.DISTANCE, (evidence.distance >= near) & (evidence.distance < far)),
-            (Gate.VIEW, evidence.unseen <= gates.unseen),
+            (Gate.BACK_MATCH, gate_values.back_match <= gates.back_match + noise),
+            (Gate.NEIGHBOURS, gate_values.neighbours <= gates.neighbours + noise),
+            (Gate.UNIQUENESS, gate_values.distinct <= gates.distinct),
+            (Gate.DISTANCE, (gate_values.distance >= near) & (gate_values.distance < far)),
+            (Gate.VIEW, gate_values.unseen <= gates.unseen),
         )
     return np.asarray(sum(np.where(passed, 0, int(gate)) for gate, passed in passes), dtype=np.int64)

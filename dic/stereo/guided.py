@@ -136,7 +136,7 @@ def _seed(pair: Pair, match: Match, found: BoolArray) -> None:
         known = np.flatnonzero(found)
         limits = pair.around(known, match.warp[known])
     candidates = search_curves(pair.rig, wanted, pair.pictures[1], limits=limits, turns=pair.search.turns)
-    alone = 1.0 - candidates.zncc < pair.search.distinct * (1.0 - candidates.rival)
+    alone = 1.0 - candidates.zncc < pair.search.distinct * (1.0 - candidates.second_peak)
     good = (candidates.zncc >= pair.search.least_zncc) & alone
     result, believed = _attempt(pair, rows[good], candidates.warp[good])
     rows = rows[good][believed]

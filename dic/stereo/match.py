@@ -11,7 +11,7 @@ from dic.correlation.settings import Correlation
 from dic.correlation.stack import Noise, PictureStack
 from dic.correlation.warp import Shape
 from dic.outcome import PointOutcome
-from dic.stereo.gates import Evidence, Gate, gather, judge
+from dic.stereo.gates import Gate, GateValues, failed_gates, measure_gates
 from dic.stereo.guided import guided_match
 from dic.stereo.pair import Pair
 from dic.stereo.settings import StereoGates, StereoSearch
@@ -33,7 +33,7 @@ class StereoMatch:
     """`dic.PointOutcome`, shape [n]."""
     failed: IntArray
     """Gates not passed, a sum of `Gate` members, shape [n]."""
-    evidence: Evidence
+    gate_values: GateValues
     """The number behind each gate."""
 
     @property
@@ -137,12 +137,14 @@ def match_stereo(
 def _judged(pair: Pair) -> StereoMatch:
     """The match of a pair, and the verdict of its gates."""
     match = guided_match(pair)
-    evidence = gather(pair, match)
+    gate_values = measure_gates(pair, match)
     valid = match.outcome == PointOutcome.VALID
-    failed = np.where(valid, judge(evidence, pair.gates, pair.search.distances), int(Gate.CORRELATION))
+    failed = np.where(
+        valid, failed_gates(gate_values, pair.gates, pair.search.distances), int(Gate.CORRELATION)
+    )
     outcome = np.where(valid & (failed != 0), int(PointOutcome.STEREO_MISMATCH), match.outcome)
     outcome[valid & (failed & int(Gate.VIEW) != 0)] = PointOutcome.OUT_OF_VIEW
-    return StereoMatch(pair.points, match.warp, match.covariance, match.zncc, outcome, failed, evidence)
+    return StereoMatch(pair.points, match.warp, match.covariance, match.zncc, outcome, failed, gate_values)
 
 
 def _spread(part: StereoMatch, points: FloatArray, known: BoolArray) -> StereoMatch:
@@ -155,7 +157,7 @@ def _spread(part: StereoMatch, points: FloatArray, known: BoolArray) -> StereoMa
         result[known] = values
         return result
 
-    evidence = Evidence(**{name: whole(value, np.inf) for name, value in vars(part.evidence).items()})
+    gate_values = GateValues(**{name: whole(value, np.inf) for name, value in vars(part.gate_values).items()})
     return StereoMatch(
         points=points,
         warp=whole(part.warp, 0.0),
@@ -163,5 +165,5 @@ def _spread(part: StereoMatch, points: FloatArray, known: BoolArray) -> StereoMa
         zncc=whole(part.zncc, 0.0),
         outcome=whole(part.outcome, int(PointOutcome.NO_FIRST_GUESS)),
         failed=whole(part.failed, int(Gate.CORRELATION)),
-        evidence=evidence,
+        gate_values=gate_values,
     )

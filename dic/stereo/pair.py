@@ -13,7 +13,7 @@ from dic.correlation.settings import Correlation, Match
 from dic.correlation.stack import PictureStack
 from dic.outcome import PointOutcome
 from dic.stereo.epipolar import epipolar_distance, epipolar_sigma
-from dic.stereo.facet import distance_along, sight
+from dic.stereo.facet import distance_along, facet_geometry
 from dic.stereo.settings import StereoGates, StereoSearch
 from dic.stereo.triangulation import midpoint
 
@@ -91,7 +91,7 @@ class Pair:
         """Nearest and farthest distance of matched points, with room for rivals on either side [m]."""
         distance = self.distances(rows, warp)
         near, far = float(distance.min()), float(distance.max())
-        seen = sight(self.rig, self.places[rows], distance)
+        seen = facet_geometry(self.rig, self.places[rows], distance)
         pace = np.median(np.linalg.norm(seen.P @ seen.d[..., None], axis=1))  # along the curve [px/m]
         margin = max(MARGIN * (far - near), ROOM * self.settings.subset / float(pace))
         return max(near - margin, near / 2.0), far + margin

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dic.arrays import FloatArray, IntArray
 from dic.camera import StereoRig
-from dic.stereo.epipolar import Aim, slopes_between
+from dic.stereo.epipolar import Rays, slopes_between
 
 LEAST_PAIRS = 100
 """Point pairs that a shift must leave to be judged."""
@@ -83,7 +83,7 @@ def synchronisation(
         raise ValueError(f"farthest must be from 1 to {n - 3} (of {n} frames), got {farthest}")
     step = -(-pixels0.shape[1] // POINTS)
     pixels0, pixels1 = (_without_jumps(pixels[:, ::step]) for pixels in (pixels0, pixels1))
-    aims = Aim.of(rig.cameras[0], pixels0), Aim.of(rig.cameras[1], pixels1)
+    aims = Rays.of(rig.cameras[0], pixels0), Rays.of(rig.cameras[1], pixels1)
     shifts = np.arange(-farthest, farthest + 1)
     shifted = {int(shift): _shifted(rig, *aims, int(shift)) for shift in shifts}
     slope1 = shifted[0][1]
@@ -119,12 +119,12 @@ def _without_jumps(pixels: FloatArray) -> FloatArray:
     return np.where((off <= max(1.0, 10.0 * usual))[..., None], pixels, np.nan)
 
 
-def _shifted(rig: StereoRig, aim0: Aim, aim1: Aim, shift: int) -> tuple[FloatArray, FloatArray]:
+def _shifted(rig: StereoRig, aim0: Rays, aim1: Rays, shift: int) -> tuple[FloatArray, FloatArray]:
     """Distances [n_frames, n_points] with camera 1 late by `shift`, and their slopes by its pixels.
 
     Rows are the frames of camera 0; those without a partner are NaN.
     """
-    e, _, slope1 = slopes_between(rig, aim0, Aim(*(_moved(part, shift) for part in aim1)))
+    e, _, slope1 = slopes_between(rig, aim0, Rays(*(_moved(part, shift) for part in aim1)))
     return e, slope1
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dic.arrays import FloatArray
 from dic.camera import StereoRig
-from dic.stereo.epipolar import Aim, sigma_of, slopes_between
+from dic.stereo.epipolar import Rays, sigma_of, slopes_between
 from dic.stereo.rays import directions, inverse, projection_slope, towards
 
 EXACT = 1e-10
@@ -108,7 +108,7 @@ def triangulate(
     covariance = np.full((*seen.shape, 3, 3), np.nan)
     epipolar, sigma = np.full(seen.shape, np.nan), np.full(seen.shape, np.nan)
     pixels = (pixels0[seen], pixels1[seen])
-    aims = [Aim.of(camera, places) for camera, places in zip(rig.cameras, pixels, strict=True)]
+    aims = [Rays.of(camera, places) for camera, places in zip(rig.cameras, pixels, strict=True)]
     epipolar[seen], *slopes = slopes_between(rig, aims[0], aims[1])
     sigma[seen] = sigma_of(slopes[0], slopes[1], *noise)
     d0, d1 = (towards(camera, aim.x) for camera, aim in zip(rig.cameras, aims, strict=True))

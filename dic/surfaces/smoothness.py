@@ -11,7 +11,7 @@ SIGMAS = 5.0
 """Distance from the surface through the neighbours that noise is allowed, in standard deviations [-]."""
 FLOOR = 12e-6
 """And what its own bending between the points is allowed [m]."""
-LONELY = 2
+FEWEST_CONFIRMING = 2
 """A point with fewer neighbours is confirmed by nobody."""
 FEWEST = 4
 """Neighbours from which on a plane through them judges a point."""
@@ -84,7 +84,7 @@ def _scores(
     used = (near >= 0) & alive[near] & alive[:, None]
     count = used.sum(axis=1)
     score = np.zeros(len(position))
-    score[alive & (count < LONELY)] = 2.0
+    score[alive & (count < FEWEST_CONFIRMING)] = 2.0
     for order, chosen in (
         (6, np.flatnonzero(count >= BENT)),
         (3, np.flatnonzero((count >= FEWEST) & (count < BENT))),

@@ -14,10 +14,10 @@ from dic.tracking.frames import Picture, Scene, Series, count, read
 from dic.tracking.history import Track
 from dic.tracking.initial_guesses import Predictor
 from dic.tracking.matcher import Matcher, shares
-from dic.tracking.neighbours import Neighbours, Patience
+from dic.tracking.neighbours import Neighbours, RetrySchedule
 from dic.tracking.references import References, Template
 from dic.tracking.settings import Tracking
-from dic.tracking.update import Last, Updates, composed
+from dic.tracking.update import Last, ReferenceUpdates, composed
 
 MATERIAL = -1
 """Frame number under which a material picture of another series is kept."""
@@ -157,9 +157,9 @@ class _Run:
         )
         self.neighbours = Neighbours.of(points)
         self.predictor = Predictor(n)
-        self.patience, self.ended = Patience(n), np.full(n, int(PointOutcome.NO_FIRST_GUESS))
+        self.patience, self.ended = RetrySchedule(n), np.full(n, int(PointOutcome.NO_FIRST_GUESS))
         self.scene: Scene
-        self.updates = Updates(self.references, settings)
+        self.updates = ReferenceUpdates(self.references, settings)
         self.last: Last | None = None
         self.frame_outcome = np.full(n_frames, int(FrameOutcome.VALID))
         self.track = Track(
@@ -212,12 +212,12 @@ class _Run:
     def turn(self, first: int) -> None:
         """Start again at frame `first`, to go back in time."""
         found = np.flatnonzero(self.track.outcome[first] == int(PointOutcome.VALID))
-        self.predictor, self.patience = Predictor(len(self.points)), Patience(len(self.points))
+        self.predictor, self.patience = Predictor(len(self.points)), RetrySchedule(len(self.points))
         for frame in range(min(first + 2, len(self.track.warp) - 1), first - 1, -1):
             valid = found[self.track.outcome[frame, found] == int(PointOutcome.VALID)]
             self.predictor.add(frame, valid, self.track.warp[frame, valid])
         self.references.restart()
-        self.updates = Updates(self.references, self.settings)
+        self.updates = ReferenceUpdates(self.references, self.settings)
         self.last = None
 
     def step(self, frame: int) -> None:
@@ -240,10 +240,10 @@ class _Run:
             self.settings,
             self.predictor.predict(frame),
             self.predictor.known > 0,
-            self.patience.asleep,
+            self.patience.skipped,
             self.ended,
         )
-        self.updates.hurry(here, self.last)
+        self.updates.match_last_frame(here, self.last)
         self.updates.back(here)
         covariance, carried = composed(here)
         self._record(frame, here, covariance)

@@ -42,9 +42,9 @@ class FrameMatch:
     """Correlations, shape [n]."""
     outcome: IntArray
     """`dic.PointOutcome`, shape [n]."""
-    asleep: BoolArray
+    skipped: BoolArray
     """Lost points that this frame leaves alone (`dic.tracking.neighbours`), shape [n]."""
-    handed: FloatArray
+    propagated: FloatArray
     """The guess that each point was handed last by a neighbour; NaN: none yet, shape [n, 12]."""
 
     @classmethod
@@ -57,26 +57,26 @@ class FrameMatch:
         settings: Tracking,
         guess: FloatArray,
         known: BoolArray,
-        asleep: BoolArray,
+        skipped: BoolArray,
         before: IntArray,
     ) -> "FrameMatch":
         """Match the points with a guess (`known`, shape [n]), then all that these lead to.
 
-        Points `asleep`, shape [n], keep the outcome `before`, shape [n], unless the frame needs seeds.
+        Points `skipped`, shape [n], keep the outcome `before`, shape [n], unless the frame needs seeds.
         """
         n = len(guess)
         here = cls(
             picture, stack, matcher, neighbours, settings, guess, np.array(guess),
             matcher.references.template(np.arange(n)),
             np.full((n, 2, 2), np.nan), np.full(n, np.nan),
-            np.where(asleep, before, int(PointOutcome.NO_FIRST_GUESS)), np.array(asleep),
+            np.where(skipped, before, int(PointOutcome.NO_FIRST_GUESS)), np.array(skipped),
             np.full((n, 12), np.nan),
         )  # fmt: skip
-        rows = np.flatnonzero(known & ~asleep)
+        rows = np.flatnonzero(known & ~skipped)
         here.attempt(rows, guess[rows])
         here.propagate()
         if np.mean(here.valid) < settings.least_valid and settings.search > 0:
-            here.asleep[:] = False
+            here.skipped[:] = False
             here.seed()
             here.propagate()
         here.confirm()
@@ -117,13 +117,13 @@ class FrameMatch:
         """
         fresh = self.valid
         while True:
-            rows = np.flatnonzero(~self.valid & ~self.asleep & self.neighbours.any(fresh))
+            rows = np.flatnonzero(~self.valid & ~self.skipped & self.neighbours.any(fresh))
             if len(rows) == 0:
                 return
             guess = self.neighbours.best(self.warp, self.zncc, self.valid, rows)
-            new = np.any(guess != self.handed[rows], axis=1)
+            new = np.any(guess != self.propagated[rows], axis=1)
             rows, guess = rows[new], guess[new]
-            self.handed[rows] = guess
+            self.propagated[rows] = guess
             found = self.attempt(rows, guess)
             fresh = np.zeros_like(fresh)
             fresh[found] = True

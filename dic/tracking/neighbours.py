@@ -111,7 +111,7 @@ EVERY = 8
 """From then on it is searched for in each such frame only, or as soon as a neighbour has come back."""
 
 
-class Patience:
+class RetrySchedule:
     """Counts the frames for which n points have been lost."""
 
     def __init__(self, n: int) -> None:
@@ -119,7 +119,7 @@ class Patience:
         """Frames with a picture since the point was found last, shape [n]."""
 
     @property
-    def asleep(self) -> BoolArray:
+    def skipped(self) -> BoolArray:
         """Points that the next frame leaves alone, shape [n]."""
         return np.asarray((self.lost >= TRIES) & (self.lost % EVERY != 0))
 

@@ -63,7 +63,7 @@ def grown(subset: int, warp: FloatArray, limit: float) -> IntArray:
     return np.asarray(np.minimum(side, LARGEST), dtype=np.int64)
 
 
-class Updates:
+class ReferenceUpdates:
     """Decides about the references of n points."""
 
     def __init__(self, references: References, settings: Tracking) -> None:
@@ -84,7 +84,7 @@ class Updates:
         subset = grown(self.settings.correlation.subset, warp[rows], self.settings.growth)
         return matcher.template(rows, frame, warp[rows], carried[rows], subset)
 
-    def hurry(self, here: FrameMatch, last: Last | None) -> None:
+    def match_last_frame(self, here: FrameMatch, last: Last | None) -> None:
         """Try lost points with the frame before as their reference; those found so keep it."""
         if last is None:
             return

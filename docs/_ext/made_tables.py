@@ -1,7 +1,8 @@
 """Tables of pages that are made from the project itself, so that they cannot say anything else.
 
-A line ``<!-- rooms -->`` of a page becomes the table of the rooms of `kolsky` (docs/rooms.toml, which the test of
-imports reads too), ``<!-- public kolsky -->`` the public names of a package, each with its first line.
+A line ``<!-- rooms -->`` of a page becomes the table of the rooms of `kolsky` (docs/rooms.toml, which the
+test of imports reads too), ``<!-- public kolsky -->`` the public names of a package, each with its first
+line.
 """
 
 import importlib

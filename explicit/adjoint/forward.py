@@ -97,7 +97,7 @@ def march(plan: PhasePlan, sampling: Sampling, steps: StepSequence | None = None
             next_dt = _measured_step(plan)
             window.view["worst"][0] = 0.0
         flyer_next = float(motion(np.array([time + dt]))[0]) if path is None else path[step]
-        window.view["clock"][k] = dt, 0.5 * (dt + before), flyer_next
+        window.view["timing"][k] = dt, 0.5 * (dt + before), flyer_next
         elapsed = time + dt - model.start
         if plan.moving:
             window.view["returned"][k] = echo.arrive(elapsed)

@@ -42,7 +42,7 @@ def phase_kernels(
     Solid, read_shape, forces = functions.Solid, functions.read_shape, functions.forces
     structs = batch_structs(precision, functions.Shape, Solid)
     Body, Batch, State = structs.Body, structs.Batch, structs.State
-    meet = boundary_functions(faces, side, precision, structs).meet
+    contact = boundary_functions(faces, side, precision, structs).contact
     zero, one, two = real(0.0), real(1.0), real(2.0)
     lower, upper, corners_met = int(LOWER), int(UPPER), int(valence)
 
@@ -85,9 +85,9 @@ def phase_kernels(
         body: Body,
         batch: Batch,
         state: State,
-        clock: wp.array2d(dtype=wp.float64),
+        timing: wp.array2d(dtype=wp.float64),
         length: wp.float64,
-        seat: wp.array(dtype=int),
+        boundary_node: wp.array(dtype=int),
         element_of: wp.array2d(dtype=int),
         corner_of: wp.array2d(dtype=int),
         mass: wp.array(dtype=real),
@@ -109,7 +109,7 @@ def phase_kernels(
         loaded: wp.array(dtype=wp.float64),
     ):
         n = wp.tid()
-        dt, interval, flyer_next = clock[k, 0], clock[k, 1], clock[k, 2]
+        dt, interval, flyer_next = timing[k, 0], timing[k, 1], timing[k, 2]
         solid = solids[0]
         # The corners are unrolled, not looped over: an absent one reads a column that stays zero.
         f_r, f_y = real(0.0), real(0.0)
@@ -126,8 +126,8 @@ def phase_kernels(
             height = reference_y[n] + u_y[k, n]
             to_lower = (lower_platen[k, 0] + lower_platen[k, 1] * dt - height) / dt
             to_upper = (length - flyer_next - height) / dt
-            met, platen, now = meet(
-                body, batch, state, 0, seat[n],
+            met, platen, now = contact(
+                body, batch, state, 0, boundary_node[n],
                 kind[n], touched[k, n], free, to_lower, to_upper, friction[0], interval, dt,
             )  # fmt: skip
             new = met
@@ -148,7 +148,7 @@ def phase_kernels(
     @wp.kernel(module="unique")
     def support(
         k: int,
-        clock: wp.array2d(dtype=wp.float64),
+        timing: wp.array2d(dtype=wp.float64),
         impedance: wp.float64,
         push: wp.array2d(dtype=wp.float64),
         loaded: wp.array(dtype=wp.float64),
@@ -157,7 +157,7 @@ def phase_kernels(
         outgoing: wp.array(dtype=wp.float64),
     ):
         # As the time loop does it: v = F / Z + 2 h, together with the mass that the platen carries.
-        dt, interval = clock[k, 0], clock[k, 1]
+        dt, interval = timing[k, 0], timing[k, 1]
         speed = lower_platen[k, 1]
         inertia = loaded[k] / (interval * impedance)
         answer = -(push[k, 1] / interval / impedance + two * returned[k])

@@ -42,7 +42,7 @@ class Window:
     @property
     def n_steps(self) -> int:
         """Steps that fit into the window."""
-        return len(self.view["clock"])
+        return len(self.view["timing"])
 
     def state(self, k: int) -> dict[str, NDArray[Any]]:
         """A copy of row k of the state."""
@@ -223,7 +223,7 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
             *(*fields, a["corner_r"], a["corner_y"], a["worst"]),
         ),
         node_inputs=(
-            *(body, batch, state, a["clock"], mesh.length),
+            *(body, batch, state, a["timing"], mesh.length),
             *(integers(np.where(on_boundary, np.cumsum(on_boundary) - 1, -1)), integers(element_of)),
             *(integers(corner_of), numbers_of(mass), numbers_of(1.0 / mass), integers(mesh.on_axis)),
             *(integers(kind), numbers_of(mesh.nodes[:, 1] - mesh.nodes[:, 1].min())),
@@ -231,7 +231,7 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
             *(a["push"], a["lower_platen"], a["loaded"]),
         ),
         support_inputs=(
-            *(a["clock"], min(model.support.impedance, 1e300), a["push"], a["loaded"]),
+            *(a["timing"], min(model.support.impedance, 1e300), a["push"], a["loaded"]),
             *(a["returned"], a["lower_platen"], a["outgoing"]),
         ),
     )
@@ -255,7 +255,7 @@ def _window(n_nodes: int, n_elements: int, n_steps: int, row: FloatArray, batch:
     arrays["row"] = wp.array(row, dtype=wp.float64, device="cpu", requires_grad=True)
     arrays["solids"], arrays["friction"] = batch.solids, batch.friction
     arrays["touched"] = wp.zeros((n_steps + 1, n_nodes), dtype=int, device="cpu")
-    arrays["clock"] = wp.zeros((n_steps, 3), dtype=wp.float64, device="cpu")
+    arrays["timing"] = wp.zeros((n_steps, 3), dtype=wp.float64, device="cpu")
     arrays["worst"] = wp.zeros(1, dtype=wp.float64, device="cpu")
     gradient = {name: a.grad.numpy() for name, a in arrays.items() if a.requires_grad}
     return Window(arrays, {name: a.numpy() for name, a in arrays.items()}, gradient)

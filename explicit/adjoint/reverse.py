@@ -57,7 +57,7 @@ def reverse(
         n = min(window.n_steps, len(steps) - first)
         now = slice(first, first + n)
         window.begin(forward.checkpoints[segment])
-        view["clock"][:n] = np.column_stack([steps.dt[now], steps.interval[now], flyer_next[now]])
+        view["timing"][:n] = np.column_stack([steps.dt[now], steps.interval[now], flyer_next[now]])
         if plan.moving:
             view["returned"][:n] = forward.echo.returned[now]
         if tape is None or n != n_taped:

@@ -28,7 +28,7 @@ class _Lanes(Control):
             return literal(1, "i32")
         if name in ("n_workers", "inner_stride", "control_stride"):
             return self.wp_block_dim()
-        if name in ("boundary_first", "first_inner", "control_first", "places"):
+        if name in ("boundary_first", "first_inner", "control_first", "stride"):
             return arguments[0]
         if name in ("get_total", "get_largest"):
             parts, k = arguments

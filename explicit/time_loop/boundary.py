@@ -27,9 +27,9 @@ class BoundaryFunctions:
     """``platen_position(batch, motion, time)``: displacement of a platen whose motion is tabulated [m]."""
     returned_wave: Any
     """``returned_wave(state, sample, elapsed, round_trip)``: h(t) of `explicit.support` [m/s]."""
-    meet: Any
-    """``meet(body, batch, state, sample, seat, kind, touched, free, to_lower, to_upper, friction, interval,
-    step) -> (velocity, platen, touched)``."""
+    contact: Any
+    """``contact(body, batch, state, sample, node, kind, touched, free, to_lower, to_upper, friction,
+    interval, step) -> (velocity, platen, touched)``."""
 
 
 @cache
@@ -48,9 +48,9 @@ def boundary_functions(faces: str, side: str, precision: Precision, structs: Str
     @wp.func
     def platen_position(batch: Batch, motion: int, time: wp.float64):
         last = batch.motion_table.shape[1] - 1
-        place = (time - batch.start) * batch.motion_rate[motion]
-        k = wp.clamp(int(place), 0, last)
-        x = place - wp.float64(k)
+        position = (time - batch.start) * batch.motion_rate[motion]
+        k = wp.clamp(int(position), 0, last)
+        x = position - wp.float64(k)
         f, d = batch.motion_table[motion, k, 0], batch.motion_table[motion, k, 1]
         a, c = batch.motion_table[motion, k, 2], batch.motion_table[motion, k, 3]
         return f + x * (d + x * (a + x * c))
@@ -61,21 +61,21 @@ def boundary_functions(faces: str, side: str, precision: Precision, structs: Str
         wave = wp.float64(0.0)
         late = elapsed - round_trip
         if late > ZERO:
-            place = late / round_trip * wp.float64(history)
-            k = int(place)
-            share = place - wp.float64(k)
+            position = late / round_trip * wp.float64(history)
+            k = int(position)
+            share = position - wp.float64(k)
             early = state.bar_wave[sample, k % twice]
             later = state.bar_wave[sample, (k + 1) % twice]
             wave = early + share * (later - early)
         return wave
 
     @wp.func
-    def meet(
+    def contact(
         body: Body,
         batch: Batch,
         state: State,
         sample: int,
-        seat: int,
+        node: int,
         kind: int,
         touched: int,
         free: vec2,
@@ -105,11 +105,11 @@ def boundary_functions(faces: str, side: str, precision: Precision, structs: Str
             normal = real(-1.0)
         if platen != 0:
             if remembers == 1:
-                slip = state.slip[sample, seat]
+                slip = state.slip[sample, node]
             release, stiffness = batch.release_stress[sample], batch.contact_stiffness[sample]
             touch = Touch(
                 free[0], free[1], target, normal, held, slip,
-                friction, release, stiffness, body.surface_mass[seat], interval, step,
+                friction, release, stiffness, body.surface_mass[node], interval, step,
             )  # fmt: skip
             if kind == on_side:
                 new, held, slip = side_contact(touch)
@@ -120,7 +120,7 @@ def boundary_functions(faces: str, side: str, precision: Precision, structs: Str
         if held == released:
             mark = before + upper
         if remembers == 1:
-            state.slip[sample, seat] = slip
+            state.slip[sample, node] = slip
         return new, platen, mark
 
-    return BoundaryFunctions(platen_position, returned_wave, meet)
+    return BoundaryFunctions(platen_position, returned_wave, contact)

@@ -11,7 +11,7 @@ from explicit.grouped_tables import entries_function
 from explicit.precision import Precision
 from explicit.time_loop.lanes import lane_functions
 from explicit.time_loop.state_layout import StateLayout
-from explicit.time_loop.structs import Structs
+from explicit.time_loop.structs import Structs, simulation_structs
 
 
 @dataclass(frozen=True)
@@ -46,25 +46,24 @@ class SweepFunctions:
     """The sweeps of one law and precision."""
 
     elements: Any
-    """``elements(body, solid, row, u_r, u_y, v_r, v_y, corner_r, corner_y, lane, measure) -> (omega_squared,
-    power, artificial)``."""
+    """``elements(body, solid, row, fields, lane, measure) -> (omega_squared, power, artificial)``: corner
+    forces."""
     energies: Any
-    """``energies(body, solid, row, limit_s, u_r, u_y, lane) -> (elastic, hourglass, volume past data,
-    s)``."""
+    """``energies(body, solid, row, limit_s, fields, lane) -> (elastic, hourglass, volume past data, s)``."""
 
 
 @cache
 def sweep_functions(
-    precision: Precision, element: ElementFunctions, structs: Structs, place: StateLayout
+    precision: Precision, element: ElementFunctions, structs: Structs, layout: StateLayout
 ) -> SweepFunctions:
     """Generate the sweeps."""
     real = precision.real
-    Body, Solid = structs.Body, element.Solid
+    Body, Solid, Fields = structs.Body, element.Solid, simulation_structs(precision).Fields
     lanes = lane_functions()
     empty_sum, add_to, n_workers = lanes.empty_sum, lanes.add_to, lanes.n_workers
     corner = corner_functions(precision, structs)
     nodes, values = corner.nodes, corner.values
-    read_shape, corner_stride = element.read_shape, place.corner_stride
+    read_shape, corner_stride = element.read_shape, layout.corner_stride
     element_forces, element_energies = element.forces, element.energies
 
     @wp.func
@@ -72,18 +71,13 @@ def sweep_functions(
         body: Body,
         solid: Solid,
         row: wp.array(dtype=real),
-        u_r: wp.array(dtype=real),
-        u_y: wp.array(dtype=real),
-        v_r: wp.array(dtype=real),
-        v_y: wp.array(dtype=real),
-        corner_r: wp.array(dtype=real),
-        corner_y: wp.array(dtype=real),
+        fields: Fields,
         lane: int,
         measure: int,
     ):
         """Corner forces of this lane's elements; the largest omega^2; powers lost, as of the element."""
         worst, power, artificial = real(0.0), empty_sum(), empty_sum()
-        places = corner_stride(body.n_elements)
+        stride = corner_stride(body.n_elements)
         e = lane
         while e < body.n_elements:
             q = nodes(body, e)
@@ -91,15 +85,15 @@ def sweep_functions(
                 read_shape(body.shapes, e, measure),
                 solid,
                 row,
-                values(u_r, q),
-                values(u_y, q),
-                values(v_r, q),
-                values(v_y, q),
+                values(fields.u_r, q),
+                values(fields.u_y, q),
+                values(fields.v_r, q),
+                values(fields.v_y, q),
                 measure,
             )
             for a in range(4):
-                corner_r[a * places + e] = f_r[a]
-                corner_y[a * places + e] = f_y[a]
+                fields.corner_r[a * stride + e] = f_r[a]
+                fields.corner_y[a * stride + e] = f_y[a]
             worst = wp.max(worst, omega_squared)
             power = add_to(power, wp.float64(dissipated), e)
             artificial = add_to(artificial, wp.float64(controlled), e)
@@ -112,8 +106,7 @@ def sweep_functions(
         solid: Solid,
         row: wp.array(dtype=real),
         limit_s: real,
-        u_r: wp.array(dtype=real),
-        u_y: wp.array(dtype=real),
+        fields: Fields,
         lane: int,
     ):
         """Strain and hourglass energy, volume past the data and the largest s of this lane's elements."""
@@ -127,8 +120,8 @@ def sweep_functions(
                 shape,
                 solid,
                 row,
-                values(u_r, q),
-                values(u_y, q),
+                values(fields.u_r, q),
+                values(fields.u_y, q),
             )
             elastic = add_to(elastic, wp.float64(w), e)
             hourglass = add_to(hourglass, wp.float64(h), e)

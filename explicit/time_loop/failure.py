@@ -1,4 +1,4 @@
-"""Watching a simulation for its failure, and finding the element where it happened.
+"""Failure of a simulation: its signs while the loop runs, and the element where it happened.
 
 None of this is part of a step. Every `CHECK_EVERY` steps the time loop asks for the specimen's motion; where
 a run is to stop at the end of the material's data, it asks for the strain at every step; once, after its end,
@@ -26,10 +26,11 @@ from explicit.outcome import Outcome
 from explicit.precision import Precision
 from explicit.time_loop.element_sweeps import corner_functions
 from explicit.time_loop.lanes import lane_functions
-from explicit.time_loop.structs import Structs
+from explicit.time_loop.slots import Total
+from explicit.time_loop.structs import Structs, simulation_structs
 
 CHECK_EVERY = 8
-"""Steps between two looks at a simulation: a divergence or a turned element is noticed at most so many steps
+"""Steps between two checks of a simulation: a divergence or a turned element is noticed at most so many steps
 late."""
 MOTION_LIMIT = 2.0
 """Kinetic energy over the largest work of the platens so far at which a simulation has diverged [-]; energy
@@ -44,51 +45,53 @@ class FailureFunctions:
     """What the time loop asks beside its steps."""
 
     motion: Any
-    """``motion(body, v_r, v_y, lane)``: this worker's share of the kinetic energy [J], a sum that begins with
+    """``motion(body, fields, lane)``: this worker's share of the kinetic energy [J], a sum that begins with
     ``empty_sum``."""
     strain: Any
-    """``strain(body, limit, u_r, u_y, lane)``: the largest s of this worker's elements past the data limit of
+    """``strain(body, limit, fields, lane)``: the largest s of this worker's elements past the data limit of
     their law, or 0 [-]."""
-    culprit: Any
-    """``culprit(body, solid, row, u_r, u_y, v_r, v_y, lane, status) -> (score, element)``: which of this
-    lane's elements answers most for a failure; a number that is not finite beats all others."""
+    failed_element: Any
+    """``failed_element(body, solid, row, fields, partials, lane, status)``: the element that answers most for
+    a failure, of equal ones the first; one whose number is not finite beats all others. Every lane calls
+    it."""
 
 
 @cache
 def failure_functions(precision: Precision, element: ElementFunctions, structs: Structs) -> FailureFunctions:
     """Generate the functions."""
     real = precision.real
-    Body, Solid = structs.Body, element.Solid
+    Body, Solid, Fields = structs.Body, element.Solid, simulation_structs(precision).Fields
     lanes = lane_functions()
     empty_sum, add_to, n_workers = lanes.empty_sum, lanes.add_to, lanes.n_workers
+    sync, put_largest, get_largest = lanes.sync, lanes.put_largest, lanes.get_largest
     number, corner = entry_function(real), corner_functions(precision, structs)
     nodes, values = corner.nodes, corner.values
     read_shape, element_forces, element_strains = element.read_shape, element.forces, element.strains
     half = real(0.5)
-    least, most = wp.float64(-1e300), wp.float64(1e300)
+    least, most, nobody = wp.float64(-1e300), wp.float64(1e300), wp.float64(-1.0e30)
     inverted, diverged = int(Outcome.INVERTED), int(Outcome.DIVERGED)
     exceeded = int(Outcome.TABLE_EXCEEDED)
 
     @wp.func
-    def motion(body: Body, v_r: wp.array(dtype=real), v_y: wp.array(dtype=real), lane: int):
+    def motion(body: Body, fields: Fields, lane: int):
         kinetic = empty_sum()
         n = lane
         while n < body.n_nodes:
-            squared = v_r[n] * v_r[n] + v_y[n] * v_y[n]
+            squared = fields.v_r[n] * fields.v_r[n] + fields.v_y[n] * fields.v_y[n]
             kinetic = add_to(kinetic, wp.float64(half * number(body.masses, 0, n) * squared), n)
             n += n_workers()
         return kinetic
 
     @wp.func
-    def strain(body: Body, limit: real, u_r: wp.array(dtype=real), u_y: wp.array(dtype=real), lane: int):
+    def strain(body: Body, limit: real, fields: Fields, lane: int):
         past = real(0.0)
         e = lane
         while e < body.n_elements:
             q = nodes(body, e)
             _jacobian, s = element_strains(
                 read_shape(body.shapes, e, 0),
-                values(u_r, q),
-                values(u_y, q),
+                values(fields.u_r, q),
+                values(fields.u_y, q),
             )
             if s > limit:
                 past = wp.max(past, s)
@@ -96,26 +99,23 @@ def failure_functions(precision: Precision, element: ElementFunctions, structs: 
         return wp.float64(past)
 
     @wp.func
-    def culprit(
+    def worst_of_lane(
         body: Body,
         solid: Solid,
         row: wp.array(dtype=real),
-        u_r: wp.array(dtype=real),
-        u_y: wp.array(dtype=real),
-        v_r: wp.array(dtype=real),
-        v_y: wp.array(dtype=real),
+        fields: Fields,
         lane: int,
         status: int,
     ):
-        best, place = wp.float64(least), int(-1)
+        best, found = wp.float64(least), int(-1)
         e = lane
         while e < body.n_elements:
             q = nodes(body, e)
             shape = read_shape(body.shapes, e, 1)
-            ur = values(u_r, q)
-            uy = values(u_y, q)
-            vr = values(v_r, q)
-            vy = values(v_y, q)
+            ur = values(fields.u_r, q)
+            uy = values(fields.u_y, q)
+            vr = values(fields.v_r, q)
+            vy = values(fields.v_y, q)
             jacobian, s = element_strains(shape, ur, uy)
             _f_r, _f_y, omega_squared, _power, _artificial = element_forces(
                 shape, solid, row, ur, uy, vr, vy, 1
@@ -132,8 +132,28 @@ def failure_functions(precision: Precision, element: ElementFunctions, structs: 
                 known = wp.float64(most)
             if known > best:
                 best = known
-                place = e
+                found = e
             e += wp.block_dim()
-        return best, place
+        return best, found
 
-    return FailureFunctions(motion, strain, culprit)
+    @wp.func
+    def failed_element(
+        body: Body,
+        solid: Solid,
+        row: wp.array(dtype=real),
+        fields: Fields,
+        partials: wp.array(dtype=wp.float64),
+        lane: int,
+        status: int,
+    ):
+        score, worst = worst_of_lane(body, solid, row, fields, lane, status)
+        put_largest(partials, Total.MOST, score)
+        sync()
+        candidate = wp.float64(nobody)
+        if score == get_largest(partials, Total.MOST):
+            candidate = -wp.float64(worst)
+        put_largest(partials, Total.TURNED, candidate)
+        sync()
+        return int(-get_largest(partials, Total.TURNED))
+
+    return FailureFunctions(motion, strain, failed_element)

@@ -2,7 +2,7 @@
 
 One launch index is one simulation; its `lane`s share the elements and nodes (one lane on the CPU, one
 block of threads on a GPU). Corner forces are stored per element and gathered per node in a fixed order,
-so a result is bitwise repeatable, and every simulation has its own clock, step and end.
+so a result is bitwise repeatable, and every simulation has its own time, step and end.
 """
 
 from dataclasses import dataclass
@@ -16,60 +16,16 @@ from explicit.elements import element as element_named
 from explicit.precision import Precision
 from explicit.relaxation.base import Relaxation
 from explicit.relaxation.kernels.branches import relaxation_functions
-from explicit.time_loop.boundary import LOWER, UPPER, boundary_functions
+from explicit.time_loop.boundary import boundary_functions
 from explicit.time_loop.element_sweeps import sweep_functions
 from explicit.time_loop.end_of_step import end_of_step_function
 from explicit.time_loop.failure import CHECK_EVERY, failure_functions
-from explicit.time_loop.lanes import BLOCK, SHARING, SMALL_BLOCK, WARPS, lane_functions
+from explicit.time_loop.lanes import BLOCK, SHARING, SMALL_BLOCK, lane_functions
 from explicit.time_loop.next_step import next_step_functions
-from explicit.time_loop.nodes import update_functions
+from explicit.time_loop.node_sweeps import node_sweeps
 from explicit.time_loop.record import record_functions
-from explicit.time_loop.slots import (
-    BEYOND,
-    CLOCK,
-    DAMPING,
-    ELASTIC,
-    END_TIME,
-    ENDED_AS,
-    FAILED_ELEMENT,
-    FLYER_NEXT,
-    FRICTION,
-    GOING,
-    HOURGLASS,
-    INTERVAL,
-    KINETIC,
-    LANDING,
-    LARGEST_S,
-    LEAST_STEP,
-    LEDGER,
-    LOWER_NEXT,
-    LOWER_SPEED,
-    MOST,
-    MOST_STRAINED,
-    MOTION,
-    N_TOTALS,
-    PAST,
-    PAST_DATA,
-    PLAN,
-    PLANS,
-    RATE,
-    RESTRAINT,
-    SMALLEST_STEP,
-    STATUS,
-    STEP,
-    STEPS,
-    STEPS_TAKEN,
-    STIFFER,
-    STIFFEST,
-    TIME,
-    TURNED,
-    UPPER_SPEED,
-    VISCOUS,
-    VOLUME_PAST_DATA,
-    WORK,
-    WORK_DONE,
-)
-from explicit.time_loop.state_layout import ON_CHIP_CONTROL, state_layout
+from explicit.time_loop.slots import CONTROL_SIZE, Control, Total
+from explicit.time_loop.state_layout import state_layout
 from explicit.time_loop.structs import Structs, batch_structs
 
 
@@ -111,39 +67,35 @@ def time_loop_kernel(
     """
     element = element_named(element_name).functions(law, precision, bound, volumetric)
     structs = batch_structs(precision, element.Shape, element.Solid)
-    place = state_layout(precision, on_chip)
-    field, sums, marks = place.field, place.sums, place.marks
-    node_stride, corner_stride = place.node_stride, place.corner_stride
-    sweeps = sweep_functions(precision, element, structs, place)
-    sweep_elements = sweeps.elements
-    branch = relaxation_functions(relaxation, law, precision, bound, element, structs, place, sweeps)
-    relax, sweep_energies, remembered = branch.sweep, branch.energies, place.remembered
-    boundary = boundary_functions(faces, side, precision, structs)
-    meet = boundary.meet
-    failure = failure_functions(precision, element, structs)
-    motion, strain, culprit, watch_every = failure.motion, failure.strain, failure.culprit, int(CHECK_EVERY)
-    update = update_functions(precision, structs)
-    free_velocity, move = update.free_velocity, update.move
-    kinetic_energy, drag_loss = update.kinetic, update.drag_loss
+    layout = state_layout(precision, structs, on_chip)
+    sums, remembered, fields_of, surface_of = layout.sums, layout.remembered, layout.fields, layout.surface
+    at_rest = layout.at_rest
+    sweeps = sweep_functions(precision, element, structs, layout)
+    branch = relaxation_functions(relaxation, law, precision, bound, element, structs, layout, sweeps)
+    element_forces, relaxed_forces, energies = sweeps.elements, branch.sweep, branch.energies
+    platens = boundary_functions(faces, side, precision, structs)
+    nodes = node_sweeps(precision, structs, platens)
+    move_interior, move_boundary = nodes.interior, nodes.boundary
     record = record_functions(precision, structs)
-    settle = end_of_step_function(precision, structs, boundary, record)
-    planning = next_step_functions(structs, boundary, record)
-    start, depart, look, plan = planning.start, planning.depart, planning.look, planning.plan
+    put_ledger, record_ending = record.put_ledger, record.ending
+    end_of_step = end_of_step_function(precision, structs, platens, record)
+    planning = next_step_functions(precision, structs, platens, record)
+    start, first_step, next_step, read_step = (
+        planning.start, planning.first_step, planning.next_step, planning.read,
+    )  # fmt: skip
+    failure = failure_functions(precision, element, structs)
+    motion, beyond_data, failed_element = failure.motion, failure.strain, failure.failed_element
+    check, check_every = planning.check, int(CHECK_EVERY)
     lanes = lane_functions()
-    sync, is_worker, is_control, n_workers = lanes.sync, lanes.is_worker, lanes.is_control, lanes.n_workers
-    empty_sum, add_to, boundary_first = lanes.empty_sum, lanes.add_to, lanes.boundary_first
-    first_inner, inner_stride = lanes.first_inner, lanes.inner_stride
-    put_total, put_largest, get_largest = lanes.put_total, lanes.put_largest, lanes.get_largest
-    real = precision.real
+    sync, is_worker, is_control, empty_sum = lanes.sync, lanes.is_worker, lanes.is_control, lanes.empty_sum
+    put_total, put_largest = lanes.put_total, lanes.put_largest
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
-    zero, half = real(0.0), real(0.5)
-    ZERO, HALF = wp.float64(0.0), wp.float64(0.5)
-    lower, upper = int(LOWER), int(UPPER)
+    HALF = wp.float64(0.5)
+    control_size = int(CONTROL_SIZE)
     residents = SHARING if block <= SMALL_BLOCK else 1  # blocks that a multiprocessor must have registers for
-    clock_places, parts_places = int(CLOCK), int(N_TOTALS * WARPS)
 
     @wp.kernel(module="unique", enable_backward=False, launch_bounds=(block, residents))
-    def march(body: Body, batch: Batch, state: State, output: Output, first: int):
+    def time_loop(body: Body, batch: Batch, state: State, output: Output, first: int):
         index, lane = wp.tid()
         sample = first + index
         solid = batch.solids[sample]
@@ -151,45 +103,20 @@ def time_loop_kernel(
         branches = batch.branches[batch.relaxation[sample]]
         limit_s = batch.data_limit[batch.material[sample]]
         friction, alpha = batch.friction[sample], solid.mass_damping
-        seats, nodes = body.n_boundary, node_stride(body.n_nodes)
-        corners = 4 * corner_stride(body.n_elements) + 1
-        u_r, u_y = field(state.u_r, sample, 0), field(state.u_y, sample, nodes)
-        v_r, v_y = field(state.v_r, sample, 2 * nodes), field(state.v_y, sample, 3 * nodes)
-        corner_r = field(state.corner_r, sample, 4 * nodes)
-        corner_y = field(state.corner_y, sample, 4 * nodes + corners)
-        clock, parts = sums(state.clock, sample, 0), sums(state.parts, sample, clock_places)
-        push_lower = sums(state.push_lower, sample, ON_CHIP_CONTROL)
-        push_upper = sums(state.push_upper, sample, ON_CHIP_CONTROL + seats)
-        carried = sums(state.carried, sample, ON_CHIP_CONTROL + 2 * seats)
-        touched = marks(state.touched, sample, 0)
+        fields, surface = fields_of(body, state, sample), surface_of(body, state, sample)
+        control, partials = sums(state.control, sample, 0), sums(state.partials, sample, control_size)
         memory = remembered(state.memory, sample, 0)
-        rest = lane
-        while rest < body.n_nodes:
-            u_r[rest] = zero
-            u_y[rest] = zero
-            v_r[rest] = zero
-            v_y[rest] = zero
-            rest += wp.block_dim()
-        seat = lane
-        while seat < body.n_boundary:
-            touched[seat] = body.at_rest[seat]
-            seat += wp.block_dim()
-        part = lane
-        while part < parts_places:  # the clerk's warp hands over no bound
-            parts[part] = ZERO
-            part += wp.block_dim()
-        if lane == 0:  # nodes where fewer than four elements meet gather nothing from here
-            corner_r[corners - 1] = zero
-            corner_y[corners - 1] = zero
+        at_rest(body, fields, surface, partials, lane)
         if is_control(lane) == 1:
-            start(batch, output, sample, clock)
+            start(batch, output, sample, control)
         sync()
+        # Sums since the start: damping, friction, hourglass viscosity, landing, work of the platens [J].
         damped, rubbed, restrained = empty_sum(), empty_sum(), empty_sum()
         landed, worked = empty_sum(), empty_sum()
         going, step, until_measured, latched = int(1), int(-1), int(0), wp.float64(0.0)
 
         while going == 1:  # before the first step the elements only say how large it may be
-            # While the elements are swept, the step before is settled.
+            # While the workers sweep the elements, the control warp ends the step before.
             power, artificial = empty_sum(), empty_sum()
             if is_worker(lane) == 1:
                 measure = int(0)
@@ -197,152 +124,79 @@ def time_loop_kernel(
                     measure = 1
                     until_measured = batch.measure_every
                 until_measured -= 1
-                worst, power, artificial = sweep_elements(
-                    body, solid, row, u_r, u_y, v_r, v_y, corner_r, corner_y, lane, measure
+                worst, power, artificial = element_forces(body, solid, row, fields, lane, measure)
+                stiffer = relaxed_forces(
+                    body, solid, row, branches, memory, control, step, fields, lane, measure
                 )
-                stiffer = relax(
-                    body, solid, row, branches, memory, clock, step,
-                    u_r, u_y, v_r, v_y, corner_r, corner_y, lane, measure,
-                )  # fmt: skip
                 latched = wp.max(latched, worst)  # an element that turns between two measurements stays known
-                if step % watch_every == 0:
-                    put_total(parts, MOTION, motion(body, v_r, v_y, lane))
-                    put_total(parts, WORK_DONE, worked)
-                    put_largest(parts, TURNED, latched)
+                if step % check_every == 0:
+                    put_total(partials, Total.MOTION, motion(body, fields, lane))
+                    put_total(partials, Total.WORK_DONE, worked)
+                    put_largest(partials, Total.TURNED, latched)
                 if batch.stop_past_data == 1:
-                    put_largest(parts, BEYOND, strain(body, limit_s, u_r, u_y, lane))
+                    put_largest(partials, Total.BEYOND, beyond_data(body, limit_s, fields, lane))
                 if measure == 1:
-                    put_largest(parts, STIFFEST + (step + 1) % 2, latched)
-                    put_largest(parts, STIFFER + (step + 1) % 2, stiffer)
+                    put_largest(partials, Total.STIFFEST + (step + 1) % 2, latched)
+                    put_largest(partials, Total.STIFFER + (step + 1) % 2, stiffer)
                     latched = wp.float64(0.0)
             if is_control(lane) == 1 and step == 0:
-                depart(clock)
+                first_step(control)
             if is_control(lane) == 1 and step > 0:
-                settle(
-                    body, batch, state, output, sample, lane, step - 1, clock, parts,
-                    push_lower, push_upper, carried, u_r, u_y, v_r, v_y,
-                )  # fmt: skip
+                end_of_step(
+                    body, batch, state, output, sample, lane, step - 1, control, partials, surface, fields
+                )
             sync()
-            going = int(clock[GOING])
+            going = int(control[Control.GOING])
             if going == 1 and step >= 0:
-                here = PLANS + PLAN * (step % 2)
-                dt, interval, rate = clock[here + STEP], clock[here + INTERVAL], clock[here + RATE]
-                flyer_next, upper_speed = clock[here + FLYER_NEXT], clock[here + UPPER_SPEED]
-                lower_next, lower_speed = clock[LOWER_NEXT], clock[LOWER_SPEED]
-                ledger = int(clock[here + LEDGER])
+                now = read_step(control, step)
                 elastic, hourglass, past, kinetic = empty_sum(), empty_sum(), empty_sum(), empty_sum()
                 viscous = empty_sum()
                 most = wp.float64(0.0)
-                if ledger == 1:
+                if now.ledger == 1:
                     if is_worker(lane) == 1:
-                        elastic, hourglass, past, most, viscous = sweep_energies(
-                            body, solid, row, limit_s, branches, memory, u_r, u_y, lane
+                        elastic, hourglass, past, most, viscous = energies(
+                            body, solid, row, limit_s, branches, memory, fields, lane
                         )
                     sync()  # the node sweep below moves what other lanes may still be reading
                 # Half of this step's work belongs to the time of the positions, half to what follows.
-                damp_step, rub_step = power * interval, empty_sum()
-                hold_step = artificial * interval
+                damp_step, rub_step, hold_step = power * now.interval, empty_sum(), artificial * now.interval
                 land_step, work_step = empty_sum(), empty_sum()
-                h, tau = real(dt), real(interval)
-
                 if is_worker(lane) == 1:
-                    n = first_inner(lane)
-                    while n < body.n_inner:
-                        old, new, mass = free_velocity(body, corner_r, corner_y, v_r, v_y, n, tau, alpha)
-                        if ledger == 1:
-                            kinetic = add_to(kinetic, kinetic_energy(mass, old, new), n)
-                        if alpha > zero:
-                            damp_step = add_to(damp_step, drag_loss(mass, old, new, tau, alpha), n)
-                        move(u_r, u_y, v_r, v_y, n, new, h)
-                        n += inner_stride()
-
-                    b = boundary_first(lane)
-                    while b < body.n_boundary:
-                        node = body.first_boundary + b
-                        old, free, mass = free_velocity(body, corner_r, corner_y, v_r, v_y, node, tau, alpha)
-                        height = body.reference_y[node] + wp.float64(u_y[node])
-                        to_lower = real((lower_next - height) * rate)
-                        to_upper = real((body.length - flyer_next - height) * rate)
-                        new, platen, mark = meet(
-                            body, batch, state, sample, b,
-                            body.kind[b], touched[b], free, to_lower, to_upper, friction, tau, h,
-                        )  # fmt: skip
-                        touched[b] = mark
-                        # Impulses of the platen on the node, and where their work goes.
-                        kick = wp.float64(mass) * wp.float64(new[1] - free[1])
-                        rub = wp.float64(mass) * wp.float64(new[0] - free[0])
-                        from_below, from_above, riding = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
-                        speed = wp.float64(half * (old[1] + new[1]))
-                        slide = wp.float64(half * (old[0] + new[0]))
-                        if platen == lower:
-                            from_below = kick
-                            if new[1] == to_lower:
-                                riding = wp.float64(mass)
-                            land_step = add_to(land_step, kick * (lower_speed - speed), b)
-                            work_step = add_to(work_step, kick * lower_speed, b)
-                        elif platen == upper:
-                            from_above = kick
-                            land_step = add_to(land_step, kick * (upper_speed - speed), b)
-                            work_step = add_to(work_step, kick * upper_speed, b)
-                        rub_step = add_to(rub_step, -rub * slide, b)
-                        push_lower[b] = from_below
-                        push_upper[b] = from_above
-                        carried[b] = riding
-                        if ledger == 1:
-                            kinetic = add_to(kinetic, kinetic_energy(mass, old, new), b)
-                        if alpha > zero:
-                            damp_step = add_to(damp_step, drag_loss(mass, old, new, tau, alpha), b)
-                        move(u_r, u_y, v_r, v_y, node, new, h)
-                        b += n_workers()
-                if ledger == 1:
-                    put_total(parts, ELASTIC, elastic)
-                    put_total(parts, HOURGLASS, hourglass)
-                    put_total(parts, KINETIC, kinetic)
-                    put_total(parts, WORK, worked + HALF * work_step)
-                    put_total(parts, DAMPING, damped + HALF * damp_step)
-                    put_total(parts, FRICTION, rubbed + HALF * rub_step)
-                    put_total(parts, LANDING, landed + HALF * land_step)
-                    put_total(parts, RESTRAINT, restrained + HALF * hold_step)
-                    put_total(parts, PAST, past)
-                    put_total(parts, VISCOUS, viscous)
-                    put_largest(parts, MOST, most)
+                    kinetic, damp_step = move_interior(body, fields, now, alpha, lane, kinetic, damp_step)
+                    kinetic, damp_step, rub_step, land_step, work_step = move_boundary(
+                        body, batch, state, sample, fields, surface, now, friction, alpha, lane,
+                        kinetic, damp_step,
+                    )  # fmt: skip
+                if now.ledger == 1:
+                    put_ledger(
+                        partials, elastic, hourglass, kinetic,
+                        worked + HALF * work_step, damped + HALF * damp_step, rubbed + HALF * rub_step,
+                        landed + HALF * land_step, restrained + HALF * hold_step, past, viscous, most,
+                    )  # fmt: skip
                 worked += work_step
                 damped += damp_step
                 rubbed += rub_step
                 restrained += hold_step
                 landed += land_step
             if going == 1 and is_control(lane) == 1:
-                plan(batch, output, sample, step + 1, clock, parts)
+                next_step(batch, output, sample, step + 1, control, partials)
             step += 1
             sync()
 
-        if int(clock[STATUS]) == 0:  # a last look at what happened since the one before
+        if int(control[Control.STATUS]) == 0:  # a last check of what happened since the one before
             if is_worker(lane) == 1:
-                put_total(parts, MOTION, motion(body, v_r, v_y, lane))
-                put_total(parts, WORK_DONE, worked)
-                put_largest(parts, TURNED, latched)
+                put_total(partials, Total.MOTION, motion(body, fields, lane))
+                put_total(partials, Total.WORK_DONE, worked)
+                put_largest(partials, Total.TURNED, latched)
             sync()
             if is_control(lane) == 1:
-                clock[STATUS] = wp.float64(look(batch, sample, clock, parts))
+                control[Control.STATUS] = wp.float64(check(batch, sample, control, partials))
         sync()
         failed = int(-1)
-        if int(clock[STATUS]) != 0:
-            score, place_of = culprit(body, solid, row, u_r, u_y, v_r, v_y, lane, int(clock[STATUS]))
-            put_largest(parts, MOST, score)
-            sync()
-            candidate = wp.float64(-1.0e30)
-            if score == get_largest(parts, MOST):
-                candidate = -wp.float64(place_of)  # of equal ones the first
-            put_largest(parts, TURNED, candidate)
-            sync()
-            failed = int(-get_largest(parts, TURNED))
+        if int(control[Control.STATUS]) != 0:
+            status = int(control[Control.STATUS])
+            failed = failed_element(body, solid, row, fields, partials, lane, status)
         if lane == 0:
-            output.ending[sample, ENDED_AS] = clock[STATUS]
-            output.ending[sample, FAILED_ELEMENT] = wp.float64(failed)
-            output.ending[sample, STEPS_TAKEN] = clock[STEPS]
-            output.ending[sample, END_TIME] = clock[TIME]
-            output.ending[sample, LEAST_STEP] = clock[SMALLEST_STEP]
-            output.ending[sample, VOLUME_PAST_DATA] = clock[PAST_DATA]
-            output.ending[sample, LARGEST_S] = clock[MOST_STRAINED]
+            record_ending(output, sample, control, failed)
 
-    return TimeLoopKernel(march, structs, element, block, branch.memory)
+    return TimeLoopKernel(time_loop, structs, element, block, branch.memory)

@@ -1,4 +1,4 @@
-"""Planning a step: its size, where it takes the platens, what it records, and whether it may be taken."""
+"""The next step: its size, where it takes the platens, what it records, and whether it may be taken."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -8,67 +8,38 @@ import warp as wp
 
 from explicit.elements.base import INVERTED
 from explicit.outcome import Outcome
+from explicit.precision import Precision
 from explicit.time_loop.boundary import BoundaryFunctions
 from explicit.time_loop.failure import CHECK_EVERY, MOTION_LIMIT
 from explicit.time_loop.lanes import lane_functions
 from explicit.time_loop.record import RecordFunctions
-from explicit.time_loop.slots import (
-    BEYOND,
-    CLOCK,
-    COMING,
-    COMING_DUE,
-    FAULT,
-    FIRST_STEP,
-    FLYER_NEXT,
-    FORCE_DUE,
-    GOING,
-    INTERVAL,
-    LEDGER,
-    LOWER_NEXT,
-    LOWER_SPEED,
-    MOST_WORK,
-    MOTION,
-    NO_TIME,
-    PER_INTERVAL,
-    PLAN,
-    PLANS,
-    RATE,
-    SMALLEST_STEP,
-    STATUS,
-    STEP,
-    STEP_BEFORE,
-    STIFFER,
-    STIFFEST,
-    SURFACE_DUE,
-    TIME,
-    TURNED,
-    UPPER_SPEED,
-    VOID,
-    WORK_DONE,
-)
-from explicit.time_loop.structs import Structs
+from explicit.time_loop.slots import CONTROL_SIZE, NO_TIME, Control, Plan, Total
+from explicit.time_loop.structs import Structs, simulation_structs
 
 
 @dataclass(frozen=True)
 class NextStepFunctions:
-    """From rest to the last look."""
+    """From rest to the last check; all but `read` are for the control warp."""
 
     start: Any
-    """``start(batch, output, sample, clock)``: the clock at rest."""
-    depart: Any
-    """``depart(clock)``: the first step begins, if it can be taken."""
-    look: Any
-    """``look(batch, sample, clock, parts)``: the outcome of a failure that the workers' totals show, or 0."""
-    plan: Any
-    """``plan(batch, output, sample, step, clock, parts)``: a step to come."""
+    """``start(batch, output, sample, control)``: the control record at rest."""
+    first_step: Any
+    """``first_step(control)``: begin the first step, if it can be taken."""
+    check: Any
+    """``check(batch, sample, control, partials)``: the outcome of a failure that the workers' totals show, or
+    0."""
+    next_step: Any
+    """``next_step(batch, output, sample, step, control, partials)``: plan a step to come."""
+    read: Any
+    """``read(control, step) -> Step``: the plan of the step under way, for every lane."""
 
 
 @cache
 def next_step_functions(
-    structs: Structs, boundary: BoundaryFunctions, record: RecordFunctions
+    precision: Precision, structs: Structs, boundary: BoundaryFunctions, record: RecordFunctions
 ) -> NextStepFunctions:
     """Generate the planning."""
-    Batch, Output = structs.Batch, structs.Output
+    Batch, Output, Step = structs.Batch, structs.Output, simulation_structs(precision).Step
     platen_position = boundary.platen_position
     is_due = record.is_due
     lanes = lane_functions()
@@ -82,112 +53,127 @@ def next_step_functions(
     exceeded = int(Outcome.TABLE_EXCEEDED)
 
     @wp.func
-    def start(batch: Batch, output: Output, sample: int, clock: wp.array(dtype=wp.float64)):
-        for k in range(CLOCK):
-            clock[k] = ZERO
-        clock[TIME] = batch.start
-        clock[GOING] = ONE
-        clock[PLANS + PLAN + FLYER_NEXT] = platen_position(batch, batch.motion[sample], batch.start)
-        clock[FORCE_DUE] = output.force_times[0]
-        clock[SURFACE_DUE] = output.surface_times[0]
-        clock[COMING_DUE] = output.surface_times[0]
-        clock[SMALLEST_STEP] = batch.largest_step
+    def start(batch: Batch, output: Output, sample: int, control: wp.array(dtype=wp.float64)):
+        for k in range(CONTROL_SIZE):
+            control[k] = ZERO
+        control[Control.TIME] = batch.start
+        control[Control.GOING] = ONE
+        rest = platen_position(batch, batch.motion[sample], batch.start)
+        control[Control.PLANS + Plan.SIZE + Plan.FLYER_NEXT] = rest
+        control[Control.FORCE_DUE] = output.force_times[0]
+        control[Control.SURFACE_DUE] = output.surface_times[0]
+        control[Control.PLANNED_DUE] = output.surface_times[0]
+        control[Control.SMALLEST_STEP] = batch.largest_step
 
     @wp.func
-    def depart(clock: wp.array(dtype=wp.float64)):
-        """The first step begins, if it can be taken."""
-        if clock[FAULT] > ZERO:
-            clock[STATUS] = clock[FAULT]
-            clock[GOING] = ZERO
+    def first_step(control: wp.array(dtype=wp.float64)):
+        if control[Control.FAULT] > ZERO:
+            control[Control.STATUS] = control[Control.FAULT]
+            control[Control.GOING] = ZERO
 
     @wp.func
-    def look(
+    def check(
         batch: Batch,
         sample: int,
-        clock: wp.array(dtype=wp.float64),
-        parts: wp.array(dtype=wp.float64),
+        control: wp.array(dtype=wp.float64),
+        partials: wp.array(dtype=wp.float64),
     ):
-        """The outcome of a failure that the workers' totals show, or 0."""
-        most_work = wp.max(wp.float64(clock[MOST_WORK]), get_total(parts, WORK_DONE))
+        most_work = wp.max(wp.float64(control[Control.MOST_WORK]), get_total(partials, Total.WORK_DONE))
         control_sync()
-        clock[MOST_WORK] = most_work
+        control[Control.MOST_WORK] = most_work
         allowed = motion_limit * most_work + batch.stray_energy[sample]
         fault = int(0)
-        if not (get_total(parts, MOTION) <= allowed):  # nor where it is no number
+        if not (get_total(partials, Total.MOTION) <= allowed):  # nor where it is no number
             fault = diverged
-        elif get_largest(parts, TURNED) >= inverted:
+        elif get_largest(partials, Total.TURNED) >= inverted:
             fault = turned
         return fault
 
     @wp.func
-    def plan(
+    def next_step(
         batch: Batch,
         output: Output,
         sample: int,
         step: int,
-        clock: wp.array(dtype=wp.float64),
-        parts: wp.array(dtype=wp.float64),
+        control: wp.array(dtype=wp.float64),
+        partials: wp.array(dtype=wp.float64),
     ):
-        """A step to come: its size, where it takes the flyer, and whether the ledger is due in it."""
-        this, before = PLANS + PLAN * (step % 2), PLANS + PLAN * ((step + 1) % 2)
-        dt_before, rate = wp.float64(clock[before + STEP]), wp.float64(clock[before + RATE])
-        flyer_y, coming_due = wp.float64(clock[before + FLYER_NEXT]), wp.float64(clock[COMING_DUE])
-        time = wp.float64(clock[TIME]) + dt_before
+        this = Control.PLANS + Plan.SIZE * (step % 2)
+        before = Control.PLANS + Plan.SIZE * ((step + 1) % 2)
+        dt_before, rate = wp.float64(control[before + Plan.STEP]), wp.float64(control[before + Plan.RATE])
+        flyer_y = wp.float64(control[before + Plan.FLYER_NEXT])
+        planned_due = wp.float64(control[Control.PLANNED_DUE])
+        time = wp.float64(control[Control.TIME]) + dt_before
         dt = wp.float64(dt_before)
         control_sync()
         # The bound was measured one step ago, where the specimen stood before the step that is under way.
         if step % batch.measure_every == 0:
-            omega_squared = get_largest(parts, STIFFEST + step % 2) + get_largest(parts, STIFFER + step % 2)
+            stiffest = get_largest(partials, Total.STIFFEST + step % 2)
+            omega_squared = stiffest + get_largest(partials, Total.STIFFER + step % 2)
             dt = wp.min(batch.safety * TWO / wp.sqrt(omega_squared), batch.largest_step)
             rate = ONE / dt
             if step == 0:
-                clock[FIRST_STEP] = dt
+                control[Control.FIRST_STEP] = dt
             control_sync()
             if omega_squared >= inverted:
-                clock[FAULT] = wp.float64(turned)
-                clock[VOID] = ONE
-            elif dt < batch.floor * clock[FIRST_STEP]:
-                clock[FAULT] = wp.float64(collapsed)
+                control[Control.FAULT] = wp.float64(turned)
+                control[Control.VOID] = ONE
+            elif dt < batch.floor * control[Control.FIRST_STEP]:
+                control[Control.FAULT] = wp.float64(collapsed)
             elif not wp.isfinite(omega_squared):
-                clock[FAULT] = wp.float64(diverged)
-                clock[VOID] = ONE
+                control[Control.FAULT] = wp.float64(diverged)
+                control[Control.VOID] = ONE
             else:
-                clock[SMALLEST_STEP] = wp.min(clock[SMALLEST_STEP], dt)
+                control[Control.SMALLEST_STEP] = wp.min(control[Control.SMALLEST_STEP], dt)
         if step >= batch.max_steps:
-            clock[FAULT] = wp.float64(limit)
-        if batch.stop_past_data == 1 and get_largest(parts, BEYOND) > ZERO:
-            clock[FAULT] = wp.float64(exceeded)
-            clock[VOID] = ONE
+            control[Control.FAULT] = wp.float64(limit)
+        if batch.stop_past_data == 1 and get_largest(partials, Total.BEYOND) > ZERO:
+            control[Control.FAULT] = wp.float64(exceeded)
+            control[Control.VOID] = ONE
         if step > 0 and (step - 1) % watch_every == 0:
-            fault = look(batch, sample, clock, parts)
+            fault = check(batch, sample, control, partials)
             if fault != 0:
-                clock[FAULT] = wp.float64(fault)
-                clock[VOID] = ONE
+                control[Control.FAULT] = wp.float64(fault)
+                control[Control.VOID] = ONE
         following, ledger = time + dt, wp.float64(0.0)
-        if coming_due <= following:
-            coming = int(clock[COMING])
-            while coming_due <= following:
-                if is_due(coming, output.surface_times.shape[0], batch.ledger_every):
+        if planned_due <= following:
+            planned = int(control[Control.PLANNED])
+            while planned_due <= following:
+                if is_due(planned, output.surface_times.shape[0], batch.ledger_every):
                     ledger = ONE
-                coming += 1
-                coming_due = wp.float64(NEVER)
-                if coming < output.surface_times.shape[0]:
-                    coming_due = wp.float64(output.surface_times[coming])
+                planned += 1
+                planned_due = wp.float64(NEVER)
+                if planned < output.surface_times.shape[0]:
+                    planned_due = wp.float64(output.surface_times[planned])
             control_sync()
-            clock[COMING] = wp.float64(coming)
-            clock[COMING_DUE] = coming_due
+            control[Control.PLANNED] = wp.float64(planned)
+            control[Control.PLANNED_DUE] = planned_due
         if step == 0 and batch.support_moves == 1:
-            clock[LOWER_NEXT] = platen_position(batch, batch.support_motion[sample], following)
-            clock[LOWER_SPEED] = clock[LOWER_NEXT] * rate
+            control[Control.LOWER_NEXT] = platen_position(batch, batch.support_motion[sample], following)
+            control[Control.LOWER_SPEED] = control[Control.LOWER_NEXT] * rate
         flyer_next = platen_position(batch, batch.motion[sample], following)
         interval = HALF * (dt + dt_before)  # the velocity lives between the positions
-        clock[this + STEP] = dt
-        clock[this + STEP_BEFORE] = dt_before
-        clock[this + INTERVAL] = interval
-        clock[this + PER_INTERVAL] = ONE / interval
-        clock[this + RATE] = rate
-        clock[this + FLYER_NEXT] = flyer_next
-        clock[this + UPPER_SPEED] = (flyer_y - flyer_next) * rate
-        clock[this + LEDGER] = ledger
+        control[this + Plan.STEP] = dt
+        control[this + Plan.STEP_BEFORE] = dt_before
+        control[this + Plan.INTERVAL] = interval
+        control[this + Plan.PER_INTERVAL] = ONE / interval
+        control[this + Plan.RATE] = rate
+        control[this + Plan.FLYER_NEXT] = flyer_next
+        control[this + Plan.UPPER_SPEED] = (flyer_y - flyer_next) * rate
+        control[this + Plan.LEDGER] = ledger
 
-    return NextStepFunctions(start, depart, look, plan)
+    @wp.func
+    def read(control: wp.array(dtype=wp.float64), step: int):
+        this = Control.PLANS + Plan.SIZE * (step % 2)
+        return Step(
+            control[this + Plan.STEP],
+            control[this + Plan.INTERVAL],
+            control[this + Plan.RATE],
+            control[this + Plan.FLYER_NEXT],
+            control[this + Plan.UPPER_SPEED],
+            control[Control.LOWER_NEXT],
+            control[Control.LOWER_SPEED],
+            int(control[this + Plan.LEDGER]),
+        )
+
+    return NextStepFunctions(start, first_step, check, next_step, read)

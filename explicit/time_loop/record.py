@@ -8,7 +8,8 @@ import warp as wp
 
 from explicit.precision import Precision
 from explicit.time_loop.lanes import lane_functions
-from explicit.time_loop.structs import Structs
+from explicit.time_loop.slots import Control, Ending, Total
+from explicit.time_loop.structs import Structs, simulation_structs
 
 
 @dataclass(frozen=True)
@@ -20,19 +21,26 @@ class RecordFunctions:
     force: Any
     """``force(output, sample, row, value, sofar)``: forces [N] and impulses [N s], flyer and transmission."""
     positions: Any
-    """``positions(body, output, sample, lane, row, late, u_r, u_y, v_r, v_y)``: where the nodes were a time
+    """``positions(body, output, sample, lane, row, late, fields)``: where the nodes were a time
     `late` before they came to `u` with the velocity `v`."""
+    put_ledger: Any
+    """``put_ledger(partials, elastic, hourglass, kinetic, external, damping, friction, impact,
+    hourglass_damping, past, viscous, most)``: the workers hand their sums of the ledger to control."""
     ledger: Any
     """``ledger(output, sample, row, external, kinetic, elastic, hourglass, damping, friction, impact,
     hourglass_damping, viscous)``."""
+    ending: Any
+    """``ending(output, sample, control, failed)``: how a simulation ended."""
 
 
 @cache
 def record_functions(precision: Precision, structs: Structs) -> RecordFunctions:
     """Generate the recorders."""
     real = precision.real
-    Body, Output = structs.Body, structs.Output
-    control_first, control_stride = lane_functions().control_first, lane_functions().control_stride
+    Body, Output, Fields = structs.Body, structs.Output, simulation_structs(precision).Fields
+    lanes = lane_functions()
+    control_first, control_stride = lanes.control_first, lanes.control_stride
+    put_total, put_largest = lanes.put_total, lanes.put_largest
 
     @wp.func
     def is_due(row: int, n: int, every: int):
@@ -53,16 +61,13 @@ def record_functions(precision: Precision, structs: Structs) -> RecordFunctions:
         lane: int,
         row: int,
         late: real,
-        u_r: wp.array(dtype=real),
-        u_y: wp.array(dtype=real),
-        v_r: wp.array(dtype=real),
-        v_y: wp.array(dtype=real),
+        fields: Fields,
     ):
         k = control_first(lane)
         while k < output.n_recorded:
             node = output.nodes[k]
-            r = body.reference_r[node] + wp.float64(u_r[node] - late * v_r[node])
-            y = body.reference_y[node] + wp.float64(u_y[node] - late * v_y[node])
+            r = body.reference_r[node] + wp.float64(fields.u_r[node] - late * fields.v_r[node])
+            y = body.reference_y[node] + wp.float64(fields.u_y[node] - late * fields.v_y[node])
             output.position[sample, row, k, 0] = r
             output.position[sample, row, k, 1] = y
             k += control_stride()
@@ -92,4 +97,41 @@ def record_functions(precision: Precision, structs: Structs) -> RecordFunctions:
         output.energy[sample, row, 7] = hourglass_damping
         output.energy[sample, row, 8] = viscous
 
-    return RecordFunctions(is_due, record_force, record_positions, record_ledger)
+    @wp.func
+    def put_ledger(
+        partials: wp.array(dtype=wp.float64),
+        elastic: wp.float64,
+        hourglass: wp.float64,
+        kinetic: wp.float64,
+        external: wp.float64,
+        damping: wp.float64,
+        friction: wp.float64,
+        impact: wp.float64,
+        hourglass_damping: wp.float64,
+        past: wp.float64,
+        viscous: wp.float64,
+        most: wp.float64,
+    ):
+        put_total(partials, Total.ELASTIC, elastic)
+        put_total(partials, Total.HOURGLASS, hourglass)
+        put_total(partials, Total.KINETIC, kinetic)
+        put_total(partials, Total.WORK, external)
+        put_total(partials, Total.DAMPING, damping)
+        put_total(partials, Total.FRICTION, friction)
+        put_total(partials, Total.LANDING, impact)
+        put_total(partials, Total.RESTRAINT, hourglass_damping)
+        put_total(partials, Total.PAST, past)
+        put_total(partials, Total.VISCOUS, viscous)
+        put_largest(partials, Total.MOST, most)
+
+    @wp.func
+    def record_ending(output: Output, sample: int, control: wp.array(dtype=wp.float64), failed: int):
+        output.ending[sample, Ending.STATUS] = control[Control.STATUS]
+        output.ending[sample, Ending.FAILED_ELEMENT] = wp.float64(failed)
+        output.ending[sample, Ending.STEPS] = control[Control.STEPS]
+        output.ending[sample, Ending.END_TIME] = control[Control.TIME]
+        output.ending[sample, Ending.SMALLEST_STEP] = control[Control.SMALLEST_STEP]
+        output.ending[sample, Ending.PAST_DATA] = control[Control.PAST_DATA]
+        output.ending[sample, Ending.MOST_STRAINED] = control[Control.MOST_STRAINED]
+
+    return RecordFunctions(is_due, record_force, record_positions, put_ledger, record_ledger, record_ending)

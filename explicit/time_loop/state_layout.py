@@ -1,4 +1,4 @@
-"""Where a simulation's state and a mesh's constants lie, and how the time loop reaches them.
+"""Where a simulation's state lies, and how the time loop reaches it.
 
 On a GPU the state of a simulation is in shared memory where it fits. Native accessors spend one address on
 what Warp's own subscripts would spend several instructions on; `explicit.simd` gives them their meaning over
@@ -12,9 +12,12 @@ from typing import Any
 import warp as wp
 
 from explicit.precision import Precision
+from explicit.time_loop.lanes import WARPS
+from explicit.time_loop.slots import Total
+from explicit.time_loop.structs import Structs, simulation_structs
 
 ON_CHIP_NODES, ON_CHIP_ELEMENTS, ON_CHIP_BOUNDARY, ON_CHIP_CONTROL = 448, 384, 96, 272
-"""Places in shared memory for the state of a simulation in fp64; in fp32 there are twice as many nodes and
+"""Slots in shared memory for the state of a simulation in fp64; in fp32 there are twice as many nodes and
 elements. Together with what reductions need, they fill the 48 KiB a block gets without a request."""
 
 
@@ -39,9 +42,9 @@ _FIELD_ON_CHIP = """
     row.ndim = 1;
     return row;
 """
-_PLACES = """
+_STRIDE = """
 #if defined(__CUDA_ARCH__)
-    return PLACES;
+    return COUNT;
 #else
     return n;
 #endif
@@ -61,28 +64,99 @@ class StateLayout:
     """The same for its marks."""
     remembered: Any
     """The same for what elements remember, which is too much for a chip."""
+    fields: Any
+    """``fields(body, state, sample) -> Fields``: the nodes' and corners' rows of a simulation."""
+    surface: Any
+    """``surface(body, state, sample) -> Surface``: its boundary nodes' rows."""
+    at_rest: Any
+    """``at_rest(body, fields, surface, partials, lane)``: the state before the first step; every lane calls
+    it."""
     elements: int
-    """Places for elements on the chip."""
+    """Slots for elements on the chip."""
     node_stride: Any
-    """``node_stride(n)``: places for the nodes of a field, n or what the chip has."""
+    """``node_stride(n)``: from one field of nodes to the next: n, or what the chip has."""
     corner_stride: Any
-    """``corner_stride(n)``: places for corner forces of one corner, n or what the chip has."""
+    """``corner_stride(n)``: from the forces of one corner of the elements to those of the next."""
 
 
 @cache
-def state_layout(precision: Precision, on_chip: bool) -> StateLayout:
-    """Generate the places of the state."""
+def state_layout(precision: Precision, structs: Structs, on_chip: bool) -> StateLayout:
+    """Generate the layout of the state."""
     more = 8 // precision.dtype().itemsize
     nodes, elements = more * ON_CHIP_NODES, more * ON_CHIP_ELEMENTS
+    field = _field(precision.real, 4 * nodes + 8 * elements + 2, on_chip)
+    sums = _field(wp.float64, 3 * ON_CHIP_BOUNDARY + ON_CHIP_CONTROL, on_chip)
+    marks = _field(wp.int32, ON_CHIP_BOUNDARY, on_chip)
+    node_stride, corner_stride = _stride(nodes, on_chip), _stride(elements, on_chip)
+    Body, State = structs.Body, structs.State
+    simulation = simulation_structs(precision)
+    Fields, Surface = simulation.Fields, simulation.Surface
+
+    @wp.func
+    def fields(body: Body, state: State, sample: int):
+        nodes, corners = node_stride(body.n_nodes), 4 * corner_stride(body.n_elements) + 1
+        return Fields(
+            field(state.u_r, sample, 0),
+            field(state.u_y, sample, nodes),
+            field(state.v_r, sample, 2 * nodes),
+            field(state.v_y, sample, 3 * nodes),
+            field(state.corner_r, sample, 4 * nodes),
+            field(state.corner_y, sample, 4 * nodes + corners),
+        )
+
+    @wp.func
+    def surface(body: Body, state: State, sample: int):
+        return Surface(
+            marks(state.touched, sample, 0),
+            sums(state.push_lower, sample, ON_CHIP_CONTROL),
+            sums(state.push_upper, sample, ON_CHIP_CONTROL + body.n_boundary),
+            sums(state.carried, sample, ON_CHIP_CONTROL + 2 * body.n_boundary),
+        )
+
+    zero, ZERO = precision.real(0.0), wp.float64(0.0)
+    n_partials = int(Total.COUNT * WARPS)
+
+    @wp.func
+    def at_rest(
+        body: Body, fields: Fields, surface: Surface, partials: wp.array(dtype=wp.float64), lane: int
+    ):
+        n = lane
+        while n < body.n_nodes:
+            fields.u_r[n] = zero
+            fields.u_y[n] = zero
+            fields.v_r[n] = zero
+            fields.v_y[n] = zero
+            n += wp.block_dim()
+        b = lane
+        while b < body.n_boundary:
+            surface.touched[b] = body.at_rest[b]
+            b += wp.block_dim()
+        k = lane
+        while k < n_partials:  # the control warp hands over no bound
+            partials[k] = ZERO
+            k += wp.block_dim()
+        if lane == 0:  # nodes where fewer than four elements meet gather nothing from here
+            beyond = 4 * corner_stride(body.n_elements)
+            fields.corner_r[beyond] = zero
+            fields.corner_y[beyond] = zero
+
     return StateLayout(
-        field=_field(precision.real, 4 * nodes + 8 * elements + 2, on_chip),
-        sums=_field(wp.float64, 3 * ON_CHIP_BOUNDARY + ON_CHIP_CONTROL, on_chip),
-        marks=_field(wp.int32, ON_CHIP_BOUNDARY, on_chip),
+        field=field,
+        sums=sums,
+        marks=marks,
         remembered=_field(precision.real, 0, False),
-        elements=elements,
-        node_stride=_places(nodes, on_chip),
-        corner_stride=_places(elements, on_chip),
+        fields=fields,
+        surface=surface,
+        at_rest=at_rest,
+        elements=on_chip_elements(precision),
+        node_stride=node_stride,
+        corner_stride=corner_stride,
     )
+
+
+def on_chip_elements(precision: Precision) -> int:
+    """Slots for elements in a GPU's shared memory."""
+    return 8 // precision.dtype().itemsize * ON_CHIP_ELEMENTS
 
 
 def _field(dtype: Any, room: int, on_chip: bool) -> Any:
@@ -94,13 +168,13 @@ def _field(dtype: Any, room: int, on_chip: bool) -> Any:
     return field
 
 
-def _places(count: int, on_chip: bool) -> Any:
-    snippet = _PLACES.replace("PLACES", str(count)) if on_chip else "return n;"
+def _stride(count: int, on_chip: bool) -> Any:
+    snippet = _STRIDE.replace("COUNT", str(count)) if on_chip else "return n;"
 
     @wp.func_native(snippet=snippet)
-    def places(n: int) -> int: ...
+    def stride(n: int) -> int: ...
 
-    return places
+    return stride
 
 
 def fits(n_nodes: int, n_elements: int, n_boundary: int, precision: Precision) -> bool:

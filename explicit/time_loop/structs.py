@@ -20,7 +20,7 @@ class Structs:
     State: Any
     """Fields that vary, each `[sample, node]`."""
     Output: Any
-    """Recorded histories, each `[sample, time, ...]`, and how each simulation ended, `[sample, ENDING]`."""
+    """Recorded histories, each `[sample, time, ...]`, and how each simulation ended, `[sample, Ending]`."""
 
 
 @cache
@@ -88,8 +88,8 @@ def batch_structs(precision: Precision, Shape: Any, Solid: Any) -> Structs:
         push_lower: wp.array2d(dtype=wp.float64)
         push_upper: wp.array2d(dtype=wp.float64)
         carried: wp.array2d(dtype=wp.float64)
-        clock: wp.array2d(dtype=wp.float64)
-        parts: wp.array2d(dtype=wp.float64)
+        control: wp.array2d(dtype=wp.float64)
+        partials: wp.array2d(dtype=wp.float64)
         bar_wave: wp.array2d(dtype=wp.float64)
 
     @wp.struct
@@ -105,3 +105,52 @@ def batch_structs(precision: Precision, Shape: Any, Solid: Any) -> Structs:
         ending: wp.array2d(dtype=wp.float64)
 
     return Structs(Body, Batch, State, Output)
+
+
+@dataclass(frozen=True)
+class SimulationStructs:
+    """What the functions of the time loop pass to each other about one simulation."""
+
+    Fields: Any
+    """Its rows of the state: displacements [m] and velocities [m/s] of nodes, forces of corners [N]."""
+    Surface: Any
+    """What its boundary nodes have of their platens: marks of contact, impulses [N s], mass carried [kg]."""
+    Step: Any
+    """The step under way: its size `dt` [s], the `interval` over which forces change the velocities [s], the
+    `rate` 1 / dt [1/s], where the platens will be [m] and their speeds, upwards [m/s], and whether the
+    `ledger` is due in it."""
+
+
+@cache
+def simulation_structs(precision: Precision) -> SimulationStructs:
+    """Generate the structs."""
+    real = precision.real
+
+    @wp.struct
+    class Fields:
+        u_r: wp.array(dtype=real)
+        u_y: wp.array(dtype=real)
+        v_r: wp.array(dtype=real)
+        v_y: wp.array(dtype=real)
+        corner_r: wp.array(dtype=real)
+        corner_y: wp.array(dtype=real)
+
+    @wp.struct
+    class Surface:
+        touched: wp.array(dtype=int)
+        push_lower: wp.array(dtype=wp.float64)
+        push_upper: wp.array(dtype=wp.float64)
+        carried: wp.array(dtype=wp.float64)
+
+    @wp.struct
+    class Step:
+        dt: wp.float64
+        interval: wp.float64
+        rate: wp.float64
+        flyer_next: wp.float64
+        upper_speed: wp.float64
+        lower_next: wp.float64
+        lower_speed: wp.float64
+        ledger: int
+
+    return SimulationStructs(Fields, Surface, Step)

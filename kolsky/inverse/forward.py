@@ -11,7 +11,7 @@ import explicit
 from explicit.materials import MaterialLaw, marlow_from_curve
 from kolsky.bars.flyer.path import FlyerPath
 from kolsky.base.records import MaterialCurve
-from kolsky.inverse.parameters import PARAMETERS, checked_value
+from kolsky.inverse.parameters import PARAMETERS, Fields, any_slides, checked_value, require_effect
 from kolsky.shot.records import Shot
 
 MOTION_KNOTS = 2049
@@ -100,8 +100,8 @@ class Forward:
         ----------
         points : mapping
             Parameter name -> values, shape [n] or scalar; the shot's own value where a name is missing.
-            Naming "friction" makes both the faces and the side surface slide by Coulomb's law; naming
-            "release_stress" asks for a shot that declares the law "bonded_release".
+            Naming one that `slides` ("friction") makes both the faces and the side surface slide by
+            Coulomb's law; one that a contact law must read asks for a shot that declares such a law.
         numerics
             Mesh, precision, device.
         motion, material : int or shape [n]
@@ -116,20 +116,23 @@ class Forward:
         ------
         ValueError
             If a name is unknown, a value is outside its allowed range, also that of `Numerics.compressible`,
-            or "release_stress" would have no effect.
+            or a parameter would have no effect.
         """
-        self._check_release(points)
+        interface = self.shot.interface
+        require_effect(points, interface.faces, interface.side)
         values = {name: np.asarray(value, dtype=float) for name, value in points.items()}
         for name, value in values.items():
             for x in value.ravel():
                 checked_value(name, float(x))
-        held = {name: p.held(self.shot) for name, p in PARAMETERS.items()}
+        fields: Fields = {}
+        for name, p in PARAMETERS.items():
+            fields = p.entered(fields, values.get(name, p.held(self.shot)))
         samples = explicit.Samples.of(
-            **{**held, **values},  # type: ignore[arg-type]
+            **fields,
             motion=np.asarray(motion, dtype=np.int64),
             material=np.asarray(material, dtype=np.int64),
         )
-        model = self.model(numerics, sliding="friction" in points)
+        model = self.model(numerics, sliding=any_slides(points))
         sampling = replace(self.sampling, ledger_every=1 if all_nodes else LEDGER_EVERY)
         stepping = explicit.Stepping(safety=numerics.safety, precision=numerics.precision)
         device, threads = numerics.device, numerics.threads
@@ -155,21 +158,6 @@ class Forward:
             threads=threads,
             progress=progress,
         ).response
-
-    def _check_release(self, points: Mapping[str, ArrayLike]) -> None:
-        if "release_stress" not in points:
-            return
-        if "friction" in points:
-            raise ValueError(
-                "release_stress has no effect beside friction, which makes everything slide by Coulomb's "
-                "law: name one of them"
-            )
-        laws = (self.shot.interface.faces, self.shot.interface.side)
-        if "bonded_release" not in laws:
-            raise ValueError(
-                f"release_stress has no effect with the interface that the shot declares (faces {laws[0]}, "
-                f'side {laws[1]}): choose the law "bonded_release" in its [interface]'
-            )
 
     def model(self, numerics: Numerics, *, sliding: bool = False) -> explicit.Model:
         """The solver's model of the shot; `sliding` replaces the declared interface by Coulomb's law."""

@@ -1,22 +1,44 @@
-"""The parameters a simulation of a shot can vary, by name; one line here makes a new one free everywhere."""
+"""The parameters that a simulation of a shot can vary: one record each, one entry makes a new one.
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+All that is asked of a parameter by name is in its record: ranges, units, symbols, the value that a shot
+declares, how it enters the solver's samples, which contact laws read it. Nothing heavy is imported here, so
+that a command line can list the names.
+"""
 
-from doe import Box
-from kolsky.shot.records import Shot
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from doe import Box
+    from kolsky.shot.records import Shot
+
+Fields = Mapping[str, Any]
+"""Fields of `explicit.Samples` by name: numbers, or arrays of shape [n_samples]."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Parameter:
     """One parameter of the simulated test."""
 
     name: str
-    """Name at the API and the command line; also the field of `explicit.Samples`."""
+    """Name at the API and the command line."""
+    words: str
+    """What it is, as tables and axes of the report write it."""
     symbol: str
-    """Symbol in formulas and figures."""
-    unit: str
-    """Unit, "1" if none."""
+    """Symbol in plain text of the command line."""
+    written: str
+    """Symbol in the text of pages."""
+    tex: str
+    """Symbol in figures and documentation, without dollar signs."""
+    unit: str = "1"
+    """SI unit, "1" if none."""
+    shown_unit: str = "1"
+    """Unit in which pages and figures show it."""
+    shown_factor: float = 1.0
+    """Shown number over the number in SI."""
     lower: float
     """Lower bound of the default design."""
     upper: float
@@ -24,30 +46,117 @@ class Parameter:
     allowed: tuple[float, float]
     """Range outside which a value is refused."""
     held: Callable[[Shot], float]
-    """The value a shot declares for it."""
+    """The value that a shot declares for it."""
+    enters: Callable[[Fields, Any], Fields] | None = None
+    """The solver's samples with a value of it, from those without; None sets the field of its name."""
+    uncertainty: bool = False
+    """Whether [uncertainty] of shot.toml has a key of its name."""
+    slides: bool = False
+    """Whether naming it makes end faces and side surface slide by Coulomb's law, whatever is declared."""
+    read_by: str = ""
+    """Field of `explicit.contact.ContactLaw` that says whether a law reads it; empty if no contact law is
+    needed for it to have an effect."""
+    without: str = ""
+    """Why it has no effect where no contact law reads it, in words."""
+    scale: Callable[[float], float] | None = None
+    """A change from a value that counts as large, in its unit; None takes `explicit.stencils.scale_of`."""
+    changed: Callable[[Shot, float], Shot] | None = None
+    """The shot with another declared value; needed where naming the parameter does more than that."""
+
+    def entered(self, fields: Fields, value: Any) -> Fields:
+        """The solver's samples with a value of the parameter."""
+        return {**fields, self.name: value} if self.enters is None else self.enters(fields, value)
 
 
 PARAMETERS: dict[str, Parameter] = {
     p.name: p
     for p in (
-        Parameter("stiffness_factor", "m", "1", 0.75, 1.5, (1e-3, 1e3), lambda shot: 1.0),
-        Parameter("friction", "f", "1", 0.0, 2.0, (0.0, 1e3), lambda shot: shot.interface.friction),
-        Parameter("poisson", "nu", "1", 0.49, 0.4999, (0.0, 0.4999), lambda shot: shot.model.poisson),
-        Parameter("damping", "beta", "s", 0.0, 1e-4, (0.0, 1e-2), lambda shot: shot.model.damping),
         Parameter(
-            "mass_damping", "alpha", "1/s", 0.0, 100.0, (0.0, 1e6), lambda shot: shot.model.mass_damping
+            name="stiffness_factor",
+            words="stiffness factor, dynamic over quasi-static modulus",
+            symbol="m",
+            written="m",
+            tex="m",
+            lower=0.75,
+            upper=1.5,
+            allowed=(1e-3, 1e3),
+            held=lambda shot: 1.0,
         ),
         Parameter(
-            "release_stress",
-            "sigma_b",
-            "Pa",
-            0.0,
-            2e5,
-            (0.0, 1e9),
-            lambda shot: shot.interface.release_stress,
+            name="friction",
+            words="Coulomb friction between specimen and platens",
+            symbol="f",
+            written="f",
+            tex="f",
+            lower=0.0,
+            upper=2.0,
+            allowed=(0.0, 1e3),
+            held=lambda shot: shot.interface.friction,
+            uncertainty=True,
+            slides=True,
+            read_by="needs_friction",
+            without="nothing slides",
+            changed=lambda shot, value: replace(shot, interface=replace(shot.interface, friction=value)),
+        ),
+        Parameter(
+            name="poisson",
+            words="Poisson’s ratio of the initial state",
+            symbol="nu",
+            written="ν",
+            tex=r"\nu",
+            lower=0.49,
+            upper=0.4999,
+            allowed=(0.0, 0.4999),
+            held=lambda shot: shot.model.poisson,
+            uncertainty=True,
+        ),
+        Parameter(
+            name="damping",
+            words="stiffness-proportional damping",
+            symbol="beta",
+            written="β",
+            tex=r"\beta",
+            unit="s",
+            shown_unit="µs",
+            shown_factor=1e6,
+            lower=0.0,
+            upper=1e-4,
+            allowed=(0.0, 1e-2),
+            held=lambda shot: shot.model.damping,
+            uncertainty=True,
+        ),
+        Parameter(
+            name="mass_damping",
+            words="mass-proportional damping",
+            symbol="alpha",
+            written="α",
+            tex=r"\alpha",
+            unit="1/s",
+            shown_unit="1/s",
+            lower=0.0,
+            upper=100.0,
+            allowed=(0.0, 1e6),
+            held=lambda shot: shot.model.mass_damping,
+        ),
+        Parameter(
+            name="release_stress",
+            words="tensile stress at which a bonded face lets go",
+            symbol="sigma_b",
+            written="σ_b",
+            tex=r"\sigma_b",
+            unit="Pa",
+            shown_unit="kPa",
+            shown_factor=1e-3,
+            lower=0.0,
+            upper=2e5,
+            allowed=(0.0, 1e9),
+            held=lambda shot: shot.interface.release_stress,
+            read_by="needs_release_stress",
+            without="no face lets go",
         ),
     )
 }
+"""The parameters by name."""
 
 
 def parameter(name: str) -> Parameter:
@@ -81,6 +190,49 @@ def checked_value(name: str, value: float) -> float:
     return float(value)
 
 
+def any_slides(names: Iterable[str]) -> bool:
+    """Whether one of these parameters makes the surfaces slide by Coulomb's law once it is named."""
+    return any(PARAMETERS[name].slides for name in names if name in PARAMETERS)
+
+
+def has_effect(p: Parameter, laws: Iterable[str]) -> bool:
+    """Whether a contact law among these, by name, reads the parameter; True if it needs none."""
+    if not p.read_by:
+        return True
+    from explicit.contact import CONTACT_LAWS
+
+    return any(name in CONTACT_LAWS and getattr(CONTACT_LAWS[name], p.read_by) for name in laws)
+
+
+def require_effect(names: Iterable[str], faces: str, side: str) -> None:
+    """Refuse parameters that would have no effect with the contact laws of end faces and side surface.
+
+    Raises
+    ------
+    ValueError
+        If one is read by neither law, and none that makes the surfaces slide is named with it; or if it is
+        named beside one that does.
+    """
+    given = [parameter(name) for name in names]
+    sliding = [p for p in given if p.slides]
+    for p in given:
+        if not p.read_by or p.slides:
+            continue
+        if sliding and not has_effect(p, ["coulomb"]):
+            raise ValueError(
+                f"{p.name} has no effect beside {sliding[0].name}, which makes everything slide by Coulomb's "
+                "law: name one of them"
+            )
+        if not sliding and not has_effect(p, [faces, side]):
+            from explicit.contact import CONTACT_LAWS
+
+            able = " or ".join(f'"{name}"' for name in CONTACT_LAWS if has_effect(p, [name]))
+            raise ValueError(
+                f"{p.name} has no effect with the interface that the shot declares (faces {faces}, side "
+                f"{side}): choose the law {able} in its [interface]"
+            )
+
+
 def design_box(bounds: Mapping[str, tuple[float, float] | None]) -> Box:
     """The box of a design: given bounds, or the default ones where a bound is None.
 
@@ -89,6 +241,8 @@ def design_box(bounds: Mapping[str, tuple[float, float] | None]) -> Box:
     ValueError
         If a name is unknown, a bound is outside the allowed range or the bounds are not ascending.
     """
+    from doe import Box
+
     filled = {}
     for name, pair in bounds.items():
         p = parameter(name)

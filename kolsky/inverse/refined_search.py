@@ -12,11 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from doe import Box, from_points
+from explicit.contact import contact_law
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import CoarseOptimum
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.optimum import CorrectedSurrogate, Model, at_inner_face, jacobian, search
+from kolsky.inverse.parameters import any_slides
 from kolsky.inverse.staged_runs import CompletedRuns, StagedRuns
 
 CONFIRMED = 0.2
@@ -89,10 +91,10 @@ def refined_numerics(stages: StagedRuns) -> Numerics:
 
 
 def slides(stages: StagedRuns) -> bool:
-    """Whether a surface slides by Coulomb's law: as declared, or because friction is named."""
+    """Whether a surface slides with friction: as declared, or because a parameter makes it so."""
     settings, interface = stages.settings, stages.prepared.forward.shot.interface
-    named = "friction" in {*settings.free, *settings.held}
-    return named or "coulomb" in (interface.faces, interface.side)
+    laws = [contact_law(interface.faces), contact_law(interface.side)]
+    return any_slides([*settings.free, *settings.held]) or any(law.needs_friction for law in laws)
 
 
 def search_by_single_runs(stages: StagedRuns, coarse: CoarseOptimum) -> RefinedOptimum:

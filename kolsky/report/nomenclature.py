@@ -4,6 +4,8 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from kolsky.inverse.parameters import PARAMETERS
+
 
 @dataclass(frozen=True)
 class Name:
@@ -22,15 +24,17 @@ class Name:
 
 
 _NAMES = {
-    "stiffness_factor": Name("m", "m", "stiffness factor, dynamic over quasi-static modulus", "1"),
-    "friction": Name("f", "f", "Coulomb friction between specimen and platens", "1"),
-    "poisson": Name("ν", r"\nu", "Poisson’s ratio of the initial state", "1"),
-    "damping": Name("β", r"\beta", "stiffness-proportional damping", "µs", 1e6),
-    "release_stress": Name("σ_b", r"\sigma_b", "tensile stress at which a bonded face lets go", "kPa", 1e-3),
     "force_discrepancy": Name("τ_F", r"\tau_F", "discrepancy of the force", "N"),
     "shape_discrepancy": Name("τ_Z", r"\tau_Z", "discrepancy of the outline", "µm", 1e6),
-    "mass_damping": Name("α", r"\alpha", "mass-proportional damping", "1/s"),
 }
+
+
+def _known(parameter: str) -> Name | None:
+    if parameter in PARAMETERS:
+        p = PARAMETERS[parameter]
+        return Name(p.written, p.tex, p.words, p.shown_unit, p.shown_factor)
+    return _NAMES.get(parameter)
+
 
 _ROUTES = {
     "joint": "joint χ²",
@@ -42,8 +46,9 @@ _ROUTES = {
 
 def name_of(parameter: str, unit: str | None = None) -> Name:
     """How a parameter is written; one that is not in the list is written as it is called."""
-    if parameter in _NAMES:
-        return _NAMES[parameter]
+    known = _known(parameter)
+    if known is not None:
+        return known
     words = parameter.replace("_", " ")
     escaped = words.replace("\\", " ").replace("$", " ").replace("^", " ").replace(" ", r"\ ")
     return Name(words, rf"\mathrm{{{escaped}}}", words, unit or "SI")
@@ -67,14 +72,15 @@ def in_words(text: str, names: Iterable[str] = ()) -> str:
         Parameters to look for, beside those whose API name is no word of English: "friction" can be meant as
         the word.
     """
-    known = {*names, *(name for name in _NAMES if "_" in name)}
+    known = {*names, *(name for name in (*PARAMETERS, *_NAMES) if "_" in name)}
     called = "|".join(sorted(map(re.escape, known), key=len, reverse=True))
     return re.sub(rf"(?<![\w.\-\[])({called})(?![\w\]])", lambda found: short(found[1]), text)
 
 
 def factor_of(parameter: str) -> float:
     """Shown number over SI number."""
-    return _NAMES[parameter].factor if parameter in _NAMES else 1.0
+    known = _known(parameter)
+    return 1.0 if known is None else known.factor
 
 
 def axis_label(parameter: str, unit: str | None = None) -> str:

@@ -69,7 +69,7 @@ def view(
 
 def shown_frames(result: StereoResult) -> list[int]:
     """Frames at equal distances, of those with points: the first, the last and two between them."""
-    usable = np.flatnonzero(result.specimen.alive > 0)
+    usable = np.flatnonzero(result.specimen.n_valid > 0)
     if usable.size == 0:
         return []
     return sorted({int(usable[k]) for k in np.round(np.linspace(0, usable.size - 1, SHOWN)).astype(int)})

@@ -34,8 +34,8 @@ def write_tables(folder: Path, found: Surfaces, number: np.ndarray) -> None:
             "sigma_Z (mm)": MM * line.sigma,
         },
     )
-    if result.travel is not None:
-        travel = result.travel
+    if result.axial_displacement is not None:
+        travel = result.axial_displacement
         write_history(
             folder / "flyer.csv",
             {

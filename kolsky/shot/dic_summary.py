@@ -20,8 +20,8 @@ def summary(result: StereoResult) -> dict[str, Any]:
         "static_frames": int(result.static.sum()),
         "frames_not_usable": bad_frames(result),
         "points": body.surface.n_points,
-        "points_alive_at_the_end": int(body.alive[result.outcome == FrameOutcome.VALID][-1])
-        if body.alive.any()
+        "points_alive_at_the_end": int(body.n_valid[result.outcome == FrameOutcome.VALID][-1])
+        if body.n_valid.any()
         else 0,
         "points_lost": lost(body),
         "sigma_match_px": _median(np.fmax(*body.match_sigma)[body.surface.valid]),
@@ -39,12 +39,12 @@ def summary(result: StereoResult) -> dict[str, Any]:
         "centre_line_points": int(result.centre.Z.size),
         "centre_line_sigma_m": _median(result.centre.sigma),
     }
-    if result.travel is not None and result.travel.t.size:
+    if result.axial_displacement is not None and result.axial_displacement.t.size:
         rows |= {
-            "flyer_frames": int(result.travel.t.size),
-            "flyer_travel_m": float(np.ptp(result.travel.displacement)),
-            "flyer_sigma_m": _median(result.travel.sigma),
-            "flyer_rest_sigma_m": result.travel.rest_sigma,
+            "flyer_frames": int(result.axial_displacement.t.size),
+            "flyer_travel_m": float(np.ptp(result.axial_displacement.displacement)),
+            "flyer_sigma_m": _median(result.axial_displacement.sigma),
+            "flyer_rest_sigma_m": result.axial_displacement.rest_sigma,
         }
     return rows
 

@@ -126,7 +126,7 @@ def measured(
         pictures, folder or pictures.toml.path.parent / "results", device=device, progress=progress
     )
     result, number = found.result, pictures.frames.frame
-    if result.travel is None or result.travel.t.size == 0:
+    if result.axial_displacement is None or result.axial_displacement.t.size == 0:
         raise pictures.toml.error(
             "dic.flyer",
             "was not followed back to rest, so how far it went is not known",
@@ -136,7 +136,9 @@ def measured(
     line = result.centre
     return OpticalData(
         flyer=FlyerMotion(
-            time=result.travel.t, displacement=result.travel.displacement, sigma=result.travel.sigma
+            time=result.axial_displacement.t,
+            displacement=result.axial_displacement.displacement,
+            sigma=result.axial_displacement.sigma,
         ),
         centre_line=CentreLine(time=line.t, frame=number[line.frame], y=line.y, Z=line.Z, sigma=line.sigma),
         source=found.path,

@@ -217,7 +217,7 @@ def picture_pair(toml: ShotToml, result: StereoResult) -> PicturePair | str:
         first, second = open_pictures(toml, read_frames(toml)).series
     except InputError as error:
         return str(error)
-    alive = np.where(result.outcome == FrameOutcome.VALID, result.specimen.alive, 0)
+    alive = np.where(result.outcome == FrameOutcome.VALID, result.specimen.n_valid, 0)
     if alive.size != first.n_frames:
         return f"there are {first.n_frames} pictures and surfaces of {alive.size} frames"
     enough = np.flatnonzero(alive >= max(1, ALIVE * result.specimen.surface.n_points))

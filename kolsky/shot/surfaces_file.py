@@ -5,7 +5,7 @@ from pathlib import Path
 from dic.camera import Camera, StereoRig
 from dic.outcome import PointOutcome, Remark
 from dic.result import Body, Placement, StereoResult, SurfaceStrain
-from dic.rigid_body.axial_displacement import Travel
+from dic.rigid_body.axial_displacement import AxialDisplacement
 from dic.rigid_body.body_motion import BodyMotion
 from dic.surfaces.frame import SpecimenFrame
 from dic.surfaces.noise_floor import NoiseFloor
@@ -61,8 +61,8 @@ STRAIN = Record(
         "gauge": Floats("px"),
     },
 )
-TRAVEL = Record(
-    Travel,
+AXIAL_DISPLACEMENT = Record(
+    AxialDisplacement,
     nxdata("displacement", "t"),
     {
         "t": Floats("s", "rows"),
@@ -178,7 +178,7 @@ RESULT = Record(
         "specimen": Part(BODY),
         "flyer": Part(BODY, optional=True),
         "strain": Part(STRAIN),
-        "travel": Part(TRAVEL, optional=True),
+        "axial_displacement": Part(AXIAL_DISPLACEMENT, at="travel", optional=True),
         "motion": Part(MOTION, optional=True),
         "centre": Part(OUTLINE, at="centre_line"),
         "placement": Part(PLACEMENT, at="test_frame"),

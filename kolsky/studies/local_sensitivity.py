@@ -16,7 +16,7 @@ import explicit
 from explicit.stencils import scale_of
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Forward, Numerics
-from kolsky.inverse.parameters import PARAMETERS, checked_value, parameter
+from kolsky.inverse.parameters import PARAMETERS, checked_value, has_effect, parameter
 from kolsky.inverse.side_surface import radius_at
 
 LEVELS = 10
@@ -172,21 +172,20 @@ def _point(forward: Forward, names: Sequence[str], held: Mapping[str, float]) ->
         parameter(name)
         if list(names).count(name) > 1:
             raise ValueError(f"{name} is named {list(names).count(name)} times")
-    if "friction" in names and "friction" not in held and "coulomb" not in _laws(forward):
-        raise ValueError(
-            "the interface that the shot declares has no friction coefficient to start from; hold one, "
-            "e.g. friction = 0.3"
-        )
+    interface = forward.shot.interface
+    for p in map(parameter, names):
+        if p.slides and p.name not in held and not has_effect(p, (interface.faces, interface.side)):
+            raise ValueError(
+                f"the interface that the shot declares has no {p.name} coefficient to start from; hold one, "
+                f"e.g. {p.name} = 0.3"
+            )
     own = {name: PARAMETERS[name].held(forward.shot) for name in names}
     return {name: checked_value(name, value) for name, value in {**own, **held}.items()}
 
 
-def _laws(forward: Forward) -> tuple[str, str]:
-    return forward.shot.interface.faces, forward.shot.interface.side
-
-
 def _scale(name: str, value: float) -> float:
-    scale = scale_of(name, value)
+    own = parameter(name).scale
+    scale = scale_of(name, value) if own is None else own(value)
     if not 0.0 < scale < np.inf:
         raise ValueError(f"{name} = {value:.6g} has no scale of its own; hold it at a finite value > 0")
     return scale

@@ -19,7 +19,7 @@ from kolsky.base.files import write_table
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.misfit import SCALE_FORCE, SCALE_SHAPE, terms
 from kolsky.inverse.observations import predict
-from kolsky.inverse.parameters import PARAMETERS
+from kolsky.inverse.parameters import PARAMETERS, any_slides
 from kolsky.inverse.prepared_shot import PreparedShot, prepare_shot
 from kolsky.inverse.provenance import provenance
 from kolsky.inverse.run_table import DesignTable
@@ -90,7 +90,7 @@ class ShotRuns:
             "held": dict(sorted(self.held.items())),
             "numerics": replace(self.numerics, threads=None, device=device),
         }
-        sliding = "friction" in {*self.names, *self.held}
+        sliding = any_slides([*self.names, *self.held])
         said = provenance(self.prepared.forward.shot, settings, self.prepared, sliding=sliding)
         text = json.dumps({**said, "kept": KEPT, "sources": _sources()}, sort_keys=True, default=_plain)
         return hashlib.sha256(text.encode()).digest()

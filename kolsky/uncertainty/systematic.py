@@ -18,7 +18,7 @@ from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Forward, material_law
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import predict
-from kolsky.inverse.parameters import PARAMETERS
+from kolsky.inverse.parameters import PARAMETERS, has_effect
 from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.inverse.uncertainty_results import Declaration
 from kolsky.shot.records import ForceChannel, Shot
@@ -28,8 +28,8 @@ STEP = 0.02
 """Half the distance of the central differences by the parameters, over the edges of the whole design."""
 UNDECLARED = "not declared, counted as exact"
 VARIED = "varied"
-UNITS = {"damping": "s", "clock_offset": "s", "Z_offset": "m", "y_offset": "m"}
-"""Units of the keys that are no shares or plain numbers."""
+UNITS = {"clock_offset": "s", "Z_offset": "m", "y_offset": "m"}
+"""Units of the keys that are no parameters, and no shares or plain numbers."""
 SPECIMEN = {"specimen_diameter": "diameter", "specimen_length": "length", "specimen_density": "density"}
 """Keys that change the mesh or its mass."""
 
@@ -71,14 +71,15 @@ class _Input:
     def moved(self, sign: float) -> FloatArray | None:
         """The predicted data vector with the input moved by sign x sigma; None where it cannot be."""
         key, step, forward = self.key, sign * self.sigma, self.stages.prepared.forward
-        if key in PARAMETERS and (key != "friction" or key in self.stages.settings.held):
-            value = self.stages.settings.held.get(key, PARAMETERS[key].held(self.shot)) + step
-            low, high = PARAMETERS[key].allowed
-            return self.vector(self.run(forward, **{key: value})) if low <= value <= high else None
-        if key == "friction":
-            value = self.shot.interface.friction + step
-            changed = replace(self.shot, interface=replace(self.shot.interface, friction=value))
-            return self.vector(self.run(replace(forward, shot=changed))) if value >= 0.0 else None
+        if key in PARAMETERS:
+            p, held = PARAMETERS[key], self.stages.settings.held
+            value = held.get(key, p.held(self.shot)) + step
+            if not p.allowed[0] <= value <= p.allowed[1]:
+                return None
+            if p.changed is not None and key not in held:
+                # Named, it would change more than its value.
+                return self.vector(self.run(replace(forward, shot=p.changed(self.shot, value))))
+            return self.vector(self.run(forward, **{key: value}))
         if key == "curve_scale":
             curve = self.shot.curve
             law = material_law(replace(curve, stress=curve.stress * (1.0 + step)))
@@ -158,7 +159,7 @@ def declarations(stages: StagedRuns, x: FloatArray, objective: Objective) -> tup
         Declaration(
             key=key,
             sigma=shot.uncertainty.get(key, float("nan")),
-            unit=UNITS.get(key, "1"),
+            unit=PARAMETERS[key].unit if key in PARAMETERS else UNITS.get(key, "1"),
             shifts=shifts.get(key, {}),
             status=_status(key, shot.uncertainty, told[key]),
         )
@@ -198,10 +199,9 @@ def _told(key: str, stages: StagedRuns, shot: Shot) -> str:
     if key in stages.box.names:
         return "free, found from the data"
     laws = {shot.interface.faces, shot.interface.side}
-    if key == "friction" and "coulomb" not in laws and "friction" not in stages.settings.held:
-        return "no part: nothing slides"
-    if key == "friction" and "friction" in stages.box.names:
-        return "free, found from the data"
+    p = PARAMETERS.get(key)
+    if p is not None and key not in stages.settings.held and not has_effect(p, laws):
+        return f"no part: {p.without}"
     if key in ("sensitivity", "clock_offset") and not isinstance(shot.force, ForceChannel):
         return "no part: the force is from the bar's waves"
     if key in ("Z_offset", "y_offset") and not stages.observations.has_shape:

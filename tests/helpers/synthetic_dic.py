@@ -10,7 +10,7 @@ from synthetic import LENGTH, RADIUS, displacement, outline
 from dic import Camera, FrameOutcome, PointOutcome, StereoRig, SurfaceHistory, centre_line
 from dic.outcome import Remark
 from dic.result import Body, Placement, StereoResult, SurfaceStrain
-from dic.rigid_body.axial_displacement import Travel
+from dic.rigid_body.axial_displacement import AxialDisplacement
 from dic.rigid_body.body_motion import BodyMotion
 from dic.surfaces.frame import SpecimenFrame
 from dic.surfaces.noise_floor import noise_floor
@@ -60,7 +60,7 @@ def synthetic_result(*, flyer: bool = True, seed: int = 1) -> StereoResult:
     health[BLACK] = int(FrameOutcome.BLACK)
     frames = np.flatnonzero(health == 0)
     moved = np.where(static, 0.0, displacement(np.maximum(time, 0.0)))
-    travel = Travel(
+    travel = AxialDisplacement(
         t=time[frames],
         frame=frames,
         displacement=moved[frames] + rng.normal(0.0, 1e-6, frames.size),
@@ -74,7 +74,7 @@ def synthetic_result(*, flyer: bool = True, seed: int = 1) -> StereoResult:
         static=static,
         specimen=specimen,
         flyer=_flyer(moved, time, outcome, rng) if flyer else None,
-        travel=travel if flyer else None,
+        axial_displacement=travel if flyer else None,
         centre=centre_line(specimen.surface, half_width=0.6e-3),
         placement=Placement(
             frame=SpecimenFrame(np.eye(3), np.zeros(3), 1e-12 * np.eye(6)),

@@ -15,7 +15,7 @@ from dic import Camera, StereoRig
 from dic.calibration import Calibration, PairOutcome, calibrate, detect
 from dic.calibration.bundle import Rig
 from dic.calibration.checks import triangulated
-from dic.calibration.projection import Sight
+from dic.calibration.projection import View
 from dic.calibration.targets import Chessboard, DottedCylinder, FiducialDots
 from dic.camera_files import read_rig
 
@@ -247,7 +247,7 @@ def test_multidics_cylinder_and_boards(shared):
     g = BODY.geometry()
     pair = found.pairs[0]
     sights = [
-        Sight(0, c, v.ids[v.used], g.points[v.ids[v.used]], g.normals[v.ids[v.used]], g.spread[v.ids[v.used]],
+        View(0, c, v.ids[v.used], g.points[v.ids[v.used]], g.normals[v.ids[v.used]], g.spread[v.ids[v.used]],
               g.bend[v.ids[v.used]], v.pixels[v.used], v.sigma[v.used])
         for c, v in enumerate(pair.views)
     ]  # fmt: skip

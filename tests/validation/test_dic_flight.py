@@ -17,7 +17,7 @@ from dic.bodies.follow import follow_body
 from dic.bodies.region import Region
 from dic.correlation import Correlation, Shape
 from dic.images import frame_health, grey_noise, open_pictures
-from dic.rigid_body.axial_displacement import flyer_travel
+from dic.rigid_body.axial_displacement import axial_displacement
 from dic.rigid_body.poses import flyer_poses
 from dic.tracking import Tracking
 from kolsky.bars.flyer.fit import fit_flyer
@@ -88,7 +88,7 @@ def flight_of(folder):
     zero = surfaces.on_cylinder(rig.cameras[0], platen, held)
     frame = surfaces.test_frame(held, rig, toward_flyer=(0.0, -1.0), zero=zero, zero_sigma=1e-6)
     static = t <= t[STATIC - 1]
-    travel = flyer_travel(flyer, rig, frame, t, static, subset=SUBSET, pictures=series)
+    travel = axial_displacement(flyer, rig, frame, t, static, subset=SUBSET, pictures=series)
     motion, remarks = flyer_poses(flyer, rig, frame, travel, static, subset=SUBSET, length=LENGTH)
     assert not remarks
     truth = np.load(folder / "truth_surface.npz")
@@ -98,7 +98,7 @@ def flight_of(folder):
         held=held,
         frame=frame,
         static=static,
-        travel=travel,
+        axial_displacement=travel,
         motion=motion,
         displacement=np.interp(t, truth["t"], truth["d"]),
     )
@@ -128,11 +128,13 @@ def test_the_frame_of_the_pictures_is_the_true_one(shot):
 
 @pytest.mark.slow
 def test_the_flyers_displacement_is_the_true_one(shot):
-    assert shot.travel.frame.tolist() == list(range(len(shot.t)))  # the rim is seen in every frame
-    error = shot.travel.displacement - shot.displacement
+    assert shot.axial_displacement.frame.tolist() == list(
+        range(len(shot.t))
+    )  # the rim is seen in every frame
+    error = shot.axial_displacement.displacement - shot.displacement
     assert np.sqrt(np.mean(error**2)) < 1.5e-6  # half of the target of the chain
     # Errors of neighbouring frames hang together, all by the zero: some ten independent values.
-    ratio = error / np.hypot(shot.travel.sigma, shot.travel.rest_sigma)
+    ratio = error / np.hypot(shot.axial_displacement.sigma, shot.axial_displacement.rest_sigma)
     assert 0.2 < np.sqrt(np.mean(ratio**2)) < 1.8
 
 
@@ -163,7 +165,7 @@ def flight(shared):
 @pytest.mark.slow
 def test_position_and_velocity_from_rest_are_the_true_ones(flight):
     found, said = flight
-    travel, path = found.travel, said.flight.toward
+    travel, path = found.axial_displacement, said.flight.toward
     alone = fit_flyer(
         FlyerMotion(travel.t, travel.displacement, travel.sigma), start=float(found.t[STATIC - 1])
     )
@@ -197,7 +199,7 @@ if __name__ == "__main__":
     found = flight_of(root.parent / "shared" / "data" / "shots" / "open-01")
     figure = build(FLIGHT, report(found, LENGTH))
     figure.savefig(root / "docs" / "images" / "flight.png", dpi=200)
-    error = found.travel.displacement - found.displacement
+    error = found.axial_displacement.displacement - found.displacement
     print(f"radius {1e3 * found.free.radius:.4f} mm, sigma {1e3 * found.free.sigma[4]:.4f} mm")
     rms, most = 1e6 * np.sqrt(np.mean(error**2)), 1e6 * np.abs(error).max()
     print(f"displacement: root mean square error {rms:.2f} µm, most {most:.2f} µm")

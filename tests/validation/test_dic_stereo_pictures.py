@@ -231,7 +231,7 @@ def test_a_resting_specimen_is_the_cylinder_it_is() -> None:
     assert off.std() < 5e-6
     assert np.abs(off).max() < 20e-6
     assert 0.8 < (off / sigma).std() < 1.25
-    scaled = match.evidence.epipolar[some] / match.evidence.epipolar_sigma[some]
+    scaled = match.gate_values.epipolar[some] / match.gate_values.epipolar_sigma[some]
     assert 0.8 < scaled.std() < 1.35  # the cameras are those of the truth; flanks have a little more
 
 

@@ -12,7 +12,7 @@ from dic.correlation.settings import Match
 from dic.correlation.warp import apply
 from dic.outcome import PointOutcome
 from dic.stereo import Gate, StereoGates, StereoSearch, match_stereo, triangulate
-from dic.stereo.gates import gather, judge
+from dic.stereo.gates import failed_gates, measure_gates
 from dic.stereo.guided import guided_match
 from dic.stereo.pair import Pair
 
@@ -91,7 +91,7 @@ def errors(angle: float, shape: Shape, subset: int) -> Errors:
         *pictures(angle), points, cameras, Correlation(subset=subset, shape=shape), noise=NOISE
     )
     seen = whole(points, angle, subset)
-    used = match.valid & seen & (match.evidence.incidence < np.radians(STEEPEST))
+    used = match.valid & seen & (match.gate_values.incidence < np.radians(STEEPEST))
     places = apply(points, match.warp)
     # the points of camera 0 are exact, the match has the noise of both pictures
     X = triangulate(cameras, points[used], places[used], np.eye(2) * 1e-12, match.covariance[used]).position
@@ -134,7 +134,7 @@ def false_matches(angle: float) -> False_:
         gates=StereoGates(),
     )
     match = guided_match(pair)
-    passed = judge(gather(pair, match), pair.gates) == 0
+    passed = failed_gates(measure_gates(pair, match), pair.gates) == 0
     good = (match.outcome == PointOutcome.VALID) & passed
     exact = truth(points, angle)
     rng = np.random.default_rng(0)
@@ -150,7 +150,7 @@ def false_matches(angle: float) -> False_:
         warp[rows[wrong]], covariance[rows[wrong]] = pushed.warp[wrong], pushed.covariance[wrong]
         outcome = np.where(good, int(PointOutcome.VALID), int(PointOutcome.NOT_CONVERGED))
         mixed = Match(warp, covariance, match.zncc, match.iterations, outcome)
-        verdicts.append(judge(gather(pair, mixed), pair.gates)[rows[wrong]])
+        verdicts.append(failed_gates(measure_gates(pair, mixed), pair.gates)[rows[wrong]])
     verdict = np.concatenate(verdicts)
     true = whole(points, angle, settings.subset)
     return False_(

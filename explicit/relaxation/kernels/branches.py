@@ -17,9 +17,9 @@ from explicit.precision import Precision
 from explicit.relaxation.base import Relaxation
 from explicit.time_loop.element_sweeps import SweepFunctions, corner_functions
 from explicit.time_loop.lanes import lane_functions
-from explicit.time_loop.slots import INTERVAL, PLAN, PLANS, STEP_BEFORE
+from explicit.time_loop.slots import Control, Plan
 from explicit.time_loop.state_layout import StateLayout
-from explicit.time_loop.structs import Structs
+from explicit.time_loop.structs import Structs, simulation_structs
 
 
 @dataclass(frozen=True)
@@ -27,12 +27,12 @@ class RelaxationFunctions:
     """What the time loop asks of the branches."""
 
     sweep: Any
-    """``sweep(body, solid, row, branches, memory, clock, step, u_r, u_y, v_r, v_y, corner_r, corner_y, lane,
-    measure)``: subtract the forces of what has relaxed from the corners; returns the largest omega^2 of
-    theirs [1/s^2], 0 unless `measure` is 1."""
+    """``sweep(body, solid, row, branches, memory, control, step, fields, lane, measure)``: subtract the
+    forces of what has relaxed from the corners; returns the largest omega^2 of theirs [1/s^2], 0 unless
+    `measure` is 1."""
     energies: Any
-    """``energies(body, solid, row, limit_s, branches, memory, u_r, u_y, lane)``: as of the sweep over
-    energies, of the long-term law, and what was done on the branches [J]."""
+    """``energies(body, solid, row, limit_s, branches, memory, fields, lane)``: as of the sweep over energies,
+    of the long-term law, and what was done on the branches [J]."""
     memory: int
     """Numbers that an element remembers."""
 
@@ -45,19 +45,19 @@ def relaxation_functions(
     bound: str,
     element: ElementFunctions,
     structs: Structs,
-    place: StateLayout,
+    layout: StateLayout,
     sweeps: SweepFunctions,
 ) -> RelaxationFunctions:
     """Generate the functions of a kind of branches, or those of none."""
     if kind is None:
         return _nothing(precision, element, structs, sweeps)
     real = precision.real
-    Body, Solid = structs.Body, element.Solid
+    Body, Solid, Fields = structs.Body, element.Solid, simulation_structs(precision).Fields
     lanes = lane_functions()
     empty_sum, add_to, n_workers = lanes.empty_sum, lanes.add_to, lanes.n_workers
     corner = corner_functions(precision, structs)
     nodes, values = corner.nodes, corner.values
-    read_shape, corner_stride = element.read_shape, place.corner_stride
+    read_shape, corner_stride = element.read_shape, layout.corner_stride
     stress_point, sweep_energies = element.stress_point, sweeps.energies
     point = kind.point(law, precision, bound)
     relax, held = point.relax, point.held
@@ -72,44 +72,44 @@ def relaxation_functions(
         row: wp.array(dtype=real),
         branches: wp.array(dtype=real),
         memory: wp.array(dtype=real),
-        clock: wp.array(dtype=wp.float64),
+        control: wp.array(dtype=wp.float64),
         step: int,
-        u_r: wp.array(dtype=real),
-        u_y: wp.array(dtype=real),
-        v_r: wp.array(dtype=real),
-        v_y: wp.array(dtype=real),
-        corner_r: wp.array(dtype=real),
-        corner_y: wp.array(dtype=real),
+        fields: Fields,
         lane: int,
         measure: int,
     ):
         # The step that led here, and the time between the velocities before and after.
         moved, interval = real(0.0), real(0.0)
         if step >= 0:
-            here = PLANS + PLAN * (step % 2)
-            moved = real(clock[here + STEP_BEFORE])
-            interval = real(clock[here + INTERVAL])
+            plan = Control.PLANS + Plan.SIZE * (step % 2)
+            moved = real(control[plan + Plan.STEP_BEFORE])
+            interval = real(control[plan + Plan.INTERVAL])
         most = real(0.0)
-        places, rooms = body.n_elements, corner_stride(body.n_elements)
+        n_elements, stride = body.n_elements, corner_stride(body.n_elements)
         e = lane
         while e < body.n_elements:
             q = nodes(body, e)
             shape = read_shape(body.shapes, e, measure)
-            ur, uy, vr, vy = values(u_r, q), values(u_y, q), values(v_r, q), values(v_y, q)
+            ur, uy, vr, vy = (
+                values(fields.u_r, q),
+                values(fields.u_y, q),
+                values(fields.v_r, q),
+                values(fields.v_y, q),
+            )
             done, stiffer = real(0.0), real(0.0)
             for g in range(n_points):
                 weight, gradient_r, gradient_y, hoop = stress_point(shape, g)
                 f_r, f_y, more, omega_squared = relax(
                     weight, gradient_r, gradient_y, hoop, shape.inverse_mass_r, shape.inverse_mass_y,
-                    solid.scale, row, branches, memory, g * per_point, places, e,
+                    solid.scale, row, branches, memory, g * per_point, n_elements, e,
                     ur, uy, vr, vy, moved, interval, measure,
                 )  # fmt: skip
                 for a in range(4):
-                    corner_r[a * rooms + e] = corner_r[a * rooms + e] + f_r[a]
-                    corner_y[a * rooms + e] = corner_y[a * rooms + e] + f_y[a]
+                    fields.corner_r[a * stride + e] = fields.corner_r[a * stride + e] + f_r[a]
+                    fields.corner_y[a * stride + e] = fields.corner_y[a * stride + e] + f_y[a]
                 done += more
                 stiffer += omega_squared
-            memory[worth * places + e] = memory[worth * places + e] + done
+            memory[worth * n_elements + e] = memory[worth * n_elements + e] + done
             most = wp.max(most, stiffer)
             e += n_workers()
         return wp.float64(most)
@@ -122,28 +122,27 @@ def relaxation_functions(
         limit_s: real,
         branches: wp.array(dtype=real),
         memory: wp.array(dtype=real),
-        u_r: wp.array(dtype=real),
-        u_y: wp.array(dtype=real),
+        fields: Fields,
         lane: int,
     ):
         rest = branches[place_of_rest]
         lasting = Solid(solid.scale * rest, solid.bulk, solid.hourglass, zero, zero, zero, zero, zero)
-        elastic, hourglass, past, most = sweep_energies(body, lasting, row, limit_s, u_r, u_y, lane)
+        elastic, hourglass, past, most = sweep_energies(body, lasting, row, limit_s, fields, lane)
         taken = empty_sum()
-        places = body.n_elements
+        n_elements = body.n_elements
         e = lane
         while e < body.n_elements:
             q = nodes(body, e)
             shape = read_shape(body.shapes, e, 0)
-            ur, uy = values(u_r, q), values(u_y, q)
+            ur, uy = values(fields.u_r, q), values(fields.u_y, q)
             stored = real(0.0)
             for g in range(n_points):
                 weight, gradient_r, gradient_y, hoop = stress_point(shape, g)
                 stored += held(
                     weight, gradient_r, gradient_y, hoop,
-                    solid.scale, row, branches, memory, g * per_point, places, e, ur, uy,
+                    solid.scale, row, branches, memory, g * per_point, n_elements, e, ur, uy,
                 )  # fmt: skip
-            taken = add_to(taken, wp.float64(stored + memory[worth * places + e]), e)
+            taken = add_to(taken, wp.float64(stored + memory[worth * n_elements + e]), e)
             e += n_workers()
         return elastic, hourglass, past, most, taken
 
@@ -154,7 +153,7 @@ def _nothing(
     precision: Precision, element: ElementFunctions, structs: Structs, sweeps: SweepFunctions
 ) -> RelaxationFunctions:
     real = precision.real
-    Body, Solid = structs.Body, element.Solid
+    Body, Solid, Fields = structs.Body, element.Solid, simulation_structs(precision).Fields
     sweep_energies, empty_sum = sweeps.energies, lane_functions().empty_sum
 
     @wp.func
@@ -164,14 +163,9 @@ def _nothing(
         row: wp.array(dtype=real),
         branches: wp.array(dtype=real),
         memory: wp.array(dtype=real),
-        clock: wp.array(dtype=wp.float64),
+        control: wp.array(dtype=wp.float64),
         step: int,
-        u_r: wp.array(dtype=real),
-        u_y: wp.array(dtype=real),
-        v_r: wp.array(dtype=real),
-        v_y: wp.array(dtype=real),
-        corner_r: wp.array(dtype=real),
-        corner_y: wp.array(dtype=real),
+        fields: Fields,
         lane: int,
         measure: int,
     ):
@@ -185,11 +179,10 @@ def _nothing(
         limit_s: real,
         branches: wp.array(dtype=real),
         memory: wp.array(dtype=real),
-        u_r: wp.array(dtype=real),
-        u_y: wp.array(dtype=real),
+        fields: Fields,
         lane: int,
     ):
-        elastic, hourglass, past, most = sweep_energies(body, solid, row, limit_s, u_r, u_y, lane)
+        elastic, hourglass, past, most = sweep_energies(body, solid, row, limit_s, fields, lane)
         return elastic, hourglass, past, most, empty_sum()
 
     return RelaxationFunctions(sweep, energies, 0)

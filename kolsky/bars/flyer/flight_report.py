@@ -65,10 +65,10 @@ def flight_of(result: StereoResult, length: float) -> FlightOfSpecimen | str:
     length
         Length of the specimen at rest [m].
     """
-    if result.travel is None or result.motion is None:
+    if result.axial_displacement is None or result.motion is None:
         return "its travel or its poses are not known"
     start = float(result.t[result.static][-1])
-    travel = result.travel
+    travel = result.axial_displacement
     try:
         flight = fit_flight(
             result.motion,

@@ -28,8 +28,8 @@ from kolsky.bars.result import WavesResult
 from kolsky.bars.signals.stations import Station
 
 LARGEST_BEND = 1.0
-"""Largest disagreement of the budget's two steps, in combined standard uncertainties. Steep fronts that a wave
-speed shifts are nonlinear; `quoted_values.remarks` names the values that suffer from it."""
+"""Largest disagreement of the budget's two steps, in combined standard uncertainties. Steep fronts that a
+wave speed shifts are nonlinear; `quoted_values.remarks` names the values that suffer from it."""
 Progress = Callable[[str, int, int], None]
 
 

@@ -129,7 +129,7 @@ def caption_picture_pair(seen: Recorded) -> str:
     largest = f"{float(np.percentile(size, 99.0)):.3f} px" if size.size else "unknown"
     return (
         f"(a), (b) Cameras 0 and 1 at {MS * float(pair.result.t[frame]):.3f} ms, frame {frame} counted from "
-        f"0, with the {int(body.alive[frame])} of {body.surface.n_points} points of the specimen that are "
+        f"0, with the {int(body.n_valid[frame])} of {body.surface.n_points} points of the specimen that are "
         "valid there, joined to their neighbours and coloured by the standard deviation of their place in "
         "that picture. (c) Of the valid points of each frame: the median of the larger of both cameras’ "
         "standard deviations and the rms distance from the epipolar line, 99 % of all distances below "
@@ -199,7 +199,7 @@ def _joined(body: Body, valid: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 def _histories(pair: PicturePair, quality: Axes, lost: Axes) -> None:
     result, body = pair.result, pair.result.specimen
-    usable = (result.outcome == FrameOutcome.VALID) & (body.alive > 0)
+    usable = (result.outcome == FrameOutcome.VALID) & (body.n_valid > 0)
     time, valid = MS * result.t[usable], body.surface.valid[usable]
     larger = np.where(valid, np.fmax(*body.match_sigma)[usable], np.nan)
     squares = np.where(valid, body.epipolar[usable] ** 2, np.nan)
@@ -207,9 +207,9 @@ def _histories(pair: PicturePair, quality: Axes, lost: Axes) -> None:
     quality.plot(time, np.sqrt(np.nanmean(squares, axis=1)), color=MODEL, label="epipolar distance, rms")
     quality.set(xlabel="Time (ms)", ylabel="In a picture (px)")
     quality.set_ylim(bottom=0.0)
-    lost.plot(time, body.surface.n_points - body.alive[usable], color=FORCE)
+    lost.plot(time, body.surface.n_points - body.n_valid[usable], color=FORCE)
     lost.set(xlabel="Time (ms)", ylabel=f"Points not valid (of {body.surface.n_points})")
-    lost.set_ylim(0.0, max(1.1 * float(np.max(body.surface.n_points - body.alive[usable])), 1.0))
+    lost.set_ylim(0.0, max(1.1 * float(np.max(body.surface.n_points - body.n_valid[usable])), 1.0))
     for ax, mark in ((quality, "c"), (lost, "d")):
         ax.axvline(MS * float(result.t[pair.frame]), color=LOST, lw=0.8, ls="--", label="(a), (b)")
         letter(ax, mark)

@@ -100,7 +100,7 @@ def caption_flyer(view: SurfaceView) -> str:
 
 def draw_flyer(view: SurfaceView, panels: Panels) -> None:
     """Draw displacement, difference quotients and sigma."""
-    result, travel = view.result, view.result.travel
+    result, travel = view.result, view.result.axial_displacement
     assert travel is not None  # `applies`
     time = MS * travel.t
     for ax in panels.values():
@@ -246,7 +246,9 @@ FIGURES: tuple[FigureKind[SurfaceView], ...] = (
         panels=lambda view: [["displacement"], ["velocity"], ["sigma"]],
         draw=draw_flyer,
         mosaic={"sharex": True, "height_ratios": [1.2, 1.2, 0.7]},
-        applies=lambda view: view.result.travel is not None and view.result.travel.t.size > 2,
+        applies=lambda view: (
+            view.result.axial_displacement is not None and view.result.axial_displacement.t.size > 2
+        ),
     ),
     FigureKind(
         name=FLIGHT.name,

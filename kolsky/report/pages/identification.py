@@ -9,6 +9,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from explicit import Ending
+from kolsky.inverse.parameters import PARAMETERS, has_effect
 from kolsky.inverse.result import Estimate, Identification, Verdict, worst_imbalance
 from kolsky.report import nomenclature, numbers
 from kolsky.report.display_units import in_shown_units
@@ -215,10 +216,9 @@ def _fixed(result: Identification) -> list[tuple[str, str, str]]:
     for parameter, value in result.fixed.items():
         name = name_of(parameter)
         text = f"{numbers.plain(value)} {_unit(name.unit)}".rstrip()
-        if parameter == "friction" and "coulomb" not in laws:
-            text = "not used: nothing slides"
-        if parameter == "release_stress" and "bonded_release" not in laws:
-            text = "not used: no face lets go"
+        record = PARAMETERS.get(parameter)
+        if record is not None and not has_effect(record, laws):
+            text = f"not used: {record.without}"
         rows.append((name.words, name.symbol if name.symbol != name.words else "", text))
     return rows
 

@@ -6,16 +6,16 @@ from typing import Any
 import numpy as np
 
 from doe.uncertainty import VerdictKind
+from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Estimate, Identification
 from kolsky.inverse.uncertainty_results import Declaration, ParameterProfile
 from kolsky.report import numbers
-from kolsky.report.nomenclature import name_of, route_label
+from kolsky.report.nomenclature import name_of, route_label, short
+from kolsky.shot.schema.uncertainty import IDENTIFIED
 from kolsky.uncertainty.warnings.runs import PAST_CURVE, equivalent_strain
 
 INPUTS = {
-    "poisson": "Poisson’s ratio ν",
-    "damping": "damping β",
-    "friction": "friction f",
+    **{name: short(name) for name, p in PARAMETERS.items() if p.uncertainty},
     "curve_scale": "scale of the quasi-static stress",
     "specimen_diameter": "specimen’s diameter",
     "specimen_length": "specimen’s length",
@@ -28,7 +28,7 @@ INPUTS = {
 """Words for the keys of [uncertainty]."""
 FACTORS = {"s": (1e6, "µs"), "m": (1e6, "µm")}
 """Factor and unit in which an uncertainty is shown."""
-PLAIN = ("poisson", "friction")
+PLAIN = tuple(name for name, p in PARAMETERS.items() if p.uncertainty and p.unit == "1")
 """Keys whose uncertainty is a number and no share."""
 OPEN = "open"
 
@@ -200,7 +200,7 @@ def _undeclared(result: Identification) -> list[str]:
     ]
 
 
-CHOSEN = ("poisson", "damping", "friction")
+CHOSEN = tuple(key for key in IDENTIFIED if key in PARAMETERS)
 """Inputs that no file of the shot measures."""
 NOT_VARIED = "not varied"
 WINDOW_END, FORCE_BINS = "window_end", "force_bins"

@@ -10,6 +10,7 @@ import numpy as np
 from doe.uncertainty.covariance import SingularInformationError
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Numerics
+from kolsky.inverse.parameters import any_slides
 from kolsky.inverse.prepared_shot import PreparedShot, prepare_shot
 from kolsky.inverse.provenance import provenance
 from kolsky.shot.records import Shot
@@ -164,7 +165,7 @@ def plan(
         "discrepancy": list(left_out),
         "numerics": numerics,
     }
-    sliding = "friction" in {*names, *held}
+    sliding = any_slides([*names, *held])
     return Plan(
         shot=shot.name,
         instruments=tools,

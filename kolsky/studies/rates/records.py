@@ -6,6 +6,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import MaterialCurve
+from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Identification, Verdict
 from kolsky.studies.rates.motion import StrainHistory
 from kolsky.studies.rates.pooled import Pooled
@@ -20,10 +21,8 @@ COMMON_DECLARED = {
     "sensitivity": "rig",
     "clock_offset": "rig",
     "curve_scale": "curve",
-    "poisson": "group",
-    "damping": "group",
-    "friction": "group",
     "specimen_density": "group",
+    **{name: "group" for name, p in PARAMETERS.items() if p.uncertainty},
 }
 """Keys of [uncertainty] that shots share, likewise; a specimen's size and the place of the cameras' axes are
 each shot's own."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from explicit import Response
 from kolsky.base.apparatus import Interface
+from kolsky.inverse.parameters import any_slides
 from kolsky.inverse.run_table import DesignTable
 
 PAST_CURVE = 0.01
@@ -71,11 +72,12 @@ def lost_runs(table: DesignTable, rest: str = "") -> Iterator[str]:
 
 
 def sliding(interface: Interface, named: list[str]) -> Iterator[str]:
-    """Say that naming `friction` replaced the declared interface; see
+    """Say that naming a parameter that slides replaced the declared interface; see
     `kolsky.inverse.forward.Forward.run`."""
-    if "friction" in named and {interface.faces, interface.side} != {"coulomb"}:
+    names = [name for name in named if any_slides([name])]
+    if names and {interface.faces, interface.side} != {"coulomb"}:
         yield (
-            "with friction as a parameter, Coulomb's law replaced the interface that the shot declares "
+            f"with {names[0]} as a parameter, Coulomb's law replaced the interface that the shot declares "
             f"(faces {interface.faces}, side {interface.side}): the specimen may slide and lift off"
         )
 

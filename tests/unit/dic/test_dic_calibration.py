@@ -16,7 +16,7 @@ from dic.calibration import (
     calibrate,
 )
 from dic.calibration.bundle import Rig, adjust, free_columns, residuals
-from dic.calibration.projection import SHARED, Sight, derivatives, exponential, seen
+from dic.calibration.projection import SHARED, View, derivatives, exponential, seen
 from dic.calibration.targets import Chessboard, DottedCylinder, FiducialDots
 
 SIZE = ((512, 512), (512, 512))
@@ -93,7 +93,7 @@ def excess(found: Calibration, target=CHESS) -> float:
             if pair.outcome.used and v is not None:
                 ids, n = v.ids[v.used], int(v.used.sum())
                 sights.append(
-                    Sight(k, c, ids, g.points[ids], g.normals[ids], g.spread[ids], g.bend[ids],
+                    View(k, c, ids, g.points[ids], g.normals[ids], g.spread[ids], g.bend[ids],
                           v.pixels[v.used], np.full(n, v.sigma[0]))
                 )  # fmt: skip
     poses = {k: (p.rotation, p.translation) for k, p in enumerate(found.pairs) if p.rotation is not None}
@@ -147,7 +147,7 @@ def test_derivatives_are_those_of_what_is_seen():
     R = R if np.linalg.det(R) > 0 else -R
     t = np.array([0.0, 0.0, 0.3]) - R @ [30e-3 * np.cos(8 / 30), 30e-3 * np.sin(8 / 30), 6e-3]
     for k, camera in enumerate(rig.cameras):
-        sight = Sight(0, k, ids, g.points, g.normals, g.spread, g.bend, np.zeros((63, 2)), np.ones(63))
+        sight = View(0, k, ids, g.points, g.normals, g.spread, g.bend, np.zeros((63, 2)), np.ones(63))
         shared, pose = derivatives(camera, sight, R, t)
         for column in range(6):
             h = 1e-6
@@ -358,7 +358,7 @@ def test_the_offset_of_a_dot_is_part_of_the_model():
     for k, views in enumerate(exact):
         for view, (R, t) in zip(views, poses, strict=True):
             turn, shift = (R, t) if k == 0 else (R01 @ R, R01 @ t + SHIFT)
-            sight = Sight(0, 0, view.ids, g.points, g.normals, g.spread, g.bend, view.pixels, view.sigma)
+            sight = View(0, 0, view.ids, g.points, g.normals, g.spread, g.bend, view.pixels, view.sigma)
             view.pixels[:] = seen(cameras[k], sight, turn, shift)
     found = calibrate(*exact, big, sensors=SIZE, distortion="k1", folds=0)
     centres = calibrate(*exact, CHESS, sensors=SIZE, distortion="k1", folds=0)
@@ -394,7 +394,7 @@ def test_adjusting_a_pose_alone_leaves_the_cameras():
     R, t = true_poses(1)[0]
     camera = Camera(fx=5400.0, fy=5390.0, cx=254.3, cy=258.3, distortion=tuple(LENS))
     view = sightings([(R, t)], noise=0.0)[0][0]
-    sight = Sight(0, 0, view.ids, g.points, g.normals, g.spread, g.bend, view.pixels, view.sigma)
+    sight = View(0, 0, view.ids, g.points, g.normals, g.spread, g.bend, view.pixels, view.sigma)
     start = Rig((camera, camera), {0: (exponential(np.array([0.05, -0.05, 0.1])) @ R, t + 1e-3)})
     fit = adjust(start, [sight], np.zeros((SHARED, 0)))
     assert fit.rig.cameras[0] == camera

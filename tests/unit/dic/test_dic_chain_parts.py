@@ -9,7 +9,7 @@ from synthetic_dic import rig, synthetic_result
 
 from dic.bodies.region import Region
 from dic.chain import ChainError, ChainSettings
-from dic.chain.inspect_images import check_cameras, look
+from dic.chain.inspect_images import check_cameras, inspect_images
 from dic.chain.reduce import outline_of
 from dic.chain.stages import Clock
 from dic.images import PictureError
@@ -56,7 +56,7 @@ def at_rest(*, seed: int, floor: float = FLOOR, gain: float = GAIN) -> Memory:
 
 def looked(first: Memory, second: Memory, *, frames: int = FRAMES):
     times = np.arange(frames) * 1e-3
-    return look((first, second), rig(), SETTINGS, t=times, static=np.ones(frames, dtype=bool))
+    return inspect_images((first, second), rig(), SETTINGS, t=times, static=np.ones(frames, dtype=bool))
 
 
 def without(series: Memory, gone) -> Memory:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dic.bodies.found_regions import find_regions, row_likeness
+from dic.bodies.found_regions import find_regions, row_correlation
 from dic.images import PictureError
 from dic.synthetic.speckles import render, speckle_pattern
 
@@ -85,7 +85,7 @@ def extent(region) -> tuple[float, float, float, float]:
 
 
 def test_rows_of_one_body_are_alike_and_an_edge_is_not(plain):
-    likeness = row_likeness(plain.frame(0)[:, 14:96])
+    likeness = row_correlation(plain.frame(0)[:, 14:96])
     assert np.median(likeness[10:80]) > 0.6  # speckles of 5 px, rows 2 px apart
     assert likeness[5:7].mean() < 0.3
 

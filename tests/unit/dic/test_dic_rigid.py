@@ -147,7 +147,7 @@ def test_a_prior_of_small_turns_lends_attitude_to_narrow_views():
     x = places(side(), u, r)
     data = seen(x, NOISE, x[..., 1] < TOP, rng)
     free = body_motion([data], FRAME, at=AT, rest=range(STATIC))
-    held = body_motion([data], FRAME, at=AT, rest=range(STATIC), turn=2e-5)
+    held = body_motion([data], FRAME, at=AT, rest=range(STATIC), rotation_change=2e-5)
     assert held.displacement_sigma[:, 1].mean() < 0.5 * free.displacement_sigma[:, 1].mean()
     error = (held.displacement - u) / held.displacement_sigma
     assert np.abs(error).max() < 4.0  # the prior is true here: nothing turns
@@ -200,8 +200,8 @@ def test_what_one_camera_sees_carries_the_motion_through_frames_the_other_does_n
         shared=0.0,
         rig=rig,
         tracks=[(tracks[0], tracks[1])],
-        turn=1e-5,
-        sway=1e-6,
+        rotation_change=1e-5,
+        lateral_change=1e-6,
     )
     assert (found.outcome == FrameOutcome.VALID).all()
     error = found.displacement - u
@@ -219,7 +219,7 @@ def test_bodies_that_cannot_be_followed_are_refused():
         ([], {}, "no points"),
         ([data], {"rest": [FRAMES]}, "rest must name frames"),
         ([data], {"shared": 1.0}, "shared must be"),
-        ([data], {"turn": 0.0}, "turn"),
+        ([data], {"rotation_change": 0.0}, "rotation_change"),
         ([data], {"at": [0.0, np.nan, 0.0]}, "at must be"),
         ([nothing], {}, "no frame sees"),
     ):

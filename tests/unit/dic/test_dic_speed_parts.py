@@ -13,7 +13,7 @@ from dic.calibration import TargetNotFound, detect, detect_series
 from dic.calibration.centroids import centroids
 from dic.calibration.corners import quantiles
 from dic.calibration.edges import _upper
-from dic.calibration.projection import Sight, derivatives, joined, poses_of, seen
+from dic.calibration.projection import View, derivatives, joined, poses_of, seen
 from dic.calibration.targets import FiducialDots
 from dic.camera import Camera
 from dic.correlation import Correlation, PictureStack, Shape, Templates, correlate
@@ -22,7 +22,7 @@ from dic.correlation.kernels.spline import PAD
 from dic.correlation.warp import identity
 from dic.images import PictureError
 from dic.images.kept import KeptPictures, kept
-from dic.rigid_body.adjustment import Habits, Sights, adjust
+from dic.rigid_body.adjustment import MotionPrior, Observations, adjust
 from dic.stereo.rays import inverse, largest_eigenvalue
 from dic.synthetic.speckles import render, speckle_pattern
 from dic.tracking.rigid import _in_view, _nothing
@@ -219,7 +219,7 @@ def test_views_joined_are_the_views_one_by_one():
     g = GRID.geometry()
     poses = {k: pose((0.2 * k, 0.1, 0.05), (5.4e-3, 4.2e-3), 0.095) for k in range(3)}
     views = [
-        Sight(k, 0, ids, g.points[ids], g.normals[ids], g.spread[ids], g.bend[ids], np.zeros((len(ids), 2)),
+        View(k, 0, ids, g.points[ids], g.normals[ids], g.spread[ids], g.bend[ids], np.zeros((len(ids), 2)),
               np.ones(len(ids)))
         for k, ids in enumerate((np.arange(80), np.arange(5, 30), np.arange(1)))
     ]  # fmt: skip
@@ -245,7 +245,7 @@ def test_poses_leave_out_what_is_far_off_and_settle():
     x[2, 5] += 40.0 * sigma
     valid = np.ones((n, 12), dtype=bool)
     W = np.broadcast_to(np.eye(3) / sigma**2, (n, 12, 3, 3))
-    found = adjust(Sights(x, W, valid, ~valid, np.ones((n, 12))), Habits(None, None), 5.0)
+    found = adjust(Observations(x, W, valid, ~valid, np.ones((n, 12))), MotionPrior(None, None), 5.0)
     assert found.count.tolist() == [12, 12, 11, 12, 12]
     relative = np.einsum("kab,cb->kac", found.R, found.R[0])
     # a direction over 12 points some mm apart is known to 1e-6 / (1.3e-3 sqrt 12) = 0.2 mrad; five of that

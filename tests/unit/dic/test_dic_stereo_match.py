@@ -32,7 +32,7 @@ def test_every_point_that_both_cameras_see_is_found_where_it_is(case: tuple[floa
     assert seen.sum() > 80
     error = apply(match.points, match.warp) - exact
     sigma = np.sqrt(np.einsum("nii->ni", match.covariance))
-    plain = seen & (match.evidence.incidence < np.radians(40.0))
+    plain = seen & (match.gate_values.incidence < np.radians(40.0))
     scaled = error[plain] / sigma[plain]
     # 100 to 160 correlated points (subsets of 21 px every 8 px): the spread is known to about 15 %
     assert 0.8 < scaled.std() < 1.25
@@ -57,7 +57,7 @@ def test_the_facets_slope_is_the_surfaces(case: tuple[float, StereoMatch]) -> No
     n = CYLINDER.normal(X)
     to = [camera.centre - X for camera in rig(angle).cameras]
     exact = np.max([np.arccos(np.sum(n * t, axis=1) / np.linalg.norm(t, axis=1)) for t in to], axis=0)
-    off = (match.evidence.incidence - exact)[match.valid]
+    off = (match.gate_values.incidence - exact)[match.valid]
     # noise of the gradients over the angle between the cameras: 5e-4 / sin(12.5°) = 2e-3 rad, five sigma
     assert np.abs(off).max() < 1.5e-2
 
@@ -65,7 +65,7 @@ def test_the_facets_slope_is_the_surfaces(case: tuple[float, StereoMatch]) -> No
 @pytest.mark.parametrize("subset", [15, 31])
 def test_an_affine_shape_function_sees_the_cylinder_too_small_by_its_mean_sagitta(subset: int) -> None:
     match = matched(settings=Correlation(subset=subset))
-    some = match.valid & (match.evidence.incidence < np.radians(30.0))
+    some = match.valid & (match.gate_values.incidence < np.radians(30.0))
     pixels = match.points[some], apply(match.points, match.warp)[some]
     X = triangulate(rig(), *pixels, np.eye(2) * 1e-6, match.covariance[some]).position
     bias = np.median(np.hypot(X[:, 0], X[:, 2])) - RADIUS
@@ -108,7 +108,7 @@ def test_a_camera_that_has_turned_fails_the_epipolar_gate() -> None:
     central = match.valid & (np.abs(match.points[:, 1] - 63.5) < 20.0)
     assert central.any()
     # the epipolar lines are level within the angle that they converge by, 1 px in 60
-    off = match.evidence.epipolar[central]
+    off = match.gate_values.epipolar[central]
     np.testing.assert_allclose(
         np.abs(off), np.abs(apply(match.points, match.warp)[central, 0] - 63.5) * roll, atol=0.05
     )
@@ -141,11 +141,11 @@ def test_a_point_that_camera_0_has_lost_has_no_guess_and_changes_nothing_else() 
 
 
 def test_nothing_outside_the_declared_distances() -> None:
-    along = matched().evidence.distance
+    along = matched().gate_values.distance
     middle = float(np.median(along[np.isfinite(along)]))
     match = matched(search=StereoSearch(distances=(middle, middle + 0.01)))
     assert match.valid.any()
-    assert np.all(match.evidence.distance[match.valid] >= middle)
+    assert np.all(match.gate_values.distance[match.valid] >= middle)
     assert match.count()[Gate.DISTANCE] > 0
 
 

@@ -10,8 +10,8 @@ from stereo_scene import SHAPE, rig
 from dic.correlation.settings import Match
 from dic.stereo import Gate, StereoGates, StereoSearch, epipolar_distance
 from dic.stereo.epipolar_search import curve_distances, points_along
-from dic.stereo.facet import distance_along, fit_facet, gradient, normals, sight
-from dic.stereo.gates import Evidence, disagreement, judge
+from dic.stereo.facet import distance_along, facet_geometry, fit_facet, gradient, normals
+from dic.stereo.gates import GateValues, disagreement, failed_gates
 from dic.stereo.guided import neighbourhood, propagate
 from dic.stereo.template import correlation
 from dic.synthetic.cylinder import RenderedCylinder
@@ -33,7 +33,7 @@ def on_plane(pixels: FloatArray, X: FloatArray, n: FloatArray) -> FloatArray:
 
 
 def test_the_gradient_is_that_of_rays_cut_with_the_plane() -> None:
-    seen = sight(rig(), PIXELS, DISTANCES)
+    seen = facet_geometry(rig(), PIXELS, DISTANCES)
     A = gradient(seen, DISTANCES, NORMALS)
     h = 0.01
     for k, step in enumerate(np.eye(2) * h):
@@ -43,12 +43,12 @@ def test_the_gradient_is_that_of_rays_cut_with_the_plane() -> None:
 
 
 def test_a_gradient_gives_its_facet_back() -> None:
-    A = gradient(sight(rig(), PIXELS, DISTANCES), DISTANCES, NORMALS)
+    A = gradient(facet_geometry(rig(), PIXELS, DISTANCES), DISTANCES, NORMALS)
     fit = fit_facet(rig(), PIXELS, DISTANCES, A)
     unit = NORMALS / np.linalg.norm(NORMALS, axis=1, keepdims=True)
     np.testing.assert_allclose(fit.normal, unit, atol=1e-9)  # round-off over the sine of 12.5°
     np.testing.assert_allclose(fit.across, 0.0, atol=1e-10)
-    X = sight(rig(), PIXELS, DISTANCES).X
+    X = facet_geometry(rig(), PIXELS, DISTANCES).X
     for camera, angle in zip(rig().cameras, fit.incidence, strict=True):
         to = camera.centre - X
         cosine = np.sum(unit * to, axis=1) / np.linalg.norm(to, axis=1)
@@ -56,7 +56,7 @@ def test_a_gradient_gives_its_facet_back() -> None:
 
 
 def test_a_turn_of_the_subset_is_no_facet() -> None:
-    A = gradient(sight(rig(), PIXELS, DISTANCES), DISTANCES, NORMALS)
+    A = gradient(facet_geometry(rig(), PIXELS, DISTANCES), DISTANCES, NORMALS)
     turned = A.copy()
     turned[:, 1, 0] += 0.05  # the epipolar lines are level to a few degrees: this is across them
     across = fit_facet(rig(), PIXELS, DISTANCES, turned).across
@@ -64,7 +64,7 @@ def test_a_turn_of_the_subset_is_no_facet() -> None:
 
 
 def test_normals_face_the_cameras_alike_and_turn_by_what_is_asked() -> None:
-    X = sight(rig(), PIXELS, DISTANCES).X
+    X = facet_geometry(rig(), PIXELS, DISTANCES).X
     n = normals(rig(), X, np.radians([[0.0, 0.0], [30.0, 0.0], [0.0, 20.0]]))
     to = [camera.centre - X for camera in rig().cameras]
     cosines = [np.einsum("nhk,nk->nh", n, t / np.linalg.norm(t, axis=1, keepdims=True)) for t in to]
@@ -107,7 +107,7 @@ def test_declared_distances_are_kept() -> None:
 
 
 def test_distance_is_measured_along_the_line_of_sight() -> None:
-    X = sight(rig(), PIXELS, DISTANCES).X
+    X = facet_geometry(rig(), PIXELS, DISTANCES).X
     np.testing.assert_allclose(distance_along(rig(), PIXELS, X), DISTANCES, rtol=1e-12)
     np.testing.assert_allclose(rig().cameras[0].project(X), PIXELS, atol=1e-8)
 
@@ -212,13 +212,13 @@ GOOD = {
     ],
 )
 def test_each_gate_closes_for_its_own_number_alone(name: str, value: float, gate: Gate) -> None:
-    values = {field.name: np.array([GOOD[field.name], GOOD[field.name]]) for field in fields(Evidence)}
+    values = {field.name: np.array([GOOD[field.name], GOOD[field.name]]) for field in fields(GateValues)}
     assert set(values) == set(GOOD)
     values[name][1] = value
-    assert judge(Evidence(**values), StereoGates(), (0.2, 0.4)).tolist() == [0, gate]
+    assert failed_gates(GateValues(**values), StereoGates(), (0.2, 0.4)).tolist() == [0, gate]
     values[name][1] = np.nan
     if name not in ("sigma", "epipolar_sigma"):
-        assert judge(Evidence(**values), StereoGates(), (0.2, 0.4))[1] == gate
+        assert failed_gates(GateValues(**values), StereoGates(), (0.2, 0.4))[1] == gate
 
 
 @pytest.mark.parametrize(

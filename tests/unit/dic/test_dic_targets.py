@@ -8,7 +8,7 @@ from boards import LENS, MATRIX, averaged, cylinder, dots, flat, pixels, pose
 from dic import Camera
 from dic.calibration import TARGETS, TargetNotFound, detect
 from dic.calibration.corners import noise_level
-from dic.calibration.projection import Sight, centroids, seen
+from dic.calibration.projection import View, centroids, seen
 from dic.calibration.targets import AsymmetricDots, Charuco, Chessboard, DottedCylinder, FiducialDots
 
 HOLLOW = ((2, 2), (7, 2), (2, 5))
@@ -206,7 +206,7 @@ def test_a_dotted_cylinder_is_numbered_from_three_anchors():
         fx=MATRIX[0, 0], fy=MATRIX[1, 1], cx=MATRIX[0, 2], cy=MATRIX[1, 2], distortion=tuple(LENS)
     )
     n = len(ids)
-    sight = Sight(
+    sight = View(
         0, 0, ids, g.points[ids], g.normals[ids], g.spread[ids], g.bend[ids], found.pixels, np.ones(n)
     )
     # Eq. (C.2) keeps the first order in patch size over radius, 0.11 here; 10 % of shifts of 0.2 px remain

@@ -14,14 +14,14 @@ from explicit.materials import MarlowLaw, neo_hookean
 from explicit.precision import PRECISIONS
 from explicit.time_loop.kernel import TimeLoopKernel, time_loop_kernel
 from explicit.time_loop.lanes import WARPS
-from explicit.time_loop.nodes import VALENCE
-from explicit.time_loop.slots import CLOCK, N_TOTALS
+from explicit.time_loop.node_sweeps import VALENCE
+from explicit.time_loop.slots import CONTROL_SIZE, Total
 from explicit.time_loop.state_layout import (
     ON_CHIP_BOUNDARY,
     ON_CHIP_CONTROL,
     ON_CHIP_ELEMENTS,
     ON_CHIP_NODES,
-    state_layout,
+    on_chip_elements,
 )
 
 DENSITY = 870.0
@@ -100,7 +100,7 @@ def test_constants_lie_at_the_places_of_their_nodes(size: tuple[int, int], on_ch
     np.testing.assert_array_equal(body.reference_r.numpy()[place], mesh.nodes[:, 0])
     np.testing.assert_array_equal(body.reference_y.numpy()[place], mesh.nodes[:, 1])
     # every corner force is gathered once, by the node it acts on; what is left over reads zeros behind them
-    slots = state_layout(numbers, on_chip).elements if on_chip else mesh.n_elements
+    slots = on_chip_elements(numbers) if on_chip else mesh.n_elements
     corners = entries(body.corners.numpy(), VALENCE)
     gathered = [(c, n) for n in range(mesh.n_nodes) for c in corners[:, place[n]] if c < 4 * slots]
     assert len(gathered) == len(set(gathered)) == 4 * mesh.n_elements
@@ -169,7 +169,7 @@ def test_what_fits_on_a_chip() -> None:
 
 
 def test_what_lies_on_a_chip_has_room_there() -> None:
-    assert CLOCK + N_TOTALS * WARPS <= ON_CHIP_CONTROL
+    assert CONTROL_SIZE + Total.COUNT * WARPS <= ON_CHIP_CONTROL
     fields = 4 * ON_CHIP_NODES + 2 * (4 * ON_CHIP_ELEMENTS + 1)
     sums, marks = 3 * ON_CHIP_BOUNDARY + ON_CHIP_CONTROL, ON_CHIP_BOUNDARY
     assert 8 * (fields + sums) + 4 * marks <= 48 * 1024  # what a block gets without a request

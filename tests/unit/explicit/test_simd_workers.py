@@ -45,8 +45,8 @@ def walk_kernel(numbers: Precision) -> Any:
     put_largest, get_largest = lanes.put_largest, lanes.get_largest
     boundary_totals, boundary_first = lanes.boundary_totals, lanes.boundary_first
     control_first, control_stride = lanes.control_first, lanes.control_stride
-    place = state_layout(numbers, on_chip=False)
-    field, sums = place.field, place.sums
+    layout = state_layout(numbers, small_structs(numbers), False)
+    field, sums = layout.field, layout.sums
     zero, half = real(0.0), real(0.5)
     HALF = wp.float64(0.5)
 

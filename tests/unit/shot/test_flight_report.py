@@ -92,7 +92,7 @@ def test_the_file_has_the_flight_and_is_still_read(result, straight, tmp_path):
     assert read_stereo_result(path).motion.at[1] == LENGTH
 
 
-@pytest.mark.parametrize("missing", ["motion", "travel"])
+@pytest.mark.parametrize("missing", ["motion", "axial_displacement"])
 def test_no_flight_says_why(result, missing):
     found = flight_of(replace(result, **{missing: None}), LENGTH)
     assert isinstance(found, str)

@@ -5,8 +5,8 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, rig
 
-from dic.rigid_body.axial_displacement import _on_their_way
-from dic.rigid_body.edge_registration import EDGE, RimSearch
+from dic.rigid_body.axial_displacement import _consistent_frames
+from dic.rigid_body.edge_registration import EDGE, EdgeRegistration
 from dic.surfaces import SpecimenFrame
 from dic.synthetic.cylinder import Speckles
 
@@ -31,21 +31,21 @@ def scene(shift: float, edge: float, seed: int) -> tuple[np.ndarray, np.ndarray]
     return first, second
 
 
-def search(edge: float) -> RimSearch:
+def search(edge: float) -> EdgeRegistration:
     """Knows the body from pictures in which it has come down by `TRAVEL`."""
     rows = np.arange(SHAPE[0])[:, None] < (TOP - (edge - TRAVEL)) * SCALE - 2.0
     angle = np.linspace(-0.3, 0.3, 7)
     places = np.stack([RADIUS * np.sin(angle), np.full(7, edge), RADIUS * np.cos(angle)], axis=1)
     move = np.array([0.0, -TRAVEL, 0.0])
     mask = np.broadcast_to(rows, SHAPE)
-    return RimSearch(scene(-TRAVEL, edge, 1), mask, RIG, FRAME, places, move)
+    return EdgeRegistration(scene(-TRAVEL, edge, 1), mask, RIG, FRAME, places, move)
 
 
 @pytest.mark.parametrize("rest", [0.0, 13.7e-6])
 def test_a_rim_of_three_rows_is_found(rest):
     edge = TOP - 5.0 / SCALE  # five rows, of which two are left out with the edge
     tried = np.arange(-40e-6, 45e-6, 10e-6)
-    found = search(edge).find(scene(rest, edge, 2), np.zeros(3), tried)
+    found = search(edge).register(scene(rest, edge, 2), np.zeros(3), tried)
     assert found is not None
     assert found.zncc > 0.98
     # noise alone: 0.02 px over some hundred pixels; the pixel at the edge is not needed and left out
@@ -66,15 +66,15 @@ def test_the_picture_s_last_row_is_learnt_from_frames_that_show_more():
     angle = np.linspace(-0.3, 0.3, 7)
     places = np.stack([RADIUS * np.sin(angle), np.full(7, edge), RADIUS * np.cos(angle)], axis=1)
     move, mask = np.array([0.0, -TRAVEL, 0.0]), np.broadcast_to(rows, SHAPE)
-    rim = RimSearch(blurred(scene(-TRAVEL, edge, 1)), mask, RIG, FRAME, places, move)
+    edge_strip = EdgeRegistration(blurred(scene(-TRAVEL, edge, 1)), mask, RIG, FRAME, places, move)
     resting, tried = blurred(scene(0.0, edge, 2)), np.arange(-40e-6, 45e-6, 10e-6)
-    before = rim.find(resting, np.zeros(3), tried)
+    before = edge_strip.register(resting, np.zeros(3), tried)
     shifts = -np.linspace(0.35e-3, 0.9e-3, 3)
     known = [
         (blurred(scene(shift, edge, 10 + k)), np.array([0.0, shift, 0.0])) for k, shift in enumerate(shifts)
     ]
-    offset, scatter = rim.learn(known)
-    after = rim.find(resting, np.zeros(3), tried)
+    offset, scatter = edge_strip.fit_row_offsets(known)
+    after = edge_strip.register(resting, np.zeros(3), tried)
     assert before is not None
     assert after is not None
     # The first row stands for all beyond it: its mean place lies further in by sum of k times weight k.
@@ -91,14 +91,14 @@ def test_the_picture_s_last_row_is_learnt_from_frames_that_show_more():
 def test_a_body_out_of_view_is_not_found():
     edge = TOP + 2.0 / SCALE
     tried = np.arange(-40e-6, 45e-6, 10e-6)
-    assert search(edge).find(scene(0.0, edge, 2), np.zeros(3), tried) is None
+    assert search(edge).register(scene(0.0, edge, 2), np.zeros(3), tried) is None
 
 
 def test_another_pattern_is_not_found():
     edge = TOP - 5.0 / SCALE
     rng = np.random.default_rng(3)
     other = (rng.uniform(size=SHAPE), rng.uniform(size=SHAPE))
-    assert search(edge).find(other, np.zeros(3), np.arange(-40e-6, 45e-6, 10e-6)) is None
+    assert search(edge).register(other, np.zeros(3), np.arange(-40e-6, 45e-6, 10e-6)) is None
 
 
 def test_a_wrong_place_agreed_on_by_few_points_is_left_out():
@@ -106,6 +106,6 @@ def test_a_wrong_place_agreed_on_by_few_points_is_left_out():
     found = [-19e-6 * k for k in rows]
     wrong = [k + (300e-6 if i < 6 else 0.0) for i, k in enumerate(found)]
     counts = [8 if i < 6 else 30 + i for i in range(len(rows))]
-    assert _on_their_way(rows, found, counts, static) == [True] * len(rows)
-    assert _on_their_way(rows, wrong, counts, static) == [False] * 6 + [True] * (len(rows) - 6)
-    assert _on_their_way([], [], [], static) == []
+    assert _consistent_frames(rows, found, counts, static) == [True] * len(rows)
+    assert _consistent_frames(rows, wrong, counts, static) == [False] * 6 + [True] * (len(rows) - 6)
+    assert _consistent_frames([], [], [], static) == []

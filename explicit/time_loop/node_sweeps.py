@@ -1,0 +1,159 @@
+"""The motion of the nodes: corner forces gathered, the velocity they would give, and where a node goes.
+
+Interior nodes move freely; a boundary node first meets its platen (`explicit.time_loop.boundary`). Both come
+in sweeps of their own, so that only boundary nodes pay for contact.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from explicit.grouped_tables import entries_function
+from explicit.precision import Precision
+from explicit.time_loop.boundary import LOWER, UPPER, BoundaryFunctions
+from explicit.time_loop.lanes import lane_functions
+from explicit.time_loop.structs import Structs, simulation_structs
+
+VALENCE = 4
+"""Elements that meet at a node, at most."""
+
+
+@dataclass(frozen=True)
+class NodeSweeps:
+    """The sweeps over a simulation's nodes."""
+
+    interior: Any
+    """``interior(body, fields, step, alpha, lane, kinetic, damped) -> (kinetic, damped)``: move this worker's
+    interior nodes; sums of kinetic energy and of what mass-proportional damping `alpha` takes [J]."""
+    boundary: Any
+    """``boundary(body, batch, state, sample, fields, surface, step, friction, alpha, lane, kinetic, damped)
+    -> (kinetic, damped, rubbed, landed, worked)``: the same for its boundary nodes, with the work of
+    friction, of landing and of the platens [J]."""
+
+
+@cache
+def node_sweeps(precision: Precision, structs: Structs, platens: BoundaryFunctions) -> NodeSweeps:
+    """Generate the sweeps."""
+    real, vec2 = precision.real, precision.vec2
+    Body, Batch, State = structs.Body, structs.Batch, structs.State
+    simulation = simulation_structs(precision)
+    Fields, Surface, Step = simulation.Fields, simulation.Surface, simulation.Step
+    lanes = lane_functions()
+    empty_sum, add_to, boundary_first = lanes.empty_sum, lanes.add_to, lanes.boundary_first
+    first_inner, inner_stride, n_workers = lanes.first_inner, lanes.inner_stride, lanes.n_workers
+    contact = platens.contact
+    numbers, corners_at = entries_function(real), entries_function(wp.int32)
+    valence, zero, half = int(VALENCE), real(0.0), real(0.5)
+    lower, upper = int(LOWER), int(UPPER)
+
+    @wp.func
+    def free_velocity(body: Body, fields: Fields, n: int, interval: real, alpha: real):
+        """Velocity before, velocity after an interval without contact, and the node's mass."""
+        f_r, f_y = real(0.0), real(0.0)
+        corners, masses = corners_at(body.corners, 0, n), numbers(body.masses, 0, n)
+        for c in range(valence):
+            f_r += fields.corner_r[corners[c]]
+            f_y += fields.corner_y[corners[c]]
+        old = vec2(fields.v_r[n], fields.v_y[n])
+        # Forces resist, so they enter with a minus; the drag of alpha acts on the old velocity. On the axis
+        # the radial inverse mass is zero.
+        push = vec2(f_r * masses[1], f_y * masses[2])
+        return old, old - interval * (push + alpha * old), masses[0]
+
+    @wp.func
+    def move(fields: Fields, n: int, new: vec2, dt: real):
+        fields.v_r[n] = new[0]
+        fields.v_y[n] = new[1]
+        fields.u_r[n] = fields.u_r[n] + dt * new[0]
+        fields.u_y[n] = fields.u_y[n] + dt * new[1]
+
+    @wp.func
+    def kinetic_energy(mass: real, old: vec2, new: vec2):
+        return wp.float64(half * mass * wp.dot(old, new))
+
+    @wp.func
+    def drag_loss(mass: real, old: vec2, new: vec2, interval: real, alpha: real):
+        return wp.float64(interval * alpha * mass * half * wp.dot(old, old + new))
+
+    @wp.func
+    def interior(
+        body: Body,
+        fields: Fields,
+        step: Step,
+        alpha: real,
+        lane: int,
+        kinetic: wp.float64,
+        damped: wp.float64,
+    ):
+        dt, interval = real(step.dt), real(step.interval)
+        n = first_inner(lane)
+        while n < body.n_inner:
+            old, new, mass = free_velocity(body, fields, n, interval, alpha)
+            if step.ledger == 1:
+                kinetic = add_to(kinetic, kinetic_energy(mass, old, new), n)
+            if alpha > zero:
+                damped = add_to(damped, drag_loss(mass, old, new, interval, alpha), n)
+            move(fields, n, new, dt)
+            n += inner_stride()
+        return kinetic, damped
+
+    @wp.func
+    def boundary(
+        body: Body,
+        batch: Batch,
+        state: State,
+        sample: int,
+        fields: Fields,
+        surface: Surface,
+        step: Step,
+        friction: real,
+        alpha: real,
+        lane: int,
+        kinetic: wp.float64,
+        damped: wp.float64,
+    ):
+        rubbed, landed, worked = empty_sum(), empty_sum(), empty_sum()
+        dt, interval = real(step.dt), real(step.interval)
+        b = boundary_first(lane)
+        while b < body.n_boundary:
+            node = body.first_boundary + b
+            old, free, mass = free_velocity(body, fields, node, interval, alpha)
+            height = body.reference_y[node] + wp.float64(fields.u_y[node])
+            to_lower = real((step.lower_next - height) * step.rate)
+            to_upper = real((body.length - step.flyer_next - height) * step.rate)
+            new, platen, mark = contact(
+                body, batch, state, sample, b,
+                body.kind[b], surface.touched[b], free, to_lower, to_upper, friction, interval, dt,
+            )  # fmt: skip
+            surface.touched[b] = mark
+            # Impulses of the platen on the node, and where their work goes.
+            push = wp.float64(mass) * wp.float64(new[1] - free[1])
+            rub = wp.float64(mass) * wp.float64(new[0] - free[0])
+            from_below, from_above, riding = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
+            speed = wp.float64(half * (old[1] + new[1]))
+            slide = wp.float64(half * (old[0] + new[0]))
+            if platen == lower:
+                from_below = push
+                if new[1] == to_lower:
+                    riding = wp.float64(mass)
+                landed = add_to(landed, push * (step.lower_speed - speed), b)
+                worked = add_to(worked, push * step.lower_speed, b)
+            elif platen == upper:
+                from_above = push
+                landed = add_to(landed, push * (step.upper_speed - speed), b)
+                worked = add_to(worked, push * step.upper_speed, b)
+            rubbed = add_to(rubbed, -rub * slide, b)
+            surface.push_lower[b] = from_below
+            surface.push_upper[b] = from_above
+            surface.carried[b] = riding
+            if step.ledger == 1:
+                kinetic = add_to(kinetic, kinetic_energy(mass, old, new), b)
+            if alpha > zero:
+                damped = add_to(damped, drag_loss(mass, old, new, interval, alpha), b)
+            move(fields, node, new, dt)
+            b += n_workers()
+        return kinetic, damped, rubbed, landed, worked
+
+    return NodeSweeps(interior, boundary)
