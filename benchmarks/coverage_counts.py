@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import binom
 
-from kolsky.identification import ONE_SIDED, ORDER
+from kolsky.uncertainty.numerical import ONE_SIDED, ORDER
 
 NOMINAL = 0.9545
 """Share that an interval of k = 2 holds of a normal distribution."""

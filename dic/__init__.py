@@ -1,15 +1,73 @@
-"""Pictures to surfaces: what stereo image correlation measured, with a sigma and an outcome per point."""
+"""Pictures to surfaces: stereo image correlation with a sigma and an outcome per point.
 
-from dic.camera import Camera, StereoRig
-from dic.outcome import FrameOutcome, PointOutcome
-from dic.surfaces.surface_history import CentrePoints, SurfaceHistory, centre_line
+The names below are loaded when they are first used.
+"""
 
-__all__ = [
-    "Camera",
-    "CentrePoints",
-    "FrameOutcome",
-    "PointOutcome",
-    "StereoRig",
-    "SurfaceHistory",
-    "centre_line",
-]
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from dic.bodies.region import Region
+    from dic.calibration.detect import detect
+    from dic.calibration.solve import calibrate
+    from dic.camera import Camera, StereoRig
+    from dic.camera_files.formats import read_rig, write_rig
+    from dic.chain.settings import ChainSettings
+    from dic.chain.stages import measure
+    from dic.correlation.search import correlate
+    from dic.correlation.settings import Correlation
+    from dic.images.formats import open_pictures
+    from dic.images.series import Pictures
+    from dic.outcome import FrameOutcome, PointOutcome
+    from dic.result import StereoResult
+    from dic.stereo.match import match_stereo
+    from dic.stereo.reconstruction import reconstruct
+    from dic.surfaces.strains import StrainGauge, strains
+    from dic.surfaces.surface_history import CentrePoints, SurfaceHistory, centre_line
+    from dic.tracking.follow import track
+    from dic.tracking.settings import Tracking
+
+_HOME = {
+    "Camera": "dic.camera",
+    "CentrePoints": "dic.surfaces.surface_history",
+    "ChainSettings": "dic.chain.settings",
+    "Correlation": "dic.correlation.settings",
+    "FrameOutcome": "dic.outcome",
+    "Pictures": "dic.images.series",
+    "PointOutcome": "dic.outcome",
+    "Region": "dic.bodies.region",
+    "StereoResult": "dic.result",
+    "StereoRig": "dic.camera",
+    "StrainGauge": "dic.surfaces.strains",
+    "SurfaceHistory": "dic.surfaces.surface_history",
+    "Tracking": "dic.tracking.settings",
+    "calibrate": "dic.calibration.solve",
+    "centre_line": "dic.surfaces.surface_history",
+    "correlate": "dic.correlation.search",
+    "detect": "dic.calibration.detect",
+    "match_stereo": "dic.stereo.match",
+    "measure": "dic.chain.stages",
+    "open_pictures": "dic.images.formats",
+    "read_rig": "dic.camera_files.formats",
+    "reconstruct": "dic.stereo.reconstruction",
+    "strains": "dic.surfaces.strains",
+    "track": "dic.tracking.follow",
+    "write_rig": "dic.camera_files.formats",
+}
+"""Where each public name is defined. The imports above tell a type checker the same; a test compares both."""
+
+__all__ = [*_HOME]
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name when it is first asked for."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'dic' has no attribute {name!r}; it offers {', '.join(_HOME)}")
+    from importlib import import_module
+
+    value = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOME})

@@ -12,17 +12,17 @@ import tomllib
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[1]
-LINE = re.compile(r"^<!-- (rooms|public (\w+)) -->$", re.MULTILINE)
+LINE = re.compile(r"^<!-- (rooms|public) (\w+) -->$", re.MULTILINE)
 
 
-def rooms() -> str:
-    """The rooms of `kolsky` in the order of their imports."""
+def rooms(package: str) -> str:
+    """The rooms of a package in the order of their imports."""
     lines = ["| room | inside | holds |", "| --- | --- | --- |"]
-    for room in tomllib.loads((DOCS / "rooms.toml").read_text("utf-8"))["room"]:
+    table = "room" if package == "kolsky" else package
+    for room in tomllib.loads((DOCS / "rooms.toml").read_text("utf-8"))[table]:
         inside = ", ".join(f"`{name}`" for name in room.get("inside", []))
-        lines.append(
-            f"| {{doc}}`{room['name']} <api/generated/kolsky.{room['name']}>` | {inside} | {room['does']} |"
-        )
+        page = f"api/generated/{package}.{room['name']}"
+        lines.append(f"| {{doc}}`{room['name']} <{page}>` | {inside} | {room['does']} |")
     return "\n".join(lines)
 
 
@@ -43,7 +43,9 @@ def public(package: str) -> str:
 
 def fill(app, name, source) -> None:
     """Put the tables where a page asks for them."""
-    source[0] = LINE.sub(lambda found: rooms() if found[1] == "rooms" else public(found[2]), source[0])
+    source[0] = LINE.sub(
+        lambda found: rooms(found[2]) if found[1] == "rooms" else public(found[2]), source[0]
+    )
 
 
 def setup(app):

@@ -1,6 +1,7 @@
 """Numbers over lanes: operations between values, and the functions of Warp that the source uses."""
 
 import ast
+from collections.abc import Callable
 from dataclasses import replace
 
 from explicit.simd.values import (
@@ -14,6 +15,18 @@ from explicit.simd.values import (
 
 OPERATORS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Mod: "%"}
 """C++ signs of the binary operations."""
+LANE_BY_LANE = {
+    **dict.fromkeys(("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh"), 1),
+    **dict.fromkeys(("log2", "log10", "floor", "ceil", "round", "rint", "trunc"), 1),
+    **dict.fromkeys(("pow", "atan2"), 2),
+}
+"""Functions of Warp that are called for one lane after the other, and how many numbers each takes."""
+CURES = {
+    "%": "write x - y * wp.trunc(x / y)",
+    "**": "write wp.pow(x, y) with real numbers of one kind",
+    "select": "write wp.where(condition, if_true, if_false)",
+}
+"""What may be written instead of some that have no meaning over lanes."""
 
 
 class Arithmetic:
@@ -26,9 +39,12 @@ class Arithmetic:
     lanes: int
     mask: str | None
     lines: list[str]
+    sources: list[tuple[str, int]]
+    """File and first line of the functions that are being translated, the innermost last."""
 
     def __init__(self) -> None:
         self.serial = 0
+        self.sources = []
 
     # ---- emission ------------------------------------------------------------------------------------
 
@@ -65,8 +81,18 @@ class Arithmetic:
         return self.temporary(yes.kind, code, True)
 
     def refuse(self, node: ast.AST, why: str) -> TypeError:
-        """An error that names the source."""
-        return TypeError(f"{ast.unparse(node)}: {why}")
+        """An error that names the source: file, line, what stands there, and why it cannot be translated."""
+        line = getattr(node, "lineno", None)
+        place = ""
+        if self.sources and line is not None:
+            file, first = self.sources[-1]
+            place = f"{file}:{first + line - 1}: "
+        return TypeError(f"{place}{ast.unparse(node)}: {why}")
+
+    @classmethod
+    def known_functions(cls) -> list[str]:
+        """Names of the functions of Warp that have a meaning over lanes."""
+        return sorted(name.removeprefix("wp_") for name in dir(cls) if name.startswith("wp_"))
 
     # ---- operations ----------------------------------------------------------------------------------
 
@@ -112,8 +138,11 @@ class Arithmetic:
             return Vector(items, "new" if bank else "")  # type: ignore[arg-type]
         if not isinstance(left, Scalar) or not isinstance(right, Scalar) or left.kind != right.kind:
             raise self.refuse(node, "operands of one kind are wanted")
+        if isinstance(operator, ast.Pow) and left.is_float:
+            return self.lane_by_lane("pow", left, right)
         if type(operator) not in OPERATORS or (isinstance(operator, ast.Mod) and left.kind != "i32"):
-            raise self.refuse(node, "no such operator over lanes")
+            cure = {ast.Mod: CURES["%"], ast.Pow: CURES["**"]}.get(type(operator), "write sums and products")
+            raise self.refuse(node, f"no such operator over lanes; {cure}")
         if left.const is not None and right.const is not None and left.kind == "i32":
             folded = {"+": int.__add__, "-": int.__sub__, "*": int.__mul__}.get(OPERATORS[type(operator)])
             if folded is not None:
@@ -171,9 +200,7 @@ class Arithmetic:
 
     def wp_cbrt(self, x: Scalar) -> Scalar:
         """Cube root."""
-        if x.varying:
-            return self.temporary(x.kind, f"op::root({x.code})", True)
-        return self.temporary(x.kind, f"{'::cbrt' if x.kind == 'f64' else '::cbrtf'}({x.code})", False)
+        return self._of_packs("root", x)
 
     def wp_exp(self, x: Scalar) -> Scalar:
         """e to the power of a number."""
@@ -187,6 +214,30 @@ class Arithmetic:
         """A function that is written for packs; of a uniform number it has the same bits."""
         code = f"op::{name}({self.pack(x)})"
         return self.temporary(x.kind, code if x.varying else f"{code}[0]", x.varying)
+
+    def lane_by_lane(self, name: str, *numbers: Scalar) -> Scalar:
+        """A function of Warp of real numbers, with the bits that it has of each."""
+        if not all(x.is_float for x in numbers):
+            raise self.refuse(ast.Name(f"wp.{name}"), "real numbers are wanted")
+        kind = numbers[0].kind
+        if not any(x.varying for x in numbers):
+            return self.temporary(kind, f"wp::{name}({', '.join(x.code for x in numbers)})", False)
+        result = self.name("t")
+        entries = ", ".join(f"{x.code}[l]" if x.varying else x.code for x in numbers)
+        self.emit(f"{PACK[kind]} {result};")
+        self.emit(f"for (int l = 0; l < W; ++l) {result}[l] = wp::{name}({entries});")
+        return Scalar(kind, result, True)
+
+    def wp_where(self, condition: Scalar, yes: Scalar, no: Scalar) -> Scalar:
+        """The first where a condition holds, the second elsewhere."""
+        return self.select(condition, yes, no)
+
+    def wp_isnan(self, x: Scalar) -> Scalar:
+        """Whether it is not a number."""
+        if not x.varying:
+            return self.temporary("bool", f"{x.code} != {x.code}", False)
+        whole = "i64v" if x.kind == "f64" else "i32v"
+        return self.temporary("bool", f"op::to_mask(({whole})({x.code} != {x.code}))", True)
 
     def wp_isfinite(self, x: Scalar) -> Scalar:
         """Whether a number is neither infinite nor not a number."""
@@ -207,3 +258,17 @@ class Arithmetic:
     def wp_block_dim(self) -> Scalar:
         """Lanes of one simulation; provided by the mapping."""
         raise NotImplementedError
+
+
+def _function(name: str, count: int) -> Callable[..., Scalar]:
+    def unary(self: Arithmetic, x: Scalar) -> Scalar:
+        return self.lane_by_lane(name, x)
+
+    def binary(self: Arithmetic, x: Scalar, y: Scalar) -> Scalar:
+        return self.lane_by_lane(name, x, y)
+
+    return binary if count == 2 else unary
+
+
+for _name, _count in LANE_BY_LANE.items():
+    setattr(Arithmetic, f"wp_{_name}", _function(_name, _count))

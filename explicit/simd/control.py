@@ -56,13 +56,13 @@ class Control(Statements):
             condition = self.truth(node.test)
             self.emit(f"{mask} = {mask} & {self.pack(condition)};")
             self.emit(f"if (!op::any({mask})) break;")
-            walked = self._walked(node.test)
-            if walked is not None:
-                self.walks[mask] = walked
+            counter = self._lane_counter(node.test)
+            if counter is not None:
+                self.lane_loops[mask] = counter
             self.block(node.body)
             self.mask, self.path = outer, self.path[:-1]
-            if walked is not None:
-                walked.lane = False  # lanes that left stayed behind
+            if counter is not None:
+                counter.lane = False  # lanes that left stayed behind
         else:
             self.emit("while (true) {")
             condition = self.truth(node.test)
@@ -72,7 +72,7 @@ class Control(Statements):
             self.block(node.body)
         self.emit("}")
 
-    def _walked(self, test: ast.expr) -> Variable | None:
+    def _lane_counter(self, test: ast.expr) -> Variable | None:
         """The variable of a loop ``while k < n``: the first lane, where it begins, is the last to leave."""
         if not (isinstance(test, ast.Compare) and isinstance(test.ops[0], ast.Lt)):
             return None

@@ -34,7 +34,10 @@ class Expressions(Arithmetic):
         """Translate any expression."""
         method = getattr(self, "_" + type(node).__name__.lower(), None)
         if method is None:
-            raise self.refuse(node, f"{type(node).__name__} has no meaning over lanes")
+            why = f"{type(node).__name__} has no meaning over lanes"
+            if isinstance(node, ast.IfExp):
+                why += "; write wp.where(condition, if_true, if_false)"
+            raise self.refuse(node, why)
         return method(node)  # type: ignore[no-any-return]
 
     def scalar(self, node: ast.expr) -> Scalar:
@@ -234,7 +237,12 @@ class Expressions(Arithmetic):
             count = thing.__func__.__code__.co_argcount - 1
             if len(arguments) != count or not all(isinstance(a, wanted) for a in arguments):
                 raise self.refuse(node, f"{count} numbers are wanted, or vectors by dot")
-            if len({a.kind for a in arguments if isinstance(a, Scalar)}) > 1:
+            alike = arguments
+            if thing.__name__ == "wp_where":
+                if arguments[0].kind != "bool":  # type: ignore[union-attr]
+                    raise self.refuse(node, "a truth value comes first")
+                alike = arguments[1:]
+            if len({a.kind for a in alike if isinstance(a, Scalar)}) > 1:
                 raise self.refuse(node, "operands of one kind are wanted")
             return thing(*arguments)  # type: ignore[no-any-return]
         return self.call(thing, arguments, node)

@@ -58,7 +58,7 @@ def lane_kernel(
     }
     arguments["first"] = Scalar("i32", "first")
     code = prelude(lanes, "f64" if precision.name == "fp64" else "f32")
-    code += translator.settle(march.func, arguments)
+    code += translator.translate(march.func, arguments)
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
 
     @wp.func_native(snippet=code)

@@ -34,12 +34,15 @@ _PRELUDE = """
         static inline i32v sel(mask m, i32v a, i32v b) {{ return __builtin_convertvector(m, i32v) ? a : b; }}
         static inline i64v sel(mask m, i64v a, i64v b) {{ return __builtin_convertvector(m, i64v) ? a : b; }}
         static inline f64v root(f64v x) {{ // cube root: a third of the exponent, then Halley's steps
-            f64v size = __builtin_elementwise_abs(x), third = (f64v)(1.0 / 3.0);
+            const f64v one = (f64v)(1.0), whole = __builtin_elementwise_abs(x), third = (f64v)(1.0 / 3.0);
+            const i64v little = (i64v)(whole < (f64v)(0x1p-600)), much = (i64v)(whole > (f64v)(0x1p600));
+            const f64v size = whole * (little ? (f64v)(0x1p600) : much ? (f64v)(0x1p-600) : one);
+            const f64v back = little ? (f64v)(0x1p-200) : much ? (f64v)(0x1p200) : one;
             i64v guess = __builtin_convertvector(__builtin_convertvector((i64v)size, f64v) * third, i64v);
             f64v y = (f64v)(guess + (i64v)(3071306043645493248ll));
             for (int k = 0; k < 4; ++k) {{ f64v c = y * y * y; y = y * (c + size + size) / (c + c + size); }}
-            y = x < (f64v)(0.0) ? -y : y;
-            return ((x != (f64v)(0.0)) & (size < (f64v)(__builtin_inf()))) ? y : x;
+            y = x < (f64v)(0.0) ? -y * back : y * back;
+            return ((x != (f64v)(0.0)) & (whole < (f64v)(__builtin_inf()))) ? y : x;
         }}
         static inline f32v root(f32v x) {{
             return __builtin_convertvector(root(__builtin_convertvector(x, f64v)), f32v);

@@ -10,6 +10,7 @@ from typing import Any
 
 import warp as wp
 
+from explicit.simd.arithmetic import CURES
 from explicit.simd.memory import Memory
 from explicit.simd.values import PACK, SCALAR, Array, Known, Scalar, Struct, Value, Vector, literal
 
@@ -42,7 +43,7 @@ class Statements(Memory):
     """Functions are put in place; a branch on which the lanes disagree runs under a mask.
 
     A variable that is assigned where only some lanes are at work must be varying, which can turn
-    others varying. `settle` repeats the translation until no variable changes.
+    others varying. `translate` repeats the translation until no variable changes.
     """
 
     own: frozenset[str] = frozenset()
@@ -56,15 +57,15 @@ class Statements(Memory):
         self.row_headers: dict[str, set[int]] = {}
         self.outliving: set[str] = set()
         self.written: set[str] = set()
-        self.walks: dict[str, Variable] = {}
+        self.lane_loops: dict[str, Variable] = {}
 
-    def settle(self, function: Any, arguments: dict[str, Value]) -> str:
+    def translate(self, function: Any, arguments: dict[str, Value]) -> str:
         """Translate a function of no result until the kinds of its variables are settled."""
         settled: tuple[int, ...] = ()
         while settled != self._known_so_far():
             settled = self._known_so_far()
             self.serial, self.instances, self.masks = 0, 0, 0
-            self.walks.clear()
+            self.lane_loops.clear()
             self.lines: list[str] = []
             self.declared: dict[str, str] = {}
             self.arrays: dict[str, str] = {}
@@ -73,6 +74,7 @@ class Statements(Memory):
             self.scopes: list[dict[str, Value | Variable]] = []
             self.surroundings: list[dict[str, Any]] = []
             self.instance_names: list[str] = []
+            self.sources: list[tuple[str, int]] = []
             self.function(function, list(arguments.values()))
         declarations = list(self.arrays.values())
         declarations += [f"{ctype} {name} = ({ctype})(0);" for name, ctype in self.declared.items()]
@@ -92,6 +94,7 @@ class Statements(Memory):
         self.instance_names.append(f"{tree.name}{self.instances}")
         self.surroundings.append({**closure.builtins, **closure.globals, **closure.nonlocals})
         self.scopes.append({})
+        self.sources.append((inspect.getsourcefile(function) or "?", function.__code__.co_firstlineno))
         for parameter, value in zip(tree.args.args, arguments, strict=True):
             self.assign_name(parameter.arg, value, parameter)
         last = tree.body[-1]
@@ -101,17 +104,24 @@ class Statements(Memory):
         self.scopes.pop()
         self.surroundings.pop()
         self.instance_names.pop()
+        self.sources.pop()
         return result
 
     def call(self, thing: Any, arguments: Sequence[Value], node: ast.Call) -> Value:
         """Put a Warp function in place."""
         if not isinstance(thing, wp.Function) or thing.is_builtin():
-            raise self.refuse(node, "no meaning over lanes")
+            raise self.refuse(node, self._no_meaning(thing))
         name = thing.func.__name__ if thing.func is not None else ""
         if thing.native_snippet is not None or name in self.own:
             return self.together(name, arguments, node)
         result = self.function(thing.func, arguments)
         return Known(None) if result is None else result
+
+    def _no_meaning(self, thing: Any) -> str:
+        if not isinstance(thing, wp.Function):
+            return "no meaning over lanes; call a function of Warp, or one made by wp.func"
+        instead = CURES.get(thing.key, f"of Warp's functions use {', '.join(self.known_functions())}")
+        return f"wp.{thing.key} has no meaning over lanes; {instead}"
 
     def together(self, name: str, arguments: Sequence[Value], node: ast.Call) -> Value:
         """What the lanes of one simulation do together; provided by the mapping."""
@@ -169,7 +179,7 @@ class Statements(Memory):
             self.varying_names.add(key)
             variable.varying = True
         # Lanes that stay behind are out of step, but for those that leave a walk.
-        behind = self.mask is not None and elsewhere and self.walks.get(self.mask) is not variable
+        behind = self.mask is not None and elsewhere and self.lane_loops.get(self.mask) is not variable
         if variable.lane and (behind or not all(item.lane for item in items)):
             self.out_of_step.add(key)
         if variable.bank and isinstance(value, Vector) and value.bank == variable.bank:

@@ -7,7 +7,7 @@ size and unit of a dataset are checked before its values. Records are joined to 
 """
 
 import posixpath
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -179,15 +179,17 @@ def put(
         dataset.attrs[key] = value
 
 
-def put_text(parent: h5py.Group, name: str, value: str | Sequence[str]) -> None:
+def put_text(parent: h5py.Group, name: str, value: str | Iterable[str], *, escape: bool = False) -> None:
     """Write a text or several as a dataset of fixed-length UTF-8.
 
     Raises
     ------
     ValueError
-        If a text has a NUL character or a lone surrogate.
+        If a text has a NUL character or a lone surrogate, unless `escape` writes them as escapes.
     """
     texts = [value] if isinstance(value, str) else list(value)
+    if escape:
+        texts = [text.replace("\0", "\\0").encode("utf-8", "backslashreplace").decode() for text in texts]
     if any("\0" in text for text in texts):
         place = f"{parent.name.rstrip('/')}/{name}"
         raise ValueError(f"{place}: a text with a NUL character cannot be stored")

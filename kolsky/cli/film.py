@@ -55,14 +55,14 @@ def film(
     from kolsky.report.scene.drawing import CannotRender
     from kolsky.report.scene.fields import solid_of
     from kolsky.report.scene.film import write_film, write_stills
-    from kolsky.report.scene.stage import stage_of
+    from kolsky.report.scene.scene_data import scene_of
     from kolsky.results.hdf5 import read_identification
 
     result = read_identification(folder / RESULT_FILE)
     solid = solid_of(loaded.curve, result)
     written: list[str] = []
     with usable(loaded), filling(folder / "film") as partial, progress_bars() as progress:
-        stage = stage_of(result, field=field, solid=solid)
+        stage = scene_of(result, field=field, solid=solid)
         try:
             if STILLS in wanted:
                 written += [path.name for path in write_stills(partial, stage, stills)]

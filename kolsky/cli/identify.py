@@ -7,6 +7,7 @@ import typer
 
 from kolsky.cli import texts
 from kolsky.cli.options import AsJson, Figures, Mesh, Numbers, Out, ShotPath, SolverOptions
+from kolsky.inverse.parameters import PARAMETERS
 
 
 def identify(
@@ -16,8 +17,7 @@ def identify(
         typer.Option(
             "--free",
             metavar="NAME[=LOW:HIGH]",
-            help="Free parameter and the bounds of its design; repeat for more. stiffness_factor, friction, "
-            "poisson, damping, mass_damping, release_stress.",
+            help=f"Free parameter and the bounds of its design; repeat for more. {', '.join(PARAMETERS)}.",
             show_default="stiffness_factor",
         ),
     ] = None,
@@ -80,7 +80,7 @@ def identify(
     )
     with usable(loaded), progress_bars() as progress:
         found = identification.identify(loaded, settings, progress=progress)
-    write_identify_results(folder, found, loaded, source=shot, formats=formats)
+    write_identify_results(folder, found, loaded, formats=formats)
     print_result(
         printed.details(found),
         to_json(found) if as_json else None,

@@ -84,7 +84,7 @@ def _identified(progress: Any) -> "Identify":
             found = identified(loaded, progress=progress)
         except ValueError as error:
             raise InputError(loaded.folder, str(error)) from error
-        write_identify_results(folder, found, loaded, source=shot)
+        write_identify_results(folder, found, loaded)
         return found
 
     return identify

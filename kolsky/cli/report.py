@@ -22,9 +22,9 @@ def report(shot: ShotPath, out: Out = None, figures: Figures = "", as_json: AsJs
 
     loaded, folder = load(shot, out)
     found = read_identify_results(folder, loaded)
-    stills.begin(found)  # rendered while the recordings are read
+    stills.start_stills(found)  # rendered while the recordings are read
     with usable(loaded):
-        recordings = recorded(loaded, shot, folder)
+        recordings = recorded(loaded, folder)
     with filling(folder) as partial:
         write_identify_page(partial, found, recordings, formats, processes=2)
     rows = {"shot": loaded.name, "report": str(folder / PAGE)}

@@ -7,12 +7,16 @@ import numpy as np
 from doe import Box, CostSurrogate
 from doe import nelder_mead as minimise
 from kolsky.base.arrays import FloatArray
+from kolsky.inverse.coarse_search import CoarseOptimum, fit_for_purpose
 from kolsky.inverse.objective import Objective, Part
 from kolsky.inverse.observations import Observations, Prediction
-from kolsky.inverse.optimum import Model, jacobian, on_edge, search
+from kolsky.inverse.optimum import CorrectedSurrogate, Model, jacobian, on_edge, search
 from kolsky.inverse.parameters import PARAMETERS
+from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.result import Comparison, Estimate, Route, SurrogateCurve, Verdict
 from kolsky.inverse.run_table import RunTable
+from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.shot.records import Shot
 
 ROUTES: tuple[tuple[str, Part], ...] = (
     ("joint", "joint"),
@@ -157,3 +161,41 @@ def comparison(prediction: Prediction, observations: Observations) -> Comparison
         inside=prediction.inside[0],
         recorded=observations.force,
     )
+
+
+def held_values(shot: Shot, box: Box, held: Mapping[str, float]) -> dict[str, float]:
+    """The parameters that are not free, in SI: as the shot declares them, or held at another value."""
+    declared = {name: p.held(shot) for name, p in PARAMETERS.items() if name not in box.names}
+    return {**declared, **dict(held)}
+
+
+def surrogate_quality(stages: StagedRuns, coarse: CoarseOptimum, fine: RefinedOptimum) -> dict[str, float]:
+    """The figures of `Identification.surrogate`."""
+    n = fine.objective.n_force
+    left_out = coarse.surrogate.loo_residuals
+    found = {"loo_force": _rms(left_out[:, :n])}
+    outline = stages.observations.has_shape
+    if outline:
+        found["loo_shape"] = _rms(left_out[:, n:])
+    found |= {"check_shift_sigmas": fine.moved, "check_force": _rms(fine.missed[:n])}
+    if outline:
+        found["check_shape"] = _rms(fine.missed[n:])
+    found["counted_points"] = float(fine.objective.counted.sum())
+    found["force_discrepancy"] = fine.objective.force_discrepancy
+    if outline:
+        found["shape_discrepancy"] = fine.objective.shape_discrepancy
+    if not fine.confirmed:
+        found["runs_needed"] = runs_needed(stages, coarse, fine)
+    return found
+
+
+def runs_needed(stages: StagedRuns, coarse: CoarseOptimum, fine: RefinedOptimum) -> float:
+    """How many runs around the optimum would make the surrogate good enough; infinite if none."""
+    slope = jacobian(CorrectedSurrogate(coarse.surrogate).predict, coarse.box, coarse.x)
+    gain = coarse.objective.gain(slope)
+    found = fit_for_purpose(stages, coarse, gain / (2.0 * fine.sigma[:, None]))
+    return float("inf") if found.runs_needed is None else float(found.runs_needed)
+
+
+def _rms(x: FloatArray) -> float:
+    return float(np.sqrt(np.mean(np.asarray(x) ** 2)))

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from kolsky.base.files import replacing
 from kolsky.inverse.result import Identification
-from kolsky.report.display_units import in_shown_units
+from kolsky.report.display_units import in_display_units
 from kolsky.report.figure_data import write_data
 from kolsky.report.figures import FigureKind, figures_of
 from kolsky.report.formats import FIGURES
@@ -46,7 +46,7 @@ def build(kind: FigureKind[Any], shown: Any) -> Figure:
         figure = Figure(figsize=size, layout="constrained")
         FigureCanvasAgg(figure)
         mosaic: list[Any] = kind.panels(shown)
-        drawn = in_shown_units(shown) if isinstance(shown, Identification) else shown
+        drawn = in_display_units(shown) if isinstance(shown, Identification) else shown
         kind.draw(drawn, figure.subplot_mosaic(mosaic, **kind.mosaic))
         for ax in figure.axes:
             for spine in ax.spines.values():

@@ -11,7 +11,7 @@ from kolsky.inverse.uncertainty_results import PairMap, ParameterProfile, Poster
 from kolsky.report.nomenclature import factor_of, name_of
 
 
-def in_shown_units(result: Identification) -> Identification:
+def in_display_units(result: Identification) -> Identification:
     """The result with every parameter in the unit of `kolsky.report.nomenclature`, for pages and figures.
 
     Files and JSON stay in SI. Apply it once: the result of it is no longer in SI.
@@ -25,7 +25,7 @@ def in_shown_units(result: Identification) -> Identification:
     )
     return replace(
         result,
-        estimates={name: shown_estimate(e) for name, e in result.estimates.items()},
+        estimates={name: estimate_in_display_units(e) for name, e in result.estimates.items()},
         fixed=_scaled(result.fixed),
         routes=tuple(
             replace(route, parameters=_scaled(route.parameters), sigma=_scaled(route.sigma))
@@ -42,7 +42,7 @@ def in_shown_units(result: Identification) -> Identification:
     )
 
 
-def shown_estimate(e: Estimate) -> Estimate:
+def estimate_in_display_units(e: Estimate) -> Estimate:
     """One estimate in its shown unit."""
     factor = factor_of(e.name)
     return replace(

@@ -8,7 +8,7 @@ from kolsky.inverse.method_comparison import Method
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Estimate, Identification, Route, Verdict
 from kolsky.report import numbers
-from kolsky.report.display_units import in_shown_units, shown_estimate
+from kolsky.report.display_units import estimate_in_display_units, in_display_units
 
 _POWER = re.compile(" × 10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)")
 _LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
@@ -18,7 +18,7 @@ ROUTES = {"force only": "force only", "shape only": "shape only", "paper": "cost
 
 def answer(e: Estimate) -> str:
     """The one line a user wants, e.g. "m = 1.1220 ± 0.0040 (k = 2)"; a verdict that is not good follows."""
-    e = shown_estimate(e)
+    e = estimate_in_display_units(e)
     value, uncertainty = numbers.measured(e.value, 2.0 * e.sigma)
     unit = "" if e.unit == "1" else f" {plain(e.unit)}"
     line = f"{_symbol(e.name)} = {plain(value)} ± {plain(uncertainty)}{unit} (k = 2)"
@@ -27,7 +27,7 @@ def answer(e: Estimate) -> str:
 
 def details(found: Identification) -> dict[str, str]:
     """What the answers rest on: a name and a value each."""
-    found = in_shown_units(found)
+    found = in_display_units(found)
     rows = [("shot", found.shot)]
     for name, e in found.estimates.items():
         symbol, U = _symbol(name), 2.0 * e.sigma

@@ -1,4 +1,4 @@
-"""The folder that a command leaves: result, tables, page and figures, all or nothing."""
+"""Result folders of the commands: result, tables, page and figures, all written or none."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -31,21 +31,18 @@ def write_identify_results(
     found: Identification,
     shot: Shot,
     *,
-    source: str | Path | None = None,
     formats: Sequence[str] = (),
 ) -> None:
-    """Write what `kolsky identify` leaves: result, tables, report and, if asked for, figures; all or nothing.
+    """Write the results of `kolsky identify`: result file, tables, report and figures; all of them or none.
 
     Parameters
     ----------
     folder
-        Where to; made if it is not there.
+        Folder; created if absent.
     found
         The identification.
     shot
         The shot, as `kolsky.shot.load.load_shot` gives it.
-    source
-        Its folder or shot file; the folder of the shot if left out.
     formats
         Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
 
@@ -54,7 +51,7 @@ def write_identify_results(
     InputError
         If the results cannot be written.
     """
-    recordings = recorded(shot, Path(shot.folder if source is None else source), folder)
+    recordings = recorded(shot, folder)
     with filling(folder) as partial:
         whole = replace(found, image_correlation=recordings.numbers)
         write_identification(partial / RESULT_FILE, whole)
@@ -100,15 +97,15 @@ def write_identify_page(
     found
         The identification.
     recordings
-        What the shot's own files show.
+        Recordings of the shot's own files.
     formats
         Any of `kolsky.report.formats.FIGURES`.
     processes
-        How many draw, 1 or 2; see `kolsky.report.pages.parallel.drawn_by`.
+        Processes that draw, 1 or 2; see `kolsky.report.pages.parallel.draw_in_processes`.
     """
     from kolsky.report.scene import stills
 
-    stills.begin(found)  # rendered meanwhile; whoever asks first is the one that begins
+    stills.start_stills(found)  # rendered meanwhile; a rendering that runs already is kept
     from kolsky.report.canvas import save_figures
     from kolsky.report.pages.identification import write_report
 
@@ -153,10 +150,10 @@ def write_dic_results(
     from kolsky.report.canvas import save_figures
     from kolsky.report.pages.surfaces import write_page
     from kolsky.report.paraview import write_vtp
-    from kolsky.report.surface_view import view
+    from kolsky.report.surface_view import read_surface_view
 
     result = found.result
-    shown = view(shot.name, result, shot.pictures.series, found.flight)
+    shown = read_surface_view(shot.name, result, shot.pictures.series, found.flight)
     with filling(folder) as partial:
         write_tables(partial, found, shot.pictures.frames.frame)
         write_page(partial / "dic.html", shown, shot.inputs, processes=processes)
@@ -171,12 +168,12 @@ def write_dic_results(
 
 
 def write_waves_results(folder: Path, result: ReducedTest, *, formats: Sequence[str] = ()) -> None:
-    """Write what `kolsky waves` leaves: waves.h5, waves.html, tables and, if asked for, figures.
+    """Write the results of `kolsky waves`: waves.h5, waves.html, tables and figures.
 
     Parameters
     ----------
     folder
-        Where to; made if it is not there.
+        Folder; created if absent.
     result
         The reduced test.
     formats
@@ -199,12 +196,12 @@ def write_waves_results(folder: Path, result: ReducedTest, *, formats: Sequence[
 
 
 def write_rate_results(folder: Path, report: RateReport, *, formats: Sequence[str] = ()) -> None:
-    """Write what `kolsky rate` leaves: rates.h5, rates.html, tables and, if asked for, figures.
+    """Write the results of `kolsky rate`: rates.h5, rates.html, tables and figures.
 
     Parameters
     ----------
     folder
-        Where to; made if it is not there.
+        Folder; created if absent.
     report
         The comparison of shots.
     formats
@@ -237,20 +234,20 @@ def write_sweep_results(
     warnings: Sequence[str] = (),
     formats: Sequence[str] = (),
 ) -> None:
-    """Write what `kolsky sweep` leaves beside its ledger: sweep.csv, sweep.html and, if asked for, figures.
+    """Write the results of `kolsky sweep` beside its database: sweep.csv, sweep.html and figures.
 
     Parameters
     ----------
     folder
-        Where to; made if it is not there.
+        Folder; created if absent.
     result
         Every run of the design.
     analysis
-        What `kolsky.studies.sweep_analysis.analyse_sweep` makes of them.
+        Analysis of them by `kolsky.studies.sweep_analysis.analyse_sweep`.
     name
         Name of table and page without their endings.
     warnings
-        What to know before using the numbers, shown on the page.
+        Warnings at the top of the page.
     formats
         Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
 
@@ -270,7 +267,7 @@ def write_sweep_results(
 
 
 def _refuse_other_files(path: Path, then: Any, now: Mapping[str, str]) -> None:
-    """Signals of one version of a file beside the result of another would mislead."""
+    """Refuse a result made from other versions of the files: its page would mix both."""
     then = then if isinstance(then, dict) else {}
     differing = sorted(name for name in {*then, *now} if then.get(name) != now.get(name))
     if differing:

@@ -35,7 +35,7 @@ class SurfaceView:
     """Both cameras' speckles at rest, None where they cannot be judged."""
 
 
-def view(
+def read_surface_view(
     shot: str,
     result: StereoResult,
     pictures: tuple[Pictures, Pictures],

@@ -1,7 +1,6 @@
 """A shot whose bars are its only instruments: bar waves drive the simulation, and the force identifies."""
 
 from dataclasses import fields
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -19,7 +18,7 @@ from kolsky.shot.records import ModelSettings, Shot, ShotBase
 from kolsky.shot.schema import fields as f
 from kolsky.shot.schema.apparatus import InterfaceSection, ModelSection, SpecimenSection, WindowSection
 from kolsky.shot.schema.curve import CurveSection, LawSection, chosen_baseline, one_baseline
-from kolsky.shot.schema.reading import find_shot_file, read_declared
+from kolsky.shot.schema.reading import Source, parsed
 from kolsky.shot.schema.section import Section
 from kolsky.shot.schema.uncertainty import UncertaintySection
 
@@ -116,13 +115,13 @@ class BarDrivenShotFile(Section):
         return self
 
 
-def load_bar_driven(folder_or_toml: str | Path) -> Shot:
+def load_bar_driven(source: Source) -> Shot:
     """Reduce the gauges of a shot and make it ready for `identify`.
 
     Parameters
     ----------
-    folder_or_toml
-        The shot's folder with its shot.toml, or the path of such a file.
+    source
+        The shot's folder with its shot.toml, the path of such a file, or the file parsed.
 
     Returns
     -------
@@ -134,8 +133,9 @@ def load_bar_driven(folder_or_toml: str | Path) -> Shot:
     InputError
         If a file is missing or damaged, a declaration is impossible, or the signals hold no such test.
     """
-    file, declared = read_declared(find_shot_file(Path(folder_or_toml)), lambda content: BarDrivenShotFile)
-    given = load_waves(folder_or_toml)
+    file = parsed(source)
+    declared = file.validated(BarDrivenShotFile)
+    given = load_waves(file)
     folder = file.path.parent
     curve, curve_hashes = read_curve(folder, chosen_baseline(declared.curve, declared.law))
     if declared.window.start is not None:
@@ -149,6 +149,7 @@ def load_bar_driven(folder_or_toml: str | Path) -> Shot:
         base = ShotBase(
             name=given.name,
             folder=folder,
+            file=file,
             specimen=Specimen(**declared.specimen.model_dump()),
             interface=Interface(
                 faces=declared.interface.faces,

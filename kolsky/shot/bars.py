@@ -18,26 +18,27 @@ from kolsky.base.errors import InputError, refuse
 from kolsky.base.records import Recording
 from kolsky.readers.recordings import read_recordings
 from kolsky.shot.schema.bars import BarsShotFile, GaugeSection, WaveBarSection, WavesShotFile
-from kolsky.shot.schema.reading import TomlFile, find_shot_file, read_declared
+from kolsky.shot.schema.reading import Source, TomlFile, parsed
 
 NOTHING = Specimen(diameter=0.0, length=0.0, density=0.0)
 """No specimen: the bars touch."""
 
 
-def load_waves(folder_or_toml: str | Path) -> WavesInput:
+def load_waves(source: Source) -> WavesInput:
     """Load and check what `kolsky waves` needs of a shot.
 
     Parameters
     ----------
-    folder_or_toml
-        The shot's folder with its shot.toml, or the path of such a file.
+    source
+        The shot's folder with its shot.toml, the path of such a file, or the file parsed.
 
     Raises
     ------
     InputError
         If a file is missing or damaged, or a declaration is unknown, incomplete or impossible.
     """
-    file, declared = read_declared(find_shot_file(Path(folder_or_toml)), lambda content: WavesShotFile)
+    file = parsed(source)
+    declared = file.validated(WavesShotFile)
     bars, stations, hashes = _record(file, declared)
     specimen = Specimen(**declared.specimen.model_dump())
     _narrower(file, bars, specimen)
@@ -68,7 +69,7 @@ def load_waves(folder_or_toml: str | Path) -> WavesInput:
     )
 
 
-def load_bars(folder_or_toml: str | Path) -> WavesInput:
+def load_bars(source: Source) -> WavesInput:
     """Load and check what `kolsky wavespeed` needs: bars and gauges, no specimen.
 
     The specimen of the result has no length and must not be used.
@@ -78,7 +79,8 @@ def load_bars(folder_or_toml: str | Path) -> WavesInput:
     InputError
         As `load_waves`.
     """
-    file, declared = read_declared(find_shot_file(Path(folder_or_toml)), lambda content: BarsShotFile)
+    file = parsed(source)
+    declared = file.validated(BarsShotFile)
     bars, stations, hashes = _record(file, declared)
     return WavesInput(
         name=declared.name or file.path.parent.resolve().name,

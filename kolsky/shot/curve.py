@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +12,10 @@ from kolsky.base.errors import InputError
 from kolsky.base.records import MaterialCurve
 from kolsky.readers.shot_tables import UniaxialTable, read_uniaxial
 from kolsky.readers.table import Column
+from kolsky.shot.records import Shot, ShotBase
 from kolsky.shot.schema.curve import CurveSection, LawSection
 
-if TYPE_CHECKING:
-    from kolsky.shot.records import ShotBase
-
-AnyShot = TypeVar("AnyShot", bound="ShotBase")
+AnyShot = TypeVar("AnyShot", bound=ShotBase)
 
 LARGEST_STRAIN = 20.0
 """Nominal strain beyond which a column is no strain of an elastomer."""
@@ -61,7 +59,10 @@ def with_pull(shot: AnyShot, pull: Literal["first", "conditioned"]) -> AnyShot:
         return shot
     if shot.curve.conditioned is None:
         raise ValueError("the shot has no conditioned curve: name its file in curve.conditioned of shot.toml")
-    return replace(shot, curve=shot.curve.conditioned)
+    found = replace(shot, curve=shot.curve.conditioned)
+    if isinstance(shot, Shot):
+        vars(found)["flyer_path"] = shot.flyer_path  # of the same motion: fitted once
+    return found
 
 
 def conditioned_ratio(curve: MaterialCurve) -> float | None:

@@ -15,19 +15,17 @@ from kolsky.shot.frames import body_moves, flyer_motion, read_frames
 from kolsky.shot.outline import check_outline, read_outline
 from kolsky.shot.picture_set import PictureSet, open_pictures
 from kolsky.shot.records import ForceChannel, ModelSettings, OpticalData, PicturedShot, Shot, ShotBase
-from kolsky.shot.schema.reading import ShotToml, find_shot_file, is_bar_driven, read_shot_toml
+from kolsky.shot.schema.reading import ShotToml, Source, is_bar_driven, parsed, shot_toml
 from kolsky.shot.window import window
 
 
-def load_shot(
-    folder_or_toml: str | Path, *, measure: Callable[[PictureSet], OpticalData] | None = None
-) -> Shot:
+def load_shot(source: Source, *, measure: Callable[[PictureSet], OpticalData] | None = None) -> Shot:
     """Load and check a shot.
 
     Parameters
     ----------
-    folder_or_toml
-        The shot's folder with its shot.toml, or the path of such a file.
+    source
+        The shot's folder with its shot.toml, the path of such a file, or the file parsed.
     measure
         How pictures become numbers, for a shot without exports; by default
         `kolsky.shot.optical_data.measured`, which keeps them in the shot's results folder.
@@ -43,11 +41,12 @@ def load_shot(
         If a file is missing or damaged, a declaration is unknown, incomplete or impossible, or
         declarations and recordings contradict each other.
     """
-    if is_bar_driven(folder_or_toml):
+    file = parsed(source)
+    if is_bar_driven(file):
         from kolsky.shot.bar_driven import load_bar_driven
 
-        return load_bar_driven(folder_or_toml)
-    toml, frames = _opened(folder_or_toml)
+        return load_bar_driven(file)
+    toml, frames = _opened(file)
     declared, folder = toml.declared, toml.path.parent
     frame_time = frames.time + declared.frames.clock_offset
     rest = float(frame_time[declared.frames.static - 1])
@@ -67,7 +66,7 @@ def load_shot(
     return Shot(**base, flyer=flyer, centre_line=centre_line, window=span)
 
 
-def load_pictures(folder_or_toml: str | Path) -> PicturedShot:
+def load_pictures(source: Source) -> PicturedShot:
     """Load and check what a shot with pictures has before they are correlated.
 
     Raises
@@ -75,7 +74,7 @@ def load_pictures(folder_or_toml: str | Path) -> PicturedShot:
     InputError
         As `load_shot`, or if the shot has no pictures.
     """
-    toml, frames = _opened(folder_or_toml)
+    toml, frames = _opened(source)
     if toml.declared.pictures is None:
         raise toml.error(
             "pictures", "is missing: this shot has no pictures", cure="add [pictures], [calibration], [dic]"
@@ -83,7 +82,7 @@ def load_pictures(folder_or_toml: str | Path) -> PicturedShot:
     return _pictured(toml, frames, open_pictures(toml, frames))
 
 
-def check_shot(folder_or_toml: str | Path) -> ShotBase:
+def check_shot(source: Source) -> ShotBase:
     """Load a shot as far as it goes without correlating pictures.
 
     Raises
@@ -91,14 +90,15 @@ def check_shot(folder_or_toml: str | Path) -> ShotBase:
     InputError
         As `load_shot`.
     """
-    if is_bar_driven(folder_or_toml):
-        return load_shot(folder_or_toml)
-    toml, _ = _opened(folder_or_toml)
+    file = parsed(source)
+    if is_bar_driven(file):
+        return load_shot(file)
+    toml, _ = _opened(file)
     if toml.declared.flyer is None and toml.declared.surface is None:
-        return load_pictures(folder_or_toml)
+        return load_pictures(toml)
     if toml.declared.pictures is not None:
-        load_pictures(folder_or_toml)
-    return load_shot(folder_or_toml)
+        load_pictures(toml)
+    return load_shot(toml)
 
 
 def _with_surface(toml: ShotToml, frames: FrameTimes, rest: float) -> Shot:
@@ -165,9 +165,9 @@ def _pictured(toml: ShotToml, frames: FrameTimes, pictures: PictureSet) -> Pictu
     return PicturedShot(**_base(toml, frames, force, curve, curve_hashes, pictures.inputs), pictures=pictures)
 
 
-def _opened(folder_or_toml: str | Path) -> tuple[ShotToml, FrameTimes]:
+def _opened(source: Source) -> tuple[ShotToml, FrameTimes]:
     """The shot file and the frame times."""
-    toml = read_shot_toml(find_shot_file(Path(folder_or_toml)))
+    toml = shot_toml(source)
     _all_there(toml, toml.path.parent)
     return toml, read_frames(toml)
 
@@ -186,6 +186,7 @@ def _base(
     return {
         "name": declared.name or folder.resolve().name,
         "folder": folder,
+        "file": toml,
         "specimen": Specimen(diameter=specimen.diameter, length=specimen.length, density=specimen.density),
         "interface": Interface(
             faces=interface.faces,

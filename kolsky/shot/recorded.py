@@ -11,7 +11,7 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.records import FlyerMotion
 from kolsky.shot.picture_set import PicturePair, picture_pair
 from kolsky.shot.records import Shot
-from kolsky.shot.schema.reading import find_shot_file, read_shot_toml
+from kolsky.shot.schema.reading import Source, shot_toml
 
 PATH_POINTS = 801
 """Times at which the fitted path is drawn."""
@@ -75,15 +75,13 @@ class Recorded:
     """A pair of the pictures with the points on it, or why there is none."""
 
 
-def recorded(shot: Shot, source: Path, folder: Path) -> Recorded:
+def recorded(shot: Shot, folder: Path) -> Recorded:
     """What the report shows of a shot's recordings.
 
     Parameters
     ----------
     shot
         The shot.
-    source
-        Its folder or shot file.
     folder
         Where its results are.
 
@@ -109,8 +107,8 @@ def recorded(shot: Shot, source: Path, folder: Path) -> Recorded:
         window=shot.window,
         symmetry_end=shot.symmetry_end,
         motion=_motion(shot),
-        # Where bars are the only instruments there are no pictures.
-        **(surface_of(source, folder) if isinstance(shot.flyer, FlyerMotion) else {}),
+        # Where bars are the only instruments there are no pictures; nor where nobody read a file.
+        **(surface_of(shot.file, folder) if shot.file and isinstance(shot.flyer, FlyerMotion) else {}),
     )
 
 
@@ -167,9 +165,9 @@ def _motion(shot: Shot) -> MotionShown:
     )
 
 
-def surface_of(source: Path, folder: Path) -> dict[str, Any]:
+def surface_of(source: Source, folder: Path) -> dict[str, Any]:
     """The numbers of the stereo result, for a shot that was measured from its pictures."""
-    toml = read_shot_toml(find_shot_file(source))
+    toml = shot_toml(source)
     declared = toml.declared
     from_files = declared.surface is not None or (
         declared.flyer is not None and declared.centre_line is not None

@@ -13,6 +13,7 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine, FlyerMotion, ForceHistory, FrontVelocity, MaterialCurve, Recording
 from kolsky.shot import flyer_path
 from kolsky.shot.picture_set import PictureSet
+from kolsky.shot.schema.reading import TomlFile
 
 
 @dataclass(frozen=True)
@@ -101,6 +102,8 @@ class ShotBase:
     """The transmitted force, of a transducer or of the bar itself."""
     curve: MaterialCurve
     """The quasi-static curve, from rest outward."""
+    file: TomlFile | None = field(default=None, compare=False)
+    """Its shot file, parsed; None of a shot that was not read from one."""
     inputs: dict[str, str]
     """SHA-256 of every file that was read: name in the folder -> hex digest."""
     uncertainty: Mapping[str, float] = field(default_factory=dict)

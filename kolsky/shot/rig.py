@@ -10,7 +10,7 @@ from dic.images import PictureError, Pictures
 from kolsky.base.errors import InputError
 from kolsky.shot.picture_set import CAMERAS, PictureSet, fits_sensor
 from kolsky.shot.schema.pictures import CalibrationSection, TargetSection
-from kolsky.shot.schema.reading import TomlFile, read_declared, read_shot_toml
+from kolsky.shot.schema.reading import TomlFile, parse_toml, shot_toml
 from kolsky.shot.schema.section import Section
 
 if TYPE_CHECKING:
@@ -211,14 +211,14 @@ def read_calibration_toml(source: Path) -> tuple[TomlFile, CalibrationSection]:
             )
         path = there[0]
     if path.name == NAMES[1]:
-        shot = read_shot_toml(path)
+        shot = shot_toml(path)
         toml: TomlFile = shot
         section = shot.declared.calibration
         if section is None:
             raise InputError(path, "has no table [calibration]", cure="add it, with pictures and target")
     else:
-        toml, declared = read_declared(path, lambda content: CalibrationFile)
-        section = declared.calibration
+        toml = parse_toml(path)
+        section = toml.validated(CalibrationFile).calibration
     if section.file is not None:
         raise toml.error(
             "calibration.file", "is a calibration that is finished", cure="name pictures and target instead"

@@ -17,21 +17,21 @@ from kolsky.shot.flyer_test.reduction import FlyerInput
 from kolsky.shot.force import force_recording
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import ForceChannel, Shot
-from kolsky.shot.schema.bars import AnyFile, WavesSection
+from kolsky.shot.schema.bars import WavesSection
 from kolsky.shot.schema.measured import ForceSection
-from kolsky.shot.schema.reading import ShotToml, find_shot_file, folder_of, read_declared, read_shot_toml
+from kolsky.shot.schema.reading import ShotToml, Source, parsed, shot_toml
 from kolsky.shot.schema.uncertainty import UncertaintySection
 
 __all__ = ["waves"]
 
 
-def load_flyer_test(folder_or_toml: str | Path, shot: Shot) -> FlyerInput:
+def load_flyer_test(source: Source, shot: Shot) -> FlyerInput:
     """What `kolsky waves` needs of a flyer test.
 
     Parameters
     ----------
-    folder_or_toml
-        The shot's folder with its shot.toml, or the path of such a file.
+    source
+        The shot's folder with its shot.toml, the path of such a file, or the file parsed.
     shot
         The same shot, loaded.
 
@@ -41,7 +41,7 @@ def load_flyer_test(folder_or_toml: str | Path, shot: Shot) -> FlyerInput:
         If [incident_force] names a file that cannot be read, a channel that is clipped, or a baseline
         without samples.
     """
-    toml = read_shot_toml(find_shot_file(Path(folder_or_toml)))
+    toml = shot_toml(source)
     declared = toml.declared
     section = declared.incident_force
     incident = None if section is None else _channel(toml, section.completed(declared.force))
@@ -125,14 +125,13 @@ def waves(
     InputError
         If the shot or its files cannot be used.
     """
-    shot = Path(shot)
-    content = read_declared(find_shot_file(shot), lambda content: AnyFile)[0].content
+    file = parsed(shot)
     try:
-        if "gauges" in content:
-            return analyse(load_waves(shot), progress=progress)
+        if "gauges" in file.content:
+            return analyse(load_waves(file), progress=progress)
         from kolsky.shot.optical_data import measured  # brings image correlation: for pictures only
 
-        loaded = load_shot(shot, measure=lambda pictures: measured(pictures, results, progress=progress))
-        return analyse_flyer(load_flyer_test(shot, loaded), progress=progress)
+        loaded = load_shot(file, measure=lambda pictures: measured(pictures, results, progress=progress))
+        return analyse_flyer(load_flyer_test(loaded.file or file, loaded), progress=progress)
     except ValueError as error:
-        raise InputError(folder_of(shot), str(error)) from error
+        raise InputError(file.path.parent, str(error)) from error

@@ -5,9 +5,10 @@ there; a fault that all of them let pass is a hole in the tests. The faults stan
 beside this one.
 """
 
+from tests.mutants.bars import FAULTS as BARS
 from tests.mutants.fault import Fault
 from tests.mutants.inverse import FAULTS as INVERSE
 
 __all__ = ["FAULTS", "Fault"]
 
-FAULTS: tuple[Fault, ...] = (*INVERSE,)
+FAULTS: tuple[Fault, ...] = (*BARS, *INVERSE)

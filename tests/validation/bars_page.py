@@ -172,9 +172,9 @@ def epoxy_text() -> str:
     counts = [1e6 * quantisation_step(s.strain.value) for test in (one, two) for s in test.signals]
     zero = float(one.signals[0].strain.value[:500].mean())
     shift = 1e-6 * stiffness(one.signals[0].bar) * zero / one.specimen.area
-    late = [1e6 * test.seen[0].late for test in (one, two)]
+    late = [1e6 * test.seen[0].delay for test in (one, two)]
     share = 100 * max(late) / (2e6 * travel_time(one.signals[0]))
-    gap = 1e6 * one.seen[1].late
+    gap = 1e6 * one.seen[1].delay
     return f"""## Epoxy, against the authors' hand processing
 
 Yao's data (github.com/arialolita000111/shpb-shtb-data-processor, MIT licence): two epoxy cylinders, 10
@@ -222,7 +222,7 @@ def copper_text() -> str:
     said, test = copper_facts(), copper(dispersion=True)
     as_said = copper(dispersion=False, calibrated=False)
     way, listed = 2e6 * said["gauge"] / said["speed"], 1e6 * said["reflected time"]
-    late, rest = 1e6 * as_said.seen[0].late, 1e6 * abs(test.seen[0].late)
+    late, rest = 1e6 * as_said.seen[0].delay, 1e6 * abs(test.seen[0].delay)
     unrest = {
         (dispersion, calibrated): imbalance_left(copper(dispersion=dispersion, calibrated=calibrated))
         for dispersion in (False, True)

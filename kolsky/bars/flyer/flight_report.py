@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,6 +12,7 @@ from dic.outcome import FrameOutcome
 from dic.result import StereoResult
 from kolsky.bars.flyer.flight import Flight, SymmetryEnd, fit_flight, symmetry_end
 from kolsky.base.arrays import FloatArray
+from kolsky.base.hdf5 import adding_to, data, put
 from kolsky.base.records import FlyerMotion
 
 SHARE = 0.05
@@ -133,13 +133,11 @@ def add_to(path: Path, found: FlightOfSpecimen) -> None:
     OSError
         If the file cannot be written.
     """
-    with h5py.File(path, "r+") as file:
-        group = file["entry"].create_group("flight")
-        group.attrs["NX_class"] = "NXdata"
-        group.attrs["signal"], group.attrs["axes"] = "velocity toward the specimen", ["time"]
+    with adding_to(path) as entry:
+        group = data(entry, "flight", "velocity toward the specimen", "time")
         for name, values in columns(found).items():
             plain, unit = name.rsplit(" (", 1)
-            group.create_dataset(plain, data=values).attrs["units"] = unit.rstrip(")")
+            put(group, plain, values, unit.rstrip(")"))
         group.attrs["separation_s"], group.attrs["share"] = found.separation, SHARE
         if found.end is not None:
             group.attrs["symmetry_end_s"] = found.end

@@ -7,11 +7,9 @@ from numpy.typing import ArrayLike
 from kolsky.bars.audit import AuditLog
 from kolsky.bars.budget.budget import Budget
 from kolsky.bars.budget.propagation import propagate
-from kolsky.bars.budget.quantities import merge_quantities
 from kolsky.bars.records import (
     BarSignal,
     FaceWaves,
-    Quantity,
     Reduction,
     Windows,
     histories,
@@ -22,7 +20,7 @@ from kolsky.bars.reduction import quoted_values
 from kolsky.bars.reduction.inputs import FAR, SIDES, WavesInput
 from kolsky.bars.reduction.overlap import overlapping_windows
 from kolsky.bars.reduction.summary import Summary, summarise
-from kolsky.bars.reduction.varied_test import VariedTest, bar_quantities, length_quantities, station_of
+from kolsky.bars.reduction.varied_test import VariedTest, bar_correlations, budget_quantities, station_of
 from kolsky.bars.reduction.windows import check_windows, find_windows, incident_arrival
 from kolsky.bars.result import WavesResult
 from kolsky.bars.signals.stations import Station
@@ -118,30 +116,16 @@ def _budget(
     varied: VariedTest, best: Mapping[str, Station], reduction: Reduction, summary: Summary
 ) -> Budget:
     """Uncertainties of all histories and quoted numbers."""
-    given = varied.given
-    quantities: list[Quantity] = []
-    for side in SIDES:
-        quantities += best[side].quantities
-        quantities += bar_quantities(given.bars[side], side, given.uncertainty)
-    quantities += length_quantities(
-        given.specimen, {key: station.position for key, station in given.stations.items()}, given.uncertainty
-    )
-    known = merge_quantities(quantities)
+    quantities = budget_quantities(varied.given, best)
     noise: dict[str, ArrayLike] = {
         **{name: history.sigma for name, history in histories(reduction).items()},
         **quoted_values.noise(reduction, summary),
     }
-    names = {q.name for q in known}
-    pairs = {
-        (f"incident bar, {prop}", f"transmission bar, {prop}"): 1.0
-        for prop in ("Young's modulus", "wave speed", "density", "diameter", "Poisson's ratio")
-        if given.alike and f"incident bar, {prop}" in names and f"transmission bar, {prop}" in names
-    }
     return propagate(
         lambda values: varied.outputs(values, summary),
-        known,
+        quantities,
         noise=noise,
-        correlations=pairs,
+        correlations=bar_correlations(varied.given, quantities),
         tolerance=LARGEST_BEND,
     )
 

@@ -1,6 +1,6 @@
 """A reduction to its files: one HDF5 file with units on every array, CSV tables of the curves and the log."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +9,10 @@ import numpy as np
 
 from kolsky.bars.records import BarSignal, History
 from kolsky.bars.result import FlyerResult, ReducedTest, WavesResult
-from kolsky.base.files import replacing, write_table
+from kolsky.base.files import write_table
+from kolsky.base.hdf5 import Format, data, group, put, put_text, writing
 
-FORMAT, VERSION = "kolsky-waves", 1
+FORMAT = Format("kolsky-waves")
 HISTORIES = {
     "front_force": "N",
     "back_force": "N",
@@ -24,17 +25,17 @@ WAYS = {"one wave": "one_wave", "two waves": "two_waves", "three waves": "three_
 
 
 def write_hdf5(path: Path, result: ReducedTest) -> None:
-    """Write everything to one HDF5 file, atomically; text is fixed-length UTF-8, nothing is pickled.
+    """Write everything to one HDF5 file, atomically.
 
     Raises
     ------
     OSError
         If the file cannot be written; an older one is then unchanged.
     """
-    with replacing(Path(path)) as partial, h5py.File(partial, "w") as file:
-        file.attrs["format"], file.attrs["format_version"], file.attrs["default"] = FORMAT, VERSION, "entry"
-        entry = _group(file, "entry", "NXentry", default="reduction")
-        entry["shot"], entry["load"] = _text([result.name])[0], _text([result.load])[0]
+    with writing(path, FORMAT) as place:
+        entry = group(place.file, place.path, "NXentry", default="reduction")
+        _text(entry, "shot", result.name)
+        _text(entry, "load", result.load)
         if isinstance(result, WavesResult):
             _waves(entry, result)
         elif isinstance(result, FlyerResult):
@@ -95,127 +96,112 @@ def write_csv(folder: Path, result: ReducedTest) -> None:
 
 def _waves(entry: h5py.Group, result: WavesResult) -> None:
     """Gauges, windows and the waves at the faces."""
-    gauges = _group(entry, "gauges", "NXcollection")
+    gauges = group(entry, "gauges")
     for station in (result.incident, result.transmission):
         _station(gauges, station)
-    windows = _group(entry, "windows", "NXcollection")
-    windows["source"] = _text([result.windows.source])[0]
+    windows = group(entry, "windows")
+    _text(windows, "source", result.windows.source)
     for name in ("incident", "reflected", "transmitted"):
-        _array(windows, name, getattr(result.windows, name), "s")
-    faces = _group(entry, "faces", "NXdata", signal="incident", axes=["time"])
-    for name in ("time", "incident", "reflected", "transmitted"):
-        _array(faces, name, getattr(result.faces, name), "s" if name == "time" else "1")
-    for name, sigma in result.faces.sigma.items():
-        faces[name].attrs["sigma"] = sigma
-
-
-def _flyer(entry: h5py.Group, result: FlyerResult) -> None:
-    """Transducers, events, validity."""
-    forces = _group(entry, "transducers", "NXcollection")
-    for signal in result.signals:
-        part = _group(forces, signal.name.replace(" ", "_"), "NXdata", signal="force", axes=["time"])
-        _array(part, "time", signal.time, "s")
-        _array(part, "force", signal.value, "N")
-        part["force"].attrs["sigma"] = signal.sigma
-    events = _group(entry, "events", "NXcollection")
-    for name, at, sigma, how in result.events:
-        part = _group(events, name.replace(" ", "_"), "NXcollection")
-        part["how"] = _text([how])[0]
-        if at is not None and sigma is not None:
-            _array(part, "time", at, "s")
-            _array(part, "sigma", sigma, "s")
-    window = _group(entry, "validity", "NXcollection")
-    window["sentence"] = _text([result.validity])[0]
-    if result.valid is not None:
-        _array(window, "window", result.valid, "s")
-    for name, values in result.inertia.items():
-        _array(window, name, values, "s" if name == "time" else "1")
-    if result.synchronisation is not None:
-        entry["synchronisation"] = _text([result.synchronisation])[0]
+        put(windows, name, getattr(result.windows, name), "s")
+    waves = result.faces
+    faces = data(entry, "faces", "incident", "time")
+    put(faces, "time", waves.time, "s")
+    for name in ("incident", "reflected", "transmitted"):
+        put(faces, name, getattr(waves, name), "1", sigma=waves.sigma[name])
 
 
 def _station(parent: h5py.Group, station: BarSignal) -> None:
     signal = station.strain
-    group = _group(parent, station.side, "NXdata", signal="strain", axes=["time"])
-    _array(group, "time", signal.time, "s")
-    _array(group, "strain", signal.value, "1")
-    group["strain"].attrs["sigma"] = signal.sigma
+    part = data(parent, station.side, "strain", "time")
+    put(part, "time", signal.time, "s")
+    put(part, "strain", signal.value, "1", sigma=signal.sigma)
     if station.bending is not None:
-        _array(group, "bending", station.bending, "1")
-    _array(group, "position", station.position, "m")
+        put(part, "bending", station.bending, "1")
+    put(part, "position", station.position, "m")
+
+
+def _flyer(entry: h5py.Group, result: FlyerResult) -> None:
+    """Transducers, events, validity."""
+    forces = group(entry, "transducers")
+    for signal in result.signals:
+        part = data(forces, signal.name.replace(" ", "_"), "force", "time")
+        put(part, "time", signal.time, "s")
+        put(part, "force", signal.value, "N", sigma=signal.sigma)
+    events = group(entry, "events")
+    for name, at, sigma, how in result.events:
+        part = group(events, name.replace(" ", "_"))
+        _text(part, "how", how)
+        if at is not None and sigma is not None:
+            put(part, "time", at, "s")
+            put(part, "sigma", sigma, "s")
+    window = group(entry, "validity")
+    _text(window, "sentence", result.validity)
+    if result.valid is not None:
+        put(window, "window", result.valid, "s")
+    for name, values in result.inertia.items():
+        put(window, name, values, "s" if name == "time" else "1")
+    if result.synchronisation is not None:
+        _text(entry, "synchronisation", result.synchronisation)
 
 
 def _reduction(entry: h5py.Group, result: ReducedTest) -> None:
     r = result.reduction
-    group = _group(entry, "reduction", "NXcollection", default="three_waves")
-    _array(group, "time", r.time, "s")
+    whole = group(entry, "reduction", default="three_waves")
+    put(whole, "time", r.time, "s")
     for way, name in WAYS.items():
         if way not in r.strain:
             continue
-        part = _group(group, name, "NXdata", signal="stress", axes=["time"])
-        part["time"] = group["time"]
+        part = data(whole, name, "stress", "time")
+        part["time"] = whole["time"]
         for quantity, kind in (("strain", r.strain), ("rate", r.rate), ("stress", r.stress)):
             _history(part, quantity, kind[way])
     for name in HISTORIES:
-        _history(group, name, getattr(r, name))
-    _array(group, "imbalance", r.imbalance, "1")
+        _history(whole, name, getattr(r, name))
+    put(whole, "imbalance", r.imbalance, "1")
     if r.balanced is not None:
-        _array(group, "balanced", r.balanced, "s")
+        put(whole, "balanced", r.balanced, "s")
     for name, values in result.extra.items():
         words, _, unit = name.rpartition(" (")
-        _array(group, words.replace(" ", "_"), values, unit.removesuffix(")"))
+        put(whole, words.replace(" ", "_"), values, unit.removesuffix(")"))
+
+
+def _history(part: h5py.Group, name: str, history: History) -> None:
+    put(part, name, history.value, history.unit)
+    put(part, f"{name}_sigma", history.sigma, history.unit)
 
 
 def _tables(entry: h5py.Group, result: ReducedTest) -> None:
-    log = _group(entry, "corrections", "NXcollection")
+    """Corrections, budget, facts, inputs, settings, remarks; a unit of each row is a column of its own."""
+    log, rows = group(entry, "corrections"), result.corrections
     for name in ("name", "key", "unit", "reason"):
-        log[name] = _text([getattr(c, name) for c in result.corrections])
+        _text(log, name, [getattr(c, name) for c in rows])
     for name in ("size", "rms"):
-        log[name] = np.array([getattr(c, name) for c in result.corrections], dtype=np.float64)
-    log["applied"] = np.array([c.applied for c in result.corrections], dtype=np.uint8)
-    budget = _group(entry, "budget", "NXcollection")
-    rows = result.budget.contributions
+        put(log, name, [getattr(c, name) for c in rows], None)
+    put(log, "applied", [c.applied for c in rows], None, kind="u")
+    budget, inputs = group(entry, "budget"), result.budget.contributions
     for name in ("name", "unit", "kind"):
-        budget[name] = _text([getattr(row.quantity, name) for row in rows])
+        _text(budget, name, [getattr(row.quantity, name) for row in inputs])
     for name in ("value", "sigma", "freedom"):
-        budget[name] = np.array([getattr(row.quantity, name) for row in rows], dtype=np.float64)
-    results = _group(budget, "results", "NXcollection")
+        put(budget, name, [getattr(row.quantity, name) for row in inputs], None)
+    results = group(budget, "results")
     for name, (value, sigma, unit) in result.budget.results.items():
-        part = _group(results, name.replace(" ", "_"), "NXcollection")
-        _array(part, "value", value, unit)
-        _array(part, "sigma", sigma, unit)
-        _array(part, "interval", (value - 2.0 * sigma, value + 2.0 * sigma), unit)
-        part["share_of_variance"] = np.array([row.shares.get(name, 0.0) for row in rows])
-    facts = _group(entry, "facts", "NXcollection")
+        part = group(results, name.replace(" ", "_"))
+        put(part, "value", value, unit)
+        put(part, "sigma", sigma, unit)
+        put(part, "interval", (value - 2.0 * sigma, value + 2.0 * sigma), unit)
+        put(part, "share_of_variance", [row.shares.get(name, 0.0) for row in inputs], None)
+    facts = group(entry, "facts")
     for name, (value, unit) in result.facts.items():
-        _array(facts, name.replace(" ", "_").replace("/", "_"), value, unit)
+        put(facts, name.replace(" ", "_").replace("/", "_"), value, unit)
     for name, texts in (("inputs", result.inputs), ("settings", result.settings)):
-        part = _group(entry, name, "NXcollection")
-        part["names"], part["values"] = _text(list(texts)), _text(list(texts.values()))
-    entry["remarks"] = _text(list(result.remarks))
+        part = group(entry, name)
+        _text(part, "names", texts)
+        _text(part, "values", texts.values())
+    _text(entry, "remarks", result.remarks)
 
 
-def _history(group: h5py.Group, name: str, history: History) -> None:
-    _array(group, name, history.value, history.unit)
-    _array(group, f"{name}_sigma", history.sigma, history.unit)
-
-
-def _group(parent: h5py.Group, name: str, nx_class: str, **attributes: Any) -> h5py.Group:
-    group = parent.create_group(name)
-    group.attrs["NX_class"] = nx_class
-    for key, value in attributes.items():
-        group.attrs[key] = value
-    return group
-
-
-def _array(group: h5py.Group, name: str, values: Any, unit: str) -> None:
-    group.create_dataset(name, data=np.asarray(values, dtype=np.float64)).attrs["units"] = unit
-
-
-def _text(texts: list[str]) -> np.ndarray:
-    encoded = [text.replace("\0", "\\0").encode() for text in texts]
-    longest = max([1, *map(len, encoded)])
-    return np.array(encoded, dtype=h5py.string_dtype("utf-8", longest))
+def _text(parent: h5py.Group, name: str, value: str | Iterable[str]) -> None:
+    put_text(parent, name, value, escape=True)
 
 
 def summary(result: ReducedTest) -> Mapping[str, Any]:

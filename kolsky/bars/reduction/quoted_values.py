@@ -34,7 +34,7 @@ def calibration_sigma(calibration: Calibration, relative: float) -> dict[str, fl
 
 
 def numbers(reduction: Reduction, summary: Summary) -> dict[str, np.ndarray]:
-    """Quoted values at fixed instants and spans, so that they vary smoothly with the inputs."""
+    """Quoted values: strain and stress of largest magnitude, means over the summary's plateau."""
     strain, stress = reduction.strain[WAY].value, reduction.stress[WAY].value
     last, peak = _instants(reduction)
     found = {"largest strain": strain[last], "peak stress": stress[peak]}

@@ -1,11 +1,12 @@
 """A classical test with other values of its quantities: the model that its budget goes through."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from kolsky.bars.audit import AuditLog
+from kolsky.bars.budget.quantities import merge_quantities
 from kolsky.bars.guides.polymer_waveguide import ViscoelasticWaveguide
 from kolsky.bars.guides.waveguide import ElasticWaveguide, Waveguide
 from kolsky.bars.records import Correction, FaceWaves, Quantity, Reduction, Windows, histories
@@ -18,6 +19,9 @@ from kolsky.bars.reduction.stress_strain import reduce
 from kolsky.bars.reduction.summary import Summary
 from kolsky.bars.signals.stations import Station, bar_signal
 from kolsky.base.apparatus import Bar, Specimen
+
+BAR_PROPERTIES = ("Young's modulus", "wave speed", "density", "diameter", "Poisson's ratio")
+"""Properties of a bar that are quantities of a budget; modulus or wave speed, not both."""
 
 
 def bar_quantities(bar: Bar, side: str, uncertainty: Mapping[str, float]) -> list[Quantity]:
@@ -139,6 +143,33 @@ def station_of(given: WavesInput, key: str, values: Mapping[str, float] | None =
         ),
         values=values,
     )
+
+
+def budget_quantities(given: WavesInput, stations: Mapping[str, Station]) -> list[Quantity]:
+    """Inputs of a test's budget: calibrations and zeros of the gauges, bars, specimen, gauge distances.
+
+    Parameters
+    ----------
+    given
+        The test.
+    stations
+        Strain at the stations of the two sides, with their quantities.
+    """
+    quantities: list[Quantity] = []
+    for side in SIDES:
+        quantities += stations[side].quantities
+        quantities += bar_quantities(given.bars[side], side, given.uncertainty)
+    quantities += length_quantities(
+        given.specimen, {key: station.position for key, station in given.stations.items()}, given.uncertainty
+    )
+    return merge_quantities(quantities)
+
+
+def bar_correlations(given: WavesInput, quantities: Sequence[Quantity]) -> dict[tuple[str, str], float]:
+    """Correlation 1 of equal properties of two bars whose errors are the same, as of bars from one rod."""
+    names = {q.name for q in quantities}
+    pairs = [(f"incident bar, {prop}", f"transmission bar, {prop}") for prop in BAR_PROPERTIES]
+    return {pair: 1.0 for pair in pairs if given.alike and names.issuperset(pair)}
 
 
 @dataclass(frozen=True)

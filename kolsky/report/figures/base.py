@@ -58,7 +58,7 @@ class FigureKind(Generic[Shown]):
     """Begins what another process does for the figure; such a figure is drawn last."""
 
 
-def letter(ax: Axes, text: str) -> None:
+def label_panel(ax: Axes, text: str) -> None:
     """Mark a panel (a), (b), ... above its corner."""
     ax.annotate(
         f"({text})",
@@ -71,7 +71,7 @@ def letter(ax: Axes, text: str) -> None:
     )
 
 
-def say_empty(ax: Axes, text: str) -> None:
+def note_empty(ax: Axes, text: str) -> None:
     """Say in a panel why it is empty."""
     ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color=GREY)
 

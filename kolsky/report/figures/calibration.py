@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
-from kolsky.report.figures.base import COLUMN, GREY, MEASURED, MODEL, PAGE, SHAPE, FigureKind, Panels, letter
+from kolsky.report.figures.base import (
+    COLUMN,
+    GREY,
+    MEASURED,
+    MODEL,
+    PAGE,
+    SHAPE,
+    FigureKind,
+    Panels,
+    label_panel,
+)
 
 if TYPE_CHECKING:
     from dic.calibration import Calibration
@@ -59,7 +69,7 @@ def draw_residuals(found: Calibration, panels: Panels) -> None:
             ax.set_ylabel("$y$ (px)")
         else:
             ax.tick_params(labelleft=False)
-        letter(ax, "ab"[camera])
+        label_panel(ax, "ab"[camera])
         ax.set_title(f"camera {camera}", fontsize="small", pad=3.0)
 
 
@@ -122,7 +132,7 @@ def draw_pairs(found: Calibration, panels: Panels) -> None:
     else:
         ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.legend(loc="upper right", ncols=2)
-    letter(ax, "a")
+    label_panel(ax, "a")
 
     ax = panels["distribution"]
     edges = np.linspace(-4.0, 4.0, 41)
@@ -145,7 +155,7 @@ def draw_pairs(found: Calibration, panels: Panels) -> None:
     ax.set(xlabel="Residual / $σ$", ylabel="Density", xlim=(-4.0, 4.0))
     ax.set_ylim(0.0, 1.35 * ax.get_ylim()[1])
     ax.legend(loc="upper right")
-    letter(ax, "b")
+    label_panel(ax, "b")
 
 
 FIGURES: tuple[FigureKind[Calibration], ...] = (

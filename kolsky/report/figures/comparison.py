@@ -19,9 +19,9 @@ from kolsky.report.figures.base import (
     UM,
     FigureKind,
     Panels,
+    label_panel,
     largest,
-    letter,
-    say_empty,
+    note_empty,
     smooth_bar,
 )
 
@@ -106,7 +106,7 @@ def draw_outline_residual(result: Identification, panels: Panels) -> None:
     mapped.set_clim(-limit, limit)
     ax.add_collection(mapped)
     if not seen.any():
-        say_empty(ax, "no simulated outline")
+        note_empty(ax, "no simulated outline")
     if (~c.inside).any() and seen.any():
         ax.plot(MS * line.time[~c.inside], MM * line.y[~c.inside], "x", color=MEASURED, ms=1.6, mew=0.4)
     for end in (np.min, np.max):
@@ -164,7 +164,7 @@ def draw_outlines(result: Identification, panels: Panels) -> None:
             continue
         rows = line.frame == frames[column]
         time = line.time[rows][0]
-        letter(top, f"{'abcdef'[column]}")
+        label_panel(top, f"{'abcdef'[column]}")
         top.text(0.95, 0.965, f"{MS * time:.2f} ms", transform=top.transAxes, ha="right", va="top")
         # The model's outline is drawn where it was sampled at the frame's time; the rest is for the points.
         nearest = int(np.argmin(np.abs(response.surface_times - time)))
@@ -207,7 +207,7 @@ def draw_force_residual(result: Identification, panels: Panels) -> None:
     history.set_ylim(-reach, reach)
     finite = weighted[np.isfinite(weighted)]
     if finite.size == 0:
-        say_empty(history, "no simulated force")
+        note_empty(history, "no simulated force")
     else:
         edges = np.linspace(-reach, reach, 31)
         share.hist(

@@ -15,7 +15,7 @@ from kolsky.report.figures.base import (
     SHAPE,
     FigureKind,
     Panels,
-    letter,
+    label_panel,
 )
 from kolsky.report.figures.waves import band, stress_scale
 
@@ -41,7 +41,7 @@ def draw(result: FlyerResult, panels: Panels) -> None:
     _strain(panels["strain"], panels["rate"], result)
     _curve(panels["curve"], result)
     for name, text in zip(("signals", "forces", "strain", "curve"), "abcd", strict=True):
-        letter(panels[name], text)
+        label_panel(panels[name], text)
 
 
 def _signals(ax: Axes, result: FlyerResult) -> None:

@@ -7,7 +7,7 @@ from kolsky.material.fits.compare import Comparison, Row
 from kolsky.material.fits.modes import Mode
 from kolsky.material.fits.stability import PathStability, Stability
 from kolsky.material.reference_curve import ReferenceCurve
-from kolsky.report.figures.base import BAND, GREY, MEASURED, MODEL, PAGE, FigureKind, Panels, letter
+from kolsky.report.figures.base import BAND, GREY, MEASURED, MODEL, PAGE, FigureKind, Panels, label_panel
 from kolsky.report.figures.waves import stress_scale
 
 MOST_LAWS = 5
@@ -47,7 +47,7 @@ def draw_fits(comparison: Comparison, panels: Panels) -> None:
     """Draw every test and the best laws."""
     for number, (mode, ax) in enumerate(zip(modes(comparison), panels.values(), strict=True)):
         if len(panels) > 1:
-            letter(ax, "abcd"[number])
+            label_panel(ax, "abcd"[number])
         tests = [k for k, test in enumerate(comparison.tests) if test.mode is mode]
         factor, unit = stress_scale(
             max((comparison.tests[k].stress for k in tests), key=lambda s: abs(s).max())
@@ -232,8 +232,8 @@ def draw_reference_curve(made: ReferenceCurve, panels: Panels) -> None:
     )
     right.set(xlim=left.get_xlim(), ylim=(0.0, 1.05 * right.dataLim.y1))
     left.legend(loc="upper left")
-    letter(left, "a")
-    letter(right, "b")
+    label_panel(left, "a")
+    label_panel(right, "b")
 
 
 FIGURES: tuple[FigureKind[Comparison], ...] = (

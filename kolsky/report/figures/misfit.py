@@ -23,8 +23,8 @@ from kolsky.report.figures.base import (
     SHAPE,
     FigureKind,
     Panels,
-    letter,
-    say_empty,
+    label_panel,
+    note_empty,
     smooth_bar,
     weighted_chi2,
 )
@@ -56,7 +56,7 @@ def draw_misfit(result: Identification, panels: Panels) -> None:
         curve = next((c for c in result.curves if c.parameter == name), None)
         chi2, phi, routes = (panels[f"{name} {part}"] for part in PARTS)
         for ax in (chi2, phi, routes):
-            letter(ax, next(letters))
+            label_panel(ax, next(letters))
             ax.set_xlabel(axis_label(name, estimate.unit))
             if np.isfinite(estimate.value):
                 ax.axvline(estimate.value, color=MEASURED, lw=0.6, ls="--")
@@ -65,8 +65,8 @@ def draw_misfit(result: Identification, panels: Panels) -> None:
         chi2.set_ylabel(r"$\chi^2/\chi^2_\mathrm{opt}$ (–)")
         phi.set_ylabel(r"$\Phi/\Phi_\mathrm{min}$ (–)")
         if curve is None:
-            say_empty(chi2, "no surrogate")
-            say_empty(phi, "no surrogate")
+            note_empty(chi2, "no surrogate")
+            note_empty(phi, "no surrogate")
         else:
             _draw_chi2(chi2, curve, result)
             _draw_phi(phi, curve, result.design)
@@ -140,7 +140,7 @@ def _draw_routes(ax: Axes, parameter: str, estimate: Estimate, result: Identific
     count = len(result.routes)
     ax.set_ylim(-0.6, count - 0.1 if count else 1.0)
     if not count:
-        say_empty(ax, "no optimum")
+        note_empty(ax, "no optimum")
     for row, route in enumerate(reversed(result.routes)):
         value, sigma = route.parameters.get(parameter, np.nan), route.sigma.get(parameter, np.nan)
         colour = ROUTES.get(route.name, MEASURED)
@@ -178,8 +178,8 @@ def draw_contour(result: Identification, panels: Panels) -> None:
     if set(design.names) <= set(curves):
         box = np.array([[curves[name].x[0], curves[name].x[-1]] for name in design.names])
     _plane(whole, result, np.column_stack([design.lower, design.upper]))
-    letter(whole, "a")
-    letter(near, "b")
+    label_panel(whole, "a")
+    label_panel(near, "b")
     if box is None:
         near.set_axis_off()
     else:

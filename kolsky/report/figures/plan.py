@@ -18,8 +18,8 @@ from kolsky.report.figures.base import (
     UM,
     FigureKind,
     Panels,
+    label_panel,
     largest,
-    letter,
     smooth_bar,
 )
 from kolsky.report.nomenclature import name_of
@@ -102,7 +102,7 @@ def draw_information(plan: Plan, panels: Panels) -> None:
     for j, name in enumerate(plan.names):
         symbol = name_of(name).tex
         top, low = panels[f"{name} outline"], panels[f"{name} force"]
-        letter(top, next(letters))
+        label_panel(top, next(letters))
         label = f"Share on ${symbol}$ (1/(mm ms))"
         draw_map(top, grid, PER_MM_MS * outline[j], label, bottom=0.0)
         left, right = top.get_xlim()
@@ -118,7 +118,7 @@ def draw_information(plan: Plan, panels: Panels) -> None:
         low.set(xlabel="Time (ms)", xlim=top.get_xlim())
         low.set_ylim(bottom=0.0)
         low.set_ylabel(f"Share on ${symbol}$ (1/ms)")
-        letter(low, next(letters))
+        label_panel(low, next(letters))
         if j > 0:
             top.set_ylabel("")
         if j == 0 and len(plan.names) > 1:
@@ -155,7 +155,7 @@ def draw_slopes(plan: Plan, panels: Panels) -> None:
     for j, name in enumerate(plan.names):
         step = CHANGE * slopes.scale[j]
         top, low = panels[f"{name} force"], panels[f"{name} outline"]
-        letter(top, next(letters))
+        label_panel(top, next(letters))
         change = step * slopes.force_slope[j]
         left = CHANGE / slopes.reach * slopes.force_left[j]
         top.fill_between(time, change - left, change + left, color=BAND, alpha=0.35, lw=0.0)
@@ -166,7 +166,7 @@ def draw_slopes(plan: Plan, panels: Panels) -> None:
         shown = np.where(np.isfinite(slopes.radius), change_of_radius, np.nan)
         draw_map(low, slopes.grid, shown, rf"$\Delta Z$ with $\Delta {name_of(name).tex}$ (µm)")
         top.set_xlim(low.get_xlim())
-        letter(low, next(letters))
+        label_panel(low, next(letters))
         if j > 0:
             low.set_ylabel("")
 
@@ -216,7 +216,7 @@ def draw_choices(plan: Plan, panels: Panels) -> None:
     for name in ("rate", "correlation"):
         _speeds(panels[name], speeds)
     for key, ax in zip("abc", panels.values(), strict=True):
-        letter(ax, key)
+        label_panel(ax, key)
         if ax.get_legend_handles_labels()[0]:
             ax.legend(loc="best")
 

@@ -18,8 +18,8 @@ from kolsky.report.figures.base import (
     PAGE,
     FigureKind,
     Panels,
-    letter,
-    say_empty,
+    label_panel,
+    note_empty,
 )
 from kolsky.report.nomenclature import shortened
 from kolsky.studies.rates.records import GroupRates
@@ -53,7 +53,7 @@ def draw_stiffness(group: GroupRates, panels: Panels) -> None:
     slow = _slow(group)
     for number, (panel, (quantity, label)) in enumerate(PANELS.items()):
         ax = panels[panel]
-        letter(ax, "abc"[number])
+        label_panel(ax, "abc"[number])
         ax.set_xscale("log")
         ax.set_xlabel("Strain rate (1/s)")
         ax.set_ylabel(label)
@@ -110,8 +110,8 @@ def draw_equal_strain(group: GroupRates, panels: Panels) -> None:
     e = group.equal_strain
     assert e is not None  # `applies` saw to it
     force, shape = panels["force"], panels["shape"]
-    letter(force, "a")
-    letter(shape, "b")
+    label_panel(force, "a")
+    label_panel(shape, "b")
     for number, shot in enumerate(group.counted):
         colour, marker = COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)]
         c, h = shot.found.comparison, shot.history
@@ -138,7 +138,7 @@ def draw_equal_strain(group: GroupRates, panels: Panels) -> None:
     shape.set(xlabel="Height $y$ (mm)", ylabel="Radius $Z$ (mm)")
     force.legend(loc="upper left")
     if not e.shapes:
-        say_empty(shape, "no outline was measured")
+        note_empty(shape, "no outline was measured")
     for strain in e.strains:
         here = [s for s in e.shapes if s.strain == strain]
         if here:

@@ -14,7 +14,7 @@ from kolsky.report.figures.base import (
     ROUTES,
     FigureKind,
     Panels,
-    letter,
+    label_panel,
 )
 from kolsky.report.nomenclature import shortened
 from kolsky.studies.rates.records import GroupRates
@@ -46,7 +46,7 @@ def draw_slope(group: GroupRates, panels: Panels) -> None:
     """Draw both panels."""
     wide, near = panels["wide"], panels["near"]
     for ax, mark in ((wide, "a"), (near, "b")):
-        letter(ax, mark)
+        label_panel(ax, mark)
         ax.set_xscale("log")
         ax.set_xlabel("Strain rate (1/s)")
         ax.set_ylabel("Stiffness factor $m$ (–)")
@@ -147,8 +147,8 @@ def caption_forest(group: GroupRates) -> str:
 def draw_forest(group: GroupRates, panels: Panels) -> None:
     """Draw the forest and the leave-one-out."""
     left, right = panels["shots"], panels["without"]
-    letter(left, "a")
-    letter(right, "b")
+    label_panel(left, "a")
+    label_panel(right, "b")
     count = len(group.shots)
     rows = np.arange(count, 0, -1)
     for row, shot in zip(rows, group.shots, strict=True):

@@ -24,7 +24,7 @@ from kolsky.report.figures.base import (
     UM,
     FigureKind,
     Panels,
-    letter,
+    label_panel,
     smooth_bar,
 )
 from kolsky.shot.picture_set import PicturePair
@@ -83,7 +83,7 @@ def draw_flyer_path(shown: Recorded, panels: Panels) -> None:
         ax.axvspan(first, last, color=BAND, alpha=0.2, lw=0.0)
         if shown.symmetry_end is not None:
             ax.axvline(MS * shown.symmetry_end, color=GREY, lw=0.8, ls=":", label="end of symmetry")
-        letter(ax, {"displacement": "a", "velocity": "b", "residual": "c"}[name])
+        label_panel(ax, {"displacement": "a", "velocity": "b", "residual": "c"}[name])
     time, frames = MS * motion.time, MS * motion.measured_time
     ax, low = panels["velocity"], panels["residual"]
     band = 2.0 * motion.velocity_sigma
@@ -165,7 +165,7 @@ def draw_picture_pair(seen: Recorded, panels: Panels) -> None:
             zorder=3,
         )
         ax.set_title(f"camera {number}", loc="right", pad=2.5)
-        letter(ax, mark)
+        label_panel(ax, mark)
     bar = panels["left"].figure.colorbar(  # type: ignore[union-attr]
         points, ax=[panels[name] for name in CAMERAS], aspect=22, pad=0.02, extend="both"
     )
@@ -212,7 +212,7 @@ def _histories(pair: PicturePair, quality: Axes, lost: Axes) -> None:
     lost.set_ylim(0.0, max(1.1 * float(np.max(body.surface.n_points - body.n_valid[usable])), 1.0))
     for ax, mark in ((quality, "c"), (lost, "d")):
         ax.axvline(MS * float(result.t[pair.frame]), color=LOST, lw=0.8, ls="--", label="(a), (b)")
-        letter(ax, mark)
+        label_panel(ax, mark)
     quality.legend(loc="best")
 
 

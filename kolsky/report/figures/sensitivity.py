@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
-from kolsky.report.figures.base import MEASURED, MS, PAGE, FigureKind, Panels, letter
+from kolsky.report.figures.base import MEASURED, MS, PAGE, FigureKind, Panels, label_panel
 from kolsky.report.nomenclature import name_of
 from kolsky.studies.global_sensitivity import GlobalSensitivity
 
@@ -39,7 +39,7 @@ def draw(result: GlobalSensitivity, panels: Panels) -> None:
         _history(panels["outline"], result, *result.outline_by_frame())
         panels["outline"].set_ylabel("Index of the outline (–)")
     for key, ax in zip("abc", panels.values(), strict=False):
-        letter(ax, key)
+        label_panel(ax, key)
     panels["scalars"].legend(loc="upper left", ncols=len(result.box.names))
 
 

@@ -18,13 +18,13 @@ from kolsky.report.figures.base import (
     FigureKind,
     Panels,
     largest,
-    say_empty,
+    note_empty,
     smooth_bar,
 )
 from kolsky.report.numbers import percent
 from kolsky.report.scene.fields import FIELDS
 from kolsky.report.scene.stills import COUNT as STILLS
-from kolsky.report.scene.stills import begin, stills
+from kolsky.report.scene.stills import start_stills, stills
 
 PARTS = {
     "elastic": "#0072B2",
@@ -62,7 +62,7 @@ def draw_energy(result: Identification, panels: Panels) -> None:
     stack = [MJ * getattr(ledger, name)[0] for name in parts]
     ended = np.isfinite(ledger.external[0])
     if not ended.any():
-        say_empty(top, "no simulation completed")
+        note_empty(top, "no simulation completed")
     colours = [PARTS[name] for name in parts]
     top.stackplot(time[ended], [part[ended] for part in stack], labels=labels, colors=colours, lw=0.0)
     top.plot(time, MJ * ledger.external[0], color=MEASURED, lw=0.8, label="work of the platens")
@@ -223,6 +223,6 @@ FIGURES: tuple[FigureKind[Identification], ...] = (
         panels=lambda result: [[f"scene {column}" for column in range(STILLS)]],
         draw=draw_scene,
         applies=can_show_stills,
-        ahead=begin,
+        ahead=start_stills,
     ),
 )

@@ -15,7 +15,7 @@ from kolsky.report.figures.base import (
     PAGE,
     FigureKind,
     Panels,
-    letter,
+    label_panel,
     smooth_bar,
 )
 from kolsky.report.figures.surface_points import LOST
@@ -71,7 +71,7 @@ def draw_overlay(view: SurfaceView, panels: Panels) -> None:
             ax.contour(small, levels=[0.5], colors=[LOST], linewidths=1.0)
         ax.set_xlabel("$x$ (px)")
         ax.set_title(f"camera {camera}", loc="right", pad=2.5)
-        letter(ax, mark)
+        label_panel(ax, mark)
         axes.append(ax)
     axes[0].set_ylabel("$y$ (px)")
     if drawn is not None:
@@ -131,7 +131,7 @@ def draw_floor(shown: Speckles, panels: Panels) -> None:
     share.set_ylabel("Share of the subsets")
     share.legend(loc="upper left")
     for ax, mark in zip((picture, floor, share), "abc", strict=True):
-        letter(ax, mark)
+        label_panel(ax, mark)
 
 
 FIGURES: tuple[FigureKind[SurfaceView], ...] = (

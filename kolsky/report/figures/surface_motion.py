@@ -17,7 +17,7 @@ from kolsky.report.figures.base import (
     UM,
     FigureKind,
     Panels,
-    letter,
+    label_panel,
     smooth_bar,
 )
 from kolsky.report.surface_view import SurfaceView
@@ -56,7 +56,7 @@ def draw_kymograph(view: SurfaceView, panels: Panels) -> None:
         ax.plot(time, body.pixels[0][:, point, 1], color=MODEL, lw=0.5)
     ax.set(xlabel="Time (ms)", ylabel="Row of camera 0 (px)")
     ax.set_ylim(rows - 0.5, -0.5)
-    letter(ax, "a")
+    label_panel(ax, "a")
 
     ax, line = panels["radius"], result.centre
     corners, radii = [], []
@@ -87,7 +87,7 @@ def draw_kymograph(view: SurfaceView, panels: Panels) -> None:
         bar = ax.figure.colorbar(colours, ax=ax, aspect=25, pad=0.02)  # type: ignore[union-attr]
         bar.set_label("Radius $Z$ (mm)")
         smooth_bar(bar)
-    letter(ax, "b")
+    label_panel(ax, "b")
 
 
 def caption_flyer(view: SurfaceView) -> str:
@@ -123,7 +123,7 @@ def draw_flyer(view: SurfaceView, panels: Panels) -> None:
         elinewidth=0.5,
     )
     ax.set_ylabel("Displacement (mm)")
-    letter(ax, "a")
+    label_panel(ax, "a")
     ax = panels["velocity"]
     step = np.diff(travel.t)
     velocity = np.diff(travel.displacement) / step
@@ -139,12 +139,12 @@ def draw_flyer(view: SurfaceView, panels: Panels) -> None:
         elinewidth=0.5,
     )
     ax.set_ylabel("Velocity (m/s)")
-    letter(ax, "b")
+    label_panel(ax, "b")
     ax = panels["sigma"]
     ax.plot(time, UM * travel.sigma, color=MEASURED)
     ax.set_ylim(bottom=0.0)
     ax.set(xlabel="Time (ms)", ylabel="σ (µm)")
-    letter(ax, "c")
+    label_panel(ax, "c")
 
 
 COVERAGE = 2.0
@@ -206,7 +206,7 @@ def draw_flight(shown: FlightOfSpecimen, panels: Panels) -> None:
     ax.margins(y=0.25)  # room for the legend
     ax.legend(loc="lower left", ncols=2)
     for mark, name in zip("abc", ("motion", "angle", "tilt"), strict=True):
-        letter(panels[name], mark)
+        label_panel(panels[name], mark)
         panels[name].set_xlim(ms[0], ms[-1])
         if name != "tilt":
             panels[name].tick_params(labelbottom=False)

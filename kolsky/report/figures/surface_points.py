@@ -18,7 +18,7 @@ from kolsky.report.figures.base import (
     SHAPE,
     FigureKind,
     Panels,
-    letter,
+    label_panel,
     smooth_bar,
 )
 from kolsky.report.surface_view import SurfaceView
@@ -53,7 +53,7 @@ def frames_in(view: SurfaceView, panels: Panels) -> list[tuple[int, Axes]]:
             ax.set_ylabel("$y$ (px)")
         else:
             ax.tick_params(labelleft=False)
-        letter(ax, mark)
+        label_panel(ax, mark)
         ax.set_title(f"{MS * view.result.t[frame]:.3f} ms", loc="right", pad=2.5)
         drawn.append((frame, ax))
     return drawn
@@ -215,7 +215,7 @@ def draw_lost(view: SurfaceView, panels: Panels) -> None:
     bar = ax.figure.colorbar(points, ax=ax, aspect=25, pad=0.02)  # type: ignore[union-attr]
     bar.set_label("Frames with the point (%)")
     smooth_bar(bar)
-    letter(ax, "a")
+    label_panel(ax, "a")
 
     ax = panels["history"]
     time = MS * result.t
@@ -244,7 +244,7 @@ def draw_lost(view: SurfaceView, panels: Panels) -> None:
         ax.legend(loc="upper left")
     else:
         ax.text(0.5, 0.5, "none was lost", transform=ax.transAxes, ha="center", color=GREY)
-    letter(ax, "b")
+    label_panel(ax, "b")
 
 
 FIGURES: tuple[FigureKind[SurfaceView], ...] = (

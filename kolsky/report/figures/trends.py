@@ -14,7 +14,7 @@ from kolsky.report.figures.base import (
     SHAPE,
     FigureKind,
     Panels,
-    letter,
+    label_panel,
     smooth_bar,
 )
 from kolsky.report.nomenclature import axis_label
@@ -71,7 +71,7 @@ def draw_damping(result: Trends, panels: Panels) -> None:
             ax.plot(time, force, color=colour, lw=0.8, label=rf"$\beta$ = {1e6 * beta:g} µs")
         ax.plot(time, forces.measured, color=MEASURED, lw=0.6, ls="--", label="measured")
         ax.set(xlabel="Time (ms)", ylabel="Transmitted force (N)")
-        letter(ax, key)
+        label_panel(ax, key)
     panels["whole"].set_xlim(time[0], time[-1])
     panels["whole"].legend(loc="upper left")
     near = time <= begin
@@ -96,7 +96,7 @@ def draw_friction(result: Trends, panels: Panels) -> None:
     _surface(panels["force"], plane, plane.surface_force, plane.phi_force, r"Force misfit $\Phi_F$ (N)")
     _surface(panels["shape"], plane, plane.surface_shape, plane.phi_shape, r"Shape misfit $\Phi_S$ (–)")
     for key, ax in zip("ab", panels.values(), strict=True):
-        letter(ax, key)
+        label_panel(ax, key)
 
 
 def _surface(
@@ -137,7 +137,7 @@ def draw_stiffness(result: Trends, panels: Panels) -> None:
         ax.plot(s.between.x, between, "o", mfc="white", mec=MEASURED, mew=0.6, ms=3, label="runs not seen")
         ax.set(xlabel=axis_label("stiffness_factor"), ylabel=label, xlim=(s.x[0], s.x[-1]))
         ax.set_ylim(bottom=min(0.0, 1.1 * float(s.by_cost[i].min())))
-        letter(ax, key)
+        label_panel(ax, key)
     panels["shape"].legend(loc="upper right")
 
 

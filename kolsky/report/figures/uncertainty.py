@@ -14,8 +14,8 @@ from kolsky.report.figures.base import (
     PAGE,
     FigureKind,
     Panels,
-    letter,
-    say_empty,
+    label_panel,
+    note_empty,
     smooth_bar,
 )
 from kolsky.report.nomenclature import axis_label, name_of
@@ -39,7 +39,7 @@ def draw_likelihood(result: Identification, panels: Panels) -> None:
     for number, profile in enumerate(result.profiles):
         ax = panels[profile.name]
         if len(result.profiles) > 1:
-            letter(ax, "abcdefghijkl"[number])
+            label_panel(ax, "abcdefghijkl"[number])
         low, high = profile.interval
         left, right = profile.values[0], profile.values[-1]
         low, high = (left if np.isnan(low) else low), (right if np.isnan(high) else high)
@@ -86,7 +86,7 @@ def draw_ridge(result: Identification, panels: Panels) -> None:
     assert ridge is not None
     profiles = {profile.name: profile for profile in result.profiles}
     if not set(ridge.names) <= set(profiles):
-        say_empty(ax, "no profiles")
+        note_empty(ax, "no profiles")
         return
     distance = np.sqrt(ridge.rise / profiles[ridge.names[0]].correlation)
     drawn = ax.contourf(

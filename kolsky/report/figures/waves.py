@@ -18,9 +18,9 @@ from kolsky.report.figures.base import (
     SHAPE,
     FigureKind,
     Panels,
+    label_panel,
     largest,
-    letter,
-    say_empty,
+    note_empty,
 )
 
 US, MICRO = 1e6, 1e6
@@ -73,7 +73,7 @@ def draw_waves(result: WavesResult, panels: Panels) -> None:
     _strain(panels["strain"], panels["rate"], result)
     _curve(panels["curve"], result)
     for ax, text in zip(("signals", "forces", "strain", "curve"), "abcd", strict=True):
-        letter(panels[ax], text)
+        label_panel(panels[ax], text)
 
 
 def _signals(ax: Axes, result: WavesResult) -> None:
@@ -135,7 +135,7 @@ def _forces(ax: Axes, low: Axes, result: WavesResult) -> None:
     if np.isfinite(finite).any():
         low.plot(time, finite, color=MEASURED, lw=0.7)
     else:
-        say_empty(low, "forces within their noise")
+        note_empty(low, "forces within their noise")
     low.axhline(0.0, color=GREY, lw=0.5)
     low.set_ylim(-1.0, 1.0)
     low.set(xlabel="Time at the specimen (µs)", ylabel="$R$ (–)")

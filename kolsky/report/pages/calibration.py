@@ -6,7 +6,7 @@ from typing import Any
 from dic.calibration import Calibration
 from kolsky.report import numbers, printed
 from kolsky.report.figures import CALIBRATION
-from kolsky.report.pages.rendering import drawn, page, write
+from kolsky.report.pages.rendering import draw_figures, render_page, write_html
 
 
 def write_page(path: Path, name: str, found: Calibration) -> None:
@@ -17,7 +17,7 @@ def write_page(path: Path, name: str, found: Calibration) -> None:
     path : Path
         The file, replaced atomically if it exists; its folder must exist.
     name : str
-        What was calibrated.
+        Name of the calibration.
     found : Calibration
         The result.
 
@@ -26,17 +26,17 @@ def write_page(path: Path, name: str, found: Calibration) -> None:
     OSError
         If the file cannot be written; an older one is then unchanged.
     """
-    write(path, render(name, found))
+    write_html(path, render(name, found))
 
 
 def render(name: str, found: Calibration) -> str:
-    """The page as HTML text; see `write_page`."""
-    return page(
+    """Return the page as HTML text; see `write_page`."""
+    return render_page(
         "calibration.html",
         kind="Two cameras from pictures of a target",
         heading=name,
         subject="calibration",
-        figures=drawn(CALIBRATION.values(), found),
+        figures=draw_figures(CALIBRATION.values(), found),
         rows=list(summary(found).items()),
         warnings=[f"{warning}." for warning in warnings(found)],
         pairs=[_row(pair) for pair in found.pairs],
@@ -44,7 +44,7 @@ def render(name: str, found: Calibration) -> str:
 
 
 def _row(pair: Any) -> dict[str, Any]:
-    """What the table says of a pair."""
+    """Return the row of one pair of images."""
     points = [0 if view is None else int(view.used.sum()) for view in pair.views]
     rms = ["" if view is None else f"{view.rms:.4f}" for view in pair.views]
     said = (
@@ -60,7 +60,7 @@ _PX = ("fx", "fy", "cx", "cy", "skew")
 
 
 def summary(found: Calibration) -> dict[str, str]:
-    """A name and a value for each line of the table."""
+    """Return a name and a value for each line of the table."""
     checks, sigma = found.checks, found.sigma
     used = sum(pair.outcome.used for pair in found.pairs)
     rows = {
@@ -95,11 +95,12 @@ def summary(found: Calibration) -> dict[str, str]:
 
 
 def warnings(found: Calibration) -> list[str]:
-    """What a user must know before using it."""
+    """Return the warnings about a calibration."""
     said = [f"pair {pair.name} was left out: {pair.reason}. {pair.outcome.cure}" for pair in found.rejected]
     if found.clustering > 2.0:
         said.append(
-            f"residuals of a picture hang together (factor {found.clustering:.1f} on variances): the target "
+            "residuals within a picture are correlated "
+            f"(factor {found.clustering:.1f} on variances): the target "
             "may be bent or misprinted, or the lens model too simple; sigmas are enlarged accordingly"
         )
     return [*said, *found.advice]

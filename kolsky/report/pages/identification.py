@@ -1,47 +1,36 @@
-"""One self-contained page: the answer, what it rests on, and what would contradict it."""
+"""Page of an identification: the answers and their uncertainty, the data, the search, the numerical error."""
 
 import re
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from markupsafe import Markup, escape
+from jinja2 import Environment
 
-from explicit import Ending
-from kolsky.inverse.parameters import PARAMETERS, has_effect
-from kolsky.inverse.result import Estimate, Identification, Verdict, worst_imbalance
+from kolsky.inverse.result import Identification
 from kolsky.report import nomenclature, numbers
-from kolsky.report.display_units import in_shown_units
+from kolsky.report.display_units import in_display_units
 from kolsky.report.figures import RECORDINGS, REGISTRY
 from kolsky.report.nomenclature import in_words, name_of, route_label
-from kolsky.report.pages.rendering import drawn, environment, page, write
+from kolsky.report.pages.identification_tables import (
+    answer,
+    check_run,
+    facts,
+    failures,
+    fixed,
+    flattened,
+    quality,
+    runs,
+    shown_unit,
+    with_subscripts,
+)
+from kolsky.report.pages.rendering import draw_figures, environment, render_page, write_html
 from kolsky.report.pages.uncertainty import changes, choices, known
 from kolsky.shot.recorded import Recorded
-
-_NUMERICS = {"mesh": "mesh and step", "roughness": "roughness of the response"}
-"""Words for the keys of `Estimate.numerical_parts`."""
-_VERDICTS = {
-    Verdict.IDENTIFIED: "The optimum lies inside the design, and a simulation at it confirms the surrogate.",
-    Verdict.FORCE_ALONE: "The optimum lies inside the design, and a simulation at it confirms the surrogate. "
-    "No outline was measured, so that the force is not checked by the shape.",
-    Verdict.AT_BOUND: "The optimum lies on a bound of the design: read the value as a limit, not as an "
-    "estimate. Widen the design and run again.",
-    Verdict.CONDITIONAL: "Another parameter lies on a bound of the design, and this one makes up for what it "
-    "may not do: the value and its interval hold only if that bound is right. Widen that bound, or hold that "
-    "parameter at an independent value.",
-    Verdict.NOT_SEEN: "The data hardly change with this parameter: the interval says what can be "
-    "excluded, the value says little. Hold it fixed at an independent value.",
-    Verdict.DISAGREEING: "The simulation at the optimum does not confirm the surrogate: do not use the "
-    "value. Add runs near the optimum and search again.",
-    Verdict.FAILED: "No simulation of the design completed, so there is no estimate. The design table "
-    "names the cause of each run.",
-}
 
 _TESTED = ("specimen", "interface", "declared_interface", "support", "window_s")
 _TABLES = ("checks", "inputs", "settings", "versions")
 _SHOWN = (*_TESTED, *_TABLES, "recordings")
-"""Entries of provenance with a place of their own on the page; all others are listed at its end."""
+"""Entries of provenance that have their own table; all others are listed under "Further"."""
 
 
 def write_report(
@@ -59,23 +48,76 @@ def write_report(
         The file, replaced atomically if it exists; its folder must exist.
     identification : Identification
         The result. Of its provenance, "specimen", "interface", "declared_interface", "support" and
-        "window_s" say what was tested, and "checks", "inputs" (file name to SHA-256), "settings" and
-        "versions" are tables of their own; every other entry is listed under "Further".
+        "window_s" make the table of the test; "checks", "inputs" (file name to SHA-256), "settings" and
+        "versions" have their own tables; every other entry is listed under "Further".
     recordings : Recorded, optional
-        What the shot's own files show; the sections about them are left out without it.
+        Recordings of the shot's own files; without them their sections are left out.
     processes : int
-        How many draw the figures, 1 or 2; see `kolsky.report.pages.parallel.drawn_by`.
+        Processes that draw, 1 or 2; see `kolsky.report.pages.parallel.draw_in_processes`.
 
     Raises
     ------
     OSError
         If the file cannot be written; an older one is then unchanged.
     """
-    write(path, render(identification, recordings, processes=processes))
+    write_html(path, render(identification, recordings, processes=processes))
 
 
 def render(identification: Identification, recordings: Recorded | None = None, *, processes: int = 1) -> str:
-    """The report as HTML text; see `write_report`."""
+    """Return the report as HTML text; see `write_report`."""
+    result = in_display_units(identification)
+    provenance = result.provenance
+    figures = _figures(identification, result, recordings, processes)
+    return render_page(
+        "identification.html",
+        using=_templates(),
+        kind="Identification from one impact test",
+        heading=result.shot,
+        subject="identification",
+        result=result,
+        figures=figures,
+        answers=[answer(estimate) for estimate in result.estimates.values()],
+        facts=facts(result),
+        fixed=fixed(result),
+        check=check_run(result),
+        runs=runs(result),
+        U={name: 2.0 * estimate.sigma for name, estimate in result.estimates.items()},
+        quality=quality(result),
+        known=known(result),
+        changes=changes(result),
+        choices=choices(result),
+        recordings=flattened({"recordings": provenance.get("recordings", {})}),
+        seen=recordings,
+        tested=flattened({key: provenance[key] for key in _TESTED if key in provenance}),
+        **{name: flattened(provenance.get(name, {})) for name in _TABLES},
+        further=flattened({k: v for k, v in provenance.items() if k not in _SHOWN}),
+        completed=len(result.design.outcomes) - len(result.design.lost),
+        failures=failures(result),
+        total_seconds=sum(result.seconds.values()),
+    )
+
+
+def _figures(
+    identification: Identification, result: Identification, recordings: Recorded | None, processes: int
+) -> dict[str, dict[str, Any]]:
+    """Draw all figures, those of the recordings first; by name, as the template takes them.
+
+    The template removes each figure that it places; the others follow under "Further figures".
+    """
+    drawn = []
+    if recordings is not None:
+        drawn += draw_figures(RECORDINGS.values(), recordings, processes=processes)
+    drawn += draw_figures(
+        REGISTRY.values(), identification, captioned=result, first=1 + len(drawn), processes=processes
+    )
+    return {
+        figure["id"].replace("-", "_"): {**figure, "caption": with_subscripts(figure["caption"])}
+        for figure in drawn
+    }
+
+
+def _templates() -> Environment:
+    """Return the templates with the filters that this page needs."""
     templates = environment()
     templates.filters |= {
         "plain": numbers.plain,
@@ -91,220 +133,6 @@ def render(identification: Identification, recordings: Recorded | None = None, *
     templates.globals |= {
         "like": numbers.like,
         "uncertainty": lambda value, U: numbers.measured(value, U)[1],
-        "unit": _unit,
+        "unit": shown_unit,
     }
-    result = in_shown_units(identification)
-    provenance = result.provenance
-    before = [] if recordings is None else drawn(RECORDINGS.values(), recordings, processes=processes)
-    figures = {
-        figure["id"].replace("-", "_"): {**figure, "caption": _subscripts(figure["caption"])}
-        for figure in [
-            *before,
-            *drawn(
-                REGISTRY.values(),
-                identification,
-                captioned=result,
-                first=1 + len(before),
-                processes=processes,
-            ),
-        ]
-    }
-    return page(
-        "identification.html",
-        using=templates,
-        kind="Identification from one impact test",
-        heading=result.shot,
-        subject="identification",
-        result=result,
-        figures=figures,
-        answers=[_answer(estimate) for estimate in result.estimates.values()],
-        facts=_facts(result),
-        fixed=_fixed(result),
-        check=_check_run(result),
-        runs=_runs(result),
-        U={name: 2.0 * estimate.sigma for name, estimate in result.estimates.items()},
-        quality=_quality(result),
-        known=known(result),
-        changes=changes(result),
-        choices=choices(result),
-        recordings=flattened({"recordings": provenance.get("recordings", {})}),
-        seen=recordings,
-        tested=flattened({key: provenance[key] for key in _TESTED if key in provenance}),
-        **{name: flattened(provenance.get(name, {})) for name in _TABLES},
-        further=flattened({k: v for k, v in provenance.items() if k not in _SHOWN}),
-        completed=len(result.design.outcomes) - len(result.design.lost),
-        failures=_failures(result),
-        total_seconds=sum(result.seconds.values()),
-    )
-
-
-def flattened(value: Any, prefix: str = "") -> list[tuple[str, str]]:
-    """Rows (words, text) of nested provenance, see `kolsky.report.nomenclature`; nothing is left out."""
-    if isinstance(value, Mapping):
-        return [row for k, v in value.items() for row in flattened(v, f"{prefix}.{k}" if prefix else str(k))]
-    if isinstance(value, list | tuple) and any(isinstance(item, Mapping | list | tuple) for item in value):
-        return [row for i, item in enumerate(value) for row in flattened(item, f"{prefix}[{i}]")]
-    factor, unit, between, nothing, digits = nomenclature.written(prefix)
-    items = value if isinstance(value, list | tuple) else [value]
-    text = between.join(nothing if item is None else _text(item, factor, digits) for item in items)
-    return [(nomenclature.label(prefix), f"{text} {unit}" if unit and value is not None else text)]
-
-
-def _text(value: Any, factor: float, digits: int) -> str:
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return numbers.plain(factor * value, digits) if isinstance(value, float) else str(value)
-
-
-def _ms(time: float) -> str:
-    return f"{numbers.rounded(1e3 * float(time), -3)} ms"
-
-
-def _subscripts(text: str) -> Markup:
-    """A caption as HTML, with Φ_F and Φ_S as a reader expects them."""
-    return Markup(re.sub(r"Φ_([FS])", r"Φ<sub>\1</sub>", str(escape(text))))
-
-
-def _unit(unit: str) -> str:
-    return "" if unit == "1" else unit
-
-
-def _answer(estimate: Estimate) -> dict[str, Any]:
-    """One estimate in words and rounded numbers."""
-    U = 2.0 * estimate.sigma
-    value, uncertainty = numbers.measured(estimate.value, U)
-    # Nothing has a share of no variance, nor of an infinite one.
-    variance = estimate.sigma**2 if 0.0 < estimate.sigma < np.inf else np.nan
-    budget = [(f"noise: {name}", part, "part") for name, part in estimate.noise_parts.items()]
-    budget.append(("noise, all sources", estimate.sigma_noise, "sum"))
-    computed = estimate.numerical_parts if len(estimate.numerical_parts) > 1 else {}
-    budget += [(f"numerics: {_NUMERICS.get(name, name)}", part, "part") for name, part in computed.items()]
-    budget.append(("numerics, all sources" if computed else "mesh and step", estimate.sigma_numerical, "sum"))
-    if estimate.sigma_systematic > 0.0:
-        budget.append(("declared uncertainties of the inputs", estimate.sigma_systematic, "sum"))
-    parts = np.array(list(estimate.noise_parts.values()))
-    whole = estimate.sigma_noise
-    sums_up = not (parts.size and np.isfinite(whole)) or bool(
-        np.isclose(np.hypot.reduce(parts), whole, rtol=0.02)  # what rounding of printed parts would show
-    )
-    return {
-        "name": name_of(estimate.name, estimate.unit),
-        "unit": _unit(estimate.unit),
-        "known": bool(np.isfinite(estimate.value)),
-        "bounded": bool(np.isfinite(U)),
-        "value": value,
-        "uncertainty": uncertainty,
-        "interval": [numbers.like(end, U) for end in estimate.interval],
-        "verdict": estimate.outcome.value,
-        "good": estimate.outcome is Verdict.IDENTIFIED,
-        "meaning": _VERDICTS[estimate.outcome],
-        "relative": numbers.percent(U / abs(estimate.value)) if estimate.value else numbers.NOTHING,
-        "budget": [
-            (name, numbers.part(u, U), numbers.percent(np.divide(u**2, variance)), kind)
-            for name, u, kind in budget
-        ],
-        "combined": numbers.part(estimate.sigma, U),
-        "sums_up": sums_up,
-    }
-
-
-def _fixed(result: Identification) -> list[tuple[str, str, str]]:
-    """Words, symbol and value of the parameters that were not free."""
-    interface = result.provenance.get("interface")
-    laws = set(interface.values()) if isinstance(interface, Mapping) else {"coulomb"}
-    rows = []
-    for parameter, value in result.fixed.items():
-        name = name_of(parameter)
-        text = f"{numbers.plain(value)} {_unit(name.unit)}".rstrip()
-        record = PARAMETERS.get(parameter)
-        if record is not None and not has_effect(record, laws):
-            text = f"not used: {record.without}"
-        rows.append((name.words, name.symbol if name.symbol != name.words else "", text))
-    return rows
-
-
-def _facts(result: Identification) -> list[tuple[str, str]]:
-    """What the data were, from the comparison itself."""
-    c, plain = result.comparison, numbers.plain
-    line, rows = c.centre_line, []
-    if c.force_time.size:
-        window = f"{_ms(c.force_time[0])} to {_ms(c.force_time[-1])}"
-        rows.append(("window of the force", f"{window}, {c.force_time.size} bins"))
-        rows.append(("largest measured force", f"{plain(float(c.force_measured.max()), 3)} N"))
-        rows.append(("noise of a bin, median", f"{plain(float(np.median(c.force_sigma)), 2)} N"))
-    if line.time.size:
-        frames = np.unique(line.frame).size
-        window = f"{_ms(line.time.min())} to {_ms(line.time.max())}"
-        rows.append(("window of the outline", f"{window}, {frames} frames, {line.time.size} points"))
-        rows.append(("noise of a point, median", f"{plain(1e6 * float(np.median(line.sigma)), 2)} µm"))
-        rows.append(("points outside the model’s range", f"{int((~c.inside).sum())}, not counted"))
-    return rows
-
-
-def _check_run(result: Identification) -> list[tuple[str, str]]:
-    """How the simulation at the optimum went."""
-    r, plain = result.response, numbers.plain
-    outcome = r.outcomes[0]
-    where = _ended(r.ending(0))
-    share, strain = float(r.extrapolated_share[0]), float(r.largest_strain_measure[0])
-    ended = "completed" if outcome.ok else f"{where}: {outcome.cause}. Cure: {outcome.cure}"
-    return [
-        ("outcome", ended),
-        ("time reached", f"{plain(1e3 * float(r.end_times[0]))} ms in {int(r.steps[0])} steps"),
-        ("smallest step", f"{plain(1e6 * float(r.smallest_step[0]), 3)} µs"),
-        ("worst energy imbalance", f"{numbers.percent(worst_imbalance(r))} of the largest external work"),
-        ("largest strain measure √(Ī₁ − 3)", plain(strain, 3)),
-        ("largest share of the volume past the material curve", numbers.percent(share)),
-    ]
-
-
-def _quality(result: Identification) -> list[tuple[str, str]]:
-    """Errors of the surrogate and the discrepancies it was weighted with, in N and µm."""
-    rows = []
-    for key, value in result.surrogate.items():
-        words, factor, unit = nomenclature.QUALITY.get(key, (key, 1.0, ""))
-        rows.append((words, f"{numbers.plain(factor * value, 2 if unit else 6)}{unit}"))
-    return rows
-
-
-def _ended(ending: Ending) -> str:
-    """How, when and where a run ended, short enough for a cell of a table."""
-    name = ending.outcome.name.lower().replace("_", " ")
-    if ending.outcome.ok:
-        return name
-    r, y = (numbers.rounded(1e3 * x, -2) for x in ending.place)
-    return f"{name} at {_ms(ending.time)}, element {ending.element} at ({r}, {y}) mm"
-
-
-def _failures(result: Identification) -> list[tuple[str, str]]:
-    """The kinds of failure among the runs: what happened, and what can be done."""
-    kinds = {result.design.ending(run).outcome for run in result.design.lost}
-    return [
-        (kind.name.lower().replace("_", " "), f"{kind.cause}; the element has {kind.role}. Cure: {kind.cure}")
-        for kind in sorted(kinds)
-    ]
-
-
-def _runs(result: Identification) -> list[dict[str, Any]]:
-    """The rows of the design table."""
-    design = result.design
-    U = {name: 2.0 * estimate.sigma for name, estimate in result.estimates.items()}
-    return [
-        {
-            "number": number,
-            "stage": design.stage[number],
-            "point": [
-                numbers.like(value, U.get(name, np.nan))
-                for name, value in zip(design.names, design.points[number], strict=True)
-            ],
-            "outcome": _ended(design.ending(number)),
-            "completed": design.outcomes[number] == "COMPLETED",
-            "terms": [
-                numbers.rounded(design.phi_force[number], -1),
-                numbers.rounded(1e3 * design.phi_shape[number], -3),
-                numbers.rounded(design.chi2_force[number], 0),
-                numbers.rounded(design.chi2_shape[number], 0),
-            ],
-        }
-        for number in range(len(design.outcomes))
-    ]
+    return templates

@@ -1,4 +1,4 @@
-"""One self-contained page about laws fitted to homogeneous tests."""
+"""Page of laws fitted to homogeneous tests."""
 
 from pathlib import Path
 from typing import Any
@@ -8,7 +8,7 @@ from kolsky.material.fits.fit import Fit
 from kolsky.material.fits.tables import failure
 from kolsky.report import numbers
 from kolsky.report.figures import MATERIALS
-from kolsky.report.pages.rendering import drawn, page, write
+from kolsky.report.pages.rendering import draw_figures, render_page, write_html
 
 
 def write_page(path: Path, comparison: Comparison, hashes: dict[str, str], remarks: list[str]) -> None:
@@ -19,15 +19,15 @@ def write_page(path: Path, comparison: Comparison, hashes: dict[str, str], remar
     OSError
         If the file cannot be written; an older one is then unchanged.
     """
-    write(path, render(comparison, hashes, remarks))
+    write_html(path, render(comparison, hashes, remarks))
 
 
 def render(comparison: Comparison, hashes: dict[str, str], remarks: list[str]) -> str:
-    """The page as HTML text; see `write_page`."""
+    """Return the page as HTML text; see `write_page`."""
     rows = [(row, row.fit) for row in comparison.rows if row.fit is not None]
     best = comparison.best
     least = min(f.aic for _, f in rows)
-    return page(
+    return render_page(
         "material.html",
         kind="Laws fitted to homogeneous tests",
         heading=", ".join(dict.fromkeys(test.mode.value for test in comparison.tests)),
@@ -44,7 +44,7 @@ def render(comparison: Comparison, hashes: dict[str, str], remarks: list[str]) -
             }
             for row, f in rows
         ],
-        figures=drawn(MATERIALS.values(), comparison),
+        figures=draw_figures(MATERIALS.values(), comparison),
         settings=[
             ("weighting of residuals", comparison.weighting.value),
             ("bounds", "energy positive at any deformation" if comparison.bounded else "the law exists"),

@@ -13,12 +13,12 @@ LONGEST = 60.0
 """Seconds that the copy is waited for when nothing else is left to draw; then its figures are drawn here."""
 
 
-def can_share() -> bool:
+def can_fork() -> bool:
     """Whether a second process can draw too: it must begin as a copy of this one, on a core of its own."""
     return sys.platform == "linux" and len(os.sched_getaffinity(0)) > 1
 
 
-def drawn_by(processes: int, draws: Sequence[Draw]) -> list[str]:
+def draw_in_processes(processes: int, draws: Sequence[Draw]) -> list[str]:
     """What every one of `draws` returns, in their order.
 
     Parameters
@@ -30,7 +30,7 @@ def drawn_by(processes: int, draws: Sequence[Draw]) -> list[str]:
         The figures. What the copy does not deliver is drawn here.
     """
     found: dict[int, str] = {}
-    if processes < 2 or len(draws) < 2 or not can_share():
+    if processes < 2 or len(draws) < 2 or not can_fork():
         return [draw() for draw in draws]
     context = multiprocessing.get_context("fork")
     taken = context.Value("i", 0)

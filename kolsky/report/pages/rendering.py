@@ -13,7 +13,7 @@ from kolsky.base.files import replacing
 from kolsky.base.process import infrequent_gc
 from kolsky.report.canvas import inline_svg
 from kolsky.report.figures import FigureKind
-from kolsky.report.pages.parallel import drawn_by
+from kolsky.report.pages.parallel import draw_in_processes
 
 _HERE = Path(__file__).parent
 HEADING = 120
@@ -30,11 +30,11 @@ def environment() -> Environment:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        finalize=legible,
+        finalize=printable_text,
     )
 
 
-def legible(value: Any) -> Any:
+def printable_text(value: Any) -> Any:
     """A text as a page can hold it: control characters become "□", a very long text loses its middle.
 
     Names and metadata of files come from anywhere. HTML allows no control characters, and those that turn the
@@ -44,15 +44,15 @@ def legible(value: Any) -> Any:
         return value
     # Other separators and surrogates stay: a space is a space, and `write` shows what is no text.
     line = "".join("□" if c not in "\t\n\r" and category(c) in ("Cc", "Cf") else c for c in value)
-    return abridged(line, LONGEST)
+    return shortened(line, LONGEST)
 
 
-def abridged(text: str, most: int) -> str:
+def shortened(text: str, most: int) -> str:
     """A text of at most `most` characters, its middle replaced by "…" if it is longer."""
     return text if len(text) <= most else f"{text[: most - most // 2 - 1]}…{text[-(most // 2) :]}"
 
 
-def drawn(
+def draw_figures(
     kinds: Iterable[FigureKind[Any]],
     shown: Any,
     *,
@@ -73,7 +73,7 @@ def drawn(
     first
         Number of the first figure.
     processes
-        How many draw, 1 or 2; see `kolsky.report.pages.parallel.drawn_by`.
+        Processes that draw, 1 or 2; see `kolsky.report.pages.parallel.draw_in_processes`.
     """
     kinds, about = list(kinds), shown if captioned is None else captioned
     apart = [kind for kind in kinds if kind.ahead is not None]
@@ -82,7 +82,7 @@ def drawn(
             kind.ahead(about)
     alone = [kind for kind in kinds if kind.ahead is None and kind.applies(about)]
     with infrequent_gc():
-        pictures = drawn_by(processes, [partial(inline_svg, kind, shown) for kind in alone])
+        pictures = draw_in_processes(processes, [partial(inline_svg, kind, shown) for kind in alone])
         svgs = dict(zip((kind.name for kind in alone), pictures, strict=True))
         svgs |= {kind.name: inline_svg(kind, shown) for kind in apart if kind.applies(about)}
     return [
@@ -97,7 +97,7 @@ def drawn(
     ]
 
 
-def page(
+def render_page(
     template: str,
     *,
     kind: str,
@@ -125,10 +125,10 @@ def page(
     """
     css = Markup((_HERE / "page.css").read_text(encoding="utf-8"))
     found = (using or environment()).get_template(template)
-    return found.render(css=css, kind=kind, heading=abridged(heading, HEADING), subject=subject, **context)
+    return found.render(css=css, kind=kind, heading=shortened(heading, HEADING), subject=subject, **context)
 
 
-def write(path: Path, html: str) -> None:
+def write_html(path: Path, html: str) -> None:
     """Write a page as a single file; an older one is replaced when the new one is complete.
 
     Raises

@@ -1,5 +1,4 @@
-"""One self-contained page about the surfaces of a shot: figures, noise floors, outcomes, the reporting
-table."""
+"""Page of measured surfaces: figures, noise floors, outcomes of points, reporting table."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,7 +8,7 @@ from dic.outcome import FrameOutcome
 from dic.output import reporting
 from kolsky.bars.flyer import flight_report
 from kolsky.report.figures import SURFACES
-from kolsky.report.pages.rendering import drawn, page, write
+from kolsky.report.pages.rendering import draw_figures, render_page, write_html
 from kolsky.report.surface_view import SurfaceView
 from kolsky.shot import dic_summary
 
@@ -26,26 +25,26 @@ def write_page(path: Path, shown: SurfaceView, inputs: Mapping[str, str], *, pro
     inputs : mapping
         SHA-256 of every file that was read, by name.
     processes : int
-        How many draw, 1 or 2; see `kolsky.report.pages.parallel.drawn_by`.
+        Processes that draw, 1 or 2; see `kolsky.report.pages.parallel.draw_in_processes`.
 
     Raises
     ------
     OSError
         If the file cannot be written; an older one is then unchanged.
     """
-    write(path, render(shown, inputs, processes=processes))
+    write_html(path, render(shown, inputs, processes=processes))
 
 
 def render(shown: SurfaceView, inputs: Mapping[str, str], *, processes: int = 1) -> str:
-    """The page as HTML text; see `write_page`."""
+    """Return the page as HTML text; see `write_page`."""
     result = shown.result
     table = reporting.reporting_table(result)
-    return page(
+    return render_page(
         "surfaces.html",
         kind="Surfaces from two series of pictures",
         heading=shown.shot,
         subject="surfaces",
-        figures=drawn(SURFACES.values(), shown, processes=processes),
+        figures=draw_figures(SURFACES.values(), shown, processes=processes),
         rows=list({**dic_summary.printed(result), **flight_report.printed(shown.flight)}.items()),
         remarks=result.remarks,
         outcomes=_outcomes(shown),
@@ -60,7 +59,7 @@ def render(shown: SurfaceView, inputs: Mapping[str, str], *, processes: int = 1)
 
 
 def _outcomes(shown: SurfaceView) -> list[dict[str, Any]]:
-    """How points ended, with cause and cure."""
+    """Return the outcomes of points by body, with cause and cure."""
     bodies = [("specimen", shown.result.specimen), ("flyer", shown.result.flyer)]
     rows = []
     for name, body in bodies:
@@ -83,7 +82,7 @@ def _outcomes(shown: SurfaceView) -> list[dict[str, Any]]:
 
 
 def _frames(shown: SurfaceView) -> list[tuple[str, str, str, str]]:
-    """Frames that gave no points: number, what, cause, cure."""
+    """Return the frames that gave no points: number, outcome, cause, cure."""
     rows = []
     for frame, name in dic_summary.bad_frames(shown.result).items():
         outcome = FrameOutcome[name.upper().replace(" ", "_")]

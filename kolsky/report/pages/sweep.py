@@ -1,4 +1,4 @@
-"""One self-contained page about a design of experiments over a shot's parameters."""
+"""Page of a sweep over the parameters of a shot."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -11,11 +11,11 @@ from kolsky.inverse.misfit import SCALE_FORCE, SCALE_SHAPE
 from kolsky.report import numbers
 from kolsky.report.figures import SWEEPS
 from kolsky.report.nomenclature import name_of
-from kolsky.report.pages.rendering import drawn, page, write
+from kolsky.report.pages.rendering import draw_figures, render_page, write_html
 from kolsky.studies.sweep_analysis import OUTPUTS, SweepAnalysis
 
 MOST_LISTED = 200
-"""Most runs in the page's table; the CSV file has them all."""
+"""Largest number of runs in the page's table; the CSV file has all."""
 CHOSEN = "those that failed, then those with the smallest misfit"
 WORDS = {"Phi_F": "Φ_F", "Phi_S": "Φ_S", "Phi": "Φ"}
 
@@ -28,22 +28,22 @@ def write_page(path: Path, result: SweepAnalysis, *, warnings: Sequence[str] = (
     OSError
         If the file cannot be written; an older one is then unchanged.
     """
-    write(path, render(result, warnings))
+    write_html(path, render(result, warnings))
 
 
 def render(result: SweepAnalysis, warnings: Sequence[str] = ()) -> str:
-    """The page as HTML text; see `write_page`."""
+    """Return the page as HTML text; see `write_page`."""
     table = result.table
     n = len(table.outcomes)
     completed = n - len(table.lost)
     listed = _listed(result)
-    return page(
+    return render_page(
         "sweep.html",
         kind="Design of experiments over one impact test",
         heading=result.shot,
         subject="sweep",
         warnings=[f"{text[:1].upper()}{text[1:]}." for text in warnings],
-        figures=drawn(SWEEPS.values(), result),
+        figures=draw_figures(SWEEPS.values(), result),
         facts=[
             ("runs", f"{n}, {completed} completed"),
             *((_named(name), _range(result, name)) for name in result.box.names),
@@ -89,7 +89,7 @@ def _best(result: SweepAnalysis) -> str:
 
 
 def _listed(result: SweepAnalysis) -> list[int]:
-    """Which runs the table shows: all, or the failed and the best."""
+    """Return the indices of the runs in the table: all, or the failed and those with the smallest misfit."""
     n = len(result.table.outcomes)
     if n <= MOST_LISTED:
         return list(range(n))

@@ -1,4 +1,4 @@
-"""One self-contained page about a shot's bar signals: figure, results, corrections, uncertainty budget."""
+"""Page of the classical reduction of bar signals: figure, results, corrections, uncertainty budget."""
 
 from pathlib import Path
 from typing import Any
@@ -6,10 +6,10 @@ from typing import Any
 from kolsky.bars.result import FlyerResult, ReducedTest
 from kolsky.report import numbers
 from kolsky.report.figures import FLYER_TESTS, WAVES, FigureKind
-from kolsky.report.pages.rendering import drawn, page, write
+from kolsky.report.pages.rendering import draw_figures, render_page, write_html
 
 SHOWN = {"Pa": (1e-6, "MPa"), "s": (1e6, "µs"), "m": (1e3, "mm"), "1/V": (1e6, "µm/m/V")}
-"""SI unit -> factor and unit of the page; others are shown as they are."""
+"""Factor and unit of the page by SI unit; other units are shown unchanged."""
 
 
 def write_page(path: Path, result: ReducedTest) -> None:
@@ -20,18 +20,18 @@ def write_page(path: Path, result: ReducedTest) -> None:
     OSError
         If the file cannot be written; an older one is then unchanged.
     """
-    write(path, render(result))
+    write_html(path, render(result))
 
 
 def render(result: ReducedTest) -> str:
-    """The page as HTML text; see `write_page`."""
+    """Return the page as HTML text; see `write_page`."""
     quoted = list(result.budget.results)
-    return page(
+    return render_page(
         "waves.html",
         heading=result.name,
         subject="bar signals",
         result=result,
-        figures=drawn(figures_of(result).values(), result),
+        figures=draw_figures(figures_of(result).values(), result),
         answers=answers(result),
         facts=[(name, quantity(value, unit)) for name, (value, unit) in result.facts.items()],
         corrections=[
@@ -75,12 +75,12 @@ def render(result: ReducedTest) -> str:
 
 
 def figures_of(result: ReducedTest) -> dict[str, FigureKind[Any]]:
-    """The figures that show this kind of test."""
+    """Return the figures for this kind of test."""
     return FLYER_TESTS if isinstance(result, FlyerResult) else WAVES
 
 
 def answers(result: ReducedTest) -> list[dict[str, Any]]:
-    """The quoted numbers with their expanded uncertainties, in the units of a page."""
+    """Return the quoted results with U = 2 u, in the units of the page."""
     rows = []
     for name, (value, sigma, unit) in result.budget.results.items():
         factor, shown = SHOWN.get(unit, (1.0, unit))
@@ -90,7 +90,7 @@ def answers(result: ReducedTest) -> list[dict[str, Any]]:
 
 
 def quantity(value: float, unit: str) -> str:
-    """A number with four digits in the unit of the page."""
+    """Return a number with four digits in the unit of the page."""
     factor, shown = SHOWN.get(unit, (1.0, unit))
     if unit == "Pa" and abs(value) >= 1e9:
         factor, shown = 1e-9, "GPa"

@@ -1,7 +1,7 @@
-"""One picture: half of the specimen behind a cut, its platens, measured points, the measured body beside it.
+"""Picture of the specimen cut in half between its platens, measured points on it, measured body beside it.
 
-Axes as everywhere: x across, y along the axis, Z toward the cameras. The half x <= 0 is kept, seen from the
-front and the right, so that both the cut and the surface that the cameras saw are in view.
+Axes: x across, y along the axis, Z toward the cameras. The half x <= 0 is drawn, seen from the front right,
+so that both the cut and the surface that the cameras saw are in view.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from kolsky.base.arrays import FloatArray
 from kolsky.report.scene.fields import FIELDS
-from kolsky.report.scene.stage import Stage
+from kolsky.report.scene.scene_data import Scene
 
 TURNS = 61
-"""Angles of half a turn."""
+"""Angular divisions of half a revolution, ends included."""
 SIZE = (1008, 560)
-"""Width and height of a picture [px]; multiples of 16, which video codecs want."""
+"""Width and height of a picture [px]; multiples of 16, as video codecs require."""
 PLATEN, PLATEN_THICKNESS = 1.15, 0.07
 """Radius of a platen over the specimen's largest, and its thickness over that."""
 ASIDE = 2.9
@@ -32,19 +32,19 @@ PAPER, STEEL, MEASURED = "#FFFFFF", "#9AA0A6", "#D9D9D9"
 POINT = "#D55E00"
 
 
-def picture(stage: Stage, k: int, *, size: tuple[int, int] = SIZE, bar: bool = True) -> NDArray[np.uint8]:
+def picture(scene: Scene, k: int, *, size: tuple[int, int] = SIZE, bar: bool = True) -> NDArray[np.uint8]:
     """Render the specimen at one time.
 
     Parameters
     ----------
-    stage
-        What to show.
+    scene
+        Simulation to show.
     k
-        Number of the picture in ``stage.times``.
+        Index into ``scene.times``.
     size
         Width and height [px].
     bar
-        Whether to add the colour bar and the time.
+        Add the colour bar and the time.
 
     Returns
     -------
@@ -56,29 +56,29 @@ def picture(stage: Stage, k: int, *, size: tuple[int, int] = SIZE, bar: bool = T
     IndexError
         If there is no such time.
     """
-    return rendered(headless(), stage, k, size=size, bar=bar)
+    return render(offscreen_pyvista(), scene, k, size=size, bar=bar)
 
 
-def rendered(
-    pyvista: Any, stage: Stage, k: int, *, size: tuple[int, int] = SIZE, bar: bool = True
+def render(
+    pyvista: Any, scene: Scene, k: int, *, size: tuple[int, int] = SIZE, bar: bool = True
 ) -> NDArray[np.uint8]:
-    """The same with a PyVista at hand, see `quiet`: where VTK cannot draw it may take the process with it."""
-    if not 0 <= k < len(stage.times):
-        raise IndexError(f"there are pictures 0 to {len(stage.times) - 1}, not {k}")
+    """Render with the given PyVista, see `silent_pyvista`; where VTK cannot draw, the process may crash."""
+    if not 0 <= k < len(scene.times):
+        raise IndexError(f"there are pictures 0 to {len(scene.times) - 1}, not {k}")
     plotter = pyvista.Plotter(off_screen=True, window_size=list(size))
     try:
-        _fill(plotter, pyvista, stage, k, bar)
+        _fill(plotter, pyvista, scene, k, bar)
         return np.asarray(plotter.screenshot(return_img=True))[..., :3]
     finally:
         plotter.close()
 
 
 class CannotRender(RuntimeError):
-    """This machine has nothing that VTK can draw with."""
+    """VTK cannot render on this machine."""
 
 
-def headless() -> Any:
-    """PyVista, rendering into memory.
+def offscreen_pyvista() -> Any:
+    """Return PyVista, checked to render into memory.
 
     Raises
     ------
@@ -89,21 +89,21 @@ def headless() -> Any:
         raise CannotRender(
             "VTK finds neither a display nor EGL nor OSMesa to draw with; install one (Debian: libegl1)"
         )
-    return quiet()
+    return silent_pyvista()
 
 
-def quiet() -> Any:
-    """PyVista without VTK's remarks about displays."""
+def silent_pyvista() -> Any:
+    """Return PyVista with the messages of VTK about displays switched off."""
     import pyvista
     from vtkmodules.vtkCommonCore import vtkLogger
 
-    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # without a display it says so at length
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
     return pyvista
 
 
 @cache
 def renders() -> bool:
-    """Whether this machine can make a picture; tried in a process of its own, for VTK may crash over it."""
+    """Return True if this machine can render; tried in a separate process, because VTK may crash."""
     trial = (
         "import pyvista; p = pyvista.Plotter(off_screen=True); p.add_mesh(pyvista.Sphere()); p.screenshot()"
     )
@@ -111,15 +111,15 @@ def renders() -> bool:
     return ended.returncode == 0
 
 
-def _fill(plotter: Any, pyvista: Any, stage: Stage, k: int, bar: bool) -> None:
-    kind = FIELDS[stage.field]
-    radius, top = float(stage.nodes[..., 0].max()), float(stage.nodes[..., 1].max())
+def _fill(plotter: Any, pyvista: Any, scene: Scene, k: int, bar: bool) -> None:
+    kind = FIELDS[scene.field]
+    radius, top = float(scene.nodes[..., 0].max()), float(scene.nodes[..., 1].max())
     plotter.set_background(PAPER)
-    body = simulated(pyvista, stage, k)
+    body = simulated(pyvista, scene, k)
     drawn = plotter.add_mesh(
         body,
         scalars="field",
-        clim=stage.limits,
+        clim=scene.limits,
         cmap=kind.colours,
         smooth_shading=True,
         split_sharp_edges=True,
@@ -127,14 +127,14 @@ def _fill(plotter: Any, pyvista: Any, stage: Stage, k: int, bar: bool) -> None:
         specular=0.15,
         ambient=0.25,
     )
-    for platen in _platens(pyvista, radius, stage.nodes[k][stage.mesh.upper_face, 1].mean()):
+    for platen in _platens(pyvista, radius, scene.nodes[k][scene.mesh.upper_face, 1].mean()):
         plotter.add_mesh(platen, color=STEEL, opacity=0.5, smooth_shading=True, split_sharp_edges=True)
-    y, Z = stage.outline(k)
+    y, Z = scene.outline(k)
     if y.size > 1:
         shift = np.array([-ASIDE * radius, 0.0, 0.0])
         beside = revolved(pyvista, np.column_stack([Z, y]), np.linspace(0.0, 2.0 * np.pi, 2 * TURNS - 1))
         plotter.add_mesh(beside.translate(shift), color=MEASURED, smooth_shading=True, ambient=0.3)
-        dots = _proud(stage.points(k), 0.004 * radius)
+        dots = _lifted(scene.points(k), 0.004 * radius)
         plotter.add_points(dots, color=POINT, point_size=5.0, render_points_as_spheres=True)
         plotter.add_points(dots + shift, color=POINT, point_size=5.0, render_points_as_spheres=True)
     if bar:
@@ -143,12 +143,12 @@ def _fill(plotter: Any, pyvista: Any, stage: Stage, k: int, bar: bool) -> None:
             height=0.7, width=0.05, color="black", title_font_size=16, label_font_size=15, n_labels=5,
             fmt="%.2f", font_family="arial",
         )  # fmt: skip
-        plotter.add_text(f"{1e3 * stage.times[k]:.3f} ms", position="upper_left", color="black", font_size=12)
-    _look(plotter, radius, top, beside=y.size > 1)
+        plotter.add_text(f"{1e3 * scene.times[k]:.3f} ms", position="upper_left", color="black", font_size=12)
+    _set_camera(plotter, radius, top, beside=y.size > 1)
 
 
-def _look(plotter: Any, radius: float, top: float, *, beside: bool) -> None:
-    """A parallel view that is the same for every time, with room for the colour bar at the right."""
+def _set_camera(plotter: Any, radius: float, top: float, *, beside: bool) -> None:
+    """Set a parallel projection, the same at all times, with room for the colour bar at the right."""
     azimuth, elevation = np.radians(40.0), np.radians(18.0)
     right = np.array([np.cos(azimuth), 0.0, -np.sin(azimuth)])
     way = np.array(
@@ -165,9 +165,9 @@ def _look(plotter: Any, radius: float, top: float, *, beside: bool) -> None:
     )
 
 
-def simulated(pyvista: Any, stage: Stage, k: int) -> Any:
-    """Cut plane and skin of the half x <= 0, with the point data "field"."""
-    mesh, nodes, values = stage.mesh, stage.nodes[k], stage.values[k]
+def simulated(pyvista: Any, scene: Scene, k: int) -> Any:
+    """Cut plane and outer surface of the half x <= 0, with the point data "field"."""
+    mesh, nodes, values = scene.mesh, scene.nodes[k], scene.values[k]
     zero = np.zeros(len(nodes))
     front = np.column_stack([zero, nodes[:, 1], nodes[:, 0]])
     behind = np.column_stack([zero, nodes[:, 1], -nodes[:, 0]])
@@ -183,7 +183,7 @@ def simulated(pyvista: Any, stage: Stage, k: int) -> Any:
 
 
 def revolved(pyvista: Any, line: FloatArray, angles: FloatArray) -> Any:
-    """The surface that a line (r, y), shape [n, 2], sweeps; angle 0 is toward the cameras, then x < 0."""
+    """Surface of revolution of a line (r, y), shape [n, 2]; angle 0 is toward the cameras, then x < 0."""
     n = len(line)
     r, y = line.T
     x, Z = -np.sin(angles)[:, None] * r, np.cos(angles)[:, None] * r
@@ -194,14 +194,14 @@ def revolved(pyvista: Any, line: FloatArray, angles: FloatArray) -> Any:
 
 
 def _shifted(faces: NDArray[np.int64], by: int) -> NDArray[np.int64]:
-    """Faces [4, a, b, c, d, 4, ...] of the same shape, their corners numbered later."""
+    """Faces [4, a, b, c, d, 4, ...] with a constant added to the number of every corner."""
     table = faces.reshape(-1, 5).copy()
     table[:, 1:] += by
     return table.ravel()
 
 
 def _platens(pyvista: Any, radius: float, top: float) -> list[Any]:
-    """The halves of the platens behind the cut."""
+    """Halves of both platens behind the cut."""
     thick, R = PLATEN_THICKNESS * radius, PLATEN * radius
     angles = np.linspace(0.0, np.pi, TURNS)
     halves = []
@@ -215,8 +215,8 @@ def _platens(pyvista: Any, radius: float, top: float) -> list[Any]:
     return halves
 
 
-def _proud(points: FloatArray, by: float) -> FloatArray:
-    """Points lifted off the surface by a little, so that it does not hide them."""
+def _lifted(points: FloatArray, by: float) -> FloatArray:
+    """Points moved outward by `by` [m], so that the surface does not hide them."""
     across = np.hypot(points[:, 0], points[:, 2])
     factor = 1.0 + by / np.where(across > 0.0, across, np.inf)
     return np.column_stack([factor * points[:, 0], points[:, 1], factor * points[:, 2]])

@@ -1,4 +1,4 @@
-"""What the specimen can be coloured by. A new field is one function and one line of `FIELDS`."""
+"""Fields that colour the specimen; a new one is one function and one line of `FIELDS`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Solid:
-    """The material that stresses and energies need."""
+    """Material of the specimen, needed for stresses and energies."""
 
     law: Any
     """`explicit.materials.MaterialLaw`, unscaled."""
@@ -44,22 +44,23 @@ def solid_of(curve: MaterialCurve, result: Identification) -> Solid:
 
 @dataclass(frozen=True)
 class FieldKind:
-    """A number in every element."""
+    """Scalar field with one value per element."""
 
     label: str
     """Quantity with its unit, as on an axis."""
     values: Callable[[FloatArray, Solid | None], FloatArray]
     """From deformation gradients, shape [..., 3, 3] in (r, y, hoop), and the solid; shape [...]."""
     colours: str
-    """Matplotlib's name of a colour map."""
+    """Name of a Matplotlib colour map."""
     needs_solid: bool = False
-    """Whether the solid must be known."""
+    """True if the material must be known."""
 
 
 def smallest_stretch(F: FloatArray, solid: Solid | None = None) -> FloatArray:
-    """Smallest principal stretch: the largest compression of any line [-].
+    """Smallest principal stretch [-].
 
-    The hoop's, or the smaller of the two in the meridian, whose squares are the eigenvalues of F^T F there.
+    The hoop stretch or the smaller of the two in the meridian plane, whose squares are the eigenvalues of
+    F^T F there.
     """
     r, y = F[..., :2, 0], F[..., :2, 1]
     rr, yy, ry = (r**2).sum(axis=-1), (y**2).sum(axis=-1), (r * y).sum(axis=-1)

@@ -1,4 +1,4 @@
-"""Films and stills of a stage, each file complete or not there."""
+"""Films and still pictures of a scene; every file is replaced when the new one is complete."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -8,7 +8,7 @@ import numpy as np
 
 from kolsky.base.files import replacing
 from kolsky.report.scene.drawing import picture
-from kolsky.report.scene.stage import Stage
+from kolsky.report.scene.scene_data import Scene
 
 FILMS = ("mp4", "gif")
 """Formats of a film."""
@@ -16,7 +16,7 @@ FILMS = ("mp4", "gif")
 
 def write_film(
     path: Path,
-    stage: Stage,
+    scene: Scene,
     *,
     every: int = 1,
     rate: float = 25.0,
@@ -27,13 +27,13 @@ def write_film(
     Parameters
     ----------
     path
-        The file; its suffix says the format, one of `FILMS`.
-    stage
-        What to show.
+        File to write; its suffix gives the format, one of `FILMS`.
+    scene
+        Simulation to show.
     every
-        Take every so many pictures, the first included.
+        Take one picture in this many, the first included.
     rate
-        Pictures a second of the film.
+        Frame rate of the film [1/s].
     progress
         Called with 1 after each picture.
 
@@ -53,14 +53,14 @@ def write_film(
     writer = writer_for(kind)
     path.parent.mkdir(parents=True, exist_ok=True)
     with replacing(path) as partial, writer(partial, rate) as film:
-        for k in range(0, len(stage.times), every):
-            film.append_data(picture(stage, k))
+        for k in range(0, len(scene.times), every):
+            film.append_data(picture(scene, k))
             progress(1)
     return path
 
 
-def write_stills(folder: Path, stage: Stage, count: int = 6) -> list[Path]:
-    """Write `count` pictures at equal distances in time as PNG files; returns their paths.
+def write_stills(folder: Path, scene: Scene, count: int = 6) -> list[Path]:
+    """Write `count` pictures at equal intervals of time as PNG files and return their paths.
 
     Raises
     ------
@@ -74,21 +74,21 @@ def write_stills(folder: Path, stage: Stage, count: int = 6) -> list[Path]:
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     written = []
-    for k in chosen(len(stage.times), count):
+    for k in evenly_spaced(len(scene.times), count):
         path = folder / f"still_{k:05d}.png"
         with replacing(path) as partial:
-            matplotlib.image.imsave(partial, picture(stage, k), format="png")
+            matplotlib.image.imsave(partial, picture(scene, k), format="png")
         written.append(path)
     return written
 
 
-def chosen(n: int, count: int) -> Sequence[int]:
-    """Numbers of `count` of n pictures at equal distances, first and last included."""
+def evenly_spaced(n: int, count: int) -> Sequence[int]:
+    """Indices of `count` of n pictures at equal intervals, first and last included."""
     return sorted({int(k) for k in np.round(np.linspace(0, n - 1, min(count, n)))})
 
 
 def writer_for(kind: str) -> Callable[[Path, float], Any]:
-    """What opens a film for writing.
+    """Return the function that opens a film for writing.
 
     Raises
     ------

@@ -199,9 +199,3 @@ class WavesShotFile(BarsShotFile):
     """A shot.toml for `kolsky waves`: bars and gauges are needed, what `identify` reads is left alone."""
 
     specimen: WaveSpecimenSection
-
-
-class AnyFile(Section):
-    """Any shot.toml; only to see which tables it has."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True, strict=True)

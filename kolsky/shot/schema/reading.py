@@ -4,16 +4,14 @@ import difflib
 import hashlib
 import re
 import tomllib
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args, get_origin
+from typing import Any, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
 from kolsky.base.errors import InputError, InputErrors
 from kolsky.readers.text import decode, read_bytes
-from kolsky.shot.schema.bars import AnyFile
 from kolsky.shot.schema.schema import ShotFile, schema
 
 TOML_LIMIT = 1_000_000
@@ -22,13 +20,15 @@ TOML_LIMIT = 1_000_000
 LINE_SHOWN = 60
 """Most characters of a line that a message shows."""
 
+Model = TypeVar("Model", bound=BaseModel)
+
 _HEADER = re.compile(r"\s*\[\s*([^\[\]]+?)\s*\]\s*(?:#.*)?")
 _ASSIGNMENT = re.compile(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*[\w-]+)*)\s*=""")
 
 
 @dataclass(frozen=True)
 class TomlFile:
-    """A valid file with what is needed to point at its lines."""
+    """A parsed file with what is needed to point at its lines."""
 
     path: Path
     """The file."""
@@ -56,6 +56,22 @@ class TomlFile:
             cure=cure,
         )
 
+    def validated(self, model: type[Model]) -> Model:
+        """What it declares by a schema, in SI.
+
+        Raises
+        ------
+        InputError
+            If it declares anything unknown, incomplete or impossible; several problems come as one
+            `InputErrors`.
+        """
+        try:
+            return model.model_validate(self.content)
+        except ValidationError as error:
+            doubtful = _without_doubles(model, error.errors())
+            problems = [_translate(self.path, self.lines, model, details) for details in doubtful]
+            raise problems[0] if len(problems) == 1 else InputErrors(problems) from None
+
 
 @dataclass(frozen=True)
 class ShotToml(TomlFile):
@@ -65,26 +81,17 @@ class ShotToml(TomlFile):
     """What it declares, in SI."""
 
 
-def read_shot_toml(path: Path) -> ShotToml:
-    """Read and validate a shot file.
+Source = str | Path | TomlFile
+"""A shot: its folder, its shot.toml, or that file as it was parsed before."""
+
+
+def parse_toml(path: Path) -> TomlFile:
+    """Parse a file; what it declares is not looked at yet.
 
     Raises
     ------
     InputError
-        If it cannot be read, is no TOML, or declares anything unknown, incomplete or impossible;
-        several problems come as one `InputErrors`.
-    """
-    file, declared = read_declared(path, schema)
-    return ShotToml(file.path, file.sha256, file.content, file.lines, declared)
-
-
-def read_declared(path: Path, schema: Callable[[dict[str, Any]], type[BaseModel]]) -> tuple[TomlFile, Any]:
-    """Read a file and validate it by the schema that its content asks for.
-
-    Raises
-    ------
-    InputError
-        As `read_shot_toml`.
+        If it cannot be read or is no TOML.
     """
     data = read_bytes(path, limit=TOML_LIMIT)
     text = decode(path, data)
@@ -92,15 +99,39 @@ def read_declared(path: Path, schema: Callable[[dict[str, Any]], type[BaseModel]
         content = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # beside its own, tomllib lets these two through
         raise _syntax_error(path, text, str(error)) from None
-    lines = key_lines(text)
-    try:
-        declared = schema(content).model_validate(content)
-    except ValidationError as error:
-        model = schema(content)
-        doubtful = _without_doubles(model, error.errors())
-        problems = [_translate(path, lines, model, details) for details in doubtful]
-        raise problems[0] if len(problems) == 1 else InputErrors(problems) from None
-    return TomlFile(path, hashlib.sha256(data).hexdigest(), content, lines), declared
+    return TomlFile(path, hashlib.sha256(data).hexdigest(), content, key_lines(text))
+
+
+def parsed(source: Source) -> TomlFile:
+    """The shot file of a folder, parsed; one that is parsed already is returned as it is.
+
+    Raises
+    ------
+    InputError
+        If there is none, or as `parse_toml`.
+    """
+    return source if isinstance(source, TomlFile) else parse_toml(find_shot_file(Path(source)))
+
+
+def shot_toml(source: Source) -> ShotToml:
+    """A whole shot file, validated.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, is no TOML, or declares anything unknown, incomplete or impossible;
+        several problems come as one `InputErrors`.
+    """
+    file = parsed(source)
+    if isinstance(file, ShotToml):
+        return file
+    declared = file.validated(schema(file.content))
+    return ShotToml(file.path, file.sha256, file.content, file.lines, declared)
+
+
+def is_bar_driven(file: TomlFile) -> bool:
+    """Whether motion and force of a shot come from the gauges of its bars: [gauges] and no cameras."""
+    return "gauges" in file.content and not {"flyer", "pictures", "frames"} & set(file.content)
 
 
 def key_lines(text: str) -> dict[str, int]:
@@ -245,15 +276,3 @@ def folder_of(folder_or_toml: str | Path) -> Path:
     """The folder of a shot that is named by its folder or its shot file."""
     path = Path(folder_or_toml)
     return path.parent if path.is_file() else path
-
-
-def is_bar_driven(folder_or_toml: str | Path) -> bool:
-    """Whether a shot's motion and force come from the gauges of its bars: [gauges] and no cameras.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or is no TOML.
-    """
-    content = read_declared(find_shot_file(Path(folder_or_toml)), lambda content: AnyFile)[0].content
-    return "gauges" in content and not {"flyer", "pictures", "frames"} & set(content)

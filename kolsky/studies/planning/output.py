@@ -5,10 +5,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
-from kolsky.base.files import replacing, write_table
+from kolsky.base.files import write_table
+from kolsky.base.hdf5 import creating, put
 from kolsky.base.json_types import jsonable
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.studies.planning.choices import CRITERIA, Choice, best_rate
@@ -119,37 +119,29 @@ def write_hdf5(path: Path, plan: Plan) -> Path:
     force, outline = found.densities()
     force_alone, outline_alone = found.densities(alone=True)
     units = [PARAMETERS[name].unit for name in plan.names]
-    with replacing(path) as partial, h5py.File(partial, "w") as file:
-        file.attrs["format"] = "kolsky plan"
-        file.attrs["version"] = VERSION
-        file.attrs["shot"] = plan.shot
-        file.attrs["summary"] = json.dumps(to_json(plan), allow_nan=False)
-        _put(file, "force_edges", grid.edges, "s")
-        _put(file, "frames", grid.frames, "s")
-        _put(file, "heights", grid.heights, "m")
-        _put(file, "force", slopes.force, "N")
-        _put(file, "radius", slopes.radius, "m")
-        _put(file, "end_times", plan.end_times, "s")
+    said = json.dumps(to_json(plan), allow_nan=False)
+    with creating(path, format="kolsky plan", version=VERSION, shot=plan.shot, summary=said) as file:
+        put(file, "force_edges", grid.edges, "s")
+        put(file, "frames", grid.frames, "s")
+        put(file, "heights", grid.heights, "m")
+        put(file, "force", slopes.force, "N")
+        put(file, "radius", slopes.radius, "m")
+        put(file, "end_times", plan.end_times, "s")
         for j, name in enumerate(plan.names):
-            group, per = file.create_group(name), "" if units[j] == "1" else f"/({units[j]})"
-            group.attrs["value"] = slopes.point[j]
-            group.attrs["scale"] = slopes.scale[j]
-            group.attrs["units"] = units[j]
-            _put(group, "force_slope", slopes.force_slope[j], f"N{per}")
-            _put(group, "radius_slope", slopes.radius_slope[j], f"m{per}")
-            _put(group, "force_left", slopes.force_left[j], "N")
-            _put(group, "radius_left", slopes.radius_left[j], "m")
-            _put(group, "force_information", force[j], "1/s")
-            _put(group, "outline_information", outline[j], "1/(m s)")
-            _put(group, "force_information_others_known", force_alone[j], "1/s")
-            _put(group, "outline_information_others_known", outline_alone[j], "1/(m s)")
-            _put(group, "sigma_by_end", np.array([e.deviations[j] for e in plan.by_end]), units[j])
+            part, per = file.create_group(name), "" if units[j] == "1" else f"/({units[j]})"
+            part.attrs["value"] = slopes.point[j]
+            part.attrs["scale"] = slopes.scale[j]
+            part.attrs["units"] = units[j]
+            put(part, "force_slope", slopes.force_slope[j], f"N{per}")
+            put(part, "radius_slope", slopes.radius_slope[j], f"m{per}")
+            put(part, "force_left", slopes.force_left[j], "N")
+            put(part, "radius_left", slopes.radius_left[j], "m")
+            put(part, "force_information", force[j], "1/s")
+            put(part, "outline_information", outline[j], "1/(m s)")
+            put(part, "force_information_others_known", force_alone[j], "1/s")
+            put(part, "outline_information_others_known", outline_alone[j], "1/(m s)")
+            put(part, "sigma_by_end", [e.deviations[j] for e in plan.by_end], units[j])
     return path
-
-
-def _put(place: Any, name: str, values: np.ndarray, unit: str) -> None:
-    data = place.create_dataset(name, data=values)
-    data.attrs["units"] = unit
 
 
 def rows(plan: Plan) -> Mapping[str, Any]:

@@ -15,7 +15,7 @@ from kolsky.results.hdf5 import read_identification
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import OpticalData, Shot
 from kolsky.shot.schema import fields as f
-from kolsky.shot.schema.reading import TomlFile, find_shot_file, folder_of, read_declared
+from kolsky.shot.schema.reading import TomlFile, folder_of, parsed
 from kolsky.shot.schema.section import Section
 from kolsky.studies.rates.motion import strain_history
 from kolsky.studies.rates.records import PARAMETER, QuasiStatic, RatedShot
@@ -60,7 +60,8 @@ def declarations(shot: Path) -> tuple[TomlFile, RateShotFile]:
     InputError
         If there is no such file, or one of these cannot be used.
     """
-    file, declared = read_declared(find_shot_file(Path(shot)), lambda content: RateShotFile)
+    file = parsed(shot)
+    declared = file.validated(RateShotFile)
     return file, declared
 
 
@@ -134,7 +135,7 @@ def collected_shot(
             "there is no result of this shot",
             cure=f"`kolsky identify {folder_of(shot)}` writes one, or give --identify",
         )
-    loaded = load_shot(shot, measure=measure)
+    loaded = load_shot(file, measure=measure)
     if place.exists() or identify is None:
         found = read_identification(place)
         _same_files(place, found, loaded, file.path.name)

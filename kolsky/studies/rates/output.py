@@ -5,14 +5,14 @@ from pathlib import Path
 from typing import Any
 
 import h5py
-import numpy as np
 
-from kolsky.base.files import replacing, write_table
+from kolsky.base.files import write_table
+from kolsky.base.hdf5 import Format, group, put, put_text, writing
 from kolsky.base.json_types import jsonable
 from kolsky.studies.rates.records import GroupRates, RateReport
 from kolsky.studies.rates.tables import Columns, tables
 
-FORMAT, VERSION = "kolsky-rates", 1
+FORMAT = Format("kolsky-rates")
 _UNIT = re.compile(r" \(([^()]*)\)$")
 
 
@@ -25,36 +25,29 @@ def write_csv(folder: Path, report: RateReport) -> None:
 def write_hdf5(path: Path, report: RateReport) -> None:
     """Write every table to one HDF5 file, atomically: a group a table, a dataset a column.
 
-    A number's unit is the attribute `units`; text is fixed-length UTF-8, nothing is pickled. Stress-strain
-    and outline data of the shots stay in their own results.
+    Stress-strain and outline data of the shots stay in their own results.
 
     Raises
     ------
     OSError
         If the file cannot be written; an older one is then unchanged.
     """
-    with replacing(Path(path)) as partial, h5py.File(partial, "w") as file:
-        file.attrs["format"], file.attrs["format_version"], file.attrs["default"] = FORMAT, VERSION, "entry"
-        entry = file.create_group("entry")
-        entry.attrs["NX_class"] = "NXentry"
-        entry.attrs["grouped_by"] = report.grouped_by
-        entry.attrs["shared_relative_uncertainty"] = report.shared
+    with writing(path, FORMAT) as place:
+        about = {"grouped_by": report.grouped_by, "shared_relative_uncertainty": report.shared}
+        entry = group(place.file, place.path, "NXentry", **about)
         for name, columns in tables(report).items():
-            group = entry.create_group(name.removeprefix("rate_"))
-            group.attrs["NX_class"] = "NXcollection"
-            _write(group, columns)
+            _write(group(entry, name.removeprefix("rate_")), columns)
 
 
-def _write(group: h5py.Group, columns: Columns) -> None:
+def _write(table: h5py.Group, columns: Columns) -> None:
     for heading, cells in columns.items():
         unit = _UNIT.search(heading)
         # A slash would open a group inside the group.
         name = (heading[: unit.start()] if unit else heading).replace("/", "_")
         if cells and isinstance(cells[0], str):
-            group[name] = np.array([cell.encode("utf-8", "backslashreplace") for cell in cells], dtype="S")
+            put_text(table, name, cells, escape=True)
         else:
-            group[name] = np.array(cells, dtype=float)
-            group[name].attrs["units"] = unit[1] if unit else "1"
+            put(table, name, cells, unit[1] if unit else "1")
 
 
 def summary(report: RateReport) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from kolsky.inverse.method_comparison import Method
 from kolsky.inverse.uncertainty_results import Declaration, ParameterProfile
 from kolsky.report import numbers
 from kolsky.report.pages.identification import render
-from kolsky.report.pages.rendering import HEADING, LONGEST, legible
+from kolsky.report.pages.rendering import HEADING, LONGEST, printable_text
 from kolsky.results.hdf5 import write_identification
 from kolsky.shot.load import load_shot
 from kolsky.shot.recorded import recording_facts
@@ -129,8 +129,8 @@ def test_metadata_with_control_characters() -> None:
     assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]", html)
     assert EVIL not in html
     assert "y" * LONGEST not in html
-    assert legible("a\x07\u202eb") == "a□□b"
-    assert legible("Φ = 1 µm\n") == "Φ = 1 µm\n"
+    assert printable_text("a\x07\u202eb") == "a□□b"
+    assert printable_text("Φ = 1 µm\n") == "Φ = 1 µm\n"
 
 
 # The numbers on the page are those in the file

@@ -16,7 +16,7 @@ from benchmarks import dic as benchmark  # noqa: E402
 from benchmarks import dic_peers, dic_whole  # noqa: E402
 from benchmarks.dic_problem import PAIRS, Problem, errors, problems  # noqa: E402
 from dic.correlation import Correlation  # noqa: E402
-from kolsky.shot.schema.reading import read_shot_toml  # noqa: E402
+from kolsky.shot.schema.reading import shot_toml  # noqa: E402
 
 TABLE = """\
 "subset_x","subset_y","disp_u","disp_v","disp_mag","converged","cost_zncc","ftol","xtol",
@@ -95,7 +95,7 @@ def test_the_shot_of_the_whole_chain_can_be_read(tmp_path):
     (raw / "cam0.tif").write_bytes(b"nobody looks")
     shot = dic_whole.shot_of(folder, raw)
     assert (shot / "cam0.tif").read_bytes() == b"nobody looks"
-    declared = read_shot_toml(shot / "shot.toml").declared
+    declared = shot_toml(shot / "shot.toml").declared
     assert declared.pictures is not None
     assert declared.flyer is None
     assert declared.dic.subset == 25

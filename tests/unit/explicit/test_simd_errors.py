@@ -83,7 +83,7 @@ def a_chain(body, batch, state, output, first):
 
 def a_power(body, batch, state, output, first):
     i, lane = wp.tid()
-    x = batch.x[i] ** batch.y[i]
+    x = batch.k[i] ** batch.k[i]
 
 
 def a_remainder(body, batch, state, output, first):
@@ -119,9 +119,9 @@ def a_number_for_a_truth(body, batch, state, output, first):
         i = 1
 
 
-def another_function(body, batch, state, output, first):
+def a_function_of_no_lane(body, batch, state, output, first):
     i, lane = wp.tid()
-    x = wp.sin(batch.x[i])
+    x = wp.erf(batch.x[i])
 
 
 def half_precision(body, batch, state, output, first):
@@ -212,20 +212,23 @@ def seats_a_lane(body, batch, state, output, first):
     ("source", "message"),
     [
         (leaving_a_loop, "break: no meaning over lanes"),
-        (a_choice, "one if batch.k[i] > 2 else batch.x[i]: IfExp has no meaning over lanes"),
+        (a_choice, "one if batch.k[i] > 2 else batch.x[i]: IfExp has no meaning over lanes; write wp.where"),
         (a_step, "for k in range(0, 6, 2):\n    i = k: a range has one or two bounds"),
         (a_loop_over_numbers, "batch.k: a loop goes over a range"),
         (a_loop_with_else, "a loop has no else over lanes"),
         (return_in_a_branch, "return one: no meaning over lanes"),
         (a_chain, "0 < batch.k[i] < 3: one comparison of numbers at a time"),
-        (a_power, "batch.x[i] ** batch.y[i]: no such operator over lanes"),
-        (a_remainder, "batch.x[i] % batch.y[i]: no such operator over lanes"),
+        (a_power, "batch.k[i] ** batch.k[i]: no such operator over lanes; write wp.pow(x, y)"),
+        (a_remainder, "batch.x[i] % batch.y[i]: no such operator over lanes; write x - y * wp.trunc(x / y)"),
         (two_kinds, "batch.x[i] + batch.k[i]: operands of one kind are wanted"),
         (two_kinds_fused, "batch.x[i] + batch.y[i] * batch.k[i]: operands of one kind are wanted"),
         (two_kinds_compared, "batch.x[i] > batch.k[i]: operands of one kind are wanted"),
         (two_kinds_in_one_name, "x = batch.k[i]: x changes from f64 to i32"),
         (a_number_for_a_truth, "batch.k[i]: a truth value is wanted here"),
-        (another_function, "wp.sin(batch.x[i]): no meaning over lanes"),
+        (
+            a_function_of_no_lane,
+            "wp.erf has no meaning over lanes; of Warp's functions use abs, acos,",
+        ),
         (half_precision, "wp.float16(batch.x[i]): a number becomes a number of another kind"),
         (too_few, "wp.vec4d(batch.x[i], one): 4 numbers f64 are wanted"),
         (a_vector, "wp.max(batch.v[i], batch.v[i]): 2 numbers are wanted"),
@@ -276,3 +279,20 @@ def one_place(body, batch, state, output, first):
 def test_workers_reduce_together_and_write_apart() -> None:
     refused(lanes_apart, "put_largest(state.parts[i], 0, one): every lane must take part", "worker")
     refused(one_place, "lanes would write different values to one place", "worker")
+
+
+@wp.func
+def law_with_an_error_function(x: wp.float64):
+    return x + wp.erf(x)
+
+
+def a_law_in_a_file(body, batch, state, output, first):
+    i, lane = wp.tid()
+    output.values[i, 0] = law_with_an_error_function(batch.x[i])
+
+
+def test_a_refusal_names_function_file_line_and_cure() -> None:
+    line = law_with_an_error_function.func.__code__.co_firstlineno + 2
+    refused(a_law_in_a_file, f"test_simd_errors.py:{line}: wp.erf(x): wp.erf has no meaning over lanes")
+    refused(a_law_in_a_file, "atan2, ")
+    refused(a_law_in_a_file, "pow, ")

@@ -1,5 +1,7 @@
 """The least-squares objective against closed forms of linear models; the coverage of its intervals."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -169,3 +171,31 @@ def test_sandwich_of_correlated_residuals_has_the_known_factor() -> None:
     # L = 16 see of it 4 - 2 phi (1 - phi^L) / (L (1 - phi)^2) = 3.53. Ten sets of 200 blocks know it to
     # sqrt(2 / 2000) = 3 %, and the largest over the block lengths is a little above: 12 %.
     assert np.mean(ratios) == pytest.approx(3.53, rel=0.12)
+
+
+def of_one_parameter(residual: FloatArray) -> tuple[Objective, FloatArray]:
+    """The mean of n bins of force: gain 1 / n; edges that are exact in binary."""
+    one = objective(residual, np.zeros(0))
+    bins = replace(one.observations.bins, edges=2.0**-17 * np.arange(len(residual) + 1))
+    whole = replace(one, observations=replace(one.observations, bins=bins))
+    return whole, whole.covariance(np.ones((len(residual), 1)), np.zeros(len(residual)))
+
+
+def test_sandwich_of_blocks_of_two_by_hand() -> None:
+    # Pairs of bins at +3 and -3 N: 20 blocks of two with sums of 6 N / 40, longer blocks with none.
+    _, found = of_one_parameter(3.0 * np.tile([1.0, 1.0, -1.0, -1.0], 10))
+    assert found[0, 0] == pytest.approx(20 * (6.0 / 40.0) ** 2 * 20.0 / 19.0, rel=1e-12)  # round-off
+
+
+def test_sandwich_needs_more_than_four_blocks_a_parameter() -> None:
+    # Sixteen bins at +3 N, sixteen at -3 N: blocks of 16 would say most, but 64 bins hold only four of them.
+    _, found = of_one_parameter(3.0 * np.repeat([1.0, -1.0, 1.0, -1.0], 16))
+    assert found[0, 0] == pytest.approx(8 * (24.0 / 64.0) ** 2 * 8.0 / 7.0, rel=1e-12)
+    _, more = of_one_parameter(3.0 * np.repeat([1.0, -1.0, 1.0, -1.0, 1.0], 16))
+    assert more[0, 0] == pytest.approx(5 * (48.0 / 80.0) ** 2 * 5.0 / 4.0, rel=1e-12)
+
+
+def test_a_scale_bends_the_forces_alone() -> None:
+    one = objective(np.array([2.0, -4.0]), np.array([1e-3]))
+    scaled = replace(one, observations=replace(one.observations, force_sigma_gain=0.05))
+    np.testing.assert_allclose(scaled.scale_error, [0.1, -0.2, 0.0], rtol=1e-15)

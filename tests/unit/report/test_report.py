@@ -21,7 +21,7 @@ from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Identification, Verdict
 from kolsky.report import numbers
 from kolsky.report.canvas import build, inline_svg, save_figures
-from kolsky.report.display_units import in_shown_units
+from kolsky.report.display_units import in_display_units
 from kolsky.report.figures import REGISTRY
 from kolsky.report.figures.comparison import cells, chosen_frames
 from kolsky.report.nomenclature import QUALITY, label, name_of
@@ -341,7 +341,7 @@ def test_every_check_and_quality_has_words() -> None:
 
 
 def test_shown_units_are_those_of_a_reader() -> None:
-    shown = in_shown_units(RESULTS["damping"])
+    shown = in_display_units(RESULTS["damping"])
     e = shown.estimates["damping"]
     assert (e.unit, e.value, e.sigma_noise) == ("µs", pytest.approx(25.0), pytest.approx(0.4))
     assert e.sigma == pytest.approx(np.hypot(0.4, 0.1))
@@ -349,7 +349,7 @@ def test_shown_units_are_those_of_a_reader() -> None:
     assert shown.curves[1].x.mean() == pytest.approx(25.0)
     assert shown.routes[0].parameters["damping"] == pytest.approx(25.0)
     np.testing.assert_array_equal(shown.design.points[:, 0], RESULTS["damping"].design.points[:, 0])
-    assert in_shown_units(RESULTS["one"]).fixed["damping"] == pytest.approx(25.0)
+    assert in_display_units(RESULTS["one"]).fixed["damping"] == pytest.approx(25.0)
 
 
 def test_inline_figure_is_well_formed_and_named() -> None:

@@ -7,13 +7,13 @@ import pytest
 from synthetic import synthetic
 
 from kolsky.report import numbers
-from kolsky.report.display_units import in_shown_units
+from kolsky.report.display_units import in_display_units
 from kolsky.report.nomenclature import in_words, short
 from kolsky.report.pages.uncertainty import changes, choices, parts
 
 
 def test_changes_are_the_parts_of_the_interval() -> None:
-    made = in_shown_units(synthetic())
+    made = in_display_units(synthetic())
     e = made.estimates["stiffness_factor"]
     named = parts(made, e)
     assert np.hypot.reduce(list(named.values())) == pytest.approx(e.sigma)  # nothing twice, nothing left out
@@ -33,7 +33,7 @@ def test_nothing_is_advised_from_parts_that_do_not_add_up() -> None:
 
 
 def test_what_was_not_varied_is_said() -> None:
-    rows = {row["words"]: row for row in choices(in_shown_units(synthetic()))}
+    rows = {row["words"]: row for row in choices(in_display_units(synthetic()))}
     assert rows["end of the window"]["shifts"] == [numbers.NOTHING]
     assert "not varied" in rows["end of the window"]["done"]
     assert rows["Poisson’s ratio ν"]["done"] == "not varied"

@@ -17,9 +17,11 @@ from explicit.materials.volumetric import VolumetricLaw
 from kolsky.cli import app
 from kolsky.inverse.result import Identification
 from kolsky.report.figures import REGISTRY
-from kolsky.report.scene import FIELDS, CannotRender, NotShown, drawing, picture, stage_of, stills, write_film
-from kolsky.report.scene.fields import Solid, smallest_stretch
-from kolsky.report.scene.film import chosen, write_stills
+from kolsky.report.scene import drawing, stills
+from kolsky.report.scene.drawing import CannotRender, picture
+from kolsky.report.scene.fields import FIELDS, Solid, smallest_stretch
+from kolsky.report.scene.film import evenly_spaced, write_film, write_stills
+from kolsky.report.scene.scene_data import SceneDataMissing, scene_of
 
 SOLID = Solid(neo_hookean(1e5), VolumetricLaw(1e7), 1.1)
 rendering = pytest.mark.skipif(not drawing.renders(), reason="VTK has nothing to draw with here")
@@ -44,9 +46,9 @@ def result(scale: tuple[float, float] = (1.0, 1.0)) -> Identification:
 
 
 def test_the_smallest_stretch_of_a_uniform_compression() -> None:
-    stage = stage_of(result((1.25, 0.64)))
-    np.testing.assert_allclose(stage.values[-1], 0.64, rtol=1e-12)  # round-off
-    np.testing.assert_allclose(stage.values[0], 1.0, rtol=1e-12)
+    scene = scene_of(result((1.25, 0.64)))
+    np.testing.assert_allclose(scene.values[-1], 0.64, rtol=1e-12)  # round-off
+    np.testing.assert_allclose(scene.values[0], 1.0, rtol=1e-12)
 
 
 def test_pressure_and_energy_of_a_uniform_compression() -> None:
@@ -58,19 +60,19 @@ def test_pressure_and_energy_of_a_uniform_compression() -> None:
         "energy": 1.1 * (0.5e5 * (invariant - 3.0) + 0.5e7 * (J - 1.0) ** 2) / 1e6,
     }
     for field, value in expected.items():
-        stage = stage_of(result((0.9, 1.2)), field=field, solid=SOLID)
+        scene = scene_of(result((0.9, 1.2)), field=field, solid=SOLID)
         # The law is a table of 129 knots; neo-Hookean in it is exact to round-off of its energy's sum.
-        np.testing.assert_allclose(stage.values[-1], value, rtol=1e-6)
+        np.testing.assert_allclose(scene.values[-1], value, rtol=1e-6)
 
 
 def test_measured_points_are_those_of_the_nearest_frame() -> None:
     found = result()
-    stage = stage_of(found)
+    scene = scene_of(found)
     line = found.comparison.centre_line
     time = np.unique(line.time)[2]
-    k = int(np.argmin(np.abs(stage.times - time)))
-    near = np.unique(line.time)[np.argmin(np.abs(np.unique(line.time) - stage.times[k]))]
-    y, Z = stage.outline(k)
+    k = int(np.argmin(np.abs(scene.times - time)))
+    near = np.unique(line.time)[np.argmin(np.abs(np.unique(line.time) - scene.times[k]))]
+    y, Z = scene.outline(k)
     assert sorted(Z) == sorted(line.Z[line.time == near])
     assert np.all(np.diff(y) >= 0.0)
     outcome = np.array([[0, 1]])
@@ -78,7 +80,7 @@ def test_measured_points_are_those_of_the_nearest_frame() -> None:
         t=np.zeros(1), X=np.eye(3)[:2], u=np.zeros((1, 2, 3)), sigma=np.ones((1, 2, 3)),
         outcome=np.where(outcome == 0, int(PointOutcome.VALID), 1 + int(PointOutcome.VALID)),
     )  # fmt: skip
-    np.testing.assert_array_equal(stage_of(found, surface=surface).points(0), [[1.0, 0.0, 0.0]])
+    np.testing.assert_array_equal(scene_of(found, surface=surface).points(0), [[1.0, 0.0, 0.0]])
 
 
 @pytest.mark.parametrize(
@@ -94,23 +96,23 @@ def test_measured_points_are_those_of_the_nearest_frame() -> None:
     ],
 )
 def test_results_that_cannot_be_shown(change: Any, words: str) -> None:
-    with pytest.raises(NotShown, match=words):
-        stage_of(change(result()))
+    with pytest.raises(SceneDataMissing, match=words):
+        scene_of(change(result()))
 
 
 def test_unknown_fields_and_fields_without_their_material() -> None:
     with pytest.raises(ValueError, match="there is no field 'heat'; choose from stretch, pressure, energy"):
-        stage_of(result(), field="heat")
+        scene_of(result(), field="heat")
     with pytest.raises(ValueError, match="needs the material"):
-        stage_of(result(), field="pressure")
+        scene_of(result(), field="pressure")
 
 
 @rendering
 def test_the_picture_shows_the_colour_of_the_value() -> None:
     # Uniform fields: the cut is of one colour. The two ends of the scale must not look alike.
-    stage = stage_of(result((1.25, 0.64)))
-    last = picture(stage, len(stage.times) - 1, bar=False)
-    first = picture(stage, 0, bar=False)
+    scene = scene_of(result((1.25, 0.64)))
+    last = picture(scene, len(scene.times) - 1, bar=False)
+    first = picture(scene, 0, bar=False)
     assert last.shape == (560, 1008, 3)
 
     def coloured(image: Any) -> float:
@@ -123,21 +125,21 @@ def test_the_picture_shows_the_colour_of_the_value() -> None:
     assert coloured(first) > 0.9  # viridis: yellow at 1
     assert coloured(last) < 0.5  # violet at the least stretch; the points are red
     with pytest.raises(IndexError, match="there are pictures 0 to"):
-        picture(stage, len(stage.times))
+        picture(scene, len(scene.times))
 
 
 @rendering
 def test_stills_and_films(tmp_path: Path) -> None:
-    stage = stage_of(result((1.25, 0.64)))
-    assert len(write_stills(tmp_path, stage, 2)) == 2
+    scene = scene_of(result((1.25, 0.64)))
+    assert len(write_stills(tmp_path, scene, 2)) == 2
     pytest.importorskip("imageio")
     pytest.importorskip("imageio_ffmpeg")
-    every = max(1, len(stage.times) // 2)
-    film = write_film(tmp_path / "a.mp4", stage, every=every)
+    every = max(1, len(scene.times) // 2)
+    film = write_film(tmp_path / "a.mp4", scene, every=every)
     assert film.read_bytes()[4:8] == b"ftyp"
-    assert write_film(tmp_path / "a.gif", stage, every=every).read_bytes()[:3] == b"GIF"
+    assert write_film(tmp_path / "a.gif", scene, every=every).read_bytes()[:3] == b"GIF"
     with pytest.raises(ValueError, match="format 'avi' is not one of mp4, gif"):
-        write_film(tmp_path / "a.avi", stage)
+        write_film(tmp_path / "a.avi", scene)
     assert sorted(p.suffix for p in tmp_path.iterdir()) == [".gif", ".mp4", ".png", ".png"]
 
 
@@ -151,12 +153,12 @@ def test_the_figure_of_the_report() -> None:
 def test_a_machine_that_cannot_render(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(drawing, "renders", lambda: False)
     with pytest.raises(CannotRender, match="neither a display nor EGL nor OSMesa"):
-        picture(stage_of(result()), 0)
+        picture(scene_of(result()), 0)
 
 
 def test_chosen_pictures() -> None:
-    assert chosen(173, 3) == [0, 86, 172]
-    assert chosen(2, 6) == [0, 1]
+    assert evenly_spaced(173, 3) == [0, 86, 172]
+    assert evenly_spaced(2, 6) == [0, 1]
 
 
 @pytest.mark.parametrize(
@@ -182,12 +184,12 @@ def test_every_field_has_a_label_with_its_unit() -> None:
 
 @rendering
 def test_stills_of_another_process_are_the_pictures_of_this_one() -> None:
-    stage = stage_of(result((1.25, 0.64)))
+    scene = scene_of(result((1.25, 0.64)))
     found = stills.stills(result((1.25, 0.64)))
     assert found is not None
-    times = chosen(len(stage.times), stills.COUNT)
-    np.testing.assert_array_equal(found[0].times, stage.times[times])
-    here = picture(stage, times[1], size=stills.SIZE, bar=False)
+    times = evenly_spaced(len(scene.times), stills.COUNT)
+    np.testing.assert_array_equal(found[0].times, scene.times[times])
+    here = picture(scene, times[1], size=stills.SIZE, bar=False)
     np.testing.assert_array_equal(found[1][1], here)
 
 
@@ -196,7 +198,7 @@ def test_a_process_that_cannot_render(monkeypatch: pytest.MonkeyPatch) -> None:
     assert stills.stills(result((1.24, 0.64))) is None
     assert not REGISTRY["scene"].applies(result((1.24, 0.64)))
     assert stills.stills(result((1.24, 0.65))) is None  # one that was given up leaves nothing behind
-    assert not stills._begun
+    assert not stills._running
 
 
 def test_the_smallest_stretch_is_the_smallest_singular_value() -> None:

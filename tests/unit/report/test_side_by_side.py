@@ -5,9 +5,9 @@ import time
 
 import pytest
 
-from kolsky.report.pages.parallel import can_share, drawn_by
+from kolsky.report.pages.parallel import can_fork, draw_in_processes
 
-sharing = pytest.mark.skipif(not can_share(), reason="one core, or no copies of processes here")
+sharing = pytest.mark.skipif(not can_fork(), reason="one core, or no copies of processes here")
 
 
 def draws(n: int) -> list:
@@ -16,7 +16,7 @@ def draws(n: int) -> list:
 
 @pytest.mark.parametrize("processes", [1, 2])
 def test_every_figure_once_and_in_order(processes: int) -> None:
-    assert drawn_by(processes, draws(7)) == [draw() for draw in draws(7)]
+    assert draw_in_processes(processes, draws(7)) == [draw() for draw in draws(7)]
 
 
 @sharing
@@ -25,7 +25,7 @@ def test_both_draw() -> None:
         time.sleep(0.05)
         return str(os.getpid())
 
-    assert len(set(drawn_by(2, [slowly] * 12))) == 2
+    assert len(set(draw_in_processes(2, [slowly] * 12))) == 2
 
 
 @sharing
@@ -38,7 +38,7 @@ def test_what_the_copy_fails_at_is_drawn_here() -> None:
             raise RuntimeError("no")
         return "drawn"
 
-    assert drawn_by(2, [only_here] * 6) == ["drawn"] * 6
+    assert draw_in_processes(2, [only_here] * 6) == ["drawn"] * 6
 
 
 @sharing
@@ -47,4 +47,4 @@ def test_what_fails_here_is_told() -> None:
         raise ValueError("cannot be drawn")
 
     with pytest.raises(ValueError, match="cannot be drawn"):
-        drawn_by(2, [never] * 4)
+        draw_in_processes(2, [never] * 4)

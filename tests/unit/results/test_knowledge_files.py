@@ -19,7 +19,7 @@ from kolsky.inverse.uncertainty_results import (
     Variation,
 )
 from kolsky.report.canvas import build
-from kolsky.report.display_units import in_shown_units
+from kolsky.report.display_units import in_display_units
 from kolsky.report.figures import REGISTRY
 from kolsky.report.pages.identification import render
 from kolsky.report.pages.uncertainty import choices
@@ -125,7 +125,7 @@ def test_other_choices_are_kept_and_shown(tmp_path: Path) -> None:
     assert again.variations == OTHERS
     assert again.image_correlation == {"sigma_match_px": 0.011}
     assert to_json(made)["variations"][0]["shifts"] == OTHERS[0].shifts
-    rows = {row["done"]: row for row in choices(in_shown_units(again))}
+    rows = {row["done"]: row for row in choices(in_display_units(again))}
     row = rows["1.200 ms instead: searched again on the surrogate"]
     assert row["words"] == "end of the window"
     assert row["shifts"] == ["0.00120", "−0.300"]  # damping in microseconds
@@ -217,7 +217,7 @@ def test_page_says_verdicts_and_what_was_not_declared() -> None:
 
 
 def test_shown_units_reach_every_field() -> None:
-    shown = in_shown_units(knowing())
+    shown = in_display_units(knowing())
     assert shown.profiles[1].interval[0] == pytest.approx(1e6 * knowing().profiles[1].interval[0])
     assert shown.profiles[0].points[0, 1] == pytest.approx(25.0)
     assert shown.ridge is not None

@@ -52,7 +52,7 @@ strip_half_width = "0.6 mm"
 
 @pytest.fixture(scope="module")
 def seen() -> Recorded:
-    return recorded(load_shot(OPEN_01), OPEN_01, OPEN_01 / "results")
+    return recorded(load_shot(OPEN_01), OPEN_01 / "results")
 
 
 @pytest.fixture
@@ -76,7 +76,7 @@ def test_recordings_are_those_of_the_files(seen: Recorded) -> None:
 
 def test_bars_alone_show_the_velocity_of_the_face() -> None:
     shot = classical_shot(0)
-    motion = recorded(shot, Path("none"), Path("none")).motion
+    motion = recorded(shot, Path("none")).motion
     assert motion.is_velocity
     later = np.isfinite(motion.residual)
     assert later.any()
@@ -90,7 +90,7 @@ def test_bars_alone_show_the_velocity_of_the_face() -> None:
 @pytest.mark.parametrize("bars", [False, True])
 @pytest.mark.parametrize("name", RECORDINGS)
 def test_figures_of_recordings_have_units(name: str, bars: bool, seen: Recorded) -> None:
-    shown = recorded(classical_shot(0), Path("none"), Path("none")) if bars else replace(seen, pair=pair())
+    shown = recorded(classical_shot(0), Path("none")) if bars else replace(seen, pair=pair())
     if not RECORDINGS[name].applies(shown):
         pytest.skip("nothing to draw")
     for ax in build(RECORDINGS[name], shown).axes:

@@ -7,7 +7,7 @@ import pytest
 
 from kolsky.base.errors import InputError, InputErrors
 from kolsky.cli.new import template
-from kolsky.shot.schema.reading import key_lines, line_of, read_shot_toml
+from kolsky.shot.schema.reading import key_lines, line_of, shot_toml
 
 
 @pytest.fixture
@@ -32,7 +32,7 @@ def line_number(text: str, part: str) -> int:
 
 
 def test_the_template_is_valid_and_in_si(written) -> None:
-    shot = read_shot_toml(written(template())).declared
+    shot = shot_toml(written(template())).declared
     assert (shot.specimen.diameter, shot.specimen.length, shot.specimen.density) == (9.5e-3, 6.5e-3, 870.0)
     assert (shot.interface.faces, shot.interface.side, shot.interface.friction) == ("bonded", "bonded", None)
     assert (shot.transmission.support, shot.transmission.bar) == ("rigid", None)
@@ -50,7 +50,7 @@ def test_a_bar_behind_the_specimen(written) -> None:
     text = re.sub(
         r"^# (\[transmission\.bar\]|diameter|length|youngs|density|poisson)", r"\1", text, count=6, flags=re.M
     )
-    bar = read_shot_toml(written(text)).declared.transmission.bar
+    bar = shot_toml(written(text)).declared.transmission.bar
     assert bar is not None
     assert (bar.diameter, bar.length, bar.youngs_modulus, bar.density, bar.poisson) == (
         0.015,
@@ -219,7 +219,7 @@ def test_refused_declarations(written, old: str, new: str, key: str, fragments: 
     text = changed(old, new)
     path = written(text)
     with pytest.raises(InputError) as caught:
-        read_shot_toml(path)
+        shot_toml(path)
     problems = {problem.key: problem for problem in caught.value.problems}
     assert key in problems
     line = str(problems[key])
@@ -233,7 +233,7 @@ def test_the_line_of_the_key_is_named(written) -> None:
     text = changed(DENSITY, 'density = "-870 kg/m^3"\n\n[interface]')
     path = written(text)
     with pytest.raises(InputError) as caught:
-        read_shot_toml(path)
+        shot_toml(path)
     assert str(caught.value) == (
         f'{path} line {line_number(text, "density")}: specimen.density = "-870 kg/m^3" is not allowed;'
         ' it must be > 0 kg/m^3. Cure: write the mass density, e.g. "870 kg/m^3"'
@@ -243,7 +243,7 @@ def test_the_line_of_the_key_is_named(written) -> None:
 def test_several_problems_are_listed_one_line_each(written) -> None:
     text = changed("poisson = 0.499 ", "poisson = 0.5 ").replace('length = "6.5 mm"', 'length = "-6.5 mm"')
     with pytest.raises(InputErrors) as caught:
-        read_shot_toml(written(text))
+        shot_toml(written(text))
     lines = str(caught.value).split("\n")
     assert len(lines) == len(caught.value.problems) == 2
     assert f"line {line_number(text, 'length = ')}: specimen.length" in lines[0]
@@ -252,7 +252,7 @@ def test_several_problems_are_listed_one_line_each(written) -> None:
 
 def test_a_misspelt_key_is_one_problem(written) -> None:
     with pytest.raises(InputError) as caught:
-        read_shot_toml(written(changed('length = "6.5 mm"', 'lenght = "6.5 mm"')))
+        shot_toml(written(changed('length = "6.5 mm"', 'lenght = "6.5 mm"')))
     assert [problem.key for problem in caught.value.problems] == ["specimen.lenght"]
 
 
@@ -260,7 +260,7 @@ def test_a_missing_table_is_named(written) -> None:
     text = template()
     start, end = text.index("[curve]"), text.index("[model]")
     with pytest.raises(InputError, match="curve is missing") as caught:
-        read_shot_toml(written(text[:start] + text[end:]))
+        shot_toml(written(text[:start] + text[end:]))
     assert caught.value.line is None
 
 
@@ -276,7 +276,7 @@ def test_a_missing_table_is_named(written) -> None:
 )
 def test_no_toml(written, text: str, fragments: list[str]) -> None:
     with pytest.raises(InputError) as caught:
-        read_shot_toml(written(text))
+        shot_toml(written(text))
     for fragment in fragments:
         assert fragment in str(caught.value)
 
@@ -286,7 +286,7 @@ def test_a_shot_file_of_two_gigabytes_is_refused_unread(tmp_path: Path) -> None:
     with path.open("wb") as file:
         file.truncate(2_000_000_000)  # sparse: takes no disk
     with pytest.raises(InputError, match="2000 MB, more than the 1 MB"):
-        read_shot_toml(path)
+        shot_toml(path)
 
 
 def test_lines_of_keys() -> None:

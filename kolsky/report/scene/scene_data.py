@@ -1,4 +1,4 @@
-"""What a picture of the specimen shows: a deforming mesh, a number at its nodes, what was measured."""
+"""Scene: the deforming mesh, a field at its nodes and the measured points, as needed to draw them."""
 
 from __future__ import annotations
 
@@ -20,30 +20,30 @@ if TYPE_CHECKING:
 
 
 RANGE = (1.0, 99.0)
-"""Percentiles of a field over all times that the colours span: a single corner must not bleach the rest."""
+"""Percentiles of a field over all times at the ends of the colour scale, so that no corner sets it."""
 
 
-class NotShown(ValueError):
-    """A result does not hold what a picture shows."""
+class SceneDataMissing(ValueError):
+    """A result lacks data that the pictures need."""
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """Which nodes belong together: of a mesh what a picture needs."""
+    """Connectivity of the mesh: elements, faces and side surface."""
 
     quads: NDArray[np.int64]
     """Corners of the elements, shape [n_elements, 4]."""
     lower_face: NDArray[np.int64]
     """Nodes on the flyer's platen, from the axis outward."""
     side: NDArray[np.int64]
-    """Nodes of the side from the transmission end, both rims among them."""
+    """Nodes of the side surface from the transmission end, both edges included."""
     upper_face: NDArray[np.int64]
     """Nodes on the other platen, from the axis outward."""
 
 
 @dataclass(frozen=True)
-class Stage:
-    """One simulation, ready to be drawn."""
+class Scene:
+    """One simulation with measured data, ready to be drawn."""
 
     mesh: Mesh
     """The mesh."""
@@ -56,19 +56,19 @@ class Stage:
     field: str
     """Name in `kolsky.report.scene.fields.FIELDS`."""
     limits: tuple[float, float]
-    """Values at the ends of the colour scale."""
+    """Field values at the ends of the colour scale."""
     centre_line: CentreLine
-    """Measured outline; none if nobody looked."""
+    """Measured outline; empty if none was measured."""
     surface: SurfaceHistory | None = None
-    """Measured points of the whole visible surface, if pictures were correlated here."""
+    """Measured points of the whole visible surface, if known."""
 
-    def at(self, shown: Sequence[int]) -> Stage:
-        """The same with these pictures alone."""
+    def at(self, shown: Sequence[int]) -> Scene:
+        """Return the scene at the times with these indices only."""
         rows = np.asarray(shown)
         return replace(self, times=self.times[rows], nodes=self.nodes[rows], values=self.values[rows])
 
     def outline(self, k: int) -> tuple[FloatArray, FloatArray]:
-        """Measured heights and radii in the frame nearest to picture k [m]; empty without any."""
+        """Measured heights and radii [m] in the frame nearest to the time of picture k; empty if none."""
         line = self.centre_line
         if not line.time.size:
             return np.zeros(0), np.zeros(0)
@@ -77,9 +77,9 @@ class Stage:
         return line.y[near][order], line.Z[near][order]
 
     def points(self, k: int) -> FloatArray:
-        """Measured points (x, y, Z) nearest in time to picture k [m], shape [n, 3].
+        """Measured points (x, y, Z) [m] nearest in time to picture k, shape [n, 3].
 
-        The whole surface if there is one, else the outline at x = 0.
+        Those of the whole surface if it is known, else of the outline at x = 0.
         """
         if self.surface is None:
             y, Z = self.outline(k)
@@ -88,32 +88,32 @@ class Stage:
         return self.surface.position[frame, self.surface.valid[frame]]
 
 
-def stage_of(
+def scene_of(
     result: Identification,
     *,
     field: str = "stretch",
     solid: Solid | None = None,
     surface: SurfaceHistory | None = None,
-) -> Stage:
-    """The check run of an identification with a field at its nodes.
+) -> Scene:
+    """Return the scene of an identification's simulation at the optimum.
 
     Parameters
     ----------
     result
-        The identification; its response must have kept the nodes, its provenance the specimen.
+        Its response must hold the nodes, its provenance the specimen's size.
     field
         One of `kolsky.report.scene.fields.FIELDS`.
     solid
-        The material; needed by fields that are stresses or energies.
+        Material; required by fields that are stresses or energies.
     surface
-        Measured points beside the centre line's.
+        Measured points of the whole surface, beside the outline.
 
     Raises
     ------
     ValueError
         If the field is unknown or lacks the solid.
     NotShown
-        If the result does not hold what is needed.
+        If the result lacks the nodes or the specimen's size.
     """
     from explicit.deformation import deformation_gradient
 
@@ -123,15 +123,15 @@ def stage_of(
     if kind.needs_solid and solid is None:
         raise ValueError(f"the field {field!r} needs the material")
     if response.nodes is None:
-        raise NotShown("the result kept no nodes of its check run")
+        raise SceneDataMissing("the result kept no nodes of its check run")
     mesh = _mesh(result)
     whole = np.isfinite(response.nodes[0]).all(axis=(1, 2))
     nodes = response.nodes[0][whole]
     if not len(nodes):
-        raise NotShown("the check run reached none of its times")
+        raise SceneDataMissing("the check run reached none of its times")
     elements = kind.values(deformation_gradient(mesh, nodes), solid)
     low, high = np.percentile(elements, RANGE)
-    return Stage(
+    return Scene(
         mesh=Mesh(mesh.quads, mesh.lower_face, mesh.side, mesh.upper_face),
         times=response.surface_times[whole],
         nodes=nodes,
@@ -144,7 +144,7 @@ def stage_of(
 
 
 def _mesh(result: Identification) -> explicit.Mesh:
-    """The check run's mesh, from what the result says of specimen and settings."""
+    """Rebuild the mesh of the simulation from the provenance of the result."""
     import explicit
 
     said = result.provenance
@@ -152,19 +152,19 @@ def _mesh(result: Identification) -> explicit.Mesh:
         specimen, grading = said["specimen"], said["settings"]["numerics"]["grading"]
         radius, length = 0.5 * float(specimen["diameter"]), float(specimen["length"])
     except (KeyError, TypeError, ValueError):
-        raise NotShown("the result's provenance does not say how large the specimen was") from None
+        raise SceneDataMissing("the result's provenance does not say how large the specimen was") from None
     n_radial, n_axial = result.refined_mesh
     mesh = explicit.cylinder(radius, length, n_radial=n_radial, n_axial=n_axial, grading=float(grading))
     assert result.response.nodes is not None  # `stage_of` has looked
     if result.response.nodes.shape[2] != mesh.n_nodes:
-        raise NotShown(
+        raise SceneDataMissing(
             f"the result holds {result.response.nodes.shape[2]} nodes, its mesh has {mesh.n_nodes}"
         )
     return mesh
 
 
 def _at_nodes(mesh: explicit.Mesh, elements: FloatArray) -> FloatArray:
-    """Mean of the elements around each node, shape [n_times, n_nodes]."""
+    """Mean over the elements around each node, shape [n_times, n_nodes]."""
     corner = mesh.quads.ravel()
     count = np.bincount(corner, minlength=mesh.n_nodes)
     spread = np.repeat(elements, 4, axis=1)

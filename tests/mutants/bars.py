@@ -1,0 +1,240 @@
+"""Faults of the reduction between bars: warnings, thresholds, budget, arrivals, corrections, events."""
+
+from tests.mutants.fault import Fault
+
+REMARKS = ("tests/unit/bars/test_remarks_and_quoted_values.py",)
+INPUTS = ("tests/unit/bars/test_budget_inputs.py",)
+THRESHOLDS = ("tests/unit/bars/test_thresholds.py",)
+BUDGET = ("tests/unit/bars/test_waves_budget.py",)
+REPEATS = ("tests/unit/bars/test_waves_repeats.py",)
+FRONT = ("tests/unit/bars/test_front_path.py::test_noise_and_scale_are_told_apart",)
+
+QUOTED = "kolsky/bars/reduction/quoted_values.py"
+SUMMARY = "kolsky/bars/reduction/summary.py"
+VARIED = "kolsky/bars/reduction/varied_test.py"
+WINDOWS = "kolsky/bars/reduction/windows.py"
+ARRIVAL = "kolsky/bars/signals/arrival.py"
+ZERO = "kolsky/bars/signals/signal_zero.py"
+EVENTS = "kolsky/bars/flyer/event_signals.py"
+CLOCKS = "kolsky/bars/flyer/synchronisation.py"
+VALIDITY = "kolsky/bars/reduction/validity.py"
+
+FAULTS = (
+    Fault(
+        "a missing reflected pulse is not remarked",
+        QUOTED,
+        'found.append(f"no reflected pulse is found: {reflected.reason}")',
+        "pass",
+        REMARKS,
+    ),
+    Fault(
+        "a delayed pulse is remarked ten times too late",
+        QUOTED,
+        "LARGEST_DELAY = 3.0",
+        "LARGEST_DELAY = 30.0",
+        REMARKS,
+    ),
+    Fault("two samples' allowance dropped", QUOTED, " + 2.0 * interval:", ":", REMARKS),
+    Fault(
+        "an early pulse is not remarked",
+        QUOTED,
+        "elif abs(reflected.delay) >",
+        "elif reflected.delay >",
+        REMARKS,
+    ),
+    Fault("nonlinear values not named", QUOTED, "BEND = 0.2", "BEND = 2.0", REMARKS),
+    Fault("undeclared uncertainties not remarked", QUOTED, "if not systematic:", "if systematic:", REMARKS),
+    Fault("no equilibrium not remarked", QUOTED, "if reduction.balanced is None:", "if False:", REMARKS),
+    Fault(
+        "the means reach beyond the largest strain",
+        SUMMARY,
+        "return balanced[0], min(balanced[1], end)",
+        "return balanced[0], balanced[1]",
+        REMARKS,
+    ),
+    Fault(
+        "correlated samples counted as independent in a mean",
+        SUMMARY,
+        "sigma = sqrt(alike * float((history.sigma[inside] ** 2).sum())) / n",
+        "sigma = sqrt(float((history.sigma[inside] ** 2).sum())) / n",
+        REMARKS,
+    ),
+    Fault(
+        "sigma of the modulus without correlation",
+        SUMMARY,
+        "sqrt(alike / spread)",
+        "sqrt(1.0 / spread)",
+        REMARKS,
+    ),
+    Fault("a modulus up to the whole stress", SUMMARY, "RISING_SHARE = 0.5", "RISING_SHARE = 0.95", REMARKS),
+    Fault("a modulus from a few samples", SUMMARY, "FEWEST_SAMPLES = 10", "FEWEST_SAMPLES = 3", REMARKS),
+    Fault(
+        "the transmission gauge's distance not in the budget",
+        VARIED,
+        "{key: station.position for key, station in given.stations.items()}, given.uncertainty",
+        '{key: s.position for key, s in given.stations.items() if key != "transmission"}, given.uncertainty',
+        INPUTS,
+    ),
+    Fault(
+        "the bars not in the budget",
+        VARIED,
+        "quantities += bar_quantities(given.bars[side], side, given.uncertainty)",
+        "pass",
+        INPUTS,
+    ),
+    Fault(
+        "a gauge's other distance not used",
+        VARIED,
+        'return values.get(f"{side} gauge, distance", position)',
+        "return position",
+        INPUTS,
+    ),
+    Fault(
+        "specimen length's uncertainty taken as absolute",
+        VARIED,
+        'L * uncertainty.get("specimen_length", 0.0)',
+        'uncertainty.get("specimen_length", 0.0)',
+        INPUTS,
+    ),
+    Fault(
+        "bars of one rod taken as independent",
+        VARIED,
+        "{pair: 1.0 for pair in pairs if given.alike",
+        "{pair: 0.0 for pair in pairs if given.alike",
+        INPUTS,
+    ),
+    Fault(
+        "contributions halved",
+        "kolsky/bars/budget/propagation.py",
+        "0.5 * (plus[name] - minus[name]))",
+        "0.25 * (plus[name] - minus[name]))",
+        BUDGET,
+    ),
+    Fault(
+        "degrees of freedom not divided by",
+        "kolsky/bars/budget/budget.py",
+        "under += variance**2 / nu",
+        "under += variance**2",
+        BUDGET,
+    ),
+    Fault(
+        "repeats' band without Student",
+        "kolsky/bars/reduction/repeated_tests.py",
+        "student.ppf(0.5 + 0.5 * probability, nu)",
+        "student.ppf(0.5 + 0.5 * probability, np.inf)",
+        REPEATS,
+    ),
+    Fault(
+        "scatter not reduced by repeating",
+        "kolsky/bars/reduction/repeated_tests.py",
+        "self.scatter / np.sqrt(self.count)",
+        "self.scatter",
+        REPEATS,
+    ),
+    Fault("pulses in the noise", ARRIVAL, "THRESHOLD = 6.0", "THRESHOLD = 5.0", THRESHOLDS),
+    Fault(
+        "the memory of noise dropped at an arrival",
+        ARRIVAL,
+        "noise = signal.sigma**2 * min(signal.memory, float(time.size))",
+        "noise = signal.sigma**2",
+        THRESHOLDS,
+    ),
+    Fault("the foot's lever dropped", ARRIVAL, "(centre - foot) ** 2 / spread", "0.0", THRESHOLDS),
+    Fault("counts dropped at an arrival", ARRIVAL, " + count**2 / 12.0", "", THRESHOLDS),
+    Fault(
+        "an earlier pulse of the other sign let pass",
+        WINDOWS,
+        "OTHER_SIGN = 0.2",
+        "OTHER_SIGN = 2.0",
+        THRESHOLDS,
+    ),
+    Fault("faint reflected pulses taken", WINDOWS, "VISIBLE = 0.05", "VISIBLE = 0.005", THRESHOLDS),
+    Fault(
+        "one way instead of two to the far end",
+        WINDOWS,
+        "return 2.0 * (signal.bar.length",
+        "return 1.0 * (signal.bar.length",
+        THRESHOLDS,
+    ),
+    Fault(
+        "a drift significant at ten percent", ZERO, "SIGNIFICANCE = 0.01", "SIGNIFICANCE = 0.1", THRESHOLDS
+    ),
+    Fault(
+        "memory not taken off the degrees of freedom",
+        ZERO,
+        "self.count / max(self.noise.memory, 1.0) - 2.0",
+        "self.count - 2.0",
+        THRESHOLDS,
+    ),
+    Fault(
+        "clipping seen late",
+        ZERO,
+        "limit = max(8, 3 * baseline.longest_run)",
+        "limit = max(8, 30 * baseline.longest_run)",
+        THRESHOLDS,
+    ),
+    Fault(
+        "forces in their noise judged",
+        "kolsky/bars/reduction/equilibrium.py",
+        "LEAST_FORCE = 5.0",
+        "LEAST_FORCE = 0.5",
+        THRESHOLDS,
+    ),
+    Fault("validity without coverage", VALIDITY, "COVERAGE = 2.0", "COVERAGE = 1.0", THRESHOLDS),
+    Fault("an empty window not said", VALIDITY, "NEARLY_EMPTY = 0.2", "NEARLY_EMPTY = 0.02", THRESHOLDS),
+    Fault("another motion taken for a match", CLOCKS, "UNLIKE = 25.0", "UNLIKE = 250.0", THRESHOLDS),
+    Fault("residuals narrow a lag", CLOCKS, "growth = max(1.0, ratio)", "growth = ratio", THRESHOLDS),
+    Fault(
+        "the trigger's sigma dropped",
+        CLOCKS,
+        "np.sqrt(growth * covariance[-1, -1]), sigma_trigger",
+        "np.sqrt(growth * covariance[-1, -1]), 0.0",
+        THRESHOLDS,
+    ),
+    Fault("impacts of any size", EVENTS, "EXCURSION = 3.0", "EXCURSION = 1.0", THRESHOLDS),
+    Fault(
+        "dips of any depth", EVENTS, "0.05 * float(driven.max())", "0.005 * float(driven.max())", THRESHOLDS
+    ),
+    Fault(
+        "kinks without their misfit",
+        "kolsky/bars/flyer/kink.py",
+        "growth = max(1.0, left / (y.size - J.shape[1]))",
+        "growth = 1.0",
+        THRESHOLDS,
+    ),
+    Fault(
+        "the punching of one face only",
+        "kolsky/bars/reduction/punching.py",
+        "sunk = (first * F1.value + second * F2.value) / L",
+        "sunk = (first * F1.value) / L",
+        THRESHOLDS,
+    ),
+    Fault(
+        "the noise of a slope over one sample",
+        "kolsky/bars/reduction/punching.py",
+        "slope_noise = noise / (width * step)",
+        "slope_noise = noise / step",
+        THRESHOLDS,
+    ),
+    Fault(
+        "a third of the axial inertia",
+        "kolsky/bars/reduction/inertia.py",
+        "(rho * length / 2.0 * a.sigma) ** 2",
+        "(rho * length / 6.0 * a.sigma) ** 2",
+        THRESHOLDS,
+    ),
+    Fault(
+        "the stations' distance known exactly",
+        "kolsky/bars/reduction/mass.py",
+        " + (a * sigma_distance / d) ** 2",
+        "",
+        THRESHOLDS,
+    ),
+    Fault(
+        "slow noise of the front dropped",
+        "kolsky/bars/flyer/front_path.py",
+        "return waves.sigma, waves.sigma if waves.white is None else waves.white",
+        "return waves.sigma, waves.sigma",
+        FRONT,
+    ),
+)

@@ -1,0 +1,214 @@
+"""Remarks on both sides of their thresholds; quoted values and their noise by hand."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from kolsky.bars.records import FaceWaves, History, Quantity, Reduction
+from kolsky.bars.reduction import quoted_values
+from kolsky.bars.reduction.summary import EnergyBalance, Summary, mean_over, spread_of, summarise
+from kolsky.bars.reduction.windows import PulseCheck
+from kolsky.bars.result import BudgetTable, Contribution
+from kolsky.bars.signals.arrival import Arrival
+from kolsky.bars.signals.bridge import Bridge, Linear
+from kolsky.base.apparatus import Bar, Specimen
+
+STEP = 1e-6
+BAR = Bar(diameter=20e-3, length=2.0, youngs_modulus=200e9, density=8000.0)
+SPECIMEN = Specimen(diameter=10e-3, length=4e-3, density=1000.0)
+
+
+DECLARED = {"bar_modulus": 0.01}
+
+
+def check(delay, sigma=1e-6):
+    """A pulse predicted at 1 ms and observed later."""
+    return PulseCheck(1e-3, Arrival(1e-3 + delay, sigma, 1e-3, 1e-5, 2e-3, -1.0), "observed")
+
+
+def remarks(*, balanced=(0.0, 1e-4), reflected=None, curvature=0.0, uncertainty=None):
+    names = ("largest strain", "peak stress")
+    return quoted_values.remarks(
+        SimpleNamespace(balanced=balanced, time=0.1 * STEP * np.arange(5)),
+        SimpleNamespace(value=dict.fromkeys(names), nonlinearity={names[0]: curvature, names[1]: 0.0}.get),
+        (reflected or check(0.0), check(1e-3)),
+        SimpleNamespace(
+            allowance=0.05, uncertainty={"bar_modulus": 0.01} if uncertainty is None else uncertainty
+        ),
+    )
+
+
+def test_a_test_in_order_has_no_remark():
+    assert remarks() == []
+
+
+def test_no_equilibrium_is_remarked():
+    (said,) = remarks(balanced=None)
+    assert "nowhere in equilibrium within 5 %" in said
+    assert "kolsky identify" in said
+
+
+def test_a_missing_reflected_pulse_is_remarked():
+    missing = PulseCheck(1e-3, None, "incident gauge: no negative pulse")
+    assert remarks(reflected=missing) == ["no reflected pulse is found: incident gauge: no negative pulse"]
+
+
+@pytest.mark.parametrize(("delay", "remarked"), [(3.19e-6, 0), (3.21e-6, 1), (-3.19e-6, 0), (-3.21e-6, 1)])
+def test_a_delayed_reflected_pulse_is_remarked_beyond_three_sigma_and_two_samples(delay, remarked):
+    """Sigma 1 us, samples 0.1 us: 3 * 1 + 2 * 0.1 = 3.2 us."""
+    said = remarks(reflected=check(delay))
+    assert len(said) == remarked
+    assert all(f"{1e6 * delay:+.2f} us" in line for line in said)
+
+
+@pytest.mark.parametrize(("curvature", "remarked"), [(0.2, 0), (0.201, 1)])
+def test_nonlinear_values_are_named(curvature, remarked):
+    said = remarks(curvature=curvature)
+    assert len(said) == remarked
+    assert all(line.startswith("the largest strain depends on its inputs nonlinearly") for line in said)
+
+
+@pytest.mark.parametrize(
+    ("uncertainty", "remarked"), [({}, 1), ({"bar_modulus": 0.0}, 1), ({"bar_modulus": 1e-9}, 0)]
+)
+def test_undeclared_uncertainties_are_remarked(uncertainty, remarked):
+    said = remarks(uncertainty=uncertainty)
+    assert len(said) == remarked
+    assert all("add a table [uncertainty]" in line for line in said)
+
+
+def test_a_relative_calibration_uncertainty_is_one_of_its_scale():
+    bridge = Bridge("quarter", gauge_factor=2.1, excitation=5.0)
+    assert quoted_values.calibration_sigma(bridge, 0.01) == {"gauge_factor": pytest.approx(0.021)}
+    assert quoted_values.calibration_sigma(Linear(4e-4), 0.01) == {"factor": pytest.approx(4e-6)}
+
+
+def history(value, sigma, unit="1"):
+    value = np.asarray(value, dtype=float)
+    return History(value, np.broadcast_to(np.asarray(sigma, dtype=float), value.shape).copy(), unit)
+
+
+def reduction(strain, rate, stress, *, balanced, sigma=(0.0, 0.0, 0.0)):
+    """A reduction of three given histories, alike in every analysis, forces and velocities zero."""
+    three = [
+        history(v, s, u) for v, s, u in zip((strain, rate, stress), sigma, ("1", "1/s", "Pa"), strict=True)
+    ]
+    zero = history(np.zeros(len(strain)), 0.0)
+    keys = ("one wave", "two waves", "three waves")
+    return Reduction(
+        STEP * np.arange(len(strain)),
+        *(dict.fromkeys(keys, one) for one in three),
+        zero, zero, zero, zero, np.zeros(len(strain)), balanced,
+    )  # fmt: skip
+
+
+def faces(n, *, sigma=1.0, white=None):
+    zero = np.zeros(n)
+    names = ("incident", "reflected", "transmitted")
+    return FaceWaves(
+        STEP * np.arange(n), zero, zero, zero, dict.fromkeys(names, sigma), BAR, BAR,
+        white=None if white is None else dict.fromkeys(names, white),
+    )  # fmt: skip
+
+
+def test_means_are_taken_over_equilibrium_up_to_the_largest_strain():
+    """Strain 0, 1, ... 6, 5, 4 %: largest at 6 us; equilibrium from 2 us to the end."""
+    strain = 0.01 * np.array([0, 1, 2, 3, 4, 5, 6, 5, 4.0])
+    stress, rate = 10.0 * np.arange(9.0), 100.0 + np.arange(9.0)
+    r = reduction(strain, rate, stress, balanced=(2e-6, 8e-6), sigma=(1e-3, 2.0, 3.0))
+    found = summarise(r, faces(9, sigma=1.0, white=2.0), SPECIMEN)  # white / sigma = 2: four samples one
+    assert found.plateau == (2e-6, pytest.approx(6e-6))
+    assert found.mean_stress.value == pytest.approx(40.0)  # of 20, 30, ... 60
+    assert found.mean_stress.sigma == pytest.approx(np.sqrt(4.0 * 5 * 3.0**2) / 5)
+    assert found.mean_rate.value == pytest.approx(104.0)
+    assert found.mean_rate.sigma == pytest.approx(np.sqrt(4.0 * 5 * 2.0**2) / 5)
+    assert (found.maximum_strain.value, found.maximum_strain.sigma) == (pytest.approx(0.06), 1e-3)
+    s, dot = stress[:7], rate[:7]
+    assert found.absorbed.value == pytest.approx(STEP * np.sum(0.5 * ((s * dot)[1:] + (s * dot)[:-1])))
+    assert found.absorbed.sigma == pytest.approx(
+        STEP * np.sqrt(4.0 * np.sum((dot * 3.0) ** 2 + (s * 2.0) ** 2))
+    )
+    late = summarise(reduction(strain, rate, stress, balanced=(6e-6, 8e-6)), faces(9), SPECIMEN)
+    assert late.plateau is None
+    assert late.mean_stress is None
+
+
+def test_a_loading_modulus_is_a_line_up_to_half_the_stress():
+    """Stress 5e9 e + 1e6 over 41 samples: the samples of equilibrium up to half the largest stress."""
+    strain = 1e-3 * np.arange(41.0)
+    stress = 5e9 * strain + 1e6
+    r = reduction(strain, np.ones(41), stress, balanced=(4.5e-6, 40e-6), sigma=(0.0, 0.0, 2e5))
+    found = summarise(r, faces(41, sigma=1.0, white=3.0), SPECIMEN)
+    used = strain[5:20]  # 5e9 e + 1e6 > 100.5e6 from e = 0.0199 on
+    assert found.modulus.value == pytest.approx(5e9)
+    spread = np.sum((used - used.mean()) ** 2)
+    assert found.modulus.sigma == pytest.approx(3.0 * 2e5 / np.sqrt(spread))
+    assert found.modulus_reason.startswith("15 samples in equilibrium")
+    for begin, words in ((10.5e-6, "9 samples rise"), (19.5e-6, "equilibrium begins at 50 %")):
+        none = summarise(reduction(strain, np.ones(41), stress, balanced=(begin, 40e-6)), faces(41), SPECIMEN)
+        assert none.modulus is None
+        assert words in none.modulus_reason
+    ten = summarise(reduction(strain, np.ones(41), stress, balanced=(9.5e-6, 40e-6)), faces(41), SPECIMEN)
+    assert ten.modulus_reason.startswith("10 samples")
+
+
+def test_a_mean_needs_a_sample():
+    with pytest.raises(ValueError, match="no sample between 3 s and 4 s"):
+        mean_over(history([1.0, 2.0], 0.1), np.array([0.0, 1.0]), (3.0, 4.0), "x")
+
+
+def test_spread_of_the_largest_strains():
+    strains = {"a": history([0.0, 0.09], 0.0), "b": history([0.11, 0.0], 0.0), "c": history([0.0, 0.10], 0.0)}
+    assert spread_of(strains) == pytest.approx(0.2)  # 0.02 over 0.10
+    assert spread_of({k: History(-h.value, h.sigma, "1") for k, h in strains.items()}) == pytest.approx(0.2)
+
+
+def test_quoted_values_of_largest_magnitude_and_over_equilibrium():
+    strain, stress = [0.0, 0.1, 0.3, 0.2], [0.0, -5.0, 4.0, 3.0]
+    r = reduction(strain, [1.0, 2.0, 3.0, 4.0], stress, balanced=(1e-6, 3e-6),
+                  sigma=([1, 2, 3, 4.0], 0.5, [5, 6, 7, 8.0]))  # fmt: skip
+    summary = summarise(r, faces(4), SPECIMEN)
+    found = quoted_values.numbers(r, summary)
+    assert {k: float(v) for k, v in found.items()} == pytest.approx(
+        {"largest strain": 0.3, "peak stress": -5.0, "mean stress": -0.5, "mean rate": 2.5}
+    )
+    assert quoted_values.noise(r, summary) == pytest.approx(
+        {"largest strain": 3.0, "peak stress": 6.0,
+         "mean stress": np.hypot(6.0, 7.0) / 2, "mean rate": 0.5 * np.sqrt(2) / 2}
+    )  # fmt: skip
+
+
+def test_the_table_of_a_test_in_tension_has_its_sign_and_the_largest_share_first(monkeypatch):
+    rows = tuple(
+        Contribution(Quantity(name, 0.0, 1.0, "1", "B"), {"largest strain": share})
+        for name, share in (("small", 0.1), ("negative", -0.6), ("middle", 0.3))
+    )
+    table = BudgetTable({"largest strain": (0.2, 0.01, "1")}, rows)
+    monkeypatch.setattr(quoted_values, "budget_table", lambda budget, results: table)
+    found = quoted_values.table(SimpleNamespace(value={}), -1.0)
+    assert found.results == {"largest strain": (-0.2, 0.01, "1")}
+    assert [row.quantity.name for row in found.contributions] == ["negative", "middle", "small"]
+
+
+def test_facts_of_a_record():
+    r = reduction([0.0, 0.1, 0.2], [0.0, 1.0, 1.0], [0.0, 1.0, 2.0], balanced=(1e-6, 2e-6))
+    summary = summarise(r, faces(3), SPECIMEN)
+    assert summary.energy == EnergyBalance(0.0, 0.0, 0.0, 0.0, summary.energy.deformation)
+    assert summary.energy.deformation == pytest.approx(
+        SPECIMEN.area * 4e-3 * 2e-6
+    )  # 0, 1, 2 W/m^3: 0.5 + 1.5
+    strain = SimpleNamespace(interval=STEP, sigma=3e-6)
+    station = SimpleNamespace(signal=SimpleNamespace(strain=strain, bar=BAR))
+    windows = SimpleNamespace(incident=(1e-4, 3e-4))
+    found = quoted_values.facts(
+        {"incident": station, "transmission": station}, check(0.0).observed,
+        (check(2e-6), PulseCheck(1.0, None, "none")), windows, r, summary, SPECIMEN,
+    )  # fmt: skip
+    assert found["duration of the incident pulse"] == (pytest.approx(1e-3), "s")
+    assert found["length of the windows"] == (pytest.approx(2e-4), "s")
+    assert found["reflected pulse, later than predicted by"] == (pytest.approx(2e-6), "s")
+    assert "transmitted pulse, later than predicted by" not in found
+    assert found["time to equilibrium"] == (pytest.approx(1e-6), "s")
+    assert found["wave speed, incident bar"] == (pytest.approx(5000.0), "m/s")
+    assert isinstance(summary, Summary)
