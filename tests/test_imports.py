@@ -30,6 +30,14 @@ INSIDE = {
 }
 
 PLOTTING = {"matplotlib", "pyvista", "vtk", "vtkmodules"}
+HDF5 = (
+    "kolsky.base.hdf5",
+    "kolsky.base.hdf5_items",
+    "kolsky.base.hdf5_records",
+    "kolsky.readers",
+    "dic.images",
+)
+"""Who may use h5py: the codec of our own files, and the readers of the files of others."""
 HEAVY = sorted({"warp", "scipy", "cv2", *PLOTTING})
 
 ALLOWED: dict[tuple[str, str], str] = {
@@ -130,6 +138,8 @@ def violation(module: str, target: str) -> str | None:
         dic_kernel = package == "dic" and any("kernels" in part for part in module.split(".")[1:])
         if package != "explicit" and not dic_kernel:
             return "Warp belongs in explicit and in the kernels of dic"
+    if top == "h5py" and not any(_inside(module, place) for place in HDF5):
+        return "files of results go through kolsky.base.hdf5"
     in_report = module == "kolsky.report" or module.startswith("kolsky.report.")
     if top in PLOTTING and not in_report:
         return "Matplotlib and PyVista belong in kolsky.report"
@@ -221,6 +231,7 @@ def test_every_exception_has_a_reason_and_is_used():
         ("doe.designs", "import warp.optim"),
         ("kolsky.identification", "def draw():\n    import matplotlib.pyplot as plt"),
         ("explicit.mesh", "import pyvista"),
+        ("kolsky.results.hdf5", "def f():\n    import h5py"),
         ("kolsky.readers.shot_tables", "from kolsky.inverse.misfit import phi_force"),
         ("kolsky.readers.shot_tables", "from ..bars import records"),
         ("kolsky.readers.shot_tables", "from .. import identification"),

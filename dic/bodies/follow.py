@@ -102,10 +102,7 @@ def follow_body(
     ValueError
         A region outside the picture, or no frame that both cameras saw.
     """
-    usable = (health[0] == FrameOutcome.VALID) & (health[1] == FrameOutcome.VALID)
-    if not usable.any():
-        raise ValueError("no frame has a usable picture of both cameras")
-    material = int(min(np.flatnonzero(usable), key=lambda frame: abs(int(frame) - region.frame)))
+    material = material_frame(health, region.frame)
     mask = polygon_mask(region.corners, pictures[0].shape)
     points, cell = grid_points(mask, step, margin=margin)
     first, second = (series.frame(material) for series in pictures)
@@ -145,6 +142,27 @@ def follow_body(
         reconstruction=reconstruct(rig, tracks[0], tracks[1], common=common),
         common=common,
     )
+
+
+def material_frame(health: tuple[IntArray, IntArray], wanted: int) -> int:
+    """Frame nearest to the wanted one of which both cameras have a usable picture, the earlier of two.
+
+    Parameters
+    ----------
+    health
+        `FrameOutcome` of the pictures of the cameras, each of shape [n_frames].
+    wanted
+        The frame in which the region is declared.
+
+    Raises
+    ------
+    ValueError
+        If no frame has a usable picture of both cameras.
+    """
+    usable = np.flatnonzero((health[0] == FrameOutcome.VALID) & (health[1] == FrameOutcome.VALID))
+    if not usable.size:
+        raise ValueError("no frame has a usable picture of both cameras")
+    return int(usable[np.argmin(np.abs(usable - wanted))])
 
 
 def _common(match: StereoMatch, n_frames: int, material: int) -> FloatArray:

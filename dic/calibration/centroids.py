@@ -3,6 +3,7 @@
 import numpy as np
 
 from dic.arrays import BoolArray, FloatArray, IntArray
+from dic.robust import MAD
 
 WINDOW, RING = 1.35, 1.85
 """The centroid is taken over this many radii of the dot, the brightness around it out to the second."""
@@ -178,6 +179,6 @@ def _plane(part: _Window) -> tuple[FloatArray, BoolArray]:
         solution = np.linalg.solve(normal, weighted @ part.ring_grey[..., None])
         off = np.abs(part.ring_grey - (np.swapaxes(solution, 1, 2) @ basis)[:, 0])
         middle = np.where(fine, _quantile(off, kept, 0.5), 0.0)
-        limit = 4.0 * 1.4826 * middle + 1e-9 * np.abs(solution[:, 0, 0])
+        limit = 4.0 * MAD * middle + 1e-9 * np.abs(solution[:, 0, 0])
         kept = part.ring & (off <= limit[:, None])
     return solution[..., 0], fine

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.arrays import FloatArray
+from dic.robust import MAD
 
 BANDS, BAND = 16, 24
 """How many bands of how many rows the noise is taken from."""
@@ -68,7 +69,7 @@ def noise_level(picture: NDArray[np.generic]) -> float:
         if sum(map(len, kept)) > 1000:
             part = np.concatenate(kept)
             break
-    return max(1.4826 * float(np.median(part)) / 6.0, 1.0 / np.sqrt(12.0))
+    return max(MAD * float(np.median(part)) / 6.0, 1.0 / np.sqrt(12.0))
 
 
 def eight_bits(picture: NDArray[np.generic]) -> NDArray[np.uint8]:

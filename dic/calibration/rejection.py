@@ -12,6 +12,7 @@ from dic.calibration.checks import by_pair, posed
 from dic.calibration.projection import View
 from dic.calibration.start import rms
 from dic.calibration.views import only
+from dic.robust import MAD
 
 Z_PAIR, TIMES = 6.0, 2.0
 """A pair is bad if its rms residual lies this many robust standard deviations above the median of the pairs
@@ -121,7 +122,7 @@ def _robust(
 def _limit(errors: Sequence[float]) -> tuple[float, float]:
     """Rms residual above which a pair is bad, and the median [px]."""
     median = float(np.median(errors))
-    spread = 1.4826 * float(np.median(np.abs(np.array(errors) - median)))
+    spread = MAD * float(np.median(np.abs(np.array(errors) - median)))
     return max(median + Z_PAIR * spread, TIMES * median), median
 
 

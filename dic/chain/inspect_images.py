@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.arrays import BoolArray, FloatArray, IntArray
+from dic.bodies.follow import material_frame
 from dic.bodies.region import Region, grid_points, polygon_mask
 from dic.camera import StereoRig
 from dic.chain.settings import ChainError, ChainSettings
@@ -108,10 +109,10 @@ def check_cameras(inputs: Inputs, region: Region) -> tuple[Finding, ...]:
         If no frame has a usable picture of both cameras.
     """
     pictures, settings, health = inputs.pictures, inputs.settings, inputs.health
-    usable = np.flatnonzero((health[0] == FrameOutcome.VALID) & (health[1] == FrameOutcome.VALID))
-    if usable.size == 0:
-        raise ChainError("no frame has a usable picture of both cameras")
-    frame = int(usable[np.argmin(np.abs(usable - region.frame))])
+    try:
+        frame = material_frame(health, region.frame)
+    except ValueError as error:
+        raise ChainError(str(error)) from error
     mask = polygon_mask(region.corners, pictures[0].shape)
     points, _ = grid_points(mask, settings.step, margin=settings.margin)
     pair = (pictures[0].frame(frame), pictures[1].frame(frame))

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.rigid_body.rigid_motion import FEWEST_POINTS, kabsch, lever
+from dic.robust import MAD
 
 MOST_ROUNDS = 12
 MOST_STEPS = 50
@@ -116,7 +117,7 @@ def adjust(sights: Observations, prior: MotionPrior, reject: float) -> Poses:
         off = now.x - np.einsum("kab,ib->kia", R, X) - p[:, None]
         squared = np.einsum("kia,kiab,kib->ki", off, now.W, off, optimize=True)
         far = np.sqrt(squared / np.where(now.single, 2.0, 3.0))
-        limit = reject * max(1.0, 1.4826 * float(np.median(far[now.valid])))
+        limit = reject * max(1.0, MAD * float(np.median(far[now.valid])))
         if not np.any(now.valid & (far > limit)):
             if tolerance == FINE:
                 break

@@ -12,6 +12,7 @@ from dic.correlation.warp import apply
 from dic.images import PictureError, Pictures
 from dic.outcome import PointOutcome
 from dic.rigid_body.edge_registration import SEARCH_STEP, EdgeRegistration, RegisteredEdge
+from dic.robust import MEDIAN_LENGTH
 from dic.stereo.rays import projection_slope
 from dic.surfaces import SpecimenFrame
 from dic.surfaces.overlap import overlap_correlation
@@ -326,5 +327,5 @@ class _ObservedPoints:
             return np.zeros(0, dtype=bool)
         size = np.linalg.norm(off - np.median(off, axis=0), axis=1)
         noise = np.sqrt(0.5 * np.trace(self.covariance, axis1=1, axis2=2))
-        spread = max(1.0, float(np.median(size / noise)) / 1.18)
+        spread = max(1.0, float(np.median(size / noise)) / MEDIAN_LENGTH)
         return np.asarray(size <= GATE * spread * noise)

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from dic.arrays import BoolArray, FloatArray
+from dic.robust import MAD
 
 FEWEST_POINTS = 3
 
@@ -103,7 +104,7 @@ def rigid_motion(
         R, d, step, A = _newton_step(rest[used] - centre, now[used] - centre, W[used], R, d)
         off = now - centre - d - (rest - centre) @ R.T
         size = np.sqrt(np.einsum("ni,nij,nj->n", off, own, off) / 3.0)
-        kept = size <= reject * max(1.0, 1.4826 * float(np.median(size)))
+        kept = size <= reject * max(1.0, MAD * float(np.median(size)))
         if (kept == used).all() and step < 1e-10:
             break
         if kept.sum() < FEWEST_POINTS:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from dic.arrays import FloatArray
 from dic.camera import StereoRig
+from dic.robust import MAD
 from dic.stereo.epipolar import epipolar_slopes
 
 POINTS = 4000
@@ -107,7 +108,7 @@ def _fit(
             return np.zeros(2), np.full(2, np.inf)
         J = np.concatenate([slope0, slope1], axis=-1) @ basis[:, free]
         # All points count at first, which are far off together; those that stay behind lose their weight.
-        spread = 2.5 * 1.4826 * float(np.median(np.abs(e - np.median(e)))) + 1e-9
+        spread = 2.5 * MAD * float(np.median(np.abs(e - np.median(e)))) + 1e-9
         spread = max(spread, 2.5 * float(np.median(np.abs(e)))) if trial < 6 else spread
         weight = 1.0 / (1.0 + (e / spread) ** 2)
         normal = (J * weight[:, None]).T @ J
@@ -117,7 +118,7 @@ def _fit(
             return np.zeros(2), np.full(2, np.inf)
         if trial > 6 and np.abs(move).max() < 1e-3:
             break
-    noise = 1.4826 * float(np.median(np.abs(e))) + 1e-9
+    noise = MAD * float(np.median(np.abs(e))) + 1e-9
     eigen, axes = np.linalg.eigh(normal)
     covariance = (axes / np.maximum(eigen, 1e-30)) @ axes.T * max(1.0, len(e) / INDEPENDENT)
     sigma[free] = noise * np.sqrt(np.diag(covariance))

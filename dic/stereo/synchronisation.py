@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from dic.arrays import FloatArray, IntArray
 from dic.camera import StereoRig
+from dic.robust import MAD
 from dic.stereo.epipolar import Rays, slopes_between
 
 LEAST_PAIRS = 100
@@ -97,7 +98,7 @@ def synchronisation(
     for i, (e, _) in enumerate(shifted.values()):
         free = e - _median(np.where(calm[:, None], e, np.nan), axis=0)
         if np.sum(np.isfinite(free)) >= LEAST_PAIRS:
-            scatter[i] = 1.4826 * np.nanmedian(np.abs(free))
+            scatter[i] = MAD * np.nanmedian(np.abs(free))
     late, late_sigma, motion = 0.0, float("nan"), 0.0
     for _ in range(3):  # w is the motion at the frame paired: pair anew once the shift is known
         best = int(np.clip(np.round(late), -farthest, farthest))
@@ -153,7 +154,7 @@ def _regression(e: FloatArray, w: FloatArray) -> tuple[float, float, float]:
     e, w = np.where(used, e, 0.0), np.where(used, w, 0.0)
     off = w - _median(np.where(used, w, np.nan), axis=1)[:, None]
     # A false point moves unlike its frame, and as w would outweigh all others.
-    trust = used & (np.abs(off) <= 4.0 * 1.4826 * np.median(np.abs(off[used])))
+    trust = used & (np.abs(off) <= 4.0 * MAD * np.median(np.abs(off[used])))
     weight, slope = trust.astype(np.float64), 0.0
     for _ in range(20):
         total = np.maximum(weight.sum(axis=0), 1e-30)
@@ -173,5 +174,5 @@ def _regression(e: FloatArray, w: FloatArray) -> tuple[float, float, float]:
 
 def _cauchy(values: FloatArray, used: NDArray[np.bool_]) -> FloatArray:
     """Weights that fall beyond 2.5 robust standard deviations."""
-    spread = 2.5 * 1.4826 * float(np.median(np.abs(values[used]))) + 1e-12
+    spread = 2.5 * MAD * float(np.median(np.abs(values[used]))) + 1e-12
     return np.asarray(1.0 / (1.0 + (np.where(used, values, 0.0) / spread) ** 2))

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dic.arrays import BoolArray, FloatArray
+from dic.robust import MAD
 from dic.surfaces.cylinder_fit import (
     Shape,
     candidate_axes,
@@ -109,7 +110,7 @@ def fit_cylinder(
     for _ in range(20):
         sigma = _sigmas(X, C, best)
         off = np.abs(distances(X, best[1], best[0])[0] - best[2]) / sigma
-        kept = off <= reject * max(1.0, 1.4826 * float(np.median(off)))
+        kept = off <= reject * max(1.0, MAD * float(np.median(off)))
         before, best = best, fit_shape(X[kept], (sigma * grown)[kept], best, radius, radius_sigma)
         settled = np.linalg.norm(best[1] - before[1]) + abs(best[2] - before[2]) < 1e-3 * sigma.min()
         if settled and (kept == used).all():

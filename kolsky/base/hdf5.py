@@ -21,6 +21,8 @@ from kolsky.base.errors import InputError
 
 STORED = {"f": "<f8", "i": "<i8", "b": "|b1", "u": "|u1"}
 """Kind of a dataset -> its type in the file: float64, int64, bool, small unsigned integer."""
+OpenGroup = h5py.Group
+"""A group of an open file."""
 COMPRESSED_FROM = 4096
 """Values of a dataset from which on it is compressed."""
 
@@ -101,7 +103,7 @@ def writing(path: Path, form: Format, **attributes: Any) -> Iterator[Place]:
 
 
 @contextmanager
-def adding_to(path: Path) -> Iterator[h5py.Group]:
+def adding_to(path: Path) -> Iterator[OpenGroup]:
     """The group "entry" of an existing file, to write more into it."""
     with h5py.File(path, "r+") as file:
         yield file["entry"]
@@ -151,7 +153,7 @@ def _attribute(file: h5py.File, name: str) -> object:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def group(parent: h5py.Group, name: str, nx_class: str = "NXcollection", **attributes: Any) -> h5py.Group:
+def group(parent: OpenGroup, name: str, nx_class: str = "NXcollection", **attributes: Any) -> OpenGroup:
     """Make a group of a NeXus class."""
     made = parent.create_group(name)
     made.attrs["NX_class"] = nx_class
@@ -160,13 +162,13 @@ def group(parent: h5py.Group, name: str, nx_class: str = "NXcollection", **attri
     return made
 
 
-def data(parent: h5py.Group, name: str, signal: str, *axes: str) -> h5py.Group:
+def data(parent: OpenGroup, name: str, signal: str, *axes: str) -> OpenGroup:
     """Make a group of data that names its signal and its axes."""
     return group(parent, name, "NXdata", signal=signal, axes=list(axes))
 
 
 def put(
-    parent: h5py.Group, name: str, values: Any, unit: str | None, *, kind: str = "f", **attributes: Any
+    parent: OpenGroup, name: str, values: Any, unit: str | None, *, kind: str = "f", **attributes: Any
 ) -> None:
     """Write numbers as a dataset of the kind, with their unit (None: none is written) and attributes."""
     array = np.asarray(values, dtype=STORED[kind])
@@ -179,7 +181,7 @@ def put(
         dataset.attrs[key] = value
 
 
-def put_text(parent: h5py.Group, name: str, value: str | Iterable[str], *, escape: bool = False) -> None:
+def put_text(parent: OpenGroup, name: str, value: str | Iterable[str], *, escape: bool = False) -> None:
     """Write a text or several as a dataset of fixed-length UTF-8.
 
     Raises

@@ -64,7 +64,10 @@ class Table:
         InputError
             If the column is missing or named twice, or holds anything but finite numbers.
         """
-        numbers = self.sheet.values(self._index(column))
+        index = self._index(column)
+        if self.sheet.dialect.decimal == ",":
+            self._check_no_points(column, index)
+        numbers = self.sheet.values(index)
         return np.asarray(numbers * column.factor, dtype=np.float64)
 
     def integers(self, column: Column) -> IntArray:
@@ -135,6 +138,16 @@ class Table:
     def error(self, message: str, *, row: int | None = None, cure: str | None = None) -> InputError:
         """An error about this file; `row` counts rows of data from 0."""
         return InputError(self.path, message, line=None if row is None else self.first_line + row, cure=cure)
+
+    def _check_no_points(self, column: Column, index: int) -> None:
+        """With decimal commas a point could only separate thousands."""
+        for row, text in enumerate(self.sheet.rows):
+            if "." in text and "." in (written := self.sheet.dialect.split(text)[index]):
+                raise self.error(
+                    f"column '{column.name}' is not a number: '{written[:60]}'",
+                    row=row,
+                    cure="correct the line or export again: the layout says that the decimal sign is a comma",
+                )
 
     def _index(self, column: Column) -> int:
         found = [i for i, name in enumerate(self.header) if name == column.name]

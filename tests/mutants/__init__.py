@@ -6,9 +6,14 @@ beside this one.
 """
 
 from tests.mutants.bars import FAULTS as BARS
+from tests.mutants.dic import FAULTS as DIC
 from tests.mutants.fault import Fault
 from tests.mutants.inverse import FAULTS as INVERSE
 
 __all__ = ["FAULTS", "Fault"]
 
-FAULTS: tuple[Fault, ...] = (*BARS, *INVERSE)
+FAULTS: tuple[Fault, ...] = (
+    *BARS,
+    *DIC,
+    *INVERSE,
+)

@@ -4,13 +4,12 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 from kolsky.bars.records import BarSignal, History
 from kolsky.bars.result import FlyerResult, ReducedTest, WavesResult
 from kolsky.base.files import write_table
-from kolsky.base.hdf5 import Format, data, group, put, put_text, writing
+from kolsky.base.hdf5 import Format, OpenGroup, data, group, put, put_text, writing
 
 FORMAT = Format("kolsky-waves")
 HISTORIES = {
@@ -94,7 +93,7 @@ def write_csv(folder: Path, result: ReducedTest) -> None:
     )
 
 
-def _waves(entry: h5py.Group, result: WavesResult) -> None:
+def _waves(entry: OpenGroup, result: WavesResult) -> None:
     """Gauges, windows and the waves at the faces."""
     gauges = group(entry, "gauges")
     for station in (result.incident, result.transmission):
@@ -110,7 +109,7 @@ def _waves(entry: h5py.Group, result: WavesResult) -> None:
         put(faces, name, getattr(waves, name), "1", sigma=waves.sigma[name])
 
 
-def _station(parent: h5py.Group, station: BarSignal) -> None:
+def _station(parent: OpenGroup, station: BarSignal) -> None:
     signal = station.strain
     part = data(parent, station.side, "strain", "time")
     put(part, "time", signal.time, "s")
@@ -120,7 +119,7 @@ def _station(parent: h5py.Group, station: BarSignal) -> None:
     put(part, "position", station.position, "m")
 
 
-def _flyer(entry: h5py.Group, result: FlyerResult) -> None:
+def _flyer(entry: OpenGroup, result: FlyerResult) -> None:
     """Transducers, events, validity."""
     forces = group(entry, "transducers")
     for signal in result.signals:
@@ -144,7 +143,7 @@ def _flyer(entry: h5py.Group, result: FlyerResult) -> None:
         _text(entry, "synchronisation", result.synchronisation)
 
 
-def _reduction(entry: h5py.Group, result: ReducedTest) -> None:
+def _reduction(entry: OpenGroup, result: ReducedTest) -> None:
     r = result.reduction
     whole = group(entry, "reduction", default="three_waves")
     put(whole, "time", r.time, "s")
@@ -165,12 +164,12 @@ def _reduction(entry: h5py.Group, result: ReducedTest) -> None:
         put(whole, words.replace(" ", "_"), values, unit.removesuffix(")"))
 
 
-def _history(part: h5py.Group, name: str, history: History) -> None:
+def _history(part: OpenGroup, name: str, history: History) -> None:
     put(part, name, history.value, history.unit)
     put(part, f"{name}_sigma", history.sigma, history.unit)
 
 
-def _tables(entry: h5py.Group, result: ReducedTest) -> None:
+def _tables(entry: OpenGroup, result: ReducedTest) -> None:
     """Corrections, budget, facts, inputs, settings, remarks; a unit of each row is a column of its own."""
     log, rows = group(entry, "corrections"), result.corrections
     for name in ("name", "key", "unit", "reason"):
@@ -200,7 +199,7 @@ def _tables(entry: h5py.Group, result: ReducedTest) -> None:
     _text(entry, "remarks", result.remarks)
 
 
-def _text(parent: h5py.Group, name: str, value: str | Iterable[str]) -> None:
+def _text(parent: OpenGroup, name: str, value: str | Iterable[str]) -> None:
     put_text(parent, name, value, escape=True)
 
 

@@ -4,10 +4,8 @@ import re
 from pathlib import Path
 from typing import Any
 
-import h5py
-
 from kolsky.base.files import write_table
-from kolsky.base.hdf5 import Format, group, put, put_text, writing
+from kolsky.base.hdf5 import Format, OpenGroup, group, put, put_text, writing
 from kolsky.base.json_types import jsonable
 from kolsky.studies.rates.records import GroupRates, RateReport
 from kolsky.studies.rates.tables import Columns, tables
@@ -39,7 +37,7 @@ def write_hdf5(path: Path, report: RateReport) -> None:
             _write(group(entry, name.removeprefix("rate_")), columns)
 
 
-def _write(table: h5py.Group, columns: Columns) -> None:
+def _write(table: OpenGroup, columns: Columns) -> None:
     for heading, cells in columns.items():
         unit = _UNIT.search(heading)
         # A slash would open a group inside the group.

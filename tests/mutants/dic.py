@@ -1,0 +1,188 @@
+"""Faults of image correlation: gates, outlier limits, material frame, propagation of sigma, noise floors."""
+
+from tests.mutants.fault import Fault
+
+GATES = ("tests/unit/dic/test_dic_gates.py",)
+NOISE = ("tests/unit/dic/test_dic_noise_floor.py",)
+
+FAULTS = (
+    Fault(
+        name="epipolar gate: the larger of two limits taken for the least",
+        file="dic/chain/outliers.py",
+        right="gate = max(LEAST_GATE,",
+        wrong="gate = min(LEAST_GATE,",
+        tests=GATES,
+    ),
+    Fault(
+        name="epipolar gate: the median times what it should be divided by",
+        file="dic/chain/outliers.py",
+        right="/ 0.6745",
+        wrong="* 0.6745",
+        tests=GATES,
+    ),
+    Fault(
+        name="epipolar gate: a point's own noise narrows it",
+        file="dic/stereo/reconstruction.py",
+        right="allowed = np.maximum(gate,",
+        wrong="allowed = np.minimum(gate,",
+        tests=GATES,
+    ),
+    Fault(
+        name="off the surface: fifty sigmas",
+        file="dic/surfaces/smoothness.py",
+        right="SIGMAS = 5.0",
+        wrong="SIGMAS = 50.0",
+        tests=GATES,
+    ),
+    Fault(
+        name="off the surface: weights of the neighbours not squared",
+        file="dic/surfaces/smoothness.py",
+        right="weights**2, noise**2",
+        wrong="weights, noise**2",
+        tests=GATES,
+    ),
+    Fault(
+        name="off the surface: neighbours of the worst point go with it",
+        file="dic/surfaces/smoothness.py",
+        right="(score > 1.0) & (score >= around)",
+        wrong="(score > 1.0)",
+        tests=GATES,
+    ),
+    Fault(
+        name="off the surface: one neighbour confirms a point",
+        file="dic/surfaces/smoothness.py",
+        right="FEWEST_CONFIRMING = 2",
+        wrong="FEWEST_CONFIRMING = 1",
+        tests=GATES,
+    ),
+    Fault(
+        name="material frame: the farthest",
+        file="dic/bodies/follow.py",
+        right="np.argmin(np.abs(usable - wanted))",
+        wrong="np.argmax(np.abs(usable - wanted))",
+        tests=GATES,
+    ),
+    Fault(
+        name="material frame: one camera is enough",
+        file="dic/bodies/follow.py",
+        right="(health[0] == FrameOutcome.VALID) & (health[1] == FrameOutcome.VALID)",
+        wrong="(health[0] == FrameOutcome.VALID) | (health[1] == FrameOutcome.VALID)",
+        tests=GATES,
+    ),
+    Fault(
+        name="MAD constant inverted",
+        file="dic/robust.py",
+        right="MAD = 1.4826",
+        wrong="MAD = 0.6745",
+        tests=GATES,
+    ),
+    Fault(
+        name="rigid motion: robust limit divided by the MAD constant",
+        file="dic/rigid_body/rigid_motion.py",
+        right="MAD * float(np.median(size))",
+        wrong="float(np.median(size)) / MAD",
+        tests=GATES,
+    ),
+    Fault(
+        name="poses: robust limit divided by the MAD constant",
+        file="dic/rigid_body/adjustment.py",
+        right="MAD * float(np.median(far[now.valid]))",
+        wrong="float(np.median(far[now.valid])) / MAD",
+        tests=GATES,
+    ),
+    Fault(
+        name="cylinder: robust limit without the MAD constant",
+        file="dic/surfaces/cylinder.py",
+        right="MAD * float(np.median(off))",
+        wrong="float(np.median(off))",
+        tests=GATES,
+    ),
+    Fault(
+        name="flyer's points: spread from the median length times its constant",
+        file="dic/rigid_body/axial_displacement.py",
+        right="float(np.median(size / noise)) / MEDIAN_LENGTH",
+        wrong="float(np.median(size / noise)) * MEDIAN_LENGTH",
+        tests=GATES,
+    ),
+    Fault(
+        name="place at rest: the reference's noise averages out",
+        file="dic/rigid_body/axial_displacement.py",
+        right="(1.0 - OWN_SHARE + OWN_SHARE / sigma.size)",
+        wrong="(OWN_SHARE / sigma.size)",
+        tests=GATES,
+    ),
+    Fault(
+        name="another radius: the lesser of two limits",
+        file="dic/chain/remarks.py",
+        right="max(RADIUS_SIGMAS *",
+        wrong="min(RADIUS_SIGMAS *",
+        tests=GATES,
+    ),
+    Fault(
+        name="noise floor in time: n for n - 1",
+        file="dic/surfaces/noise_floor.py",
+        right="variance = np.sum(off**2, axis=0) / (count - 1)",
+        wrong="variance = np.sum(off**2, axis=0) / count",
+        tests=NOISE,
+    ),
+    Fault(
+        name="noise floor in space: the mean through the frames took nothing",
+        file="dic/surfaces/noise_floor.py",
+        right="* np.sqrt(count / (count - 1))",
+        wrong="* 1.0",
+        tests=NOISE,
+    ),
+    Fault(
+        name="strain noise: n for n - 1",
+        file="dic/result.py",
+        right="values.var(axis=0, ddof=1)",
+        wrong="values.var(axis=0, ddof=0)",
+        tests=NOISE,
+    ),
+    Fault(
+        name="triangulation: camera 1 has the noise of camera 0",
+        file="dic/stereo/triangulation.py",
+        right="inverse(noise[0] + EXACT * np.eye(2)), inverse(noise[1] + EXACT * np.eye(2))",
+        wrong="inverse(noise[0] + EXACT * np.eye(2)), inverse(noise[0] + EXACT * np.eye(2))",
+        tests=(
+            "tests/unit/dic/test_dic_triangulate.py::test_noise_spreads_positions_and_epipolar_distances_as_predicted",
+        ),
+    ),
+    Fault(
+        name="reconstruction: the template's noise taken off instead of added",
+        file="dic/stereo/reconstruction.py",
+        right="met.covariance + along @ shared",
+        wrong="met.covariance - along @ shared",
+        tests=("tests/unit/dic/test_dic_reconstruct.py",),
+    ),
+    Fault(
+        name="overlap: subsets share pixels up to twice their side",
+        file="dic/surfaces/overlap.py",
+        right="b[None, :, c]) / subset",
+        wrong="b[None, :, c]) / (2.0 * subset)",
+        tests=(
+            "tests/unit/dic/test_dic_cylinder.py::test_overlapping_subsets_promise_less_and_distant_ones_nothing_less",
+        ),
+    ),
+    Fault(
+        name="strain gauge: one step too long",
+        file="dic/surfaces/strains.py",
+        right="(self.window - 1) * self.step",
+        wrong="self.window * self.step",
+        tests=("tests/unit/dic/test_dic_strains.py",),
+    ),
+    Fault(
+        name="strain sigma: half the slope of the first component",
+        file="dic/surfaces/strains.py",
+        right="2.0 * around * g1",
+        wrong="1.0 * around * g1",
+        tests=("tests/unit/dic/test_dic_strains.py",),
+    ),
+    Fault(
+        name="tracking: the noise itself counts as excess",
+        file="dic/tracking/matcher.py",
+        right="* variance / expected - 1.0, 0.0)",
+        wrong="* variance / expected, 0.0)",
+        tests=("tests/unit/dic/test_dic_track_parts.py::test_residual_of_noise_alone_has_no_excess",),
+    ),
+)

@@ -1,0 +1,249 @@
+"""Gates and outlier limits in closed form: points placed one per cent inside and outside of each."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.stats import norm, rayleigh
+from test_dic_reconstruct import RIG, followed
+
+from dic.bodies.follow import TrackedBody, material_frame
+from dic.chain.outliers import gate_epipolar
+from dic.chain.remarks import of_radius
+from dic.outcome import FrameOutcome, PointOutcome
+from dic.rigid_body.adjustment import MotionPrior, Observations, adjust
+from dic.rigid_body.axial_displacement import _ObservedPoints, _of_mean
+from dic.rigid_body.rigid_motion import rigid_motion
+from dic.robust import MAD, MEDIAN_LENGTH
+from dic.stereo import reconstruct
+from dic.surfaces import fit_cylinder
+from dic.surfaces.smoothness import off_surface
+
+INSIDE, OUTSIDE = 0.99, 1.01
+
+
+def test_robust_constants_are_those_of_normal_distributions():
+    assert pytest.approx(1.0 / norm.ppf(0.75), rel=2e-5) == MAD  # four decimals
+    assert pytest.approx(rayleigh.median(), rel=3e-3) == MEDIAN_LENGTH  # two decimals
+
+
+# --- off the smooth surface -------------------------------------------------------------------------------
+
+SIDE = 9
+CELL = np.stack(np.meshgrid(np.arange(SIDE), np.arange(SIDE)), axis=-1).reshape(-1, 2)
+MIDDLE = SIDE * SIDE // 2
+SIGMA = np.array([2e-6, 3e-6, 5e-6])
+
+
+def judged(position: np.ndarray, cell: np.ndarray = CELL) -> np.ndarray:
+    """Which of the points are off, in the second of two frames; nothing is off in the first."""
+    both = np.stack([np.zeros_like(position), position])
+    found = off_surface(both, np.broadcast_to(SIGMA, both.shape), np.ones(both.shape[:2], dtype=bool), cell)
+    return found[1]
+
+
+def allowed(neighbours: np.ndarray, order: int, sigma: float) -> float:
+    """Distance that a point may have from the polynomial through neighbours at these offsets [m].
+
+    Twelve micrometres, times the weights' size if they extrapolate, and five standard deviations of the
+    difference between the point and the constant term of the least squares.
+    """
+    i, j = neighbours.T.astype(float)
+    terms = np.stack([np.ones_like(i), i, j, i * i, i * j, j * j][:order], axis=1)
+    weights = np.linalg.pinv(terms)[0]
+    return 12e-6 * max(1.0, np.abs(weights).sum()) + 5.0 * sigma * np.sqrt(1.0 + weights @ weights)
+
+
+@pytest.mark.parametrize("component", [0, 1, 2])
+@pytest.mark.parametrize(("share", "off"), [(INSIDE, False), (OUTSIDE, True)])
+def test_a_point_is_off_beyond_twelve_micrometres_and_five_sigmas(component, share, off):
+    around = np.array([(i, j) for i in range(-2, 3) for j in range(-2, 3) if (i, j) != (0, 0)])
+    position = np.zeros((len(CELL), 3))
+    position[MIDDLE, component] = share * allowed(around, 6, SIGMA[component])
+    found = judged(position)
+    assert bool(found[MIDDLE]) is off
+    assert found.sum() == off  # and none of its neighbours
+
+
+def test_few_neighbours_judge_by_a_plane():
+    cell = np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)])
+    limit = allowed(cell[1:], 3, SIGMA[2])
+    for share, off in ((INSIDE, False), (OUTSIDE, True)):
+        position = np.zeros((5, 3))
+        position[0, 2] = share * limit
+        # The others are judged by a plane through the four that remain, which extrapolates and allows more.
+        assert judged(position, cell)[0] == off
+
+
+def test_a_curved_surface_is_smooth_and_one_false_match_condemns_nobody_else():
+    i, j = (CELL - SIDE // 2).T
+    inner = np.flatnonzero((np.abs(i) < 4) & (np.abs(j) < 4))  # a corner has too few neighbours for a curve
+    position = 1e-4 * np.stack([i, j, 0.3 * i * i - 0.2 * i * j + 0.1 * j * j], axis=1)  # 0.1 mm a cell
+    assert not judged(position)[inner].any()
+    position[MIDDLE, 2] += 1e-3
+    assert inner[judged(position)[inner]].tolist() == [MIDDLE]
+
+
+@pytest.mark.parametrize(("count", "off"), [(0, True), (1, True), (2, False), (3, False)])
+def test_a_point_needs_two_neighbours_and_is_judged_by_four(count, off):
+    block = np.array([(i, j) for i in range(10, 14) for j in range(4)])
+    lone = np.array([(0, 0), (1, 0), (0, 1), (1, 1)])[: count + 1]
+    position = np.zeros((len(block) + len(lone), 3))
+    position[len(block), 2] = 1e-3  # far off: but two or three neighbours do not judge
+    found = judged(position, np.concatenate([block, lone]))
+    assert not found[: len(block)].any()
+    assert bool(found[len(block)]) is off
+
+
+# --- the epipolar gate of the chain -----------------------------------------------------------------------
+
+
+def body(errors: np.ndarray, sigma: float) -> TrackedBody:
+    """Points near the rig's origin whose pixels in camera 1 are `errors` [px] off their epipolar lines."""
+    n_frames, n = errors.shape
+    X = np.zeros((n_frames, n, 3))
+    X[..., 0] = np.linspace(-2e-4, 2e-4, n)  # near the middle: the lines run along x to 0.1 %
+    tracks = (followed(RIG.cameras[0], X, sigma), followed(RIG.cameras[1], X, sigma))
+    tracks[1].warp[..., 1] += errors
+    return TrackedBody(
+        points=tracks[0].points, cell=np.zeros((n, 2), dtype=int), mask=np.ones((4, 4), dtype=bool),
+        material=0, stereo=None, tracks=tracks, reconstruction=reconstruct(RIG, *tracks), common=None,
+    )  # fmt: skip
+
+
+def gated(errors: np.ndarray, sigma: float = 1e-4) -> np.ndarray:
+    """Which points of the last frame pass the gate that the other frames, at rest, ask for."""
+    rest = SimpleNamespace(rest=list(range(len(errors) - 1)))
+    found = gate_epipolar(SimpleNamespace(rig=RIG), body(errors, sigma), rest)
+    return found.reconstruction.outcome[-1] == PointOutcome.VALID
+
+
+@pytest.mark.parametrize(
+    ("rest", "sigma", "gate"),
+    [
+        (0.05, 1e-4, 6.0 * 0.05 / norm.ppf(0.75)),  # six standard deviations of the frames at rest
+        (0.002, 1e-4, 0.1),  # never less than a tenth of a pixel
+        (0.002, 0.1, 4.0 * 0.1 * np.sqrt(2.0)),  # four of the point's own, from both cameras' noise
+    ],
+    ids=["rest", "least", "own"],
+)
+def test_the_epipolar_gate_of_the_chain(rest, sigma, gate):
+    errors = np.full((4, 6), rest) * np.array([1, -1, 1, -1, 1, -1])
+    errors[-1] = gate * np.array([INSIDE, -INSIDE, OUTSIDE, -OUTSIDE, 0.0, 0.5])
+    assert gated(errors, sigma).tolist() == [True, True, False, False, True, True]
+
+
+# --- the material frame -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("bad", "wanted", "chosen"),
+    [
+        ([(), ()], 3, 3),
+        ([(3,), ()], 3, 2),  # of two that are as near, the earlier
+        ([(3,), (2,)], 3, 4),  # both cameras must have it
+        ([(3, 4, 5), (1, 2)], 3, 0),
+        ([(), ()], 99, 7),
+    ],
+)
+def test_the_material_frame_is_the_nearest_that_both_cameras_have(bad, wanted, chosen):
+    health = np.zeros((2, 8), dtype=np.int64)
+    for camera, frames in enumerate(bad):
+        health[camera, list(frames)] = FrameOutcome.BLACK
+    if wanted == 3 and bad[0] == (3, 4, 5):
+        health[0, 6:] = FrameOutcome.UNREADABLE
+    assert material_frame((health[0], health[1]), wanted) == chosen
+
+
+def test_without_a_frame_of_both_cameras_there_is_no_material_frame():
+    health = (np.array([0, 2, 0]), np.array([1, 0, 3]))
+    with pytest.raises(ValueError, match="no frame has a usable picture of both cameras"):
+        material_frame(health, 0)
+
+
+# --- outliers of rigid bodies and cylinders ---------------------------------------------------------------
+
+SPREAD = 2.0
+"""Median of the residuals, in their declared sigmas."""
+LIMIT = 4.0 * SPREAD / norm.ppf(0.75)
+"""Four robust standard deviations [declared sigmas]."""
+
+
+def opposed(places: np.ndarray, directions: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Every place twice, shifted by `size` along a direction and against it: no force, no moment."""
+    shift = size[:, None] * directions
+    return np.concatenate([places, places]), np.concatenate([places + shift, places - shift])
+
+
+@pytest.mark.parametrize(("share", "used"), [(INSIDE, True), (OUTSIDE, False)])
+def test_a_rigid_motion_leaves_out_what_is_beyond_four_robust_sigmas(share, used):
+    sigma = 1e-6
+    rng = np.random.default_rng(5)
+    places = rng.uniform(-1e-3, 1e-3, (20, 3))
+    directions = np.eye(3)[np.arange(20) % 3]
+    size = np.full(20, SPREAD)
+    size[0] = share * LIMIT
+    # The distance counts in sigmas of one component: over √3 of them.
+    X, x = opposed(places, directions, np.sqrt(3.0) * sigma * size)
+    found = rigid_motion(X, x, np.broadcast_to(sigma**2 * np.eye(3), (40, 3, 3)))
+    np.testing.assert_allclose(found.translation, 0.0, atol=1e-12)
+    assert found.used[[0, 20]].tolist() == [used, used]
+    assert np.delete(found.used, [0, 20]).all()
+
+
+@pytest.mark.parametrize(("share", "used"), [(INSIDE, True), (OUTSIDE, False)])
+def test_poses_leave_out_what_is_beyond_the_robust_sigmas(share, used):
+    sigma, n = 1e-6, 30
+    rng = np.random.default_rng(6)
+    places = rng.uniform(-1e-3, 1e-3, (n, 3))
+    directions = np.eye(3)[np.arange(n) % 3]
+    size = np.full(n, SPREAD)
+    size[0] = share * LIMIT
+    # Two frames that both show every place ± its shift, the other way round in the second: the best poses
+    # and places leave each point its whole shift as the residual, in either frame.
+    X, x = opposed(places, directions, np.sqrt(3.0) * sigma * size)
+    W = np.broadcast_to(np.eye(3) / sigma**2, (2, 2 * n, 3, 3)).copy()
+    ones = np.ones((2, 2 * n), dtype=bool)
+    observed = Observations(np.stack([x, 2.0 * X - x]), W, ones, ~ones, np.ones(ones.shape))
+    found = adjust(observed, MotionPrior(None, None), reject=4.0)
+    assert found.count.tolist() == [2 * n if used else 2 * n - 2] * 2
+
+
+@pytest.mark.parametrize(("share", "used"), [(INSIDE, True), (OUTSIDE, False)])
+def test_a_cylinder_leaves_out_what_is_beyond_four_robust_sigmas(share, used):
+    sigma, radius, n = 1e-6, 5e-3, 30
+    rng = np.random.default_rng(7)
+    angle, y = rng.uniform(-1.2, 1.2, n), rng.uniform(-3e-3, 3e-3, n)
+    normals = np.stack([np.sin(angle), np.zeros(n), np.cos(angle)], axis=1)
+    size = np.full(n, SPREAD)
+    size[0] = share * LIMIT
+    _, X = opposed(radius * normals + y[:, None] * [0.0, 1.0, 0.0], normals, sigma * size)
+    found = fit_cylinder(X, np.broadcast_to(sigma**2 * np.eye(3), (2 * n, 3, 3)))
+    assert found.radius == pytest.approx(radius, abs=1e-9)
+    assert found.used[[0, n]].tolist() == [used, used]
+    assert np.delete(found.used, [0, n]).all()
+
+
+def test_points_off_the_flyers_motion_are_judged_by_the_median_length():
+    # 41 residuals of 2 px, one of them changed: five robust standard deviations are 5 · 2 / √(2 ln 2) px.
+    sigma, limit = 0.5, 5.0 * 2.0 / rayleigh.median()
+    angle = 2.0 * np.pi * np.arange(40) / 40
+    ring = 2.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    off = np.concatenate([ring, [[INSIDE * limit, 0.0], [-OUTSIDE * limit, 0.0]]])
+    points = _ObservedPoints(None, None, None, None, np.broadcast_to(sigma**2 * np.eye(2), (42, 2, 2)))
+    assert points.inliers(off).tolist() == [True] * 41 + [False]
+
+
+def test_the_place_at_rest_keeps_the_noise_of_its_reference():
+    # Half of a match's variance is its own frame's, which a mean of n frames divides by n.
+    for n in (1, 4, 12):
+        assert _of_mean(np.full(n, 3e-6)) == pytest.approx(3e-6 * np.sqrt(0.5 + 0.5 / n), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("sigma", "limit"), [(1e-6, 0.01 * 5e-3), (20e-6, 80e-6)], ids=["one per cent", "four sigmas"]
+)
+def test_another_radius_is_remarked_on_beyond_both_limits(sigma, limit):
+    for share, remarks in ((INSIDE, 0), (OUTSIDE, 1), (-INSIDE, 0), (-OUTSIDE, 1)):
+        placement = SimpleNamespace(radius=5e-3 + share * limit, radius_sigma=sigma)
+        assert len(of_radius(placement, 5e-3)) == remarks
