@@ -1,4 +1,4 @@
-"""Figures on paper: built without a window or global state, saved alone or as SVG for a page."""
+"""Building and saving of figures without a window or global state, alone or as SVG for a page."""
 
 import io
 import xml.etree.ElementTree as ElementTree
@@ -21,7 +21,7 @@ from kolsky.report.formats import FIGURES
 STYLE = Path(__file__).with_name("kolsky.mplstyle")
 FORMATS = FIGURES
 ON_PAGE = 350.0
-"""Resolution of pictures inside the figures of a page [dots per inch]: that of the rendered stills."""
+"""Resolution of pictures inside the figures of a page [dots per inch], that of the rendered stills."""
 _MM_PER_INCH = 25.4
 _SVG, _LINK = "{http://www.w3.org/2000/svg}", "{http://www.w3.org/1999/xlink}"
 
@@ -39,7 +39,7 @@ def build(kind: FigureKind[Any], shown: Any) -> Figure:
     kind : FigureKind
         An entry of one of the registries in `figures`.
     shown : Identification or SurfaceView
-        What that registry's figures show; `kind.applies` must be true for it.
+        Result to show; `kind.applies` must be true for it.
     """
     size = (kind.width / _MM_PER_INCH, kind.height(shown) / _MM_PER_INCH)
     with matplotlib.rc_context(_style()):
@@ -53,7 +53,7 @@ def build(kind: FigureKind[Any], shown: Any) -> Figure:
                 spine.set_in_layout(False)  # ticks point inward: a spine lies on the edge of its axes
         layout = figure.get_layout_engine()
         assert layout is not None
-        layout.execute(figure)  # once and for all: each saving would draw twice for it
+        layout.execute(figure)  # once: every saving would draw twice for it
         figure.set_layout_engine(None)
     return figure
 
@@ -70,9 +70,9 @@ def save_figures(
     Parameters
     ----------
     folder : Path
-        Where to; made if absent.
+        Folder; created if absent.
     shown : Identification or another result
-        What the figures show.
+        Result that the figures show.
     formats : iterable of str
         Any of "pdf", "svg", "png" (600 dots per inch) and "csv", the data that the figure shows.
     registry : mapping

@@ -159,7 +159,7 @@ TEST_COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#000000", "#56B4E9"
 
 @dataclass(frozen=True)
 class TimeScales:
-    """What is drawn on one axis."""
+    """Apparent moduli of tests and of a fitted model, drawn over one axis of time."""
 
     tests: Sequence[ApparentModuli]
     """Each test's own moduli, see `kolsky.material.relaxation.time_scales.apparent_moduli`."""

@@ -95,7 +95,7 @@ def caption_meshes(result: Identification) -> str:
 
 
 def kept_nodes(result: Identification) -> bool:
-    """Whether the check run kept its nodes."""
+    """Return True if the result holds the nodes of the simulation at the optimum."""
     nodes = result.response.nodes
     return nodes is not None and bool(np.isfinite(nodes).any())
 
@@ -164,13 +164,13 @@ def caption_scene(result: Identification) -> str:
     """Return the caption."""
     return (
         "The check run, its half behind a cut along the axis, between the platens (cut too), coloured by the "
-        "smallest principal stretch; beside it the measured outline, nearest frame, turned about the axis. "
+        "smallest principal stretch; beside it the measured outline, nearest frame, revolved about the axis. "
         "Points: as measured."
     )
 
 
 def can_show_stills(result: Identification) -> bool:
-    """Whether the result holds what is drawn, and this machine can render."""
+    """Return True if the result holds the scene and this machine can render it."""
     return stills(result) is not None
 
 
@@ -223,6 +223,6 @@ FIGURES: tuple[FigureKind[Identification], ...] = (
         panels=lambda result: [[f"scene {column}" for column in range(STILLS)]],
         draw=draw_scene,
         applies=can_show_stills,
-        ahead=start_stills,
+        start_early=start_stills,
     ),
 )
