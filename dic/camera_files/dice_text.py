@@ -26,7 +26,7 @@ class DiceText:
     suffix = ".txt"
 
     def sniff(self, text: str) -> bool:
-        """Whether it is one: its first lines hold a number and nothing else."""
+        """True for this format: the first lines hold a number and nothing else."""
         words = [line.partition("#")[0].split() for line in text.splitlines()[:40]]
         words = [line for line in words if line]
         try:

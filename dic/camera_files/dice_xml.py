@@ -34,7 +34,7 @@ class DiceXml:
     suffix = ".xml"
 
     def sniff(self, text: str) -> bool:
-        """Whether it is one."""
+        """True for a text of this format."""
         return "<ParameterList" in text and MARK in text
 
     def read(self, source: Source, length_unit: float) -> StereoRig:

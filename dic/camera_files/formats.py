@@ -14,11 +14,11 @@ from dic.camera_files.vic3d import Vic3D
 
 
 class CameraFormat(Protocol):
-    """What a camera file format offers."""
+    """Protocol of camera file formats."""
 
     @property
     def name(self) -> str:
-        """How `write_rig` calls it."""
+        """Name of the format, as `write_rig` takes it."""
 
     @property
     def about(self) -> str:
@@ -29,7 +29,7 @@ class CameraFormat(Protocol):
         """Usual end of a file's name."""
 
     def sniff(self, text: str) -> bool:
-        """Whether a file's text is of this format."""
+        """True if a file's text is of this format."""
 
     def read(self, source: Source, length_unit: float) -> StereoRig:
         """The rig of a file whose lengths are multiples of `length_unit` [m], unless it says otherwise.

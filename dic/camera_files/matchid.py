@@ -29,7 +29,7 @@ class MatchID:
     suffix = ".caldat"
 
     def sniff(self, text: str) -> bool:
-        """Whether it is one."""
+        """True for a text of this format."""
         return CAMERA.search(text) is not None
 
     def read(self, source: Source, length_unit: float) -> StereoRig:

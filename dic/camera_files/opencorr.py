@@ -28,7 +28,7 @@ class OpenCorr:
     suffix = ".txt"
 
     def sniff(self, text: str) -> bool:
-        """Whether it is one."""
+        """True for a text of this format."""
         return "_cam_intrinsics." in text
 
     def read(self, source: Source, length_unit: float) -> StereoRig:

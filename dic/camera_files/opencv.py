@@ -40,7 +40,7 @@ class OpenCV:
     suffix = ".yml"
 
     def sniff(self, text: str) -> bool:
-        """Whether it is one."""
+        """True for a text of this format."""
         start = text[:1000].lstrip()
         return start.startswith(("%YAML", "{")) or "<opencv_storage>" in start
 

@@ -29,7 +29,7 @@ class Vic3D:
     suffix = ".xml"
 
     def sniff(self, text: str) -> bool:
-        """Whether it is one."""
+        """True for a text of this format."""
         return OPENS.search(text) is not None and "<camera" in text
 
     def read(self, source: Source, length_unit: float) -> StereoRig:
