@@ -9,6 +9,7 @@ from tests.mutants.bars import FAULTS as BARS
 from tests.mutants.dic import FAULTS as DIC
 from tests.mutants.fault import Fault
 from tests.mutants.inverse import FAULTS as INVERSE
+from tests.mutants.results import FAULTS as RESULTS
 
 __all__ = ["FAULTS", "Fault"]
 
@@ -16,4 +17,5 @@ FAULTS: tuple[Fault, ...] = (
     *BARS,
     *DIC,
     *INVERSE,
+    *RESULTS,
 )
