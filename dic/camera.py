@@ -77,7 +77,7 @@ class Camera:
         return np.asarray(X @ self.rotation.T + self.translation)
 
     def distort(self, ideal: FloatArray) -> FloatArray:
-        """Where the lens puts an ideal image point, both on the plane z = 1 [-], shape [..., 2]."""
+        """Image point after the lens distortion, both on the plane z = 1 [-], shape [..., 2]."""
         k1, k2, p1, p2, k3 = self.distortion
         x, y = ideal[..., 0], ideal[..., 1]
         r2 = x * x + y * y
@@ -88,7 +88,7 @@ class Camera:
         return seen
 
     def project(self, X: FloatArray) -> FloatArray:
-        """Where points are seen [px], shape [..., 2]; NaN for a point behind the camera.
+        """Pixels of points [px], shape [..., 2]; NaN for a point behind the camera.
 
         Parameters
         ----------

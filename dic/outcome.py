@@ -1,4 +1,4 @@
-"""How the measurement of a surface point, and of a whole frame, ended: a named cause with its cure."""
+"""Outcomes of the measurement of a surface point and of a whole frame: a named cause with its cure."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -28,12 +28,12 @@ class PointOutcome(IntEnum):
 
     @property
     def cause(self) -> str:
-        """What happened, in one sentence."""
+        """Cause of the outcome, in one sentence."""
         return _CAUSES[self][0]
 
     @property
     def cure(self) -> str:
-        """What a user can do about it."""
+        """Cure for a user, in one sentence."""
         return _CAUSES[self][1]
 
 
@@ -94,12 +94,12 @@ class FrameOutcome(IntEnum):
 
     @property
     def cause(self) -> str:
-        """What happened, in one sentence."""
+        """Cause of the outcome, in one sentence."""
         return _FRAME_CAUSES[self][0]
 
     @property
     def cure(self) -> str:
-        """What a user can do about it."""
+        """Cure for a user, in one sentence."""
         return _FRAME_CAUSES[self][1]
 
 
@@ -126,7 +126,7 @@ _FRAME_CAUSES = {
 
 @dataclass(frozen=True)
 class Remark:
-    """Something that the pictures say about the test or its declarations."""
+    """Remark on the test or its declarations, from the pictures."""
 
     name: str
     """What kind, e.g. "swapped cameras"."""

@@ -1,4 +1,4 @@
-"""Everything that a chain of stereo pictures gave: bodies, motion, outline, noise, findings."""
+"""Result of the measurement from two series of pictures: bodies, motion, outline, noise, remarks."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -49,14 +49,14 @@ class Body:
         return float(np.sqrt(np.mean(valid**2))) if valid.size else float("nan")
 
     def outcomes(self) -> dict[PointOutcome, int]:
-        """How many points ended how, over all frames; entries without points are left out."""
+        """Number of points of each outcome, over all frames; outcomes without points are left out."""
         numbers, counts = np.unique(self.surface.outcome, return_counts=True)
         return {PointOutcome(int(n)): int(c) for n, c in zip(numbers, counts, strict=True)}
 
 
 @dataclass(frozen=True)
 class Placement:
-    """Where the test's coordinates lie in the rig's frame, and the cylinder they were taken from."""
+    """Test frame in the rig's frame, and the cylinder it was taken from."""
 
     frame: SpecimenFrame
     """The test frame."""
@@ -88,7 +88,7 @@ class SurfaceStrain:
 
 @dataclass(frozen=True)
 class StereoResult:
-    """What two series of pictures gave."""
+    """Result of two series of pictures."""
 
     t: FloatArray
     """Frame times [s], shape [n_frames]."""

@@ -1,33 +1,62 @@
-"""Explicit finite elements for impact on soft axisymmetric specimens, batch-first."""
+"""Explicit finite elements for impact on soft axisymmetric specimens: many simulations at once, CPU or GPU.
 
-from explicit.energy import EnergyLedger
-from explicit.incompressible import NearlyIncompressible, run_nearly_incompressible
-from explicit.mesh import Mesh, cylinder
-from explicit.model import Model, Samples, Sampling, Stepping
-from explicit.modules import ahead_of_time
-from explicit.motion import PlatenMotion
-from explicit.outcome import Ending, Outcome
-from explicit.response import Response
-from explicit.run import run
-from explicit.support import RIGID, CharacteristicBar, MovingSupport
+A constant `Model` (a `Mesh` such as `cylinder`, materials, contact laws, the motion of the platens and a
+support) and `Samples`, one row of parameters a simulation, go into `run`; a `Response` comes out, with
+forces, outlines, an `EnergyLedger` and the `Outcome` of each. `Sampling` says what is recorded when,
+`Stepping` how time is stepped. Laws are in `explicit.materials` and `explicit.contact`, elements in
+`explicit.elements`, what relaxes in `explicit.relaxation`, elastic bars in `explicit.bars`;
+`explicit.derivatives` and `explicit.adjoint` differentiate a run. Each name is loaded when it is first used.
+"""
 
-__all__ = [
-    "RIGID",
-    "CharacteristicBar",
-    "Ending",
-    "EnergyLedger",
-    "Mesh",
-    "Model",
-    "MovingSupport",
-    "NearlyIncompressible",
-    "Outcome",
-    "PlatenMotion",
-    "Response",
-    "Samples",
-    "Sampling",
-    "Stepping",
-    "ahead_of_time",
-    "cylinder",
-    "run",
-    "run_nearly_incompressible",
-]
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from explicit.energy import EnergyLedger
+    from explicit.incompressible import NearlyIncompressible, run_nearly_incompressible
+    from explicit.mesh import Mesh, cylinder
+    from explicit.model import Model, Samples, Sampling, Stepping
+    from explicit.modules import ahead_of_time
+    from explicit.motion import PlatenMotion
+    from explicit.outcome import Ending, Outcome
+    from explicit.response import Response
+    from explicit.run_batch import run
+    from explicit.support import RIGID, CharacteristicBar, MovingSupport
+
+_HOME = {
+    "CharacteristicBar": "explicit.support",
+    "Ending": "explicit.outcome",
+    "EnergyLedger": "explicit.energy",
+    "Mesh": "explicit.mesh",
+    "Model": "explicit.model",
+    "MovingSupport": "explicit.support",
+    "NearlyIncompressible": "explicit.incompressible",
+    "Outcome": "explicit.outcome",
+    "PlatenMotion": "explicit.motion",
+    "RIGID": "explicit.support",
+    "Response": "explicit.response",
+    "Samples": "explicit.model",
+    "Sampling": "explicit.model",
+    "Stepping": "explicit.model",
+    "ahead_of_time": "explicit.modules",
+    "cylinder": "explicit.mesh",
+    "run": "explicit.run_batch",
+    "run_nearly_incompressible": "explicit.incompressible",
+}
+"""Where each public name is defined. The imports above tell a type checker the same; a test compares both."""
+
+__all__ = [*_HOME]
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name when it is first asked for."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'explicit' has no attribute {name!r}; it offers {', '.join(_HOME)}")
+    from importlib import import_module
+
+    value = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOME})

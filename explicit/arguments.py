@@ -48,11 +48,11 @@ def _new_body(kernel: TimeLoopKernel, model: Model, numbers: Precision, where: A
     mesh, mass = model.mesh, nodal_mass(model.mesh, model.density)
     shapes = element(model.element).shapes(mesh, model.density, kernel.element.Shape.numpy_dtype())
     place, n_inner, first_boundary = node_order(mesh)
-    seats = np.argsort(place)[n_inner:]
-    kind = node_kinds(mesh)[seats]
+    boundary = np.argsort(place)[n_inner:]
+    kind = node_kinds(mesh)[boundary]
     body = kernel.structs.Body()
-    body.n_elements, body.n_nodes, body.length = mesh.n_elements, first_boundary + len(seats), mesh.length
-    body.n_inner, body.first_boundary, body.n_boundary = n_inner, first_boundary, len(seats)
+    body.n_elements, body.n_nodes, body.length = mesh.n_elements, first_boundary + len(boundary), mesh.length
+    body.n_inner, body.first_boundary, body.n_boundary = n_inner, first_boundary, len(boundary)
 
     def placed(values: NDArray[Any]) -> NDArray[Any]:
         row = np.zeros((*values.shape[:-1], body.n_nodes), dtype=values.dtype)
@@ -76,7 +76,7 @@ def _new_body(kernel: TimeLoopKernel, model: Model, numbers: Precision, where: A
         ("masses", table(placed(masses), numbers.dtype), numbers.real),
         ("reference_r", placed(mesh.nodes[:, 0]), wp.float64),
         ("reference_y", placed(height), wp.float64),
-        ("surface_mass", surface_mass[seats], numbers.real),
+        ("surface_mass", surface_mass[boundary], numbers.real),
         ("kind", kind, int),
         ("at_rest", kind != SIDE, int),
     ):

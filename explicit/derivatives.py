@@ -21,7 +21,7 @@ from explicit.contact import contact_law
 from explicit.histories import NAMES, Histories
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.response import Response
-from explicit.run import run
+from explicit.run_batch import run
 from explicit.stencils import BOUNDS, Stencil, perturbed, scale_of, stencil_for
 
 LADDER = tuple(10.0 ** (-0.5 * k) for k in range(2, 14))

@@ -18,7 +18,7 @@ from explicit.time_loop.kernel import TimeLoopKernel
 WORTH_A_PACK = 0.75
 """Share of a pack's lanes that must be at work: with fewer, its simulations are faster one by one."""
 PART_WAVES = 8
-"""Simulations per multiprocessor in one launch: their histories travel while those of the next are made."""
+"""Simulations per multiprocessor in one launch: their histories are copied while others run."""
 LARGE_MESH = 1500
 """Elements from which the state of a pack leaves the caches and simulations are faster one by one."""
 
@@ -26,7 +26,7 @@ Progress = Callable[[int], None]
 
 
 @dataclass(frozen=True)
-class Plan:
+class PreparedBatch:
     """A batch on its device, ready to run."""
 
     kernel: TimeLoopKernel
@@ -37,7 +37,7 @@ class Plan:
     """Its arithmetic."""
     where: Any
     """The device."""
-    batch: Any
+    parameters: Any
     """Parameters of every simulation, on the device."""
     output: Any
     """Histories of every simulation, on the device."""
@@ -47,39 +47,39 @@ class Plan:
     """Whether a GPU keeps the state of a simulation in shared memory."""
 
 
-def run_on_gpu(plan: Plan, progress: Progress | None) -> dict[str, FloatArray]:
-    """Every simulation a block of threads; a large batch in parts, whose histories travel while others run.
+def run_on_gpu(batch: PreparedBatch, progress: Progress | None) -> dict[str, FloatArray]:
+    """Run every simulation as a block of threads; of a large batch, histories are copied while others run.
 
     Two streams take turns, so that the next part fills the multiprocessors that the last blocks of the one
     before leave idle.
     """
-    body = body_of(plan.kernel, plan.model, plan.numbers, plan.where, plan.on_chip)
-    state = state_of(plan.kernel, plan.model, plan.numbers, plan.where, plan.n_samples, 1, plan.on_chip)
-    block = plan.kernel.block
-    part = PART_WAVES * plan.where.sm_count
-    firsts = range(0, plan.n_samples, part)
-    ready, ends = wp.get_stream(plan.where).record_event(), []
+    body = body_of(batch.kernel, batch.model, batch.numbers, batch.where, batch.on_chip)
+    state = state_of(batch.kernel, batch.model, batch.numbers, batch.where, batch.n_samples, 1, batch.on_chip)
+    block = batch.kernel.block
+    part = PART_WAVES * batch.where.sm_count
+    firsts = range(0, batch.n_samples, part)
+    ready, ends = wp.get_stream(batch.where).record_event(), []
     for k, first in enumerate(firsts):
-        stream = streams(plan.where.alias)[k % 2]
+        stream = streams(batch.where.alias)[k % 2]
         if k < 2:
             stream.wait_event(ready)
         wp.launch(
-            plan.kernel.kernel,
-            dim=(min(part, plan.n_samples - first), block),
-            inputs=[body, plan.batch, state, plan.output, first],
+            batch.kernel.kernel,
+            dim=(min(part, batch.n_samples - first), block),
+            inputs=[body, batch.parameters, state, batch.output, first],
             stream=stream,
             block_dim=block,
         )
         ends.append(stream.record_event())
-    parcels = HostTransfer(plan.output, plan.where)
-    parcels.make_room(min(part, plan.n_samples))
+    transfer = HostTransfer(batch.output, batch.where)
+    transfer.touch_memory(min(part, batch.n_samples))
     for first, end in zip(firsts, ends, strict=True):
-        count = min(part, plan.n_samples - first)
+        count = min(part, batch.n_samples - first)
         wp.synchronize_event(end)
         if progress:
             progress(count)
-        parcels.send(first, count, end)
-    return parcels.collect()
+        transfer.send(first, count, end)
+    return transfer.collect()
 
 
 def packs(n_samples: int, lanes: int, n_elements: int) -> list[tuple[Mapping, int, int]]:
@@ -97,21 +97,21 @@ def packs(n_samples: int, lanes: int, n_elements: int) -> list[tuple[Mapping, in
     return jobs + [("worker", i, 1) for i in range(first, n_samples)]
 
 
-def run_in_lanes(plan: Plan, threads: int, progress: Progress | None) -> dict[str, FloatArray]:
+def run_in_lanes(batch: PreparedBatch, threads: int, progress: Progress | None) -> dict[str, FloatArray]:
     """Packs of simulations, or simulations of packs of elements, shared out over threads."""
-    kernel, model, numbers = plan.kernel, plan.model, plan.numbers
+    kernel, model, numbers = batch.kernel, batch.model, batch.numbers
     lanes = PACK_BYTES // numbers.dtype().itemsize
-    jobs = packs(plan.n_samples, lanes, model.mesh.n_elements)
-    body, kernels = body_of(kernel, model, numbers, plan.where, False), {}
+    jobs = packs(batch.n_samples, lanes, model.mesh.n_elements)
+    body, kernels = body_of(kernel, model, numbers, batch.where, False), {}
     for mapping in {job[0] for job in jobs}:
         kernels[mapping] = lane_kernel(kernel.kernel, kernel.structs, numbers, mapping, lanes).kernel
-        wp.load_module(kernels[mapping].module, device=plan.where, block_dim=1)
+        wp.load_module(kernels[mapping].module, device=batch.where, block_dim=1)
 
     def one(mapping: Mapping, first: int, count: int) -> int:
         width = lanes if mapping == "simulation" else 1
-        state = state_of(kernel, model, numbers, plan.where, 1, width)
-        inputs = [body, plan.batch, state, plan.output, first, count]
-        wp.launch(kernels[mapping], dim=1, inputs=inputs, device=plan.where, block_dim=1)
+        state = state_of(kernel, model, numbers, batch.where, 1, width)
+        inputs = [body, batch.parameters, state, batch.output, first, count]
+        wp.launch(kernels[mapping], dim=1, inputs=inputs, device=batch.where, block_dim=1)
         return count
 
     if len(jobs) == 1:  # a thread takes longer to start than a tenth of a run
@@ -120,7 +120,7 @@ def run_in_lanes(plan: Plan, threads: int, progress: Progress | None) -> dict[st
         with ThreadPoolExecutor(min(threads, len(jobs))) as pool:
             done = as_completed([pool.submit(one, *job) for job in jobs])
             _report((future.result() for future in done), progress)
-    return {name: getattr(plan.output, name).numpy().copy() for name in HISTORIES}
+    return {name: getattr(batch.output, name).numpy().copy() for name in HISTORIES}
 
 
 def _report(counts: Iterable[int], progress: Progress | None) -> None:

@@ -20,7 +20,7 @@ from explicit.energy import EnergyLedger
 from explicit.mesh import Mesh
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.response import Response
-from explicit.run import run
+from explicit.run_batch import run
 
 COMPRESSIBLE = 0.495
 """Poisson's ratio of the runs on the fine mesh [-]."""

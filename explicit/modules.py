@@ -117,10 +117,10 @@ def compile_each(
     for arch in architectures:
         if arch not in supported:
             raise ValueError(f"architecture must be one of {supported}, got {arch}")
-    place = _place(folder)
+    place = _folder_of(folder)
     # A mesh that fits keeps its state in shared memory, a larger one does not.
-    homes = ((True, BLOCK), (True, SMALL_BLOCK), (False, BLOCK))
-    for (faces, side, number, shape), (on_chip, block) in product(wanted, homes):
+    variants = ((True, BLOCK), (True, SMALL_BLOCK), (False, BLOCK))
+    for (faces, side, number, shape), (on_chip, block) in product(wanted, variants):
         module = _module(
             time_loop_kernel(
                 law, faces, side, precision(number), shape, on_chip, block, relaxation=relaxation
@@ -164,7 +164,7 @@ def load_module(kernel: Any, device: Any, folder: Path | str | None) -> bool:
             f"the folder of modules must exist, got {str(folder)!r}; write it with `python -m explicit.aot`, "
             f"or name none (argument `modules`, environment variable {FOLDER_VARIABLE})"
         )
-    module, place = _module(kernel), _place(folder)
+    module, place = _module(kernel), _folder_of(folder)
     for arch, ptx in candidates(place, device.arch):
         try:
             wp.load_aot_module(module, device=device, arch=arch, module_dir=place, use_ptx=ptx)
@@ -184,7 +184,7 @@ def candidates(place: Path, arch: int) -> list[tuple[int, bool]]:
     return [(arch, False)] + [(older, True) for older in sorted(written, reverse=True) if older <= arch]
 
 
-def _place(folder: Path | str) -> Path:
+def _folder_of(folder: Path | str) -> Path:
     return Path(folder) / f"warp-{wp.__version__}"
 
 

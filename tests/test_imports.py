@@ -42,6 +42,7 @@ HEAVY = sorted({"warp", "scipy", "cv2", *PLOTTING})
 
 ALLOWED: dict[tuple[str, str], str] = {
     ("kolsky", "a name computed at run time"): "public names, loaded when first used",
+    ("explicit", "a name computed at run time"): "public names, loaded when first used",
     ("dic", "a name computed at run time"): "public names, loaded when first used",
     ("doe", "a name computed at run time"): "public names, loaded when first used",
 }

@@ -84,7 +84,7 @@ def find_edge(picture: FloatArray, place: tuple[float, float], inward: tuple[int
 def _left_over(
     window: FloatArray, u: FloatArray, inside: FloatArray, band: FloatArray, rest: FloatArray
 ) -> FloatArray:
-    """What the best grey values leave over: columns' own first, then the two that all share."""
+    """Residual of the least-squares grey values: the columns' own first, then the two that all share."""
     depth = np.clip(u, -8.0, 0.0)
     own = np.stack([inside, inside * depth, inside * depth**2], axis=-1).swapaxes(0, 1)  # column, row, term
     shared = np.stack([band, rest], axis=-1).swapaxes(0, 1)
@@ -179,7 +179,7 @@ def past_the_ends(
     direction: tuple[float, float],
     ends: tuple[FloatArray, FloatArray],
 ) -> NDArray[np.bool_]:
-    """Which valid points have a subset part of which is no longer seen.
+    """Valid points whose subset reaches past an end, so that part of it is no longer seen.
 
     The part of a subset that its mask holds reaches so many pixels from the point toward either end in the
     material picture. Deformed with the point's own warp it must fit between the point and that end; where
@@ -224,7 +224,7 @@ def past_the_ends(
 
 
 def _reach(body: TrackedBody, step: FloatArray, half: int) -> FloatArray:
-    """How far each subset's mask reaches from its point along `step` [px], shape [n_points]."""
+    """Distance that each subset's mask reaches from its point along `step` [px], shape [n_points]."""
     rows, columns = body.mask.shape
     reach = np.full(len(body.points), 0.5)
     inside = np.ones(len(body.points), dtype=bool)

@@ -1,4 +1,4 @@
-"""One body followed by two cameras: its points matched between them, tracked, reconstructed."""
+"""Tracking of one body by two cameras: points matched between them, tracked, reconstructed."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor

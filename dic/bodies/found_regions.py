@@ -1,4 +1,4 @@
-"""Where specimen and flyer are in the pictures of camera 0, from the pictures alone.
+"""Regions of specimen and flyer in the pictures of camera 0, found in the pictures alone.
 
 Speckles are several pixels wide, so a row of pixels across the axis looks like the row but one beside it.
 Where one body ends and another begins it does not: there the correlation of two rows, one between them, falls
@@ -146,8 +146,8 @@ def _dip(pairs: FloatArray, likeness: FloatArray, where: str) -> int:
 def _followed(
     pictures: Pictures, frames: Sequence[int], toward: str, inner: slice, start: int, farthest: int
 ) -> tuple[int, FloatArray, int]:
-    """The last frame, its picture, and the row before the flyer's edge in it, by the path of least
-    correlation from row `start` of the first; it never comes to row `farthest`."""
+    """Track the flyer's edge by the path of least correlation from row `start` of the first frame; it never
+    comes to row `farthest`. Returns the last frame, its picture, and the row before the edge."""
     cost, back, kept = None, [], []
     picture = np.empty(0)
     for k in frames:

@@ -1,4 +1,4 @@
-"""Where in a picture a body is: polygons to masks, masks to grids of points."""
+"""Regions of bodies in a picture: polygons to masks, masks to grids of points."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from dic.arrays import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True)
 class Region:
-    """Where a body is seen in one picture of camera 0."""
+    """Region of a body in one picture of camera 0."""
 
     corners: tuple[tuple[float, float], ...]
     """Corners (x, y) [px]."""

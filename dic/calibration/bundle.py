@@ -193,7 +193,7 @@ def adjust(
 
 
 def clustering(fit: Fit, views: Iterable[View], columns: FloatArray) -> float:
-    """How much more than independent residuals the pairs pull the parameters about: a factor on variances.
+    """Factor on variances for residuals that hang together within a pair.
 
     With g_p the pull of pair p on the parameters (its part of Jᵀ r, the pose eliminated) and S = Jᵀ J,
 

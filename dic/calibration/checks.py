@@ -1,4 +1,5 @@
-"""What a calibration predicts without having been told: pairs left out, distances on the target."""
+"""Predictions of a calibration to be compared with what it was not told: pairs left out, distances on the
+target."""
 
 from collections.abc import Sequence
 from itertools import groupby

@@ -129,7 +129,7 @@ def _outlines(
 
 
 def _has_hole(contours: Sequence[Any], tree: NDArray[Any], k: int, ellipse: FloatArray, area: float) -> bool:
-    """Whether a child outline lies in the middle and is large enough to be meant."""
+    """True if a child outline lies in the middle and is large enough to be meant."""
     child = tree[k, 2]
     while child >= 0:
         hole = contours[child]

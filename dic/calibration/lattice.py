@@ -1,4 +1,4 @@
-"""Which dot is which: a lattice grown from dots whose place in it is known."""
+"""Numbering of dots: a lattice grown from dots whose place in it is known."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,7 +67,7 @@ def grow(
 
 
 def homography_outliers(index: FloatArray, points: FloatArray, limit: float) -> NDArray[np.bool_]:
-    """Which points are off a plane lattice seen in perspective by more than `limit` steps, shape [n].
+    """Points off a plane lattice seen in perspective by more than `limit` steps, shape [n].
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Where a camera sees the points of a target, with derivatives: circles by their image's centroid.
+"""Projection of a target's points into a camera, with derivatives: circles by their image's centroid.
 
 A flat disc of radius r about X, with unit normal n, is seen as an ellipse whose centre is not the image of
 X. On the plane z = 1 the dual of its outline is C* = H diag(1, 1, -1) Hᵀ with H = [r e1, r e2, X], so that
@@ -37,7 +37,7 @@ SHARED = 2 * OWN + len(POSE)
 
 @dataclass(frozen=True)
 class View:
-    """What one camera saw of the target in one pair of pictures."""
+    """Points of the target in one camera's picture of one pair."""
 
     pair: int
     camera: int

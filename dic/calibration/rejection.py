@@ -28,7 +28,7 @@ LEAST_PAIRS = 4
 
 @dataclass(frozen=True)
 class Verdicts:
-    """What was kept and what was not."""
+    """Pairs and points kept and left out."""
 
     kept: list[View]
     """Views with the points used."""
@@ -153,7 +153,7 @@ def _judged(errors: dict[int, float], bad: dict[int, str]) -> dict[int, str]:
 def _points(
     fit: Fit, pairs: dict[int, list[View]], bad: dict[int, str], reject: bool
 ) -> dict[tuple[int, int], NDArray[np.bool_]]:
-    """Which points of each view are used."""
+    """Points of each view that are used."""
     used = {}
     for pair, views in pairs.items():
         for view in views:

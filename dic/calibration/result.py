@@ -1,4 +1,4 @@
-"""What a calibration found, how well, and how it knows."""
+"""Result of a calibration: cameras, covariance, residuals of every pair, checks."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -25,12 +25,12 @@ class PairOutcome(IntEnum):
 
     @property
     def cause(self) -> str:
-        """What happened, in one sentence."""
+        """Cause of the outcome, in one sentence."""
         return _CAUSES[self][0]
 
     @property
     def cure(self) -> str:
-        """What a user can do about it."""
+        """Cure for a user, in one sentence."""
         return _CAUSES[self][1]
 
 
@@ -104,7 +104,7 @@ class Pair:
 
 @dataclass(frozen=True)
 class Checks:
-    """What the calibration predicts that it was not told."""
+    """Predictions of the calibration against what it was not told."""
 
     fit_rms: float
     """Root mean square residual of the points used [px]."""

@@ -1,4 +1,4 @@
-"""Where the bundle adjustment starts: focal lengths, poses and the two cameras' relative pose."""
+"""Start of the bundle adjustment: focal lengths, poses and the two cameras' relative pose."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

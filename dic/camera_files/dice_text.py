@@ -24,9 +24,11 @@ class DiceText:
     name = "dice-text"
     about = "DICe text"
     suffix = ".txt"
+    absolute_pose = False
+    tangential = False
 
     def sniff(self, text: str) -> bool:
-        """Whether it is one: its first lines hold a number and nothing else."""
+        """True for this format: the first lines hold a number and nothing else."""
         words = [line.partition("#")[0].split() for line in text.splitlines()[:40]]
         words = [line for line in words if line]
         try:

@@ -32,9 +32,11 @@ class DiceXml:
     name = "dice"
     about = "DICe camera system XML"
     suffix = ".xml"
+    absolute_pose = True
+    tangential = True
 
     def sniff(self, text: str) -> bool:
-        """Whether it is one."""
+        """True for a text of this format."""
         return "<ParameterList" in text and MARK in text
 
     def read(self, source: Source, length_unit: float) -> StereoRig:

@@ -14,11 +14,11 @@ from dic.camera_files.vic3d import Vic3D
 
 
 class CameraFormat(Protocol):
-    """What a camera file format offers."""
+    """Protocol of camera file formats."""
 
     @property
     def name(self) -> str:
-        """How `write_rig` calls it."""
+        """Name of the format, as `write_rig` takes it."""
 
     @property
     def about(self) -> str:
@@ -28,8 +28,16 @@ class CameraFormat(Protocol):
     def suffix(self) -> str:
         """Usual end of a file's name."""
 
+    @property
+    def absolute_pose(self) -> bool:
+        """True if a file keeps the poses of both cameras; False if their relative pose only."""
+
+    @property
+    def tangential(self) -> bool:
+        """True if a file keeps tangential distortion; `write` refuses a rig that has some otherwise."""
+
     def sniff(self, text: str) -> bool:
-        """Whether a file's text is of this format."""
+        """True if a file's text is of this format."""
 
     def read(self, source: Source, length_unit: float) -> StereoRig:
         """The rig of a file whose lengths are multiples of `length_unit` [m], unless it says otherwise.
@@ -96,8 +104,8 @@ def write_rig(path: Path | str, rig: StereoRig, format: str, *, length_unit: flo
     rig
         The cameras.
     format
-        A name in `FORMATS`: "vic3d", "dice", "matchid", "opencorr", "opencv" or "dice-text". Only "opencv"
-        keeps the covariance; "matchid" and "dice-text" keep the relative pose only.
+        The name of a member of `FORMATS`. Only "opencv" keeps the covariance; formats without
+        `CameraFormat.absolute_pose` keep the relative pose only.
     length_unit
         Unit of the file's lengths [m].
 

@@ -27,9 +27,11 @@ class MatchID:
     name = "matchid"
     about = "MatchID .caldat"
     suffix = ".caldat"
+    absolute_pose = False
+    tangential = True
 
     def sniff(self, text: str) -> bool:
-        """Whether it is one."""
+        """True for a text of this format."""
         return CAMERA.search(text) is not None
 
     def read(self, source: Source, length_unit: float) -> StereoRig:

@@ -26,9 +26,11 @@ class OpenCorr:
     name = "opencorr"
     about = "OpenCorr camera parameters"
     suffix = ".txt"
+    absolute_pose = True
+    tangential = True
 
     def sniff(self, text: str) -> bool:
-        """Whether it is one."""
+        """True for a text of this format."""
         return "_cam_intrinsics." in text
 
     def read(self, source: Source, length_unit: float) -> StereoRig:

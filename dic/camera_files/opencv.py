@@ -38,9 +38,11 @@ class OpenCV:
     name = "opencv"
     about = "OpenCV storage (YAML, XML or JSON)"
     suffix = ".yml"
+    absolute_pose = True
+    tangential = True
 
     def sniff(self, text: str) -> bool:
-        """Whether it is one."""
+        """True for a text of this format."""
         start = text[:1000].lstrip()
         return start.startswith(("%YAML", "{")) or "<opencv_storage>" in start
 

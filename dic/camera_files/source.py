@@ -1,4 +1,4 @@
-"""What every camera file format shares: safe text in, numbers out, one error with file, line and cure."""
+"""Shared parts of the camera file formats: safe text in, numbers out, one error with file, line and cure."""
 
 import math
 from dataclasses import dataclass

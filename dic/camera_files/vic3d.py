@@ -27,9 +27,11 @@ class Vic3D:
     name = "vic3d"
     about = "VIC-3D project XML"
     suffix = ".xml"
+    absolute_pose = True
+    tangential = False
 
     def sniff(self, text: str) -> bool:
-        """Whether it is one."""
+        """True for a text of this format."""
         return OPENS.search(text) is not None and "<camera" in text
 
     def read(self, source: Source, length_unit: float) -> StereoRig:

@@ -1,4 +1,4 @@
-"""From two series of pictures and their cameras to surfaces: the whole way.
+"""Measurement from two series of pictures and their cameras to surfaces.
 
 `stages.measure` has its stages in the order of the work; each is a module beside it.
 """

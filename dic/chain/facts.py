@@ -1,4 +1,4 @@
-"""What the reporting table says of pictures, settings and speckles, as JSON can hold it."""
+"""Facts of pictures, settings and speckles for the reporting table, as JSON can hold them."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Specimen and flyer followed through both series, and what the flyer's points tell of its motion."""
+"""Tracking of specimen and flyer through both series; the flyer's displacement and poses."""
 
 from dic.bodies.follow import Progress, TrackedBody, follow_body
 from dic.bodies.region import Region
@@ -51,7 +51,7 @@ def _follow(
 def displacement_of(
     inputs: Inputs, flyer: TrackedBody | None, placement: Placement
 ) -> AxialDisplacement | None:
-    """How far the flyer went, if there is one."""
+    """Axial displacement of the flyer, if there is one."""
     if flyer is None:
         return None
     return axial_displacement(

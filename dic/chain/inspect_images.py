@@ -1,5 +1,5 @@
-"""A look at the pictures before anything is followed in them: which can be used, how noisy they are, and
-whether they fit their cameras."""
+"""Inspection of the pictures before anything is tracked: usable frames, noise of the grey values, fit of the
+cameras."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ from dic.stereo.setup_check import check_setup, free_pairs
 
 @dataclass(frozen=True)
 class Inputs:
-    """What all stages share: the pictures and what a look at them told, their cameras and times."""
+    """Inputs of all stages: the pictures with their health and noise, the cameras, the times."""
 
     pictures: tuple[Pictures, Pictures]
     """The series of camera 0 and camera 1; small ones stay in memory once they were read."""
@@ -53,7 +53,7 @@ def inspect_images(
     t: FloatArray,
     static: BoolArray,
 ) -> Inputs:
-    """Outcome of every picture, and the noise of each camera's grey values.
+    """Inspect every picture: its outcome, and the noise of each camera's grey values.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def inspect_images(
 
 
 def _inspect_one(camera: int, series: Pictures, static: BoolArray) -> tuple[IntArray, GreyNoise]:
-    """The same of one camera."""
+    """Inspect the pictures of one camera."""
     if series.n_frames != static.size:
         raise ChainError(
             f"camera {camera} has {series.n_frames} pictures, there are {static.size} frame times"
@@ -101,7 +101,7 @@ def _line(grey: GreyNoise) -> Noise:
 
 
 def check_cameras(inputs: Inputs, region: Region) -> tuple[Finding, ...]:
-    """What a first pair of pictures says of the cameras, found without their parameters.
+    """Findings about the cameras from a first pair of pictures, matched without their parameters.
 
     Raises
     ------

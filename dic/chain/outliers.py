@@ -1,4 +1,5 @@
-"""What is taken out of the followed specimen: false matches, subsets past an end, points off the surface."""
+"""Removal of outliers from the tracked specimen: false matches, subsets past an end, points off the
+surface."""
 
 from dataclasses import replace
 
@@ -24,7 +25,7 @@ OWN_SIGMAS = 4.0
 
 
 def gate_epipolar(inputs: Inputs, body: TrackedBody, rest_state: RestState) -> TrackedBody:
-    """The body with the epipolar gate that its own static frames ask for."""
+    """Apply the epipolar gate that the specimen's static frames give."""
     r, rest = body.reconstruction, rest_state.rest
     at_rest = r.epipolar[rest][r.outcome[rest] == PointOutcome.VALID]
     gate = max(LEAST_GATE, GATE_SIGMAS * float(np.median(np.abs(at_rest))) / 0.6745)
@@ -39,7 +40,7 @@ def gate_epipolar(inputs: Inputs, body: TrackedBody, rest_state: RestState) -> T
 def gate_ends(
     inputs: Inputs, body: TrackedBody, rest_state: RestState, travel: AxialDisplacement | None
 ) -> TrackedBody:
-    """The body without points whose subset reaches past an end.
+    """Remove points whose subset reaches past an end.
 
     The upper end is where the flyer's travel puts it; without a declared length or a travel it is not known,
     and only the lower one judges.
@@ -60,7 +61,7 @@ def gate_ends(
 
 
 def gate_surface(body: TrackedBody, rest_state: RestState) -> TrackedBody:
-    """The body without points that lie off the smooth surface through their neighbours."""
+    """Remove points that lie off the smooth surface through their neighbours."""
     r, placement = body.reconstruction, rest_state.placement
     variance = np.einsum("...ii->...i", placement.frame.covariances(r.covariance))
     # Against the cylinder: its own curvature is none of the surface through a few neighbours.

@@ -1,4 +1,5 @@
-"""A followed body as a surface in the test frame, and what is read off the specimen's: outline, strains."""
+"""Reduction of a tracked body to a surface in the test frame, and of the specimen's to outline and
+strains."""
 
 from dataclasses import replace
 

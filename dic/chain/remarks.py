@@ -1,4 +1,4 @@
-"""What pictures say about the test or its declarations, in sentences with numbers and cures."""
+"""Remarks on the test and its declarations, in sentences with numbers and cures."""
 
 from collections.abc import Iterable
 

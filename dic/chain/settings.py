@@ -1,4 +1,4 @@
-"""What the chain must be told, and the error of pictures that give nothing."""
+"""Settings of the measurement, and the error of pictures that give nothing."""
 
 from dataclasses import dataclass, field, replace
 
@@ -16,7 +16,7 @@ class ChainError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class ChainSettings:
-    """What the chain must be told, and how it matches."""
+    """Settings of the measurement from pictures to surfaces."""
 
     toward_flyer: str
     """Where the flyer lies in the pictures of camera 0: a key of `DIRECTIONS`."""
@@ -54,7 +54,8 @@ class ChainSettings:
 
     @property
     def rigid(self) -> Tracking:
-        """How points of the flyer are followed: they translate, and enter the picture from its rim."""
+        """Settings of the tracking of the flyer: its points translate, and enter the picture from its
+        border."""
         subset = replace(self.tracking.correlation, shape=Shape.RIGID, least_pixels=0.4)
         return replace(self.tracking, correlation=subset)
 

@@ -1,5 +1,5 @@
-"""The speckles that a chain of stereo pictures rests on, camera by camera: what they promise, and where the
-subset is too small."""
+"""Speckle report of a measurement, camera by camera: predicted noise floor, and where the subset is too
+small."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -75,7 +75,8 @@ def speckles(
 
 
 def facts(quality: SpeckleQuality) -> dict[str, Any]:
-    """What the reporting table says of it, as JSON can hold it: lengths in px, gradients in grey/px."""
+    """Facts of the speckles for the reporting table, as JSON can hold them: lengths in px, gradients in
+    grey/px."""
     judged = ~np.any(np.isnan(quality.floor), axis=2)
     worst = quality.floor[judged].max(axis=1)
     needed = np.zeros(0) if quality.needed is None else quality.needed[judged]

@@ -1,4 +1,4 @@
-"""Where the test's coordinates lie: the cylinder of the specimen at rest, and its end."""
+"""Test frame: the cylinder of the specimen at rest, and its end."""
 
 from dataclasses import dataclass
 
@@ -20,7 +20,7 @@ MOST_AVERAGED = 50
 
 @dataclass(frozen=True)
 class RestState:
-    """The specimen at rest."""
+    """State of the specimen at rest."""
 
     placement: Placement
     """The test frame, and the cylinder it was taken from."""
@@ -31,7 +31,7 @@ class RestState:
 
 
 def fit_test_frame(inputs: Inputs, body: TrackedBody) -> RestState:
-    """The test frame from the specimen at rest.
+    """Fit the test frame to the specimen at rest.
 
     Raises
     ------

@@ -51,7 +51,7 @@ class Correlation:
 
 @dataclass(frozen=True)
 class Match:
-    """Where subsets were found, one row a subset; a row that is not VALID holds the last iterate."""
+    """Result of matching subsets, one row a subset; a row that is not VALID holds the last iterate."""
 
     warp: FloatArray
     """Total warps from the material picture (`dic.correlation.warp`), shape [n, 12]."""
@@ -75,7 +75,7 @@ ARRAYS = 4
 
 @dataclass(frozen=True)
 class Templates:
-    """What the subsets of n points look like in their references, filled by `correlate` on a CPU.
+    """Templates of n points in their references, filled by `correlate` on a CPU.
 
     The owner must `forget` a point whose reference, or whose warp there, has changed.
     """

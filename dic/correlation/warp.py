@@ -34,7 +34,7 @@ def identity(n: int) -> FloatArray:
 
 
 def apply(points: FloatArray, warp: FloatArray, xi: FloatArray | float = 0.0) -> FloatArray:
-    """Where material points lie [px], shape [..., 2].
+    """Warped places of material points [px], shape [..., 2].
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a picture series holds and how good it is: ``python -m dic.images PATH``."""
+"""Report on a picture series and its quality: ``python -m dic.images PATH``."""
 
 import argparse
 import sys

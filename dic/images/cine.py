@@ -105,7 +105,7 @@ class CinePictures:
 
 
 def sniff(path: Path, start: bytes) -> bool:
-    """Whether a file that starts like this is a cine."""
+    """True if a file that starts like this is a cine."""
     return start[:2] == b"CI" and len(start) >= _HEADER.size and _HEADER.unpack_from(start)[1] == _HEADER.size
 
 

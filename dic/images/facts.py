@@ -1,4 +1,4 @@
-"""What the caller knows of a series and its file does not say, or says wrongly."""
+"""Facts declared by the caller that a series' file does not hold, or holds wrongly."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, is_dataclass, replace

@@ -1,4 +1,4 @@
-"""Which reader opens a file: known by what it starts with, not by its name."""
+"""Registry of picture formats; a file is known by its first bytes, not by its name."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -60,7 +60,7 @@ class Hdf5Pictures:
 
 
 def sniff(path: Path, start: bytes) -> bool:
-    """Whether a file that starts like this is HDF5 (without a user block)."""
+    """True if a file that starts like this is HDF5 (without a user block)."""
     return start.startswith(_SIGNATURE)
 
 

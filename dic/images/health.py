@@ -1,4 +1,4 @@
-"""What is wrong with whole frames: unreadable, black, saturated, and where light flashed.
+"""Health of whole frames: unreadable, black, saturated, and where light flashed.
 
 The limits are shares of pixels or ratios, so that none depends on the grey range, and brightness is compared
 with that of the frames around, so that a flickering lamp is not mistaken for a fault.
@@ -26,7 +26,7 @@ _BRIGHT = 99.5
 
 @dataclass(frozen=True)
 class FrameHealth:
-    """What was seen in each frame of a series; numbers of an unreadable frame are NaN."""
+    """Health of each frame of a series; numbers of an unreadable frame are NaN."""
 
     outcome: IntArray
     """`dic.FrameOutcome`: VALID, UNREADABLE, BLACK or SATURATED, shape [n_frames]."""
@@ -157,7 +157,7 @@ def saturated_mask(picture: NDArray[np.generic], ceiling: int, *, grow: int = 1)
 
 @dataclass(frozen=True)
 class _Scan:
-    """What one pass over the frames gives: one number a frame, NaN where it cannot be read."""
+    """Numbers of one pass over the frames: one a frame, NaN where it cannot be read."""
 
     mean: FloatArray
     middle: FloatArray
@@ -248,7 +248,7 @@ def _percentile(counts: IntArray | None, percent: float) -> float:
 
 
 def _ceiling(counts: IntArray) -> int:
-    """Where grey values end: a pile at the largest one that is far higher than what leads up to it."""
+    """Saturation level: a pile at the largest grey value that is far higher than what leads up to it."""
     full = len(counts) - 1
     top = int(np.max(np.flatnonzero(counts), initial=0))
     band = counts[int(0.98 * top) : top]

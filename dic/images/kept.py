@@ -54,7 +54,7 @@ class KeptPictures:
 
     @property
     def crop_offset(self) -> tuple[float, float]:
-        """Where the top left pixel lies on the sensor (x, y) [px]."""
+        """Place of the top left pixel on the sensor (x, y) [px]."""
         return self.pictures.crop_offset
 
     @property

@@ -27,7 +27,7 @@ _JPEG_END_WITHIN = 65_536
 
 
 def missing_end(data: bytes) -> str:
-    """What is missing or damaged in the bytes of a PNG, JPEG or BMP file; empty if nothing is seen."""
+    """Missing or damaged part of the bytes of a PNG, JPEG or BMP file; empty if none is seen."""
     if data.startswith(_PNG):
         return _png(data)
     if data.startswith(b"\xff\xd8"):

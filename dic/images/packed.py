@@ -12,7 +12,7 @@ Words = NDArray[np.uint16]
 
 
 def packed_size(values: int, bits: int) -> int:
-    """How many bytes so many grey values take, the last byte filled up with zeros."""
+    """Bytes that so many grey values take, the last byte filled up with zeros."""
     return (values * bits + 7) // 8
 
 

@@ -87,7 +87,7 @@ def coverage_and_diameter(f: FloatArray, level: FloatArray, used: Mask, sigma: f
 
 
 def _changes(side: NDArray[np.int64], used: Mask) -> int:
-    """How often the rows change between -1 and 1, zeros passed over, within the mask."""
+    """Number of changes of the rows between -1 and 1, zeros passed over, within the mask."""
     known = (side != 0) | ~used
     column = np.where(known, np.arange(side.shape[1]), -1)
     last = np.maximum.accumulate(column, axis=1)
@@ -97,7 +97,7 @@ def _changes(side: NDArray[np.int64], used: Mask) -> int:
 
 
 def illumination(f: FloatArray, used: Mask) -> FloatArray:
-    """What varies over more than a sixth of the field: Gaussian mean of the pixels that count [grey]."""
+    """Illumination: Gaussian mean of the pixels that count, over a sixth of the field [grey]."""
     import cv2
 
     width = max(float(np.sqrt(used.sum())) / 6.0, 8.0)

@@ -184,7 +184,7 @@ class MrawPictures:
 
 
 def sniff(path: Path, start: bytes) -> bool:
-    """Whether a file is one of the two of a Photron recording; raw pictures are known by name only."""
+    """True if a file is one of the two of a Photron recording; raw pictures are known by name only."""
     return path.suffix.lower() in (".mraw", ".cih", ".cihx")
 
 

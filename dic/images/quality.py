@@ -1,4 +1,4 @@
-"""Whether a speckle pattern can be measured: size, coverage, gradient, and the noise floor it promises."""
+"""Quality of a speckle pattern: size, coverage, gradient, and the predicted noise floor."""
 
 from dataclasses import dataclass
 
@@ -52,7 +52,8 @@ class SpeckleQuality:
 
     @property
     def too_small(self) -> NDArray[np.bool_]:
-        """Where the subset misses the wanted floor, shape [rows, columns]; nowhere if none was asked for."""
+        """Places where the subset misses the wanted floor, shape [rows, columns]; none if none was asked
+        for."""
         if self.wanted is None:
             return np.zeros(self.floor.shape[:2], dtype=bool)
         return np.asarray(np.any(self.floor > self.wanted, axis=2))

@@ -23,7 +23,7 @@ class PictureError(ValueError):
 
 @runtime_checkable
 class Pictures(Protocol):
-    """What every picture format offers. Opening reads the headers; a frame is read when it is asked for."""
+    """Protocol of a picture series. Opening reads the headers; a frame is read when it is asked for."""
 
     @property
     def path(self) -> Path:
@@ -43,7 +43,7 @@ class Pictures(Protocol):
 
     @property
     def crop_offset(self) -> tuple[float, float]:
-        """Where the top left pixel lies on the sensor (x, y) [px]; (0, 0) if the file does not say."""
+        """Place of the top left pixel on the sensor (x, y) [px]; (0, 0) if the file does not say."""
 
     @property
     def times(self) -> NDArray[np.float64] | None:

@@ -97,7 +97,7 @@ class TiffPictures:
 
 
 def sniff(path: Path, start: bytes) -> bool:
-    """Whether a file that starts like this is a TIFF."""
+    """True if a file that starts like this is a TIFF."""
     return start[:4] in _MAGIC
 
 
@@ -176,7 +176,7 @@ def _chain(path: Path) -> tuple[tuple[int, ...], int | None]:
 def _stack(
     file: "tifffile.TiffFile", page: "tifffile.TiffPage", beyond: int | None
 ) -> tuple[int, str] | None:
-    """Where the grey values lie if they follow the only header page after page, and their type.
+    """Start and type of the grey values if they follow the only header page after page.
 
     So they do in a stack for which ImageJ wrote one header, and in one whose other headers were cut off if
     the next would stand behind the grey values of all.
@@ -192,7 +192,7 @@ def _stack(
 
 
 def _promised(description: str) -> int:
-    """How many pages the description of the first one speaks of; 0 if of none."""
+    """Number of pages in the description of the first one; 0 if it names none."""
     shaped = re.search(r'"shape": ?\[(\d+), ?\d+, ?\d+\]', description)
     imagej = re.search(r"^images=(\d+)$", description, re.MULTILINE) if "ImageJ=" in description else None
     found = [int(match[1][:12]) for match in (shaped, imagej) if match]

@@ -59,7 +59,7 @@ def html_table(caption: str, rows: list[tuple[str, str]]) -> str:
 
 
 def facts(surface: SurfaceHistory) -> list[tuple[str, str]]:
-    """What a reader wants to know first."""
+    """Summary of a surface: frames, points, times, outcomes, sigma."""
     rows = [
         ("frames", str(surface.n_frames)),
         ("points", str(surface.n_points)),

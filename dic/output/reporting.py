@@ -41,7 +41,7 @@ def reporting_table(result: StereoResult) -> tuple[Row, ...]:
 
 
 def geometry(result: StereoResult) -> dict[str, float]:
-    """How the cameras look at the specimen.
+    """Geometry of the cameras about the specimen.
 
     Returns
     -------

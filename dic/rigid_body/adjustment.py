@@ -1,4 +1,4 @@
-"""Least squares over all sights of a rigid body's points: poses and points together.
+"""Least squares over all observations of a rigid body's points: poses and points together.
 
 ``x_ik = R_k X_i + p_k`` is the place of point i in frame k. The places X_i on the body are eliminated by
 Schur's complement; what remains has six unknowns a frame, and six combinations of them are open until a
@@ -26,7 +26,7 @@ FLATTEST = 1e-10
 
 @dataclass(frozen=True)
 class Observations:
-    """Where the points were seen, frame by frame."""
+    """Observed places of the points, frame by frame."""
 
     x: FloatArray
     """Places [m], shape [n_frames, n_points, 3]; zero where not valid."""
@@ -57,7 +57,7 @@ class Observations:
 
 @dataclass(frozen=True)
 class MotionPrior:
-    """What is known beforehand of how a body moves from one frame to the next."""
+    """Prior of the motion of a body from one frame to the next."""
 
     rotation_change: float | None
     """Standard deviation of its change of attitude, about each axis [rad]; None: any."""
@@ -180,7 +180,7 @@ def _chain(sights: Observations) -> tuple[IntArray, IntArray, FloatArray, FloatA
 
 
 def _determined(x: FloatArray, W: FloatArray) -> bool:
-    """Whether points fix a pose."""
+    """True if points fix a pose."""
     J = lever(x - x.mean(axis=0))
     A = J.reshape(-1, 6).T @ (W @ J).reshape(-1, 6)
     unit = np.sqrt(np.diag(A))

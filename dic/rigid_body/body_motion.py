@@ -1,4 +1,4 @@
-"""The motion of a rigid body whose points come into view and go out of it.
+"""Motion of a rigid body whose points come into view and go out of it.
 
 Poses of all frames and places of all points on the body are found together, by least squares over every
 valid sight of every point: points first seen in a late frame join the body by what is seen together with

@@ -1,4 +1,4 @@
-"""The rigid motion between two sets of points, with its covariance."""
+"""Rigid motion between two sets of points, with its covariance."""
 
 from dataclasses import dataclass
 
@@ -38,7 +38,7 @@ class RigidMotion:
         return np.asarray(Rotation.from_matrix(self.rotation).as_rotvec())
 
     def moved(self, X: FloatArray) -> FloatArray:
-        """Where points of the body go [m], shape [..., 3]."""
+        """Moved points of the body [m], shape [..., 3]."""
         return np.asarray((X - self.centre) @ self.rotation.T + self.centre + self.translation)
 
 

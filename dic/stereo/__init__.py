@@ -1,4 +1,4 @@
-"""Two cameras: which point is which, and where it is in space."""
+"""Two cameras: epipolar geometry, stereo match, triangulation, diagnosis."""
 
 from dic.stereo.epipolar import epipolar_distance
 from dic.stereo.gates import Gate

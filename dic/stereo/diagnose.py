@@ -1,4 +1,4 @@
-"""What is wrong with a stereo test whose rays do not meet: named faults with numbers and cures.
+"""Diagnosis of a stereo test whose rays do not meet: named faults with numbers and cures.
 
 The epipolar distance of a correct match is the noise of the match plus the error of the calibration, some
 hundredths of a pixel. Where it is more, one explanation after another is tried, in the order of what a
@@ -23,7 +23,7 @@ LEAST_PAIRS = 20
 
 
 class Fault(IntEnum):
-    """What can be wrong with a stereo test as a whole."""
+    """Faults of a stereo test as a whole."""
 
     SWAPPED_CAMERAS = 1
     CROP_OFFSET = 2

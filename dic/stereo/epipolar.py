@@ -1,4 +1,4 @@
-"""How far two cameras disagree about a point: its distance from the epipolar line.
+"""Epipolar distance: disagreement of two cameras about a point, with its sigma.
 
 With the relative pose ``X_1 = R X_0 + t`` the ray of camera 0's ideal image point x0 spans with the baseline
 a plane, which camera 1 sees as the line ``l . x1 = 0``, ``l = t × R x0`` (Hartley and Zisserman, Multiple
@@ -71,7 +71,7 @@ def sigma_of(
 
 
 def epipolar_curve(rig: StereoRig, pixels0: FloatArray, depths: FloatArray) -> FloatArray:
-    """Where camera 1 would see what camera 0 sees at `pixels0`, for each assumed depth [px].
+    """Pixels of camera 1 for what camera 0 sees at `pixels0`, at each assumed depth [px].
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def epipolar_slopes(
 
 
 class Rays(NamedTuple):
-    """Where a camera's pixels look, found once for all that they are compared with."""
+    """Rays of a camera's pixels, found once for all that they are compared with."""
 
     x: FloatArray
     """Ideal image points on the plane z = 1, with that 1 [-], shape [..., 3]."""

@@ -79,7 +79,7 @@ def points_along(rig: StereoRig, pixels0: FloatArray, distances: FloatArray) -> 
 
 
 def shows(camera: Camera, X: FloatArray, shape: tuple[int, int]) -> BoolArray:
-    """Whether a picture shows these places, shape [...]; what a lens model folds back there is not."""
+    """True where a picture shows these places, shape [...]; what a lens model folds back there is not."""
     rows, columns = shape
     k1, k2, _, _, k3 = camera.distortion
     turning = np.roots([7.0 * k3, 5.0 * k2, 3.0 * k1, 1.0])  # squared radii where r (1 + k1 r² + ...) turns
@@ -93,7 +93,7 @@ def shows(camera: Camera, X: FloatArray, shape: tuple[int, int]) -> BoolArray:
 
 
 def _axes_meet(rig: StereoRig) -> float:
-    """How far before camera 0 the optical axes come nearest to each other [m]."""
+    """Distance before camera 0 at which the optical axes come nearest to each other [m]."""
     first, second = rig.cameras
     centres = np.array([[camera.cx, camera.cy] for camera in rig.cameras])
     meet = midpoint(rig, centres[0], centres[1])

@@ -1,4 +1,4 @@
-"""What both cameras see of a small piece of surface, taken as a plane facet.
+"""Plane facets: how both cameras see a small piece of surface.
 
 A facet at X = C0 + s d, seen by camera 0 along the unit vector d(p) of its pixel p, with normal n. A step
 of p moves the point on the plane by ::
@@ -139,7 +139,7 @@ def fit_facet(rig: StereoRig, pixels0: FloatArray, distance: FloatArray, A: Floa
 
 
 def distance_along(rig: StereoRig, pixels0: FloatArray, X: FloatArray) -> FloatArray:
-    """How far points lie along camera 0's lines of sight [m], shape [...]."""
+    """Distance of points along camera 0's rays [m], shape [...]."""
     return np.asarray(np.sum((X - rig.cameras[0].centre) * directions(rig.cameras[0], pixels0), axis=-1))
 
 

@@ -33,7 +33,7 @@ SUSPECT = 0.75
 
 @dataclass(frozen=True)
 class GateValues:
-    """The number behind each gate, one row a point; inf where it could not be had."""
+    """Number behind each gate, one row a point; inf where it could not be had."""
 
     sigma: FloatArray
     """Standard deviation of the match there and back [px], shape [n]."""
@@ -58,7 +58,7 @@ class GateValues:
 
 
 def measure_gates(pair: Pair, match: Match) -> GateValues:
-    """The evidence for every match; a match that is not VALID has none."""
+    """Numbers of the gates for every match; a match that is not VALID has none."""
     n = len(pair.points)
     valid = match.outcome == PointOutcome.VALID
     rows = np.flatnonzero(valid)
@@ -92,7 +92,7 @@ def measure_gates(pair: Pair, match: Match) -> GateValues:
 
 
 def disagreement(points: FloatArray, warp: FloatArray, near: IntArray, valid: BoolArray) -> FloatArray:
-    """How far each point lies from where its neighbours put it, median over them [px], shape [n].
+    """Distance of each point from where its neighbours put it, median over them [px], shape [n].
 
     A neighbour puts it at its own match plus the step between them, taken through the mean of both
     gradients: exact for displacements of second order.
@@ -183,7 +183,7 @@ def _looked_for(
 
 
 def _reach(pair: Pair) -> float:
-    """How far apart places on a curve may be and still be the same [px]: a few of its steps."""
+    """Distance up to which places on a curve count as the same [px]: a few of its steps."""
     return 2.0 + 2.0 * max(1, pair.settings.subset // SAMPLES)
 
 
@@ -195,7 +195,7 @@ def _share(candidates: Candidates, home: FloatArray, reach: float) -> FloatArray
 
 
 class Gate(IntFlag):
-    """What a match failed; several may be set."""
+    """Gates of a stereo match; several may be failed."""
 
     CORRELATION = 1
     """No match in the first place: its outcome says why."""

@@ -19,7 +19,7 @@ from dic.stereo.settings import StereoGates, StereoSearch
 
 @dataclass(frozen=True)
 class StereoMatch:
-    """Where camera 1 sees the points of camera 0, one row a point; rows not VALID hold the last try."""
+    """Places of camera 0's points in camera 1, one row a point; rows not VALID hold the last try."""
 
     points: FloatArray
     """Places in the material picture (x, y) [px], shape [n, 2]."""
@@ -42,7 +42,7 @@ class StereoMatch:
         return np.asarray(self.outcome == PointOutcome.VALID)
 
     def count(self) -> dict[Gate, int]:
-        """How many points failed each gate; a point may fail several."""
+        """Number of points that failed each gate; a point may fail several."""
         return {gate: int(np.sum(self.failed & int(gate) != 0)) for gate in Gate}
 
 

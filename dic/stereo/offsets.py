@@ -51,7 +51,7 @@ class Offset:
 
     @property
     def shifts(self) -> tuple[FloatArray, FloatArray]:
-        """What to add to the pixels of camera 0 and of camera 1 [px]."""
+        """Shifts to be added to the pixels of camera 0 and of camera 1 [px]."""
         both = HYPOTHESES[self.where] @ self.value
         return both[:2], both[2:]
 

@@ -25,7 +25,7 @@ ROOM = 2.0
 
 @dataclass(frozen=True)
 class Pair:
-    """What one call of `match_stereo` was given; every point has a place in camera 0."""
+    """Inputs of one stereo match; every point has a place in camera 0."""
 
     rig: StereoRig
     """The cameras."""
@@ -48,7 +48,7 @@ class Pair:
 
     @property
     def places(self) -> FloatArray:
-        """Where camera 0 sees the points [px], shape [n, 2]."""
+        """Places of the points in camera 0 [px], shape [n, 2]."""
         return warps.apply(self.points, self.reference)
 
     def correlate(self, rows: IntArray, guess: FloatArray, **changed: object) -> Match:

@@ -152,7 +152,7 @@ def _along(rig: StereoRig, met: Triangulation, noise: Pair, slopes: Pair) -> Flo
 
 
 def _pixels(track: Track, found: NDArray[np.bool_], camera: int) -> FloatArray:
-    """Where a camera sees its points [px], NaN where it lost them, shape [n_frames, n_points, 2]."""
+    """Pixels of a camera's points [px], NaN where it lost them, shape [n_frames, n_points, 2]."""
     where = apply(np.broadcast_to(track.points, (*found.shape, 2)), track.warp)
     bad = found & ~np.all(np.isfinite(where), axis=-1)
     if np.any(bad):

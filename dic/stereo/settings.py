@@ -1,4 +1,4 @@
-"""What a stereo match may be asked: where to look, and what a match must pass."""
+"""Settings of a stereo match: the search for initial guesses, and the gates."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, kw_only=True)
 class StereoSearch:
-    """Where first guesses are looked for.
+    """Search for initial guesses.
 
     Raises
     ------
@@ -65,7 +65,7 @@ class StereoSearch:
 
 @dataclass(frozen=True, kw_only=True)
 class StereoGates:
-    """What a match must pass; every gate by itself, none knows another's number.
+    """Gates that a match must pass; each by itself, none knows another's number.
 
     Raises
     ------

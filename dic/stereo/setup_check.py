@@ -1,4 +1,4 @@
-"""Whether two cameras fit their calibration at all: pairs found without it, and what they say of it."""
+"""Check of the cameras against their calibration, from pairs found without it."""
 
 from dataclasses import replace
 
@@ -64,7 +64,7 @@ def free_pairs(
 
 
 def check_setup(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> tuple[Finding, ...]:
-    """What the epipolar distances say of cameras and crop offsets; nothing if there are too few pairs.
+    """Findings about cameras and crop offsets from the epipolar distances; none if there are too few pairs.
 
     Parameters
     ----------

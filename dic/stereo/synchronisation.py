@@ -1,4 +1,4 @@
-"""Whether two cameras recorded a moving specimen at the same times, from its epipolar distances.
+"""Synchronisation of two cameras of a moving specimen, from its epipolar distances.
 
 Camera 1 late by τ frames sees every point where it will be τ frames later. Across the epipolar lines that
 shows as an epipolar distance ``τ w``, with w the motion of the point across its line in one frame. Motion
@@ -28,7 +28,7 @@ POINTS = 500
 
 @dataclass(frozen=True)
 class Synchronisation:
-    """How far apart the cameras' frames are."""
+    """Time by which the cameras' frames are apart."""
 
     shifts: IntArray
     """Frames by which camera 1 was assumed to be late, shape [n_shifts]."""
@@ -45,7 +45,7 @@ class Synchronisation:
 
     @property
     def decided(self) -> bool:
-        """Whether the motion across the epipolar lines is large enough to tell one frame from the next."""
+        """True if the motion across the epipolar lines is large enough to tell one frame from the next."""
         return bool(self.motion > LEAST_MOTION and self.late_sigma < 0.1)
 
 

@@ -1,4 +1,4 @@
-"""What the calibration's own uncertainty does to positions: one error common to all points of a test.
+"""Systematic error of positions from the calibration's uncertainty: common to all points of a test.
 
 The parameters θ of a rig are known with a covariance C_θ. A wrong θ moves a point by S δθ with S = ∂X/∂θ at
 fixed pixels, the same δθ for every point and frame. So ``S C_θ Sᵀ`` is the covariance of a position, but it

@@ -37,7 +37,7 @@ class Subsets:
 
     @property
     def places(self) -> FloatArray:
-        """Where camera 0 sees the points [px], shape [n, 2]."""
+        """Places of the points in camera 0 [px], shape [n, 2]."""
         return warps.apply(self.points, self.reference)
 
     def take(self, rows: NDArray[np.int64]) -> "Subsets":
@@ -72,12 +72,12 @@ def subsets(
 
 
 def inside_picture(places: FloatArray, shape: tuple[int, int]) -> BoolArray:
-    """Whether places [px] lie between a picture's outermost pixel centres, shape [...]; NaN does not."""
+    """True where places [px] lie between a picture's outermost pixel centres, shape [...]; NaN does not."""
     return np.asarray(np.all((places >= 0.0) & (places <= (shape[1] - 1.0, shape[0] - 1.0)), axis=-1))
 
 
 def in_mask(places: FloatArray, mask: BoolArray) -> BoolArray:
-    """Whether the pixels nearest to places [px] belong to the mask, shape [...]."""
+    """True where the pixels nearest to places [px] belong to the mask, shape [...]."""
     column, row = np.moveaxis(np.rint(places).astype(np.int64), -1, 0)
     there = (column >= 0) & (row >= 0) & (column < mask.shape[1]) & (row < mask.shape[0])
     return np.asarray(there & mask[np.where(there, row, 0), np.where(there, column, 0)])

@@ -1,4 +1,4 @@
-"""Where two lines of sight meet, and how well that is known.
+"""Triangulation: points in space from two cameras' rays, with covariance.
 
 The point sought is the one whose two projections lie nearest to what was seen, with the weights that the
 noise of the matches gives (Hartley and Zisserman, Multiple View Geometry, 2nd ed., section 12.3)::
@@ -120,7 +120,7 @@ def triangulate(
 def projection_error(
     rig: StereoRig, position: FloatArray, pixels0: FloatArray, pixels1: FloatArray
 ) -> FloatArray:
-    """How far the points' projections lie from what was seen: rms of the two distances [px], shape [...].
+    """Distance of the points' projections from what was seen: rms over the cameras [px], shape [...].
 
     It is what the epipolar distance leaves in both pictures, about |d|/2.
 
@@ -192,7 +192,7 @@ def _nearest(
 
 
 def _before(rig: StereoRig, X: FloatArray) -> NDArray[np.bool_]:
-    """Which points lie in front of both cameras, at a finite distance, shape [n]."""
+    """Points in front of both cameras, at a finite distance, shape [n]."""
     depth = np.stack([camera.in_camera(X)[:, 2] for camera in rig.cameras])
     return np.asarray(np.all(np.isfinite(depth) & (depth > 0.0), axis=0))
 

@@ -1,4 +1,4 @@
-"""What a surface is: cylinder, test frame, outline, symmetry, strains."""
+"""Surfaces in the test frame: cylinder, outline, symmetry, strains, noise floors."""
 
 from dic.surfaces.convert import referenced, static_mean, to_surface
 from dic.surfaces.cylinder import Cylinder, fit_cylinder

@@ -13,7 +13,7 @@ from dic.surfaces.surface_history import SurfaceHistory
 
 
 def referenced(reconstruction: Reconstruction, reference: Sequence[int] = (0,)) -> BoolArray:
-    """Which points are valid in at least one of the reference frames, shape [n_points]."""
+    """Points that are valid in at least one of the reference frames, shape [n_points]."""
     return np.asarray(np.any(reconstruction.outcome[list(reference)] == PointOutcome.VALID, axis=0))
 
 

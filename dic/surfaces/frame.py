@@ -41,7 +41,7 @@ class SpecimenFrame:
         return np.asarray(self.rotation @ C @ self.rotation.T)
 
     def sigma(self, x: FloatArray) -> FloatArray:
-        """What the frame's own uncertainty adds at points of this frame, common to all of them.
+        """Standard deviation that the frame's own uncertainty adds at points of it, common to all of them.
 
         Parameters
         ----------

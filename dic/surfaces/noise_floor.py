@@ -1,4 +1,4 @@
-"""How much a specimen at rest seems to move: noise floors from static frames, in time and in space."""
+"""Noise floors: apparent motion of a specimen at rest, in time and in space, from static frames."""
 
 from dataclasses import dataclass
 

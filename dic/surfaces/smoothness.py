@@ -1,5 +1,4 @@
-"""Points that lie off the smooth surface through their neighbours: a gate that no camera's match can pass
-alone."""
+"""Smoothness gate: points that lie off the surface through their neighbours."""
 
 import numpy as np
 
@@ -21,7 +20,7 @@ ROUNDS = 12
 
 
 def off_surface(position: FloatArray, sigma: FloatArray, valid: BoolArray, cell: IntArray) -> BoolArray:
-    """Which valid points do not lie where their neighbours put them.
+    """Valid points that lie off the smooth surface through their neighbours.
 
     In every frame a polynomial of the grid's columns and rows is fitted to the places of a point's
     neighbours, the point itself left out. The worst point among its neighbours goes first, and all are

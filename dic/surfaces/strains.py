@@ -35,12 +35,12 @@ class StrainOutcome(IntEnum):
 
     @property
     def cause(self) -> str:
-        """What happened, in one sentence."""
+        """Cause of the outcome, in one sentence."""
         return _CAUSES[self][0]
 
     @property
     def cure(self) -> str:
-        """What a user can do about it."""
+        """Cure for a user, in one sentence."""
         return _CAUSES[self][1]
 
 

@@ -83,7 +83,7 @@ class SurfaceHistory:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Which points were found, shape [n_frames, n_points]."""
+        """True where a point was found, shape [n_frames, n_points]."""
         return np.asarray(self.outcome == PointOutcome.VALID)
 
     @property

@@ -1,4 +1,4 @@
-"""How far a surface is from a body of revolution about the test frame's axis, frame by frame."""
+"""Deviation of a surface from a body of revolution about the test frame's axis, frame by frame."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ from dic.surfaces.surface_history import SurfaceHistory
 
 @dataclass(frozen=True)
 class Axisymmetry:
-    """What a body of revolution about y does not explain; NaN in a frame that is not VALID.
+    """Remainder of a surface beside a body of revolution about y; NaN in a frame that is not VALID.
 
     With the polar angle θ about the axis, 0 toward the cameras and positive toward x, the distance of
     the surface from y is fitted by ``r(y) + (a + b (y - y_mid)) sin θ``: a body of revolution whose
@@ -137,5 +137,5 @@ def axisymmetry(
 
 
 def _estimator(terms: FloatArray, sigma: FloatArray) -> FloatArray:
-    """What gives the weighted least-squares unknowns when applied to the data, shape [n_terms, n]."""
+    """Matrix from the data to the weighted least-squares unknowns, shape [n_terms, n]."""
     return np.asarray(np.linalg.pinv(terms / sigma[:, None]) / sigma)

@@ -29,7 +29,7 @@ class RenderedCylinder:
     """Where the axis lies, z [m]."""
 
     def hit(self, camera: Camera, pixels: FloatArray) -> FloatArray:
-        """What a camera sees at `pixels` [px] of the cylinder [m], shape [..., 3]; NaN beside it."""
+        """Points of the cylinder that a camera sees at `pixels` [px] [m], shape [..., 3]; NaN beside it."""
         ideal = camera.undistort(pixels)
         ray = np.concatenate([ideal, np.ones((*ideal.shape[:-1], 1))], axis=-1) @ camera.rotation
         start = camera.centre - np.array([self.x, 0.0, self.z])

@@ -1,4 +1,4 @@
-"""All points in one frame: predicted, handed on by neighbours, searched for."""
+"""Match of all points in one frame: predicted, propagated from neighbours, searched for."""
 
 from dataclasses import dataclass
 
@@ -21,7 +21,7 @@ SEEDS = 40
 
 @dataclass
 class FrameMatch:
-    """What is known of n points in one frame while it is worked on."""
+    """State of the match of n points in one frame."""
 
     picture: Picture
     """As recorded, shape [rows, columns]."""
@@ -109,7 +109,7 @@ class FrameMatch:
         return found
 
     def propagate(self) -> None:
-        """Hand the warps of found points on to their neighbours, round by round (reliability-guided).
+        """Propagate the warps of found points to their neighbours, round by round (reliability-guided).
 
         The neighbour with the best correlation gives the guess. A round takes all points at the front at
         once, and a point is tried again only when one of its neighbours has been found since and has another
@@ -129,7 +129,7 @@ class FrameMatch:
             fresh[found] = True
 
     def confirm(self) -> None:
-        """Give up points that neither their neighbours nor their past vouch for.
+        """Reject points that neither their neighbours nor their prediction confirm.
 
         In a picture of another scene single subsets find something alike; they lie where nobody expects them.
         """

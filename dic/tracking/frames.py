@@ -1,4 +1,4 @@
-"""Which pictures of a series can be used."""
+"""Usable pictures of a series."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ def read(pictures: Series, index: int) -> Picture | None:
 
 @dataclass(frozen=True)
 class Scene:
-    """What a picture of the specimen is recognised by, taken from the material picture."""
+    """Mean and contrast by which a picture of the specimen is recognised, from the material picture."""
 
     mean: float
     """Mean grey value [grey]."""
@@ -55,7 +55,7 @@ class Scene:
         return cls(float(grey.mean()), float(grey.std()))
 
     def judge(self, picture: Picture | None) -> FrameOutcome:
-        """Whether a picture shows a scene.
+        """Outcome of a picture: whether it shows a scene.
 
         A picture is saturated if at least half of its pixels lie within 2 % of its largest grey value and
         that lies above the mean of the material picture. It is black if its contrast is below a tenth of the

@@ -114,7 +114,7 @@ def correlate_windows(
     half: int,
     search: int,
 ) -> tuple[FloatArray, FloatArray]:
-    """Where windows of one picture lie in another, by normalised cross-correlation (FFT), to a pixel.
+    """Places of windows of one picture in another, by normalised cross-correlation (FFT), to a pixel.
 
     The window is cut out of the reference picture as the guess says that it looks in the deformed one, and
     searched for around its guessed place.

@@ -49,7 +49,7 @@ def local_variance(picture: Picture, places: FloatArray, side: int) -> FloatArra
 
 
 def excess(zncc: FloatArray, variance: FloatArray, noise: Noise, grey: float) -> FloatArray:
-    """By how much the residual's variance exceeds that of the noise, over the latter [-], shape [n].
+    """Excess of the residual's variance over that of the noise, over the latter [-], shape [n].
 
     Parameters
     ----------

@@ -67,13 +67,13 @@ class Neighbours:
         return carried(warp[index[here, pick]], self.step[rows][here, pick])
 
     def any(self, usable: BoolArray) -> BoolArray:
-        """Which points have a neighbour among the `usable` ones, shape [n]."""
+        """Points that have a neighbour among the `usable` ones, shape [n]."""
         return np.any(self.there & usable[self.index], axis=1)
 
     def votes(
         self, warp: FloatArray, usable: BoolArray, rows: IntArray, gate: float
     ) -> tuple[IntArray, IntArray]:
-        """How many neighbours put points `rows` where they are.
+        """Number of neighbours that agree with the places of points `rows`.
 
         Parameters
         ----------
@@ -96,7 +96,7 @@ class Neighbours:
         return np.sum(found & (u * u + v * v <= gate * gate), axis=1), np.sum(found, axis=1)
 
     def agreeing(self, warp: FloatArray, usable: BoolArray, rows: IntArray, gate: float) -> BoolArray:
-        """Which points lie where two of their neighbours put them, shape [len(rows)].
+        """Points that lie where two of their neighbours put them, shape [len(rows)].
 
         Two, not most: at the border of two bodies most neighbours may belong to the other one. A point with
         fewer than three neighbours found has nobody to contradict it and agrees. Parameters as in `votes`.
@@ -112,7 +112,7 @@ EVERY = 8
 
 
 class RetrySchedule:
-    """Counts the frames for which n points have been lost."""
+    """Schedule of retries of lost points: counts the frames for which each has been lost."""
 
     def __init__(self, n: int) -> None:
         self.lost = np.zeros(n, dtype=np.int64)
@@ -120,7 +120,7 @@ class RetrySchedule:
 
     @property
     def skipped(self) -> BoolArray:
-        """Points that the next frame leaves alone, shape [n]."""
+        """Points that the next frame does not try, shape [n]."""
         return np.asarray((self.lost >= TRIES) & (self.lost % EVERY != 0))
 
     def add(self, valid: BoolArray, neighbours: Neighbours) -> None:

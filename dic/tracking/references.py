@@ -1,4 +1,4 @@
-"""Which picture each point is compared with, and what the changes of it cost.
+"""References of points: the picture each is compared with, and the variance that its changes add.
 
 A point's references form a chain. Its root is the material picture (or the frame that tracking starts from);
 every later reference is a frame in which the point was found, with the total warp found there. Since the
@@ -58,7 +58,7 @@ def stretch(F: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Template:
-    """What points are compared with: pictures by frame, and where the points lie in them."""
+    """References of points: pictures by frame, and the points' places in them."""
 
     frame: IntArray
     """Frames of the references, shape [m]."""

@@ -1,4 +1,4 @@
-"""Points of a rigid body followed by one camera: one motion predicts them all, and outvotes false matches."""
+"""Tracking of a rigid body by one camera: one motion predicts all points and rejects false matches."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -196,7 +196,7 @@ def _in_view(
 
 
 def _nothing(guess: FloatArray) -> Match:
-    """What a match from these warps gives where no subset reaches into the picture."""
+    """Match of these warps where no subset reaches into the picture."""
     n = len(guess)
     return Match(
         warp=guess,

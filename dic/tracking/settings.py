@@ -1,4 +1,4 @@
-"""How points are followed through a series."""
+"""Settings of the tracking of points through a series."""
 
 from dataclasses import dataclass, field
 

@@ -1,4 +1,4 @@
-"""When a point changes its reference: forward when it no longer looks like it, back when it does again."""
+"""Updates of references: forward when a point no longer correlates, back when it does again."""
 
 from dataclasses import dataclass
 
@@ -85,7 +85,7 @@ class ReferenceUpdates:
         return matcher.template(rows, frame, warp[rows], carried[rows], subset)
 
     def match_last_frame(self, here: FrameMatch, last: Last | None) -> None:
-        """Try lost points with the frame before as their reference; those found so keep it."""
+        """Match lost points with the frame before as their reference; those found so keep it."""
         if last is None:
             return
         calm = self.steps - self.hurried >= PROBATION

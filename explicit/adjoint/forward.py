@@ -27,7 +27,7 @@ class ForwardRun:
     """What was recorded, without leading axes."""
     checkpoints: list[dict[str, NDArray[Any]]]
     """The state at the beginning of every segment."""
-    echo: ReturnedWave
+    wave: ReturnedWave
     """What left and what returned in a moving support."""
 
     @property
@@ -36,7 +36,7 @@ class ForwardRun:
         return sum(values.nbytes for state in self.checkpoints for values in state.values())
 
 
-def march(plan: PhasePlan, sampling: Sampling, steps: StepSequence | None = None) -> ForwardRun:
+def run_forward(plan: PhasePlan, sampling: Sampling, steps: StepSequence | None = None) -> ForwardRun:
     """Run forward, segment by segment of as many steps as the plan's window holds.
 
     Parameters
@@ -65,7 +65,7 @@ def march(plan: PhasePlan, sampling: Sampling, steps: StepSequence | None = None
     rest["touched"][model.mesh.upper_face] = 1
     window.begin(rest)
     window.view["worst"][0] = 0.0
-    echo = ReturnedWave(plan.support)
+    wave = ReturnedWave(plan.support)
     outline = _Outline(plan, sampling.surface_times)
     checkpoints = [window.state(0)]
     taken: list[float] = []
@@ -100,10 +100,10 @@ def march(plan: PhasePlan, sampling: Sampling, steps: StepSequence | None = None
         window.view["timing"][k] = dt, 0.5 * (dt + before), flyer_next
         elapsed = time + dt - model.start
         if plan.moving:
-            window.view["returned"][k] = echo.arrive(elapsed)
+            window.view["returned"][k] = wave.arriving(elapsed)
         plan.sweep_nodes(k)
         if plan.moving:
-            echo.leave(float(window.view["outgoing"][k]), elapsed)
+            wave.record_outgoing(float(window.view["outgoing"][k]), elapsed)
         outline.record(k + 1, time + dt)
         taken.append(dt)
         begun, time, before, k = time, time + dt, dt, k + 1
@@ -121,7 +121,7 @@ def march(plan: PhasePlan, sampling: Sampling, steps: StepSequence | None = None
         surface_r=outline.r,
         surface_y=outline.y,
     )
-    return ForwardRun(sequence, histories, checkpoints, echo)
+    return ForwardRun(sequence, histories, checkpoints, wave)
 
 
 class _Outline:

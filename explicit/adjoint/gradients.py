@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from explicit.adjoint.forward import march
+from explicit.adjoint.forward import run_forward
 from explicit.adjoint.plan import plan
 from explicit.adjoint.reverse import reverse
 from explicit.adjoint.steps import StepSequence
@@ -96,7 +96,7 @@ def gradient(
     if checkpoint_every < 1:
         raise ValueError(f"checkpoint_every must be >= 1 step, got {checkpoint_every}")
     ready = plan(model, samples, stepping or Stepping(), checkpoint_every)
-    forward = march(ready, sampling, steps)
+    forward = run_forward(ready, sampling, steps)
     value, cotangent = objective(forward.histories)
     for name, given in cotangent.items():
         wanted = getattr(forward.histories, name).shape
@@ -129,7 +129,7 @@ def forward_run(
     ValueError
         As `gradient`.
     """
-    done = march(plan(model, samples, stepping or Stepping(), CHECKPOINT_EVERY), sampling, steps)
+    done = run_forward(plan(model, samples, stepping or Stepping(), CHECKPOINT_EVERY), sampling, steps)
     return done.histories, done.steps
 
 

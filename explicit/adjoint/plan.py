@@ -1,4 +1,4 @@
-"""What one simulation needs to march phase by phase: constants, a window of rows, and their gradients."""
+"""One simulation in phases: constants, a window of rows, and their gradients."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -68,7 +68,7 @@ class Window:
 
 @dataclass(frozen=True)
 class PhasePlan:
-    """One simulation, ready to march in phases on the CPU in double precision."""
+    """One simulation, ready to run in phases on the CPU in double precision."""
 
     model: Model
     """What is simulated."""

@@ -39,7 +39,7 @@ class ReturnedWave:
     """What returned in each step."""
     _stored: list[int] = field(default_factory=list)
 
-    def arrive(self, elapsed: float) -> float:
+    def arriving(self, elapsed: float) -> float:
         """The wave that returns in the next step, whose end is `elapsed` [s] after the start [m/s]."""
         source, wave = Source(-1, -1, 0.0), 0.0
         late = elapsed - self.support.round_trip
@@ -53,7 +53,7 @@ class ReturnedWave:
         self.returned.append(wave)
         return wave
 
-    def leave(self, wave: float, elapsed: float) -> None:
+    def record_outgoing(self, wave: float, elapsed: float) -> None:
         """Store the wave that left in that step [m/s]."""
         self.outgoing.append(wave)
         while len(self._stored) * self.support.round_trip / BAR_HISTORY <= elapsed:
@@ -75,7 +75,7 @@ class ReturnedWave:
                 f" {self.support.round_trip:.6g} s); use a smaller checkpoint_every"
             )
 
-    def carry_back(self, first: int, cotangent: FloatArray, outgoing: FloatArray) -> None:
+    def add_cotangent(self, first: int, cotangent: FloatArray, outgoing: FloatArray) -> None:
         """Add what the return in steps from `first` on contributes to the cotangent of what left."""
         for k, by_returned in enumerate(cotangent, start=first):
             early, later, share = self.sources[k]

@@ -39,7 +39,7 @@ def reverse(
     """
     window, steps = plan.window, forward.steps
     gradient, view = window.gradient, window.view
-    forward.echo.check_segments(window.n_steps)
+    forward.wave.check_segments(window.n_steps)
     push = _push_cotangent(sampling, forward, cotangent)
     reached = np.searchsorted(steps.time + steps.dt, sampling.surface_times, side="left")
     late = (steps.time + steps.dt)[reached] - sampling.surface_times
@@ -59,7 +59,7 @@ def reverse(
         window.begin(forward.checkpoints[segment])
         view["timing"][:n] = np.column_stack([steps.dt[now], steps.interval[now], flyer_next[now]])
         if plan.moving:
-            view["returned"][:n] = forward.echo.returned[now]
+            view["returned"][:n] = forward.wave.returned[now]
         if tape is None or n != n_taped:
             tape, n_taped = plan.taped(n), n
         else:  # the same launches on the same rows: only what is in them is new
@@ -80,7 +80,7 @@ def reverse(
         tape.backward()
         carried = {name: gradient[name][0].copy() for name in FIELDS}
         if plan.moving:
-            forward.echo.carry_back(first, gradient["returned"][:n], outgoing)
+            forward.wave.add_cotangent(first, gradient["returned"][:n], outgoing)
     return {name: window.arrays[name].grad.numpy().copy() for name in ("solids", "row", "friction")}
 
 

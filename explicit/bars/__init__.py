@@ -5,7 +5,7 @@ from explicit.bars.coupling import couple
 from explicit.bars.elastic import elastic_bar
 from explicit.bars.events import find_events
 from explicit.bars.flyer_test import simulate_test
-from explicit.bars.impact import Apparatus, march_test
+from explicit.bars.impact import Apparatus, integrate_test
 from explicit.bars.lines import loaded_line, section_force
 from explicit.bars.sections import Section
 
@@ -17,8 +17,8 @@ __all__ = [
     "couple",
     "elastic_bar",
     "find_events",
+    "integrate_test",
     "loaded_line",
-    "march_test",
     "section_force",
     "simulate_test",
 ]

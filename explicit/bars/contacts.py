@@ -46,7 +46,7 @@ class Joint:
 
 
 class ShaperContact:
-    """State of a pulse shaper during a march; the faces touch at first and may part and meet again."""
+    """State of a pulse shaper during a run; the faces touch at first and may part and meet again."""
 
     def __init__(self, shaper: PulseShaper, step: float) -> None:
         """A shaper that has not been loaded."""

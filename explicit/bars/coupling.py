@@ -1,4 +1,4 @@
-"""Specimen and elastic parts together: each marches alone under what the other did, until nothing changes.
+"""Specimen and elastic parts together: each runs alone under what the other did, until nothing changes.
 
 Waveform iteration (Lelarasmee and others 1982), partitioned at the face of the transmission platen: the
 specimen on a support of known motion gives a force, the elastic parts under this force give a motion. The
@@ -15,7 +15,7 @@ from explicit.bars.elastic import ElasticBar, ElasticHistory
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.motion import PlatenMotion
 from explicit.response import Response
-from explicit.run import run
+from explicit.run_batch import run
 from explicit.support import MovingSupport
 
 SURFACE_EVERY = 8
@@ -149,7 +149,7 @@ def mean_force(times: FloatArray, impulse: FloatArray) -> tuple[FloatArray, Floa
 
 def _answer(parts: ElasticBar, knots: FloatArray, impulse: FloatArray, radius: FloatArray) -> ElasticHistory:
     times, force = mean_force(knots, impulse)
-    return parts.march(times, force, np.interp(times, knots, radius))
+    return parts.integrate(times, force, np.interp(times, knots, radius))
 
 
 def _motion(history: ElasticHistory, flyer: PlatenMotion) -> PlatenMotion:

@@ -1,4 +1,4 @@
-"""Elastic platens, transducers and bars as an axisymmetric mesh, marched by central differences.
+"""Elastic platens, transducers and bars as an axisymmetric mesh, integrated by central differences.
 
 The parts are linear elastic: steel under a soft specimen strains by 1e-6. They are loaded on one face and
 free elsewhere. One product of a sparse matrix is one step.
@@ -51,7 +51,7 @@ class ElasticHistory:
 
 @dataclass(frozen=True)
 class ElasticBar:
-    """A mesh of elastic parts that can be marched; made by `elastic_bar`."""
+    """A mesh of elastic parts that can be integrated in time; made by `elastic_bar`."""
 
     mesh: ElasticMesh
     """The mesh."""
@@ -66,7 +66,7 @@ class ElasticBar:
     sections: csr_array = field(repr=False)
     """Force through them over the displacements [N/m], shape [n_depths, 2 n_nodes]."""
 
-    def march(
+    def integrate(
         self, times: FloatArray, force: FloatArray, radius: FloatArray | float, *, safety: float = 0.9
     ) -> ElasticHistory:
         """March from rest under a force that presses evenly on a patch of the face.
@@ -130,7 +130,7 @@ class ElasticBar:
 
 
 def elastic_bar(sections: Sequence[Section], *, size: float, depths: Sequence[float] = ()) -> ElasticBar:
-    """Make elastic parts ready to be marched.
+    """Make elastic parts ready to be integrated.
 
     Parameters
     ----------

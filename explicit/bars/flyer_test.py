@@ -1,8 +1,8 @@
 """The specimen in the whole test: finite elements and one-dimensional bars, iterated to agreement.
 
 The flyer flies free, so it is the specimen that stops it, and a plain waveform iteration would swing. Each
-pass therefore marches the bars with a static curve of the specimen in the loop and with what that curve left
-out in the pass before; only the curve's error is iterated.
+pass therefore integrates the bars with a static curve of the specimen in the loop and with what that curve
+left out in the pass before; only the curve's error is iterated.
 """
 
 from dataclasses import dataclass, replace
@@ -11,11 +11,11 @@ import numpy as np
 
 from explicit.arrays import FloatArray
 from explicit.bars.coupling import mean_force, require_completed
-from explicit.bars.impact import Apparatus, FlightHistory, SpecimenForce, march_test
+from explicit.bars.impact import Apparatus, FlightHistory, SpecimenForce, integrate_test
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.motion import PlatenMotion
 from explicit.response import Response
-from explicit.run import run
+from explicit.run_batch import run
 from explicit.support import MovingSupport
 
 KNOT = 5e-7
@@ -85,7 +85,7 @@ def simulate_test(
     excess = np.zeros((2, len(times)))
     change: list[float] = []
     for _ in range(max_passes):
-        bars = march_test(apparatus, end=end, step=step, specimen=SpecimenForce(*static, *excess))
+        bars = integrate_test(apparatus, end=end, step=step, specimen=SpecimenForce(*static, *excess))
         flyer = _motion(knots, times, bars.flyer_path, bars.flyer_velocity)
         support = _motion(knots, times, -bars.support_path, -bars.support_velocity)
         moved = replace(model, motions=(flyer,), support=MovingSupport((support,)))

@@ -89,7 +89,7 @@ class FlightHistory:
         return self.flyer_path - self.support_path
 
 
-def march_test(
+def integrate_test(
     apparatus: Apparatus, *, end: float, step: float, specimen: SpecimenForce | None = None
 ) -> FlightHistory:
     """March the bars from the striker's touch.

@@ -79,7 +79,7 @@ class LineHistory:
 
 
 class WaveLine:
-    """A row of bonded sections while it is marched; `history` freezes it."""
+    """A row of bonded sections while it is integrated; `history` freezes it."""
 
     def __init__(
         self, sections: Sequence[Section], *, step: float, n_times: int, velocity: float = 0.0
@@ -128,7 +128,7 @@ class WaveLine:
         return self.free_velocity(n, -1) - force / self.impedances[-1]
 
     def history(self) -> LineHistory:
-        """What has been marched."""
+        """What has been integrated."""
         right, left = (tuple(np.array(wave) for wave in waves) for waves in (self.right, self.left))
         return LineHistory(self.sections, self.step, self.n_times, tuple(self.delays), right, left)
 

@@ -186,7 +186,7 @@ class Expressions(Arithmetic):
         return value
 
     def _and_then(self, first: Scalar, node: ast.expr, both: bool) -> Scalar:
-        """The second is looked at only where the first leaves it open: where it holds, or for `or` fails."""
+        """The second is evaluated only where the first leaves it open: where it holds, or for `or` fails."""
         if first.const is not None:
             return self.truth(node) if first.const == both else first
         if first.varying and _is_harmless(node):
@@ -199,8 +199,8 @@ class Expressions(Arithmetic):
             second = self.truth(node)
             inner, self.lines = self.lines, outer
             ctype = "mask" if second.varying else "bool"
-            settled, held = literal(not both, "bool"), first.code if both else f"!{first.code}"
-            default = self.operand(settled, second.varying)
+            decided, held = literal(not both, "bool"), first.code if both else f"!{first.code}"
+            default = self.operand(decided, second.varying)
             self.lines[start:] = [f"{ctype} {result} = {default};", f"if ({held}) {{", *inner]
             self.emit(f"{result} = {second.code};")
             self.emit("}")

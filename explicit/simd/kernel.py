@@ -31,13 +31,13 @@ class LaneKernel:
 
 @cache
 def lane_kernel(
-    march: Any, structs: Structs, precision: Precision, mapping: Mapping, lanes: int
+    time_loop: Any, structs: Structs, precision: Precision, mapping: Mapping, lanes: int
 ) -> LaneKernel:
     """Generate the lanes of a time loop.
 
     Parameters
     ----------
-    march
+    time_loop
         The scalar Warp kernel.
     structs, precision
         Types of its arguments and its arithmetic.
@@ -58,7 +58,7 @@ def lane_kernel(
     }
     arguments["first"] = Scalar("i32", "first")
     code = prelude(lanes, "f64" if precision.name == "fp64" else "f32")
-    code += translator.translate(march.func, arguments)
+    code += translator.translate(time_loop.func, arguments)
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
 
     @wp.func_native(snippet=code)

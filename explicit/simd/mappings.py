@@ -8,7 +8,7 @@ from explicit.simd.values import Array, Known, Scalar, Value, Vector, literal
 
 
 class _Lanes(Control):
-    """What both have in common: a lane is worker and clerk at once."""
+    """What both have in common: a lane is worker and control at once."""
 
     def shared(self, name: str, arguments: Sequence[Value], node: ast.Call) -> Value:
         """The lane functions whose meaning does not depend on what a lane is."""
@@ -35,16 +35,16 @@ class _Lanes(Control):
             return self.load(self.part(parts, (k,), node))  # type: ignore[arg-type]
         if name == "boundary_totals":
             first, second, n = arguments
-            return Vector((self._seat_total(first, n, node), self._seat_total(second, n, node)))
+            return Vector((self._boundary_total(first, n, node), self._boundary_total(second, n, node)))
         raise self.refuse(node, "no meaning over lanes")
 
-    def _seat_total(self, seats: Value, n: Value, node: ast.Call) -> Scalar:
+    def _boundary_total(self, numbers: Value, n: Value, node: ast.Call) -> Scalar:
         """One after the other, whatever the lanes are, so that forces keep their bits."""
-        if not isinstance(seats, Array) or not isinstance(n, Scalar) or n.varying:
-            raise self.refuse(node, "seats and a number that all lanes share are wanted")
-        name, counter, varying = self.name("sum"), self.name("c"), seats.lanes_inside
+        if not isinstance(numbers, Array) or not isinstance(n, Scalar) or n.varying:
+            raise self.refuse(node, "numbers of boundary nodes and a count that all lanes share are wanted")
+        name, counter, varying = self.name("sum"), self.name("c"), numbers.lanes_inside
         ctype = "f64v" if varying else "double"
-        place = f"((f64vu*){seats.name})[{counter}]" if varying else f"{seats.name}[{counter}]"
+        place = f"((f64vu*){numbers.name})[{counter}]" if varying else f"{numbers.name}[{counter}]"
         self.emit(f"{ctype} {name} = ({ctype})(0.0);")
         self.emit(f"for (int {counter} = 0; {counter} < {n.code}; ++{counter}) {name} += {place};")
         return Scalar("f64", name, varying)
@@ -57,7 +57,7 @@ class _Lanes(Control):
 
 
 class LaneIsSimulation(_Lanes):
-    """Every lane is a simulation; elements and nodes are walked one after the other.
+    """Every lane is a simulation; elements and nodes come one after the other.
 
     Fields of the state are laid out with the lanes of an entry side by side.
     """
@@ -75,7 +75,7 @@ class LaneIsSimulation(_Lanes):
         return literal(1, "i32")
 
     def together(self, name: str, arguments: Sequence[Value], node: ast.Call) -> Value:
-        """Nobody to wait for; walked sums are made as the lanes of one simulation would make them."""
+        """Nobody to wait for; sums are made as the lanes of one simulation would make them."""
         if name == "empty_sum":
             return Vector((literal(0, "f64"),) * self.lanes, bank="new")
         if name == "add_to":
@@ -90,7 +90,7 @@ class LaneIsSimulation(_Lanes):
     def _add_to(self, sofar: Vector, share: Scalar, place: Scalar, node: ast.AST) -> Vector:
         """The k-th share belongs to partial sum k modulo the lanes."""
         if sofar.bank in ("", "new") or place.varying:
-            raise self.refuse(node, "a sum has a name, and the walk's number is the place")
+            raise self.refuse(node, "a sum has a name, and all lanes share the element's or node's number")
         part = f"{sofar.bank}[(unsigned)({place.code}) % W]"
         new = self.temporary("f64", f"{part} + {self.pack(share)}", True)
         self.emit(

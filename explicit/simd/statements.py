@@ -60,10 +60,10 @@ class Statements(Memory):
         self.lane_loops: dict[str, Variable] = {}
 
     def translate(self, function: Any, arguments: dict[str, Value]) -> str:
-        """Translate a function of no result until the kinds of its variables are settled."""
-        settled: tuple[int, ...] = ()
-        while settled != self._known_so_far():
-            settled = self._known_so_far()
+        """Translate a function of no result until the kinds of its variables change no more."""
+        known: tuple[int, ...] = ()
+        while known != self._known_so_far():
+            known = self._known_so_far()
             self.serial, self.instances, self.masks = 0, 0, 0
             self.lane_loops.clear()
             self.lines: list[str] = []
@@ -178,7 +178,7 @@ class Statements(Memory):
         if any(item.varying for item in items) or (self.mask is not None and elsewhere):
             self.varying_names.add(key)
             variable.varying = True
-        # Lanes that stay behind are out of step, but for those that leave a walk.
+        # Lanes that stay behind are out of step, but for those that leave a loop over lanes.
         behind = self.mask is not None and elsewhere and self.lane_loops.get(self.mask) is not variable
         if variable.lane and (behind or not all(item.lane for item in items)):
             self.out_of_step.add(key)

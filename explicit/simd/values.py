@@ -56,7 +56,7 @@ class Vector:
     items: tuple[Scalar, ...]
     """Components, all of one kind."""
     bank: str = ""
-    """C++ array of the components where they are the partial sums of a walked sum."""
+    """C++ array of the components where they are the partial sums over elements or nodes."""
 
 
 @dataclass(frozen=True)

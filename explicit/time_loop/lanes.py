@@ -17,8 +17,8 @@ BARRIER = """
 """
 """Lanes of one simulation meet here; a single lane (CPU) has nobody to wait for."""
 
-# A GPU's block has a clerk, its last warp, which keeps the clock while the others sweep the elements.
-# Totals are handed to it warp by warp and added in one order.
+# The last warp of a GPU's block, the control warp, does the bookkeeping of each step while the others sweep
+# the elements. Totals are handed to it warp by warp and added in one order.
 _HAND_OVER = """
 #if defined(__CUDA_ARCH__)
     #pragma unroll
@@ -46,7 +46,7 @@ _TAKE = """
 #endif
 """
 _SUM, _LARGER = "x + other", "x > other ? x : other"
-_SEAT_TOTALS = """
+_BOUNDARY_TOTALS = """
     wp::vec_t<2, wp::float64> sums(0.0, 0.0);
 #if defined(__CUDA_ARCH__)
     #pragma unroll 1
@@ -71,7 +71,7 @@ one wait for each other those of the others go on."""
 SHARING = 4
 """How many those are."""
 WARPS = BLOCK // 32
-"""Most warps of a block; its last one is the clerk."""
+"""Most warps of a block; its last one is the control warp."""
 
 _INSIDE = f"((signed)blockDim.x - (blockDim.x < {BLOCK} ? 32 : 96))"
 
@@ -87,7 +87,10 @@ def _either(cuda: str, cpu: str) -> str:
 
 @dataclass(frozen=True)
 class LaneFunctions:
-    """What lanes do together. On a GPU they are a block with a clerk; elsewhere a lane is all of them."""
+    """What lanes do together: workers, which sweep elements and nodes, and the control warp.
+
+    On a GPU the lanes are the threads of a block; elsewhere every lane is worker and control at once.
+    """
 
     sync: Any
     """``sync()``: every lane waits for the others; their writes are visible after it."""
@@ -100,9 +103,9 @@ class LaneFunctions:
     n_workers: Any
     """``n_workers()``: how many those are."""
     is_control: Any
-    """``is_control(lane)``: 1 for a lane of the clerk."""
+    """``is_control(lane)``: 1 for a lane of the control warp."""
     is_writer: Any
-    """``is_writer(lane)``: 1 for the lane of the clerk that writes what is written once."""
+    """``is_writer(lane)``: 1 for the lane of the control warp that writes what is written once."""
     put_total: Any
     """``put_total(parts, k, x)``: hand over the k-th total, of every lane's x."""
     put_largest: Any
@@ -112,18 +115,19 @@ class LaneFunctions:
     get_largest: Any
     """``get_largest(parts, k)``: the k-th largest value."""
     boundary_totals: Any
-    """``boundary_totals(first, second, n)``: sums of n numbers each, on every lane of the clerk."""
+    """``boundary_totals(first, second, n)``: sums of n numbers each, over boundary nodes, on every lane of
+    the control warp."""
     control_sync: Any
-    """``control_sync()``: the clerk's lanes have read what they are about to write."""
+    """``control_sync()``: the control warp's lanes have read what they are about to write."""
     boundary_first: Any
-    """``boundary_first(lane)``: the seat of the boundary at which a worker begins."""
+    """``boundary_first(lane)``: the boundary node at which a worker begins."""
     first_inner: Any
     """``first_inner(lane)``: the node of the interior at which a worker begins. A whole block keeps its last
     workers for the boundary, where a node takes several times as long."""
     inner_stride: Any
     """``inner_stride()``: how far a worker goes on there."""
     control_first: Any
-    """``control_first(lane)``: where a lane of the clerk begins a walk."""
+    """``control_first(lane)``: where a lane of the control warp begins a sweep of its own."""
     control_stride: Any
     """``control_stride()``: how far it goes on."""
 
@@ -176,7 +180,7 @@ def lane_functions() -> LaneFunctions:
     @wp.func_native(snippet=take_largest)
     def get_largest(parts: parts_of, k: int) -> wp.float64: ...
 
-    @wp.func_native(snippet=_SEAT_TOTALS)
+    @wp.func_native(snippet=_BOUNDARY_TOTALS)
     def boundary_totals(first: parts_of, second: parts_of, n: int) -> wp.vec2d: ...
 
     @wp.func_native(snippet=_either("__syncwarp();", ""))

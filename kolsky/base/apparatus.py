@@ -76,10 +76,12 @@ class Interface:
     """How the specimen holds to the platens; each entry names a contact law of `explicit.contact`."""
 
     faces: str
-    """Law of the end faces: "bonded", "bonded_release", "rough", "coulomb" or "frictionless"."""
+    """Law of the end faces."""
     side: str
-    """Law of the side surface where it rolls onto a platen, same names."""
+    """Law of the side surface where it rolls onto a platen."""
     friction: float = 0.0
-    """Coulomb coefficient, used where a law is "coulomb" [-]."""
+    """Coulomb coefficient, where a law reads it [-]."""
     release_stress: float = 0.0
-    """Tensile stress at which a node lets go, used where a law is "bonded_release" [Pa]."""
+    """Tensile stress at which a node lets go, where a law reads it [Pa]."""
+    contact_stiffness: float = 1e13
+    """Stiffness of the springs of contact over the undeformed area, where a law reads it [Pa/m]."""

@@ -22,6 +22,7 @@ DIMENSIONS = {
     "kg": ("a mass", "7.1 g"),
     "N": ("a force", "12 N"),
     "m/N": ("a compliance", "0.2 um/N"),
+    "Pa/m": ("a stress per length", "1e13 Pa/m"),
     "1": ("a plain ratio", "0.2 %"),
 }
 """What this package measures: SI unit -> (dimension in words, an example)."""

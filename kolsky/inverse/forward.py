@@ -129,6 +129,7 @@ class Forward:
             fields = p.entered(fields, values.get(name, p.held(self.shot)))
         samples = explicit.Samples.of(
             **fields,
+            contact_stiffness=interface.contact_stiffness,
             motion=np.asarray(motion, dtype=np.int64),
             material=np.asarray(material, dtype=np.int64),
         )

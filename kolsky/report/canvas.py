@@ -1,4 +1,4 @@
-"""Figures on paper: built without a window or global state, saved alone or as SVG for a page."""
+"""Building and saving of figures without a window or global state, alone or as SVG for a page."""
 
 import io
 import xml.etree.ElementTree as ElementTree
@@ -15,13 +15,13 @@ from kolsky.base.files import replacing
 from kolsky.inverse.result import Identification
 from kolsky.report.display_units import in_display_units
 from kolsky.report.figure_data import write_data
-from kolsky.report.figures import REGISTRY, FigureKind
+from kolsky.report.figures import FigureKind, figures_of
 from kolsky.report.formats import FIGURES
 
 STYLE = Path(__file__).with_name("kolsky.mplstyle")
 FORMATS = FIGURES
 ON_PAGE = 350.0
-"""Resolution of pictures inside the figures of a page [dots per inch]: that of the rendered stills."""
+"""Resolution of pictures inside the figures of a page [dots per inch], that of the rendered stills."""
 _MM_PER_INCH = 25.4
 _SVG, _LINK = "{http://www.w3.org/2000/svg}", "{http://www.w3.org/1999/xlink}"
 
@@ -39,7 +39,7 @@ def build(kind: FigureKind[Any], shown: Any) -> Figure:
     kind : FigureKind
         An entry of one of the registries in `figures`.
     shown : Identification or SurfaceView
-        What that registry's figures show; `kind.applies` must be true for it.
+        Result to show; `kind.applies` must be true for it.
     """
     size = (kind.width / _MM_PER_INCH, kind.height(shown) / _MM_PER_INCH)
     with matplotlib.rc_context(_style()):
@@ -53,7 +53,7 @@ def build(kind: FigureKind[Any], shown: Any) -> Figure:
                 spine.set_in_layout(False)  # ticks point inward: a spine lies on the edge of its axes
         layout = figure.get_layout_engine()
         assert layout is not None
-        layout.execute(figure)  # once and for all: each saving would draw twice for it
+        layout.execute(figure)  # once: every saving would draw twice for it
         figure.set_layout_engine(None)
     return figure
 
@@ -70,18 +70,20 @@ def save_figures(
     Parameters
     ----------
     folder : Path
-        Where to; made if absent.
-    shown : Identification or SurfaceView
-        What the figures of the registry show.
+        Folder; created if absent.
+    shown : Identification or another result
+        Result that the figures show.
     formats : iterable of str
         Any of "pdf", "svg", "png" (600 dots per inch) and "csv", the data that the figure shows.
     registry : mapping
-        The figures; those of an identification if not given.
+        The figures; those of `kolsky.report.figures.figures_of` if not given.
 
     Raises
     ------
     ValueError
         If a format is not one of these.
+    TypeError
+        If no figure shows things of this class.
     """
     formats = tuple(formats)
     unknown = [name for name in formats if name not in FORMATS]
@@ -90,7 +92,7 @@ def save_figures(
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     written = []
-    for kind in (REGISTRY if registry is None else registry).values():
+    for kind in (figures_of(shown) if registry is None else registry).values():
         if not kind.applies(shown):
             continue
         figure = build(kind, shown)

@@ -1,4 +1,4 @@
-"""A result in the units in which a reader thinks: damping in µs, not in 1e-5 s."""
+"""An identification in display units, e.g. damping in µs."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -12,9 +12,9 @@ from kolsky.report.nomenclature import factor_of, name_of
 
 
 def in_display_units(result: Identification) -> Identification:
-    """The result with every parameter in the unit of `kolsky.report.nomenclature`, for pages and figures.
+    """Return a result with every parameter in the unit of `kolsky.report.nomenclature`.
 
-    Files and JSON stay in SI. Apply it once: the result of it is no longer in SI.
+    For pages and figures; files and JSON stay in SI. Apply it once: its result is no longer in SI.
     """
     factors = np.array([factor_of(name) for name in result.design.names])
     design = replace(
@@ -43,7 +43,7 @@ def in_display_units(result: Identification) -> Identification:
 
 
 def estimate_in_display_units(e: Estimate) -> Estimate:
-    """One estimate in its shown unit."""
+    """Return one estimate in its display unit."""
     factor = factor_of(e.name)
     return replace(
         e,

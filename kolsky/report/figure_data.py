@@ -1,8 +1,8 @@
-"""The data behind a figure as a CSV table, read from what was drawn: the two cannot differ.
+"""Data of a figure as a CSV table, read from the drawn artists, so that the two cannot differ.
 
-One row a point: panel, the axes' quantities with their units, the series' label, its kind, x, y and, where a
-colour or an arrow says a third thing, the value. Guides across a whole panel and camera pictures are no data
-and stay out.
+One row per point: panel, the quantities of the axes with their units, the label of the series, its kind, x, y
+and, for colours and arrows, a value. Guides across a whole panel and camera pictures are no data and are left
+out.
 """
 
 from collections.abc import Iterator
@@ -27,11 +27,11 @@ Points = tuple[str, NDArray[Any], NDArray[Any], NDArray[Any] | None]
 """Kind, x, y and values of an artist."""
 COLUMNS = ("panel", "x axis", "y axis", "series", "kind", "x", "y", "value", "value axis")
 PICTURES = frozenset({"gray", "grey", "Greys_r"})
-"""Colour maps of camera pictures, which are shown but are not what a figure says."""
+"""Colour maps of camera pictures, which are no data of a figure."""
 
 
 def write_data(path: Path, figure: Figure) -> Path:
-    """Write the data of a figure, a row a point; an older file is replaced when the new one is complete."""
+    """Write the data of a figure, one row per point; an older file is replaced by the complete new one."""
     rows = list(_rows(figure))
     return write_table(path, {name: [row[i] for row in rows] for i, name in enumerate(COLUMNS)})
 
@@ -46,11 +46,11 @@ def _rows(figure: Figure) -> Iterator[tuple[Any, ...]]:
             label = str(artist.get_label())
             series = f"{count}" if label.startswith("_") or not label else label
             bar = getattr(artist, "colorbar", None)
-            says = "" if bar is None else bar.ax.get_ylabel() or bar.ax.get_xlabel()
+            third = "" if bar is None else bar.ax.get_ylabel() or bar.ax.get_xlabel()
             for kind, x, y, value in _points(artist, ax):
                 values = [""] * len(x) if value is None else _plain(value)
                 for row in zip(_plain(x), _plain(y), values, strict=True):
-                    yield (panel, *axes, series, kind, *row, says)
+                    yield (panel, *axes, series, kind, *row, third)
 
 
 def _artists(ax: Axes) -> list[Artist]:
@@ -59,7 +59,7 @@ def _artists(ax: Axes) -> list[Artist]:
 
 
 def _points(artist: Any, ax: Axes) -> Iterator[Points]:
-    """What an artist shows, if it stands where its data say."""
+    """Yield the points of an artist that is drawn in data coordinates."""
     match artist:
         case Line2D() if artist.get_transform() == ax.transData:
             yield "line", np.asarray(artist.get_xdata()), np.asarray(artist.get_ydata()), None
@@ -96,7 +96,7 @@ def _points(artist: Any, ax: Axes) -> Iterator[Points]:
 
 
 def _image(artist: Any) -> Points:
-    """An image as the centres of its cells."""
+    """Return an image as values at the centres of its cells."""
     values: NDArray[Any] = np.ma.filled(np.ma.asarray(artist.get_array(), dtype=float), np.nan)
     left, right, bottom, top = artist.get_extent()
     if artist.origin == "upper":

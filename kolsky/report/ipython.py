@@ -1,4 +1,4 @@
-"""IPython is told which types have an HTML view; by name, so that nothing is imported before it is shown."""
+"""Registration of the HTML views with IPython, by name of the type, so that nothing is imported early."""
 
 import sys
 from collections.abc import Callable
@@ -15,7 +15,7 @@ SHOWN = (
 
 
 def register() -> None:
-    """Tell the running IPython, if there is one, how shots, surfaces and identifications are shown."""
+    """Register the views with the running IPython, if there is one."""
     ipython = sys.modules.get("IPython")
     shell = ipython.get_ipython() if ipython is not None else None
     if shell is not None:
@@ -29,6 +29,6 @@ def register_with(for_type_by_name: Callable[[str, str, Callable[[Any], str]], A
 
 
 def _html(data: Any) -> str:
-    from kolsky.report.notebook import html  # loads the report's rooms: when something is shown, not before
+    from kolsky.report.notebook import html  # loads much: when something is shown, not before
 
     return html(data)

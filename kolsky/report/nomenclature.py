@@ -9,14 +9,14 @@ from kolsky.inverse.parameters import PARAMETERS
 
 @dataclass(frozen=True)
 class Name:
-    """How a parameter is written."""
+    """Symbol, words and display unit of a parameter."""
 
     symbol: str
     """Symbol in plain text, e.g. "m"."""
     tex: str
     """Symbol for figures (mathtext without dollar signs)."""
     words: str
-    """What it is."""
+    """Words, e.g. "stiffness factor"."""
     unit: str
     """Unit in which it is shown, "1" if none."""
     factor: float = 1.0
@@ -45,7 +45,7 @@ _ROUTES = {
 
 
 def name_of(parameter: str, unit: str | None = None) -> Name:
-    """How a parameter is written; one that is not in the list is written as it is called."""
+    """Return how a parameter is written; an unknown one is written by its key."""
     known = _known(parameter)
     if known is not None:
         return known
@@ -55,22 +55,22 @@ def name_of(parameter: str, unit: str | None = None) -> Name:
 
 
 def short(parameter: str) -> str:
-    """A parameter inside a sentence: its first words and its symbol, e.g. "stiffness factor m"."""
+    """Return a parameter for use in a sentence: first words and symbol, e.g. "stiffness factor m"."""
     name = name_of(parameter)
     words = re.split(r",| between| of the initial| at which", name.words)[0]
     return words if name.symbol == words else f"{words} {name.symbol}"
 
 
 def in_words(text: str, names: Iterable[str] = ()) -> str:
-    """A sentence with `short` for every parameter that it calls as the API does.
+    """Return a sentence in which every API name of a parameter is replaced by `short`.
 
     Parameters
     ----------
     text
         The sentence.
     names
-        Parameters to look for, beside those whose API name is no word of English: "friction" can be meant as
-        the word.
+        Parameters to replace, beside those whose API name is no English word; "friction" may be the plain
+        word.
     """
     known = {*names, *(name for name in (*PARAMETERS, *_NAMES) if "_" in name)}
     called = "|".join(sorted(map(re.escape, known), key=len, reverse=True))
@@ -78,13 +78,13 @@ def in_words(text: str, names: Iterable[str] = ()) -> str:
 
 
 def factor_of(parameter: str) -> float:
-    """Shown number over SI number."""
+    """Return the displayed number over the SI number."""
     known = _known(parameter)
     return 1.0 if known is None else known.factor
 
 
 def axis_label(parameter: str, unit: str | None = None) -> str:
-    """Label of an axis for a parameter: words, symbol and unit in brackets."""
+    """Return the axis label of a parameter: words, symbol and unit in brackets."""
     name = name_of(parameter, unit)
     words = name.words.split(",")[0].split(" between")[0]
     unit = "–" if name.unit == "1" else name.unit
@@ -94,7 +94,7 @@ def axis_label(parameter: str, unit: str | None = None) -> str:
 
 
 def route_label(route: str) -> str:
-    """What a route of `Identification.routes` minimises."""
+    """Return the objective of a route of `Identification.routes` in words."""
     return _ROUTES.get(route, route)
 
 
@@ -175,7 +175,7 @@ LABELS = {
     "recordings.window_end_s": "window, last time",
     "recordings.symmetry_end_s": "end of symmetry by the flyer’s flight",
 }
-"""Words for the dotted keys of provenance; a key that is not here is shown as it is."""
+"""Words for the dotted keys of provenance; other keys are shown unchanged."""
 
 UNITS = {
     "specimen.diameter": (1e3, "mm"),
@@ -203,10 +203,10 @@ JOINED = {
     "refined_mesh": " × ",
     "replicate_mesh": " × ",
 }
-"""What stands between the numbers of a list; a comma otherwise."""
+"""Separator of the numbers of a list; a comma otherwise."""
 
 DEFAULTS = {"numerics.threads": "all cores", "numerics.compressible": "none, run directly"}
-"""What a value that was left out means."""
+"""Text for a value of None."""
 
 DIGITS = {
     "window_s": 4,
@@ -241,7 +241,7 @@ QUALITY = {
 
 
 def label(key: str) -> str:
-    """Words for a dotted key; "free.damping" and "held.damping" name the parameter."""
+    """Return the words for a dotted key; "free.damping" and "held.damping" name the parameter."""
     kind, dot, name = key.partition(".")
     if dot and kind in ("free", "held"):
         known = name_of(name)
@@ -250,7 +250,7 @@ def label(key: str) -> str:
 
 
 def written(key: str) -> tuple[float, str, str, str, int]:
-    """How a value is shown: factor, unit, what joins a list, what None means, significant digits."""
+    """Return how a value is shown: factor, unit, separator of a list, text for None, significant digits."""
     factor, unit = UNITS.get(key, (1.0, ""))
     kind, dot, name = key.partition(".")
     if dot and kind in ("free", "held"):

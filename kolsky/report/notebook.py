@@ -1,6 +1,6 @@
-"""Shots, surfaces and answers in a notebook: HTML for IPython, tables for pandas and xarray.
+"""Notebook views of shots, surfaces and identifications: HTML for IPython, tables for pandas and xarray.
 
-Data know nothing of this: the views are functions of the data; `kolsky.report.ipython` tells IPython of them.
+The views are functions of the data, which do not import them; `kolsky.report.ipython` registers them.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ __all__ = ["html", "to_dataframe", "to_xarray"]
 
 @singledispatch
 def html(data: object) -> str:
-    """A shot, a measured surface or an identification as an HTML table for a notebook.
+    """Return a shot, a measured surface or an identification as an HTML table.
 
     Raises
     ------
@@ -34,13 +34,13 @@ def html(data: object) -> str:
 
 @singledispatch
 def to_dataframe(data: object, table: str = "") -> Any:
-    """A shot, a measured surface or an identification as a table of pandas (SI, units in the headers).
+    """Return a shot, a measured surface or an identification as a pandas table (SI, units in the headers).
 
     Parameters
     ----------
     data
-        A shot: a row a value that was understood of it. A surface: a row a point of a frame. An
-        identification: the `table` that is named.
+        A shot: one row per value of its file. A surface: one row per point and frame. An identification:
+        the `table` of that name.
     table
         Of an identification: "estimates" (the default), "routes", "force", "profile", "design" or "energy";
         the last four are the CSV files of the same names.
@@ -63,11 +63,11 @@ def to_dataframe(data: object, table: str = "") -> Any:
 
 @singledispatch
 def to_xarray(data: object) -> Any:
-    """A measured surface or an identification as a dataset of xarray, SI.
+    """Return a measured surface or an identification as an xarray dataset, SI.
 
-    An identification has the check run beside the data: force over "force_time" [s], outline over "point",
-    energies over "surface_time" [s]; the estimates are its attributes. A surface has "frame", "point" and
-    "component"; lost points are NaN, and `outcome` says why.
+    An identification has measured and simulated force over "force_time" [s], outline over "point", and the
+    energies of the simulation over "surface_time" [s]; its attributes are the estimates. A surface has
+    "frame", "point" and "component"; lost points are NaN, with the cause in `outcome`.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Numbers as a reader wants them: rounded by their uncertainty, never sixteen digits."""
+"""Numbers as text, rounded by their uncertainty or to significant digits."""
 
 import math
 
@@ -8,7 +8,7 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def measured(value: float, uncertainty: float) -> tuple[str, str]:
-    """A value and its expanded uncertainty, both to the second significant digit of the uncertainty.
+    """Return a value and its expanded uncertainty, both to the second significant digit of the uncertainty.
 
     Parameters
     ----------
@@ -19,7 +19,7 @@ def measured(value: float, uncertainty: float) -> tuple[str, str]:
     -------
     tuple of str
         For example ("1.1200", "0.0050"); ("2.50 × 10⁻⁵", "0.13 × 10⁻⁵"). Four digits and "–" if the
-        uncertainty is zero or not finite, as nothing then says how many digits count.
+        uncertainty is zero or not finite, since the number of significant digits is then unknown.
     """
     if not (math.isfinite(value) and math.isfinite(uncertainty) and uncertainty > 0.0):
         return plain(value), plain(uncertainty) if math.isfinite(uncertainty) else NOTHING
@@ -36,12 +36,12 @@ def measured(value: float, uncertainty: float) -> tuple[str, str]:
 
 
 def like(value: float, uncertainty: float) -> str:
-    """A value rounded as `measured` would."""
+    """Return a value rounded as by `measured`."""
     return measured(value, uncertainty)[0]
 
 
 def part(value: float, uncertainty: float) -> str:
-    """A contribution to an expanded uncertainty, one digit finer than `measured` writes the whole."""
+    """Return a contribution to an expanded uncertainty, one digit finer than `measured` rounds it."""
     if not (math.isfinite(value) and math.isfinite(uncertainty) and uncertainty > 0.0):
         return plain(value, 2)
     last = _exponent(uncertainty, digits=2) - 2
@@ -49,7 +49,7 @@ def part(value: float, uncertainty: float) -> str:
 
 
 def rounded(value: float, last: int) -> str:
-    """A number rounded at the power of ten `last`, e.g. rounded(1234.5, 1) is "1230"."""
+    """Return a number rounded at the power of ten `last`, e.g. rounded(1234.5, 1) is "1230"."""
     if not math.isfinite(value):
         return NOTHING
     text = f"{round(value, -last):.{max(0, -last)}f}"
@@ -57,7 +57,7 @@ def rounded(value: float, last: int) -> str:
 
 
 def plain(value: float, digits: int = 4) -> str:
-    """A number with `digits` significant digits; powers of ten below 1e-3 and from 1e6."""
+    """Return a number with `digits` significant digits; as a power of ten below 1e-3 and from 1e6."""
     if not math.isfinite(value):
         return NOTHING
     if value == 0.0:
@@ -70,13 +70,13 @@ def plain(value: float, digits: int = 4) -> str:
 
 
 def percent(share: float, digits: int = 2) -> str:
-    """A share of one in percent."""
+    """Return a fraction in percent."""
     text = plain(100.0 * share, digits)
     return text if text == NOTHING else f"{text} %"
 
 
 def _exponent(value: float, *, digits: int) -> int:
-    """Power of ten of the leading digit after rounding to `digits` (0.0999 with 2 digits gives -1)."""
+    """Return the power of ten of the leading digit after rounding (0.0999 with 2 digits gives -1)."""
     return int(f"{abs(value):.{digits - 1}e}".split("e")[1])
 
 

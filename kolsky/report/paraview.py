@@ -21,7 +21,7 @@ def write_vtu(
     Parameters
     ----------
     folder : Path
-        Where to; made if absent. `mesh.pvd` lists the series with its times.
+        Folder; created if absent. `mesh.pvd` lists the series with its times.
     response : Response
         A batch that kept its nodes.
     quads : array
@@ -29,7 +29,7 @@ def write_vtu(
     sample : int
         Row of the batch.
     every : int
-        Write every so many surface times, the first included.
+        Write one surface time in this many, the first included.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def write_vtu(
             f"quads must have shape [n_elements, 4] and entries in [0, {nodes.shape[1] - 1}], "
             f"got shape {quads.shape} and entries in [{quads.min()}, {quads.max()}]"
         )
-    import pyvista  # heavy, and nothing else of the report needs it
+    import pyvista  # heavy
 
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -88,14 +88,14 @@ def _in_space(plane: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def write_vtp(folder: Path, body: Body, name: str = "specimen") -> list[Path]:
-    """Write the valid points of every frame, joined to triangles over the grid they were chosen on.
+    """Write the valid points of every frame, joined to triangles over their grid.
 
     Parameters
     ----------
     folder : Path
-        Where to; made if absent. `<name>.pvd` lists the series with its times.
+        Folder; created if absent. `<name>.pvd` lists the series with its times.
     body : Body
-        The points. A triangle is left out where one of its corners was lost.
+        The points. A triangle with a lost corner is left out.
     name : str
         Beginning of the files' names.
 
@@ -106,7 +106,7 @@ def write_vtp(folder: Path, body: Body, name: str = "specimen") -> list[Path]:
         sigma [m], the epipolar distance and the standard deviation of a match [px], the correlation and the
         point's number.
     """
-    import pyvista  # heavy, and nothing else of the report but the meshes needs it
+    import pyvista  # heavy
 
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -142,7 +142,7 @@ def write_vtp(folder: Path, body: Body, name: str = "specimen") -> list[Path]:
 
 
 def grid_triangles(cell: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Two triangles for every square of four neighbouring points of a grid.
+    """Return two triangles for every square of four neighbouring points of a grid.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ ROUTES = {"force only": "force only", "shape only": "shape only", "paper": "cost
 
 
 def answer(e: Estimate) -> str:
-    """The one line a user wants, e.g. "m = 1.1220 ± 0.0040 (k = 2)"; a verdict that is not good follows."""
+    """Return an estimate as one line, "m = 1.1220 ± 0.0040 (k = 2)"; also the verdict unless identified."""
     e = estimate_in_display_units(e)
     value, uncertainty = numbers.measured(e.value, 2.0 * e.sigma)
     unit = "" if e.unit == "1" else f" {plain(e.unit)}"
@@ -26,7 +26,7 @@ def answer(e: Estimate) -> str:
 
 
 def details(found: Identification) -> dict[str, str]:
-    """What the answers rest on: a name and a value each."""
+    """Return verdict, interval, uncertainties and optima of all routes: names and values."""
     found = in_display_units(found)
     rows = [("shot", found.shot)]
     for name, e in found.estimates.items():
@@ -50,7 +50,7 @@ def details(found: Identification) -> dict[str, str]:
 
 
 def columns(rows: Mapping[str, Any]) -> list[str]:
-    """Names and values in two columns; numbers with six digits."""
+    """Return names and values in two columns; numbers with six digits."""
     width = max(map(len, rows), default=0)
     return [f"  {name:<{width}}  {_shown(value)}" for name, value in rows.items()]
 
@@ -75,7 +75,7 @@ def _symbol(name: str) -> str:
 
 
 def plain(text: str) -> str:
-    """A number of `kolsky.report.numbers` in characters every terminal has, e.g. "2.5e-5"."""
+    """Return a number of `kolsky.report.numbers` in ASCII where possible, e.g. "2.5e-5"."""
     text = _POWER.sub(lambda power: "e" + power[1].translate(_LOWERED), text)
     return text.replace("µ", "u").replace(numbers.MINUS, "-").replace(numbers.NOTHING, "unknown")
 

@@ -1,4 +1,4 @@
-"""What the figures of a stereo result show beside its numbers: some pictures, and one column of all."""
+"""Pictures for the figures of a stereo result: a few whole ones, and one column of all."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from kolsky.bars.flyer.flight_report import FlightOfSpecimen
 from kolsky.base.arrays import FloatArray
 
 SHOWN = 4
-"""Pictures that are shown."""
+"""Number of pictures shown."""
 
 
 @dataclass(frozen=True)
@@ -27,12 +27,11 @@ class SurfaceView:
     pictures: Mapping[int, NDArray[np.generic]]
     """Some pictures of camera 0 by frame, each of shape [rows, columns]."""
     kymograph: FloatArray
-    """The centre line's column of every picture of camera 0, NaN where it cannot be read, [rows,
-    n_frames]."""
+    """Column of the outline (x = 0) in every picture of camera 0, NaN where unreadable, [rows, n_frames]."""
     flight: FlightOfSpecimen | str = "not asked for"
-    """The flyer's flight, or why it is not known."""
+    """Flight of the flyer, or the reason why it is unknown."""
     speckles: tuple[Speckles | None, Speckles | None] = (None, None)
-    """Both cameras' speckles at rest, None where they cannot be judged."""
+    """Speckles of both cameras in the static pictures, None where they cannot be evaluated."""
 
 
 def read_surface_view(
@@ -41,10 +40,7 @@ def read_surface_view(
     pictures: tuple[Pictures, Pictures],
     flight: FlightOfSpecimen | str = "not asked for",
 ) -> SurfaceView:
-    """Read what the figures show of the pictures, most of it of camera 0's.
-
-    The centre line is followed across the picture at the row where the specimen's points lie in the mean.
-    """
+    """Read the pictures of camera 0 for the figures and evaluate the speckles of both cameras."""
     chosen, first = set(shown_frames(result)), pictures[0]
     column = _column(result, first.shape[1])
     kymograph = np.full((first.shape[0], first.n_frames), np.nan)
@@ -68,7 +64,7 @@ def read_surface_view(
 
 
 def shown_frames(result: StereoResult) -> list[int]:
-    """Frames at equal distances, of those with points: the first, the last and two between them."""
+    """Return frames at equal intervals among those with points: the first, the last and two between."""
     usable = np.flatnonzero(result.specimen.n_valid > 0)
     if usable.size == 0:
         return []
@@ -76,7 +72,7 @@ def shown_frames(result: StereoResult) -> list[int]:
 
 
 def _column(result: StereoResult, columns: int) -> int:
-    """The column of camera 0 in which the centre line lies, from the points nearest to x = 0."""
+    """Return the column of camera 0 of the outline, from the points nearest to x = 0."""
     body = result.specimen
     nearest = np.argsort(np.abs(body.surface.X[:, 0]))[: max(3, body.surface.n_points // 20)]
     return int(np.clip(np.round(np.median(body.points[nearest, 0])), 0, columns - 1))

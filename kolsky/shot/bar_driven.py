@@ -9,7 +9,7 @@ from pydantic import ConfigDict, model_validator
 from kolsky.bars.flyer.front_path import BarForce, back_force, front_path, front_velocity
 from kolsky.bars.records import FaceWaves, Reduction
 from kolsky.bars.reduction.analyse import analyse
-from kolsky.base.apparatus import Bar, Interface, Specimen
+from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.errors import InputError
 from kolsky.base.records import CentreLine
 from kolsky.shot.bars import load_waves
@@ -151,12 +151,7 @@ def load_bar_driven(source: Source) -> Shot:
             folder=folder,
             file=file,
             specimen=Specimen(**declared.specimen.model_dump()),
-            interface=Interface(
-                faces=declared.interface.faces,
-                side=declared.interface.side,
-                friction=declared.interface.friction or 0.0,
-                release_stress=declared.interface.release_stress or 0.0,
-            ),
+            interface=declared.interface.interface(),
             support="bar",
             transmission_bar=Bar(**vars(given.bars["transmission"])),
             model=ModelSettings(**declared.model.model_dump()),

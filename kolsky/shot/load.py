@@ -5,7 +5,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from kolsky.base.apparatus import Bar, Interface, Specimen
+from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.errors import refuse
 from kolsky.base.records import MaterialCurve
 from kolsky.readers.shot_tables import FrameTimes
@@ -182,18 +182,13 @@ def _base(
 ) -> dict[str, Any]:
     """The fields of `ShotBase`; `optical` are the hashes of what tells what the cameras saw."""
     declared, folder = toml.declared, toml.path.parent
-    specimen, interface, bar = declared.specimen, declared.interface, declared.transmission.bar
+    specimen, bar = declared.specimen, declared.transmission.bar
     return {
         "name": declared.name or folder.resolve().name,
         "folder": folder,
         "file": toml,
         "specimen": Specimen(diameter=specimen.diameter, length=specimen.length, density=specimen.density),
-        "interface": Interface(
-            faces=interface.faces,
-            side=interface.side,
-            friction=interface.friction or 0.0,
-            release_stress=interface.release_stress or 0.0,
-        ),
+        "interface": declared.interface.interface(),
         "support": declared.transmission.support,
         "transmission_bar": None if bar is None else Bar(**bar.model_dump()),
         "model": ModelSettings(**declared.model.model_dump()),

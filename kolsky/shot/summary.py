@@ -9,6 +9,7 @@ from kolsky.bars.flyer.front_path import BarForce
 from kolsky.base.records import CentreLine, FlyerMotion
 from kolsky.shot.picture_set import CAMERAS, readable
 from kolsky.shot.records import PicturedShot, Shot, ShotBase
+from kolsky.shot.schema.apparatus import CONTACT_KEYS, keys_read
 
 _WRITTEN = {"m": ("mm", 1e3), "s": ("us", 1e6), "Pa": ("kPa", 1e-3)}
 
@@ -36,18 +37,15 @@ class Entry:
 
 def summarise(shot: ShotBase) -> list[Entry]:
     """Everything that was understood of a shot, in the order of the shot file."""
-    laws = (shot.interface.faces, shot.interface.side)
     return [
         Entry("specimen", "diameter", shot.specimen.diameter, "m"),
         Entry("specimen", "length", shot.specimen.length, "m"),
         Entry("specimen", "density", shot.specimen.density, "kg/m^3"),
         Entry("interface", "faces", shot.interface.faces),
         Entry("interface", "side", shot.interface.side),
-        *([Entry("interface", "friction", shot.interface.friction)] if "coulomb" in laws else []),
         *(
-            [Entry("interface", "release_stress", shot.interface.release_stress, "Pa")]
-            if "bonded_release" in laws
-            else []
+            Entry("interface", name, getattr(shot.interface, name), CONTACT_KEYS[name].unit)
+            for name in keys_read(shot.interface.faces, shot.interface.side)
         ),
         Entry("transmission", "support", shot.support),
         *_bar(shot),

@@ -151,7 +151,7 @@ def analyse(
         ridge=None if found is None else found.map,
         posterior=sampled,
         found=found,
-        warnings=(*said, *_cautions(profiles, sampled)),
+        warnings=(*said, *analysis_warnings(profiles, sampled)),
         runs=len(stages.on_surrogate_mesh()[0]),
         variations=varied,
     )
@@ -164,7 +164,10 @@ def posterior_of(found: ParameterProfiles, seed: int) -> PosteriorSummary:
     return posterior(found, seed=seed)
 
 
-def _cautions(profiles: tuple[ParameterProfile, ...], sampled: PosteriorSummary | None) -> Iterator[str]:
+def analysis_warnings(
+    profiles: tuple[ParameterProfile, ...], sampled: PosteriorSummary | None
+) -> Iterator[str]:
+    """Say which profiles are not confirmed or not closed, and that chains are too short."""
     for profile in profiles:
         if profile.error > TOLERANCE * profile.level:
             yield (

@@ -35,19 +35,25 @@ SPECIMEN = {"specimen_diameter": "diameter", "specimen_length": "length", "speci
 
 
 @dataclass(frozen=True)
-class _Input:
-    """One declared input and the point at which it is moved."""
+class DeclaredInput:
+    """An input of declared uncertainty, and the change of the data vector when it is moved."""
 
     key: str
+    """Its key of [uncertainty]."""
     sigma: float
+    """Declared standard uncertainty, in SI or relative."""
     stages: StagedRuns
+    """The identification's simulations."""
     x: FloatArray
+    """The optimum in SI, shape [d]."""
     objective: Objective
+    """With the discrepancies of the optimum."""
     reference: Response
-    """The run at the point."""
+    """The run at the optimum."""
 
     @property
     def shot(self) -> Shot:
+        """The shot."""
         return self.stages.prepared.forward.shot
 
     def run(self, forward: Forward, **named: float) -> Response:
@@ -151,7 +157,7 @@ def declarations(stages: StagedRuns, x: FloatArray, objective: Objective) -> tup
         gain = objective.gain(slope)
         for done, key in enumerate(varied):
             stages.progress("systematic", done, len(varied))
-            change = _Input(key, declared[key], stages, x, objective, reference).change()
+            change = DeclaredInput(key, declared[key], stages, x, objective, reference).change()
             # The optimum follows what the prediction is short of.
             shifts[key] = dict(zip(stages.box.names, (-gain @ change).tolist(), strict=True))
         stages.progress("systematic", len(varied), len(varied))

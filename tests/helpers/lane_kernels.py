@@ -64,7 +64,7 @@ def small_structs(numbers: Precision) -> Structs:
         u: wp.array2d(dtype=real)
         marks: wp.array2d(dtype=int)
         parts: wp.array2d(dtype=wp.float64)
-        seats: wp.array2d(dtype=wp.float64)
+        ours: wp.array2d(dtype=wp.float64)
         others: wp.array2d(dtype=wp.float64)
 
     @wp.struct
@@ -156,7 +156,7 @@ def _arguments(numbers: Precision, given: Inputs, rows: int, lanes: int) -> list
     shape = (ELEMENTS, lanes) if lanes > 1 else (rows, ELEMENTS + SPARE)
     state.u = wp.zeros(shape, dtype=numbers.real, device="cpu")
     state.marks = wp.zeros(shape, dtype=int, device="cpu")
-    for name in ("parts", "seats", "others"):
+    for name in ("parts", "ours", "others"):
         setattr(state, name, wp.zeros(shape, dtype=wp.float64, device="cpu"))
     output.values = wp.full((N, SLOTS), UNTOUCHED, dtype=numbers.real, device="cpu")
     output.whole = wp.full((N, SLOTS), UNTOUCHED, dtype=int, device="cpu")

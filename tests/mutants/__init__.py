@@ -7,15 +7,25 @@ beside this one.
 
 from tests.mutants.bars import FAULTS as BARS
 from tests.mutants.dic import FAULTS as DIC
+from tests.mutants.doe import FAULTS as DOE
 from tests.mutants.fault import Fault
 from tests.mutants.inverse import FAULTS as INVERSE
+from tests.mutants.material import FAULTS as MATERIAL
+from tests.mutants.rates import FAULTS as RATES
+from tests.mutants.report import FAULTS as REPORT
 from tests.mutants.results import FAULTS as RESULTS
+from tests.mutants.uncertainty import FAULTS as UNCERTAINTY
 
 __all__ = ["FAULTS", "Fault"]
 
 FAULTS: tuple[Fault, ...] = (
     *BARS,
     *DIC,
+    *DOE,
     *INVERSE,
     *RESULTS,
+    *REPORT,
+    *MATERIAL,
+    *RATES,
+    *UNCERTAINTY,
 )

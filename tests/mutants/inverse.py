@@ -1,8 +1,10 @@
-"""Faults of the inverse method: misfit, objective, estimates."""
+"""Faults of the inverse method: misfit, objective, estimates, the comparison of methods."""
 
 from tests.mutants.fault import Fault
 
 OBJECTIVE = ("tests/unit/inverse/test_objective.py",)
+ESTIMATES = ("tests/unit/inverse/test_estimates.py",)
+MISFIT = ("tests/unit/inverse/test_misfit.py",)
 
 FAULTS = (
     Fault(
@@ -18,5 +20,117 @@ FAULTS = (
         right="n_blocks / (n_blocks - d)",
         wrong="n_blocks / (n_blocks - d + 1)",
         tests=OBJECTIVE,
+    ),
+    Fault(
+        name="a sandwich of four blocks a parameter",
+        file="kolsky/inverse/objective.py",
+        right="if n_blocks <= 4 * d:",
+        wrong="if n_blocks < 4 * d:",
+        tests=OBJECTIVE,
+    ),
+    Fault(
+        name="the sandwich of the last block length, not the largest",
+        file="kolsky/inverse/objective.py",
+        right="if np.trace(sandwich / np.diag(best)) > np.trace(best / np.diag(best)):",
+        wrong="if True:",
+        tests=OBJECTIVE,
+    ),
+    Fault(
+        name="the noise taken off the discrepancy once, not squared",
+        file="kolsky/inverse/objective.py",
+        right="excess = (vector - self.data) ** 2 - self.noise**2",
+        wrong="excess = (vector - self.data) ** 2 - self.noise",
+        tests=OBJECTIVE,
+    ),
+    Fault(
+        name="the deviance without the logarithm of the variance",
+        file="kolsky/inverse/objective.py",
+        right="variance + np.log(variance)).sum()))",
+        wrong="variance).sum()))",
+        tests=OBJECTIVE,
+    ),
+    Fault(
+        name="the scale of the force bends the outline too",
+        file="kolsky/inverse/objective.py",
+        right='np.where(self.mask("force"), self.observations.force_sigma_gain * self.data, 0.0)',
+        wrong="self.observations.force_sigma_gain * self.data",
+        tests=OBJECTIVE,
+    ),
+    Fault(
+        name="not seen where forty sigma are the whole design",
+        file="kolsky/inverse/estimates.py",
+        right="elif 4.0 * total > box.upper[i] - box.lower[i]:",
+        wrong="elif 40.0 * total > box.upper[i] - box.lower[i]:",
+        tests=ESTIMATES,
+    ),
+    Fault(
+        name="parts of the noise added, not their squares",
+        file="kolsky/inverse/estimates.py",
+        right="total = float(np.hypot.reduce(list(parts.values())))",
+        wrong="total = float(np.sum(list(parts.values())))",
+        tests=ESTIMATES,
+    ),
+    Fault(
+        name="the last numerical part alone",
+        file="kolsky/inverse/estimates.py",
+        right="sigma_numerical=float(np.hypot.reduce(list(computed.values()))),",
+        wrong="sigma_numerical=float(list(computed.values())[-1]),",
+        tests=ESTIMATES,
+    ),
+    Fault(
+        name="a value beside one at its bound counts as identified",
+        file="kolsky/inverse/estimates.py",
+        right="verdict = Verdict.CONDITIONAL if any(bounds) else good",
+        wrong="verdict = good",
+        tests=ESTIMATES,
+    ),
+    Fault(
+        name="the systematic part left out of the combined uncertainty",
+        file="kolsky/inverse/result.py",
+        right="return float(np.sqrt(self.sigma_noise**2 + self.sigma_numerical**2 + self.sigma_systematic**2))",
+        wrong="return float(np.sqrt(self.sigma_noise**2 + self.sigma_numerical**2))",
+        tests=ESTIMATES,
+    ),
+    Fault(
+        name="the interval's upper end at one sigma",
+        file="kolsky/inverse/result.py",
+        right="return (self.value - 2.0 * self.sigma, self.value + 2.0 * self.sigma)",
+        wrong="return (self.value - 2.0 * self.sigma, self.value + self.sigma)",
+        tests=ESTIMATES,
+    ),
+    Fault(
+        name="methods agree within ten times the share",
+        file="kolsky/inverse/method_comparison.py",
+        right="AGREEMENT = 0.25",
+        wrong="AGREEMENT = 2.5",
+        tests=ESTIMATES,
+    ),
+    Fault(
+        name="a coordinate lies on a bound at ten times the distance",
+        file="kolsky/inverse/optimum.py",
+        right="ON_EDGE = 1e-5",
+        wrong="ON_EDGE = 1e-4",
+        tests=ESTIMATES,
+    ),
+    Fault(
+        name="Phi_S relative to the model's radius",
+        file="kolsky/inverse/misfit.py",
+        right="phi_shape = _frame_mean(np.abs(Z_model - Z) / Z, frame)",
+        wrong="phi_shape = _frame_mean(np.abs(Z_model - Z) / Z_model, frame)",
+        tests=MISFIT,
+    ),
+    Fault(
+        name="delta Phi_S without the model over the measured radius",
+        file="kolsky/inverse/misfit.py",
+        right="sigma_shape = _frame_mean(Z_model * sigma / Z**2, frame)",
+        wrong="sigma_shape = _frame_mean(sigma / Z, frame)",
+        tests=MISFIT,
+    ),
+    Fault(
+        name="delta Phi of the force alone",
+        file="kolsky/inverse/misfit.py",
+        right="sigma_phi=float(np.hypot(sigma_force / SCALE_FORCE, sigma_shape / SCALE_SHAPE)),",
+        wrong="sigma_phi=float(sigma_force / SCALE_FORCE),",
+        tests=MISFIT,
     ),
 )

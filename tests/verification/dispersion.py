@@ -97,7 +97,7 @@ def _element_bar(size: float) -> tuple[FloatArray, FloatArray, FloatArray, Float
     bar = elastic_bar([part(LENGTH)], size=size, depths=[NEAR, FAR])
     times = np.arange(0.0, UNTIL, 1e-7)
     load = carried(LOAD, times, LOAD.frequencies(2.0 * UNTIL))
-    history = bar.march(times, load, RADIUS)
+    history = bar.integrate(times, load, RADIUS)
     step = float(history.times[1] - history.times[0])
     near = Signal(float(history.times[0]), step, history.section_force[:, 0], 0.0, "N")
     way, n = bar.depths[1] - bar.depths[0], history.times.size

@@ -138,7 +138,7 @@ def case() -> Result:
     sensor = np.interp(knots, history.times, history.section_force[:, 0])
     radius = contact_radius(coupled.response, model.mesh.length)[0]
     patch = np.interp(history.times, coupled.response.surface_times, radius)
-    fine = elastic_bar(STACK, size=FINE, depths=[SENSOR]).march(history.times, history.force, patch)
+    fine = elastic_bar(STACK, size=FINE, depths=[SENSOR]).integrate(history.times, history.force, patch)
     delay = SENSOR / BAR.wave_speed
     return Result(
         time=knots,

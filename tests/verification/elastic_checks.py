@@ -55,7 +55,7 @@ def phase_velocities() -> tuple[FloatArray, FloatArray]:
         bar = elastic_bar([rod], size=size, depths=[near, far])
         times = np.linspace(0.0, 175e-6, 1751)  # until the far end's echo
         pulse = np.exp(-0.5 * ((times - 15e-6) / 2.5e-6) ** 2)
-        history = bar.march(times, pulse, RADIUS)
+        history = bar.integrate(times, pulse, RADIUS)
         # Signals fade out before the end of the record; the transform is evaluated at the frequencies wanted.
         wave = np.exp(-2j * np.pi * frequency[:, None] * history.times) @ history.section_force
         turns = np.angle(wave[:, 0] / wave[:, 1]) / (2.0 * np.pi)
@@ -84,7 +84,7 @@ def impedance_step(name: str) -> tuple[FloatArray, FloatArray, float]:
     end = (first.length + second.length + 0.25) / max(c, second.wave_speed)
     times = np.linspace(0.0, end, 2001)
     pulse = np.where(times < duration, np.sin(np.pi * times / duration) ** 2, 0.0)
-    history = bar.march(times, pulse, first.radius)
+    history = bar.integrate(times, pulse, first.radius)
     step = history.times[1]
     incident = history.times < 0.5 * ((0.25 / c + duration) + 0.75 / c)
     impulse = history.section_force * step

@@ -7,7 +7,7 @@ from bars_scene import BAR, PLATEN, SPEED, STRIKER, TRANSDUCER, apparatus, part
 from numpy.typing import NDArray
 from order import FittedOrder, fitted_order
 
-from explicit.bars import Apparatus, Joint, PulseShaper, find_events, march_test
+from explicit.bars import Apparatus, Joint, PulseShaper, find_events, integrate_test
 from explicit.bars.impact import FlightHistory, SpecimenForce
 
 FloatArray = NDArray[np.float64]
@@ -42,7 +42,7 @@ def lines(history: FlightHistory) -> tuple:
 @cache
 def equal_bars() -> FlightHistory:
     """Striker on a bar of the same section, face on face."""
-    return march_test(_bare(), end=0.9e-3, step=STEP)
+    return integrate_test(_bare(), end=0.9e-3, step=STEP)
 
 
 @cache
@@ -51,7 +51,7 @@ def staircase() -> tuple[FloatArray, FloatArray]:
 
     F_k = v Z1 Z2 / (Z1 + Z2) ((Z1 - Z2) / (Z1 + Z2))^k during the k-th round trip of the striker.
     """
-    history = march_test(_bare(striker=10e-3), end=0.45e-3, step=STEP)
+    history = integrate_test(_bare(striker=10e-3), end=0.45e-3, step=STEP)
     middle = (2 * np.arange(4) + 1) * 512
     z1, z2 = history.striker.sections[0].impedance, BAR.impedance
     exact = SPEED * z1 * z2 / (z1 + z2) * ((z1 - z2) / (z1 + z2)) ** np.arange(4)
@@ -67,7 +67,7 @@ def linear_shaper() -> tuple[FloatArray, FittedOrder]:
     shaper = PulseShaper(np.array([0.0, 1e-3]), np.array([0.0, 1e-3 * STIFFNESS]), STIFFNESS)
     errors = []
     for step in SHAPER_STEPS:
-        history = march_test(_bare(shaper=shaper), end=1.9 * STRIKER.travel_time, step=float(step))
+        history = integrate_test(_bare(shaper=shaper), end=1.9 * STRIKER.travel_time, step=float(step))
         # The first step sees the closing speed appear at once: the rule takes it as there from half of it on.
         time = history.times + 0.5 * step
         scale = 0.5 * BAR.impedance * SPEED
@@ -79,7 +79,7 @@ def linear_shaper() -> tuple[FloatArray, FittedOrder]:
 @cache
 def free_flight() -> FlightHistory:
     """The paper's apparatus without a specimen."""
-    return march_test(apparatus(), end=1.5e-3, step=PLATEN.travel_time / 9)
+    return integrate_test(apparatus(), end=1.5e-3, step=PLATEN.travel_time / 9)
 
 
 SPRING = 2e4
@@ -97,7 +97,7 @@ def flight_on_a_spring() -> tuple[float, float]:
     n = round(4e-3 / step) + 1
     curve = np.array([-1e-2, 1e-2])
     spring = SpecimenForce(curve, SPRING * curve, np.zeros(n), np.zeros(n))
-    history = march_test(apparatus(), end=4e-3, step=step, specimen=spring)
+    history = integrate_test(apparatus(), end=4e-3, step=step, specimen=spring)
     events, mass = find_events(history), PLATEN.mass + TRANSDUCER.mass
     apart, again = round(events.separation / step), round(events.second_impact / step)
     speed, start = history.flyer.momentum()[apart] / mass, history.compression[apart]

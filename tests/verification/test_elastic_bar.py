@@ -48,11 +48,11 @@ def test_what_cannot_be_is_refused() -> None:
     bar = elastic_bar([part(0.02)], size=2.5e-3)
     times = np.array([0.0, 1e-5])
     with pytest.raises(ValueError, match=r"pressed radius must be in \(0, 0.0075\] m, got 0.008"):
-        bar.march(times, np.zeros(2), 8e-3)
+        bar.integrate(times, np.zeros(2), 8e-3)
     with pytest.raises(ValueError, match="finite at each of 2 times"):
-        bar.march(times, np.array([0.0, np.nan]), RADIUS)
+        bar.integrate(times, np.array([0.0, np.nan]), RADIUS)
     with pytest.raises(ValueError, match=r"safety must be in \(0, 1\], got 1.5"):
-        bar.march(times, np.zeros(2), RADIUS, safety=1.5)
+        bar.integrate(times, np.zeros(2), RADIUS, safety=1.5)
     with pytest.raises(ValueError, match="must lie inside the parts, got depth 0"):
         elastic_bar([part(0.02)], size=2.5e-3, depths=[0.0])
     with pytest.raises(ValueError, match=r"depth must be in \[0, 0.02\] m, got 0.03"):

@@ -16,8 +16,8 @@ from explicit.bars import (
     PulseShaper,
     Section,
     find_events,
+    integrate_test,
     loaded_line,
-    march_test,
     section_force,
     simulate_test,
 )
@@ -107,7 +107,7 @@ def test_what_cannot_be_is_refused() -> None:
     with pytest.raises(ValueError, match="length of a section must be > 0 and finite, got 0"):
         Section(0.0, 1.0, 1.0, 1.0)
     with pytest.raises(ValueError, match="step must be in"):
-        march_test(apparatus(), end=1e-3, step=1e-5)
+        integrate_test(apparatus(), end=1e-3, step=1e-5)
     with pytest.raises(ValueError, match="delay must be in"):
         section_force(up, up, delay=1.0, round_trip=1.0)
     with pytest.raises(ValueError, match="at least one section"):

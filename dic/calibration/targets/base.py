@@ -1,4 +1,4 @@
-"""What every calibration target offers."""
+"""Protocol of calibration targets, and what they share."""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable

@@ -85,6 +85,6 @@ def upload(planes: list[NDArray[np.float32]], device: str) -> Any:
 
 
 def addresses(parts: Sequence[Any]) -> Any:
-    """Where each picture's coefficients begin in the memory of their device, shape [n]."""
+    """Start of each picture's coefficients in the memory of their device, shape [n]."""
     begin = [part.ptr + k * part.strides[0] for part in parts for k in range(part.shape[0])]
     return wp.array(np.array(begin, dtype=np.uint64), dtype=wp.uint64, device=parts[0].device)

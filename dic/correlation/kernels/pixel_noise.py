@@ -1,4 +1,4 @@
-"""What the noise of the pixels becomes between them, seen through a warped subset.
+"""Noise of interpolated grey values, seen through a warped subset.
 
 A spline passes white noise of the pixels on with the spectrum |c(ν)|² of the cardinal quintic spline,
 ``c = sinc⁶ / (66 + 52 cos 2πν + 2 cos 4πν) · 120``, ν in cycles per pixel: all of it well below 1/2, none
@@ -77,7 +77,7 @@ def gradient_noise(prefilter: float) -> float:
 
 @cache
 def between_pixels(prefilter: float) -> tuple[float, FloatArray, FloatArray]:
-    """How the variance of interpolated noise goes from pixel to pixel along an axis, over a pixel's.
+    """Variance of interpolated noise along an axis between two pixels, over a pixel's.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What every figure is made of: its size, its panels and a function that draws."""
+"""Definition of a figure: its size, its panels and the function that draws it."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ from kolsky.inverse.result import Identification
 
 Panels = Mapping[str, Axes]
 Shown = TypeVar("Shown")
-"""What a figure shows: an identification, or the surfaces of a shot."""
+"""Type of the result that a figure shows."""
 
 MEASURED = "#000000"
 MODEL = "#D55E00"
@@ -36,7 +36,7 @@ COLUMN, PAGE = 85.0, 170.0
 
 @dataclass(frozen=True)
 class FigureKind(Generic[Shown]):
-    """One figure of a report. A new one is one file and one line of the registry."""
+    """One figure of a page; a new one is its file and its entry in a registry of `kolsky.report.figures`."""
 
     name: str
     """Name of the saved file, letters, digits and hyphens."""
@@ -45,17 +45,17 @@ class FigureKind(Generic[Shown]):
     height: Callable[[Shown], float]
     """Height [mm]."""
     caption: Callable[[Shown], str]
-    """What is seen, in plain text."""
+    """Caption in plain text."""
     panels: Callable[[Shown], list[list[str]]]
     """Mosaic of panel names, as `Figure.subplot_mosaic` takes it; "." leaves a place empty."""
     draw: Callable[[Shown, Panels], None]
-    """Draws a result into the panels; computes nothing but differences and ratios of what it is given."""
+    """Draws a result into the panels; computes only differences and ratios of what it is given."""
     mosaic: dict[str, Any] = field(default_factory=dict)
     """Further options of `Figure.subplot_mosaic`."""
     applies: Callable[[Shown], bool] = lambda result: True
-    """Whether there is something to draw."""
-    ahead: Callable[[Shown], None] | None = None
-    """Begins what another process does for the figure; such a figure is drawn last."""
+    """True if the result holds what the figure shows."""
+    start_early: Callable[[Shown], None] | None = None
+    """Starts the work of another process for the figure; such a figure is drawn last."""
 
 
 def label_panel(ax: Axes, text: str) -> None:
@@ -72,28 +72,28 @@ def label_panel(ax: Axes, text: str) -> None:
 
 
 def note_empty(ax: Axes, text: str) -> None:
-    """Say in a panel why it is empty."""
+    """Write into a panel why it is empty."""
     ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color=GREY)
 
 
 def smooth_bar(bar: Colorbar) -> None:
-    """Draw a colour bar as vectors; matplotlib would put a bitmap into the vector file."""
+    """Draw a colour bar as vectors; Matplotlib would put a bitmap into the vector file."""
     if bar.solids is not None:
         bar.solids.set_rasterized(False)
         bar.solids.set_edgecolor("face")  # no white seams between its steps
 
 
 def largest(values: NDArray[np.float64], default: float = 1.0) -> float:
-    """Largest finite |value|, `default` if there is none or all are zero."""
+    """Return the largest finite |value|, or `default` if there is none or all are zero."""
     finite = np.abs(values[np.isfinite(values)])
     return float(finite.max()) if finite.size and finite.max() > 0.0 else default
 
 
 def weighted_chi2(result: Identification) -> NDArray[np.float64]:
-    """Chi-square of each run with the weights of the final search, shape [n_runs].
+    """Return chi-square of each run with the weights of the final search, shape [n_runs].
 
-    The runs' sums are weighted by noise alone, the search by noise and model discrepancy in quadrature;
-    the median noise of each part is taken for all of it.
+    The sums of the runs are weighted by noise alone, those of the search by noise and model discrepancy in
+    quadrature; the median noise of force and of outline stands for all of their points.
     """
     c, design, quality = result.comparison, result.design, result.surrogate
     force = _share(c.force_sigma, quality.get("force_discrepancy", 0.0))
@@ -104,7 +104,7 @@ def weighted_chi2(result: Identification) -> NDArray[np.float64]:
 
 
 def _share(sigma: NDArray[np.float64], tau: float) -> float:
-    """Noise over noise and discrepancy, both squared."""
+    """Return the variance of the noise over that of noise and discrepancy, `sigma`'s median for the noise."""
     if tau == 0.0 or sigma.size == 0:
         return 1.0
     noise = float(np.median(sigma))

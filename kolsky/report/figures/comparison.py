@@ -141,7 +141,7 @@ def caption_outlines(result: Identification) -> str:
 
 
 def draw_outlines(result: Identification, panels: Panels) -> None:
-    """Draw the overlay above the residual, a column a time."""
+    """Draw the overlay above the residual, one column per time."""
     c, line, response = result.comparison, result.comparison.centre_line, result.response
     frames = chosen_frames(result)
     left_over = UM * (c.Z_model - line.Z)

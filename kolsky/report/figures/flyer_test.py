@@ -1,4 +1,4 @@
-"""A flyer test by classical means: transducers, forces on the faces, strain and rate, stress and strain."""
+"""Figure of the classical reduction of a flyer test: forces, strain and rate, stress and strain."""
 
 import numpy as np
 from matplotlib.axes import Axes

@@ -11,14 +11,14 @@ from kolsky.report.figures.base import BAND, GREY, MEASURED, MODEL, PAGE, Figure
 from kolsky.report.figures.waves import stress_scale
 
 MOST_LAWS = 5
-"""Curves of one panel; more cannot be told apart."""
+"""Largest number of laws in one panel; more cannot be distinguished."""
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)))
 MARKERS = ("o", "s", "^", "D", "v")
 
 
 def shown(comparison: Comparison) -> list[Row]:
-    """The laws to draw: least AIC first, one of a kind that gives the same curve."""
+    """Return the laws to draw: least AIC first, only one of those with the same curve."""
     chosen: list[Row] = []
     for row in comparison.rows:
         # The same error to six digits is the same curve under another name.
@@ -30,7 +30,7 @@ def shown(comparison: Comparison) -> list[Row]:
 
 
 def modes(comparison: Comparison) -> list[Mode]:
-    """The modes that were tested."""
+    """Return the modes that were tested."""
     return [mode for mode in Mode if any(test.mode is mode for test in comparison.tests)]
 
 
@@ -98,7 +98,7 @@ COLUMNS = 3
 def caption_residuals(comparison: Comparison) -> str:
     """Return the caption."""
     return (
-        "Law less measurement for the laws of the figure before, on one scale. What is left is smooth, not "
+        "Law minus measurement for the laws of the figure before, on one scale. Residuals are smooth, not "
         "scattered, where a law misses the shape of a curve."
     )
 
@@ -156,8 +156,8 @@ def caption_stability(comparison: Comparison) -> str:
     """Return the caption."""
     return (
         "Stretch to which each law meets Drucker's criterion. A bar that ends in a cross: unstable from "
-        "there; in a vertical stroke: the law locks; in nothing: stable as far as it was followed. Blue: the "
-        "stretches of the tests in this mode."
+        "there; in a vertical stroke: the law locks; with no mark: stable over the whole range evaluated. "
+        "Blue: the stretches of the tests in this mode."
     )
 
 

@@ -50,7 +50,7 @@ def caption_misfit(result: Identification) -> str:
 
 
 def draw_misfit(result: Identification, panels: Panels) -> None:
-    """Draw three panels a parameter."""
+    """Draw three panels per parameter."""
     letters = iter("abcdefghijklmnopqrstuvwx")
     for name, estimate in result.estimates.items():
         curve = next((c for c in result.curves if c.parameter == name), None)
@@ -126,7 +126,7 @@ def _draw_runs(
     ax: Axes, design: DesignTable, parameter: str, values: NDArray[np.float64], colour: str
 ) -> None:
     x = design.points[:, design.names.index(parameter)]
-    # Off the line through the optimum a run says less about this one parameter: it is drawn paler.
+    # A run off the line through the optimum depends on the other parameters too: it is drawn paler.
     style: dict[str, Any] = {"ms": 2.6, "mfc": "white", "mec": colour, "mew": 0.6, "ls": "none"}
     style["alpha"] = 1.0 if len(design.names) == 1 else 0.45
     for stage in dict.fromkeys(design.stage):
@@ -165,7 +165,7 @@ def caption_contour(result: Identification) -> str:
 
 
 def two_free(result: Identification) -> bool:
-    """Whether exactly two parameters are free."""
+    """Return True if exactly two parameters are free."""
     return len(result.design.names) == 2
 
 

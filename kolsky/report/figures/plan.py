@@ -35,13 +35,13 @@ def draw_map(
     Parameters
     ----------
     ax
-        Where.
+        Axes.
     grid
         Times and heights.
     values
-        What, in the unit of the label.
+        Values in the unit of the label.
     label
-        Of the colour bar.
+        Label of the colour bar.
     bottom
         Smallest value of a one-sided scale; without it the scale is symmetric about zero.
     """
@@ -58,7 +58,7 @@ def draw_map(
         rasterized=True,
     )
     ax.set(xlabel="Time (ms)", ylabel="Height $y$ (mm)", ylim=(0.0, MM * grid.heights[-1]))
-    # Few ticks: more of them as the axes shrink would have longer labels than the layout reckoned with.
+    # Few ticks: with more, labels get longer than the layout allowed for when the axes shrink.
     ticks = MaxNLocator(4)
     bar = ax.figure.colorbar(drawn, ax=ax, aspect=25, pad=0.02, ticks=ticks)  # type: ignore[union-attr]
     bar.set_label(label)
@@ -76,10 +76,12 @@ def caption_information(plan: Plan) -> str:
     together = " when all parameters are estimated together" if several else ""
     heights = any(plan.heights.values())
     return (
-        "Where and when a measurement would tell most about each parameter" + together + ". Top: share of a "
+        "Information of a measurement about each parameter over place and time"
+        + together
+        + ". Top: share of a "
         "parameter’s information in the outline at height y above the transmission platen and at a time, per "
-        "mm and ms; white: nothing can be "
-        "measured there"
+        "mm and ms; white: no measurement "
+        "possible there"
         + (
             "; triangles: the best heights (D-optimal), "
             + ", ".join(str(n) for n in sorted(plan.heights))

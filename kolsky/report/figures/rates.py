@@ -30,7 +30,7 @@ def caption_slope(group: GroupRates) -> str:
     through = (
         " Line: meta-regression on the logarithm of the rate with its 95 % band."
         if claimed
-        else " Dashed: the line through the shots, which their rates do not carry (see the conditions)."
+        else " Dashed: the line through the shots; their rates do not support it (see the conditions)."
     )
     return (
         "Stiffness factor m against nominal strain rate: each shot with ±2u (thick: what is its own, thin:"
@@ -111,7 +111,7 @@ def _shots(ax: Axes, group: GroupRates) -> None:
 
 
 def _lever(ax: Axes, group: GroupRates) -> None:
-    """Between which rates a slope would be claimed, drawn above the axis."""
+    """Mark the range of rates of the shots, above the axis."""
     rates = [shot.history.nominal_rate for shot in group.counted]
     if len(rates) < 2:
         return

@@ -1,4 +1,4 @@
-"""Which parameter matters how much over a box: misfits, and force and outline through time."""
+"""Figure of a global sensitivity: Sobol’ indices of misfits, and of force and outline through time."""
 
 import numpy as np
 from matplotlib.axes import Axes

@@ -95,14 +95,14 @@ def caption_meshes(result: Identification) -> str:
 
 
 def kept_nodes(result: Identification) -> bool:
-    """Whether the check run kept its nodes."""
+    """Return True if the result holds the nodes of the simulation at the optimum."""
     nodes = result.response.nodes
     return nodes is not None and bool(np.isfinite(nodes).any())
 
 
 def _panel_size(result: Identification) -> tuple[float, float]:
     """Half-width and height of a panel [mm of the specimen], the same for all."""
-    assert result.response.nodes is not None  # `applies` says so
+    assert result.response.nodes is not None  # checked by `applies`
     r, y = np.moveaxis(result.response.nodes[0], -1, 0)
     return 1.08 * MM * largest(r), 1.25 * MM * largest(y)
 
@@ -127,7 +127,7 @@ def draw_meshes(result: Identification, panels: Panels) -> None:
         If the outermost nodes of such a mesh are not the response's side surface.
     """
     response, line = result.response, result.comparison.centre_line
-    assert response.nodes is not None  # `applies` says so
+    assert response.nodes is not None  # checked by `applies`
     n_radial, n_axial = result.refined_mesh
     times = response.surface_times
     expected = (n_radial + 1) * (n_axial + 1)
@@ -164,20 +164,20 @@ def caption_scene(result: Identification) -> str:
     """Return the caption."""
     return (
         "The check run, its half behind a cut along the axis, between the platens (cut too), coloured by the "
-        "smallest principal stretch; beside it the measured outline, nearest frame, turned about the axis. "
+        "smallest principal stretch; beside it the measured outline, nearest frame, revolved about the axis. "
         "Points: as measured."
     )
 
 
 def can_show_stills(result: Identification) -> bool:
-    """Whether the result holds what is drawn, and this machine can render."""
+    """Return True if the result holds the scene and this machine can render it."""
     return stills(result) is not None
 
 
 def draw_scene(result: Identification, panels: Panels) -> None:
     """Set the pictures side by side."""
     found = stills(result)
-    assert found is not None  # `applies` has looked
+    assert found is not None  # checked by `applies`
     stage, images = found
     rows, columns = (np.flatnonzero((images < 255).any(axis=axes)) for axes in ((0, 2, 3), (0, 1, 3)))
     cut = images[:, rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]  # without the empty margins
@@ -223,6 +223,6 @@ FIGURES: tuple[FigureKind[Identification], ...] = (
         panels=lambda result: [[f"scene {column}" for column in range(STILLS)]],
         draw=draw_scene,
         applies=can_show_stills,
-        ahead=start_stills,
+        start_early=start_stills,
     ),
 )

@@ -53,7 +53,7 @@ def height_of_overlay(view: SurfaceView) -> float:
 
 
 def draw_overlay(view: SurfaceView, panels: Panels) -> None:
-    """Draw a picture with its map a camera."""
+    """Draw the picture of each camera with its map."""
     shown, drawn = _cameras(view), None
     worst = [MPX * np.where(np.isinf(s.quality.floor), np.nan, s.quality.floor).max(axis=2) for _, s in shown]
     known = np.concatenate([values[np.isfinite(values)] for values in worst])
@@ -75,7 +75,7 @@ def draw_overlay(view: SurfaceView, panels: Panels) -> None:
         axes.append(ax)
     axes[0].set_ylabel("$y$ (px)")
     if drawn is not None:
-        full = ScalarMappable(drawn.norm, drawn.cmap)  # a bar that one sees through shows its seams
+        full = ScalarMappable(drawn.norm, drawn.cmap)  # a transparent bar would show its seams
         bar = axes[0].figure.colorbar(full, ax=axes, location="bottom", aspect=40, pad=0.02, extend="both")
         bar.set_label("Predicted standard deviation of a match (mpx)")
         smooth_bar(bar)

@@ -26,8 +26,8 @@ from kolsky.report.surface_view import SurfaceView
 def caption_kymograph(view: SurfaceView) -> str:
     """Return the caption."""
     return (
-        "Kymograph of the centre line. (a) One column of camera 0's pictures through time, and the rows "
-        "in which the points nearest to it were found. (b) Measured radius Z at height y above the "
+        "Kymograph of the outline (x = 0). (a) Its column in the pictures of camera 0 through time, and the "
+        "rows in which the points nearest to it were found. (b) Measured radius Z at height y above the "
         "transmission platen; white: no valid point."
     )
 

@@ -27,12 +27,12 @@ LOST = "#CC79A7"
 
 
 def panels_of(view: SurfaceView) -> list[list[str]]:
-    """A panel a picture."""
+    """Return one panel per picture."""
     return [[f"frame {k}" for k in range(max(len(view.pictures), 1))]]
 
 
 def height_of(view: SurfaceView) -> float:
-    """Height of a row of pictures with the legend below it [mm]."""
+    """Return the height of a row of pictures with the legend below it [mm]."""
     if not view.pictures:
         return 30.0
     rows, columns = next(iter(view.pictures.values())).shape
@@ -40,7 +40,7 @@ def height_of(view: SurfaceView) -> float:
 
 
 def frames_in(view: SurfaceView, panels: Panels) -> list[tuple[int, Axes]]:
-    """Draw the pictures; the frame and panel of each."""
+    """Draw the pictures and return frame and panel of each."""
     drawn: list[tuple[int, Axes]] = []
     rates = {name: panel for name, panel in panels.items() if name.startswith("frame ")}
     for (frame, picture), ax, mark in zip(view.pictures.items(), rates.values(), "abcdefgh", strict=False):
@@ -60,7 +60,7 @@ def frames_in(view: SurfaceView, panels: Panels) -> list[tuple[int, Axes]]:
 
 
 def marker(view: SurfaceView) -> float:
-    """Size of a point's marker that leaves its neighbours free [points]."""
+    """Return the size of markers that do not overlap [points]."""
     points = view.result.specimen.points
     if len(points) < 2 or not view.pictures:
         return 2.0
@@ -71,7 +71,7 @@ def marker(view: SurfaceView) -> float:
 
 
 def last_places(view: SurfaceView, frame: int) -> FloatArray:
-    """Where points that are lost in a frame were last seen in camera 0 [px], shape [n, 2]."""
+    """Return the last places in camera 0 of the points that are lost in a frame [px], shape [n, 2]."""
     body = view.result.specimen
     lost = np.flatnonzero(~body.surface.valid[frame])
     seen = np.asarray(np.isfinite(body.pixels[0][: frame + 1, lost]).all(axis=2))
@@ -84,7 +84,7 @@ def caption_sigma(view: SurfaceView) -> str:
     return (
         "Camera 0 at some times, with the valid points of the specimen coloured by the larger of both "
         "cameras' "
-        "standard deviations of their place; crosses: where points that are lost at that time were last seen."
+        "standard deviations of their place; crosses: last places of the points that are lost at that time."
     )
 
 
@@ -125,7 +125,7 @@ def draw_sigma(view: SurfaceView, panels: Panels) -> None:
 
 
 STEPS = (0.05, 0.1)
-"""Where the colour changes [px]."""
+"""Epipolar distances at which the colour changes [px]."""
 EPIPOLAR_COLOURS = (SHAPE, FORCE, MODEL)
 """Colours below, between and above the steps."""
 
@@ -139,7 +139,7 @@ def caption_epipolar(view: SurfaceView) -> str:
         "Camera 0 at some times, with the valid points of the specimen coloured by the distance of camera "
         "1's point from the epipolar line. Over all frames its rms is "
         f"{body.epipolar_rms:.3f} px; {low:.2g} % of the points exceed {STEPS[0]:g} px, {high:.2g} % exceed "
-        f"{STEPS[1]:g} px. Crosses: where points that are lost at that time were last seen."
+        f"{STEPS[1]:g} px. Crosses: last places of the points that are lost at that time."
     )
 
 
@@ -181,7 +181,7 @@ OUTCOME_COLOURS = {
 
 
 def words(outcome: PointOutcome | FrameOutcome) -> str:
-    """An outcome as a reader wants it, e.g. "low correlation"."""
+    """Return an outcome in words, e.g. "low correlation"."""
     return outcome.name.lower().replace("_", " ")
 
 

@@ -88,7 +88,7 @@ def caption_effects(result: SweepAnalysis) -> str:
 
 
 def draw_effects(result: SweepAnalysis, panels: Panels) -> None:
-    """Draw a row a misfit, a column a parameter."""
+    """Draw one row per misfit and one column per parameter."""
     shown = _interpolated(result)
     for name, output in shown.items():
         for i, parameter in enumerate(result.box.names):

@@ -116,9 +116,9 @@ def caption_stiffness(result: Trends) -> str:
     """Return the caption."""
     return (
         "Effect of the stiffness on (a) Φ_F, Eq. (M.4), and (b) Φ_S, Eq. (M.3). Filled: the "
-        f"{len(result.surrogates.runs.x)} runs that the surrogates are built from; open: runs that they have "
-        "not seen. Solid: misfit of the histories that the surrogate of the response predicts; dashed: "
-        "radial basis functions through the misfits themselves, as in the paper."
+        f"{len(result.surrogates.runs.x)} runs that the surrogates are built from; open: runs that they "
+        "were not built from. Solid: misfit of the histories that the surrogate of the response predicts; "
+        "dashed: radial basis functions through the misfits themselves, as in the paper."
     )
 
 

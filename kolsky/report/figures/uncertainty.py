@@ -27,7 +27,7 @@ def caption_likelihood(result: Identification) -> str:
     """Return the caption."""
     others = ", the other parameters re-optimised at every point" if len(result.profiles) > 1 else ""
     return (
-        f"Profile likelihood of each free parameter from the noise of force and shape{others}: the rise of "
+        f"Profile likelihood of each free parameter from the noise of force and outline{others}: the rise of "
         "−2 ln L over its smallest value and over the factor by which residuals that are correlated in time "
         "raise the parameter’s variance. Dashed: 3.84, where the 95 % interval (band) ends; dotted: the "
         "answer."
@@ -35,7 +35,7 @@ def caption_likelihood(result: Identification) -> str:
 
 
 def draw_likelihood(result: Identification, panels: Panels) -> None:
-    """Draw a panel a parameter."""
+    """Draw one panel per parameter."""
     for number, profile in enumerate(result.profiles):
         ax = panels[profile.name]
         if len(result.profiles) > 1:
@@ -74,8 +74,8 @@ def caption_ridge(result: Identification) -> str:
     return (
         "Rise of −2 ln L over the plane of the two free parameters, over the factor by which correlated "
         f"residuals raise the variance of {first}; its square root is a distance in standard deviations. "
-        f"Dashed: the profiles of {first} and {second}, on which the other parameter makes up for the change "
-        "as well as it can; in the same colour the rise at which each has its 95 % interval. Star: the "
+        f"Dashed: the profiles of {first} and {second}, on which the other parameter is optimised at "
+        "every point; in the same colour the rise at which each has its 95 % interval. Star: the "
         "answer."
     )
 

@@ -1,4 +1,4 @@
-"""Figures drawn by two processes, each taking the next one that is not drawn yet."""
+"""Drawing of figures by two processes; each takes the next figure that is not drawn yet."""
 
 import multiprocessing
 import os
@@ -10,24 +10,23 @@ from typing import Any
 Draw = Callable[[], str]
 """Draws one figure."""
 LONGEST = 60.0
-"""Seconds that the copy is waited for when nothing else is left to draw; then its figures are drawn here."""
+"""Longest wait for the fork when nothing else is left to draw [s]; then its figures are drawn here."""
 
 
 def can_fork() -> bool:
-    """Whether a second process can draw too: it must begin as a copy of this one, on a core of its own."""
+    """Return True if a forked second process can draw too: on Linux with at least two cores."""
     return sys.platform == "linux" and len(os.sched_getaffinity(0)) > 1
 
 
 def draw_in_processes(processes: int, draws: Sequence[Draw]) -> list[str]:
-    """What every one of `draws` returns, in their order.
+    """Call every one of `draws` and return their results in order.
 
     Parameters
     ----------
     processes
-        With 2 a copy of this process draws along where `can_share`. It must not be asked for where threads
-        are at work.
+        With 2, a fork of this process draws too where `can_fork`. Do not ask for it while threads run.
     draws
-        The figures. What the copy does not deliver is drawn here.
+        Functions that draw one figure each. Figures that the fork does not deliver are drawn here.
     """
     found: dict[int, str] = {}
     if processes < 2 or len(draws) < 2 or not can_fork():
@@ -35,13 +34,13 @@ def draw_in_processes(processes: int, draws: Sequence[Draw]) -> list[str]:
     context = multiprocessing.get_context("fork")
     taken = context.Value("i", 0)
     here, there = context.Pipe(duplex=False)
-    other = context.Process(target=_along, args=(draws, taken, there), daemon=True)
+    other = context.Process(target=_draw_in_fork, args=(draws, taken, there), daemon=True)
     other.start()
     there.close()
     try:
         while (number := _next(taken)) < len(draws):
             found[number] = draws[number]()
-        with suppress(EOFError):  # it ended early, and so without a word
+        with suppress(EOFError):  # it ended early without a result
             if here.poll(LONGEST):
                 found |= here.recv()
                 other.join()
@@ -53,9 +52,9 @@ def draw_in_processes(processes: int, draws: Sequence[Draw]) -> list[str]:
     return [found[number] if number in found else draw() for number, draw in enumerate(draws)]
 
 
-def _along(draws: Sequence[Draw], taken: Any, there: Any) -> None:
-    """The copy's share."""
-    sys.stderr = open(os.devnull, "w")  # noqa: SIM115  # what fails here is tried again, and told, above
+def _draw_in_fork(draws: Sequence[Draw], taken: Any, there: Any) -> None:
+    """Draw in the fork and send the results."""
+    sys.stderr = open(os.devnull, "w")  # noqa: SIM115  # a failure here is repeated and reported in the parent
     found = {}
     while (number := _next(taken)) < len(draws):
         found[number] = draws[number]()
@@ -63,7 +62,7 @@ def _along(draws: Sequence[Draw], taken: Any, there: Any) -> None:
 
 
 def _next(taken: Any) -> int:
-    """Number of the next figure that nobody draws."""
+    """Return the number of the next figure that is not drawn yet."""
     with taken.get_lock():
         number = int(taken.value)
         taken.value = number + 1

@@ -1,4 +1,4 @@
-"""What every page has in common: one template, text escaped, figures inside, written atomically."""
+"""Common parts of all pages: templates with escaped text, figures as SVG, atomic writing."""
 
 from collections.abc import Iterable
 from functools import partial
@@ -17,13 +17,13 @@ from kolsky.report.pages.parallel import draw_in_processes
 
 _HERE = Path(__file__).parent
 HEADING = 120
-"""Most characters of a heading."""
+"""Largest number of characters of a heading."""
 LONGEST = 2000
-"""Most characters of any other text that a page shows; the longest warning has some 600."""
+"""Largest number of characters of any other text; the longest warning has some 600."""
 
 
 def environment() -> Environment:
-    """Templates of this folder: every text is escaped and legible, a name that nobody set is an error."""
+    """Return the templates of this folder: text is escaped and printable, undefined names are errors."""
     return Environment(
         loader=FileSystemLoader(_HERE),
         autoescape=True,
@@ -35,20 +35,20 @@ def environment() -> Environment:
 
 
 def printable_text(value: Any) -> Any:
-    """A text as a page can hold it: control characters become "□", a very long text loses its middle.
+    """Return a text with "□" for control characters and without the middle of a very long text.
 
-    Names and metadata of files come from anywhere. HTML allows no control characters, and those that turn the
-    direction of writing would let a name pass for another; the results file has every text whole.
+    Names and metadata of files can contain anything. HTML allows no control characters, and those that change
+    the direction of writing can disguise a name; the results file holds every text unchanged.
     """
     if not isinstance(value, str) or isinstance(value, Markup):
         return value
-    # Other separators and surrogates stay: a space is a space, and `write` shows what is no text.
+    # Separators stay, and so do surrogates, which `write_html` shows as escapes.
     line = "".join("□" if c not in "\t\n\r" and category(c) in ("Cc", "Cf") else c for c in value)
     return shortened(line, LONGEST)
 
 
 def shortened(text: str, most: int) -> str:
-    """A text of at most `most` characters, its middle replaced by "…" if it is longer."""
+    """Return a text of at most `most` characters; the middle of a longer one is replaced by "…"."""
     return text if len(text) <= most else f"{text[: most - most // 2 - 1]}…{text[-(most // 2) :]}"
 
 
@@ -60,27 +60,27 @@ def draw_figures(
     first: int = 1,
     processes: int = 1,
 ) -> list[dict[str, Any]]:
-    """The figures that apply, numbered, as the templates take them.
+    """Draw the figures that apply and return them numbered, as the templates take them.
 
     Parameters
     ----------
     kinds
         Kinds of figures in the order of the page.
     shown
-        What they draw.
+        Result to draw.
     captioned
-        What the captions and the question whether a figure applies are about; `shown` if left out.
+        Result for the captions and for `applies`; `shown` if left out.
     first
         Number of the first figure.
     processes
         Processes that draw, 1 or 2; see `kolsky.report.pages.parallel.draw_in_processes`.
     """
     kinds, about = list(kinds), shown if captioned is None else captioned
-    apart = [kind for kind in kinds if kind.ahead is not None]
+    apart = [kind for kind in kinds if kind.start_early is not None]
     for kind in apart:
-        if kind.ahead is not None:
-            kind.ahead(about)
-    alone = [kind for kind in kinds if kind.ahead is None and kind.applies(about)]
+        if kind.start_early is not None:
+            kind.start_early(about)
+    alone = [kind for kind in kinds if kind.start_early is None and kind.applies(about)]
     with infrequent_gc():
         pictures = draw_in_processes(processes, [partial(inline_svg, kind, shown) for kind in alone])
         svgs = dict(zip((kind.name for kind in alone), pictures, strict=True))
@@ -106,22 +106,22 @@ def render_page(
     using: Environment | None = None,
     **context: Any,
 ) -> str:
-    """A page as HTML text.
+    """Return a page as HTML text.
 
     Parameters
     ----------
     template
         A file of this folder that extends `base.html`.
     kind
-        The line above the heading: what sort of page it is.
+        Line above the heading: the sort of page.
     heading
-        The heading, mostly a shot's name; a long one is abridged.
+        Heading, mostly the name of a shot; a long one is shortened.
     subject
-        What follows the heading in the window's title.
+        Text after the heading in the title of the window.
     using
         Templates with filters of their own; those of `environment` if left out.
     context
-        Everything else the template names.
+        All other variables of the template.
     """
     css = Markup((_HERE / "page.css").read_text(encoding="utf-8"))
     found = (using or environment()).get_template(template)
@@ -137,5 +137,5 @@ def write_html(path: Path, html: str) -> None:
         If the file cannot be written; an older one is then unchanged.
     """
     with replacing(Path(path)) as partial:
-        # Names of files can hold bytes that are no text; they are shown as escapes rather than refused.
+        # Names of files can contain bytes that are no text; they are written as escapes.
         partial.write_bytes(html.encode("utf-8", errors="backslashreplace"))

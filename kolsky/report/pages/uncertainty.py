@@ -29,12 +29,12 @@ INPUTS = {
 FACTORS = {"s": (1e6, "µs"), "m": (1e6, "µm")}
 """Factor and unit in which an uncertainty is shown."""
 PLAIN = tuple(name for name, p in PARAMETERS.items() if p.uncertainty and p.unit == "1")
-"""Keys whose uncertainty is a number and no share."""
+"""Keys whose uncertainty is absolute, not relative."""
 OPEN = "open"
 
 
 def known(result: Identification) -> dict[str, Any]:
-    """Rows of the section, from a result in shown units."""
+    """Return the tables of profile likelihood, posterior and declared uncertainties, from display units."""
     return {
         "verdicts": [_verdict(result, profile) for profile in result.profiles],
         "posterior": _posterior(result),
@@ -46,7 +46,7 @@ def _verdict(result: Identification, profile: ParameterProfile) -> dict[str, Any
     name = name_of(profile.name, result.estimates[profile.name].unit)
     ends = (*profile.interval, *profile.alone)
     width = float(np.nanmax(np.abs([end - result.estimates[profile.name].value for end in ends] + [0.0])))
-    # What the table says already is not said again.
+    # A text that only repeats the table is left out.
     more = profile.verdict != VerdictKind.IDENTIFIED.value or ";" in profile.text
     return {
         "symbol": name.symbol,
@@ -104,23 +104,25 @@ NUMERICS = {
 UNDECLARED = "not declared, counted as exact"
 """`Declaration.status` of an input that could be declared."""
 LEAST = 0.02
-"""Smallest share of the variance that is told."""
+"""Smallest share of the variance that is listed."""
 
 
 def changes(result: Identification) -> list[str]:
-    """Sentences for the page, the largest effect on each parameter first.
+    """Return sentences on what would narrow the intervals, the largest effect on each parameter first.
+
+    Each sentence is a part of the result, scaled; nothing else is advised.
 
     Parameters
     ----------
     result
-        In shown units, see `kolsky.report.display_units`.
+        In display units, see `kolsky.report.display_units`.
     """
     said = [line for estimate in result.estimates.values() for line in _halved(result, estimate)]
     return [*said, *_others_known(result), *_curve(result), *_undeclared(result)]
 
 
 def parts(result: Identification, estimate: Estimate) -> dict[str, float]:
-    """Every standard uncertainty that is in the interval, by its cause, the largest first."""
+    """Return the standard uncertainties in the interval by cause, the largest first."""
     found = {SOURCES.get(source, source): sigma for source, sigma in estimate.noise_parts.items()}
     computed = estimate.numerical_parts or {"mesh": estimate.sigma_numerical}
     found |= {NUMERICS.get(source, source): sigma for source, sigma in computed.items()}
@@ -132,7 +134,7 @@ def parts(result: Identification, estimate: Estimate) -> dict[str, float]:
 
 
 def _halved(result: Identification, estimate: Estimate) -> list[str]:
-    """What half of each part would do, where the parts are independent and make up the whole."""
+    """Return the effect of halving each part, if the root sum of squares of the parts is the whole."""
     total = estimate.sigma
     if not (isfinite(total) and total > 0.0):
         return []
@@ -148,7 +150,7 @@ def _halved(result: Identification, estimate: Estimate) -> list[str]:
         if share < LEAST:
             continue
         half = 2.0 * sqrt(total**2 - 0.75 * sigma**2)
-        then = numbers.like(half, 2.0 * total)  # in the digits of the present U: the two are compared
+        then = numbers.like(half, 2.0 * total)  # in the digits of the present U, to compare the two
         if then == now:
             continue
         lines.append(
@@ -159,7 +161,7 @@ def _halved(result: Identification, estimate: Estimate) -> list[str]:
 
 
 def _others_known(result: Identification) -> list[str]:
-    """What it costs that other parameters are free too."""
+    """Return the width of each interval that is due to the other free parameters."""
     lines = []
     for profile in result.profiles:
         together, alone = (0.5 * (high - low) for low, high in (profile.interval, profile.alone))
@@ -175,7 +177,7 @@ def _others_known(result: Identification) -> list[str]:
 
 
 def _curve(result: Identification) -> list[str]:
-    """How far a quasi-static test would have to go."""
+    """Return the strain to which a quasi-static test would have to go."""
     share = float(result.response.extrapolated_share[0])
     last = result.provenance.get("checks", {}).get("curve_last_strain")
     reached = float(result.response.largest_strain_measure[0])
@@ -185,12 +187,12 @@ def _curve(result: Identification) -> list[str]:
     return [
         f"Measuring the quasi-static curve to a nominal strain of {numbers.plain(strain, 2)} instead of "
         f"{numbers.plain(last, 2)} would support what {numbers.percent(share)} of the specimen’s volume was "
-        "strained to; no part of the interval stands for that"
+        "strained to; no part of the interval covers this"
     ]
 
 
 def _undeclared(result: Identification) -> list[str]:
-    """Inputs that count as exact."""
+    """Return the inputs that count as exact."""
     open_ = [INPUTS.get(part.key, part.key) for part in result.systematic if part.status == UNDECLARED]
     if not open_:
         return []
@@ -208,12 +210,12 @@ WINDOW_END, FORCE_BINS = "window_end", "force_bins"
 
 
 def choices(result: Identification) -> list[dict[str, Any]]:
-    """Rows of the section: the choice, what was taken, the shift of each parameter, what was done.
+    """Return the rows of the choices: the choice, its value, the shift of each parameter, what was done.
 
     Parameters
     ----------
     result
-        In shown units.
+        In display units.
     """
     return [*_inputs(result), *_window(result), *_data(result), *_mesh(result)]
 

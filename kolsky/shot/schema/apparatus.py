@@ -1,9 +1,11 @@
 """The tables of shot.toml about the test: [specimen], [interface], [transmission], [model], [window]."""
 
+from dataclasses import dataclass
 from typing import Literal
 
 from pydantic import model_validator
 
+from kolsky.base.apparatus import Interface
 from kolsky.shot.schema import fields as f
 from kolsky.shot.schema.section import Section
 
@@ -16,45 +18,74 @@ class SpecimenSection(Section):
     density: f.Density
 
 
+@dataclass(frozen=True)
+class ContactKey:
+    """A number of [interface] that some contact laws read."""
+
+    read_by: str
+    """Field of `explicit.contact.ContactLaw` that says whether a law reads it."""
+    example: str
+    """A value as the shot file has it."""
+    unit: str = ""
+    """SI unit; empty for a plain number."""
+
+
+CONTACT_KEYS = {
+    "friction": ContactKey("needs_friction", "0.3"),
+    "release_stress": ContactKey("needs_release_stress", '"50 kPa"', "Pa"),
+    "contact_stiffness": ContactKey("needs_stiffness", '"1e13 Pa/m"', "Pa/m"),
+}
+"""Keys of [interface] beside the names of laws; each is a field of `kolsky.base.apparatus.Interface` too."""
+
+
+def keys_read(*laws: str) -> list[str]:
+    """The keys of [interface] that at least one of these contact laws reads."""
+    from explicit.contact import CONTACT_LAWS
+
+    return [
+        name
+        for name, key in CONTACT_KEYS.items()
+        if any(getattr(CONTACT_LAWS[law], key.read_by) for law in laws)
+    ]
+
+
 class InterfaceSection(Section):
     """[interface]: how faces and side surface hold to the platens."""
 
-    faces: f.Law
-    side: f.Law
+    faces: f.ContactLawName
+    side: f.ContactLawName
     friction: f.Friction | None = None
     release_stress: f.ReleaseStress | None = None
+    contact_stiffness: f.ContactStiffness | None = None
 
     @model_validator(mode="after")
-    def _friction_where_it_acts(self) -> "InterfaceSection":
-        coulomb = "coulomb" in (self.faces, self.side)
-        if coulomb and self.friction is None:
-            raise f.problem(
-                'is missing; the law "coulomb" needs it', key="friction", cure="add e.g. friction = 0.3"
-            )
-        if not coulomb and self.friction is not None:
-            raise f.problem(
-                'is given, but neither faces nor side is "coulomb", so it would have no effect',
-                key="friction",
-                cure='remove it, or choose the law "coulomb"',
-            )
+    def _numbers_where_they_act(self) -> "InterfaceSection":
+        from explicit.contact import CONTACT_LAWS
+
+        for name, key in CONTACT_KEYS.items():
+            needing = [law for law in (self.faces, self.side) if name in keys_read(law)]
+            given = getattr(self, name) is not None
+            if needing and not given:
+                raise f.problem(
+                    f'is missing; the law "{needing[0]}" needs it',
+                    key=name,
+                    cure=f"add e.g. {name} = {key.example}",
+                )
+            if given and not needing:
+                able = f.alternatives(law for law in CONTACT_LAWS if name in keys_read(law))
+                raise f.problem(
+                    f'is given, but neither "{self.faces}" on the faces nor "{self.side}" on the side reads '
+                    "it, so it would have no effect",
+                    key=name,
+                    cure=f"remove it, or choose the law {able}",
+                )
         return self
 
-    @model_validator(mode="after")
-    def _release_where_it_acts(self) -> "InterfaceSection":
-        releasing = "bonded_release" in (self.faces, self.side)
-        if releasing and self.release_stress is None:
-            raise f.problem(
-                'is missing; the law "bonded_release" needs it',
-                key="release_stress",
-                cure='add e.g. release_stress = "50 kPa"',
-            )
-        if not releasing and self.release_stress is not None:
-            raise f.problem(
-                'is given, but neither faces nor side is "bonded_release", so it would have no effect',
-                key="release_stress",
-                cure='remove it, or choose the law "bonded_release"',
-            )
-        return self
+    def interface(self) -> Interface:
+        """What a simulation needs to know; a number that no law reads keeps its default."""
+        given = {name: getattr(self, name) for name in CONTACT_KEYS}
+        numbers = {name: value for name, value in given.items() if value is not None}
+        return Interface(faces=self.faces, side=self.side, **numbers)
 
 
 class BarSection(Section):

@@ -1,8 +1,8 @@
 """The values that may stand in shot.toml: written-out quantities, ranges, file names."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import PurePosixPath
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import BeforeValidator
 from pydantic_core import PydanticCustomError
@@ -93,12 +93,30 @@ def _deviation(value: object) -> float:
 def _friction(value: object) -> float:
     number = _number(value)
     if not 0.0 <= number < float("inf"):
+        from explicit.contact import CONTACT_LAWS
+
+        sticking = alternatives(name for name, law in CONTACT_LAWS.items() if not law.slides)
         raise problem(
             "is not allowed",
             allowed="a finite number >= 0",
-            cure='write the Coulomb coefficient, e.g. 0.3; for no slip choose the law "rough" or "bonded"',
+            cure=f"write the Coulomb coefficient, e.g. 0.3; for no slip choose the law {sticking}",
         )
     return number
+
+
+def _contact_law(name: object) -> str:
+    """The name of a law of `explicit.contact`."""
+    from explicit.contact import CONTACT_LAWS
+
+    if not isinstance(name, str) or name not in CONTACT_LAWS:
+        raise problem("is not allowed", allowed=alternatives(CONTACT_LAWS))
+    return name
+
+
+def alternatives(names: Iterable[str]) -> str:
+    """Names in quotes, the last behind "or"."""
+    quoted = [f'"{name}"' for name in names]
+    return " or ".join([", ".join(quoted[:-1]), quoted[-1]] if len(quoted) > 1 else quoted)
 
 
 def _share(text: object) -> float:
@@ -265,4 +283,7 @@ Subset = Annotated[int, BeforeValidator(_odd(5, 101, "px"))]
 StrainWindow = Annotated[int, BeforeValidator(_odd(3, 51, "points"))]
 Prefilter = Annotated[float, BeforeValidator(_prefilter)]
 Name = Annotated[str, BeforeValidator(_text)]
-Law = Literal["bonded", "bonded_release", "rough", "coulomb", "frictionless"]
+ContactStiffness = Annotated[
+    float, BeforeValidator(_physical("Pa/m", "> 0", "the stiffness of the springs of contact"))
+]
+ContactLawName = Annotated[str, BeforeValidator(_contact_law)]

@@ -23,7 +23,8 @@ def impact(laws: tuple, samples: Samples, *, element: str = "one_point", **optio
     )
     volumetric = str(options.pop("volumetric", "quadratic"))
     mesh = cylinder(RADIUS, LENGTH, n_radial=4, n_axial=5)
-    model = Model(mesh, DENSITY, laws, (motion,), element=element, volumetric=volumetric)  # type: ignore[arg-type]
+    contact = {key: options.pop(key) for key in ("faces", "side") if key in options}
+    model = Model(mesh, DENSITY, laws, (motion,), element=element, volumetric=volumetric, **contact)  # type: ignore[arg-type]
     stepping = Stepping(**options)  # type: ignore[arg-type]
     return run(model, samples, Sampling(TIMES, TIMES), stepping=stepping)
 

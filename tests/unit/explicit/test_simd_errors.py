@@ -198,13 +198,13 @@ def four_of_a_vector(body, batch, state, output, first):
     x = four(batch.v[0], 0)
 
 
-def seats_of_a_number(body, batch, state, output, first):
+def totals_of_a_number(body, batch, state, output, first):
     x = boundary_totals(one, one, body.n)
 
 
-def seats_a_lane(body, batch, state, output, first):
+def totals_of_a_lane(body, batch, state, output, first):
     i, lane = wp.tid()
-    x = boundary_totals(state.seats[i], state.seats[i], body.place[lane + batch.k[i]])
+    x = boundary_totals(state.ours[i], state.ours[i], body.place[lane + batch.k[i]])
 
 
 @pytest.mark.parametrize("mapping", MAPPINGS)
@@ -243,8 +243,8 @@ def seats_a_lane(body, batch, state, output, first):
         (constants_of_the_state, "entry(state.u, 0, lane): a table of constants and a number"),
         (another_constant_a_lane, "a table of constants and a number that all lanes share are wanted"),
         (four_of_a_vector, "four(batch.v[0], 0): a row of constants and a number are wanted"),
-        (seats_of_a_number, "boundary_totals(one, one, body.n): seats and a number that all lanes share"),
-        (seats_a_lane, "seats and a number that all lanes share are wanted"),
+        (totals_of_a_number, "boundary_totals(one, one, body.n): numbers of boundary nodes and a count"),
+        (totals_of_a_lane, "numbers of boundary nodes and a count that all lanes share are wanted"),
     ],
 )
 def test_refused_in_both_mappings(source: Function, message: str, mapping: Mapping) -> None:

@@ -76,7 +76,7 @@ def walk_kernel(numbers: Precision) -> Any:
         x = batch.x[sample]
         u = state.u[sample]
         parts = sums(state.parts, sample, 0)
-        seats, others = sums(state.seats, sample, 0), sums(state.others, sample, 0)
+        ours, others = sums(state.ours, sample, 0), sums(state.others, sample, 0)
         positive, most = empty_sum(), wp.float64(0.0)
         if is_worker(lane) == 1:
             positive, most = sweep(body, state, sample, lane, x)
@@ -87,7 +87,7 @@ def walk_kernel(numbers: Precision) -> Any:
             everything = add_to(everything, wp.float64(u[n]), n)
             if state.marks[sample, body.place[n]] == 1:
                 gathered = add_to(gathered, wp.float64(u[body.place[n]] * x), n)
-            seats[n] = wp.float64(u[n])
+            ours[n] = wp.float64(u[n])
             others[n] = wp.float64(-body.weight[n])
             n += n_workers()
         twice += everything
@@ -112,8 +112,8 @@ def walk_kernel(numbers: Precision) -> Any:
             put_largest(parts, 8 + body.two, wp.float64(x))
         sync()
         if is_control(lane) == 1:
-            shares = boundary_totals(seats, others, body.n)
-            some = boundary_totals(seats, seats, body.n - body.two)
+            shares = boundary_totals(ours, others, body.n)
+            some = boundary_totals(ours, ours, body.n - body.two)
             if is_writer(lane) == 1:
                 for total in range(4):
                     output.sums[sample, total] = get_total(parts, total)

@@ -112,7 +112,7 @@ REFUSED = [
         'faces = "bonded"',
         'faces = "glued"',
         "interface.faces",
-        ['"bonded", "bonded_release", "rough", "coulomb" or "frictionless"'],
+        ['"bonded", "bonded_release", "rough", "coulomb", "frictionless" or "penalty"'],
     ),
     ('faces = "bonded"', 'faces = "coulomb"', "interface.friction", ["is missing", "friction = 0.3"]),
     ("# friction = 0.3 ", "friction = 0.3 ", "interface.friction", ["= 0.3 is given", "no effect"]),

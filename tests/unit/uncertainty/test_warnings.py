@@ -9,7 +9,10 @@ from synthetic import CHECKS, failed, synthetic
 
 from explicit import Outcome
 from kolsky.base.apparatus import Interface
+from kolsky.inverse.method_comparison import Method
 from kolsky.inverse.result import Identification, Verdict
+from kolsky.inverse.uncertainty_results import ParameterProfile
+from kolsky.uncertainty.analyse import analysis_warnings
 from kolsky.uncertainty.warnings.collect import collect_warnings
 
 BONDED = Interface(faces="bonded", side="bonded")
@@ -204,3 +207,114 @@ def test_numbers_that_cannot_be_trusted() -> None:
 def test_a_failed_result_has_no_traceback() -> None:
     found = collect_warnings(failed(), checks=CHECKS, interface=BONDED)
     assert any("22 of 22 runs did not complete" in text for text in found)
+
+
+# Each threshold from both sides: what must be said is said, what need not be is not.
+
+
+def texts(result: Identification, **checks: float) -> int:
+    return len(collect_warnings(result, checks={**CHECKS, **checks}, interface=BONDED))
+
+
+@pytest.mark.parametrize(
+    ("checks", "said"),
+    [
+        ({"flyer_noise_scale": 1.29}, 0),
+        ({"flyer_noise_scale": 1.31}, 1),
+        # A sigma wrong by 1.3 is a chi-square of 1.69 or 1 / 1.69 = 0.592.
+        ({"flyer_chi2_per_dof": 1.68}, 0),
+        ({"flyer_chi2_per_dof": 1.70}, 1),
+        ({"flyer_chi2_per_dof": 0.60}, 0),
+        ({"flyer_chi2_per_dof": 0.58}, 1),
+        ({"front_noise_scale": 1.29}, 0),
+        ({"front_noise_scale": 1.31}, 1),
+        # White noise of 400 samples: 3 / 20.
+        ({"force_noise_correlation": 0.149}, 0),
+        ({"force_noise_correlation": 0.151}, 1),
+        ({"force_noise_correlation": -0.151}, 1),
+        ({"force_noise_correlation": 0.151, "force_baseline_samples": 300}, 0),
+        ({"conditioned_ratio": 0.9}, 1),
+        ({"symmetry_end": 1.2e-3, "window_end": 1.1e-3}, 1),
+    ],
+)
+def test_thresholds_of_the_measurements(checks: dict[str, float], said: int) -> None:
+    assert texts(clean(), **checks) == said
+
+
+def test_the_window_and_the_flyers_direction() -> None:
+    assert "before the window ends at 1.3 ms" in said(clean(), symmetry_end=1.2e-3, window_end=1.3e-3)
+    assert said(clean(), symmetry_end=1.2e-3, window_end=1.1e-3).startswith(
+        "the window ends at 1.1 ms, where"
+    )
+    text = said(clean(), conditioned_ratio=0.8)
+    assert "stress is 0.8 times that" in text
+    assert "about 1.25 times as large" in text
+
+
+@pytest.mark.parametrize(("share", "said"), [(0.0099, 0), (0.0101, 1)])
+def test_threshold_of_strain_past_the_curve(share: float, said: int) -> None:
+    response = replace(clean().response, extrapolated_share=np.array([share]))
+    assert texts(clean(response=response)) == said
+
+
+@pytest.mark.parametrize(("share", "said"), [(0.0099, 0), (0.0101, 1)])
+def test_threshold_of_hourglass_control(share: float, said: int) -> None:
+    energy = clean().response.energy
+    most, zero = energy.elastic.max(), np.zeros_like(energy.elastic)
+    changed = replace(
+        energy,
+        hourglass=zero + share * most,
+        hourglass_damping=zero,
+        external=energy.external - energy.artificial + share * most,
+    )
+    assert texts(clean(response=replace(clean().response, energy=changed))) == said
+
+
+@pytest.mark.parametrize(("share", "said"), [(0.009, 0), (0.011, 1)])
+def test_threshold_of_the_energy_balance(share: float, said: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("kolsky.uncertainty.warnings.answer.worst_imbalance", lambda response: share)
+    assert texts(clean()) == said
+
+
+@pytest.mark.parametrize(("ratio", "said"), [(1.29, 0), (1.31, 1)])
+def test_threshold_of_the_outlines_noise(ratio: float, said: int) -> None:
+    terms = replace(clean().terms, chi2_shape=clean().terms.n_shape / ratio**2)
+    assert texts(clean(terms=terms)) == said
+
+
+@pytest.mark.parametrize(
+    ("numerical", "parts", "said"),
+    [
+        (0.0018, {}, 0),
+        (0.0020, {}, 1),
+        (0.0030, {"mesh": 0.0018, "roughness": 0.0018}, 0),
+        (0.0030, {"mesh": 0.0020, "roughness": 0.0018}, 1),
+        (0.0030, {"mesh": 0.0018, "roughness": 0.0020}, 1),
+    ],
+)
+def test_threshold_of_the_numerics_is_the_noise(numerical: float, parts: dict[str, float], said: int) -> None:
+    # The noise is 0.0019.
+    assert texts(estimate(sigma_numerical=numerical, numerical_parts=parts)) == said
+
+
+@pytest.mark.parametrize(("distance", "said"), [(0.24, 0), (0.26, 1), (-0.26, 1), (float("nan"), 1)])
+def test_threshold_of_methods_that_disagree(distance: float, said: int) -> None:
+    method = Method("x", {"stiffness_factor": 1.1}, {"stiffness_factor": distance}, 1, 0, True, "at rest")
+    assert texts(clean(methods=(method,))) == said
+
+
+def test_runs_that_would_do() -> None:
+    result = estimate(outcome=Verdict.DISAGREEING)
+    for needed, words in ((23.0, "about 23 runs around"), (float("inf"), "more runs would hardly help")):
+        assert words in said(replace(result, surrogate={**result.surrogate, "runs_needed": needed}))
+
+
+@pytest.mark.parametrize(
+    ("error", "kind", "said"), [(0.38, "identified", 0), (0.39, "identified", 1), (0.1, "ridge", 1)]
+)
+def test_a_profile_is_confirmed_within_a_tenth_of_its_level(error: float, kind: str, said: int) -> None:
+    x = np.linspace(1.0, 1.2, 5)
+    profile = ParameterProfile(
+        "stiffness_factor", x, 0.0 * x, x[:, None], 3.84, 1.0, (1.0, 1.2), (1.0, 1.2), kind, "it is so", error
+    )
+    assert len(list(analysis_warnings((profile,), None))) == said

@@ -10,7 +10,7 @@ import numpy as np
 from explicit.arguments import batch_of, fits_on_chip, output_of
 from explicit.arrays import FloatArray
 from explicit.device import select_device
-from explicit.drivers import Plan, run_in_lanes, run_on_gpu
+from explicit.drivers import PreparedBatch, run_in_lanes, run_on_gpu
 from explicit.energy import EnergyLedger
 from explicit.geometry import element_geometry
 from explicit.host_transfer import HISTORIES
@@ -79,12 +79,12 @@ def run(
     )  # fmt: skip
     output = output_of(kernel, model.mesh, len(samples), sampling, nodes, where)
     batch = batch_of(kernel, model, samples, sampling, stepping, numbers, where)
-    plan = Plan(kernel, model, numbers, where, batch, output, len(samples), on_chip)
+    prepared = PreparedBatch(kernel, model, numbers, where, batch, output, len(samples), on_chip)
     if where.is_cuda:
         load_module(kernel, where, modules)
-        histories = run_on_gpu(plan, progress)
+        histories = run_on_gpu(prepared, progress)
     else:
-        histories = run_in_lanes(plan, threads or os.cpu_count() or 1, progress)
+        histories = run_in_lanes(prepared, threads or os.cpu_count() or 1, progress)
     return _response(model, sampling, output, histories, nodes)
 
 

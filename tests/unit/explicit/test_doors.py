@@ -1,0 +1,262 @@
+"""The solver's doors, each tried with a made-up member: one file and one line in a registry, nothing else.
+
+A material law, a contact law and an element are written to temporary files, entered into their registries,
+and get what every member gets: the batteries of the tests, both elements, both precisions, the shot file, the
+fit.
+"""
+
+import importlib.util
+import inspect
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+import test_contact_laws as contact_battery
+import test_material_kernels as kernel_battery
+import test_material_laws as law_battery
+from test_material_runs import apart, impact
+
+from explicit import Response, Samples
+from explicit.contact import CONTACT_LAWS
+from explicit.elements import ELEMENTS
+from explicit.materials import LAWS
+from explicit.precision import PRECISIONS
+from kolsky.material.fits.compare import candidates
+from kolsky.material.fits.fit import fit_law
+from kolsky.material.fits.homogeneous import incompressible_stress
+from kolsky.material.fits.modes import Mode
+from kolsky.material.fits.test_data import HomogeneousTest
+from kolsky.shot.schema.curve import LawSection
+
+KNOWLES = '''
+"""Power law in I1_bar (Knowles 1977)."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import warp as wp
+
+from explicit.materials.invariants import InvariantLaw
+from explicit.materials.law import ParameterSpec
+
+
+@dataclass(frozen=True)
+class Knowles(InvariantLaw):
+    """W = mu / (2 b) ((1 + b (I1_bar - 3) / n)^n - 1)."""
+
+    NAME: ClassVar[str] = "knowles"
+    PARAMETERS: ClassVar[tuple[ParameterSpec, ...]] = (
+        ParameterSpec("mu", "Pa", 0.0, np.inf, 25e3, "shear modulus at rest", strict=True),
+        ParameterSpec("b", "1", 1e-3, np.inf, 0.5, "factor of I1_bar - 3", strict=True),
+        ParameterSpec("n", "1", 0.5, np.inf, 1.4, "exponent", strict=True),
+    )
+
+    mu: float
+    b: float
+    n: float
+
+    def W(self, I1, I2):
+        return np.asarray(self.mu / (2.0 * self.b) * (self._base(I1) ** self.n - 1.0))
+
+    def dW_dI(self, I1, I2):
+        return np.asarray(0.5 * self.mu * self._base(I1) ** (self.n - 1.0)), np.zeros(np.shape(I1))
+
+    def d2W_dI2(self, I1, I2):
+        curvature = 0.5 * self.mu * self.b * (self.n - 1.0) / self.n * self._base(I1) ** (self.n - 2.0)
+        return np.asarray(curvature), np.zeros(np.shape(I1)), np.zeros(np.shape(I1))
+
+    def _base(self, I1):
+        return 1.0 + self.b * (np.asarray(I1) - 3.0) / self.n
+
+    @staticmethod
+    def invariant_functions(precision):
+        real = precision.real
+        zero, half, one, two = real(0.0), real(0.5), real(1.0), real(2.0)
+
+        @wp.func
+        def slopes(x: real, y: real, row: wp.array(dtype=real)):
+            return half * row[0] * wp.pow(one + row[1] * x / row[2], row[2] - one), zero
+
+        @wp.func
+        def curvatures(x: real, y: real, row: wp.array(dtype=real)):
+            factor = half * row[0] * row[1] * (row[2] - one) / row[2]
+            return factor * wp.pow(one + row[1] * x / row[2], row[2] - two), zero, zero
+
+        @wp.func
+        def energy(x: real, y: real, row: wp.array(dtype=real)):
+            return row[0] / (two * row[1]) * (wp.pow(one + row[1] * x / row[2], row[2]) - one)
+
+        return slopes, curvatures, energy
+'''
+TACKY = '''
+"""Tacky: sticks while pressed, pulls up to a stress, and sticks again when pressed again."""
+
+import warp as wp
+
+from explicit.contact.base import TOUCHED, touch_struct
+
+
+class Tacky:
+    name = "tacky"
+    needs_friction = False
+    needs_release_stress = True
+    needs_stiffness = False
+    carries_tension = True
+    slides = False
+    remembers_slip = False
+
+    def kernel_function(self, precision):
+        real, vec2 = precision.real, precision.vec2
+        Touch = touch_struct(precision)
+        zero, touched = real(0.0), int(TOUCHED)
+
+        @wp.func
+        def tacky(touch: Touch):
+            velocity = vec2(touch.v_r, touch.v_y)
+            away = touch.normal * (touch.v_y - touch.target)
+            holds = touch.held == touched and touch.density * away / touch.interval < touch.release_stress
+            if away < zero or holds:
+                velocity = vec2(zero, touch.target)
+            return velocity, touch.held, touch.slip
+
+        return tacky
+'''
+TWIN = '''
+"""An element by another name."""
+
+from dataclasses import dataclass
+
+from explicit.elements.fbar import FBar
+
+
+@dataclass(frozen=True)
+class Twin(FBar):
+    name: str = "twin"
+'''
+
+
+def module_of(source: str, folder: Path, name: str) -> ModuleType:
+    """A source as a module in a file, which the translator reads."""
+    file = folder / f"{name}.py"
+    file.write_text(source, "utf-8")
+    spec = importlib.util.spec_from_file_location(name, file)
+    assert spec is not None
+    assert spec.loader is not None
+    made = importlib.util.module_from_spec(spec)
+    sys.modules[name] = made  # a dataclass looks its module up
+    spec.loader.exec_module(made)
+    return made
+
+
+@pytest.fixture(scope="module")
+def members(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """The made-up law, contact law and element, in their registries."""
+    folder = tmp_path_factory.mktemp("doors")
+    law = module_of(KNOWLES, folder, "door_knowles").Knowles
+    contact = module_of(TACKY, folder, "door_tacky").Tacky()
+    element = module_of(TWIN, folder, "door_twin").Twin()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(LAWS, law.NAME, law)
+        patch.setitem(CONTACT_LAWS, contact.name, contact)
+        patch.setitem(ELEMENTS, element.name, element)
+        yield law, contact, element
+    for name in ("door_knowles", "door_tacky", "door_twin"):
+        del sys.modules[name]
+
+
+def battery(module: ModuleType, parameter: str) -> list[Callable[..., None]]:
+    """The tests of a module that go over a registry: those that take the member alone."""
+    found = [f for name, f in vars(module).items() if name.startswith("test_")]
+    return [f for f in found if [*inspect.signature(f).parameters] == [parameter]]
+
+
+LAW_BATTERY = battery(law_battery, "law")
+CONTACT_BATTERY = battery(contact_battery, "name")
+
+
+def test_the_batteries_are_there() -> None:
+    assert len(LAW_BATTERY) >= 8
+    assert len(CONTACT_BATTERY) >= 6
+
+
+@pytest.mark.parametrize("check", LAW_BATTERY, ids=lambda f: f.__name__)
+def test_a_material_law_gets_the_battery(members: Any, check: Callable[..., None]) -> None:
+    check(members[0].example())
+
+
+@pytest.mark.parametrize("check", CONTACT_BATTERY, ids=lambda f: f.__name__)
+def test_a_contact_law_gets_the_battery(members: Any, check: Callable[..., None]) -> None:
+    check(members[1].name)
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("mapping", ["simulation", "worker", None])
+def test_its_warp_functions_are_its_twin(
+    members: Any, precision: str, mapping: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    law = members[0]
+    monkeypatch.setattr(kernel_battery, "LAWS", {law.NAME: law})
+    monkeypatch.setattr(kernel_battery, "EXAMPLES", [law.example()])
+    monkeypatch.setattr(kernel_battery, "laws_kernel", cache(kernel_battery.laws_kernel.__wrapped__))
+    kernel_battery.test_every_law_is_its_twin(PRECISIONS[precision], mapping)
+
+
+def simulate(law: Any, element: str, precision: str, contact: str = "", **sample: Any) -> Response:
+    faces = {"faces": contact, "side": contact} if contact else {}
+    samples = Samples.of(poisson=0.495, **sample)
+    return impact((law,), samples, element=element, precision=precision, largest_step=4e-7, **faces)
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("element", ["one_point", "fbar"])
+def test_a_material_law_runs_on_every_element(members: Any, element: str, precision: str) -> None:
+    # With the exponent 1 it is neo-Hookean: the same run but for round-off over 1500 steps.
+    one = simulate(members[0].of([25e3, 0.5, 1.0]), element, precision)
+    other = simulate(LAWS["neo_hookean"].of([25e3]), element, precision)
+    assert one.completed.all()
+    assert apart(one, other) < (1e-9 if precision == "fp64" else 1e-3)
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("element", ["one_point", "fbar"])
+def test_a_contact_law_runs_on_every_element(members: Any, element: str, precision: str) -> None:
+    law = LAWS["neo_hookean"].example()
+    for stress, limit in ((np.inf, "bonded"), (0.0, "rough")):
+        one = simulate(law, element, precision, contact="tacky", release_stress=stress)
+        other = simulate(law, element, precision, contact=limit, release_stress=stress)
+        assert one.completed.all()
+        np.testing.assert_array_equal(one.force_transmission, other.force_transmission)
+
+
+def test_an_element_runs_by_its_name(members: Any) -> None:
+    law = LAWS["neo_hookean"].example()
+    one, other = (simulate(law, name, "fp64") for name in (members[2].name, "fbar"))
+    np.testing.assert_array_equal(one.force_transmission, other.force_transmission)
+
+
+def test_a_fit_finds_the_constants_of_a_new_law(members: Any) -> None:
+    law, stretch = members[0].of([30e3, 0.8, 1.3]), np.linspace(0.4, 2.0, 60)
+    stress = incompressible_stress(law, Mode.UNIAXIAL, stretch)
+    (candidate,) = candidates(["knowles"])
+    found = fit_law(candidate.law, [HomogeneousTest("exact", Mode.UNIAXIAL, stretch, stress)])
+    np.testing.assert_allclose(list(found.values.values()), law.constants(), rtol=1e-4)  # of an exact curve
+
+
+def test_a_shot_may_name_a_new_law(members: Any) -> None:
+    section = LawSection.model_validate(
+        {
+            "name": "knowles",
+            "parameters": {"mu": "30 kPa", "b": 0.8, "n": 1.3},
+            "branch": "compression",
+            "largest_strain": "60 %",
+            "relative_sigma": "3 %",
+        }
+    )
+    assert type(section.law) is members[0]
+    np.testing.assert_allclose(section.law.constants(), [30e3, 0.8, 1.3])
