@@ -2,7 +2,7 @@
 
 A line ``<!-- rooms -->`` of a page becomes the table of the rooms of `kolsky` (docs/rooms.toml, which the
 test of imports reads too), ``<!-- public kolsky -->`` the public names of a package, each with its first
-line.
+line, ``<!-- commands kolsky -->`` the commands of the command line.
 """
 
 import importlib
@@ -12,7 +12,7 @@ import tomllib
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[1]
-LINE = re.compile(r"^<!-- (rooms|public) (\w+) -->$", re.MULTILINE)
+LINE = re.compile(r"^<!-- (rooms|public|commands) (\w+) -->$", re.MULTILINE)
 
 
 def rooms(package: str) -> str:
@@ -41,11 +41,22 @@ def public(package: str) -> str:
     return "\n".join(lines)
 
 
+def commands(package: str = "kolsky") -> str:
+    """The commands of a package in the order of ``--help``, each with its first line."""
+    registry = importlib.import_module(f"{package}.cli.commandline").COMMANDS
+    lines = ["| command | what it does |", "| --- | --- |"]
+    for words, command in registry.items():
+        first = (inspect.getdoc(command) or "").partition("\n\n")[0]
+        lines.append(f"| `{package} {words}` | {' '.join(first.split())} |")
+    return "\n".join(lines)
+
+
+TABLES = {"rooms": rooms, "public": public, "commands": commands}
+
+
 def fill(app, name, source) -> None:
     """Put the tables where a page asks for them."""
-    source[0] = LINE.sub(
-        lambda found: rooms(found[2]) if found[1] == "rooms" else public(found[2]), source[0]
-    )
+    source[0] = LINE.sub(lambda found: TABLES[found[1]](found[2]), source[0])
 
 
 def setup(app):
