@@ -22,8 +22,8 @@ FAULTS: tuple[Fault, ...] = (
     *DIC,
     *DOE,
     *INVERSE,
-    *REPORT,
     *MATERIAL,
     *RATES,
+    *REPORT,
     *UNCERTAINTY,
 )
