@@ -23,10 +23,9 @@ FAULTS: tuple[Fault, ...] = (
     *DIC,
     *DOE,
     *INVERSE,
-    *RESULTS,
-    *REPORT,
     *MATERIAL,
     *RATES,
     *REPORT,
+    *RESULTS,
     *UNCERTAINTY,
 )
