@@ -13,6 +13,7 @@ from tests.mutants.inverse import FAULTS as INVERSE
 from tests.mutants.material import FAULTS as MATERIAL
 from tests.mutants.rates import FAULTS as RATES
 from tests.mutants.report import FAULTS as REPORT
+from tests.mutants.results import FAULTS as RESULTS
 from tests.mutants.uncertainty import FAULTS as UNCERTAINTY
 
 __all__ = ["FAULTS", "Fault"]
@@ -22,8 +23,10 @@ FAULTS: tuple[Fault, ...] = (
     *DIC,
     *DOE,
     *INVERSE,
+    *RESULTS,
     *REPORT,
     *MATERIAL,
     *RATES,
+    *REPORT,
     *UNCERTAINTY,
 )
