@@ -1,5 +1,4 @@
-"""The flyer's flight from the pictures of a shot: velocity, direction, tilt, and the end of symmetry (the
-paper's Fig. 6)."""
+"""Flight of a flyer from its pictures: velocity, direction, tilt, end of symmetry (the paper's Fig. 6)."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,7 +35,7 @@ class FlightOfSpecimen:
     separation: float = np.nan
     """Time of its greatest velocity, from which on nothing pushes it but the specimen [s]."""
     symmetry: SymmetryEnd | None = None
-    """Its direction compared with the first; None if that is not known."""
+    """End of symmetry by its direction; None if that is not known."""
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -168,7 +167,7 @@ def printed(found: FlightOfSpecimen | str) -> dict[str, str]:
 
 
 def summary(found: FlightOfSpecimen | str) -> dict[str, Any]:
-    """Velocity, direction, tilt and end of symmetry: name and value, SI and JSON types."""
+    """Summary of the flight: name and value, SI and JSON types."""
     if isinstance(found, str):
         return {"flight": f"not known: {found}"}
     at = np.array([found.separation])
