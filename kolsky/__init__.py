@@ -10,21 +10,30 @@ from typing import TYPE_CHECKING, Any
 from kolsky.report.ipython import register as _register_views
 
 if TYPE_CHECKING:
+    from kolsky.bars.flyer.fit import fit_flyer
     from kolsky.base.errors import InputError
     from kolsky.base.files import write_table
+    from kolsky.base.records import FlyerMotion
     from kolsky.identification import identify
-    from kolsky.inverse.forward import Numerics
+    from kolsky.inverse.forward import Forward, Numerics, material_law
     from kolsky.inverse.result import Identification
     from kolsky.inverse.settings import Settings
+    from kolsky.inverse.side_surface import radius_at
     from kolsky.inverse.simulate import simulate
+    from kolsky.material.curves.uniaxial import UniaxialTest
     from kolsky.material.fits.compare import compare_laws
     from kolsky.material.fits.fit import fit_law
-    from kolsky.material.reference_curve import reference_curve
+    from kolsky.material.fits.test_data import HomogeneousTest
+    from kolsky.material.fits.test_files import read_homogeneous_test
+    from kolsky.material.reference_curve import Treatment, reference_curve
+    from kolsky.material.reference_curve_files import read_uniaxial_test
     from kolsky.report.canvas import save_figures
+    from kolsky.report.figures import figures_of
     from kolsky.report.notebook import to_dataframe, to_xarray
     from kolsky.report.pages.identification import write_report
     from kolsky.report.result_folder import (
         read_identify_results,
+        write_dic_results,
         write_identify_results,
         write_rate_results,
         write_sweep_results,
@@ -33,41 +42,62 @@ if TYPE_CHECKING:
     from kolsky.results.hdf5 import read_identification, write_identification
     from kolsky.results.tables import write_csv
     from kolsky.shot.dic import dic
-    from kolsky.shot.load import check_shot, load_shot
+    from kolsky.shot.load import check_shot, load_pictures, load_shot
+    from kolsky.shot.optical_data import measured
     from kolsky.shot.records import Shot
     from kolsky.shot.repeated_tests import repeats
     from kolsky.shot.waves import waves
+    from kolsky.studies.global_sensitivity import global_sensitivity, screening, solver_sensitivity
     from kolsky.studies.planning.plan import plan
     from kolsky.studies.rates.rate import rate
     from kolsky.studies.sweep import sweep
     from kolsky.studies.sweep_analysis import analyse_sweep
+    from kolsky.studies.trends import trends
 
 _HOME = {
+    "FlyerMotion": "kolsky.base.records",
+    "Forward": "kolsky.inverse.forward",
+    "HomogeneousTest": "kolsky.material.fits.test_data",
     "Identification": "kolsky.inverse.result",
     "InputError": "kolsky.base.errors",
     "Numerics": "kolsky.inverse.forward",
     "Settings": "kolsky.inverse.settings",
     "Shot": "kolsky.shot.records",
+    "Treatment": "kolsky.material.reference_curve",
+    "UniaxialTest": "kolsky.material.curves.uniaxial",
     "analyse_sweep": "kolsky.studies.sweep_analysis",
     "check_shot": "kolsky.shot.load",
     "compare_laws": "kolsky.material.fits.compare",
     "dic": "kolsky.shot.dic",
+    "figures_of": "kolsky.report.figures",
+    "fit_flyer": "kolsky.bars.flyer.fit",
     "fit_law": "kolsky.material.fits.fit",
+    "global_sensitivity": "kolsky.studies.global_sensitivity",
     "identify": "kolsky.identification",
+    "load_pictures": "kolsky.shot.load",
     "load_shot": "kolsky.shot.load",
+    "material_law": "kolsky.inverse.forward",
     "plan": "kolsky.studies.planning.plan",
+    "measured": "kolsky.shot.optical_data",
+    "radius_at": "kolsky.inverse.side_surface",
     "rate": "kolsky.studies.rates.rate",
+    "read_homogeneous_test": "kolsky.material.fits.test_files",
     "read_identification": "kolsky.results.hdf5",
     "read_identify_results": "kolsky.report.result_folder",
+    "read_uniaxial_test": "kolsky.material.reference_curve_files",
     "reference_curve": "kolsky.material.reference_curve",
     "repeats": "kolsky.shot.repeated_tests",
     "save_figures": "kolsky.report.canvas",
+    "screening": "kolsky.studies.global_sensitivity",
     "simulate": "kolsky.inverse.simulate",
+    "solver_sensitivity": "kolsky.studies.global_sensitivity",
     "sweep": "kolsky.studies.sweep",
     "to_dataframe": "kolsky.report.notebook",
     "to_xarray": "kolsky.report.notebook",
+    "trends": "kolsky.studies.trends",
     "waves": "kolsky.shot.waves",
     "write_csv": "kolsky.results.tables",
+    "write_dic_results": "kolsky.report.result_folder",
     "write_identification": "kolsky.results.hdf5",
     "write_identify_results": "kolsky.report.result_folder",
     "write_rate_results": "kolsky.report.result_folder",

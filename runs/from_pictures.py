@@ -1,4 +1,4 @@
-"""A laboratory's script for a shot from pictures: `python runs/from_pictures.py SHOT`.
+"""A laboratory's script for a shot from pictures: `python runs/from_pictures.py SHOT [FOLDER]`.
 
 Surfaces first, so that a look at them costs no simulation; then the stiffness, from the same surfaces.
 Regions that shot.toml leaves out are found in the pictures.
@@ -7,36 +7,20 @@ Regions that shot.toml leaves out are found in the pictures.
 import sys
 from pathlib import Path
 
-from kolsky.bars.flyer import flight_report
-from kolsky.identification import identify
-from kolsky.inverse.settings import Settings
-from kolsky.report.pages.identification import write_report
-from kolsky.report.pages.surfaces import write_page
-from kolsky.report.surface_view import read_surface_view
-from kolsky.results.hdf5 import write_identification
-from kolsky.shot import dic_summary
-from kolsky.shot.load import load_pictures, load_shot
-from kolsky.shot.optical_data import measured, surfaces
+import kolsky
 
 if len(sys.argv) < 2:
     sys.exit("give the folder of a shot with pictures")
-pictured = load_pictures(sys.argv[1])
+pictured = kolsky.load_pictures(sys.argv[1])
 folder = Path(sys.argv[2]) if len(sys.argv) > 2 else pictured.folder / "results"
-folder.mkdir(exist_ok=True)
-found = surfaces(pictured.pictures, folder)
-write_page(
-    folder / "dic.html",
-    read_surface_view(pictured.name, found.result, pictured.pictures.series, found.flight),
-    pictured.inputs,
-)
-for name, value in {**dic_summary.printed(found.result), **flight_report.printed(found.flight)}.items():
+found = kolsky.dic(sys.argv[1], results=folder)
+kolsky.write_dic_results(folder, pictured, found)
+for name, value in found.rows().items():
     print(f"{name:24} {value}")
 
-shot = load_shot(sys.argv[1], measure=lambda seen: measured(seen, folder))
-result = identify(shot, Settings(free={"stiffness_factor": (0.75, 1.5)}))
-write_identification(folder / "identification.h5", result)
-write_report(folder / "report.html", result)
+shot = kolsky.load_shot(sys.argv[1], measure=lambda pictures: kolsky.measured(pictures, folder))
+result = kolsky.identify(shot, kolsky.Settings(free={"stiffness_factor": (0.75, 1.5)}))
+kolsky.write_identify_results(folder, result, shot)
 m = result.estimates["stiffness_factor"]
 print(f"{result.shot}: m = {m.value:.4f} ± {2 * m.sigma:.4f} (k = 2): {m.outcome}")
-warnings = (*dic_summary.warnings(found.result), *result.warnings)
-print(*(f"warning: {warning}" for warning in warnings), sep="\n", file=sys.stderr)
+print(*(f"warning: {warning}" for warning in (*found.warnings, *result.warnings)), sep="\n", file=sys.stderr)

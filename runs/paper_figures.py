@@ -8,19 +8,15 @@ numbers on the terminal.
 import sys
 from pathlib import Path
 
-from kolsky.report.canvas import build
-from kolsky.report.figures import TRENDS
-from kolsky.shot.load import load_shot
-from kolsky.studies.trends import trends
+import kolsky
 
 STIFFNESS = 1.12  # the known answer of open-01; the paper's Fig. 8 has 1, where its specimen turned out to be
 
-shot = load_shot(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "open-01")
+shot = kolsky.load_shot(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "open-01")
 folder = Path(sys.argv[2]) if len(sys.argv) > 2 else shot.folder / "results" / "paper"
-folder.mkdir(parents=True, exist_ok=True)
-found = trends(shot, stiffness=STIFFNESS)
-for kind in TRENDS.values():
-    build(kind, found).savefig(folder / f"{kind.name}.png", dpi=200, metadata={"Software": None})
+found = kolsky.trends(shot, stiffness=STIFFNESS)
+kolsky.save_figures(folder, found, formats=("png",))
+for kind in kolsky.figures_of(found).values():
     print(f"{kind.name}: {kind.caption(found)}")
 
 nu = found.poisson

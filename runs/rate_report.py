@@ -7,25 +7,12 @@ group without which the mean moves most.
 import sys
 from pathlib import Path
 
-from kolsky.report.pages.rates import write_page
-from kolsky.studies.rates.collect import collected_shot, declarations, group_key, group_of
-from kolsky.studies.rates.comparison import compare
-from kolsky.studies.rates.output import write_csv, write_hdf5
+import kolsky
 
-folders = [Path(word) for word in sys.argv[1:]]
-if not folders:
+if len(sys.argv) < 2:
     sys.exit("give the folders of identified shots")
-files = [declarations(folder)[0] for folder in folders]
-key = group_key(files, None)
-shots = [
-    collected_shot(folder, group=group_of(file, key)) for folder, file in zip(folders, files, strict=True)
-]
-report = compare(shots, grouped_by=key)
-out = Path("rates")
-out.mkdir(exist_ok=True)
-write_hdf5(out / "rates.h5", report)
-write_csv(out, report)
-write_page(out / "rates.html", report)
+report = kolsky.rate(sys.argv[1:])
+kolsky.write_rate_results(Path("rates"), report)
 
 for group in report.groups:
     print(f"{group.name}: {len(group.counted)} shots count")

@@ -12,15 +12,10 @@ from pathlib import Path
 import numpy as np
 
 import explicit
-from kolsky.bars.flyer.fit import fit_flyer
-from kolsky.base.files import write_table
-from kolsky.base.records import FlyerMotion
-from kolsky.inverse.forward import Forward, Numerics, material_law
-from kolsky.inverse.side_surface import radius_at
-from kolsky.shot.load import load_shot
+import kolsky
 
 ORIGIN = Path(__file__).resolve().parent / "open-01"
-NUMERICS = Numerics(mesh=(48, 64), element="fbar")
+NUMERICS = kolsky.Numerics(mesh=(48, 64), element="fbar")
 STATIC, FRAMES, SAMPLES, POINTS, STRAIN = 12, 150, 3000, 14, 0.55
 SIGMA_FLYER, SIGMA_Z, SIGMA_FORCE = 1e-6, 4e-6, 0.3
 REST, RISE, DRAG = 29.2e-6, 60e-6, 0.15
@@ -34,20 +29,20 @@ def flyer(time: np.ndarray, speed: float, length: float) -> np.ndarray:
     return way * -np.expm1(-speed * ramp / way)
 
 
-def make(folder: Path, speed: float, m: float, *, seed: int, numerics: Numerics = NUMERICS) -> None:
+def make(folder: Path, speed: float, m: float, *, seed: int, numerics: kolsky.Numerics = NUMERICS) -> None:
     """Write one shot with the flyer's speed [m/s] and the stiffness factor m."""
-    rng, origin = np.random.default_rng(seed), load_shot(ORIGIN)
+    rng, origin = np.random.default_rng(seed), kolsky.load_shot(ORIGIN)
     length = origin.specimen.length
     interval = STRAIN * length * (1.0 + 0.5 * DRAG) / speed / FRAMES
     frames = REST + interval * np.arange(1 - STATIC, FRAMES)
-    smooth = FlyerMotion(frames, flyer(frames, speed, length), np.full(frames.size, SIGMA_FLYER))
-    path = fit_flyer(smooth, start=REST)
+    smooth = kolsky.FlyerMotion(frames, flyer(frames, speed, length), np.full(frames.size, SIGMA_FLYER))
+    path = kolsky.fit_flyer(smooth, start=REST)
     seen = frames[STATIC - 1 :]
     step = max(5e-7, (frames[-1] - frames[0]) / SAMPLES)
     scope = np.arange(-200e-6, frames[-1] + step, step)
     inside = (scope >= REST) & (scope <= path.end)
     sampling = explicit.Sampling(force_times=scope[inside], surface_times=seen)
-    forward = Forward(origin, sampling, (path,), (material_law(origin.curve),))
+    forward = kolsky.Forward(origin, sampling, (path,), (kolsky.material_law(origin.curve),))
     run = forward.run({"stiffness_factor": np.array([m])}, numerics)
     if not run.outcomes[0].ok:
         raise SystemExit(run.endings[0].sentence)
@@ -59,20 +54,20 @@ def make(folder: Path, speed: float, m: float, *, seed: int, numerics: Numerics 
     row = np.repeat(np.arange(frames.size), POINTS)
     y = (np.linspace(0.1, 0.9, POINTS) * height[:, None]).ravel()
     surface = np.maximum(np.arange(frames.size) - STATIC + 1, 0)
-    Z, reached = radius_at(run.surface_r[0], run.surface_y[0], surface[row], y)
+    Z, reached = kolsky.radius_at(run.surface_r[0], run.surface_y[0], surface[row], y)
     row, y, Z = row[reached], y[reached], Z[reached] + SIGMA_Z * rng.standard_normal(int(reached.sum()))
 
     number, time = np.arange(frames.size), [f"{t:.9e}" for t in frames]
-    write_table(folder / "frames.csv", {"frame": number, "time (s)": time})
+    kolsky.write_table(folder / "frames.csv", {"frame": number, "time (s)": time})
     moved = position + SIGMA_FLYER * rng.standard_normal(frames.size)
     column = {"flyer displacement toward the specimen (mm)": [f"{1e3 * d:.5f}" for d in moved]}
-    write_table(folder / "flyer.csv", {"frame": number, "time (s)": time, **column})
+    kolsky.write_table(folder / "flyer.csv", {"frame": number, "time (s)": time, **column})
     outline = {"y (mm)": [f"{1e3 * v:.5f}" for v in y], "Z (mm)": [f"{1e3 * v:.5f}" for v in Z]}
     times = [time[k] for k in row]
     sigma = {"sigma_Z (mm)": [f"{1e3 * SIGMA_Z:.4f}"] * row.size}
-    write_table(folder / "centreline.csv", {"frame": row, "time (s)": times, **outline, **sigma})
+    kolsky.write_table(folder / "centreline.csv", {"frame": row, "time (s)": times, **outline, **sigma})
     digits = [f"{np.round(v * 2048.0) / 2048.0:.6f}" for v in volts]
-    write_table(
+    kolsky.write_table(
         folder / "scope.csv", {"Time (s)": [f"{t:.9e}" for t in scope], "CH2 transmitted (V)": digits}
     )
     (folder / "quasi_static.csv").write_bytes((ORIGIN / "quasi_static.csv").read_bytes())

@@ -7,18 +7,15 @@ with both profiles to SHOT/results/ridges, and prints the verdicts.
 import sys
 from pathlib import Path
 
-from kolsky.identification import identify
-from kolsky.inverse.settings import Settings
-from kolsky.report.canvas import save_figures
-from kolsky.report.figures import REGISTRY
-from kolsky.shot.load import load_shot
+import kolsky
 
-shot = load_shot(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "open-01")
+shot = kolsky.load_shot(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "open-01")
 folder = shot.folder / "results" / "ridges"
-pictures = {name: REGISTRY[name] for name in ("likelihood", "ridge")}
 for other in sys.argv[2:] or ("damping", "friction", "poisson"):
-    found = identify(shot, Settings(free={"stiffness_factor": None, other: None}, replicates=0))
-    save_figures(folder / other, found, formats=("png", "pdf"), registry=pictures)
+    settings = kolsky.Settings(free={"stiffness_factor": None, other: None}, replicates=0)
+    found = kolsky.identify(shot, settings)
+    pictures = {name: kolsky.figures_of(found)[name] for name in ("likelihood", "ridge")}
+    kolsky.save_figures(folder / other, found, formats=("png", "pdf"), registry=pictures)
     print(f"m and {other}:")
     for profile in found.profiles:
         print(f"  {profile.text}")

@@ -7,22 +7,20 @@ SHOT/results), a table on the terminal. POINTS of each sample, a power of two, a
 import sys
 from pathlib import Path
 
+import kolsky
 from doe import Box
-from kolsky.inverse.forward import Numerics
-from kolsky.report.canvas import save_figures
-from kolsky.report.figures import SENSITIVITY
-from kolsky.shot.load import load_shot
-from kolsky.studies.global_sensitivity import global_sensitivity, screening, solver_sensitivity
 
 BOX = Box.of({"stiffness_factor": (1.0, 1.25), "poisson": (0.495, 0.4995), "damping": (1e-5, 1e-4)})
-COARSE = Numerics(mesh=(16, 22))  # indices are shares: a mesh that is too soft by 1 % does not change them
+COARSE = kolsky.Numerics(
+    mesh=(16, 22)
+)  # indices are shares: a mesh that is too soft by 1 % does not change them
 
-shot = load_shot(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "open-01")
+shot = kolsky.load_shot(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "open-01")
 folder = Path(sys.argv[2]) if len(sys.argv) > 2 else shot.folder / "results"
 n = int(sys.argv[3]) if len(sys.argv) > 3 else 512
-found = solver_sensitivity(shot, BOX, n=n, numerics=COARSE)
-checked = global_sensitivity(shot, BOX, runs=128, unseen=32, numerics=COARSE)
-save_figures(folder, found, formats=("svg",), registry=SENSITIVITY)
+found = kolsky.solver_sensitivity(shot, BOX, n=n, numerics=COARSE)
+checked = kolsky.global_sensitivity(shot, BOX, runs=128, unseen=32, numerics=COARSE)
+kolsky.save_figures(folder, found, formats=("svg",))
 
 for label, result in (("solver", found), ("surrogate", checked)):
     print(f"by the {label}, {result.runs} runs: first and total index with its 95 % interval")
@@ -42,7 +40,7 @@ for label, result in (("solver", found), ("surrogate", checked)):
                 print(f"  {kind:10} {name:16} {first:6.2f} {total:6.2f} {low:6.2f} to {high:.2f}")
 for name, why in checked.refused.items():
     print(f"  {name}: {why}")
-outputs, effects = screening(shot, BOX, trajectories=20, numerics=COARSE)
+outputs, effects = kolsky.screening(shot, BOX, trajectories=20, numerics=COARSE)
 print("screening, 80 runs: mean size and scatter of the effects over the box's edges")
 for i, output in enumerate(outputs):
     for j, name in enumerate(effects.names):

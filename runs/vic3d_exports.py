@@ -13,13 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
-from kolsky.shot.load import load_shot
+import kolsky
 
 if len(sys.argv) < 2:
     sys.exit("give a folder for the shot with exports")
 folder = Path(sys.argv[1])
 source = Path(sys.argv[2]) if len(sys.argv) > 2 else Path(__file__).resolve().parent / "open-01"
-length = 1e3 * load_shot(source).specimen.length
+length = 1e3 * kolsky.load_shot(source).specimen.length
 (folder / "dic").mkdir(parents=True)
 for name in ("scope.csv", "frames.csv", "flyer.csv", "quasi_static.csv", "shot.toml"):
     shutil.copy(source / name, folder)

@@ -2,10 +2,12 @@
 
 A line ``<!-- rooms -->`` of a page becomes the table of the rooms of `kolsky` (docs/rooms.toml, which the
 test of imports reads too), ``<!-- public kolsky -->`` the public names of a package, each with its first
-line, ``<!-- table laws -->`` (`contact_laws`, `elements`) the members of a registry of the solver. Anywhere
-in a line, ``<!-- names laws -->`` becomes their names.
+line, ``<!-- commands kolsky -->`` the commands of the command line, ``<!-- law KNOWLES -->`` the material
+law that the tests of the doors make up, ``<!-- table laws -->`` (`contact_laws`, `elements`) the members of a
+registry of the solver. Anywhere in a line, ``<!-- names laws -->`` becomes their names.
 """
 
+import ast
 import importlib
 import inspect
 import re
@@ -13,7 +15,7 @@ import tomllib
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[1]
-LINE = re.compile(r"^<!-- (rooms|public|table) (\w+) -->$", re.MULTILINE)
+LINE = re.compile(r"^<!-- (rooms|public|commands|law|table) (\w+) -->$", re.MULTILINE)
 NAMES = re.compile(r"<!-- names (\w+) -->")
 
 
@@ -72,12 +74,31 @@ def _first_line(thing: type) -> str:
     return " ".join((inspect.getdoc(thing) or "").partition("\n\n")[0].split()).replace("|", r"\|")
 
 
-MAKERS = {"rooms": rooms, "public": public, "table": table}
+def commands(package: str = "kolsky") -> str:
+    """The commands of a package in the order of ``--help``, each with its first line."""
+    registry = importlib.import_module(f"{package}.cli.commandline").COMMANDS
+    lines = ["| command | what it does |", "| --- | --- |"]
+    for words, command in registry.items():
+        first = (inspect.getdoc(command) or "").partition("\n\n")[0]
+        lines.append(f"| `{package} {words}` | {' '.join(first.split())} |")
+    return "\n".join(lines)
+
+
+def law(name: str) -> str:
+    """The source of a law that the tests of the doors write to a file: a text of that name there."""
+    tests = ast.parse((DOCS.parent / "tests" / "unit" / "explicit" / "test_doors.py").read_text("utf-8"))
+    for node in tests.body:
+        if isinstance(node, ast.Assign) and [ast.unparse(target) for target in node.targets] == [name]:
+            return f"```python\n{ast.literal_eval(node.value).strip()}\n```"
+    raise ValueError(f"tests/unit/explicit/test_doors.py has no text {name}")
+
+
+TABLES = {"rooms": rooms, "public": public, "commands": commands, "law": law, "table": table}
 
 
 def fill(app, name, source) -> None:
     """Put the tables where a page asks for them."""
-    source[0] = LINE.sub(lambda found: MAKERS[found[1]](found[2]), source[0])
+    source[0] = LINE.sub(lambda found: TABLES[found[1]](found[2]), source[0])
     source[0] = NAMES.sub(lambda found: ", ".join(f"`{member}`" for member in members(found[1])), source[0])
 
 

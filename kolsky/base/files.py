@@ -12,7 +12,7 @@ from dic.cells import text_cell
 from dic.files import replacing
 from kolsky.base.errors import InputError
 
-__all__ = ["filling", "replacing", "usable_folder", "write_table"]
+__all__ = ["filling", "usable_folder", "write_table"]
 
 CURE = "give another place with --out FOLDER"
 
@@ -21,6 +21,13 @@ def write_table(path: Path, columns: Mapping[str, Iterable[Any]]) -> Path:
     """Write named columns of equal length, floats with 9 significant digits; returns the path.
 
     Text that a spreadsheet would take for a formula gets a leading apostrophe; see `dic.cells.text_cell`.
+
+    Parameters
+    ----------
+    path
+        Where to; its folder is made if absent.
+    columns
+        Heading, with the unit, -> values.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)

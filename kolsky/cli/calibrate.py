@@ -31,7 +31,8 @@ def calibrate(
     export: Annotated[
         str,
         typer.Option(
-            metavar="FORMATS", help="Also write the cameras as vic3d, dice, matchid, opencorr, dice-text."
+            metavar="FORMATS",
+            help="Also write the cameras for other programs; an unknown name lists the formats.",
         ),
     ] = "",
     figures: Figures = "",
@@ -59,7 +60,6 @@ def calibrate(
     with progress_bars() as progress, single_threaded_libraries():
         found = calibration_of(toml, section, progress)
     from kolsky.report.canvas import save_figures
-    from kolsky.report.figures import CALIBRATION
     from kolsky.report.pages.calibration import write_page
 
     with filling(folder) as partial:
@@ -72,7 +72,7 @@ def calibrate(
         write_points(partial / "calibration.csv", found)
         write_page(partial / "calibration.html", toml.path.parent.resolve().name, found)
         if formats:
-            save_figures(partial / "figures", found, formats=formats, registry=CALIBRATION)
+            save_figures(partial / "figures", found, formats=formats)
     print_result(
         summary(found),
         {**to_json(found), "warnings": warnings(found)} if as_json else None,

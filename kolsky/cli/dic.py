@@ -28,12 +28,8 @@ def dic(
     """
     started = perf_counter()
     formats = texts.figure_formats(figures)
-    from dic.output.csv import write_frames
-    from kolsky.bars.flyer import flight_report
-    from kolsky.base.files import filling, usable_folder
+    from kolsky.base.files import usable_folder
     from kolsky.cli.terminal import print_result, progress_bars, since
-    from kolsky.shot import dic_summary
-    from kolsky.shot.dic_output import write_tables
     from kolsky.shot.load import load_pictures
     from kolsky.shot.optical_data import RESULT_FILE, surfaces
 
@@ -45,40 +41,19 @@ def dic(
     result, now = found.result, perf_counter()
     times = {name: result.seconds[name] for name in ("calibration", "correlation")} if found.fresh else {}
     times["surfaces file"] = now - began - sum(times.values())
-    from kolsky.report.canvas import save_figures
-    from kolsky.report.figures import SURFACES
-    from kolsky.report.pages.surfaces import write_page
-    from kolsky.report.paraview import write_vtp
-    from kolsky.report.surface_view import read_surface_view
+    from kolsky.report.result_folder import write_dic_results
 
-    shown = read_surface_view(loaded.name, result, loaded.pictures.series, found.flight)
-    with filling(folder) as partial:
-        write_tables(partial, found, loaded.pictures.frames.frame)
-        now = perf_counter()
-        write_page(partial / "dic.html", shown, loaded.inputs, processes=2)
-        times["page"] = perf_counter() - now
-        if formats:
-            save_figures(partial / "figures", shown, formats=formats, registry=SURFACES)
-        if csv:
-            write_frames(partial / "surface", result.specimen, strain=result.strain.value)
-        if vtp:
-            write_vtp(partial / "vtp", result.specimen, "specimen")
-            if result.flyer is not None:
-                write_vtp(partial / "vtp", result.flyer, "flyer")
-    said = {
-        "shot": loaded.name,
-        **dic_summary.summary(result),
-        **flight_report.summary(found.flight),
-        "remarks": dic_summary.warnings(result),
-    }
+    now = perf_counter()
+    write_dic_results(folder, loaded, found, formats=formats, csv=csv, vtp=vtp, processes=2)
+    times["files and page"] = perf_counter() - now
     print_result(
-        {**dic_summary.printed(result), **flight_report.printed(found.flight)},
-        said if as_json else None,
+        found.rows(),
+        {"shot": loaded.name, **found.summary()} if as_json else None,
         rest={
             "result": f"{folder / RESULT_FILE}" + ("" if found.fresh else " (as it was)"),
             "page": folder / "dic.html",
             "stages": ", ".join(f"{name} {value:.1f} s" for name, value in times.items()),
             "wall time": since(started),
         },
-        warnings=dic_summary.warnings(result),
+        warnings=found.warnings,
     )

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from kolsky.cli import texts
-from kolsky.cli.options import AsJson, Figures, Mesh, Numbers, Out, ShotPath, SolverOptions
+from kolsky.cli.options import SOLVER_DEFAULTS, AsJson, Figures, Mesh, Numbers, Out, ShotPath, SolverOptions
 from kolsky.inverse.parameters import PARAMETERS
 
 
@@ -33,7 +33,7 @@ def identify(
         str,
         typer.Option(metavar="WHICH", help="surrogate, or all: least squares on the solver too (expensive)."),
     ] = "surrogate",
-    solver: SolverOptions = SolverOptions(),  # noqa: B008 - frozen
+    solver: SolverOptions = SOLVER_DEFAULTS,
     bayes: Annotated[bool, typer.Option("--bayes", help="Sample the posterior too; needs emcee.")] = False,
     pull: Annotated[str, typer.Option(help="The curve m refers to: first pull or conditioned.")] = "first",
     seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 1,

@@ -112,7 +112,6 @@ def material_fit(
         raise InputError(texts.COMMAND_LINE, f"no law can be fitted: {reasons}")
     said = to_json(found, hashes)
     from kolsky.report.canvas import save_figures
-    from kolsky.report.figures import MATERIALS
     from kolsky.report.pages.material import write_page
 
     with filling(folder) as partial:
@@ -122,7 +121,7 @@ def material_fit(
         (partial / "material.json").write_text(text, encoding="utf-8")
         write_page(partial / "material.html", found, hashes, remarks(found))
         if formats:
-            save_figures(partial / "figures", found, formats=formats, registry=MATERIALS)
+            save_figures(partial / "figures", found, formats=formats)
     print_result(
         {},
         said if as_json else None,

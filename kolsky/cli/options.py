@@ -118,6 +118,10 @@ class SolverOptions:
         )
 
 
+SOLVER_DEFAULTS = SolverOptions()
+"""What a command takes where its user says nothing."""
+
+
 def with_solver_options(command: Callable[..., None]) -> Callable[..., None]:
     """Put the fields of `SolverOptions`, as options, where a command has a parameter of that type.
 

@@ -115,7 +115,6 @@ def plan(
     numerics = SolverOptions(precision=precision, device=device, threads=threads).numerics(elements)
     from kolsky.base.files import filling
     from kolsky.report.canvas import save_figures
-    from kolsky.report.figures import PLANS
     from kolsky.studies.planning import output
     from kolsky.studies.planning import plan as planning
     from kolsky.studies.planning.instruments import instruments_of
@@ -139,7 +138,7 @@ def plan(
         output.write_csv(partial, found)
         (partial / "plan.json").write_text(json.dumps(said, indent=2, allow_nan=False), encoding="utf-8")
         if formats:
-            save_figures(partial / "figures", found, formats=formats, registry=PLANS)
+            save_figures(partial / "figures", found, formats=formats)
     print_result(
         output.rows(found),
         said if as_json else None,

@@ -169,9 +169,8 @@ def reference_curve(
             write_modulus(partial / f"{names[pull]}_modulus.csv", made)
             if formats:
                 from kolsky.report.canvas import save_figures
-                from kolsky.report.figures import BASELINES
 
-                save_figures(partial / f"{names[pull]}_figures", made, formats=formats, registry=BASELINES)
+                save_figures(partial / f"{names[pull]}_figures", made, formats=formats)
         other = f"{names['conditioned']}.csv" if conditioned else None
         table = curve_table(out.name, found["first"], other)
         (partial / f"{out.stem}.toml").write_text(table, encoding="utf-8")

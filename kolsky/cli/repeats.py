@@ -46,9 +46,8 @@ def repeats(
         write_table(partial / "repeats.csv", found.columns())
         if formats:
             from kolsky.report.canvas import save_figures
-            from kolsky.report.figures import REPEATS
 
-            save_figures(partial / "figures", found.mean, formats=formats, registry=REPEATS)
+            save_figures(partial / "figures", found.mean, formats=formats)
     said = found.summary()
     (first, last), largest = said["strain_range"], said["largest_mean_stress"]
     low, high = largest["band"]

@@ -7,14 +7,14 @@ import typer
 
 from kolsky.base.errors import InputError
 from kolsky.cli import texts
-from kolsky.cli.options import AsJson, Mesh, Numbers, Out, ShotPath, SolverOptions
+from kolsky.cli.options import SOLVER_DEFAULTS, AsJson, Mesh, Numbers, Out, ShotPath, SolverOptions
 
 
 def simulate(
     shot: ShotPath,
     parameter: Numbers = None,
     mesh: Mesh = "24x32",
-    solver: SolverOptions = SolverOptions(),  # noqa: B008 - frozen
+    solver: SolverOptions = SOLVER_DEFAULTS,
     out: Out = None,
     vtu: Annotated[bool, typer.Option("--vtu", help="Also write the deforming mesh for ParaView.")] = False,
     as_json: AsJson = False,

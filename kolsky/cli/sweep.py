@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from kolsky.cli import texts
-from kolsky.cli.options import AsJson, Figures, Mesh, Numbers, Out, ShotPath, SolverOptions
+from kolsky.cli.options import SOLVER_DEFAULTS, AsJson, Figures, Mesh, Numbers, Out, ShotPath, SolverOptions
 
 
 def sweep(
@@ -40,7 +40,7 @@ def sweep(
         Path | None, typer.Option(metavar="CSV", help="File of a csv design; columns NAME (UNIT).")
     ] = None,
     mesh: Mesh = "16x22",
-    solver: SolverOptions = SolverOptions(),  # noqa: B008 - frozen
+    solver: SolverOptions = SOLVER_DEFAULTS,
     seed: Annotated[int, typer.Option(min=0, help="Seed of a random design.")] = 1,
     log: Annotated[
         list[str] | None,

@@ -42,7 +42,7 @@ def physical(option: str, text: str, unit: str, *, positive: bool = False) -> fl
     try:
         value = quantity(text, unit)
     except UnitError as error:
-        raise InputError(COMMAND_LINE, f"{option} {error}") from None
+        raise InputError(COMMAND_LINE, f"{option}: {error}") from None
     if positive and not value > 0.0:
         raise InputError(COMMAND_LINE, "is not allowed", key=option, value=text, allowed=f"> 0 {unit}")
     return value

@@ -22,9 +22,8 @@ def wavespeed(shot: ShotPath, out: Out = None, figures: Figures = "", as_json: A
         write_residual(partial / "wavespeed.csv", found)
         if formats:
             from kolsky.report.canvas import save_figures
-            from kolsky.report.figures import BARS_TOGETHER
 
-            save_figures(partial / "figures", found, formats=formats, registry=BARS_TOGETHER)
+            save_figures(partial / "figures", found, formats=formats)
     print_result(
         {
             "shot": name,

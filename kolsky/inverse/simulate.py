@@ -46,6 +46,17 @@ def simulate(
 
     A run that does not complete is a result too: `Simulation.response.describe(0)` says what happened.
 
+    Parameters
+    ----------
+    shot
+        A loaded shot.
+    parameters
+        Values by name, of `kolsky.inverse.parameters.PARAMETERS`, SI.
+    numerics
+        Mesh, precision, device, element; the defaults if left out.
+    progress
+        Told of the runs just finished.
+
     Raises
     ------
     ValueError

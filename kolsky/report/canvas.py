@@ -11,11 +11,11 @@ import matplotlib
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from kolsky.base.files import replacing
+from dic.files import replacing
 from kolsky.inverse.result import Identification
 from kolsky.report.display_units import in_display_units
 from kolsky.report.figure_data import write_data
-from kolsky.report.figures import REGISTRY, FigureKind
+from kolsky.report.figures import FigureKind, figures_of
 from kolsky.report.formats import FIGURES
 
 STYLE = Path(__file__).with_name("kolsky.mplstyle")
@@ -71,17 +71,19 @@ def save_figures(
     ----------
     folder : Path
         Folder; created if absent.
-    shown : Identification or SurfaceView
-        Result that the figures of the registry show.
+    shown : Identification or another result
+        Result that the figures show.
     formats : iterable of str
         Any of "pdf", "svg", "png" (600 dots per inch) and "csv", the data that the figure shows.
     registry : mapping
-        The figures; those of an identification if not given.
+        The figures; those of `kolsky.report.figures.figures_of` if not given.
 
     Raises
     ------
     ValueError
         If a format is not one of these.
+    TypeError
+        If no figure shows things of this class.
     """
     formats = tuple(formats)
     unknown = [name for name in formats if name not in FORMATS]
@@ -90,7 +92,7 @@ def save_figures(
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     written = []
-    for kind in (REGISTRY if registry is None else registry).values():
+    for kind in (figures_of(shown) if registry is None else registry).values():
         if not kind.applies(shown):
             continue
         figure = build(kind, shown)

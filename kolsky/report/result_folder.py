@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from dic.output.csv import write_frames
 from kolsky.bars.reduction import output as waves_output
 from kolsky.bars.result import ReducedTest
 from kolsky.base.errors import InputError
@@ -12,8 +13,10 @@ from kolsky.base.files import filling
 from kolsky.inverse.result import Identification
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.results.tables import write_csv
+from kolsky.shot.dic_output import write_tables
+from kolsky.shot.optical_data import Surfaces
 from kolsky.shot.recorded import Recorded, recorded
-from kolsky.shot.records import Shot
+from kolsky.shot.records import PicturedShot, Shot
 from kolsky.studies.rates import output as rates_output
 from kolsky.studies.rates.records import RateReport
 from kolsky.studies.sweep import Sweep, write_sweep
@@ -104,13 +107,64 @@ def write_identify_page(
 
     stills.start_stills(found)  # rendered meanwhile; a rendering that runs already is kept
     from kolsky.report.canvas import save_figures
-    from kolsky.report.figures import RECORDINGS
     from kolsky.report.pages.identification import write_report
 
     write_report(folder / PAGE, found, recordings, processes=processes)
     if formats:
-        save_figures(folder / "figures", recordings, formats=tuple(formats), registry=RECORDINGS)
+        save_figures(folder / "figures", recordings, formats=tuple(formats))
         save_figures(folder / "figures", found, formats=tuple(formats))
+
+
+def write_dic_results(
+    folder: Path,
+    shot: PicturedShot,
+    found: Surfaces,
+    *,
+    formats: Sequence[str] = (),
+    csv: bool = False,
+    vtp: bool = False,
+    processes: int = 1,
+) -> None:
+    """Write what `kolsky dic` leaves beside dic.h5: dic.html, outline, flyer, reporting table, figures.
+
+    Parameters
+    ----------
+    folder
+        Where to; made if it is not there.
+    shot
+        The shot with its pictures, as `kolsky.shot.load.load_pictures` gives it.
+    found
+        What the pictures gave.
+    formats
+        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
+    csv, vtp
+        Also write every frame's points as CSV, and as VTP for ParaView.
+    processes
+        How many draw the page, 1 or 2; see `kolsky.report.pages.parallel.drawn_by`.
+
+    Raises
+    ------
+    InputError
+        If the results cannot be written.
+    """
+    from kolsky.report.canvas import save_figures
+    from kolsky.report.pages.surfaces import write_page
+    from kolsky.report.paraview import write_vtp
+    from kolsky.report.surface_view import read_surface_view
+
+    result = found.result
+    shown = read_surface_view(shot.name, result, shot.pictures.series, found.flight)
+    with filling(folder) as partial:
+        write_tables(partial, found, shot.pictures.frames.frame)
+        write_page(partial / "dic.html", shown, shot.inputs, processes=processes)
+        if formats:
+            save_figures(partial / "figures", shown, formats=tuple(formats))
+        if csv:
+            write_frames(partial / "surface", result.specimen, strain=result.strain.value)
+        if vtp:
+            write_vtp(partial / "vtp", result.specimen, "specimen")
+            if result.flyer is not None:
+                write_vtp(partial / "vtp", result.flyer, "flyer")
 
 
 def write_waves_results(folder: Path, result: ReducedTest, *, formats: Sequence[str] = ()) -> None:
@@ -131,14 +185,14 @@ def write_waves_results(folder: Path, result: ReducedTest, *, formats: Sequence[
         If the results cannot be written.
     """
     from kolsky.report.canvas import save_figures
-    from kolsky.report.pages.waves import figures_of, write_page
+    from kolsky.report.pages.waves import write_page
 
     with filling(folder) as partial:
         waves_output.write_hdf5(partial / "waves.h5", result)
         waves_output.write_csv(partial, result)
         write_page(partial / "waves.html", result)
         if formats:
-            save_figures(partial / "figures", result, formats=tuple(formats), registry=figures_of(result))
+            save_figures(partial / "figures", result, formats=tuple(formats))
 
 
 def write_rate_results(folder: Path, report: RateReport, *, formats: Sequence[str] = ()) -> None:
@@ -203,14 +257,13 @@ def write_sweep_results(
         If the results cannot be written.
     """
     from kolsky.report.canvas import save_figures
-    from kolsky.report.figures import SWEEPS
     from kolsky.report.pages.sweep import write_page
 
     with filling(folder) as partial:
         write_sweep(partial / f"{name}.csv", result)
         write_page(partial / f"{name}.html", analysis, warnings=warnings)
         if formats:
-            save_figures(partial / "figures", analysis, formats=tuple(formats), registry=SWEEPS)
+            save_figures(partial / "figures", analysis, formats=tuple(formats))
 
 
 def _refuse_other_files(path: Path, then: Any, now: Mapping[str, str]) -> None:

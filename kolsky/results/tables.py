@@ -18,6 +18,8 @@ def write_csv(folder: Path, identification: Identification) -> list[Path]:
     ----------
     folder : Path
         Where to; made if absent.
+    identification : Identification
+        What is written.
 
     Returns
     -------

@@ -49,6 +49,31 @@ class Surfaces:
     flight: FlightOfSpecimen | str
     """The flyer's flight, or why it is not known."""
 
+    @property
+    def warnings(self) -> list[str]:
+        """Warnings about the measurement."""
+        from kolsky.shot import dic_summary
+
+        return dic_summary.warnings(self.result)
+
+    def rows(self) -> dict[str, str]:
+        """Numbers of the measurement by name, as a terminal shows them."""
+        from kolsky.bars.flyer import flight_report
+        from kolsky.shot import dic_summary
+
+        return {**dic_summary.printed(self.result), **flight_report.printed(self.flight)}
+
+    def summary(self) -> dict[str, Any]:
+        """Numbers of the measurement for JSON, SI."""
+        from kolsky.bars.flyer import flight_report
+        from kolsky.shot import dic_summary
+
+        return {
+            **dic_summary.summary(self.result),
+            **flight_report.summary(self.flight),
+            "remarks": self.warnings,
+        }
+
 
 def surfaces(
     pictures: PictureSet,

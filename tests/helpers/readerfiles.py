@@ -1,6 +1,7 @@
 """One record of two channels in the formats of many recorders, written from their public descriptions."""
 
 import struct
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,8 @@ import numpy as np
 import openpyxl
 from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
+
+from kolsky.readers.formats import FORMATS
 
 START, INTERVAL, SAMPLES = -5e-6, 1e-7, 400
 TIME = START + INTERVAL * np.arange(SAMPLES)
@@ -342,3 +345,10 @@ UNITLESS = {
     "mat73": Made(mat73, "a.mat", ("CH1", "CH2")),
 }
 """Formats of which a user has to say the unit."""
+
+
+def is_binary(made: Made) -> bool:
+    """Whether the format that a file is recognised as says that it is binary."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = made.write(Path(folder) / made.name)
+        return next(form for form in FORMATS.values() if form.sniff(path)).BINARY

@@ -11,7 +11,10 @@ from tests.mutants.doe import FAULTS as DOE
 from tests.mutants.explicit import FAULTS as EXPLICIT
 from tests.mutants.fault import Fault
 from tests.mutants.inverse import FAULTS as INVERSE
+from tests.mutants.material import FAULTS as MATERIAL
 from tests.mutants.rates import FAULTS as RATES
+from tests.mutants.report import FAULTS as REPORT
+from tests.mutants.results import FAULTS as RESULTS
 from tests.mutants.uncertainty import FAULTS as UNCERTAINTY
 
 __all__ = ["FAULTS", "Fault"]
@@ -19,9 +22,12 @@ __all__ = ["FAULTS", "Fault"]
 FAULTS: tuple[Fault, ...] = (
     *BARS,
     *DIC,
+    *DOE,
     *EXPLICIT,
     *INVERSE,
-    *DOE,
+    *MATERIAL,
     *RATES,
+    *REPORT,
+    *RESULTS,
     *UNCERTAINTY,
 )

@@ -38,12 +38,14 @@ __all__ = [
     "REGISTRY",
     "REPEATS",
     "SENSITIVITY",
+    "SHOWN_BY",
     "SPECKLES",
     "SURFACES",
     "SWEEPS",
     "TRENDS",
     "WAVES",
     "FigureKind",
+    "figures_of",
 ]
 
 Registry = Mapping[str, FigureKind[Any]]
@@ -100,3 +102,47 @@ SWEEPS = by_name(sweep.FIGURES)
 """Design of experiments over a shot's parameters."""
 MODULI = by_name([rate_curves.MODULI])
 """Moduli of tests of every kind over their time scales."""
+
+SHOWN_BY: dict[str, Registry] = {
+    "dic.calibration.result.Calibration": CALIBRATION,
+    "kolsky.bars.guides.bars_together.BarsTogether": BARS_TOGETHER,
+    "kolsky.bars.reduction.repeated_tests.RepeatedTests": REPEATS,
+    "kolsky.bars.result.FlyerResult": FLYER_TESTS,
+    "kolsky.bars.result.WavesResult": WAVES,
+    "kolsky.inverse.result.Identification": REGISTRY,
+    "kolsky.material.fits.compare.Comparison": MATERIALS,
+    "kolsky.material.reference_curve.ReferenceCurve": BASELINES,
+    "kolsky.report.surface_view.SurfaceView": SURFACES,
+    "kolsky.shot.recorded.Recorded": RECORDINGS,
+    "kolsky.studies.global_sensitivity.GlobalSensitivity": SENSITIVITY,
+    "kolsky.studies.planning.plan.Plan": PLANS,
+    "kolsky.studies.rates.records.GroupRates": RATES,
+    "kolsky.studies.sweep_analysis.SweepAnalysis": SWEEPS,
+    "kolsky.studies.trends.Trends": TRENDS,
+}
+"""Registries by the class of what their figures show."""
+
+
+def figures_of(shown: Any) -> Registry:
+    """Figures that show a result.
+
+    Parameters
+    ----------
+    shown
+        A result, e.g. a `kolsky.inverse.result.Identification`.
+
+    Returns
+    -------
+    Registry
+        The figures by name; each has a `caption` of the result.
+
+    Raises
+    ------
+    TypeError
+        If no figure shows things of this class.
+    """
+    name = f"{type(shown).__module__}.{type(shown).__qualname__}"
+    if name not in SHOWN_BY:
+        known = ", ".join(sorted(known.rpartition(".")[2] for known in SHOWN_BY))
+        raise TypeError(f"no figure shows a {type(shown).__name__}; there are figures of {known}")
+    return SHOWN_BY[name]

@@ -15,9 +15,8 @@ from kolsky.readers.contents import Layout
 from kolsky.readers.recordings import list_channels, read_recordings
 
 ALL = {**files.FILES, **files.UNITLESS}
-WORKBOOK = ("excel",)
 SCOPES = ("lecroy_trc", "tektronix_isf", "tektronix_wfm", "yokogawa_wfm", "rohde_schwarz")
-BINARY = ("hdf5", "tdms", "mat", "mat73", *SCOPES, *WORKBOOK)
+BINARY = [name for name, made in ALL.items() if files.is_binary(made)]
 TEXT = [name for name in ALL if name not in BINARY]
 CODES = ("lecroy_trc", "tektronix_isf", "tektronix_wfm")  # whole numbers: no NaN
 COLUMNS = [  # formats with printed times that are read

@@ -287,7 +287,7 @@ def test_files_hold_the_map(planned):
     [
         (["--free", "friction=0:1"], "a plan has no bounds"),
         (["--frame-rate", "0 kHz"], "--frame-rate"),
-        (["--outline-sigma", "4 N"], "--outline-sigma '4 N'"),
+        (["--outline-sigma", "4 N"], "--outline-sigma: '4 N'"),
         (["--window", "1 ms"], "START:END"),
         (["--rates", "fast"], "--rates 'fast' cannot be read"),
         (["--heights", "0"], "whole numbers from 1"),
