@@ -13,6 +13,7 @@ from tests.mutants.inverse import FAULTS as INVERSE
 from tests.mutants.material import FAULTS as MATERIAL
 from tests.mutants.rates import FAULTS as RATES
 from tests.mutants.report import FAULTS as REPORT
+from tests.mutants.shot import FAULTS as SHOT
 from tests.mutants.uncertainty import FAULTS as UNCERTAINTY
 
 __all__ = ["FAULTS", "Fault"]
@@ -25,5 +26,6 @@ FAULTS: tuple[Fault, ...] = (
     *REPORT,
     *MATERIAL,
     *RATES,
+    *SHOT,
     *UNCERTAINTY,
 )
