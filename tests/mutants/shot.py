@@ -1,4 +1,4 @@
-"""Faults of reading and loading a shot: ranges, zero, sign, first motion, window, clocks, units, strictness."""
+"""Faults of reading a shot: ranges, zero, sign, first motion, window, clocks, units, strictness."""
 
 from tests.mutants.fault import Fault
 
