@@ -27,5 +27,6 @@ FAULTS: tuple[Fault, ...] = (
     *REPORT,
     *MATERIAL,
     *RATES,
+    *REPORT,
     *UNCERTAINTY,
 )
