@@ -2,7 +2,8 @@
 
 A line ``<!-- rooms -->`` of a page becomes the table of the rooms of `kolsky` (docs/rooms.toml, which the
 test of imports reads too), ``<!-- public kolsky -->`` the public names of a package, each with its first
-line, ``<!-- commands kolsky -->`` the commands of the command line.
+line, ``<!-- commands kolsky -->`` the commands of the command line,
+``<!-- parameters kolsky -->`` rows of the parameters of a simulation.
 """
 
 import importlib
@@ -12,7 +13,7 @@ import tomllib
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[1]
-LINE = re.compile(r"^<!-- (rooms|public|commands) (\w+) -->$", re.MULTILINE)
+LINE = re.compile(r"^<!-- (rooms|public|commands|parameters) (\w+) -->$", re.MULTILINE)
 
 
 def rooms(package: str) -> str:
@@ -51,7 +52,13 @@ def commands(package: str = "kolsky") -> str:
     return "\n".join(lines)
 
 
-TABLES = {"rooms": rooms, "public": public, "commands": commands}
+def parameters(package: str) -> str:
+    """Rows of a table of the parameters of a simulation: symbol, name, unit, meaning."""
+    records = importlib.import_module(f"{package}.inverse.parameters").PARAMETERS.values()
+    return "\n".join(f"| ${p.tex}$ | `{p.name}` | {p.unit} | {p.words} |" for p in records)
+
+
+TABLES = {"rooms": rooms, "public": public, "commands": commands, "parameters": parameters}
 
 
 def fill(app, name, source) -> None:

@@ -24,7 +24,6 @@ FAULTS: tuple[Fault, ...] = (
     *DOE,
     *INVERSE,
     *RESULTS,
-    *REPORT,
     *MATERIAL,
     *RATES,
     *REPORT,
