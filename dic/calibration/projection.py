@@ -121,7 +121,7 @@ def seen(camera: Camera, view: View, R: FloatArray, t: FloatArray, *, patches: b
     ----------
     camera
         With its pose in the rig's frame.
-    sight
+    view
         Whose points.
     R, t
         From the target's frame to the rig's, shapes [3, 3] and [3], or one a point.

@@ -32,8 +32,8 @@ class ChainSettings:
     largest_sigma: float | None = None
     """Rows of the outline that are known less well than this are left out of it [m]; None: none."""
     length: float | None = None
-    """Length of the specimen at rest [m]: with the flyer's travel it says where the specimen ends. None:
-    points near that end are not judged by it."""
+    """Length of the specimen at rest [m]: with the flyer's displacement it gives the place of the upper end.
+    None: points near that end are not judged by it."""
     step: int = 4
     """Distance of neighbouring points [px]."""
     margin: float = 2.0

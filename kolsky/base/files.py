@@ -12,7 +12,7 @@ from dic.cells import text_cell
 from dic.files import replacing
 from kolsky.base.errors import InputError
 
-__all__ = ["filling", "replacing", "usable_folder", "write_table"]
+__all__ = ["filling", "usable_folder", "write_table"]
 
 CURE = "give another place with --out FOLDER"
 

@@ -23,9 +23,9 @@ FAULTS: tuple[Fault, ...] = (
     *DIC,
     *DOE,
     *INVERSE,
-    *RESULTS,
     *MATERIAL,
     *RATES,
     *REPORT,
+    *RESULTS,
     *UNCERTAINTY,
 )

@@ -69,8 +69,8 @@ def routes(result: Identification) -> Iterator[str]:
             yield (
                 f"force and outline disagree about {name}: {a:.5g} by the force alone, {b:.5g} by the "
                 f"outline alone, further apart than the k = 2 uncertainty of their difference, {both:.2g}"
-                f"{_unit(e)}{' (and one of them at the edge of the box that was searched)' if edge else ''}; the joint "
-                "value is a compromise between them"
+                f"{_unit(e)}{' (and one of them at the edge of the box that was searched)' if edge else ''}; "
+                "the joint value is a compromise between them"
             )
 
 
