@@ -19,7 +19,7 @@ from dic.result import StereoResult
 
 NOT_STATED = "not stated"
 STATED = ("camera", "lens", "aperture", "exposure", "lighting", "pattern")
-"""What no file says and a person may state in words."""
+"""Facts that no file holds and a person may state in words."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Row:
     part: str
     """"hardware", "pattern", "analysis" or "noise floor"."""
     name: str
-    """What is reported."""
+    """Name of the quantity."""
     value: str
     """Number with unit, words, or `NOT_STATED`."""
 

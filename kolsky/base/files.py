@@ -11,7 +11,7 @@ from typing import Any
 from dic.files import replacing, text_cell
 from kolsky.base.errors import InputError
 
-__all__ = ["filling", "replacing", "usable_folder", "write_table"]
+__all__ = ["filling", "usable_folder", "write_table"]
 
 CURE = "give another place with --out FOLDER"
 

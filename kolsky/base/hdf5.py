@@ -81,7 +81,7 @@ class Place:
         return replace(self.at(path), sizes=dict(self.sizes))
 
     def exists(self) -> bool:
-        """Whether anything, be it a link, has this name."""
+        """True if anything, be it a link, has this name."""
         return opened(self.parent, h5py.Group).get(self.name, getlink=True) is not None
 
 
@@ -201,7 +201,9 @@ def put_text(parent: OpenGroup, name: str, value: str | Iterable[str], *, escape
 
 
 def shape_problem(shape: tuple[int, ...], dimensions: str, sizes: dict[str, int]) -> str:
-    """What is wrong with a shape, "" if nothing; new named dimensions are added to `sizes`.
+    """Compare a shape with named dimensions; say what is wrong, "" if nothing.
+
+    New named dimensions are added to `sizes`.
 
     Parameters
     ----------
