@@ -35,7 +35,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "＝", "＋", "－", "＠")
-"""What a formula may begin with for a spreadsheet, full-width forms included (OWASP, CSV Injection)."""
+"""Characters that begin a formula for a spreadsheet, full-width forms included (OWASP, CSV Injection)."""
 
 
 def text_cell(text: str) -> str:

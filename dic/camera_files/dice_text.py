@@ -14,7 +14,7 @@ from dic.camera_files.source import CameraFileError, Source, printed, rotation_o
 
 INTRINSIC = ("cx", "cy", "fx", "fy", "fs", "k1", "k2", "k3")
 ANGLES, MATRIX = 24, 30
-"""How many numbers a file has, with angles and with a rotation matrix."""
+"""Count of numbers in a file, with angles and with a rotation matrix."""
 
 
 class DiceText:

@@ -35,7 +35,7 @@ class Source:
     """The text of a camera file."""
 
     path: Path
-    """Where it lies."""
+    """Path of the file."""
     text: str
     """All of it."""
 
