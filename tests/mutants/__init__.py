@@ -13,6 +13,7 @@ from tests.mutants.inverse import FAULTS as INVERSE
 from tests.mutants.material import FAULTS as MATERIAL
 from tests.mutants.rates import FAULTS as RATES
 from tests.mutants.report import FAULTS as REPORT
+from tests.mutants.results import FAULTS as RESULTS
 from tests.mutants.shot import FAULTS as SHOT
 from tests.mutants.uncertainty import FAULTS as UNCERTAINTY
 
@@ -23,9 +24,10 @@ FAULTS: tuple[Fault, ...] = (
     *DIC,
     *DOE,
     *INVERSE,
-    *REPORT,
     *MATERIAL,
     *RATES,
     *SHOT,
+    *REPORT,
+    *RESULTS,
     *UNCERTAINTY,
 )

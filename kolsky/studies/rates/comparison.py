@@ -6,11 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from kolsky.base.arrays import FloatArray
-from kolsky.studies.rates.equal_strain import equal_strain
+from kolsky.studies.rates.at_strain import Baselines, equal_strain, stiffness_at
 from kolsky.studies.rates.pooled import FEWEST, Pooled, pool
 from kolsky.studies.rates.records import GroupRates, LongLever, RatedShot, RateReport, StiffnessAtStrain
 from kolsky.studies.rates.regression import slope
-from kolsky.studies.rates.stiffness import Baselines, stiffness_at
 
 STRAINS = (0.1, 0.3, 0.5)
 """Nominal compressive strains at which shots are compared unless others are asked for."""
@@ -92,7 +91,7 @@ def _group(
 
 
 def common_parts(shots: Sequence[RatedShot], shared: float) -> dict[tuple[str, str], FloatArray]:
-    """What the shots share: (part, through what) -> by how much each m moves with it, shape [n].
+    """Shared parts of the shots: (part, through what) -> by how much each m moves with it, shape [n].
 
     Parts that belong to one shot alone are here as well: they are independent, and counting them so keeps
     them out of the weights, which the errors that all have must not decide.
