@@ -1,4 +1,4 @@
-"""Which points to run next: the optimum, and where the misfit may be as low for all that is known."""
+"""The choice of the points to run next: the optimum, and points whose misfit may be as low."""
 
 from __future__ import annotations
 

@@ -166,7 +166,7 @@ class Box:
         return u
 
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """Which points lie in the box, its faces included (within 1e-12 of the edge, for round-off).
+        """Mask of the points in the box, its faces included (within 1e-12 of the edge, for round-off).
 
         Parameters
         ----------

@@ -30,7 +30,7 @@ AHEAD = 64
 
 @dataclass(frozen=True)
 class Pace:
-    """How far a sweep is, and how fast."""
+    """Progress of a sweep and its speed."""
 
     done: int
     """Runs finished, those found in the ledger included."""

@@ -36,7 +36,7 @@ FLAT = 1e-3
 
 @dataclass(frozen=True)
 class LeastSquaresResult:
-    """Where one search on the expensive function ended, and how."""
+    """Result of one search on the expensive function."""
 
     x: FloatArray
     """The point, in parameter units, shape [d]."""

@@ -46,7 +46,7 @@ class LedgerError(Exception):
 
 @dataclass(frozen=True)
 class Run:
-    """What became of one run."""
+    """The record of one run."""
 
     completed: bool
     """Whether it ended as it should."""

@@ -1,10 +1,10 @@
-"""How a search ended: a named cause with its cure."""
+"""Outcomes of a search: a named cause with its cure."""
 
 from enum import Enum
 
 
 class SearchOutcome(Enum):
-    """How a search ended."""
+    """The outcome of a search."""
 
     CONVERGED = "converged"
     AT_BOUND = "at a bound"
@@ -17,12 +17,12 @@ class SearchOutcome(Enum):
 
     @property
     def cause(self) -> str:
-        """What happened, in one sentence."""
+        """The cause in one sentence."""
         return _CAUSES[self][0]
 
     @property
     def cure(self) -> str:
-        """What a user can do about it."""
+        """The cure."""
         return _CAUSES[self][1]
 
 

@@ -50,8 +50,8 @@ class Round:
 
     points: FloatArray
     """The runs, the surrogate's optimum first, in parameter units, shape [n, d]."""
-    foretold: float
-    """Misfit that the surrogate foretold for the optimum."""
+    predicted: float
+    """Misfit that the surrogate predicted for the optimum."""
     found: float
     """Misfit of the run there; NaN if it failed."""
     moved: float
@@ -83,7 +83,7 @@ class Refinement:
 
     @property
     def ended(self) -> str:
-        """How it ended, in words."""
+        """The ending in words."""
         moved = f"the last runs moved the optimum by {self.rounds[-1].moved:.2g} standard deviations"
         return moved if self.converged else f"{moved}, and the rounds were used up"
 
@@ -155,7 +155,7 @@ def refine(
         kept = np.asarray(np.isfinite(given).all(axis=1), dtype=np.bool_)
         x, y = np.concatenate([x, new[kept]]), np.concatenate([y, given[kept]])
         values = np.append(values, misfit(given[kept]))
-        foretold = float(misfit(surrogate.predict(best[None]))[0])
+        predicted = float(misfit(surrogate.predict(best[None]))[0])
         inside = not _on_inner_face(best, region, box)
         # The lowest real misfit beats the surrogate's word.
         centre = x[int(np.argmin(values))]
@@ -169,7 +169,7 @@ def refine(
         best, sigma = locate(surrogate, region, centre)
         moved = float(np.max(np.abs(best - before) / np.maximum(sigma, np.finfo(float).tiny)))
         found = float(misfit(given[:1])[0]) if kept[0] else float("nan")
-        rounds.append(Round(new, foretold, found, moved, zoom.edge))
+        rounds.append(Round(new, predicted, found, moved, zoom.edge))
         if inside and kept[0] and moved <= MOVED:
             converged = True
             break
@@ -231,6 +231,6 @@ def _about(
 
 
 def _on_inner_face(x: FloatArray, region: Box, box: Box) -> bool:
-    """Whether a point lies on a face of the region that is none of the box."""
+    """True if a point lies on a face of the region that is none of the box."""
     u, whole = region.unit(x), box.unit(x)
     return bool(np.any((np.minimum(u, 1.0 - u) < FACE) & (np.minimum(whole, 1.0 - whole) > FACE)))

@@ -26,7 +26,7 @@ simplex is smaller than one tolerance at the end, but its distance from the opti
 
 @dataclass(frozen=True)
 class SearchResult:
-    """Where a search ended, and how."""
+    """Result of a search."""
 
     x: FloatArray
     """The best point met, in parameter units, shape [d]."""

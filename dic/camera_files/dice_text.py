@@ -24,6 +24,8 @@ class DiceText:
     name = "dice-text"
     about = "DICe text"
     suffix = ".txt"
+    absolute_pose = False
+    tangential = False
 
     def sniff(self, text: str) -> bool:
         """True for this format: the first lines hold a number and nothing else."""

@@ -32,6 +32,8 @@ class DiceXml:
     name = "dice"
     about = "DICe camera system XML"
     suffix = ".xml"
+    absolute_pose = True
+    tangential = True
 
     def sniff(self, text: str) -> bool:
         """True for a text of this format."""

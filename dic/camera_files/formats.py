@@ -28,6 +28,14 @@ class CameraFormat(Protocol):
     def suffix(self) -> str:
         """Usual end of a file's name."""
 
+    @property
+    def absolute_pose(self) -> bool:
+        """True if a file keeps the poses of both cameras; False if their relative pose only."""
+
+    @property
+    def tangential(self) -> bool:
+        """True if a file keeps tangential distortion; `write` refuses a rig that has some otherwise."""
+
     def sniff(self, text: str) -> bool:
         """True if a file's text is of this format."""
 
@@ -96,8 +104,8 @@ def write_rig(path: Path | str, rig: StereoRig, format: str, *, length_unit: flo
     rig
         The cameras.
     format
-        A name in `FORMATS`: "vic3d", "dice", "matchid", "opencorr", "opencv" or "dice-text". Only "opencv"
-        keeps the covariance; "matchid" and "dice-text" keep the relative pose only.
+        The name of a member of `FORMATS`. Only "opencv" keeps the covariance; formats without
+        `CameraFormat.absolute_pose` keep the relative pose only.
     length_unit
         Unit of the file's lengths [m].
 

@@ -27,6 +27,8 @@ class MatchID:
     name = "matchid"
     about = "MatchID .caldat"
     suffix = ".caldat"
+    absolute_pose = False
+    tangential = True
 
     def sniff(self, text: str) -> bool:
         """True for a text of this format."""

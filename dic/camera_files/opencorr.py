@@ -26,6 +26,8 @@ class OpenCorr:
     name = "opencorr"
     about = "OpenCorr camera parameters"
     suffix = ".txt"
+    absolute_pose = True
+    tangential = True
 
     def sniff(self, text: str) -> bool:
         """True for a text of this format."""

@@ -38,6 +38,8 @@ class OpenCV:
     name = "opencv"
     about = "OpenCV storage (YAML, XML or JSON)"
     suffix = ".yml"
+    absolute_pose = True
+    tangential = True
 
     def sniff(self, text: str) -> bool:
         """True for a text of this format."""

@@ -27,6 +27,8 @@ class Vic3D:
     name = "vic3d"
     about = "VIC-3D project XML"
     suffix = ".xml"
+    absolute_pose = True
+    tangential = False
 
     def sniff(self, text: str) -> bool:
         """True for a text of this format."""

@@ -1,4 +1,4 @@
-"""What matters: variance-based indices, elementary effects, and what data could tell; no physics."""
+"""Sensitivity: variance-based indices, elementary effects, information of planned data; no physics."""
 
 from doe.sensitivity.elementary_effects import ElementaryEffects, morris
 from doe.sensitivity.histories import HistoryIndices, history_indices

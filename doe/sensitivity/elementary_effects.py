@@ -1,4 +1,4 @@
-"""Morris' screening: elementary effects along random walks through a grid, for few and dear runs.
+"""Morris' screening: elementary effects along random walks through a grid, for few and expensive runs.
 
 A trajectory visits d + 1 points. From one to the next a single parameter moves by p / 2 (p - 1) of its edge,
 p the number of levels; an effect is the change of the output over that move (Morris 1991). The mean of its
@@ -21,7 +21,7 @@ from doe.designs.design import Design, Rng, seed_of
 
 @dataclass(frozen=True)
 class ElementaryEffects:
-    """What each parameter does to each output, per edge of the box."""
+    """Effects of each parameter on each output, per edge of the box."""
 
     names: tuple[str, ...]
     """Parameters, length d."""

@@ -1,4 +1,4 @@
-"""What data could tell about parameters before any is measured: Fisher's information of a linear model.
+"""Fisher's information of a linear model: how well data would determine parameters.
 
 Data R with standard deviations s respond with J = dR/dp. Their information is H = J^T diag(s^-2) J, and the
 change of the estimate by a change of the data is
@@ -116,7 +116,7 @@ class LinearData:
         return np.divide(squares, total, out=np.zeros_like(squares), where=total > 0.0)
 
     def directions(self) -> tuple[FloatArray, FloatArray]:
-        """What the data see best and least, without an inverse.
+        """Directions that the data determine best and least, without an inverse.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""Where to measure: of many possible groups of data the few that tell most.
+"""Placement of measurements: of many possible groups of data the few with the most information.
 
 Independent data add their information H. D-optimal data have the largest det H, the smallest volume of the
 joint interval; A-optimal data the smallest trace of H^-1, the mean variance of the parameters in units of
@@ -42,7 +42,7 @@ class Placement:
 
 
 def costs(information: FloatArray, criterion: Criterion) -> FloatArray:
-    """What information leaves undecided, shape [..., d, d] -> [...]; infinite where it is singular.
+    """Cost of an information matrix, shape [..., d, d] -> [...]; infinite where it is singular.
 
     Raises
     ------

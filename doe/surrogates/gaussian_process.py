@@ -27,7 +27,7 @@ DETERMINED = 1e-10
 
 @dataclass(frozen=True)
 class Hyperparameters:
-    """What the likelihood of the runs chooses."""
+    """Hyperparameters, chosen by the likelihood of the runs."""
 
     kind: str
     """A name of `doe.surrogates.correlation.CORRELATIONS`."""

@@ -1,4 +1,4 @@
-"""What every surrogate offers, and the checks on what goes into one."""
+"""The interface of surrogates, and the checks on the runs that go into one."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Surrogate(Protocol):
 
     @property
     def box(self) -> Box:
-        """Where it holds."""
+        """The box in which it holds."""
 
     @property
     def points(self) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Whether a surrogate is good enough for what it is for, and how many runs it would take."""
+"""Errors of a surrogate, compared with what its purpose allows, and the number of runs that would do."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def held_out(surrogate: Surrogate, points: ArrayLike, responses: ArrayLike, sigm
 
 @dataclass(frozen=True)
 class Fitness:
-    """Whether a surrogate's error is small enough, and what would make it so."""
+    """A surrogate's error compared with what is allowed, and the number of runs that would do."""
 
     error: float
     """The error that counts, e.g. of the optimum over its half width [-]."""
@@ -126,7 +126,7 @@ class Fitness:
 
     @property
     def good(self) -> bool:
-        """Whether the error is allowed."""
+        """True if the error is allowed."""
         return self.error <= self.allowed
 
     @property

@@ -1,4 +1,4 @@
-"""What data say about a model's parameters: noise, intervals, ridges, posterior, verdicts; no physics."""
+"""Uncertainty of a model's parameters: noise, intervals, ridges, posterior, verdicts; no physics."""
 
 from doe.uncertainty.covariance import block_bootstrap, gauss_newton, sandwich
 from doe.uncertainty.likelihood import Channel, Likelihood

@@ -104,7 +104,7 @@ class Fit:
 
 @dataclass(frozen=True)
 class Likelihood:
-    """How likely data are at the points of a box.
+    """Likelihood of data at the points of a box.
 
     Raises
     ------

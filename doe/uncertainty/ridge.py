@@ -75,7 +75,7 @@ class Partner:
 
 
 def partners(likelihood: Likelihood, profiles: Profiles, profile: Profile) -> tuple[Partner, ...]:
-    """Who makes up for a parameter's change along its profile, the most needed first.
+    """Parameters that make up for another one's change along its profile, the most needed first.
 
     At both ends of the interval, or of the box where the interval is open, it is asked what the move of
     each other parameter would cost alone. One whose move costs more than the level made the difference;

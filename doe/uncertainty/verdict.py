@@ -1,4 +1,4 @@
-"""What the data say about each parameter, in one word with its reasons."""
+"""Verdicts on the parameters from their profiles: one word each, with its reasons."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ it rests on them: a correlation above 0.94 for a quadratic."""
 
 
 class VerdictKind(Enum):
-    """What the data say about a parameter."""
+    """The kinds of verdict on a parameter."""
 
     IDENTIFIED = "identified"
     ONE_SIDED = "one-sided bound"
@@ -26,7 +26,7 @@ class VerdictKind(Enum):
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the data say about one parameter inside the box."""
+    """The verdict on one parameter inside the box."""
 
     name: str
     """The parameter."""

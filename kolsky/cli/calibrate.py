@@ -31,7 +31,8 @@ def calibrate(
     export: Annotated[
         str,
         typer.Option(
-            metavar="FORMATS", help="Also write the cameras as vic3d, dice, matchid, opencorr, dice-text."
+            metavar="FORMATS",
+            help="Also write the cameras for other programs; an unknown name lists the formats.",
         ),
     ] = "",
     figures: Figures = "",

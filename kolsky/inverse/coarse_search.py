@@ -149,7 +149,7 @@ def _settled(stages: StagedRuns, found: Refinement) -> CoarseOptimum:
 
 
 def fit_for_purpose(stages: StagedRuns, coarse: CoarseOptimum, gain: FloatArray) -> Fitness:
-    """Whether the surrogate's error moves the optimum by less than its interval allows, and what would do.
+    """Compare the move of the optimum by the surrogate's error with what its interval allows.
 
     Parameters
     ----------

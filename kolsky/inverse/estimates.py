@@ -1,4 +1,4 @@
-"""What an identification reports once its optimum is found: estimates, routes, curves, comparison."""
+"""The parts of a result that follow from the optimum: estimates, routes, curves, comparison."""
 
 from collections.abc import Mapping
 
@@ -190,7 +190,7 @@ def surrogate_quality(stages: StagedRuns, coarse: CoarseOptimum, fine: RefinedOp
 
 
 def runs_needed(stages: StagedRuns, coarse: CoarseOptimum, fine: RefinedOptimum) -> float:
-    """How many runs around the optimum would make the surrogate good enough; infinite if none."""
+    """Number of runs around the optimum that would make the surrogate good enough; infinite if none."""
     slope = jacobian(CorrectedSurrogate(coarse.surrogate).predict, coarse.box, coarse.x)
     gain = coarse.objective.gain(slope)
     found = fit_for_purpose(stages, coarse, gain / (2.0 * fine.sigma[:, None]))

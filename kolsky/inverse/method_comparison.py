@@ -15,7 +15,7 @@ AGREEMENT = 0.25
 
 @dataclass(frozen=True)
 class Method:
-    """What one method of searching finds for the free parameters, from the same data."""
+    """The free parameters by one method of searching, from the same data."""
 
     name: str
     """`SIMPLEX`, `LEAST_SQUARES`, `PROFILE` or `POSTERIOR`."""

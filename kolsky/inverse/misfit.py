@@ -56,7 +56,7 @@ class Terms:
 
     @property
     def has_shape(self) -> bool:
-        """Whether an outline was measured."""
+        """True if an outline was measured."""
         return self.n_shape + self.n_outside > 0
 
 

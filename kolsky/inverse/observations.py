@@ -17,7 +17,7 @@ SAME_TIME = 1e-9
 
 @dataclass(frozen=True)
 class Observations:
-    """What the instruments saw inside the window."""
+    """The measurements inside the window."""
 
     force: ForceHistory
     """The transmitted force at every recorded sample, P of them."""
@@ -30,7 +30,7 @@ class Observations:
 
     @property
     def has_shape(self) -> bool:
-        """Whether an outline was measured."""
+        """True if an outline was measured."""
         return self.centre_line.time.size > 0
 
     @property
@@ -41,7 +41,7 @@ class Observations:
 
 @dataclass(frozen=True)
 class Prediction:
-    """What the instruments would have seen of each simulation."""
+    """The measured quantities as each simulation gives them."""
 
     force: FloatArray
     """Transmitted force at the recorded times [N], shape [n_samples, P]."""
@@ -108,7 +108,7 @@ def observe(
 
 
 def predict(response: Response, observations: Observations) -> Prediction:
-    """See every simulation of a batch through the instruments.
+    """Predict the measured quantities from every simulation of a batch.
 
     The force at the recorded times is interpolated linearly, as for Eq. (M.4). A bin's mean is the
     difference of the impulse at its edges over its width: exact, whatever the force does in between. The

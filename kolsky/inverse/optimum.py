@@ -1,4 +1,4 @@
-"""Where the misfit is least: the search on a surrogate, and the surrogate's correction by real runs."""
+"""The search for the least misfit on a surrogate, and the surrogate's correction by runs of the solver."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -113,11 +113,11 @@ def jacobian(model: Model, box: Box, x: FloatArray) -> FloatArray:
 
 
 def on_edge(x: FloatArray, box: Box) -> NDArray[np.bool_]:
-    """Which coordinates of a point lie on a bound of the box, shape [d]."""
+    """Mask of the coordinates of a point that lie on a bound of the box, shape [d]."""
     lower, upper = np.array(box.lower), np.array(box.upper)
     return np.asarray(np.minimum(x - lower, upper - x) < ON_EDGE * (upper - lower))
 
 
 def at_inner_face(x: FloatArray, local: Box, whole: Box) -> bool:
-    """Whether a point lies on a face of the local box that is none of the whole one: it would go further."""
+    """True if a point lies on a face of the local box that is none of the whole one: it would go further."""
     return bool((on_edge(x, local) & ~on_edge(x, whole)).any())

@@ -191,12 +191,12 @@ def checked_value(name: str, value: float) -> float:
 
 
 def any_slides(names: Iterable[str]) -> bool:
-    """Whether one of these parameters makes the surfaces slide by Coulomb's law once it is named."""
+    """True if one of these parameters makes the surfaces slide by Coulomb's law once it is named."""
     return any(PARAMETERS[name].slides for name in names if name in PARAMETERS)
 
 
 def has_effect(p: Parameter, laws: Iterable[str]) -> bool:
-    """Whether a contact law among these, by name, reads the parameter; True if it needs none."""
+    """True if a contact law among these, by name, reads the parameter, or if it needs none."""
     if not p.read_by:
         return True
     from explicit.contact import CONTACT_LAWS

@@ -22,7 +22,7 @@ OUTLINES = 65
 
 @dataclass(frozen=True)
 class PreparedShot:
-    """What every loop over simulations of one shot starts from."""
+    """A shot ready for simulation: the forward model, the observations, figures about the data."""
 
     forward: Forward
     """The shot ready to run."""

@@ -1,4 +1,4 @@
-"""Everything that is needed to repeat a result."""
+"""The record that is needed to repeat a result."""
 
 import platform
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from kolsky.shot.records import Shot
 
 
 def provenance(shot: Shot, settings: Any, prepared: PreparedShot, *, sliding: bool) -> dict[str, Any]:
-    """Everything that is needed to repeat a result: hashes, settings, versions, machine class.
+    """The record that is needed to repeat a result: hashes, settings, versions, machine class.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The optimum on the refined mesh of several parameters, or of a rough response: many runs, averaged.
+"""The optimum on the refined mesh by a quadratic through many runs: several parameters, or a rough response.
 
 Nodes of a sliding surface stick, slip, land and lift by decisions that a small change of a parameter tips.
 An interpolant, or a correction by single runs, follows each of those jumps, and parameters that only their
@@ -79,7 +79,7 @@ class QuadraticFit:
 
     @property
     def roughness(self) -> FloatArray:
-        """What one run's deviation from the quadratic does to the optimum, standard deviation, [d]."""
+        """Standard deviation of the optimum from one run's deviation from the quadratic, shape [d]."""
         return np.asarray(np.sqrt(np.diag(self.surrogate.roughness(self.gain))))
 
 
@@ -125,7 +125,7 @@ def search_by_quadratic(stages: StagedRuns, coarse: CoarseOptimum) -> RefinedOpt
 
 
 def _moved_by(stages: StagedRuns, found: QuadraticFit, numerics: Numerics) -> FloatArray | None:
-    """Where other numerics would put the optimum, minus where it is, shape [d]; None if their run is lost.
+    """Optimum with other numerics minus the optimum, shape [d]; None if their run is lost.
 
     By one run at the optimum: a search of its own would follow that mesh's roughness too.
     """

@@ -91,7 +91,7 @@ def refined_numerics(stages: StagedRuns) -> Numerics:
 
 
 def slides(stages: StagedRuns) -> bool:
-    """Whether a surface slides with friction: as declared, or because a parameter makes it so."""
+    """True if a surface slides with friction: as declared, or because a parameter makes it so."""
     settings, interface = stages.settings, stages.prepared.forward.shot.interface
     laws = [contact_law(interface.faces), contact_law(interface.side)]
     return any_slides([*settings.free, *settings.held]) or any(law.needs_friction for law in laws)
@@ -134,7 +134,7 @@ def _judged(
     missed: FloatArray,
     wide: FloatArray,
 ) -> tuple[RefinedOptimum, FloatArray]:
-    """What a run at `optimum` leaves of it, and where it should be instead."""
+    """The optimum as a run there judges it, and the point where it should be instead."""
     best = search(coarse.box, objective, model.predict)
     slope = jacobian(model.predict, coarse.box, best.x)
     sigma = np.sqrt(np.diag(best.objective.covariance(slope, model.predict(best.x)[0])))

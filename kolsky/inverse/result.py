@@ -23,7 +23,7 @@ from kolsky.inverse.uncertainty_results import (
 
 
 class Verdict(StrEnum):
-    """How the search for one parameter ended."""
+    """The outcome of the search for one parameter."""
 
     IDENTIFIED = "identified"
     FORCE_ALONE = "identified by the force alone"
@@ -35,7 +35,7 @@ class Verdict(StrEnum):
 
     @property
     def confirmed(self) -> bool:
-        """Whether the search came to rest: a run on the refined mesh left the optimum where it was."""
+        """True if a run on the refined mesh left the optimum where it was."""
         return self not in (Verdict.DISAGREEING, Verdict.FAILED)
 
 
@@ -131,7 +131,7 @@ class SurrogateCurve:
 
 @dataclass(frozen=True, repr=False)
 class Identification:
-    """What `kolsky identify` returns."""
+    """The result of an identification."""
 
     shot: str
     """Name of the shot."""

@@ -45,7 +45,7 @@ class DesignTable:
     """Force chi-square of each run [-], shape [n_runs]; NaN for a run that did not complete."""
 
     def ending(self, run: int) -> Ending:
-        """How, when and where a run ended."""
+        """The ending of a run: outcome, time, element."""
         r, y = self.failed_places[run]
         return Ending(
             outcome=Outcome[self.outcomes[run]],

@@ -1,4 +1,4 @@
-"""What `kolsky.identification.identify` is asked to do."""
+"""The settings of `kolsky.identification.identify`."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,7 +9,7 @@ from kolsky.inverse.forward import Numerics
 
 @dataclass(frozen=True)
 class Settings:
-    """What is free, what is held, and the numerical choices."""
+    """Free parameters, held parameters and numerical choices of an identification."""
 
     free: Mapping[str, tuple[float, float] | None] = field(default_factory=lambda: {"stiffness_factor": None})
     """Free parameters and the bounds of their design; None takes the default bounds."""

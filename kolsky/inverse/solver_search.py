@@ -73,7 +73,7 @@ def _on_the_solver(result: Identification, stages: StagedRuns, objective: Object
 
 
 def _starts(searches: tuple[LeastSquaresResult, ...], box: Box) -> str:
-    """Where the searches from the other starts ended, in standard deviations of the best."""
+    """The ends of the searches from the other starts in words, in standard deviations of the best."""
     best, *others = searches
     sigma = np.maximum(best.sigma, np.finfo(float).tiny)
     away = [float(np.max(np.abs(other.x - best.x) / sigma)) for other in others]

@@ -64,7 +64,7 @@ class StagedRuns:
 
     @property
     def observations(self) -> Observations:
-        """What the predictions are compared with."""
+        """The measurements that predictions are compared with."""
         return self.prepared.observations
 
     def design(self, box: Box) -> Design:
@@ -178,14 +178,14 @@ class StagedRuns:
 
 
 def _lost(design: Design, response: Response) -> str:
-    """How many runs did not complete, and how the first of them ended; empty if all did."""
+    """The runs that did not complete, in words: their number and the first one's ending; empty if none."""
     lost = len(design) - int(response.completed.sum())
     told = f"{lost} of {len(design)} runs did not complete"
     return f"{told}; {_first_lost(design, response)}" if lost else ""
 
 
 def _first_lost(design: Design, response: Response) -> str:
-    """Where the first run that did not complete lies, and how it ended."""
+    """The first run that did not complete in words: its parameters and its ending."""
     first = int(np.argmin(response.completed))
     values = design.box.as_dict(design.points[first])
     point = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())

@@ -1,4 +1,4 @@
-"""What an identification knows beside its estimates, as plain numbers and words (SI)."""
+"""Records of a result's uncertainty: profiles, declared inputs, other choices, posterior (SI)."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ def read_surface_view(
     pictures: tuple[Pictures, Pictures],
     flight: FlightOfSpecimen | str = "not asked for",
 ) -> SurfaceView:
-    """Read the pictures that the figures show, those of camera 0, and evaluate the speckles of both cameras."""
+    """Read the pictures of camera 0 for the figures and evaluate the speckles of both cameras."""
     chosen, first = set(shown_frames(result)), pictures[0]
     column = _column(result, first.shape[1])
     kymograph = np.full((first.shape[0], first.n_frames), np.nan)

@@ -137,7 +137,7 @@ def _recordings(
     for key, gauge in gauges.items():
         recorder = declared.recorders[gauge.recorder]
         wanted = "1" if gauge.strain else "V"
-        layout = recorder.as_recorder_layout(full_scale=gauge.full_scale, unit=recorder.unit or wanted)
+        layout = recorder.as_layout(full_scale=gauge.full_scale, unit=recorder.unit or wanted)
         names = [str(channel) for channel in gauge.channels]
         read = read_recordings(folder / recorder.file, names, layout=layout)
         found[key] = tuple(read[name] for name in names)

@@ -69,7 +69,7 @@ def force_recording(path: Path, section: ForceSection) -> Recording:
         if unit is None:
             raise InputError(path, "force.time has an unusual unit", allowed='"s", "ms", "us" or "ns"')
     factor = section.voltage.unit
-    layout = section.layout.as_recorder_layout(
+    layout = section.layout.as_layout(
         full_scale=section.full_scale / factor, unit="V", time=time, time_unit=unit
     )
     name = section.voltage.column

@@ -1,4 +1,4 @@
-"""Which parameter matters how much over a whole range: Sobol' indices of a shot's misfits and histories.
+"""Sobol' indices of a shot's misfits and histories: each parameter's share of their variance over a box.
 
 Either the solver itself is asked at every point of the sample, or runs over the box make a surrogate of the
 response. Runs that the surrogate has not seen say how wrong it is; what is wrong of an output's variance is
@@ -35,7 +35,7 @@ LARGEST_ERROR = 0.1
 
 @dataclass(frozen=True)
 class GlobalSensitivity:
-    """What over a box causes the variance of misfits and histories."""
+    """Shares of the parameters in the variance of misfits and histories over a box."""
 
     shot: str
     """Name of the shot."""

@@ -1,4 +1,4 @@
-"""How force and outline change with each parameter, through time and over height: dF/dp(t), dZ/dp(y, t).
+"""Slopes of force and outline by each parameter, through time and over height: dF/dp(t), dZ/dp(y, t).
 
 Slopes are those of straight lines through runs at `LEVELS` values within a *reach* of the point, all in one
 batch: what a search sees that comes from there. The derivative at the point itself can be quite another
@@ -27,7 +27,7 @@ REACH = 0.1
 
 @dataclass(frozen=True)
 class ObservationGrid:
-    """When and where one looks."""
+    """Times and heights at which force and outline are evaluated."""
 
     edges: FloatArray
     """Edges of the bins over which the force is averaged [s], shape [n_bins + 1]."""
@@ -147,7 +147,7 @@ def mesh_change(
     numerics: Numerics,
     finer: tuple[int, int],
 ) -> tuple[float, float]:
-    """How far force and outline move from one mesh to a finer one, root mean squares [N] and [m].
+    """Change of force and outline from one mesh to a finer one, root mean squares [N] and [m].
 
     Raises
     ------

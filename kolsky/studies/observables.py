@@ -1,4 +1,4 @@
-"""What a study of sensitivities looks at: the runs over a box as vectors, and the misfits made of them."""
+"""The observables of a sensitivity study: runs over a box as vectors, and the misfits made of them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -37,7 +37,7 @@ class Observables:
 
     @property
     def histories(self) -> dict[str, slice]:
-        """Where the bin means and the outline stand in the vector."""
+        """Slices of the bin means and the outline in the vector."""
         samples, bins = len(self.observations.force.time), len(self.observations.bins.mean)
         whole = {"force": slice(samples, samples + bins)}
         if self.counted.any():

@@ -1,4 +1,4 @@
-"""What a sweep tells beyond its table: maps of the misfits, main effects, shares of their variance."""
+"""The analysis of a sweep: maps of the misfits, main effects, shares of their variance."""
 
 from dataclasses import dataclass
 

@@ -81,7 +81,7 @@ class Plane:
     """Likewise of Phi_S [-]."""
 
     def left_beyond(self, friction: float) -> tuple[float, float]:
-        """How far Phi_F and Phi_S still range over the coefficients from one on, over their whole range [-].
+        """Range of Phi_F and Phi_S over the coefficients from one on, over their whole range [-].
 
         Means of the runs over the stiffness are compared: the force rings, and single runs scatter by it.
         """

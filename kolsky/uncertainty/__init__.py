@@ -1,1 +1,1 @@
-"""What a shot's data can tell about its parameters: profiles, verdicts, declared uncertainties, warnings."""
+"""The uncertainty of a shot's parameters: noise, numerics, profiles, declared uncertainties, warnings."""

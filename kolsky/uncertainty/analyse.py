@@ -1,4 +1,4 @@
-"""Everything the data of a shot can tell beside its estimates, once the optimum is found."""
+"""The uncertainty analysis of an optimum: declared inputs, profiles, other choices, posterior."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from kolsky.uncertainty.variations import variations
 
 @dataclass(frozen=True)
 class UncertaintyAnalysis:
-    """What is known beside the estimates."""
+    """Results of the uncertainty analysis of an optimum."""
 
     systematic: tuple[Declaration, ...]
     """Every key that shot.toml may declare uncertain."""

@@ -39,7 +39,7 @@ MAP = 81
 
 @dataclass(frozen=True)
 class LinearisedOptimum:
-    """Where an identification ended, as the profiles need it."""
+    """The optimum on the refined mesh, and the response linearised about it."""
 
     x: FloatArray
     """The optimum in SI, shape [d]."""
@@ -257,6 +257,6 @@ def _map(likelihood: Likelihood, found: Profiles) -> PairMap:
 
 
 def _span(profile: Profile) -> tuple[float, float]:
-    """Where a profile's rise is small enough to be shown."""
+    """The range over which a profile's rise is small enough to be shown."""
     low = profile.values[profile.rise <= MAP_REACH * profile.level]
     return float(low[0]), float(low[-1])

@@ -1,4 +1,4 @@
-"""What declared uncertainties of the inputs do to the answer: inputs that no residual shows to be wrong.
+"""Shifts of the answer by declared uncertainties of inputs, which no residual shows to be wrong.
 
 Each declared input is moved by its standard uncertainty, up and down where both are possible, and the
 change of the predicted data vector, or of the measured one, is carried to the parameters by the linear map
@@ -201,7 +201,7 @@ def _status(key: str, uncertainty: Mapping[str, float], told: str) -> str:
 
 
 def _told(key: str, stages: StagedRuns, shot: Shot) -> str:
-    """Why an input has no part in this shot's answer, or no part of its own; empty if it has."""
+    """The reason why an input has no part, or none of its own, in this shot's answer; empty if it has."""
     if key in stages.box.names:
         return "free, found from the data"
     laws = {shot.interface.faces, shot.interface.side}

@@ -40,7 +40,7 @@ Data = tuple[Objective, Model]
 def variations(
     stages: StagedRuns, answer: LinearisedOptimum, found: ParameterProfiles, check: Prediction
 ) -> tuple[Variation, ...]:
-    """What other choices do to the answer.
+    """Shifts of the answer by other choices of window and bins.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def variations(
 
 
 def shorter(objective: Objective, model: Model, end: float) -> Data:
-    """What a window that ends earlier leaves of the data.
+    """The data inside a window that ends earlier, and their model.
 
     Raises
     ------

@@ -12,6 +12,8 @@ from tests.mutants.fault import Fault
 from tests.mutants.inverse import FAULTS as INVERSE
 from tests.mutants.material import FAULTS as MATERIAL
 from tests.mutants.rates import FAULTS as RATES
+from tests.mutants.report import FAULTS as REPORT
+from tests.mutants.results import FAULTS as RESULTS
 from tests.mutants.uncertainty import FAULTS as UNCERTAINTY
 
 __all__ = ["FAULTS", "Fault"]
@@ -21,6 +23,8 @@ FAULTS: tuple[Fault, ...] = (
     *DIC,
     *DOE,
     *INVERSE,
+    *RESULTS,
+    *REPORT,
     *MATERIAL,
     *RATES,
     *UNCERTAINTY,

@@ -93,7 +93,7 @@ def test_the_only_warning_is_the_end_of_the_curve(case: tuple[Shot, Identificati
     # Declared noise and model are those the shots were made with; open-01 is compressed so far that material
     # near the platens strains beyond its curve's -64 %, open-02 is not.
     past = float(found.response.extrapolated_share[0]) > 0.01
-    chance = [text for text in found.warnings if text.startswith("force and shape disagree")]
+    chance = [text for text in found.warnings if text.startswith("force and outline disagree")]
     rest = [text for text in found.warnings if text not in chance]
     assert len(rest) == past
     assert all("strained past the quasi-static curve" in text for text in rest)

@@ -93,7 +93,7 @@ def _slow(group: GroupRates) -> float | None:
 
 def caption_equal_strain(group: GroupRates) -> str:
     """Return the caption."""
-    assert group.equal_strain is not None  # `applies` saw to it
+    assert group.equal_strain is not None  # checked by `applies`
     strains = ", ".join(f"{e:g}" for e in group.equal_strain.strains)
     return (
         "Left: transmitted force against nominal strain, bin means of every counted shot (lines), its values"
@@ -108,7 +108,7 @@ def caption_equal_strain(group: GroupRates) -> str:
 def draw_equal_strain(group: GroupRates, panels: Panels) -> None:
     """Draw force and shape."""
     e = group.equal_strain
-    assert e is not None  # `applies` saw to it
+    assert e is not None  # checked by `applies`
     force, shape = panels["force"], panels["shape"]
     label_panel(force, "a")
     label_panel(shape, "b")

@@ -30,7 +30,7 @@ def caption_slope(group: GroupRates) -> str:
     through = (
         " Line: meta-regression on the logarithm of the rate with its 95 % band."
         if claimed
-        else " Dashed: the line through the shots; their range of rates does not support it (see the conditions)."
+        else " Dashed: the line through the shots; their rates do not support it (see the conditions)."
     )
     return (
         "Stiffness factor m against nominal strain rate: each shot with ±2u (thick: what is its own, thin:"

@@ -217,7 +217,7 @@ def _histories(pair: PicturePair, quality: Axes, lost: Axes) -> None:
 
 
 def _pair(seen: Recorded) -> PicturePair:
-    assert isinstance(seen.pair, PicturePair)  # `applies` has looked
+    assert isinstance(seen.pair, PicturePair)  # checked by `applies`
     return seen.pair
 
 

@@ -102,7 +102,7 @@ def kept_nodes(result: Identification) -> bool:
 
 def _panel_size(result: Identification) -> tuple[float, float]:
     """Half-width and height of a panel [mm of the specimen], the same for all."""
-    assert result.response.nodes is not None  # `applies` says so
+    assert result.response.nodes is not None  # checked by `applies`
     r, y = np.moveaxis(result.response.nodes[0], -1, 0)
     return 1.08 * MM * largest(r), 1.25 * MM * largest(y)
 
@@ -127,7 +127,7 @@ def draw_meshes(result: Identification, panels: Panels) -> None:
         If the outermost nodes of such a mesh are not the response's side surface.
     """
     response, line = result.response, result.comparison.centre_line
-    assert response.nodes is not None  # `applies` says so
+    assert response.nodes is not None  # checked by `applies`
     n_radial, n_axial = result.refined_mesh
     times = response.surface_times
     expected = (n_radial + 1) * (n_axial + 1)
@@ -177,7 +177,7 @@ def can_show_stills(result: Identification) -> bool:
 def draw_scene(result: Identification, panels: Panels) -> None:
     """Set the pictures side by side."""
     found = stills(result)
-    assert found is not None  # `applies` has looked
+    assert found is not None  # checked by `applies`
     stage, images = found
     rows, columns = (np.flatnonzero((images < 255).any(axis=axes)) for axes in ((0, 2, 3), (0, 1, 3)))
     cut = images[:, rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]  # without the empty margins

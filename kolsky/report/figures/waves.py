@@ -184,8 +184,9 @@ def _curve(ax: Axes, result: WavesResult) -> None:
 def caption_bars_together(found: BarsTogether) -> str:
     """Return the caption."""
     return (
-        "Bars together. Top: strain at the transmission gauge, and that of the incident gauge propagated to it "
-        f"by the first mode of Pochhammer and Chree with c₀ = {found.wave_speed:.1f} m/s and gain {found.gain:.4f}. "
+        "Bars together. Top: strain at the transmission gauge, and that of the incident gauge propagated "
+        f"there by the first mode of Pochhammer and Chree with c₀ = {found.wave_speed:.1f} m/s and gain "
+        f"{found.gain:.4f}. "
         f"Bottom: their difference, {100.0 * found.rms:.2f} % rms of the peak; a plain shift leaves "
         f"{100.0 * found.plain_rms:.2f} %."
     )

@@ -34,7 +34,7 @@ def group_tables(group: GroupRates, *, several: bool) -> dict[str, Any]:
         "lever": _lever(group),
         "remarks": group.remarks,
         "shots": [_shot(shot, leverage.get(shot.name)) for shot in group.shots],
-        "average": _average(group),
+        "average": mean_and_scatter(group),
         "heterogeneity": _heterogeneity(group),
         "criteria": [] if group.slope is None else [_criterion(c) for c in group.slope.criteria],
         "without": _without(group),
@@ -118,7 +118,7 @@ def _shot(shot: RatedShot, leverage: float | None) -> dict[str, Any]:
     }
 
 
-def _average(group: GroupRates) -> dict[str, str]:
+def mean_and_scatter(group: GroupRates) -> dict[str, str]:
     """Return mean and U = 2 s of each column, as the two last lines of Table 2 of Mates et al. (2012)."""
     if group.pooled is None:
         return {}

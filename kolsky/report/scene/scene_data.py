@@ -112,7 +112,7 @@ def scene_of(
     ------
     ValueError
         If the field is unknown or lacks the solid.
-    NotShown
+    SceneDataMissing
         If the result lacks the nodes or the specimen's size.
     """
     from explicit.deformation import deformation_gradient
@@ -155,7 +155,7 @@ def _mesh(result: Identification) -> explicit.Mesh:
         raise SceneDataMissing("the result's provenance does not say how large the specimen was") from None
     n_radial, n_axial = result.refined_mesh
     mesh = explicit.cylinder(radius, length, n_radial=n_radial, n_axial=n_axial, grading=float(grading))
-    assert result.response.nodes is not None  # `stage_of` has looked
+    assert result.response.nodes is not None  # checked by `scene_of`
     if result.response.nodes.shape[2] != mesh.n_nodes:
         raise SceneDataMissing(
             f"the result holds {result.response.nodes.shape[2]} nodes, its mesh has {mesh.n_nodes}"

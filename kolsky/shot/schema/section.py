@@ -115,7 +115,7 @@ class LayoutSection(TextLayoutSection):
     start: f.Time | None = None
     unit: Annotated[str, BeforeValidator(_unit)] | None = None
 
-    def as_recorder_layout(self, *, full_scale: float | None = None, **said: str | int | None) -> Layout:
+    def as_layout(self, *, full_scale: float | None = None, **said: str | int | None) -> Layout:
         """What a reader needs to know.
 
         Parameters

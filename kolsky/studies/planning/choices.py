@@ -46,7 +46,7 @@ class Rate:
 
 
 def window_ends(found: Information, shares: FloatArray) -> tuple[FloatArray, list[Expected]]:
-    """What the data up to some time would tell, for shares of the window in (0, 1].
+    """Expected deviations from the data up to some time, for shares of the window in (0, 1].
 
     Returns
     -------
@@ -92,7 +92,7 @@ def camera_heights(found: Information, count: int) -> list[Choice]:
 def rate_of(
     found: Information, factor: float, *, length: float, travel: float, discrepancy: tuple[float, float]
 ) -> Rate:
-    """How a rate is judged.
+    """The test at another speed of the flyer, from its information.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ FINER = 1.5
 
 @dataclass(frozen=True)
 class Expected:
-    """What a set of data would tell."""
+    """Expected standard deviations of the parameters from a set of data."""
 
     deviations: FloatArray
     """Standard deviation of each parameter, all estimated together, in its unit, shape [d]; infinite where
@@ -49,7 +49,7 @@ class Expected:
 
     @classmethod
     def of(cls, data: LinearData) -> "Expected":
-        """What linear data tell."""
+        """Expected deviations from linear data."""
         try:
             return cls(data.deviations, data.deviations_alone, data.correlation)
         except SingularInformationError as error:
@@ -75,7 +75,7 @@ class Information:
 
     @property
     def is_force(self) -> NDArray[np.bool_]:
-        """Which data are forces, shape [k]."""
+        """Mask of the data that are forces, shape [k]."""
         return np.arange(len(self.data.sigma)) < self.n_force
 
     @property
@@ -210,7 +210,7 @@ def discrepancies(
     rate: float = 1.0,
     numerics: Numerics,
 ) -> tuple[float, float]:
-    """What the model leaves out at least: its change to a mesh `FINER` times as fine [N], [m].
+    """Least discrepancies of the model: its change to a mesh `FINER` times as fine [N], [m].
 
     Raises
     ------

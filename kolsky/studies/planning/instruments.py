@@ -1,4 +1,4 @@
-"""What the instruments of a planned test can do: their windows, bins, pictures and noise."""
+"""The instruments of a planned test: windows, bins, pictures and noise."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from kolsky.inverse.prepared_shot import PreparedShot
 
 @dataclass(frozen=True)
 class Instruments:
-    """What the instruments of a planned test can do."""
+    """The instruments of a planned test."""
 
     window: tuple[float, float]
     """First and last time that is compared, of a test at the shot's own rate [s]."""
@@ -41,7 +41,7 @@ class Instruments:
 
 
 def instruments_of(prepared: PreparedShot) -> Instruments:
-    """What the instruments of the shot itself could do.
+    """The instruments of the shot itself.
 
     Without an outline there are no points; their density and sigma are then for the caller to say.
     """

@@ -28,7 +28,7 @@ from kolsky.studies.planning.information import Expected, Information, discrepan
 from kolsky.studies.planning.instruments import Instruments, instruments_of
 
 NAMES = ("stiffness_factor", "poisson", "damping")
-"""Parameters whose estimates are foretold unless others are asked for."""
+"""Parameters whose estimates are predicted unless others are asked for."""
 RATES = (0.5, 1.0, 2.0)
 """Speeds of the flyer over the shot's that are compared."""
 ENDS = np.linspace(0.1, 1.0, 19)
@@ -37,7 +37,7 @@ ENDS = np.linspace(0.1, 1.0, 19)
 
 @dataclass(frozen=True)
 class Plan:
-    """Where and when a measurement would tell most about each parameter, and how well they would be known."""
+    """Expected uncertainties of a planned test, and the times and heights that contribute most."""
 
     shot: str
     """Name of the shot."""
@@ -91,7 +91,7 @@ def plan(
     numerics: Numerics | None = None,
     progress: Callable[[str, int, int], None] = lambda stage, done, total: None,
 ) -> Plan:
-    """Foretell what a test would tell.
+    """Predict how well a test would determine parameters.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ LOOSE = ConfigDict(extra="ignore", frozen=True, strict=True)
 
 
 class RateCurveSection(Section):
-    """What [curve] or [law] says of the rate of the tests it is from."""
+    """The keys of [curve] or [law] that state the rate of its tests."""
 
     model_config = LOOSE
     baseline: bool = True
@@ -36,7 +36,7 @@ class RateCurveSection(Section):
 
 
 class RateShotFile(Section):
-    """What a comparison of rates reads of a shot.toml beside its recordings."""
+    """The keys of a shot.toml that a comparison of rates reads beside its recordings."""
 
     model_config = LOOSE
     material: f.Name | None = None
@@ -53,7 +53,7 @@ class RateShotFile(Section):
 
 
 def declarations(shot: Path) -> tuple[TomlFile, RateShotFile]:
-    """What a shot file says of material, group, rig and the baseline's rate.
+    """Read material, group, rig and the reference curve's rate from a shot file.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def group_of(file: TomlFile, key: str) -> str:
 
 
 def result_of(shot: Path) -> Path:
-    """Where `kolsky identify` leaves the result of a shot."""
+    """Path of the result that `kolsky identify` writes for a shot."""
     return folder_of(shot) / "results" / RESULT_FILE
 
 
@@ -173,7 +173,7 @@ def digest(curve: MaterialCurve) -> str:
 
 
 def conditions(found: Identification) -> dict[str, str]:
-    """What was the same for all simulations of a result and bears on its stiffness factor, in words."""
+    """Conditions of all simulations of a result that bear on its stiffness factor, in words."""
     settings = found.provenance.get("settings")
     numerics = settings.get("numerics") if isinstance(settings, dict) else None
     numerics = numerics if isinstance(numerics, dict) else {}

@@ -92,7 +92,7 @@ def _group(
 
 
 def common_parts(shots: Sequence[RatedShot], shared: float) -> dict[tuple[str, str], FloatArray]:
-    """What the shots share: (part, through what) -> by how much each m moves with it, shape [n].
+    """Shared parts of the shots: (part, through what) -> by how much each m moves with it, shape [n].
 
     Parts that belong to one shot alone are here as well: they are independent, and counting them so keeps
     them out of the weights, which the errors that all have must not decide.

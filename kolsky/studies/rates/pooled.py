@@ -52,7 +52,7 @@ class Pooled:
 
     @property
     def prediction(self) -> tuple[float, float]:
-        """Where one more shot would lie, 95 %, Eq. (S.7): wider than the interval of the mean."""
+        """The 95 % prediction interval of one more shot, Eq. (S.7): wider than that of the mean."""
         half = float(student.ppf(0.975, self.fit.freedom)) * float(np.hypot(self.fit.between, self.sigma))
         return self.mean - half, self.mean + half
 

@@ -1,4 +1,4 @@
-"""What is known of one shot, and of a group of them, once their rates are compared."""
+"""Records of a comparison of rates: one shot, a group of them, the report."""
 
 from dataclasses import dataclass
 
@@ -81,16 +81,16 @@ class RatedShot:
 
     @property
     def verdict(self) -> Verdict:
-        """How its search ended."""
+        """The outcome of its search."""
         return self.found.estimates[PARAMETER].outcome
 
     @property
     def counted(self) -> bool:
-        """Whether it enters the mean."""
+        """True if it enters the mean."""
         return self.verdict in COUNTED and np.isfinite(self.m) and self.sigma_own > 0.0
 
     def common_parts(self) -> dict[tuple[str, str], float]:
-        """What it shares: (part, through what) -> by how much m moves with one standard uncertainty."""
+        """Shared parts: (part, through what) -> by how much m moves with one standard uncertainty."""
         estimate = self.found.estimates[PARAMETER]
         through = {"curve": self.quasi_static.source, "rig": self.rig, "group": self.group}
         parts = {
@@ -110,7 +110,7 @@ class RatedShot:
         return parts | declared
 
     def _declared(self) -> dict[str, float]:
-        """What each declared uncertainty of an input moves m by."""
+        """Shift of m by each declared uncertainty of an input."""
         moves = {part.key: part.shifts.get(PARAMETER, 0.0) for part in self.found.systematic}
         return {key: shift for key, shift in moves.items() if shift != 0.0}
 
@@ -220,7 +220,7 @@ class GroupRates:
 
 @dataclass(frozen=True)
 class RateReport:
-    """What `kolsky rate` writes."""
+    """The comparison of all groups."""
 
     grouped_by: str
     """Key of the shot files that the groups are values of; "" if all shots are one group."""

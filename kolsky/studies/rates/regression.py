@@ -1,4 +1,4 @@
-"""How the stiffness goes with the rate, and whether the shots' rates can carry such a statement at all."""
+"""Slope of the stiffness over the rate, with the conditions that the shots' rates must meet."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -22,7 +22,7 @@ LARGEST_HALF_WIDTH = 1.0
 
 
 class SlopeVerdict(StrEnum):
-    """What may be said of the slope."""
+    """The verdict on a slope."""
 
     REFUSED = "no slope: the rates do not carry one"
     NONE_SEEN = "no rate sensitivity seen; the interval bounds it"
@@ -48,7 +48,7 @@ class Criterion:
 
     @property
     def met(self) -> bool:
-        """Whether the condition holds."""
+        """True if the condition holds."""
         return self.value >= self.limit if self.at_least else self.value <= self.limit
 
 
@@ -70,7 +70,7 @@ class Slope:
 
     @property
     def verdict(self) -> SlopeVerdict:
-        """What may be said."""
+        """The verdict on the slope."""
         if self.fit is None or not all(c.met for c in self.criteria):
             return SlopeVerdict.REFUSED
         low, high = self.fit.interval(1)
@@ -95,7 +95,7 @@ class Slope:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why a slope is refused, one sentence each."""
+        """Reasons why a slope is refused, one sentence each."""
         return tuple(c.why for c in self.criteria if not c.met)
 
 

@@ -22,7 +22,7 @@ class Baselines:
         self._laws: dict[str, list[MaterialLaw]] = {}
 
     def reaches(self, baseline: QuasiStatic, strain: float) -> bool:
-        """Whether the curve was measured as far as this compressive strain, as Marlow's law measures it."""
+        """True if the curve was measured as far as this compressive strain, as Marlow's law measures it."""
         return _measure(strain) <= self._of(baseline)[0].data_limit
 
     def at(self, baseline: QuasiStatic, strain: float) -> Quantities:

@@ -1,1 +1,1 @@
-"""What a user must know before using an answer: one sentence each, with the value and what to do."""
+"""Warnings before an answer is used: one sentence each, with the value and the cure."""

@@ -1,4 +1,4 @@
-"""What an answer itself gives reason to say: whether it is confirmed, of one mind, within bounds."""
+"""Warnings from the answer: unconfirmed, force and outline disagree, interval leaves the design."""
 
 from collections.abc import Iterator
 from math import hypot, isfinite
@@ -48,7 +48,7 @@ def force_alone(result: Identification) -> Iterator[str]:
 
 
 def routes(result: Identification) -> Iterator[str]:
-    """Force and shape are two measurements of one specimen: their optima must agree.
+    """Force and outline are two measurements of one specimen: their optima must agree.
 
     A route's own sigma is from its residuals; flyer, curve and mesh shift the two optima by amounts of their
     own and are counted once.
@@ -67,7 +67,7 @@ def routes(result: Identification) -> Iterator[str]:
             near = 1e-4 * (high - low) if np.isfinite(high - low) else 0.0
             edge = any(min(x - low, high - x) <= near for x in (a, b))
             yield (
-                f"force and shape disagree about {name}: {a:.5g} by the force alone, {b:.5g} by the shape "
+                f"force and outline disagree about {name}: {a:.5g} by the force alone, {b:.5g} by the outline "
                 f"alone, further apart than the k = 2 uncertainty of their difference, {both:.2g}{_unit(e)}"
                 f"{' (and one of them at the edge of the box that was searched)' if edge else ''}; the joint "
                 "value is a compromise between them"

@@ -1,4 +1,4 @@
-"""All that there is reason to say of an identification, gravest first."""
+"""All warnings of an identification, gravest first."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -11,7 +11,7 @@ from kolsky.uncertainty.warnings import answer, inputs, runs
 def collect_warnings(
     result: Identification, *, checks: Mapping[str, float], interface: Interface, lost_replicates: int = 0
 ) -> tuple[str, ...]:
-    """Everything about a result that a user should know before using it, gravest first.
+    """Collect the warnings of a result, gravest first.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the measurements give reason to say: the curve, the flyer, the noise of force and outline."""
+"""Warnings from the measurements: curve, flyer, noise of force and outline."""
 
 from collections.abc import Iterator, Mapping
 from math import isfinite, sqrt

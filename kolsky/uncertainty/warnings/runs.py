@@ -1,4 +1,4 @@
-"""What a simulation gives reason to say: strained past the data, hourglassing, lost, sliding."""
+"""Warnings from the simulations: strain past the curve, hourglass control, lost runs, sliding."""
 
 from collections.abc import Iterator, Mapping
 

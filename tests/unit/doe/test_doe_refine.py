@@ -69,7 +69,7 @@ def test_the_models_optimum_is_found_in_few_runs() -> None:
     assert len(found.points) <= 16 + 6 * 6
     last = found.rounds[-1]
     assert last.moved <= MOVED
-    assert last.foretold == pytest.approx(last.found, abs=1.0)  # far below the 3.84 of an interval
+    assert last.predicted == pytest.approx(last.found, abs=1.0)  # far below the 3.84 of an interval
     # Every run is there, in the order it was made, and each is what the function gives.
     assert len(found.points) == 16 + sum(len(each.points) for each in found.rounds)
     np.testing.assert_array_equal(found.responses, model(found.points))

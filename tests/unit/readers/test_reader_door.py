@@ -45,9 +45,7 @@ def read(path, layout):
         raise InputError(path, "is damaged or cut off", cure="copy it again")
     values = np.frombuffer(data, "<f8", offset=HEAD.size).reshape(2, samples)
     channels = tuple(
-        Channel(
-            name, number, "V", samples, lambda row=row: row.copy(), lambda: stated_clock(interval, start, "head")
-        )
+        Channel(name, number, "V", samples, row.copy, lambda: stated_clock(interval, start, "head"))
         for number, (name, row) in enumerate(zip(("CH1", "CH2"), values), start=1)
     )
     return Contents(path, sha256, channels, {"format": "madeup"})

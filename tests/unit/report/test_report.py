@@ -19,7 +19,6 @@ from explicit.mesh import cylinder
 from kolsky.base.records import CentreLine
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Identification, Verdict
-from kolsky.report import numbers
 from kolsky.report.canvas import build, inline_svg, save_figures
 from kolsky.report.display_units import in_display_units
 from kolsky.report.figures import REGISTRY
@@ -29,46 +28,6 @@ from kolsky.report.pages.identification import flattened, render, write_report
 from kolsky.report.paraview import write_vtu
 
 ROOT = Path(__file__).parents[3]
-
-
-# Numbers
-
-
-@pytest.mark.parametrize(
-    ("value", "uncertainty", "expected"),
-    [
-        (1.1200412, 0.0049678, ("1.1200", "0.0050")),
-        (1.12, 0.00996, ("1.120", "0.010")),
-        (1.12, 0.0994, ("1.120", "0.099")),
-        (57432.1, 1234.0, ("57400", "1200")),
-        (-0.012, 0.034, ("−0.012", "0.034")),
-        (-0.0001, 0.034, ("0.000", "0.034")),
-        (2.5e-5, 1.3e-6, ("2.50 × 10⁻⁵", "0.13 × 10⁻⁵")),
-        (1.23456, 0.0, ("1.235", "0")),
-        (1.23456, float("inf"), ("1.235", "–")),
-        (float("nan"), float("nan"), ("–", "–")),
-    ],
-)
-def test_numbers_are_rounded_by_their_uncertainty(
-    value: float, uncertainty: float, expected: tuple[str, str]
-) -> None:
-    assert numbers.measured(value, uncertainty) == expected
-
-
-@pytest.mark.parametrize(
-    ("value", "digits", "expected"),
-    [
-        (0.0, 4, "0"),
-        (0.499, 4, "0.499"),
-        (2.5e-5, 4, "2.5 × 10⁻⁵"),
-        (123456.7, 4, "123500"),
-        (1234567.0, 4, "1.235 × 10⁶"),
-        (-9.9996, 4, "−10"),
-        (0.0010, 2, "0.001"),
-    ],
-)
-def test_plain_numbers(value: float, digits: int, expected: str) -> None:
-    assert numbers.plain(value, digits) == expected
 
 
 # Figures: a new one of the registry gets all of this

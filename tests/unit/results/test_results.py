@@ -18,7 +18,7 @@ from kolsky.base.files import replacing
 from kolsky.inverse.result import Identification
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.results.summary import to_json
-from kolsky.results.tables import write_csv
+from kolsky.results.tables import ends, write_csv
 
 CASES: dict[str, Callable[[], Identification]] = {
     "one parameter": synthetic,
@@ -128,9 +128,12 @@ def test_interrupt_leaves_the_old_file(tmp_path: Path) -> None:
 
 
 def _put(name: str, **dataset: Any) -> Callable[[h5py.File], None]:
+    """Another dataset of the same unit in the place of one."""
+
     def change(file: h5py.File) -> None:
+        attributes = dict(file[name].attrs)
         del file[name]
-        file.create_dataset(name, **dataset)
+        file.create_dataset(name, **dataset).attrs.update(attributes)
 
     return change
 
@@ -147,7 +150,7 @@ def _virtual(file: h5py.File) -> None:
     layout = h5py.VirtualLayout(shape=(150,), dtype="<f8")
     layout[:] = h5py.VirtualSource("other.h5", "x", shape=(150,))
     del file["entry/force/force_sigma"]
-    file.create_virtual_dataset("entry/force/force_sigma", layout)
+    file.create_virtual_dataset("entry/force/force_sigma", layout).attrs["units"] = "N"
 
 
 def _delete(file: h5py.File) -> None:
@@ -314,3 +317,27 @@ def test_csv_columns_carry_units_and_values(tmp_path: Path) -> None:
     external, residual = ledger.pop("external (J)"), ledger.pop("residual (J)")
     del ledger["time (s)"]
     np.testing.assert_allclose(external - sum(ledger.values()), residual, atol=4e-9 * external.max())
+
+
+def test_ends_of_runs_as_columns() -> None:
+    """Element 0 is an element, -1 is none; a run that completed has no sentence."""
+    design = synthetic().design
+    count = len(design.points)
+    outcomes = ["COMPLETED"] * count
+    elements, places = np.full(count, -1), np.full((count, 2), np.nan)
+    outcomes[1], elements[1], places[1] = "INVERTED", 0, (1.5e-3, 2.5e-3)
+    columns = ends(
+        replace(
+            design,
+            outcomes=tuple(outcomes),
+            failed_elements=elements,
+            failed_places=places,
+            end_times=np.arange(count) * 1e-4,
+        )
+    )
+    assert columns["end (s)"][1] == 1e-4
+    assert columns["element"][:3] == ["", "0", ""]
+    assert columns["element R (m)"][:3] == ["", "0.0015", ""]
+    assert columns["element Y (m)"][:3] == ["", "0.0025", ""]
+    assert columns["ending"][0] == columns["ending"][2] == ""
+    assert columns["ending"][1].startswith("INVERTED at 100.0 us in element 0")

@@ -70,8 +70,8 @@ def test_a_new_law_is_declared_with_what_it_needs(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("said", "fragments"),
     [
-        ('faces = "sticky"\nside = "bonded"\nfriction = 0.25', ["release_stress is missing", '"sticky" needs']),
-        ('faces = "bonded"\nside = "sticky"\nrelease_stress = "1 kPa"', ["friction is missing", '"sticky"']),
+        ('faces = "sticky"\nside = "bonded"\nfriction = 0.25', ["release_stress is missing"]),
+        ('faces = "bonded"\nside = "sticky"\nrelease_stress = "1 kPa"', ["friction is missing"]),
         ('faces = "bonded"\nside = "rough"\nfriction = 0.25', ["no effect", '"coulomb", "penalty" or "sti']),
         ('faces = "glued"\nside = "rough"', ["interface.faces", '"frictionless", "penalty" or "sticky"']),
     ],

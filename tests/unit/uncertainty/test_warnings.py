@@ -170,7 +170,7 @@ def test_force_and_shape_that_disagree() -> None:
     # The routes' 0.003 each, flyer 0.000912, curve 0.000684 and mesh 0.0016: twice their root sum is 0.00935.
     assert collect_warnings(routes(1.12, 1.1293), checks=CHECKS, interface=BONDED) == ()
     text = said(routes(1.12, 1.1294))
-    assert "1.12 by the force alone, 1.1294 by the shape alone" in text
+    assert "1.12 by the force alone, 1.1294 by the outline alone" in text
     assert "0.0094" in text
     assert "edge" not in text
     end = float(clean().curves[0].x[-1])

@@ -1,0 +1,106 @@
+"""The page of the parts reached from Python only: its list against the imports, its examples run."""
+
+import ast
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import kolsky
+from explicit.adjoint import forward_run
+from tests.test_imports import MODULES, ROOT, imports_of
+
+PAGE = (ROOT / "docs" / "python_only.md").read_text("utf-8")
+BLOCKS = re.findall(r"^```python\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
+ROWS = re.findall(r"^\| (`.*?) \|", PAGE, re.MULTILINE)
+LISTED = [name for row in ROWS for name in re.findall(r"`([\w.]+)`", row)]
+
+
+def imported(name: str, path: Path) -> set[str]:
+    """Modules of the repository that a file imports, with the packages that they are in."""
+    package = path.name == "__init__.py"
+    targets = {i.target for i in imports_of(path.read_text("utf-8"), name, is_package=package)}
+    return {part for target in targets & MODULES.keys() for part in enclosing(target)}
+
+
+def enclosing(name: str) -> list[str]:
+    parts = name.split(".")
+    return [".".join(parts[: k + 1]) for k in range(len(parts))]
+
+
+def entry_points() -> set[str]:
+    """The commands, what `python -m` runs, what the scripts of `runs/` import, the names of `kolsky`."""
+    found = {name for name in MODULES if "kolsky.cli" in enclosing(name)} | {"kolsky"}
+    found |= {n for n, path in MODULES.items() if 'if __name__ == "__main__":' in path.read_text("utf-8")}
+    for script in (ROOT / "runs").rglob("*.py"):
+        found |= imported(script.stem, script)
+    assert {kolsky._HOME[name] for name in kolsky.__all__} <= imported("kolsky", MODULES["kolsky"])
+    return found
+
+
+def unreachable() -> list[str]:
+    """Modules that no entry point imports, directly or through others."""
+    seen: set[str] = set()
+    left = entry_points()
+    while left:
+        name = left.pop()
+        seen.add(name)
+        left |= ({*enclosing(name)} | imported(name, MODULES[name])) - seen
+    return sorted(MODULES.keys() - seen)
+
+
+def test_the_page_lists_what_no_entry_point_reaches() -> None:
+    left = unreachable()
+    missing = [name for name in left if not set(enclosing(name)) & set(LISTED)]
+    assert not missing, f"neither reached nor on docs/python_only.md: {', '.join(missing)}"
+    stale = [name for name in LISTED if not any(name in enclosing(module) for module in left)]
+    assert not stale, f"on docs/python_only.md, but reached from a command: {', '.join(stale)}"
+
+
+def test_every_part_has_an_example() -> None:
+    used = {i.target for block in BLOCKS for i in imports_of(block, "page")}
+    without = [name for name in LISTED if not any(name in enclosing(target) for target in used)]
+    assert without == ["explicit.histories"]  # what `jacobian` and `gradient` hand over
+
+
+def test_the_page_is_in_the_index() -> None:
+    assert re.search(r"^python_only$", (ROOT / "docs" / "index.md").read_text("utf-8"), re.MULTILINE)
+
+
+@pytest.fixture(scope="module")
+def run() -> dict:
+    """Names after all examples, run one after the other as a reader would."""
+    names: dict = {}
+    for block in BLOCKS:
+        exec(compile(ast.parse(block), "docs/python_only.md", "exec"), names)
+    return names
+
+
+def test_the_examples_give_the_answers_they_were_made_with(run: dict) -> None:
+    omega = 2.0 * np.pi * run["found"].frequency
+    i = int(np.searchsorted(run["found"].frequency, 5e3))
+    zener = 5e9 + 0.5e9 * 1j * omega[i] * 12e-6 / (1.0 + 1j * omega[i] * 12e-6)
+    assert run["measured"][i] == pytest.approx(zener, rel=1e-2)
+    # Force 1 %, diameter 1 %, which counts twice; 2000 draws know a sigma to 1.6 %.
+    nominal = 100.0 / (0.25 * np.pi * 10e-3**2)
+    assert run["spread"].sigma == pytest.approx(nominal * np.hypot(0.01, 0.02), rel=0.07)
+    assert run["verdict"].branches == 1
+    assert run["takes_part"]
+    assert run["creep"].network.ratio == pytest.approx(1.2, rel=0.05)
+    model, sampling, steps = run["model"], run["sampling"], run["slopes"].steps
+
+    def forces(factor: float) -> np.ndarray:
+        samples = run["Samples"].of(poisson=0.49, stiffness_factor=factor)
+        return forward_run(model, samples, sampling, steps=steps)[0].force_transmission
+
+    difference = (forces(1.0 + 1e-4) - forces(1.0 - 1e-4)) / 2e-4
+    force = run["slopes"].histories.force_transmission
+    # The squares of steps of 1e-4, and of waves in a coarse mesh.
+    assert run["slopes"].stiffness_factor == pytest.approx(float(force @ difference), rel=1e-4)
+    assert run["by_stiffness"].derivative.force_transmission.shape == (1, 10)
+    assert run["by_stiffness"].study.smooth.all()
+    assert run["solid"].poisson == pytest.approx((6e6 - 4e4) / (12e6 + 4e4))
+    assert run["stress"].sum() == pytest.approx(0.0, abs=1e-9)
+    assert run["picture"].shape == (64, 64)
+    assert run["parts"] is not None
