@@ -135,13 +135,13 @@ def adjust(
     tolerance: float = 1e-10,
     damping: float = DAMPED,
 ) -> Fit:
-    """The least squares over all sights, from a start near enough.
+    """The least squares over all views, from a start near enough.
 
     Parameters
     ----------
     rig
-        The start; poses that no sight asks for stay as they are.
-    sights
+        The start; poses that no view asks for stay as they are.
+    views
         What was seen.
     columns
         What is adjusted (`free_columns`), beside the poses.

@@ -50,7 +50,7 @@ def solve_without_bad(
 
     Parameters
     ----------
-    rig, sights
+    rig, views
         The start, and all that was seen.
     columns
         What is adjusted first, and in the end (`free_columns`).

@@ -103,7 +103,7 @@ def start(
     ----------
     sensors
         Columns and rows of the two cameras' pictures [px].
-    sights
+    views
         (pair, camera) -> the view, once in each equivalent numbering.
 
     Raises

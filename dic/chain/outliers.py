@@ -42,8 +42,8 @@ def gate_ends(
 ) -> TrackedBody:
     """Remove points whose subset reaches past an end.
 
-    The upper end is where the flyer's travel puts it; without a declared length or a travel it is not known,
-    and only the lower one judges.
+    The upper end follows from the declared length and the flyer's displacement; without either it is not
+    known, and only the lower one judges.
     """
     settings, t = inputs.settings, inputs.t
     upper = np.full(t.size, np.nan)

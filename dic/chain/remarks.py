@@ -19,7 +19,7 @@ RADIUS_SHARE = 0.01
 
 
 def of_findings(findings: Iterable[Finding]) -> list[Remark]:
-    """Faults that the epipolar distances show."""
+    """Remarks on faults that the epipolar distances show."""
     return [
         Remark(name=finding.fault.name.lower().replace("_", " "), text=finding.what, cure=finding.cure)
         for finding in findings
@@ -27,7 +27,7 @@ def of_findings(findings: Iterable[Finding]) -> list[Remark]:
 
 
 def of_radius(placement: Placement, declared: float | None) -> list[Remark]:
-    """A measured radius at rest that is not the declared one."""
+    """Remark on a measured radius at rest that is not the declared one."""
     if declared is None:
         return []
     off = placement.radius - declared
@@ -46,7 +46,7 @@ def of_radius(placement: Placement, declared: float | None) -> list[Remark]:
 
 
 def of_edge(cameras: int) -> list[Remark]:
-    """An end of the specimen that was not found in the pictures."""
+    """Remark on an end of the specimen that was not found in the pictures."""
     if cameras:
         return []
     return [
@@ -60,12 +60,12 @@ def of_edge(cameras: int) -> list[Remark]:
 
 
 def of_flyer(wanted: bool, travel: AxialDisplacement | None) -> list[Remark]:
-    """A flyer whose place at rest is not known."""
+    """Remark on a flyer whose place at rest is not known."""
     if not wanted or travel is not None:
         return []
     return [
         Remark(
-            name="no travel of the flyer",
+            name="no displacement of the flyer",
             text="the flyer was seen in no static frame, or by both cameras in no frame",
             cure="declare a region of it that is in view at rest too, in a frame that shows much of it",
         )
@@ -73,7 +73,7 @@ def of_flyer(wanted: bool, travel: AxialDisplacement | None) -> list[Remark]:
 
 
 def of_missing_points(outcome: IntArray) -> list[Remark]:
-    """Points that both cameras found in no static frame, given their outcomes."""
+    """Remark on points that both cameras found in no static frame, given their outcomes."""
     if outcome.size == 0:
         return []
     ends = _counted(outcome)
@@ -90,7 +90,7 @@ def of_missing_points(outcome: IntArray) -> list[Remark]:
 
 
 def of_uncertain_rows(count: int, largest: float | None) -> list[Remark]:
-    """Rows of the outline that were left out for their sigma."""
+    """Remark on rows of the outline that were left out for their sigma."""
     if not count or largest is None:
         return []
     return [
@@ -104,7 +104,7 @@ def of_uncertain_rows(count: int, largest: float | None) -> list[Remark]:
 
 
 def of_frames(health: tuple[IntArray, IntArray]) -> list[Remark]:
-    """Pictures that could not be used, camera by camera and kind by kind."""
+    """Remarks on pictures that could not be used, camera by camera and kind by kind."""
     found = []
     for camera, outcome in enumerate(health):
         for kind in FrameOutcome:
@@ -125,7 +125,7 @@ def of_frames(health: tuple[IntArray, IntArray]) -> list[Remark]:
 
 
 def of_material(body: TrackedBody, region: Region) -> list[Remark]:
-    """A material picture that is not the declared one."""
+    """Remark on a material picture that is not the declared one."""
     if body.material == region.frame:
         return []
     return [

@@ -59,7 +59,7 @@ def measure(
     facts: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> StereoResult:
-    """Surfaces, outline and the flyer's travel from two series of pictures.
+    """Measure surfaces, outline and the flyer's displacement in two series of pictures.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def measure(
     """
     clock = Clock()
     inputs = clock(
-        "look at the pictures", lambda: inspect_images(pictures, rig, settings, t=t, static=static)
+        "inspection of the pictures", lambda: inspect_images(pictures, rig, settings, t=t, static=static)
     )
     findings = clock("cameras", lambda: check_cameras(inputs, specimen))
     with ThreadPoolExecutor(1) as beside:  # the flyer's work waits for the specimen in two places only
@@ -111,9 +111,11 @@ def measure(
         placement, rest = rest_state.placement, rest_state.rest
         flying = None if flying_later is None else flying_later.result()
         travel_later = beside.submit(
-            clock, "flyer's travel", lambda: displacement_of(inputs, flying, placement)
+            clock, "flyer's displacement", lambda: displacement_of(inputs, flying, placement)
         )
-        in_time = clock("steps of the cameras", lambda: check_setup(rig, *followed.reconstruction.pixels))
+        in_time = clock(
+            "synchronisation of the cameras", lambda: check_setup(rig, *followed.reconstruction.pixels)
+        )
         body = gate_epipolar(inputs, followed, rest_state)
         flyer_surface = surface_of_flyer(inputs, flying, placement)
         travel = travel_later.result()

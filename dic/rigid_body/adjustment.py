@@ -19,7 +19,7 @@ from dic.robust import MAD
 MOST_ROUNDS = 12
 MOST_STEPS = 50
 ROUGH, FINE = 1e-2, 1e-4
-"""Largest change at which poses have settled, in sigmas: to find sights that are far off, and in the end."""
+"""Largest change at which poses have converged, in sigmas: to find outliers, and in the end."""
 FLATTEST = 1e-10
 """Least eigenvalue of a frame's normal matrix, its diagonal 1, that counts as a known pose."""
 
@@ -33,9 +33,9 @@ class Observations:
     W: FloatArray
     """Inverse covariances [1/m²], shape [n_frames, n_points, 3, 3]; zero where not valid."""
     valid: BoolArray
-    """Which sights are used, shape [n_frames, n_points]."""
+    """Observations that are used, shape [n_frames, n_points]."""
     single: BoolArray
-    """Which are a single camera's: W knows nothing along its ray, shape [n_frames, n_points]."""
+    """Those of a single camera: W knows nothing along its ray, shape [n_frames, n_points]."""
     factor: FloatArray
     """Variance factors for overlap [-], shape [n_frames, n_points]."""
 
@@ -51,7 +51,7 @@ class Observations:
 
     @property
     def components(self) -> IntArray:
-        """Numbers that each sight measures: 3, 2 of a single camera, 0 if not used."""
+        """Numbers that each observation measures: 3, 2 of a single camera, 0 if not used."""
         return np.where(self.valid, np.where(self.single, 2, 3), 0)
 
 
@@ -79,32 +79,32 @@ class Poses:
     """Of small rotations after R [rad] and shifts of p [m], up to motions common to all frames, in the
     declared sigmas; shape [n, 6, n, 6]."""
     count: IntArray
-    """Sights used in each of the frames, shape [n]."""
+    """Observations used in each of the frames, shape [n]."""
     chi2_per_dof: float
     """Sum of squared residuals in the declared sigmas over the degrees of freedom [-]."""
 
 
-def adjust(sights: Observations, prior: MotionPrior, reject: float) -> Poses:
+def adjust(observations: Observations, prior: MotionPrior, reject: float) -> Poses:
     """Poses of all frames that are connected with the one that sees most points.
 
     Parameters
     ----------
-    sights
+    observations
         What was seen.
     habits
         What is known of the motion.
     reject
-        Sights farther off than this many (robust) sigmas are left out.
+        Observations farther off than this many (robust) sigmas are left out.
 
     Raises
     ------
     ValueError
         If no frame sees enough points, or the iteration does not settle.
     """
-    frames, points, R, p, X = _chain(sights)
+    frames, points, R, p, X = _chain(observations)
     tolerance = ROUGH
     for _ in range(MOST_ROUNDS):
-        now = sights.part(frames, points)
+        now = observations.part(frames, points)
         # Lengths in the body's size and in typical sigmas keep the normal matrix well conditioned.
         size = float(np.sqrt(np.mean(X**2)))
         sigma = float(np.sqrt(3.0 / np.median(np.trace(now.W[now.valid], axis1=1, axis2=2))))
@@ -123,10 +123,10 @@ def adjust(sights: Observations, prior: MotionPrior, reject: float) -> Poses:
                 break
             tolerance = FINE
             continue
-        valid = sights.valid.copy()
+        valid = observations.valid.copy()
         valid[np.ix_(frames, points)] &= far <= limit
-        sights = replace(sights, valid=valid & (valid.sum(axis=0) >= 2))
-        again = _chain(sights)
+        observations = replace(observations, valid=valid & (valid.sum(axis=0) >= 2))
+        again = _chain(observations)
         if not (np.array_equal(again[0], frames) and np.array_equal(again[1], points)):
             frames, points, R, p, X = again
     dof = int(now.components.sum()) - 3 * len(points) - 6 * len(frames) + 6
@@ -134,12 +134,12 @@ def adjust(sights: Observations, prior: MotionPrior, reject: float) -> Poses:
     return Poses(frames, R, p, covariance(), now.valid.sum(axis=1), chi2)
 
 
-def _chain(sights: Observations) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
+def _chain(observations: Observations) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
     """Frames and points that hang together, rough poses, places on the body about their centroid."""
-    n_frames, n_points = sights.valid.shape
-    weights = sights.weights
+    n_frames, n_points = observations.valid.shape
+    weights = observations.weights
     weight = np.trace(weights, axis1=2, axis2=3)
-    full = sights.valid & ~sights.single
+    full = observations.valid & ~observations.single
     R, p = np.tile(np.eye(3), (n_frames, 1, 1)), np.zeros((n_frames, 3))
     X = np.zeros((n_points, 3))
     solved, known = np.zeros(n_frames, dtype=bool), np.zeros(n_points, dtype=bool)
@@ -151,13 +151,13 @@ def _chain(sights: Observations) -> tuple[IntArray, IntArray, FloatArray, FloatA
         if count[k] < FEWEST_POINTS:
             break
         who = common[k]
-        if not _determined(sights.x[k, who], weights[k, who]):
+        if not _determined(observations.x[k, who], weights[k, who]):
             barred[k] = True
             continue
         if solved.any():
-            R[k], p[k] = kabsch(X[who], sights.x[k, who], weight[k, who])
+            R[k], p[k] = kabsch(X[who], observations.x[k, who], weight[k, who])
         new = full[k] & ~known
-        X[new] = (sights.x[k, new] - p[k]) @ R[k]
+        X[new] = (observations.x[k, new] - p[k]) @ R[k]
         solved[k], known = True, known | new
         if new.any():
             barred[:] = False  # more points may determine what was open
@@ -168,10 +168,10 @@ def _chain(sights: Observations) -> tuple[IntArray, IntArray, FloatArray, FloatA
         )
     with_both = np.flatnonzero(solved)
     for k in np.flatnonzero(~solved).tolist():  # what one camera sees: from the nearest pose
-        who = sights.valid[k] & known
+        who = observations.valid[k] & known
         if who.sum() >= FEWEST_POINTS:
             near = with_both[np.argmin(np.abs(with_both - k))]
-            R[k], p[k] = R[near], np.mean(sights.x[k, who] - X[who] @ R[near].T, axis=0)
+            R[k], p[k] = R[near], np.mean(observations.x[k, who] - X[who] @ R[near].T, axis=0)
             solved[k] = True
     centre = X[known].mean(axis=0)
     p = p + np.einsum("kab,b->ka", R, centre)
@@ -188,7 +188,7 @@ def _determined(x: FloatArray, W: FloatArray) -> bool:
 
 
 def _step(
-    sights: Observations,
+    observations: Observations,
     R: FloatArray,
     p: FloatArray,
     X: FloatArray,
@@ -201,10 +201,10 @@ def _step(
     which takes as long as several steps."""
     n, m = len(R), len(X)
     unit = sigma * np.repeat([1.0 / size, 1.0], 3)  # rad and m
-    W = sights.weights * sigma**2
+    W = observations.weights * sigma**2
     turned = np.einsum("kab,ib->kia", R, X)
     J = lever(turned) * (unit / sigma)
-    e = (sights.x - turned - p[:, None]) / sigma
+    e = (observations.x - turned - p[:, None]) / sigma
     WJ, WR = W @ J, W @ R[:, None]
     A = np.einsum("kija,kijb->kab", J, WJ, optimize=True)
     B = np.einsum("kija,kijb->kaib", J, WR, optimize=True).reshape(6 * n, 3 * m)

@@ -60,7 +60,7 @@ def axial_displacement(
     subset: int,
     pictures: tuple[Pictures, Pictures] | None = None,
 ) -> AxialDisplacement | None:
-    """Displacement of a rigid body along the axis, toward the specimen.
+    """Axial displacement of a rigid body, toward the specimen.
 
     The places of the points on the body come from the frames in which both cameras see them. In every frame
     the translation is then the one that fits all pixels of both cameras best, in their covariances; where one
@@ -304,7 +304,7 @@ class _ObservedPoints:
     places: FloatArray
     """Their places on the body [m], shape [n, 3]."""
     pixels: FloatArray
-    """Where they were seen [px], shape [n, 2]."""
+    """Observed pixels [px], shape [n, 2]."""
     covariance: FloatArray
     """Of the pixels [px²], shape [n, 2, 2]."""
 

@@ -1,8 +1,8 @@
 """Motion of a rigid body whose points come into view and go out of it.
 
 Poses of all frames and places of all points on the body are found together, by least squares over every
-valid sight of every point: points first seen in a late frame join the body by what is seen together with
-them, backward and forward in time, and the covariance knows through how many hands a displacement came.
+valid observation of every point: points first seen in a late frame are tied to the body by the points seen
+together with them, backward and forward in time, and the covariance contains every link of such a chain.
 """
 
 from collections.abc import Sequence
@@ -165,7 +165,7 @@ def body_motion(
         Standard deviation of the displacement across y from one frame to the next, along x and Z [m];
         None: any.
     reject
-        Sights farther off than this many sigmas, or this many robust standard deviations if the scatter
+        Observations farther off than this many sigmas, or this many robust standard deviations if the scatter
         is larger than the sigmas say, are left out [-].
 
     Raises

@@ -47,7 +47,7 @@ def flyer_poses(
     rig, frame
         The cameras and the test frame.
     travel
-        Its displacement along the axis, whose size says how much it may sway from frame to frame.
+        Its axial displacement, which scales the prior of the lateral motion from frame to frame.
     static
         Frames in which it rests, shape [n_frames].
     subset

@@ -80,7 +80,7 @@ def epipolar_curve(rig: StereoRig, pixels0: FloatArray, depths: FloatArray) -> F
     pixels0
         Places in camera 0's picture (x, y) [px], shape [..., 2].
     depths
-        Distances along camera 0's line of sight [m], shape [n].
+        Distances along camera 0's ray [m], shape [n].
 
     Returns
     -------

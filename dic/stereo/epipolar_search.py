@@ -2,7 +2,8 @@
 
 For each point the subset is laid on camera 1's picture at every step of its epipolar curve, deformed as a
 facet there would be seen, and correlated (ZNCC). The best place is an initial guess; the best of all other
-places, its *rival*, says how much better it is. Nothing here starts from a neighbour or an earlier match.
+places is the *second peak*; their ratio says how unique it is. Nothing here starts from a neighbour or an
+earlier match.
 """
 
 from typing import NamedTuple
@@ -20,7 +21,7 @@ from dic.stereo.triangulation import midpoint
 KNOTS = 65
 """Places a curve is followed through before it is divided into equal steps."""
 NARROWINGS = 3
-"""How often the piece of a curve that lies in the picture is cut out anew, a few dozen times finer each."""
+"""Times that the piece of a curve that lies in the picture is cut out anew, a few dozen times finer each."""
 
 
 def curve_distances(
@@ -30,7 +31,7 @@ def curve_distances(
     limits: tuple[float, float] | None,
     step: float,
 ) -> FloatArray:
-    """Distances along camera 0's lines of sight that walk the epipolar curves in equal steps of camera 1.
+    """Distances along camera 0's rays that walk the epipolar curves in equal steps of camera 1.
 
     Parameters
     ----------
@@ -73,7 +74,7 @@ def curve_distances(
 
 
 def points_along(rig: StereoRig, pixels0: FloatArray, distances: FloatArray) -> FloatArray:
-    """Points on camera 0's lines of sight at distances of their own [m], shape [n, k, 3]."""
+    """Points on camera 0's rays at distances of their own [m], shape [n, k, 3]."""
     first = rig.cameras[0]
     return np.asarray(first.centre + directions(first, pixels0)[:, None] * distances[..., None])
 
@@ -114,7 +115,7 @@ class Candidates(NamedTuple):
     second_peak: FloatArray
     """Largest correlation outside the best place's own peak, shape [n]; -1 if there is no other place."""
     distance: FloatArray
-    """Of the best place along camera 0's line of sight [m], shape [n]."""
+    """Of the best place along camera 0's ray [m], shape [n]."""
 
 
 def search(
@@ -126,7 +127,7 @@ def search(
     turns: FloatArray | None = None,
     gradients: FloatArray | None = None,
 ) -> Candidates:
-    """The best place of each subset on its epipolar curve, and its rival.
+    """The best place of each subset on its epipolar curve, and the second peak.
 
     Parameters
     ----------
@@ -137,7 +138,7 @@ def search(
     picture1
         Camera 1's picture, shape [rows, columns].
     limits
-        Nearest and farthest distance along camera 0's lines of sight [m]; None: the whole curve.
+        Nearest and farthest distance along camera 0's rays [m]; None: the whole curve.
     turns
         Turns of the facet that are tried at every place (`facet.normals`) [rad], shape [h, 2].
     gradients
@@ -223,7 +224,7 @@ def _keep_best(
     A: FloatArray,
     zncc: FloatArray,
 ) -> None:
-    """Write the best place of each point and its rival into `found`."""
+    """Write the best place of each point and the second peak into `found`."""
     along = zncc.max(axis=2)
     for i, row in enumerate(rows):
         k = int(np.argmax(along[i]))

@@ -35,7 +35,7 @@ class FacetGeometry(NamedTuple):
 
 
 def facet_geometry(rig: StereoRig, pixels0: FloatArray, distance: FloatArray) -> FacetGeometry:
-    """The geometry of facets seen by camera 0 at `pixels0` [px], `distance` [m] along its line of sight."""
+    """The geometry of facets seen by camera 0 at `pixels0` [px], `distance` [m] along its ray."""
     first, second = rig.cameras
     ideal = first.undistort(pixels0)
     v = np.concatenate([ideal, np.ones((*ideal.shape[:-1], 1))], axis=-1) @ first.rotation
@@ -82,9 +82,9 @@ def gradient(seen: FacetGeometry, distance: FloatArray, normal: FloatArray) -> F
     seen
         The facets' geometry.
     distance
-        Along camera 0's lines of sight [m], shape [...].
+        Along camera 0's rays [m], shape [...].
     normal
-        The facets' normals, shape [..., 3]; of any length, not across the line of sight.
+        The facets' normals, shape [..., 3]; of any length, not across the ray.
     """
     q = normal / np.sum(normal * seen.d, axis=-1, keepdims=True)
     plane = seen.B - seen.d[..., :, None] * (q[..., None, :] @ seen.B)
@@ -97,9 +97,9 @@ class FacetFit(NamedTuple):
     normal: FloatArray
     """Unit normal toward camera 0, shape [..., 3]."""
     incidence: tuple[FloatArray, FloatArray]
-    """Angles between the normal and the lines of sight of the two cameras [rad], each of shape [...]."""
+    """Angles between the normal and the rays of the two cameras [rad], each of shape [...]."""
     across: FloatArray
-    """What no facet can explain: the part of the gradient across the epipolar line that is wrong [-],
+    """Misfit that no facet can explain: the part of the gradient across the epipolar line that is wrong [-],
     shape [...]."""
 
 
@@ -113,7 +113,7 @@ def fit_facet(rig: StereoRig, pixels0: FloatArray, distance: FloatArray, A: Floa
     pixels0
         Where camera 0 sees the facets [px], shape [n, 2].
     distance
-        Along camera 0's lines of sight [m], shape [n].
+        Along camera 0's rays [m], shape [n].
     A
         Measured gradients [-], shape [n, 2, 2].
     """

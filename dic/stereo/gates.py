@@ -28,7 +28,8 @@ and go between the steps, a finer one may never be met."""
 COARSE = 0.05
 """Differences of 1 - ZNCC that mean nothing: what steps of a pixel and a slope that is off hide."""
 SUSPECT = 0.75
-"""A rival with this correlation is looked at again with every slope; the first search has the match's own."""
+"""Correlation of a second peak from which on the search is repeated with every slope; the first has the
+match's own."""
 
 
 @dataclass(frozen=True)
@@ -44,15 +45,15 @@ class GateValues:
     facet: FloatArray
     """Deformation at the subset's rim that no surface can cause [px], shape [n]."""
     incidence: FloatArray
-    """Larger angle between the surface's normal and the two lines of sight [rad], shape [n]."""
+    """Larger angle between the surface's normal and the two rays [rad], shape [n]."""
     back_match: FloatArray
     """Distance from the point to where its match is found back [px], shape [n]."""
     neighbours: FloatArray
     """Distance from where the neighbours put it [px], shape [n]."""
     distinct: FloatArray
-    """ZNSSD over that of the best rival, the worse of both directions [-], shape [n]."""
+    """ZNSSD over that of the second peak, the worse of both directions [-], shape [n]."""
     distance: FloatArray
-    """Along camera 0's line of sight [m], shape [n]."""
+    """Along camera 0's ray [m], shape [n]."""
     unseen: FloatArray
     """Share of the subset within the mask that a picture does not hold [-], shape [n]."""
 
@@ -171,7 +172,8 @@ def _looked_for(
     limits: Limits,
     A: FloatArray,
 ) -> Candidates:
-    """The best places of subsets deformed as matched, and rivals; where one comes near, of any slope."""
+    """Best places and second peaks of subsets deformed as matched; where a second peak comes near, of any
+    slope."""
     found = search_curves(rig, wanted, picture, limits=limits, gradients=A)
     rows = np.flatnonzero(found.second_peak > SUSPECT)
     if len(rows):
@@ -188,7 +190,7 @@ def _reach(pair: Pair) -> float:
 
 
 def _share(candidates: Candidates, home: FloatArray, reach: float) -> FloatArray:
-    """ZNSSD of the best place over its rival's; inf if the best place is not where the match is."""
+    """ZNSSD of the best place over that of the second peak; inf if the best place is not the match's."""
     at_home = np.linalg.norm(candidates.warp[:, :2] - home[:, :2], axis=1) <= reach
     share = np.maximum(1.0 - candidates.zncc, COARSE) / np.maximum(1.0 - candidates.second_peak, 1e-9)
     return np.where(at_home, share, np.inf)
@@ -200,7 +202,7 @@ class Gate(IntFlag):
     CORRELATION = 1
     """No match in the first place: its outcome says why."""
     EPIPOLAR = 2
-    """The two lines of sight pass each other too far apart."""
+    """The two rays pass each other too far apart."""
     FACET = 4
     """The subset deforms as no piece of surface seen by these cameras can, or one seen too obliquely."""
     BACK_MATCH = 8
@@ -227,7 +229,7 @@ def failed_gates(
     gates
         The limits.
     distances
-        Declared nearest and farthest distance along camera 0's lines of sight [m].
+        Declared nearest and farthest distance along camera 0's rays [m].
     """
     near, far = distances if distances is not None else (0.0, np.inf)
     with np.errstate(invalid="ignore"):  # inf, where there is no evidence, passes no comparison

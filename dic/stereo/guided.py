@@ -64,9 +64,9 @@ def propagate(
     attempts
         Guesses that a point tries before it is given up.
     attempt
-        Matches the points of these rows from these guesses, and says which are to be believed.
+        Matches the points of these rows from these guesses, and which of them are accepted.
     found
-        Points that may hand on their warps, shape [n].
+        Points that may propagate their warps, shape [n].
 
     Returns
     -------
@@ -86,10 +86,10 @@ def propagate(
         spent[rows] += 1
         guessed[rows] = True
         guess = warps.carried(match.warp[giver], points[rows] - points[giver])
-        result, believed = attempt(rows, guess)
+        result, accepted = attempt(rows, guess)
         for name in ("warp", "covariance", "zncc", "iterations", "outcome"):
             getattr(match, name)[rows] = getattr(result, name)
-        found[rows[believed]] = True
+        found[rows[accepted]] = True
 
 
 SEARCHED = 31
@@ -138,14 +138,14 @@ def _seed(pair: Pair, match: Match, found: BoolArray) -> None:
     candidates = search_curves(pair.rig, wanted, pair.pictures[1], limits=limits, turns=pair.search.turns)
     alone = 1.0 - candidates.zncc < pair.search.distinct * (1.0 - candidates.second_peak)
     good = (candidates.zncc >= pair.search.least_zncc) & alone
-    result, believed = _attempt(pair, rows[good], candidates.warp[good])
-    rows = rows[good][believed]
-    _write(match, rows, result, believed)
+    result, accepted = _attempt(pair, rows[good], candidates.warp[good])
+    rows = rows[good][accepted]
+    _write(match, rows, result, accepted)
     found[rows] = True
 
 
 def _attempt(pair: Pair, rows: IntArray, guess: FloatArray) -> tuple[Match, BoolArray]:
-    """An affine match, and which of them may hand on their warps."""
+    """An affine match, and which of them may propagate their warps."""
     result = pair.correlate(rows, guess, shape=Shape.AFFINE)
     converged = result.outcome == PointOutcome.VALID
     moved = np.linalg.norm(result.warp[:, :2] - guess[:, :2], axis=1)

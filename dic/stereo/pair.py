@@ -18,7 +18,7 @@ from dic.stereo.settings import StereoGates, StereoSearch
 from dic.stereo.triangulation import midpoint
 
 MARGIN = 0.5
-"""Distances found are widened on both sides by this share of their span when rivals are looked for ..."""
+"""Distances found are widened on both sides by this share of their span in the search of second peaks ..."""
 ROOM = 2.0
 """... and by at least so many subsets along the curve."""
 
@@ -42,9 +42,9 @@ class Pair:
     settings: Correlation
     """Of the match."""
     search: StereoSearch
-    """Where first guesses are looked for."""
+    """Search for initial guesses."""
     gates: StereoGates
-    """What a match must pass."""
+    """Gates of a match."""
 
     @property
     def places(self) -> FloatArray:
@@ -83,12 +83,12 @@ class Pair:
         return distance, sigma
 
     def distances(self, rows: IntArray, warp: FloatArray) -> FloatArray:
-        """Of points matched by `warp`, along camera 0's lines of sight [m], shape [rows]."""
+        """Of points matched by `warp`, along camera 0's rays [m], shape [rows]."""
         places0, places1 = self.places[rows], warps.apply(self.points[rows], warp)
         return distance_along(self.rig, places0, midpoint(self.rig, places0, places1))
 
     def around(self, rows: IntArray, warp: FloatArray) -> tuple[float, float]:
-        """Nearest and farthest distance of matched points, with room for rivals on either side [m]."""
+        """Nearest and farthest distance of matched points, with room for second peaks on either side [m]."""
         distance = self.distances(rows, warp)
         near, far = float(distance.min()), float(distance.max())
         seen = facet_geometry(self.rig, self.places[rows], distance)

@@ -17,7 +17,7 @@ class StereoSearch:
     """
 
     distances: tuple[float, float] | None = None
-    """Nearest and farthest distance of the specimen along camera 0's lines of sight [m]; None: wherever the
+    """Nearest and farthest distance of the specimen along camera 0's rays [m]; None: wherever the
     epipolar curves lie in camera 1's picture."""
     stretching_turns: tuple[float, ...] = (-50.0, -25.0, 0.0, 25.0, 50.0)
     """Turns of a small facet within the epipolar plane that are tried, from facing both cameras alike [°]."""
@@ -30,9 +30,9 @@ class StereoSearch:
     least_zncc: float = 0.6
     """A seed needs this correlation at its best place."""
     distinct: float = 0.6
-    """A seed's ZNSSD must be below this share of its rival's."""
+    """A seed's ZNSSD must be below this share of that of the second peak."""
     neighbours: int = 8
-    """Number of nearest points that may hand on a guess."""
+    """Number of nearest points that may pass on a guess."""
     attempts: int = 3
     """Number of neighbours' guesses that a point tries before it is given up."""
 
@@ -84,12 +84,12 @@ class StereoGates:
     neighbours: float = 0.5
     """Greatest distance from where the neighbours' warps put the point, median over them [px]."""
     distinct: float = 0.6
-    """Greatest share of the rival's ZNSSD, in both directions."""
+    """Greatest share of the second peak's ZNSSD, in both directions."""
     unseen: float = 0.15
     """Greatest share of the subset that a picture may miss: at a picture's rim the middle of a curved subset
     is extrapolated. What a mask leaves out does not count."""
     incidence: float = 75.0
-    """Greatest angle between a line of sight and the surface's normal, for both cameras [°]."""
+    """Greatest angle between a ray and the surface's normal, for both cameras [°]."""
 
     def __post_init__(self) -> None:
         _check(

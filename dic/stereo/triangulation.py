@@ -39,7 +39,7 @@ class Triangulation(NamedTuple):
 
 
 def midpoint(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> FloatArray:
-    """The middle of the shortest connection of the two lines of sight [m], shape [..., 3].
+    """The middle of the shortest connection of the two rays [m], shape [..., 3].
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def midpoint(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> FloatA
 
 
 def _middle(rig: StereoRig, d0: FloatArray, d1: FloatArray) -> FloatArray:
-    """`midpoint` of lines of sight along unit vectors d0 and d1, shapes [..., 3]."""
+    """`midpoint` of rays along unit vectors d0 and d1, shapes [..., 3]."""
     first, second = rig.cameras
     base = second.centre - first.centre
     c, a0, a1 = np.sum(d0 * d1, axis=-1), d0 @ base, d1 @ base

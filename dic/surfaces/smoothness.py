@@ -47,15 +47,15 @@ def off_surface(position: FloatArray, sigma: FloatArray, valid: BoolArray, cell:
     terms = _terms(offset)
     off = np.zeros(valid.shape, dtype=bool)
     for frame in range(len(position)):
-        alive = valid[frame].copy()
+        kept = valid[frame].copy()
         for _ in range(ROUNDS):
-            score = _scores(position[frame], sigma[frame], alive, near, terms)
+            score = _scores(position[frame], sigma[frame], kept, near, terms)
             around = np.where(near >= 0, score[near], 0.0).max(axis=1, initial=0.0)
-            worst = alive & (score > 1.0) & (score >= around)
+            worst = kept & (score > 1.0) & (score >= around)
             if not worst.any():
                 break
-            alive &= ~worst
-        off[frame] = valid[frame] & ~alive
+            kept &= ~worst
+        off[frame] = valid[frame] & ~kept
     return off
 
 
@@ -77,13 +77,13 @@ def _terms(offset: FloatArray) -> FloatArray:
 
 
 def _scores(
-    position: FloatArray, sigma: FloatArray, alive: BoolArray, near: IntArray, terms: FloatArray
+    position: FloatArray, sigma: FloatArray, kept: BoolArray, near: IntArray, terms: FloatArray
 ) -> FloatArray:
     """Distance from the surface through the neighbours over what is allowed, shape [n_points]."""
-    used = (near >= 0) & alive[near] & alive[:, None]
+    used = (near >= 0) & kept[near] & kept[:, None]
     count = used.sum(axis=1)
     score = np.zeros(len(position))
-    score[alive & (count < FEWEST_CONFIRMING)] = 2.0
+    score[kept & (count < FEWEST_CONFIRMING)] = 2.0
     for order, chosen in (
         (6, np.flatnonzero(count >= BENT)),
         (3, np.flatnonzero((count >= FEWEST) & (count < BENT))),

@@ -141,36 +141,36 @@ def strains(
     for i in range(n):
         near = np.flatnonzero((np.abs(grid - grid[i]) <= reach).all(axis=1) & (label == label[i]))
         q = (grid[near] - grid[i]) / gauge.step
-        alive = valid[:, near] & valid[:, i, None]
-        k, weights = _slopes(q, alive, gauge.order)
+        used = valid[:, near] & valid[:, i, None]
+        k, weights = _slopes(q, used, gauge.order)
         if not k.size:
             continue
-        alive = alive[k]
+        used = used[k]
         A0 = weights @ surface.X[near]
-        A = weights @ np.where(alive[..., None], position[np.ix_(k, near)], 0.0)
+        A = weights @ np.where(used[..., None], position[np.ix_(k, near)], 0.0)
         B = _tangents(np.swapaxes(A0, 1, 2))
         inverse = np.linalg.inv(A0 @ B)  # (BᵀA0)⁻¹, transposed
         F[k, i] = np.swapaxes(inverse @ A, 1, 2)
         basis[k, i] = B
-        noise = np.where(alive[..., None], surface.sigma[np.ix_(k, near)], 0.0)
+        noise = np.where(used[..., None], surface.sigma[np.ix_(k, near)], 0.0)
         rho = overlap_correlation(grid[near], grid[near], gauge.subset)
         V[k, i] = _covariance(F[k, i], B, inverse @ weights, rho, noise, rest[near])
         outcome[k, i] = StrainOutcome.VALID
-        share[k, i] = alive.sum(axis=1) / gauge.window**2
-        centre[k, i] = alive @ q / alive.sum(axis=1)[:, None]
+        share[k, i] = used.sum(axis=1) / gauge.window**2
+        centre[k, i] = used @ q / used.sum(axis=1)[:, None]
     return StrainHistory(
         surface.t, F, basis, V, np.asarray(outcome, dtype=np.int64), share, centre, gauge.size
     )
 
 
-def _slopes(q: FloatArray, alive: BoolArray, order: int) -> tuple[IntArray, FloatArray]:
+def _slopes(q: FloatArray, used: BoolArray, order: int) -> tuple[IntArray, FloatArray]:
     """Frames whose points [n_frames, m] are enough, and the weights [n_enough, 2, m] that give the
     slopes at the window's own point."""
     terms = [np.ones(len(q)), q[:, 0], q[:, 1]]
     if order == 2:
         terms += [q[:, 0] ** 2, q[:, 0] * q[:, 1], q[:, 1] ** 2]
     T = np.column_stack(terms)
-    here = alive.astype(np.float64)
+    here = used.astype(np.float64)
     count = here.sum(axis=1)
     normal = np.einsum("fm,ma,mb->fab", here, T, T, optimize=True)
     mean = normal[:, 0, 1:3] / np.maximum(count, 1.0)[:, None]

@@ -157,7 +157,7 @@ class _Run:
         )
         self.neighbours = Neighbours.of(points)
         self.predictor = Predictor(n)
-        self.patience, self.ended = RetrySchedule(n), np.full(n, int(PointOutcome.NO_FIRST_GUESS))
+        self.retries, self.ended = RetrySchedule(n), np.full(n, int(PointOutcome.NO_FIRST_GUESS))
         self.scene: Scene
         self.updates = ReferenceUpdates(self.references, settings)
         self.last: Last | None = None
@@ -212,7 +212,7 @@ class _Run:
     def turn(self, first: int) -> None:
         """Start again at frame `first`, to go back in time."""
         found = np.flatnonzero(self.track.outcome[first] == int(PointOutcome.VALID))
-        self.predictor, self.patience = Predictor(len(self.points)), RetrySchedule(len(self.points))
+        self.predictor, self.retries = Predictor(len(self.points)), RetrySchedule(len(self.points))
         for frame in range(min(first + 2, len(self.track.warp) - 1), first - 1, -1):
             valid = found[self.track.outcome[frame, found] == int(PointOutcome.VALID)]
             self.predictor.add(frame, valid, self.track.warp[frame, valid])
@@ -240,7 +240,7 @@ class _Run:
             self.settings,
             self.predictor.predict(frame),
             self.predictor.known > 0,
-            self.patience.skipped,
+            self.retries.skipped,
             self.ended,
         )
         self.updates.match_last_frame(here, self.last)
@@ -248,7 +248,7 @@ class _Run:
         covariance, carried = composed(here)
         self._record(frame, here, covariance)
         self.ended = here.outcome
-        self.patience.add(here.valid, self.neighbours)
+        self.retries.add(here.valid, self.neighbours)
         self.updates.forward(here, frame, carried)
         found = np.flatnonzero(here.valid)
         self.predictor.add(frame, found, here.warp[found])

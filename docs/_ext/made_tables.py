@@ -2,9 +2,12 @@
 
 A line ``<!-- rooms -->`` of a page becomes the table of the rooms of `kolsky` (docs/rooms.toml, which the
 test of imports reads too), ``<!-- public kolsky -->`` the public names of a package, each with its first
-line, ``<!-- commands kolsky -->`` the commands of the command line.
+line, ``<!-- commands kolsky -->`` the commands of the command line,
+``<!-- parameters kolsky -->`` rows of the parameters of a simulation, ``<!-- law KNOWLES -->`` the material
+law that the tests of the doors make up.
 """
 
+import ast
 import importlib
 import inspect
 import re
@@ -12,7 +15,7 @@ import tomllib
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[1]
-LINE = re.compile(r"^<!-- (rooms|public|commands) (\w+) -->$", re.MULTILINE)
+LINE = re.compile(r"^<!-- (rooms|public|commands|law|parameters) (\w+) -->$", re.MULTILINE)
 
 
 def rooms(package: str) -> str:
@@ -51,7 +54,28 @@ def commands(package: str = "kolsky") -> str:
     return "\n".join(lines)
 
 
-TABLES = {"rooms": rooms, "public": public, "commands": commands}
+def parameters(package: str) -> str:
+    """Rows of a table of the parameters of a simulation: symbol, name, unit, meaning."""
+    records = importlib.import_module(f"{package}.inverse.parameters").PARAMETERS.values()
+    return "\n".join(f"| ${p.tex}$ | `{p.name}` | {p.unit} | {p.words} |" for p in records)
+
+
+def law(name: str) -> str:
+    """The source of a law that the tests of the doors write to a file: a text of that name there."""
+    tests = ast.parse((DOCS.parent / "tests" / "unit" / "explicit" / "test_doors.py").read_text("utf-8"))
+    for node in tests.body:
+        if isinstance(node, ast.Assign) and [ast.unparse(target) for target in node.targets] == [name]:
+            return f"```python\n{ast.literal_eval(node.value).strip()}\n```"
+    raise ValueError(f"tests/unit/explicit/test_doors.py has no text {name}")
+
+
+TABLES = {
+    "rooms": rooms,
+    "public": public,
+    "commands": commands,
+    "law": law,
+    "parameters": parameters,
+}
 
 
 def fill(app, name, source) -> None:

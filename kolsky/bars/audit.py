@@ -31,7 +31,7 @@ CORRECTIONS: Mapping[str, tuple[bool, str]] = MappingProxyType(
 
 @dataclass(frozen=True)
 class Switches(Mapping[str, bool]):
-    """Which corrections are applied; what is not stated has its default of `CORRECTIONS`.
+    """Switches of the corrections; those not stated have their default of `CORRECTIONS`.
 
     Raises
     ------
@@ -212,5 +212,5 @@ class AuditLog:
 
 
 def samples_in(time: FloatArray, span: tuple[float, float]) -> NDArray[np.bool_]:
-    """Which samples lie in a span, both ends included: the `over` of a comparison, shape [n]."""
+    """Mask of the samples in a span, both ends included: the `over` of a comparison, shape [n]."""
     return np.asarray((time >= span[0]) & (time <= span[1]))

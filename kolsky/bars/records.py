@@ -1,4 +1,4 @@
-"""What flows through the reduction of bar signals (SI, float64, compression positive, the shot's clock)."""
+"""Records of the reduction of bar signals (SI, float64, compression positive, the shot's clock)."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -29,9 +29,9 @@ class Signal:
     unit: str
     """Unit of `value`: "1" for strain, "N", "m/s", "V"."""
     name: str = ""
-    """What it is, in words, e.g. "incident gauge"."""
+    """Its name, e.g. "incident gauge"."""
     memory: float = 1.0
-    """Samples that carry the information of one [-]: 1 for white noise, more where it is slow."""
+    """Samples per independent one [-]: 1 for white noise, more for correlated noise."""
 
     @property
     def time(self) -> FloatArray:
@@ -62,7 +62,7 @@ class BarSignal:
 
 @dataclass(frozen=True)
 class Windows:
-    """Where the three pulses lie, at the gauges: pairs of first and last time on the shot's clock [s]."""
+    """Time windows of the three pulses at the gauges: first and last time on the shot's clock [s]."""
 
     incident: tuple[float, float]
     """At the incident gauge."""
@@ -71,7 +71,7 @@ class Windows:
     transmitted: tuple[float, float]
     """At the transmission gauge."""
     source: str
-    """How they were found: "arrival", "travel times" or "shot file"."""
+    """Their source: "arrival", "travel times" or "shot file"."""
 
 
 @dataclass(frozen=True)
@@ -147,11 +147,11 @@ class Correction:
     """One entry of the audit log: what was done to a signal, and how much it changed."""
 
     name: str
-    """What it is, e.g. "dispersion, incident wave"; the switch in shot.toml has the words of `key`."""
+    """Its name, e.g. "dispersion, incident wave"; its switch in shot.toml is `key`."""
     key: str
     """Its switch, e.g. "dispersion"."""
     applied: bool
-    """Whether it was applied; a correction that was left out is listed with its size too."""
+    """True if it was applied; a correction that was left out is listed with its size too."""
     size: float
     """Largest change over the pulse, in `unit`."""
     rms: float

@@ -1,4 +1,4 @@
-"""What `kolsky waves` finds: signals, windows, waves, reduction, its corrections and its budget."""
+"""Result of `kolsky waves`: signals, windows, waves, reduction, its corrections and its budget."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -10,7 +10,7 @@ from kolsky.base.arrays import FloatArray
 
 @dataclass(frozen=True)
 class Contribution:
-    """What one input of the budget adds to one result."""
+    """Share of one input of the budget in the variance of the results."""
 
     quantity: Quantity
     """The input."""
@@ -47,11 +47,11 @@ class ReducedTest:
     facts: Mapping[str, tuple[float, str]]
     """Numbers of the record and its reduction: value and unit by name."""
     remarks: tuple[str, ...]
-    """What a user must know before the numbers are used, each with its cure."""
+    """Conditions that limit the use of the values, each with its cure."""
     inputs: Mapping[str, str]
     """SHA-256 of every file that was read, by name."""
     settings: Mapping[str, str] = field(default_factory=dict)
-    """What was declared, and the versions."""
+    """Declared settings, and the versions."""
     extra: Mapping[str, FloatArray] = field(default_factory=dict)
     """Further histories on the reduction's times, "name (unit)" to values, shape [n]."""
 
@@ -65,7 +65,7 @@ class WavesResult(ReducedTest):
     transmission: BarSignal
     """Strain at the transmission gauge."""
     windows: Windows
-    """Where the pulses lie."""
+    """Time windows of the pulses."""
     faces: FaceWaves
     """The waves at the specimen."""
 
@@ -83,6 +83,6 @@ class FlyerResult(ReducedTest):
     validity: str
     """The same in words, with the share that was allowed."""
     synchronisation: str | None
-    """What the cross-check of cameras and transducers says; None where there is no incident transducer."""
+    """Verdict of the cross-check of cameras and transducers; None without an incident transducer."""
     inertia: Mapping[str, FloatArray]
     """Shares of the mean stress: "imbalance" and "inertia" at "time" [s], shape [n_intervals]."""

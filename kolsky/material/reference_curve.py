@@ -31,10 +31,10 @@ FEWEST_POINTS = 8
 
 @dataclass(frozen=True)
 class Treatment:
-    """What is declared of the tests; nothing of it is found in the data."""
+    """Declared treatment of the tests; nothing of it is found in the data."""
 
     toe: Toe = field(default_factory=Toe)
-    """How the zero of the strain is found."""
+    """Method by which the zero of the strain is found."""
     compliance: float = 0.0
     """Compliance of the machine [m/N]; needs `specimen`."""
     scale_sigma: float = 0.0
@@ -42,7 +42,7 @@ class Treatment:
     specimen: Specimen | None = None
     """Undeformed size, for the compliance and for the friction."""
     ends: EndFriction | None = None
-    """What held the specimen at its ends; None: it slid freely."""
+    """Contact at the specimen's ends; None: frictionless."""
     bulge_sigma: float = 0.0
     """Standard deviation of the radius at mid-height [m]."""
     points: int = 60
@@ -66,9 +66,9 @@ class ReferenceCurve:
     """The curve of the material, and the steps that led to it."""
 
     pull: Pull
-    """Which ramps: the first pull, or the last one of conditioned specimens."""
+    """Loading ramps: the first pull, or the last one of conditioned specimens."""
     compression: bool
-    """Whether the branch is compression."""
+    """True if the branch is compression."""
     tests: tuple[ZeroedTest, ...]
     """Every test's ramp after compliance and toe."""
     apparent: CurveBand
@@ -80,7 +80,7 @@ class ReferenceCurve:
     friction: FrictionCorrection | None
     """The friction's correction."""
     remarks: tuple[str, ...]
-    """What a user should know, in words."""
+    """Remarks for the user."""
 
 
 def reference_curve(
@@ -107,10 +107,10 @@ def reference_curve(
         range of strain in common, or friction is to be taken out of a tension test or cannot be.
     """
     if not tests:
-        raise ValueError("a baseline needs at least one test")
+        raise ValueError("a reference curve needs at least one test")
     compression = tests[0].compression
     if any(test.compression is not compression for test in tests):
-        raise ValueError("a baseline is of one branch; these tests are of tension and of compression")
+        raise ValueError("a reference curve has one branch; these tests are of tension and of compression")
     if treatment.ends is not None and not compression:
         raise ValueError("end friction can be taken out of compression tests only")
     begun = tuple(correct_toe(_ramp(test, treatment, pull), treatment.toe) for test in tests)

@@ -25,9 +25,9 @@ FAULTS: tuple[Fault, ...] = (
     *DIC,
     *DOE,
     *INVERSE,
-    *RESULTS,
-    *REPORT,
     *MATERIAL,
     *RATES,
+    *REPORT,
+    *RESULTS,
     *UNCERTAINTY,
 )

@@ -31,7 +31,7 @@ class Budget:
     """Second differences (y+ + y- - 2 y) / 2 over one standard uncertainty, shape [n_quantities, ...]: what a
     straight line misses, and the bias of the best estimate."""
     interaction: Mapping[str, FloatArray]
-    """What products of quantities add, sum of +-u_i u_j d2y/dx_i dx_j over all pairs, shape [...]."""
+    """Contribution of products of quantities, sum of +-u_i u_j d2y/dx_i dx_j over all pairs, shape [...]."""
 
     def sigma(self, output: str) -> FloatArray:
         """Combined standard uncertainty u_c, Eq. (U.10), shape [...]."""

@@ -26,7 +26,7 @@ DISTRIBUTIONS: Mapping[str, Callable[[np.random.Generator, int], FloatArray]] = 
 
 @dataclass(frozen=True)
 class Spread:
-    """What the draws of one output say, sample by sample."""
+    """Mean, spread and coverage interval of one output's draws, sample by sample."""
 
     mean: FloatArray
     """Mean, shape [...]."""
@@ -105,7 +105,7 @@ def monte_carlo(
 
 
 def difference(budget: Budget, output: str, spread: Spread) -> float:
-    """How far the ends of a budget's interval are from those of a Monte Carlo run (JCGM 101, 8.1).
+    """Distance between the intervals of a budget and of a Monte Carlo run (JCGM 101, 8.1).
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Inputs of a budget: what is allowed, which are the same, and which hang together."""
+"""Inputs of a budget: checks, duplicates, correlations."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -82,7 +82,7 @@ def correlation_matrix(
 
 
 def correlated_groups(correlation: FloatArray) -> list[list[int]]:
-    """Quantities that hang together by correlations: for each group the list of their places."""
+    """Groups of correlated quantities: for each group the list of their indices."""
     if not correlation.size:
         return []
     n, label = connected_components(correlation != 0.0, directed=False)

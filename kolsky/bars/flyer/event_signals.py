@@ -1,4 +1,4 @@
-"""What force transducers show of a flyer: the end of the joint's pull, an impact, the push-back."""
+"""Events of a flyer in its force signals: the end of the joint's pull, an impact, the push-back."""
 
 from dataclasses import dataclass
 
@@ -28,7 +28,7 @@ class Event:
     sigma: float | None
     """Standard uncertainty of the time [s]; None if it was not found."""
     how: str
-    """How it was found, or why not."""
+    """Method by which it was found, or the reason why it was not."""
 
 
 def end_of_dip(signal: Signal, after: float, before: float, ringing: float) -> Event | None:
@@ -131,7 +131,7 @@ def find_push_back(arrest: Event, impact: Event, transmitted: Signal | None, rin
     """
     name = "push-back"
     if arrest.time is None:
-        return Event(name, None, None, "the flyer was not seen to stand still")
+        return Event(name, None, None, "no arrest of the flyer was found")
     if transmitted is None:
         return Event(name, None, None, "needs the transmitted force")
     t, force, sigma = moving_average(transmitted, ringing)

@@ -1,4 +1,4 @@
-"""What happens to a flyer: full speed, separation, arrest, push-back, second impact, the end of symmetry.
+"""Events of a flyer's test: full speed, separation, arrest, push-back, second impact, end of symmetry.
 
 The flyer is held to the incident bar by a joint. The wave drives it to its full speed, the reflected tension
 pulls at the joint until it breaks (separation), it flies into the specimen until it stands still (arrest), is
@@ -36,7 +36,7 @@ AFTER_IMPACT = 8
 
 
 class Ending(Protocol):
-    """What is needed of `kolsky.bars.flyer.flight.SymmetryEnd`."""
+    """End of symmetry, as `kolsky.bars.flyer.flight.SymmetryEnd` offers it."""
 
     @property
     def row(self) -> int | None:

@@ -20,9 +20,9 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.records import FlyerMotion
 
 UNSEEN = 50e-6
-"""How far a body may sway before its poses are known [m]."""
+"""Largest lateral displacement of a body before its poses are known [m]."""
 UNTURNED = 10e-3
-"""And how far it may turn [rad]."""
+"""Largest rotation of it [rad]."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ def _own_noise(covariance: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class SymmetryEnd:
-    """Where the flyer leaves the direction that it had just after separating."""
+    """Time at which the flyer leaves the direction that it had just after separating."""
 
     reference: FloatArray
     """Unit direction just after separation: toward the specimen, x, Z [-], shape [3]."""

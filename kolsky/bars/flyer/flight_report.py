@@ -1,5 +1,4 @@
-"""What the pictures of a shot say of its flyer's flight: velocity, direction, tilt, and how long symmetry
-lasts (the paper's Fig. 6)."""
+"""Flight of a flyer from its pictures: velocity, direction, tilt, end of symmetry (the paper's Fig. 6)."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,7 +35,7 @@ class FlightOfSpecimen:
     separation: float = np.nan
     """Time of its greatest velocity, from which on nothing pushes it but the specimen [s]."""
     symmetry: SymmetryEnd | None = None
-    """How its direction compares with the first; None if that is not known."""
+    """End of symmetry by its direction; None if that is not known."""
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -168,7 +167,7 @@ def printed(found: FlightOfSpecimen | str) -> dict[str, str]:
 
 
 def summary(found: FlightOfSpecimen | str) -> dict[str, Any]:
-    """What a user wants to know of the flight: name and value, SI and JSON types."""
+    """Summary of the flight: name and value, SI and JSON types."""
     if isinstance(found, str):
         return {"flight": f"not known: {found}"}
     at = np.array([found.separation])

@@ -147,7 +147,7 @@ def _sigmas(waves: FaceWaves) -> tuple[Mapping[str, float], Mapping[str, float]]
 
 
 def _scale(history: History, noise: float) -> float:
-    """What is left of a history's sigma beyond the noise, relative to the values [-]."""
+    """Relative part of a history's sigma beyond the noise, common to all samples [-]."""
     size = float(np.sum(history.value**2))
     left = float(np.sum(history.sigma**2 - noise**2))
     # A sigma of noise alone leaves nothing but rounding of either sign.
@@ -203,5 +203,5 @@ class BarForce:
         return self.measured
 
     def noise_checks(self) -> dict[str, float]:
-        """What the reduction does not tell of its noise: nothing to check here."""
+        """Checks of the noise: none, it was estimated by the reduction."""
         return {}

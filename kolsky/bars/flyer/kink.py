@@ -1,4 +1,4 @@
-"""Where a curve changes its law: a polynomial plus a part that ends, or begins, at an unknown time."""
+"""Kink of a curve: a polynomial plus a part that ends, or begins, at an unknown time."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Cameras against oscilloscope: does the flyer move when the signals say it does?
+"""Cameras against oscilloscope: the lag of the flyer's motion behind the signals.
 
 The clocks are tied by a trigger; this is the cross-check. What a transducer behind a mass feels, twice
 integrated, is that mass's motion; what the bar's waves give as a velocity, once integrated, is the motion of
@@ -29,7 +29,7 @@ COVERAGE = 2.0
 
 
 class Agreement(StrEnum):
-    """What the cross-check says of the declared clocks."""
+    """Verdict of the cross-check on the declared clocks."""
 
     AGREES = "agrees"
     DIFFERS = "differs"
@@ -57,7 +57,7 @@ class Synchronisation:
     frame_interval: float
     """Median time from frame to frame [s]."""
     at_edge: bool
-    """Whether the best lag is at the edge of those searched."""
+    """True if the best lag is at the edge of those searched."""
 
     @property
     def agreement(self) -> Agreement:

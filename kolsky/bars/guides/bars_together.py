@@ -22,7 +22,7 @@ POISSON_STEP = 0.01
 
 @dataclass(frozen=True)
 class BarsTogether:
-    """What a pulse on its way between two stations tells of the bars, Eq. (B.11)."""
+    """Wave speed and relative gain from a pulse between two stations, Eq. (B.11)."""
 
     bar: Bar
     """The bar with Young's modulus from the fitted speed and its stated density."""

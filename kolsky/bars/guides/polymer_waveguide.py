@@ -1,4 +1,4 @@
-"""Bars that fade waves: from a complex modulus, or from a measured propagation coefficient.
+"""Attenuating bars: from a complex modulus, or from a measured propagation coefficient.
 
 Numbers of equations are those of docs/theory/bar_waves.md.
 """
@@ -70,7 +70,7 @@ class ViscoelasticWaveguide:
     modulus: PronyModulus
     """Its complex modulus."""
     dispersive: bool = True
-    """Whether waves also disperse by the bar's finite radius."""
+    """True if waves also disperse by the bar's finite radius."""
 
     def __post_init__(self) -> None:
         check_bar(self.bar)

@@ -194,7 +194,7 @@ def _multiplied(strain: Signal, waveguide: Waveguide, unit: str, band: float | N
 def _with_noise(
     signal: Signal, start: float, value: FloatArray, noise: float, at_rest: float, unit: str
 ) -> Signal:
-    """What a signal became, with the sigma and the memory of its noise: slow noise is passed by `at_rest`."""
+    """Filtered signal with the sigma and the memory of its noise; `at_rest` is the gain of slow noise."""
     memory = max(1.0, signal.memory * (at_rest / noise) ** 2) if noise > 0.0 else signal.memory
     return replace(signal, start=start, value=value, sigma=signal.sigma * noise, unit=unit, memory=memory)
 

@@ -21,7 +21,7 @@ from kolsky.base.arrays import ComplexArray, FloatArray
 PADDING = 4
 """The transform is this many times as long as the record."""
 WRAPPED = 1e-7
-"""What the exponential window leaves of a wave that comes round the transform [-]."""
+"""Remainder of a wave that wraps around the transform, under the exponential window [-]."""
 LARGEST_CONDITION = 1e6
 """Ratio of singular values of the gauges' matrix beyond which two stations are one."""
 

@@ -1,4 +1,4 @@
-"""What transforms of a record need: windows, ends that fade, the edge of a band, the noise that it leaves."""
+"""Windows and filters of Fourier transforms: tapered ends, the edge of a band, the noise that it passes."""
 
 from dataclasses import replace
 from math import isfinite, pi

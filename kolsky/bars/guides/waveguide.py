@@ -1,4 +1,4 @@
-"""Bars as guides of one longitudinal wave: how its phase turns, how it fades, what force goes with a strain.
+"""Bars as guides of one longitudinal wave: wavenumber, attenuation, stiffness, impedance.
 
 A wave that travels toward +x varies as exp(i (omega t - k x)): the real part of k turns its phase, and a
 negative imaginary part makes it fade. Numbers of equations are those of docs/theory/bar_waves.md.
@@ -20,7 +20,7 @@ SURFACE_BAND = 2.0
 
 
 class Waveguide(Protocol):
-    """What propagation, separation and forces ask of a bar."""
+    """A bar as propagation, separation and forces need it."""
 
     @property
     def wave_speed(self) -> float:
@@ -63,9 +63,9 @@ class ElasticWaveguide:
     bar: Bar
     """The bar."""
     dispersive: bool = True
-    """Whether waves of different length travel at different speeds."""
+    """True if waves of different length travel at different speeds."""
     surface: bool = False
-    """Whether strains are those of the surface."""
+    """True if strains are those of the surface."""
 
     def __post_init__(self) -> None:
         check_bar(self.bar)

@@ -17,7 +17,7 @@ LEAST_FORCE = 5.0
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """What is reported of the equilibrium of a test."""
+    """Force equilibrium of a test: its time span, its largest imbalance, the time to reach it."""
 
     span: tuple[float, float] | None
     """Longest time span in which |R| stays within the allowance [s]; None if there is none."""
@@ -146,7 +146,7 @@ def report_equilibrium(
     allowance: float = ALLOWANCE,
     specimen_wave_speed: float | None = None,
 ) -> Equilibrium:
-    """What is to be said of the equilibrium of a reduction.
+    """Force equilibrium of a reduction.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""From the gauges to the specimen: each wave cut, carried to the bar's face and put on one clock."""
+"""Waves at the specimen: each pulse windowed, propagated to the bar's face, on one clock."""
 
 from dataclasses import replace
 from math import inf, pi, sqrt
@@ -113,7 +113,7 @@ def face_waves(
 def _widened(
     pairs: tuple[tuple[float, float], ...], incident: BarSignal, transmission: BarSignal
 ) -> tuple[tuple[float, float], ...]:
-    """The windows, longer where the gauge shows the same wave alone, or rest before it.
+    """Windows extended as long as the gauge shows the same wave alone, or rest before it.
 
     A wave that is cut off while it still presses has an edge there, and what is fast in an edge is carried
     into the window by dispersion. The fade of a tenth beyond the window must not touch the next wave.

@@ -1,4 +1,4 @@
-"""What a specimen's own inertia adds to its stress: radially and along its axis.
+"""Inertia of the specimen: its contribution to the stress, radially and along the axis.
 
 Compression is positive. A function returns the corrected history and a `Correction`; a correction that is
 switched off is measured all the same.

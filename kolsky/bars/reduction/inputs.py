@@ -18,7 +18,7 @@ FAR = "incident far"
 
 @dataclass(frozen=True)
 class StationInput:
-    """What was recorded at one place of a bar."""
+    """Recordings and calibration of one gauge station."""
 
     recordings: tuple[Recording, ...]
     """One channel, or two of opposed gauges."""
@@ -57,13 +57,13 @@ class WavesInput:
     allowance: float = ALLOWANCE
     """|R| up to which the forces count as balanced [-]."""
     switches: Switches = field(default_factory=Switches)
-    """Which corrections are applied."""
+    """Switches of the corrections."""
     uncertainty: Mapping[str, float] = field(default_factory=dict)
     """Standard uncertainties (k = 1) by the keys of [uncertainty]; relative but for lengths and Poisson's
     ratio."""
     alike: bool = False
-    """Whether the bars' errors of one property are one and the same, as of bars cut from one rod."""
+    """True if the bars' errors of one property are the same, as of bars cut from one rod."""
     inputs: Mapping[str, str] = field(default_factory=dict)
     """SHA-256 of every file, by name."""
     settings: Mapping[str, str] = field(default_factory=dict)
-    """What was declared, and the versions."""
+    """Declared settings, and the versions."""

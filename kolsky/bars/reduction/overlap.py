@@ -1,4 +1,4 @@
-"""Pulses that overlap at the incident gauge: told apart by a second station on the bar, up to the faces."""
+"""Overlapping pulses at the incident gauge, separated by a second station on the bar."""
 
 from dataclasses import replace
 from math import isfinite

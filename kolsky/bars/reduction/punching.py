@@ -1,4 +1,4 @@
-"""Punching: by how much a specimen narrower than the bars sinks into their faces."""
+"""Punching: elastic indentation of the bars' faces by a narrower specimen."""
 
 from dataclasses import replace
 from math import pi

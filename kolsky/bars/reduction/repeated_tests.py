@@ -15,7 +15,7 @@ class Curve:
     """One test: a quantity over strain or time."""
 
     name: str
-    """Which test, for messages."""
+    """Name of the test, for messages."""
     axis: FloatArray
     """Strain or time, increasing, shape [n]."""
     value: FloatArray
@@ -40,7 +40,7 @@ class Repeats:
     """Root mean square of the tests' own sigmas, shape [n]; None if one is unknown. Where the scatter is no
     larger, the tests differ by no more than their noise."""
     remarks: tuple[str, ...]
-    """What was cut off, in words."""
+    """Parts that were cut off, in words."""
 
     @property
     def count(self) -> int:

@@ -1,4 +1,4 @@
-"""The numbers a test is quoted by, each with what it was taken from; none is claimed before equilibrium."""
+"""Summary of a test: the values it is quoted by; means and modulus only in equilibrium."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -55,7 +55,7 @@ class Summary:
     modulus_reason: str
     """Why there is a modulus or none."""
     energy: EnergyBalance
-    """Where the incident wave's energy went."""
+    """Energies of the waves and of the deformation."""
 
 
 def summarise(

@@ -1,4 +1,4 @@
-"""When a classical stress-strain curve may be read from a test: the validity window of a shot.
+"""Validity window of a shot: the times at which a classical stress-strain curve holds.
 
 A classical reduction takes the forces on the two faces as one stress of one homogeneous strain. Two things
 spoil it: the forces differ, because waves are still running through the specimen, and part of them is its
@@ -42,9 +42,9 @@ class Validity:
     strain: tuple[float, float] | None
     """Smallest and largest nominal compression there [-]."""
     start_reason: Reason
-    """What keeps the times before the window out, or all of them if there is no window."""
+    """Reason that excludes the times before the window, or all of them if there is no window."""
     end_reason: Reason
-    """What keeps the times after it out."""
+    """Reason that excludes the times after it."""
     share: float
     """Share of the stress that was allowed [-]."""
     covered: float
@@ -62,7 +62,7 @@ class Validity:
 
     @property
     def nearly_empty(self) -> bool:
-        """Whether the window leaves out most of the test's strain."""
+        """True if the window leaves out most of the test's strain."""
         return self.covered < NEARLY_EMPTY
 
     @property

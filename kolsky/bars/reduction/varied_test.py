@@ -25,7 +25,7 @@ BAR_PROPERTIES = ("Young's modulus", "wave speed", "density", "diameter", "Poiss
 
 
 def bar_quantities(bar: Bar, side: str, uncertainty: Mapping[str, float]) -> list[Quantity]:
-    """What a bar contributes: modulus or measured wave speed, density, diameter, Poisson's ratio.
+    """Quantities of a bar: modulus or measured wave speed, density, diameter, Poisson's ratio.
 
     With an uncertainty of the wave speed, that is the quantity; the modulus follows from it and the density.
 
@@ -179,7 +179,7 @@ class VariedTest:
     given: WavesInput
     """The test as declared."""
     windows: Windows
-    """Where its waves are."""
+    """Time windows of its waves."""
     arrival: float
     """Time at which the incident wave arrives at its gauge [s]."""
 

@@ -1,4 +1,4 @@
-"""When a pulse arrives, with a sigma: Akaike's criterion for its onset, the flank's tangent for its time."""
+"""Arrival of a pulse with a sigma: Akaike's criterion for its onset, the flank's tangent for its time."""
 
 from dataclasses import dataclass
 from math import inf, sqrt
@@ -22,7 +22,7 @@ class Arrival:
     """A pulse that arrives, on the signal's clock."""
 
     time: float
-    """Where the tangent of the rising flank meets the baseline [s]."""
+    """Intersection of the rising flank's tangent with zero [s]."""
     sigma: float
     """Standard deviation of `time` from the signal's noise and sampling [s]."""
     onset: float
@@ -30,7 +30,7 @@ class Arrival:
     rise_time: float
     """Time from `time` to where the same tangent reaches the level [s]."""
     end: float
-    """Where the pulse first falls back below a twentieth of its level [s]; inf if it does not."""
+    """Time at which the pulse falls back below a twentieth of its level [s]; inf if it does not."""
     level: float
     """Largest averaged value of the pulse, with its sign, in the signal's unit."""
 

@@ -1,4 +1,4 @@
-"""Wheatstone bridges: volts to strain with the exact formula, what the arms see, and the inverse."""
+"""Wheatstone bridges: volts to strain with the exact formula, strain of the arms, and the inverse."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ KINDS: Mapping[str, tuple[str, str, str, str]] = {
     "half, Poisson": (AXIAL, ACROSS, REST, REST),
     "full, Poisson": (AXIAL, ACROSS, AXIAL, ACROSS),
 }
-"""What arms 1 to 4 see, in their order round the bridge: 1 and 3 face each other.
+"""Strain of arms 1 to 4, in their order round the bridge: 1 and 3 face each other.
 
 "half, opposed" and "full, Poisson" have the gauges of arms 1 and 3 on opposite sides of the bar, which takes
 bending out; the others see it. Gauges in series in one arm count as one that sees their mean.
@@ -37,7 +37,7 @@ class Bridge:
     """
 
     kind: str
-    """Which arms are gauges and what they see, a key of `KINDS`."""
+    """Arrangement of the gauges in the arms, a key of `KINDS`."""
     gauge_factor: float
     """Relative change of resistance per strain [-], > 0."""
     excitation: float
@@ -145,7 +145,7 @@ class Bridge:
     def quantities(
         self, gauge: str, uncertainty: Mapping[str, float], *, bar: str | None = None
     ) -> list[Quantity]:
-        """What the strain rests on, for a budget.
+        """Inputs of the strain, for a budget.
 
         Parameters
         ----------

@@ -19,7 +19,7 @@ FEWEST_TAIL = 50
 def compensate_droop(
     time: FloatArray, value: FloatArray, time_constant: float, *, start: float
 ) -> FloatArray:
-    """What a transducer without droop would have shown, v + (1/tau) int v dt, Eq. (U.6).
+    """Signal of a transducer without droop, v + (1/tau) int v dt, Eq. (U.6).
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def fit_time_constant(
 
 
 def check_time_constant(time_constant: float) -> None:
-    """Refuse a time constant that is none.
+    """Check that a time constant is finite and positive.
 
     Raises
     ------

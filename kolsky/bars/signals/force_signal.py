@@ -22,7 +22,7 @@ class ForceSignal(NamedTuple):
     signal: Signal
     """Force, compression positive [N], on the shot's clock."""
     corrections: list[Correction]
-    """What was done to it."""
+    """Corrections, applied or not."""
     quantities: list[Quantity]
     """Inputs of its budget: sensitivity, time constant, zero."""
 

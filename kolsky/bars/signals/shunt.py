@@ -1,4 +1,4 @@
-"""Shunt calibration: what the measured step of a known resistance says of gain, excitation and sign."""
+"""Shunt calibration: gain, excitation and sign from the measured step of a known resistance."""
 
 from dataclasses import dataclass, replace
 
@@ -45,7 +45,7 @@ class Shunt:
 
 @dataclass(frozen=True)
 class ShuntCheck:
-    """What a shunt says, beside what was stated."""
+    """Gain and sign of a shunt calibration, beside the stated ones."""
 
     gain: float
     """Gain with the stated excitation, from the step [-]."""

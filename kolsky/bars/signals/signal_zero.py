@@ -146,7 +146,7 @@ class SignalZero:
 
     @property
     def drifts(self) -> bool:
-        """Whether the slope is significant by Student's t at the level of 1 %."""
+        """True if the slope is significant by Student's t at the level of 1 %."""
         limit = float(student.ppf(1.0 - 0.5 * SIGNIFICANCE, self.freedom))
         return abs(self.slope) > limit * self.slope_sigma
 
@@ -228,7 +228,7 @@ def quantisation_step(value: FloatArray) -> float:
 
 
 def check_clipping(value: FloatArray, baseline: SignalZero, *, name: str, full_scale: float | None) -> None:
-    """Refuse a signal that left the recorder's range.
+    """Check that a signal stayed within the recorder's range.
 
     With a full scale, no sample may reach it. Without, a signal is taken as clipped if it stays at its
     largest or smallest value for at least 8 samples in a row and three times as long as any value of the

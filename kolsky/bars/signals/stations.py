@@ -26,7 +26,7 @@ class Station(NamedTuple):
     signal: BarSignal
     """The strain."""
     corrections: list[Correction]
-    """What was done to it."""
+    """Corrections, applied or not."""
     quantities: list[Quantity]
     """Inputs of its budget: calibration, zero, and a significant drift."""
 

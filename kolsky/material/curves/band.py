@@ -85,7 +85,7 @@ class CurveBand:
 
 
 def student_factor(freedom: int) -> float:
-    """By how much a standard uncertainty with few degrees of freedom is widened: t_p(nu) / k at k's p.
+    """Widening of a standard uncertainty with few degrees of freedom: t_p(nu) / k at k's p.
 
     Raises
     ------
@@ -197,7 +197,7 @@ def apparent_modulus(
     band
         Nominal stress over nominal strain, both positive along the branch, no point at rest.
     compression
-        Whether the branch is compression.
+        True if the branch is compression.
     time
         Time of each point since the strain was zero [s], shape [n].
 

@@ -23,13 +23,13 @@ class UniaxialTest:
     """One test, positive along its own branch: shortening in compression, lengthening in tension."""
 
     name: str
-    """Which test, for messages."""
+    """Name of the test, for messages."""
     strain: FloatArray
     """Nominal strain [-], shape [n]."""
     stress: FloatArray
     """Nominal stress [Pa], shape [n]."""
     compression: bool
-    """Whether the branch is compression."""
+    """True if the branch is compression."""
     time: FloatArray | None = None
     """Time of the samples [s], shape [n]; None if it was not recorded."""
     bulge: FloatArray | None = None
@@ -128,7 +128,7 @@ FEWEST = 5
 
 @dataclass(frozen=True)
 class Toe:
-    """How the zero of the strain is found."""
+    """Method by which the zero of the strain is found."""
 
     kind: Literal["none", "line", "gaussian"] = "none"
     """ "none": the strain as it is. "line": a straight line is continued to zero stress (toe compensation of
@@ -149,12 +149,12 @@ class Toe:
 
 @dataclass(frozen=True)
 class ZeroedTest:
-    """A test whose strain begins where the specimen does."""
+    """A test whose strain is zero at the specimen's first full contact, by its toe."""
 
     test: UniaxialTest
     """The test, from the end of its toe on."""
     offset: float
-    """What was taken off the strain [-]."""
+    """Strain that was subtracted [-]."""
     sigma: float
     """Its standard uncertainty from the scatter about the continued curve [-]."""
 

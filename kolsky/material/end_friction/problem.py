@@ -19,7 +19,7 @@ LARGEST_FRICTION = 5.0
 
 @dataclass(frozen=True)
 class EndFriction:
-    """How the specimen held to the platens in the quasi-static test."""
+    """Contact between specimen and platens in the quasi-static test."""
 
     law: Literal["bonded", "rough", "coulomb"]
     """Contact law of faces and side: bonded also carries tension, rough does not."""
@@ -67,7 +67,7 @@ PLACES = 30
 TABLE = 65
 """Entries of its table."""
 MODEL_STRESS, MODEL_RADIUS = 5e-3, 1e-3
-"""What the fit's coarse mesh leaves open, relative to stress and radius [-]; it weighs the two."""
+"""Error of the fit's coarse mesh, relative to stress and radius [-]; weights of the two."""
 
 
 class FrictionProblem:
@@ -114,7 +114,7 @@ class FrictionProblem:
 
     @property
     def free(self) -> bool:
-        """Whether friction is one of the unknowns, the last of them."""
+        """True if friction is one of the unknowns, the last of them."""
         return self.bulge is not None
 
     def start(self) -> FloatArray:

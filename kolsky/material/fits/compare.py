@@ -1,4 +1,4 @@
-"""Several laws fitted to the same tests, side by side: how well, how stable, how sure."""
+"""Comparison of laws fitted to the same tests: goodness of fit, stability, uncertainty."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -20,7 +20,7 @@ class Candidate:
     """A law to be tried."""
 
     name: str
-    """How it is called in tables."""
+    """Name in tables."""
     law: type[AnyLaw]
     """The law."""
     held: Mapping[str, float] = field(default_factory=dict)
@@ -32,7 +32,7 @@ class Row:
     """One law of a comparison."""
 
     candidate: Candidate
-    """What was tried."""
+    """Law and held constants."""
     fit: Fit | None
     """The fit; None if there is none."""
     stability: tuple[PathStability, ...]
@@ -44,7 +44,7 @@ class Row:
 
     @property
     def stable(self) -> bool:
-        """Whether there is a fit and it is stable from rest to the ends of all tests."""
+        """True if there is a fit and it is stable from rest to the ends of all tests."""
         return self.fit is not None and all(path.outcome is Stability.STABLE for path in self.over_data)
 
     @property
@@ -61,9 +61,9 @@ class Comparison:
     tests: tuple[HomogeneousTest, ...]
     """The tests."""
     weighting: Weighting
-    """What residuals were divided by."""
+    """Divisor of the residuals."""
     bounded: bool
-    """Whether the constants were kept where the energy is positive at any deformation."""
+    """True if the constants were kept where the energy is positive at any deformation."""
     poisson: float | None
     """Poisson's ratio at rest; None for the incompressible solution."""
     rows: tuple[Row, ...]

@@ -21,7 +21,7 @@ the constants apart: half the digits of the residuals."""
 
 
 class FitOutcome(Enum):
-    """What the data say of a law's constants."""
+    """Outcome of a fit: whether the data determine the constants."""
 
     DETERMINED = "determined"
     """One minimum, inside the bounds."""
@@ -33,7 +33,7 @@ class FitOutcome(Enum):
 
 @dataclass(frozen=True)
 class PartFit:
-    """How one test is met."""
+    """Fit of one test."""
 
     test: HomogeneousTest
     """The test."""
@@ -78,9 +78,9 @@ class Fit:
     free: tuple[str, ...]
     """Names of the fitted constants."""
     parts: tuple[PartFit, ...]
-    """How each test is met."""
+    """Fit of each test."""
     weighting: Weighting
-    """What residuals were divided by."""
+    """Divisor of the residuals."""
     poisson: float | None
     """Poisson's ratio at rest; None for the incompressible solution."""
     chi2: float
@@ -91,7 +91,7 @@ class Fit:
     """Of the fitted constants, SI, shape [n_free, n_free]: that of independent residuals. Rows of constants
     at a bound are zero; NaN throughout if the constants are not determined."""
     outcome: FitOutcome
-    """What the data say of the constants."""
+    """Whether the data determine the constants."""
     at_bound: tuple[str, ...]
     """Constants at a bound."""
     ends: tuple[float, ...]

@@ -1,4 +1,4 @@
-"""How well a curve is met: one number each, from residuals.
+"""Goodness of fit, from residuals.
 
 With n residuals r_i, k free constants and S = sum r_i^2,
 

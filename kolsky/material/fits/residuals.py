@@ -19,7 +19,7 @@ REFUSED = 1e8
 
 
 class Weighting(Enum):
-    """What a residual is divided by."""
+    """Divisor of the residuals."""
 
     ABSOLUTE = "absolute"
     """By one stress for all points: the sum of squares in Pa^2 is least."""
@@ -31,7 +31,7 @@ class Weighting(Enum):
 
 @dataclass(frozen=True)
 class Residuals:
-    """What a search for a law's constants sees.
+    """Weighted residuals of a law as a function of its free constants.
 
     Its unknowns are the free constants with moduli in units of the largest measured stress, so that all are
     of one size.
@@ -42,7 +42,7 @@ class Residuals:
     tests: tuple[HomogeneousTest, ...]
     """The tests to be met at once."""
     weighting: Weighting
-    """What residuals are divided by."""
+    """Divisor of the residuals."""
     held: Mapping[str, float]
     """Constants that are not free, in SI."""
     poisson: float | None

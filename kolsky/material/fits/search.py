@@ -51,7 +51,7 @@ class SearchResult:
     jacobian: FloatArray
     """Derivative of the residuals by the unknowns, shape [n_points, n_free]."""
     at_bound: tuple[bool, ...]
-    """Which unknowns lie at a bound."""
+    """True for unknowns at a bound."""
     ends: tuple[float, ...]
     """Sum of squares that each polished start reached, least first."""
 

@@ -29,7 +29,7 @@ _ALONG = np.array([2.0, -1.0, -1.0]) / np.sqrt(6.0)
 
 
 class Stability(Enum):
-    """How a path ends."""
+    """Outcome of a path."""
 
     STABLE = "stable"
     """To the end of the path that was looked at."""
@@ -48,7 +48,7 @@ class PathStability:
     direction: str
     """ "tension", "compression" or "shear"."""
     outcome: Stability
-    """How the path ends."""
+    """Outcome of the path."""
     strain: float
     """Nominal strain (or amount of shear) where stability is lost, or the end of the path [-]."""
 
@@ -113,7 +113,7 @@ def drucker(law: Stretches, *, most: float = 10.0) -> tuple[PathStability, ...]:
 
 
 def stable_over(law: Stretches, tests: Sequence[HomogeneousTest]) -> tuple[PathStability, ...]:
-    """Whether a law is stable from rest to the ends of tests; a path for each test and direction.
+    """Stability of a law from rest to the ends of tests; a path for each test and direction.
 
     Raises
     ------

@@ -41,7 +41,7 @@ def as_json(comparison: Comparison, hashes: dict[str, str]) -> dict[str, Any]:
 
 
 def failure(row: Row) -> str:
-    """Where a law stops being stable, in words."""
+    """Loss of stability of a law, in words."""
     if row.fit is None:
         return ""
     first = row.first_failure

@@ -1,4 +1,4 @@
-"""A homogeneous test as fits see it: one mode, one curve, tension-positive."""
+"""A homogeneous test for a fit: one mode, one curve, tension-positive."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,9 +15,9 @@ class HomogeneousTest:
     """Nominal stress over stretch, or over the amount of shear."""
 
     name: str
-    """Which test, for messages and tables."""
+    """Name of the test, for messages and tables."""
     mode: Mode
-    """What was loaded, held and free."""
+    """Loaded, held and free directions."""
     deformation: FloatArray
     """Stretch along the load, or amount of shear [-], shape [n]."""
     stress: FloatArray

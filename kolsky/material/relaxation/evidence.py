@@ -1,4 +1,4 @@
-"""What can tell of rate dependence: histories of stretch, oscillations, and, elsewhere, shots.
+"""Tests that show rate dependence: histories of stretch, oscillations and, elsewhere, shots.
 
 An evidence has measured values with their uncertainty, and predicts them for any number of rate models at
 once, so that a fit neither knows nor cares what was done to the specimen.
@@ -31,12 +31,12 @@ class Evidence(Protocol):
 
     @property
     def label(self) -> str:
-        """What it is, for tables."""
+        """Name for tables."""
         ...
 
     @property
     def values(self) -> FloatArray:
-        """What was measured, shape [n]."""
+        """Measured values, shape [n]."""
         ...
 
     @property
@@ -67,7 +67,7 @@ class HistoryTest:
     sigma: FloatArray
     """Its standard uncertainty [Pa], shape [n]; infinity where a sample only carries the history."""
     label: str = "history"
-    """What it is, for tables."""
+    """Name for tables."""
 
     def __post_init__(self) -> None:
         checked_history(self.time, self.stretch)
@@ -142,7 +142,7 @@ class DynamicTest:
     sigma_loss: FloatArray
     """Standard uncertainty of E'' [Pa], shape [n]."""
     label: str = field(default="oscillation")
-    """What it is, for tables."""
+    """Name for tables."""
 
     def __post_init__(self) -> None:
         n = len(self.angular_frequency)

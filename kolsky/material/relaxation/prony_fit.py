@@ -25,7 +25,7 @@ STRENGTHS = (1e-4, 1e3)
 FACTORS = (1e-3, 1e3)
 """Allowed factors on the long-term law [-]."""
 BEYOND = 10.0
-"""How far outside the evidence's own time scales a relaxation time may lie [-]."""
+"""Factor by which a relaxation time may lie outside the evidence's own time scales [-]."""
 FACTOR_GRID = (0.4, 2.5, 32)
 """Factors that a search without branches begins among: first, last and how many."""
 GRID = (0.1, 0.5, 2.0)
@@ -46,7 +46,7 @@ class PronyProblem:
     law: Any
     """The long-term law: an `explicit.materials.MaterialLaw`."""
     evidence: tuple[Evidence, ...]
-    """What was measured."""
+    """Measured tests."""
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -96,7 +96,7 @@ class PronyProblem:
         return model_of(grid[self.best(grid)])
 
     def best(self, points: FloatArray) -> int:
-        """Which row of logarithms has the least sum of squares; none that cannot be simulated."""
+        """Index of the row of logarithms with the least sum of squares, of those that can be simulated."""
         squares = (self.of_many(points) ** 2).sum(axis=1)
         return int(np.argmin(np.where(np.isfinite(squares), squares, np.inf)))
 
@@ -123,7 +123,7 @@ class PronyProblem:
         return np.concatenate([x[: n + 1], np.full(more, np.log(STRENGTHS[0])), x[n + 1 :], times])
 
     def fit(self, x: FloatArray, jacobian: FloatArray, lower: FloatArray, upper: FloatArray) -> RateFit:
-        """What a search between two bounds found, its branches in order of their times."""
+        """Fit at the end of a search between two bounds, its branches in order of their times."""
         n = len(x) // 2
         order = np.argsort(x[n + 1 :])
         kept = np.concatenate([[0], 1 + order, 1 + n + order]).astype(int)

@@ -65,7 +65,7 @@ class RateFit:
 
 @dataclass(frozen=True)
 class RateVerdict:
-    """How many branches the evidence asks for."""
+    """Number of branches that the evidence requires."""
 
     fits: tuple[RateFit, ...]
     """The fits with 0, 1, 2, ... branches."""

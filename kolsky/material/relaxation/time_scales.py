@@ -28,7 +28,7 @@ class ApparentModuli:
     """Moduli of one test."""
 
     label: str
-    """What it is."""
+    """Name of the test."""
     age: FloatArray
     """Mean age of the strain, Eq. (V.4) [s], shape [n]."""
     strain: FloatArray

@@ -5,7 +5,7 @@ from typing import Any
 
 from kolsky.bars.result import FlyerResult, ReducedTest
 from kolsky.report import numbers
-from kolsky.report.figures import FLYER_TESTS, WAVES, FigureKind
+from kolsky.report.figures import figures_of
 from kolsky.report.pages.rendering import draw_figures, render_page, write_html
 
 SHOWN = {"Pa": (1e-6, "MPa"), "s": (1e6, "µs"), "m": (1e3, "mm"), "1/V": (1e6, "µm/m/V")}
@@ -72,11 +72,6 @@ def render(result: ReducedTest) -> str:
         settings=list(result.settings.items()),
         inputs=list(result.inputs.items()),
     )
-
-
-def figures_of(result: ReducedTest) -> dict[str, FigureKind[Any]]:
-    """Return the figures for this kind of test."""
-    return FLYER_TESTS if isinstance(result, FlyerResult) else WAVES
 
 
 def answers(result: ReducedTest) -> list[dict[str, Any]]:

@@ -1,0 +1,130 @@
+"""A made-up figure is one file and its entry in a registry: battery, page, command, data table, index."""
+
+import csv
+import importlib.util
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+
+import numpy as np
+import pytest
+import test_report as battery
+from synthetic import RESULTS
+
+from kolsky.report.figures import RECORDINGS, REGISTRY, by_name
+from kolsky.report.pages.identification import render
+from kolsky.report.result_folder import PAGE, write_identify_page
+from kolsky.report.scene import stills
+from kolsky.shot.recorded import Recorded
+
+ROOT = Path(__file__).parents[3]
+PEAK_FORCE = '''
+"""Figure of the largest force: measured and simulated."""
+
+from kolsky.report.figures.base import COLUMN, MEASURED, MODEL, FigureKind
+
+
+def caption(result):
+    return f"Largest force of the test {result.shot}, measured and simulated."
+
+
+def draw(result, panels):
+    ax, c = panels["peak"], result.comparison
+    ax.plot([1.0], [c.force_measured.max()], "o", color=MEASURED, label="measured")
+    ax.plot([2.0], [c.force_model.max()], "o", color=MODEL, label="simulated")
+    ax.set(xlabel="Test (–)", ylabel="Force $F$ (N)")
+    ax.legend()
+
+
+FIGURES = (
+    FigureKind(
+        name="peak-force",
+        width=COLUMN,
+        height=lambda result: 60.0,
+        caption=caption,
+        panels=lambda result: [["peak"]],
+        draw=draw,
+        applies=lambda result: result.comparison.force_time.size > 0,
+    ),
+)
+'''
+
+
+def loaded(name: str, file: Path) -> ModuleType:
+    """A module from a file, wherever it lies."""
+    spec = importlib.util.spec_from_file_location(name, file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def made_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The file of the figure, entered after "force"; the other figures are left out to save time."""
+    file = tmp_path / "figures" / "peak_force.py"
+    file.parent.mkdir()
+    file.write_text(PEAK_FORCE, encoding="utf-8")
+    for registry in (RECORDINGS, REGISTRY):
+        for name in [name for name in registry if name != "force"]:
+            monkeypatch.delitem(registry, name)
+    for name, kind in by_name(loaded("peak_force", file).FIGURES).items():  # the one line
+        monkeypatch.setitem(REGISTRY, name, kind)
+    return file
+
+
+def test_it_gets_the_battery_of_every_figure(made_up: Path) -> None:
+    battery.test_figure_has_labelled_axes_with_units("peak-force", "one")
+
+
+def test_it_gets_on_the_page(made_up: Path) -> None:
+    html = render(RESULTS["one"])
+    section = html[html.index("<h2>Further figures</h2>") : html.index("<h2>Provenance</h2>")]
+    assert 'id="peak-force"' in section
+    assert "<b>Figure 2.</b> Largest force of the test " in section  # after "force", which has its own place
+    assert 'id="force"' not in section
+    assert battery.Page(html).ids.count("peak-force") == 1
+
+
+def test_without_such_a_figure_the_page_has_no_such_section(made_up: Path, monkeypatch) -> None:
+    monkeypatch.delitem(REGISTRY, "peak-force")
+    assert "Further figures" not in render(RESULTS["one"])
+
+
+def test_a_command_saves_it_with_its_data(
+    made_up: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stills, "start_stills", lambda result: None)  # no figure here shows them
+    folder = tmp_path / "results"
+    folder.mkdir()
+    nothing = np.zeros(0)
+    recordings = Recorded(
+        time=nothing, value=nothing, unit="V", baseline=None, zero=0.0, window=(0.0, 1e-3), symmetry_end=None,
+        motion=SimpleNamespace(is_velocity=False),
+    )  # fmt: skip
+    write_identify_page(folder, RESULTS["one"], recordings, ("svg", "csv"))  # what `--figures svg,csv` does
+    assert 'id="peak-force"' in (folder / PAGE).read_text(encoding="utf-8")
+    assert (folder / "figures" / "peak-force.svg").stat().st_size > 0
+    with (folder / "figures" / "peak-force.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    c = RESULTS["one"].comparison
+    assert [(row["series"], row["y axis"]) for row in rows] == [
+        ("measured", "Force $F$ (N)"),
+        ("simulated", "Force $F$ (N)"),
+    ]
+    largest = [c.force_measured.max(), c.force_model.max()]
+    np.testing.assert_allclose([float(row["y"]) for row in rows], largest, rtol=1e-8)  # nine digits
+
+
+def test_it_gets_into_the_index_of_modules(made_up: Path) -> None:
+    pages = loaded("module_pages", ROOT / "docs" / "_ext" / "module_pages.py")
+    package = made_up.parent / "__init__.py"
+    package.write_text('"""Figures."""\n', encoding="utf-8")
+    text = pages.page(pages.Source("figures", package))
+    assert ":doc:`figures.peak_force`\n   Figure of the largest force: measured and simulated." in text
+
+
+def test_two_figures_of_one_name_are_refused(made_up: Path) -> None:
+    figures = loaded("peak_force", made_up).FIGURES
+    with pytest.raises(ValueError, match="two figures of one page are called 'peak-force'"):
+        by_name(figures, figures)
