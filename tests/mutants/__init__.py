@@ -6,6 +6,7 @@ beside this one.
 """
 
 from tests.mutants.bars import FAULTS as BARS
+from tests.mutants.cli import FAULTS as CLI
 from tests.mutants.dic import FAULTS as DIC
 from tests.mutants.doe import FAULTS as DOE
 from tests.mutants.fault import Fault
@@ -21,6 +22,7 @@ __all__ = ["FAULTS", "Fault"]
 
 FAULTS: tuple[Fault, ...] = (
     *BARS,
+    *CLI,
     *DIC,
     *DOE,
     *INVERSE,
