@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from dic.cells import text_cell
+from dic.files import text_cell
 from dic.result import StereoResult
 
 NOT_STATED = "not stated"
@@ -194,7 +194,7 @@ def _noise(result: StereoResult) -> list[Row]:
 
 
 def as_csv(rows: tuple[Row, ...]) -> str:
-    """The table as CSV; text that begins as a formula is guarded, see `dic.cells.text_cell`."""
+    """The table as CSV; text that begins as a formula is guarded, see `dic.files.text_cell`."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["part", "quantity", "value"])

@@ -2,7 +2,8 @@
 
 A line ``<!-- rooms -->`` of a page becomes the table of the rooms of `kolsky` (docs/rooms.toml, which the
 test of imports reads too), ``<!-- public kolsky -->`` the public names of a package, each with its first
-line, ``<!-- commands kolsky -->`` the commands of the command line, ``<!-- law KNOWLES -->`` the material
+line, ``<!-- commands kolsky -->`` the commands of the command line,
+``<!-- parameters kolsky -->`` rows of the parameters of a simulation, ``<!-- law KNOWLES -->`` the material
 law that the tests of the doors make up, ``<!-- table laws -->`` (`contact_laws`, `elements`) the members of a
 registry of the solver. Anywhere in a line, ``<!-- names laws -->`` becomes their names.
 """
@@ -15,7 +16,7 @@ import tomllib
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[1]
-LINE = re.compile(r"^<!-- (rooms|public|commands|law|table) (\w+) -->$", re.MULTILINE)
+LINE = re.compile(r"^<!-- (rooms|public|commands|law|parameters|table) (\w+) -->$", re.MULTILINE)
 NAMES = re.compile(r"<!-- names (\w+) -->")
 
 
@@ -84,6 +85,12 @@ def commands(package: str = "kolsky") -> str:
     return "\n".join(lines)
 
 
+def parameters(package: str) -> str:
+    """Rows of a table of the parameters of a simulation: symbol, name, unit, meaning."""
+    records = importlib.import_module(f"{package}.inverse.parameters").PARAMETERS.values()
+    return "\n".join(f"| ${p.tex}$ | `{p.name}` | {p.unit} | {p.words} |" for p in records)
+
+
 def law(name: str) -> str:
     """The source of a law that the tests of the doors write to a file: a text of that name there."""
     tests = ast.parse((DOCS.parent / "tests" / "unit" / "explicit" / "test_doors.py").read_text("utf-8"))
@@ -93,7 +100,14 @@ def law(name: str) -> str:
     raise ValueError(f"tests/unit/explicit/test_doors.py has no text {name}")
 
 
-TABLES = {"rooms": rooms, "public": public, "commands": commands, "law": law, "table": table}
+TABLES = {
+    "rooms": rooms,
+    "public": public,
+    "commands": commands,
+    "law": law,
+    "parameters": parameters,
+    "table": table,
+}
 
 
 def fill(app, name, source) -> None:
