@@ -53,7 +53,8 @@ _HOME = {
     "track": "dic.tracking.follow",
     "write_rig": "dic.camera_files.formats",
 }
-"""Where each public name is defined. The imports above tell a type checker the same; a test compares both."""
+"""Module that defines each public name. The imports above tell a type checker the same; a test compares
+both."""
 
 __all__ = [*_HOME]
 

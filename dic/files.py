@@ -1,4 +1,4 @@
-"""Files that are complete or not there at all."""
+"""Files that are complete or not there at all, and text that a spreadsheet shows and does not evaluate."""
 
 import os
 import secrets
@@ -32,3 +32,31 @@ def replacing(path: Path) -> Iterator[Path]:
             os.fsync(folder)
         finally:
             os.close(folder)
+
+
+FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "＝", "＋", "－", "＠")
+"""Characters that begin a formula for a spreadsheet, full-width forms included (OWASP, CSV Injection)."""
+
+
+def text_cell(text: str) -> str:
+    """Text that a spreadsheet shows and does not evaluate.
+
+    Names come from folders and files of anybody. One that begins as a formula gets a leading apostrophe, as
+    OWASP advises; a number written as text stays a number.
+
+    Parameters
+    ----------
+    text
+        The cell's text, not quoted yet.
+
+    References
+    ----------
+    OWASP Foundation, CSV Injection, https://owasp.org/www-community/attacks/CSV_Injection.
+    """
+    if not text.startswith(FORMULA):
+        return text
+    try:
+        float(text)
+    except ValueError:
+        return f"'{text}"
+    return text

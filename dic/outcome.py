@@ -129,8 +129,8 @@ class Remark:
     """Remark on the test or its declarations, from the pictures."""
 
     name: str
-    """What kind, e.g. "swapped cameras"."""
+    """Kind, e.g. "swapped cameras"."""
     text: str
     """One sentence with its numbers."""
     cure: str
-    """What to do about it."""
+    """Cure for a user."""

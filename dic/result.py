@@ -24,7 +24,7 @@ class Body:
     surface: SurfaceHistory
     """Motion in the test frame."""
     pixels: tuple[FloatArray, FloatArray]
-    """Where the two cameras saw the points [px], each of shape [n_frames, n_points, 2]; NaN where lost."""
+    """Pixels of the points in the two cameras [px], each of shape [n_frames, n_points, 2]; NaN where lost."""
     match_sigma: tuple[FloatArray, FloatArray]
     """Standard deviation of these places, root mean square of x and y [px], each [n_frames, n_points]."""
     zncc: tuple[FloatArray, FloatArray]
@@ -111,7 +111,7 @@ class StereoResult:
     strain: SurfaceStrain
     """Strains of the specimen's surface."""
     remarks: tuple[Remark, ...]
-    """What the pictures say against the declarations; empty if nothing."""
+    """Remarks on the test and its declarations; empty if there are none."""
     rig: StereoRig
     """The cameras, for the pictures as cropped."""
     facts: Mapping[str, Any]

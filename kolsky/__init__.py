@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from kolsky.inverse.side_surface import radius_at
     from kolsky.inverse.simulate import simulate
     from kolsky.material.curves.uniaxial import UniaxialTest
+    from kolsky.material.end_friction.problem import EndFriction
     from kolsky.material.fits.compare import compare_laws
     from kolsky.material.fits.fit import fit_law
     from kolsky.material.fits.test_data import HomogeneousTest
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
     from kolsky.studies.trends import trends
 
 _HOME = {
+    "EndFriction": "kolsky.material.end_friction.problem",
     "FlyerMotion": "kolsky.base.records",
     "Forward": "kolsky.inverse.forward",
     "HomogeneousTest": "kolsky.material.fits.test_data",

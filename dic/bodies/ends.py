@@ -15,7 +15,7 @@ from dic.outcome import PointOutcome
 from dic.surfaces import Cylinder, SpecimenFrame
 
 FARTHEST = 2.0
-"""How far from where it was declared an edge is looked for [px]."""
+"""Half width of the search for an edge about the declared place [px]."""
 MODEL = 0.1
 """Standard deviation of an edge for speckle that is no quadratic and a band that hides it [px]."""
 ROWS, COLUMNS = 5, 22
@@ -115,7 +115,7 @@ def _window(
 
 
 MARGIN = 0.5
-"""How far a subset stays inside the ends: about the width of an edge in a picture [px]."""
+"""Distance that a subset keeps from the ends: about the width of an edge in a picture [px]."""
 
 
 DECLARED = 0.5

@@ -43,7 +43,7 @@ class FoundRegions:
     flyer: Region
     """The flyer in the last usable frame, a pixel clear of its edge."""
     edge: tuple[float, float]
-    """Where the specimen ends at the transmission platen at rest (x, y) [px]."""
+    """End of the specimen at the transmission platen at rest (x, y) [px]."""
 
 
 def find_regions(pictures: Pictures, static: BoolArray, usable: BoolArray, *, toward: str) -> FoundRegions:

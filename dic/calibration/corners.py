@@ -10,7 +10,7 @@ from dic.arrays import FloatArray
 from dic.robust import MAD
 
 BANDS, BAND = 16, 24
-"""How many bands of how many rows the noise is taken from."""
+"""Number of bands, and of their rows, that the noise is taken from."""
 
 
 def grey(picture: NDArray[np.generic]) -> FloatArray:

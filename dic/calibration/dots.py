@@ -34,7 +34,7 @@ class Dots:
     radius: FloatArray
     """Root of the product of the semi-axes of the outline [px], shape [n]."""
     hollow: NDArray[np.bool_]
-    """Whether a bright hole lies in the middle, shape [n]."""
+    """True if a bright hole lies in the middle, shape [n]."""
 
 
 def find_dots(picture: NDArray[np.generic], *, dark: bool = True, round_dots: bool = True) -> Dots:

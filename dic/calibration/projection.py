@@ -43,7 +43,7 @@ class View:
     camera: int
     """0 or 1."""
     ids: NDArray[np.int64]
-    """Which points, shape [n]."""
+    """Numbers of the points, shape [n]."""
     points: FloatArray
     """Their places on the target [m], shape [n, 3]."""
     normals: FloatArray
@@ -53,7 +53,7 @@ class View:
     bend: FloatArray
     """Directions of the surface's curvature times its root [m^-½], shape [n, 3]."""
     pixels: FloatArray
-    """Where they were seen [px], shape [n, 2]."""
+    """Observed pixels [px], shape [n, 2]."""
     sigma: FloatArray
     """Standard deviations of the coordinates [px], shape [n]."""
 

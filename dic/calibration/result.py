@@ -62,7 +62,7 @@ class PairView:
     ids: IntArray
     """Points of the target that were recognised, shape [n]."""
     pixels: FloatArray
-    """Where they were seen, as measured [px], shape [n, 2]."""
+    """Observed pixels, as measured [px], shape [n, 2]."""
     sigma: FloatArray
     """Standard deviations from the picture's noise [px], shape [n]."""
     residual: FloatArray
@@ -85,7 +85,7 @@ class Pair:
     name: str
     outcome: PairOutcome
     reason: str
-    """Why it was left out, with numbers; empty if it was not."""
+    """Reason that it was left out, with numbers; empty if it was not."""
     views: tuple[PairView | None, PairView | None]
     """Of camera 0 and 1; None where the target was not recognised."""
     rotation: FloatArray | None
@@ -142,7 +142,7 @@ class Calibration:
     """Coordinates measured less numbers adjusted."""
     checks: Checks
     advice: tuple[str, ...]
-    """What the covariance says about the choice of parameters and pictures."""
+    """Advice from the covariance on the choice of parameters and pictures."""
 
     @property
     def rms(self) -> float:

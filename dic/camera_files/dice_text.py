@@ -10,12 +10,11 @@ import numpy as np
 
 from dic.arrays import FloatArray
 from dic.camera import StereoRig
-from dic.camera_files.angles import rotation_of
-from dic.camera_files.source import CameraFileError, Source, printed
+from dic.camera_files.source import CameraFileError, Source, printed, rotation_of
 
 INTRINSIC = ("cx", "cy", "fx", "fy", "fs", "k1", "k2", "k3")
 ANGLES, MATRIX = 24, 30
-"""How many numbers a file has, with angles and with a rotation matrix."""
+"""Count of numbers in a file, with angles and with a rotation matrix."""
 
 
 class DiceText:

@@ -14,8 +14,7 @@ import numpy as np
 
 from dic.arrays import FloatArray
 from dic.camera import Camera, StereoRig
-from dic.camera_files.angles import rotation_of
-from dic.camera_files.source import CameraFileError, Source, printed
+from dic.camera_files.source import CameraFileError, Source, printed, rotation_of
 from dic.camera_files.xml_text import Element, parse
 
 MARK = "DICe_xml_camera_system_file"

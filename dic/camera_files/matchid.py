@@ -10,8 +10,7 @@ import re
 import numpy as np
 
 from dic.camera import StereoRig
-from dic.camera_files.angles import angles_of, rotation_of
-from dic.camera_files.source import CameraFileError, Source, printed
+from dic.camera_files.source import CameraFileError, Source, angles_of, printed, rotation_of
 
 NUMBERS = ("Fx", "Fy", "Fs", "Kappa 1", "Kappa 2", "Kappa 3", "P1", "P2", "Cx", "Cy")
 MUST = ("Fx", "Fy", "Cx", "Cy")

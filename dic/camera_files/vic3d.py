@@ -11,8 +11,7 @@ import re
 import numpy as np
 
 from dic.camera import Camera, StereoRig
-from dic.camera_files.angles import angles_of, rotation_of
-from dic.camera_files.source import CameraFileError, Source, printed
+from dic.camera_files.source import CameraFileError, Source, angles_of, printed, rotation_of
 from dic.camera_files.xml_text import Element, parse
 
 OPENS = re.compile(r"<calibration(?=[\s>])")

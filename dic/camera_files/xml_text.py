@@ -21,7 +21,7 @@ class Element:
     attributes: dict[str, str]
     """By name."""
     line: int
-    """Where it begins in the file, from 1."""
+    """Line in which it begins in the file, from 1."""
     text: str = ""
     """Characters before its first child."""
     children: list["Element"] = field(default_factory=list)

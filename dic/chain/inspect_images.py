@@ -29,7 +29,7 @@ class Inputs:
     rig: StereoRig
     """The cameras, for pictures with their crop."""
     settings: ChainSettings
-    """What to measure, and how."""
+    """Settings of the measurement."""
     t: FloatArray
     """Frame times [s], shape [n_frames]."""
     static: BoolArray

@@ -19,9 +19,9 @@ class ChainSettings:
     """Settings of the measurement from pictures to surfaces."""
 
     toward_flyer: str
-    """Where the flyer lies in the pictures of camera 0: a key of `DIRECTIONS`."""
+    """Direction to the flyer in the pictures of camera 0: a key of `DIRECTIONS`."""
     zero: tuple[float, float]
-    """Where the specimen ends at the transmission platen in camera 0's first picture (x, y), to a pixel
+    """End of the specimen at the transmission platen in camera 0's first picture (x, y), to a pixel
     or two [px]: the edge is then found in both cameras' pictures."""
     strip_half_width: float
     """Points within this distance of the centre plane are its outline [m]."""
@@ -41,11 +41,11 @@ class ChainSettings:
     strain_window: int = 5
     """Side of the window of points that a strain is fitted to; odd."""
     tracking: Tracking = field(default_factory=Tracking)
-    """How points are followed in time."""
+    """Settings of the tracking in time."""
     stereo: Correlation = field(default_factory=lambda: Correlation(shape=Shape.QUADRATIC))
-    """How points are matched between the cameras."""
+    """Settings of the match between the cameras."""
     device: str = "cpu"
-    """Where pictures are correlated."""
+    """Device of the correlation."""
 
     @property
     def subset(self) -> int:

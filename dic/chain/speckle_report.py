@@ -26,7 +26,7 @@ class Speckles:
     picture: FloatArray
     """Mean of the static pictures [grey], shape [rows, columns]."""
     quality: SpeckleQuality
-    """What was found of them."""
+    """Their quality."""
 
 
 def speckles(

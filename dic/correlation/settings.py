@@ -87,7 +87,7 @@ class Templates:
     known: NDArray[np.int32]
     """1 where the others hold something, shape [n]."""
     settings: Correlation
-    """What they are for."""
+    """Settings that they are for."""
     bound: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
     """The arrays as a device names them; named anew in every call they would cost as much as some points."""
 

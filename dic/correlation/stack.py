@@ -45,11 +45,11 @@ class PictureStack:
     prefilter: float
     """Standard deviation of the Gaussian that the pictures were smoothed with [px]."""
     device: str
-    """Where the coefficients lie."""
+    """Device of the coefficients."""
     coefficients: tuple[Any, ...]
     """Of the quintic B-splines, fp32, with mirrored margins; arrays of the device."""
     addresses: Any
-    """Where each picture's lie on the device, an array of it."""
+    """Start of each picture's on the device, an array of it."""
 
     @property
     def memory(self) -> int:

@@ -31,7 +31,7 @@ _BITMAP = struct.Struct("<IiiHHIIiiII")
 _NUMBER = struct.Struct("<I")
 _TIMES_BLOCK = 1002
 _MARK, _RATE, _CFA, _REAL_BITS = 140, 768, 808, 896
-"""Where the fields of SETUP lie that are read [bytes]."""
+"""Offsets of the fields of SETUP that are read [bytes]."""
 _LARGEST_HEADER = 2**30
 _PACKED = {256: 10, 1024: 12}
 """Values of biCompression for packed pictures, and their bits: P10 and P12L."""
@@ -47,13 +47,13 @@ class CinePictures:
     bits: int
     times: NDArray[np.float64] | None
     table: int
-    """Where the table of picture positions lies [bytes]."""
+    """Offset of the table of picture positions [bytes]."""
     entry: int
     """Size of one position in that table [bytes]: 4 or 8."""
     stored: int
     """Bits of a grey value in the file: 8, 16, or 10 and 12 packed."""
     bottom_up: bool
-    """Whether the bottom row is stored first."""
+    """True if the bottom row is stored first."""
     crop_offset: tuple[float, float] = (0.0, 0.0)
 
     def frame(self, index: int) -> Grey:

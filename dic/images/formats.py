@@ -14,15 +14,15 @@ class Format:
     """A picture file format."""
 
     name: str
-    """What users call it."""
+    """Name for users."""
     sniff: Callable[[Path, bytes], bool]
-    """Whether a file, given with its first `SNIFFED` bytes, is of this format."""
+    """True if a file, given with its first `SNIFFED` bytes, is of this format."""
     read: Callable[[Path], Pictures]
     """Opens it."""
 
 
 SNIFFED = 512
-"""How many bytes at the start of a file are looked at."""
+"""Bytes at the start of a file that `sniff` gets."""
 
 FORMATS = (
     Format("TIFF", tiff.sniff, tiff.read),

@@ -23,7 +23,7 @@ from dic.images.series import Grey, PictureError, checked_bits, checked_frame, c
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG_END_WITHIN = 65_536
-"""How far from its end a JPEG's end mark may lie: cameras append notes [bytes]."""
+"""Largest distance of a JPEG's end mark from its end: cameras append notes [bytes]."""
 
 
 def missing_end(data: bytes) -> str:

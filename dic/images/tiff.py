@@ -47,9 +47,9 @@ class TiffPictures:
     shape: tuple[int, int]
     bits: int
     offsets: tuple[int, ...]
-    """Where the headers of the pages lie in the file [bytes]."""
+    """Offsets of the pages' headers in the file [bytes]."""
     stack: tuple[int, str] | None = None
-    """Where the grey values of all pages lie [bytes] and their type, if only the first header is there."""
+    """Offset of the grey values of all pages [bytes] and their type, if only the first header is there."""
     crop_offset: tuple[float, float] = (0.0, 0.0)
     times: NDArray[np.float64] | None = None
 

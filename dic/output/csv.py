@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.arrays import FloatArray
-from dic.cells import text_cell
-from dic.files import replacing
+from dic.files import replacing, text_cell
 from dic.outcome import PointOutcome
 from dic.result import Body
 

@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from dic.cells import text_cell
+from dic.files import text_cell
 from dic.result import StereoResult
 
 NOT_STATED = "not stated"
 STATED = ("camera", "lens", "aperture", "exposure", "lighting", "pattern")
-"""What no file says and a person may state in words."""
+"""Facts that no file holds and a person may state in words."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Row:
     part: str
     """"hardware", "pattern", "analysis" or "noise floor"."""
     name: str
-    """What is reported."""
+    """Name of the quantity."""
     value: str
     """Number with unit, words, or `NOT_STATED`."""
 
@@ -194,7 +194,7 @@ def _noise(result: StereoResult) -> list[Row]:
 
 
 def as_csv(rows: tuple[Row, ...]) -> str:
-    """The table as CSV; text that begins as a formula is guarded, see `dic.cells.text_cell`."""
+    """The table as CSV; text that begins as a formula is guarded, see `dic.files.text_cell`."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["part", "quantity", "value"])

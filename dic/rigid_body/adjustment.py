@@ -33,9 +33,9 @@ class Observations:
     W: FloatArray
     """Inverse covariances [1/m²], shape [n_frames, n_points, 3, 3]; zero where not valid."""
     valid: BoolArray
-    """Which observations are used, shape [n_frames, n_points]."""
+    """Observations that are used, shape [n_frames, n_points]."""
     single: BoolArray
-    """Which are a single camera's: W knows nothing along its ray, shape [n_frames, n_points]."""
+    """Those of a single camera: W knows nothing along its ray, shape [n_frames, n_points]."""
     factor: FloatArray
     """Variance factors for overlap [-], shape [n_frames, n_points]."""
 

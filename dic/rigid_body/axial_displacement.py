@@ -304,7 +304,7 @@ class _ObservedPoints:
     places: FloatArray
     """Their places on the body [m], shape [n, 3]."""
     pixels: FloatArray
-    """Where they were seen [px], shape [n, 2]."""
+    """Observed pixels [px], shape [n, 2]."""
     covariance: FloatArray
     """Of the pixels [px²], shape [n, 2, 2]."""
 

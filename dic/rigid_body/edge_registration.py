@@ -69,8 +69,8 @@ class EdgeView:
     x: IntArray
     """Pixels of the edge strip (x, y), shape [n, 2]."""
     X: FloatArray
-    """Where their rays meet the body's cylinder, in the test frame, shape [n, 3]; those that miss it are
-    left out."""
+    """Intersections of their rays with the body's cylinder, in the test frame, shape [n, 3]; those that miss
+    it are left out."""
     row: IntArray
     """Their rows, counted from the border that the body comes in by, shape [n]."""
 

@@ -26,7 +26,7 @@ class RigidMotion:
     """Of a small rotation after R about the three axes [rad] and of the translation [m], shape [6, 6];
     `noise_scale` is in it."""
     used: BoolArray
-    """Which points the motion rests on; the others lie too far off, shape [n]."""
+    """Points the motion rests on; the others lie too far off, shape [n]."""
     chi2_per_dof: float
     """Sum of squared residuals in their declared sigmas over the degrees of freedom [-]."""
     noise_scale: float

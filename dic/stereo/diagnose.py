@@ -38,9 +38,9 @@ class Finding:
     fault: Fault
     """Its name."""
     what: str
-    """What was found, with numbers."""
+    """Description with numbers."""
     cure: str
-    """What to do about it."""
+    """Cure for a user."""
     before: float
     """Epipolar distances as they are: median magnitude; for OUT_OF_STEP the scatter [px]."""
     after: float

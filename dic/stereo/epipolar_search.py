@@ -21,7 +21,7 @@ from dic.stereo.triangulation import midpoint
 KNOTS = 65
 """Places a curve is followed through before it is divided into equal steps."""
 NARROWINGS = 3
-"""How often the piece of a curve that lies in the picture is cut out anew, a few dozen times finer each."""
+"""Times that the piece of a curve that lies in the picture is cut out anew, a few dozen times finer each."""
 
 
 def curve_distances(

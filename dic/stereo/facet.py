@@ -99,7 +99,7 @@ class FacetFit(NamedTuple):
     incidence: tuple[FloatArray, FloatArray]
     """Angles between the normal and the rays of the two cameras [rad], each of shape [...]."""
     across: FloatArray
-    """What no facet can explain: the part of the gradient across the epipolar line that is wrong [-],
+    """Misfit that no facet can explain: the part of the gradient across the epipolar line that is wrong [-],
     shape [...]."""
 
 

@@ -30,8 +30,8 @@ HYPOTHESES = {
     "camera 1": np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
     "both cameras": np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [0.0, 1.0]]),
 }
-"""Where the offset may be wrong: (x0, y0, x1, y1) per (dx, dy). One of camera 0 alone is, for the epipolar
-distances, the opposite one of camera 1."""
+"""Pixels that a wrong offset shifts: (x0, y0, x1, y1) per (dx, dy). One of camera 0 alone is, for the
+epipolar distances, the opposite one of camera 1."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Offset:
     where: str
     """A key of `HYPOTHESES`."""
     value: FloatArray
-    """What has to be added to the crop offset (x, y), whole pixels [px]; 0 where not determined."""
+    """Shift to be added to the crop offset (x, y), whole pixels [px]; 0 where not determined."""
     sigma: FloatArray
     """Standard deviation of each component, from the scatter that is left [px]; infinite if held at 0."""
     before: float

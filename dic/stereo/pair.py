@@ -42,9 +42,9 @@ class Pair:
     settings: Correlation
     """Of the match."""
     search: StereoSearch
-    """Where first guesses are looked for."""
+    """Search for initial guesses."""
     gates: StereoGates
-    """What a match must pass."""
+    """Gates of a match."""
 
     @property
     def places(self) -> FloatArray:

@@ -35,7 +35,7 @@ class Reconstruction:
     """Distance of camera 1's point from the epipolar line of camera 0's, signed [px],
     shape [n_frames, n_points]."""
     pixels: tuple[FloatArray, FloatArray]
-    """Where the two cameras see the points [px], each of shape [n_frames, n_points, 2]."""
+    """Pixels of the points in the two cameras [px], each of shape [n_frames, n_points, 2]."""
     outcome: IntArray
     """`dic.PointOutcome`, shape [n_frames, n_points]."""
 

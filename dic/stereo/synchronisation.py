@@ -39,7 +39,7 @@ class Synchronisation:
     motion: float
     """Root mean square motion across the epipolar lines, each point's mean taken out [px/frame]."""
     late: float
-    """How late camera 1 is, parts of a frame included [frames]; NaN if it cannot be told."""
+    """Delay of camera 1, parts of a frame included [frames]; NaN if it cannot be told."""
     late_sigma: float
     """Standard deviation of `late` over the frames [frames]; NaN if it cannot be told."""
 

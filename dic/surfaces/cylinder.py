@@ -44,7 +44,7 @@ class Cylinder:
     residual: FloatArray
     """Distance of every point from the surface, outward positive [m], shape [n]."""
     used: BoolArray
-    """Which points the fit rests on; the others lie too far off, shape [n]."""
+    """Points the fit rests on; the others lie too far off, shape [n]."""
     chi2_per_dof: float
     """Sum of squared residuals in their declared sigmas over the degrees of freedom [-]."""
     noise_scale: float

@@ -31,7 +31,7 @@ class NoiseFloor:
     common: FloatArray
     """Standard deviation through the frames of the mean of all points: motion of the cameras or the bench."""
     sigma: FloatArray
-    """What the matches predict: root mean square of `SurfaceHistory.sigma`."""
+    """Prediction of the matches: root mean square of `SurfaceHistory.sigma`."""
 
     @property
     def ratio(self) -> FloatArray:

@@ -111,7 +111,7 @@ class CentrePoints:
     sigma: FloatArray
     """Standard deviation of Z [m], shape [n]."""
     left_out: Mapping[PointOutcome, int]
-    """How many points of the strip were left out, over all frames, by outcome (no entry: none)."""
+    """Number of points of the strip left out, over all frames, by outcome (no entry: none)."""
 
 
 def centre_line(

@@ -40,7 +40,7 @@ class Axisymmetry:
     rms: FloatArray
     """Root mean square of `residual` over the bins [m], shape [n_frames]."""
     expected: FloatArray
-    """What noise alone makes of `rms` [m], shape [n_frames]."""
+    """Value of `rms` from noise alone [m], shape [n_frames]."""
     outcome: IntArray
     """`dic.FrameOutcome`, LOST where there are too few points, shape [n_frames]."""
 

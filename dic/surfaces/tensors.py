@@ -28,7 +28,7 @@ class StrainHistory:
     t: FloatArray
     """Frame times on the shot's clock [s], shape [n_frames]."""
     F: FloatArray
-    """Where the tangent vectors at rest go: columns around and along [-], in the test frame's
+    """Images of the tangent vectors at rest: columns around and along [-], in the test frame's
     components, shape [n_frames, n_points, 3, 2]."""
     basis: FloatArray
     """Unit tangent vectors at rest, columns around (with x) and along (with y), same shape."""

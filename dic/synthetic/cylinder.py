@@ -24,9 +24,9 @@ class RenderedCylinder:
     radius: float
     """Radius [m]."""
     x: float = 0.0
-    """Where the axis lies, x [m]."""
+    """Place of the axis, x [m]."""
     z: float = 0.0
-    """Where the axis lies, z [m]."""
+    """Place of the axis, z [m]."""
 
     def hit(self, camera: Camera, pixels: FloatArray) -> FloatArray:
         """Points of the cylinder that a camera sees at `pixels` [px] [m], shape [..., 3]; NaN beside it."""

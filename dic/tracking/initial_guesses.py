@@ -30,7 +30,7 @@ class Predictor:
         self.warp = np.zeros((3, n, 12))
         """Warps in those frames, shape [3, n, 12]."""
         self.known = np.zeros(n, dtype=np.int64)
-        """How many of them are filled, shape [n]."""
+        """Number of them that are filled, shape [n]."""
         self.order = [0] * len(PARTS)
         """Order in use for each of `PARTS`."""
         self._foretold: dict[int, FloatArray] = {}

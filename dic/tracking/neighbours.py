@@ -23,7 +23,7 @@ class Neighbours:
     step: FloatArray
     """From the neighbours to the point [px], shape [n, k, 2]."""
     there: BoolArray
-    """Whether there is such a neighbour, shape [n, k]."""
+    """True where there is such a neighbour, shape [n, k]."""
 
     @classmethod
     def of(cls, points: FloatArray) -> "Neighbours":

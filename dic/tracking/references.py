@@ -67,7 +67,7 @@ class Template:
     before: FloatArray
     """Covariance that the chain of references carries [px²], shape [m, 2, 2]."""
     root: BoolArray
-    """Whether the reference is the root of its chain, shape [m]."""
+    """True if the reference is the root of its chain, shape [m]."""
     subset: IntArray
     """Side of the subset in the material picture [px], shape [m]."""
     variance: FloatArray
@@ -88,7 +88,7 @@ class References:
 
     def __init__(self, n: int, templates: Templates | None = None) -> None:
         self.templates = templates
-        """What the points look like in their current references, if it is kept."""
+        """Templates of the points in their current references, if they are kept."""
         self.level = np.zeros(n, dtype=np.int64)
         """Place of the current reference in the chain, 0 the root, shape [n]."""
         self._chain = Template(

@@ -13,7 +13,7 @@ from dic.outcome import FrameOutcome, PointOutcome
 from dic.tracking import Track
 
 APART = 0.5
-"""How far a point may lie from where the body's motion puts it, beside its noise [px]."""
+"""Distance from the place that the body's motion gives it which a point is allowed beside its noise [px]."""
 SIGMAS = 6.0
 """And in standard deviations of its match [-]."""
 FEWEST = 5

@@ -16,7 +16,7 @@ class Tracking:
     """
 
     correlation: Correlation = field(default_factory=Correlation)
-    """How one subset is matched."""
+    """Settings of the match of one subset."""
     update_stretch: float = 1.5
     """A point whose subset has been stretched or flattened by this factor since its reference takes the
     picture at hand as the new one; above 1."""
@@ -28,8 +28,8 @@ class Tracking:
     return_every: int = 5
     """Frames between attempts to go back to an earlier reference that fits again; 0: never."""
     search: int = 24
-    """How far around its guess a point is searched for by cross-correlation when all else fails, half the
-    width of the search window [px]; 0: no search."""
+    """Range about its guess in which a point is searched for by cross-correlation when all else fails, half
+    the width of the search window [px]; 0: no search."""
     neighbour_gate: float = 1.0
     """A point lies within this distance of where at least two of its neighbours put it [px]."""
     least_valid: float = 0.2

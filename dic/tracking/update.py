@@ -12,7 +12,7 @@ from dic.tracking.references import References, Template, gradient, principal, r
 from dic.tracking.settings import Tracking
 
 JOIN = 0.7
-"""When a point changes its reference, others that have come this far toward it (in ln stretch) join: fewer
+"""Points that have come this far toward a change of reference (in ln stretch) join one that changes: fewer
 pictures are kept and the neighbours keep a common reference."""
 QUORUM = 0.02
 """References change when this share of the points found asks for it ..."""

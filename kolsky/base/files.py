@@ -8,11 +8,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from dic.cells import text_cell
-from dic.files import replacing
+from dic.files import replacing, text_cell
 from kolsky.base.errors import InputError
 
-__all__ = ["filling", "replacing", "usable_folder", "write_table"]
+__all__ = ["filling", "usable_folder", "write_table"]
 
 CURE = "give another place with --out FOLDER"
 
@@ -20,7 +19,7 @@ CURE = "give another place with --out FOLDER"
 def write_table(path: Path, columns: Mapping[str, Iterable[Any]]) -> Path:
     """Write named columns of equal length, floats with 9 significant digits; returns the path.
 
-    Text that a spreadsheet would take for a formula gets a leading apostrophe; see `dic.cells.text_cell`.
+    Text that a spreadsheet would take for a formula gets a leading apostrophe; see `dic.files.text_cell`.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import h5py
 import numpy as np
@@ -21,7 +21,7 @@ from kolsky.base.errors import InputError
 
 STORED = {"f": "<f8", "i": "<i8", "b": "|b1", "u": "|u1"}
 """Kind of a dataset -> its type in the file: float64, int64, bool, small unsigned integer."""
-OpenGroup = h5py.Group
+OpenGroup: TypeAlias = h5py.Group
 """A group of an open file."""
 COMPRESSED_FROM = 4096
 """Values of a dataset from which on it is compressed."""
@@ -81,7 +81,7 @@ class Place:
         return replace(self.at(path), sizes=dict(self.sizes))
 
     def exists(self) -> bool:
-        """Whether anything, be it a link, has this name."""
+        """True if anything, be it a link, has this name."""
         return opened(self.parent, h5py.Group).get(self.name, getlink=True) is not None
 
 
@@ -201,7 +201,9 @@ def put_text(parent: OpenGroup, name: str, value: str | Iterable[str], *, escape
 
 
 def shape_problem(shape: tuple[int, ...], dimensions: str, sizes: dict[str, int]) -> str:
-    """What is wrong with a shape, "" if nothing; new named dimensions are added to `sizes`.
+    """Compare a shape with named dimensions; say what is wrong, "" if nothing.
+
+    New named dimensions are added to `sizes`.
 
     Parameters
     ----------

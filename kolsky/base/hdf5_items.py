@@ -74,7 +74,7 @@ class Values(Item):
     dims: str = ""
     """Names of the dimensions, "" for a scalar."""
     as_tuple: bool = field(default=False, kw_only=True)
-    """Whether the field is a tuple of numbers, not an array."""
+    """True if the field is a tuple of numbers, not an array."""
     attributes: Mapping[str, Any] = field(default_factory=dict, kw_only=True)
     """Further attributes of the dataset."""
 

@@ -10,6 +10,13 @@ import numpy as np
 
 
 def jsonable(value: Any, where: str) -> Any:
+    """A value as JSON types: arrays and tuples as lists, enums as text, numbers that are not finite as null.
+
+    Raises
+    ------
+    TypeError
+        If something in it has no such form; the message names its place, starting from `where`.
+    """
     if isinstance(value, Enum):
         return value.value if isinstance(value.value, str) else value.name
     if isinstance(value, np.ndarray | np.generic):

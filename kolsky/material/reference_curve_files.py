@@ -26,7 +26,7 @@ MODE = "mode"
 
 
 def read_uniaxial_test(
-    path: Path,
+    path: str | Path,
     columns: Mapping[str, str],
     *,
     convention: str,
@@ -59,6 +59,7 @@ def read_uniaxial_test(
     InputError
         If the file cannot be read, or its columns are no such test.
     """
+    path = Path(path)
     values, digest = read_columns(
         path,
         {what: (column, COLUMNS[what]) for what, column in columns.items()},

@@ -11,7 +11,7 @@ import matplotlib
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from kolsky.base.files import replacing
+from dic.files import replacing
 from kolsky.inverse.result import Identification
 from kolsky.report.display_units import in_display_units
 from kolsky.report.figure_data import write_data

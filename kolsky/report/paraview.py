@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.files import replacing
 from dic.result import Body
 from explicit import Response
-from kolsky.base.files import replacing
 
 VTK_QUAD = 9
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from dic.calibration import Calibration
-from dic.cells import text_cell
+from dic.files import text_cell
 
 
 def to_json(found: Calibration) -> dict[str, Any]:

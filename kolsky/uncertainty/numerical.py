@@ -31,12 +31,11 @@ def mesh_uncertainty(shift: FloatArray, *, coarse: int, fine: int) -> FloatArray
     ndarray
         In the parameters' units, shape [d].
     """
-    remaining = np.abs(shift) / ((fine / coarse) ** ORDER - 1.0)
-    return np.asarray(SAFETY_FACTOR / ONE_SIDED * remaining)
+    return np.asarray(SAFETY_FACTOR / ONE_SIDED * np.abs(shift) / ((fine / coarse) ** ORDER - 1.0))
 
 
 def element_uncertainty(shift: FloatArray) -> FloatArray:
-    """Standard uncertainty from the element: of the optimum with the other one minus the answer, shape [d]."""
+    """Standard uncertainty from the element, of the optimum with the other one minus the answer, [d]."""
     return np.asarray(np.abs(shift) / EITHER_SIDE)
 
 

@@ -7,7 +7,9 @@ RESULTS = "tests/unit/results/test_results.py"
 UNTRUSTED = (f"{RESULTS}::test_untrusted_file_is_refused_in_one_line",)
 JSON = (f"{RESULTS}::test_json_has_the_agreed_keys",)
 ENDS = (f"{RESULTS}::test_ends_of_runs_as_columns",)
-COMBINED = ("tests/unit/results/test_knowledge_files.py::test_combined_uncertainty_holds_the_declared_part",)
+COMBINED = (
+    "tests/unit/results/test_uncertainty_files.py::test_combined_uncertainty_holds_the_declared_part",
+)
 OLD = ("tests/unit/results/test_old_files.py",)
 REDUCTION = ("tests/unit/bars/test_reduction_files.py",)
 STUDIES = ("tests/unit/studies/test_output_files.py",)

@@ -18,9 +18,9 @@ class Detection:
     """Points of a target in one picture."""
 
     ids: IntArray
-    """Which of the target's points, shape [n]."""
+    """Numbers of the target's points, shape [n]."""
     pixels: FloatArray
-    """Where they are seen [px], shape [n, 2]."""
+    """Observed pixels [px], shape [n, 2]."""
     sigma: FloatArray
     """Standard deviation of a coordinate from the picture's noise [px], shape [n]."""
 

@@ -226,7 +226,7 @@ def summary(result: ReducedTest) -> Mapping[str, Any]:
 
 
 def _own(result: ReducedTest) -> dict[str, Any]:
-    """What only one kind of test has."""
+    """Entries that only one kind of test has."""
     if isinstance(result, WavesResult):
         names = ("incident", "reflected", "transmitted")
         spans = {name: list(getattr(result.windows, name)) for name in names}

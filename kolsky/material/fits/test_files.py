@@ -37,7 +37,7 @@ class Columns:
 
 
 def read_homogeneous_test(
-    path: Path, columns: Columns, *, mode: Mode = Mode.UNIAXIAL
+    path: str | Path, columns: Columns, *, mode: Mode = Mode.UNIAXIAL
 ) -> tuple[HomogeneousTest, str]:
     """Read a homogeneous test, positive in tension, and the SHA-256 of its file.
 
@@ -55,6 +55,7 @@ def read_homogeneous_test(
     InputError
         If the file cannot be read, or its columns are no test of this mode.
     """
+    path = Path(path)
     table = homogeneous.read(
         path,
         deformation=columns.stretch or columns.strain,

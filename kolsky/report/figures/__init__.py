@@ -105,6 +105,7 @@ MODULI = by_name([rate_curves.MODULI])
 
 SHOWN_BY: dict[str, Registry] = {
     "dic.calibration.result.Calibration": CALIBRATION,
+    "dic.chain.speckle_report.Speckles": SPECKLES,
     "kolsky.bars.guides.bars_together.BarsTogether": BARS_TOGETHER,
     "kolsky.bars.reduction.repeated_tests.RepeatedTests": REPEATS,
     "kolsky.bars.result.FlyerResult": FLYER_TESTS,

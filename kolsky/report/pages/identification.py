@@ -24,7 +24,7 @@ from kolsky.report.pages.identification_tables import (
     with_subscripts,
 )
 from kolsky.report.pages.rendering import draw_figures, environment, render_page, write_html
-from kolsky.report.pages.uncertainty import changes, choices, known
+from kolsky.report.pages.uncertainty import changes, choices, likelihood_tables
 from kolsky.shot.recorded import Recorded
 
 _TESTED = ("specimen", "interface", "declared_interface", "support", "window_s")
@@ -83,7 +83,7 @@ def render(identification: Identification, recordings: Recorded | None = None, *
         runs=runs(result),
         U={name: 2.0 * estimate.sigma for name, estimate in result.estimates.items()},
         quality=quality(result),
-        known=known(result),
+        tables=likelihood_tables(result),
         changes=changes(result),
         choices=choices(result),
         recordings=flattened({"recordings": provenance.get("recordings", {})}),

@@ -9,7 +9,7 @@ from unicodedata import category
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from kolsky.base.files import replacing
+from dic.files import replacing
 from kolsky.base.process import infrequent_gc
 from kolsky.report.canvas import inline_svg
 from kolsky.report.figures import FigureKind

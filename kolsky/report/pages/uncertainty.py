@@ -33,7 +33,7 @@ PLAIN = tuple(name for name, p in PARAMETERS.items() if p.uncertainty and p.unit
 OPEN = "open"
 
 
-def known(result: Identification) -> dict[str, Any]:
+def likelihood_tables(result: Identification) -> dict[str, Any]:
     """Return the tables of profile likelihood, posterior and declared uncertainties, from display units."""
     return {
         "verdicts": [_verdict(result, profile) for profile in result.profiles],
@@ -76,10 +76,10 @@ def _posterior(result: Identification) -> list[tuple[str, str]]:
 
 def _declared(result: Identification, part: Declaration) -> dict[str, Any]:
     factor, unit = FACTORS.get(part.unit, (1.0, "") if part.key in PLAIN else (100.0, "%"))
-    known = np.isfinite(part.sigma)
+    declared = np.isfinite(part.sigma)
     return {
         "words": INPUTS.get(part.key, part.key),
-        "sigma": f"{numbers.plain(factor * part.sigma, 3)} {unit}".rstrip() if known else numbers.NOTHING,
+        "sigma": f"{numbers.plain(factor * part.sigma, 3)} {unit}".rstrip() if declared else numbers.NOTHING,
         "shifts": [
             numbers.plain(part.shifts[name], 2) if name in part.shifts else numbers.NOTHING
             for name in result.estimates

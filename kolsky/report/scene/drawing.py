@@ -129,12 +129,12 @@ def _fill(plotter: Any, pyvista: Any, scene: Scene, k: int, bar: bool) -> None:
     )
     for platen in _platens(pyvista, radius, scene.nodes[k][scene.mesh.upper_face, 1].mean()):
         plotter.add_mesh(platen, color=STEEL, opacity=0.5, smooth_shading=True, split_sharp_edges=True)
-    y, Z = scene.outline(k)
+    y, Z = scene.outline_at(k)
     if y.size > 1:
         shift = np.array([-ASIDE * radius, 0.0, 0.0])
         beside = revolved(pyvista, np.column_stack([Z, y]), np.linspace(0.0, 2.0 * np.pi, 2 * TURNS - 1))
         plotter.add_mesh(beside.translate(shift), color=MEASURED, smooth_shading=True, ambient=0.3)
-        dots = _lifted(scene.points(k), 0.004 * radius)
+        dots = _lifted(scene.points_at(k), 0.004 * radius)
         plotter.add_points(dots, color=POINT, point_size=5.0, render_points_as_spheres=True)
         plotter.add_points(dots + shift, color=POINT, point_size=5.0, render_points_as_spheres=True)
     if bar:

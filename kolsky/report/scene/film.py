@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.base.files import replacing
+from dic.files import replacing
 from kolsky.report.scene.drawing import picture
 from kolsky.report.scene.scene_data import Scene
 

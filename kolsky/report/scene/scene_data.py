@@ -57,7 +57,7 @@ class Scene:
     """Name in `kolsky.report.scene.fields.FIELDS`."""
     limits: tuple[float, float]
     """Field values at the ends of the colour scale."""
-    centre_line: CentreLine
+    measured_outline: CentreLine
     """Measured outline; empty if none was measured."""
     surface: SurfaceHistory | None = None
     """Measured points of the whole visible surface, if known."""
@@ -67,22 +67,22 @@ class Scene:
         rows = np.asarray(shown)
         return replace(self, times=self.times[rows], nodes=self.nodes[rows], values=self.values[rows])
 
-    def outline(self, k: int) -> tuple[FloatArray, FloatArray]:
+    def outline_at(self, k: int) -> tuple[FloatArray, FloatArray]:
         """Measured heights and radii [m] in the frame nearest to the time of picture k; empty if none."""
-        line = self.centre_line
+        line = self.measured_outline
         if not line.time.size:
             return np.zeros(0), np.zeros(0)
         near = line.time == line.time[np.argmin(np.abs(line.time - self.times[k]))]
         order = np.argsort(line.y[near])
         return line.y[near][order], line.Z[near][order]
 
-    def points(self, k: int) -> FloatArray:
+    def points_at(self, k: int) -> FloatArray:
         """Measured points (x, y, Z) [m] nearest in time to picture k, shape [n, 3].
 
         Those of the whole surface if it is known, else of the outline at x = 0.
         """
         if self.surface is None:
-            y, Z = self.outline(k)
+            y, Z = self.outline_at(k)
             return np.column_stack([np.zeros(y.size), y, Z])
         frame = int(np.argmin(np.abs(self.surface.t - self.times[k])))
         return self.surface.position[frame, self.surface.valid[frame]]
@@ -138,7 +138,7 @@ def scene_of(
         values=_at_nodes(mesh, elements),
         field=field,
         limits=(float(low), float(high) if high > low else float(low) + 1.0),
-        centre_line=result.comparison.centre_line,
+        measured_outline=result.comparison.centre_line,
         surface=surface,
     )
 

@@ -145,7 +145,7 @@ def write_hdf5(path: Path, plan: Plan) -> Path:
 
 
 def rows(plan: Plan) -> Mapping[str, Any]:
-    """What the command prints: a name and a value each, SI but for times, heights and percentages."""
+    """Lines for a terminal: a name and a value each, SI but for times, heights and percentages."""
     names, slopes, whole = plan.names, plan.information.sensitivity, plan.expected["all"]
     shown: dict[str, Any] = {"shot": plan.shot}
     for j, name in enumerate(names):

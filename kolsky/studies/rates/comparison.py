@@ -6,11 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from kolsky.base.arrays import FloatArray
-from kolsky.studies.rates.equal_strain import equal_strain
+from kolsky.studies.rates.at_strain import Baselines, equal_strain, stiffness_at
 from kolsky.studies.rates.pooled import FEWEST, Pooled, pool
 from kolsky.studies.rates.records import GroupRates, LongLever, RatedShot, RateReport, StiffnessAtStrain
 from kolsky.studies.rates.regression import slope
-from kolsky.studies.rates.stiffness import Baselines, stiffness_at
 
 STRAINS = (0.1, 0.3, 0.5)
 """Nominal compressive strains at which shots are compared unless others are asked for."""

@@ -67,10 +67,10 @@ def routes(result: Identification) -> Iterator[str]:
             near = 1e-4 * (high - low) if np.isfinite(high - low) else 0.0
             edge = any(min(x - low, high - x) <= near for x in (a, b))
             yield (
-                f"force and outline disagree about {name}: {a:.5g} by the force alone, {b:.5g} by the outline "
-                f"alone, further apart than the k = 2 uncertainty of their difference, {both:.2g}{_unit(e)}"
-                f"{' (and one of them at the edge of the box that was searched)' if edge else ''}; the joint "
-                "value is a compromise between them"
+                f"force and outline disagree about {name}: {a:.5g} by the force alone, {b:.5g} by the "
+                f"outline alone, further apart than the k = 2 uncertainty of their difference, {both:.2g}"
+                f"{_unit(e)}{' (and one of them at the edge of the box that was searched)' if edge else ''}; "
+                "the joint value is a compromise between them"
             )
 
 

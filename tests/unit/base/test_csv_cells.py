@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from ratedshots import rated
 
-from dic.cells import text_cell
+from dic.files import text_cell
 from dic.output.csv import write_history
 from dic.output.reporting import Row, as_csv
 from kolsky.base.files import write_table

@@ -10,7 +10,7 @@ from camera_texts import DICE, MATCHID, OPENCORR, TEXT, VIC3D
 
 from dic import Camera, StereoRig
 from dic.camera_files import FORMATS, CameraFileError, read_rig, write_rig
-from dic.camera_files.angles import angles_of, rotation_of
+from dic.camera_files.source import angles_of, rotation_of
 
 
 def rig(**changes: object) -> StereoRig:

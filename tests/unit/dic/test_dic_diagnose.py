@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dic import Camera, StereoRig
-from dic.camera_files.angles import rotation_of
+from dic.camera_files.source import rotation_of
 from dic.stereo.diagnose import Fault, diagnose
 from dic.stereo.synchronisation import synchronisation
 from dic.stereo.systematic import perturbed

@@ -1,6 +1,9 @@
 """A made-up parameter is one entry of `PARAMETERS`: free, held, swept, planned, written, shown."""
 
+import subprocess
+import sys
 from dataclasses import replace
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
@@ -125,6 +128,28 @@ def test_pages_and_refusals_write_it_as_its_record_says() -> None:
         parameter("hardening")
     with pytest.raises(ValueError, match=r"softening = 1 is not allowed; it must be in \[0, 0.9\]"):
         checked_value("softening", 1.0)
+
+
+def test_the_nomenclature_and_the_help_list_it() -> None:
+    spec = spec_from_file_location("made_tables", OPEN_01.parents[1] / "docs" / "_ext" / "made_tables.py")
+    assert spec is not None
+    assert spec.loader is not None
+    tables = module_from_spec(spec)
+    spec.loader.exec_module(tables)
+    rows = tables.parameters("kolsky").splitlines()
+    assert rows[0] == "| $m$ | `stiffness_factor` | 1 | stiffness factor, dynamic over quasi-static modulus |"
+    assert rows[-1] == "| $s$ | `softening` | 1 | softening of the specimen |"
+    page = ["| a | b |\n<!-- parameters kolsky -->\nend"]
+    tables.fill(None, "nomenclature", page)
+    assert page[0].splitlines()[-2:] == [rows[-1], "end"]
+    # A command's texts are made when its module is loaded: in a process of its own.
+    code = (
+        "from dataclasses import replace\nfrom kolsky.inverse.parameters import PARAMETERS as P\n"
+        "P['softening'] = replace(P['damping'], name='softening')\n"
+        "from kolsky.cli import main\nimport sys\nsys.argv = ['kolsky', 'identify', '--help']\nmain()"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "softening" in said.stdout
 
 
 def test_what_a_contact_law_must_read(monkeypatch: pytest.MonkeyPatch) -> None:

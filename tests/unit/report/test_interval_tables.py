@@ -16,7 +16,7 @@ from kolsky.report.figures.base import weighted_chi2
 from kolsky.report.pages.calibration import summary
 from kolsky.report.pages.identification_tables import answer, check_run
 from kolsky.report.pages.rate_tables import mean_and_scatter
-from kolsky.report.pages.uncertainty import changes, choices, known, parts
+from kolsky.report.pages.uncertainty import changes, choices, likelihood_tables, parts
 from kolsky.report.pages.waves import answers, quantity
 from kolsky.report.printed import answer as printed_answer
 
@@ -28,12 +28,12 @@ NOISE = {"force and shape": 3.0, "flyer motion": 4.0}
 
 def estimate(**changed: Any) -> Estimate:
     """An estimate of 100 with u = sqrt(5² + 12²) = 13."""
-    known: dict[str, Any] = {
+    fields: dict[str, Any] = {
         "name": "stiffness_factor", "unit": "1", "value": 100.0, "sigma_noise": 5.0, "sigma_numerical": 12.0,
         "mesh_shift": -7.0, "noise_parts": NOISE, "numerical_parts": {"mesh": 12.0},
         "outcome": Verdict.IDENTIFIED,
     }  # fmt: skip
-    return Estimate(**known | changed)
+    return Estimate(**fields | changed)
 
 
 def of(e: Estimate, **changed: Any) -> Identification:
@@ -164,7 +164,7 @@ def test_shifts_of_other_choices_are_other_minus_taken() -> None:
 
 def test_intervals_are_rounded_by_their_width_and_may_be_open() -> None:
     made = replace(MADE, profiles=(replace(profile(0.05, 0.02), alone=(np.nan, 1.02)),))
-    (row,) = known(made)["verdicts"]
+    (row,) = likelihood_tables(made)["verdicts"]
     # distances from 1.12: 0.17, 0.07, 0.10; rounded by 0.17 to hundredths
     assert row["ends"] == ["0.95", "1.05", "open", "1.02"]
 
@@ -182,7 +182,7 @@ def test_declared_uncertainties_are_shown_in_their_units(
     key: str, sigma: float, unit: str, shown: str
 ) -> None:
     declared = Declaration(key=key, sigma=sigma, unit=unit, shifts={}, status="varied")
-    (row,) = known(replace(MADE, systematic=(declared,)))["declared"]
+    (row,) = likelihood_tables(replace(MADE, systematic=(declared,)))["declared"]
     assert row["sigma"] == shown
 
 

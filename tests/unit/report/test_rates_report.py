@@ -16,10 +16,10 @@ from kolsky.inverse.uncertainty_results import Declaration
 from kolsky.report.canvas import build, save_figures
 from kolsky.report.nomenclature import shortened
 from kolsky.report.pages.rates import figures_of, render
+from kolsky.studies.rates.at_strain import Baselines
 from kolsky.studies.rates.comparison import compare
 from kolsky.studies.rates.output import summary, write_csv, write_hdf5
 from kolsky.studies.rates.records import RateReport
-from kolsky.studies.rates.stiffness import Baselines
 from kolsky.studies.rates.tables import tables
 
 EVIL = '<script>alert("x")</script> ../../x $\\alpha_{'

@@ -72,7 +72,7 @@ def test_measured_points_are_those_of_the_nearest_frame() -> None:
     time = np.unique(line.time)[2]
     k = int(np.argmin(np.abs(scene.times - time)))
     near = np.unique(line.time)[np.argmin(np.abs(np.unique(line.time) - scene.times[k]))]
-    y, Z = scene.outline(k)
+    y, Z = scene.outline_at(k)
     assert sorted(Z) == sorted(line.Z[line.time == near])
     assert np.all(np.diff(y) >= 0.0)
     outcome = np.array([[0, 1]])
@@ -80,7 +80,7 @@ def test_measured_points_are_those_of_the_nearest_frame() -> None:
         t=np.zeros(1), X=np.eye(3)[:2], u=np.zeros((1, 2, 3)), sigma=np.ones((1, 2, 3)),
         outcome=np.where(outcome == 0, int(PointOutcome.VALID), 1 + int(PointOutcome.VALID)),
     )  # fmt: skip
-    np.testing.assert_array_equal(scene_of(found, surface=surface).points(0), [[1.0, 0.0, 0.0]])
+    np.testing.assert_array_equal(scene_of(found, surface=surface).points_at(0), [[1.0, 0.0, 0.0]])
 
 
 @pytest.mark.parametrize(

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from synthetic import failed, synthetic
 
+from dic.files import replacing
 from kolsky.base.errors import InputError
-from kolsky.base.files import replacing
 from kolsky.inverse.result import Identification
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.results.summary import to_json
