@@ -1,6 +1,6 @@
 """Closed-form laws: what one offers, and how one is added.
 
-To add a law write one file in this package with
+To add a law write one file in `explicit.materials.laws` with
 
 1. a frozen dataclass derived from `explicit.materials.invariants.InvariantLaw` (the energy is a function of
    I1_bar and I2_bar) or from `explicit.materials.stretches.StretchLaw` (of the principal stretches), with one
@@ -86,6 +86,10 @@ class ClosedFormLaw:
     """The name in `explicit.materials.laws.LAWS` and in a shot file."""
     PARAMETERS: ClassVar[tuple[ParameterSpec, ...]]
     """The constants, in the order of the fields."""
+    FORMULA: ClassVar[str] = ""
+    """W as LaTeX, for the table of the laws; without it the table has the first line of the docstring."""
+    MODULUS: ClassVar[str] = ""
+    """The shear modulus at rest as LaTeX, for the same table."""
 
     def __post_init__(self) -> None:
         if not self.fitted_s > 0.0:

@@ -9,6 +9,7 @@ from tests.mutants.bars import FAULTS as BARS
 from tests.mutants.cli import FAULTS as CLI
 from tests.mutants.dic import FAULTS as DIC
 from tests.mutants.doe import FAULTS as DOE
+from tests.mutants.explicit import FAULTS as EXPLICIT
 from tests.mutants.fault import Fault
 from tests.mutants.inverse import FAULTS as INVERSE
 from tests.mutants.material import FAULTS as MATERIAL
@@ -25,6 +26,7 @@ FAULTS: tuple[Fault, ...] = (
     *CLI,
     *DIC,
     *DOE,
+    *EXPLICIT,
     *INVERSE,
     *MATERIAL,
     *RATES,

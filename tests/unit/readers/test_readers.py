@@ -135,7 +135,9 @@ def test_a_step_rounded_in_the_last_digit_is_uniform(write) -> None:
 )
 def test_last_printed_digit(write, fields: list[str], digit: float) -> None:
     table = read_table(write("t\n" + "\n".join(fields) + "\n"))
-    assert table.printed_digit(Column("t", 1e-3)) == pytest.approx(1e-3 * digit, rel=1e-12, abs=0.0)  # powers of ten
+    assert table.printed_digit(Column("t", 1e-3)) == pytest.approx(
+        1e-3 * digit, rel=1e-12, abs=0.0
+    )  # powers of ten
 
 
 def test_missing_file_folder_and_device(tmp_path: Path) -> None:
