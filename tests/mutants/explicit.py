@@ -111,7 +111,7 @@ FAULTS = (
     ),
     Fault(
         name="deviatoric viscosity halved",
-        file="explicit/elements/fbar.py",
+        file="explicit/elements/fbar_points.py",
         right="eta = two * solid.shear_viscosity * jacobian",
         wrong="eta = solid.shear_viscosity * jacobian",
         tests=(f"{FORMS}::test_deviatoric_damping_takes_two_eta_d_d",),

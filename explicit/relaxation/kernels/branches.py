@@ -62,7 +62,7 @@ def relaxation_functions(
     point = kind.point(law, precision, bound)
     relax, held = point.relax, point.held
     n_points, per_point = int(element.n_points), int(point.memory)
-    worth, place_of_rest = int(n_points * per_point), int(kind.place_of_rest)
+    worth, index_of_rest = int(n_points * per_point), int(kind.index_of_rest)
     zero = real(0.0)
 
     @wp.func
@@ -125,7 +125,7 @@ def relaxation_functions(
         fields: Fields,
         lane: int,
     ):
-        rest = branches[place_of_rest]
+        rest = branches[index_of_rest]
         lasting = Solid(solid.scale * rest, solid.bulk, solid.hourglass, zero, zero, zero, zero, zero)
         elastic, hourglass, past, most = sweep_energies(body, lasting, row, limit_s, fields, lane)
         taken = empty_sum()
