@@ -4,7 +4,8 @@ A line ``<!-- rooms -->`` of a page becomes the table of the rooms of `kolsky` (
 test of imports reads too), ``<!-- public kolsky -->`` the public names of a package, each with its first
 line, ``<!-- commands kolsky -->`` the commands of the command line,
 ``<!-- parameters kolsky -->`` rows of the parameters of a simulation, ``<!-- law KNOWLES -->`` the material
-law that the tests of the doors make up.
+law that the tests of the doors make up, ``<!-- table laws -->`` (`contact_laws`, `elements`) the members of a
+registry of the solver. Anywhere in a line, ``<!-- names laws -->`` becomes their names.
 """
 
 import ast
@@ -15,7 +16,8 @@ import tomllib
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[1]
-LINE = re.compile(r"^<!-- (rooms|public|commands|law|parameters) (\w+) -->$", re.MULTILINE)
+LINE = re.compile(r"^<!-- (rooms|public|commands|law|parameters|table) (\w+) -->$", re.MULTILINE)
+NAMES = re.compile(r"<!-- names (\w+) -->")
 
 
 def rooms(package: str) -> str:
@@ -42,6 +44,35 @@ def public(package: str) -> str:
         first = " ".join((own or "").partition("\n\n")[0].split()).replace("|", r"\|")
         lines.append(f"| {{py:{kind}}}`{package}.{name} <{home}.{name}>` | {first} |")
     return "\n".join(lines)
+
+
+def members(registry: str) -> dict:
+    """A registry of the solver."""
+    from explicit.contact import CONTACT_LAWS
+    from explicit.elements import ELEMENTS
+    from explicit.materials import LAWS
+
+    return {"laws": LAWS, "contact_laws": CONTACT_LAWS, "elements": ELEMENTS}[registry]
+
+
+def table(registry: str) -> str:
+    """The members of a registry, a row each."""
+    if registry != "laws":
+        lines = ["| name | what it is |", "| --- | --- |"]
+        return "\n".join(
+            lines + [f"| `{name}` | {_first_line(type(item))} |" for name, item in members(registry).items()]
+        )
+    lines = [r"| name | $W$ | constants | $\mu_0$ |", "| --- | --- | --- | --- |"]
+    for name, law in members(registry).items():
+        formula = f"${law.FORMULA}$" if law.FORMULA else _first_line(law)
+        modulus = f"${law.MODULUS}$" if law.MODULUS else ""
+        constants = ", ".join(f"`{spec.name}`" for spec in law.PARAMETERS)
+        lines.append(f"| `{name}` | {formula} | {constants} | {modulus} |")
+    return "\n".join(lines)
+
+
+def _first_line(thing: type) -> str:
+    return " ".join((inspect.getdoc(thing) or "").partition("\n\n")[0].split()).replace("|", r"\|")
 
 
 def commands(package: str = "kolsky") -> str:
@@ -75,12 +106,14 @@ TABLES = {
     "commands": commands,
     "law": law,
     "parameters": parameters,
+    "table": table,
 }
 
 
 def fill(app, name, source) -> None:
     """Put the tables where a page asks for them."""
     source[0] = LINE.sub(lambda found: TABLES[found[1]](found[2]), source[0])
+    source[0] = NAMES.sub(lambda found: ", ".join(f"`{member}`" for member in members(found[1])), source[0])
 
 
 def setup(app):

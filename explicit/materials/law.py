@@ -1,6 +1,6 @@
 """Closed-form laws: what one offers, and how one is added.
 
-To add a law write one file in this package with
+To add a law write one file in `explicit.materials.laws` with
 
 1. a frozen dataclass derived from `explicit.materials.invariants.InvariantLaw` (the energy is a function of
    I1_bar and I2_bar) or from `explicit.materials.stretches.StretchLaw` (of the principal stretches), with one
@@ -53,7 +53,7 @@ class ParameterSpec:
 
 
 class Stretches(Protocol):
-    """What homogeneous tests and fits need of a law, beside its constants: W(lam1, lam2, lam3).
+    """Energy of principal stretches W(lam1, lam2, lam3), for homogeneous tests and fits.
 
     The arguments are taken as they stand. An incompressible solution gives stretches of product 1; a
     compressible one divides them by J^(1/3) first, see `explicit.materials.principal`.
@@ -86,6 +86,10 @@ class ClosedFormLaw:
     """The name in `explicit.materials.laws.LAWS` and in a shot file."""
     PARAMETERS: ClassVar[tuple[ParameterSpec, ...]]
     """The constants, in the order of the fields."""
+    FORMULA: ClassVar[str] = ""
+    """W as LaTeX, for the table of the laws; without it the table has the first line of the docstring."""
+    MODULUS: ClassVar[str] = ""
+    """The shear modulus at rest as LaTeX, for the same table."""
 
     def __post_init__(self) -> None:
         if not self.fitted_s > 0.0:
@@ -153,7 +157,7 @@ class ClosedFormLaw:
         return replace(self.of(self.constants() * scales), fitted_s=self.fitted_s)
 
     def outside(self) -> tuple[str, ...]:
-        """Which constants lie outside the intervals that keep the energy positive, in words."""
+        """Constants outside the intervals that keep the energy positive, in words."""
         return tuple(
             f"{spec.name} = {value:g}{_unit(spec)} is outside [{spec.lower:g}, {spec.upper:g}]"
             for spec, value in zip(self.PARAMETERS, self.constants(), strict=True)

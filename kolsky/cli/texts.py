@@ -20,9 +20,9 @@ def listed(text: str) -> tuple[str, ...]:
 
 def figure_formats(text: str) -> tuple[str, ...]:
     """ "pdf,svg" as formats of figures that are saved alone."""
-    from kolsky.report.formats import FIGURES
+    from kolsky.report.formats import FIGURE_FORMATS
 
-    return tuple(one_of("--figures", name, FIGURES) for name in listed(text))
+    return tuple(one_of("--figures", name, FIGURE_FORMATS) for name in listed(text))
 
 
 def numbers(option: str, text: str) -> list[float]:

@@ -88,8 +88,8 @@ def find_dialect(
     InputError
         If something stated is not allowed, or no column is numeric.
     """
-    characters = () if delimiter is None else (stated(path, "delimiter", delimiter),)
-    decimals = () if decimal is None else (stated(path, "decimal", decimal),)
+    characters: tuple[str, ...] = () if delimiter is None else (stated(path, "delimiter", delimiter),)
+    decimals: tuple[str, ...] = () if decimal is None else (stated(path, "decimal", decimal),)
     filled = [line for line in lines[-4 * _SAMPLED :] if line.strip()][-_SAMPLED:]
     found = [
         dialect

@@ -9,12 +9,14 @@ from tests.mutants.bars import FAULTS as BARS
 from tests.mutants.cli import FAULTS as CLI
 from tests.mutants.dic import FAULTS as DIC
 from tests.mutants.doe import FAULTS as DOE
+from tests.mutants.explicit import FAULTS as EXPLICIT
 from tests.mutants.fault import Fault
 from tests.mutants.inverse import FAULTS as INVERSE
 from tests.mutants.material import FAULTS as MATERIAL
 from tests.mutants.rates import FAULTS as RATES
 from tests.mutants.report import FAULTS as REPORT
 from tests.mutants.results import FAULTS as RESULTS
+from tests.mutants.shot import FAULTS as SHOT
 from tests.mutants.uncertainty import FAULTS as UNCERTAINTY
 
 __all__ = ["FAULTS", "Fault"]
@@ -24,9 +26,11 @@ FAULTS: tuple[Fault, ...] = (
     *CLI,
     *DIC,
     *DOE,
+    *EXPLICIT,
     *INVERSE,
     *MATERIAL,
     *RATES,
+    *SHOT,
     *REPORT,
     *RESULTS,
     *UNCERTAINTY,

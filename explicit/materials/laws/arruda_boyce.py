@@ -25,6 +25,8 @@ class ArrudaBoyce(InvariantLaw):
     """Two constants; mu_0 is `mu` times a series in 1 / lam_m^2."""
 
     NAME: ClassVar[str] = "arruda_boyce"
+    FORMULA: ClassVar[str] = r"\mu \sum_{i=1}^5 \frac{c_i}{\lambda_m^{2i-2}} (\bar I_1^i - 3^i)"
+    MODULUS: ClassVar[str] = r"\mu\left(1 + \frac{3}{5\lambda_m^2} + \dots\right)"
     PARAMETERS: ClassVar[tuple[ParameterSpec, ...]] = (
         ParameterSpec("mu", "Pa", 0.0, np.inf, 24e3, "shear modulus of long chains", strict=True),
         ParameterSpec("lambda_m", "1", 1.0, np.inf, 3.0, "locking stretch of the chains", strict=True),

@@ -80,6 +80,8 @@ class Humphrey(_Exponential):
     """W = C1 (exp(C2 (I1_bar - 3)) - 1); mu_0 = 2 C1 C2."""
 
     NAME: ClassVar[str] = "humphrey"
+    FORMULA: ClassVar[str] = r"C_1\left(e^{C_2 x} - 1\right)"
+    MODULUS: ClassVar[str] = r"2 C_1 C_2"
     PARAMETERS: ClassVar[tuple[ParameterSpec, ...]] = (
         ParameterSpec("C1", "Pa", 0.0, np.inf, 50e3, "factor of the exponential", strict=True),
         ParameterSpec("C2", "1", 1e-6, np.inf, 0.25, "factor of I1_bar - 3 in the exponent", strict=True),
@@ -96,6 +98,8 @@ class VerondaWestmann(_Exponential):
     """W = C1 (exp(alpha (I1_bar - 3)) - 1) - C1 alpha / 2 (I2_bar - 3); mu_0 = C1 alpha."""
 
     NAME: ClassVar[str] = "veronda_westmann"
+    FORMULA: ClassVar[str] = r"C_1\left(e^{\alpha x} - 1\right) - \frac{C_1\alpha}{2} y"
+    MODULUS: ClassVar[str] = r"C_1\alpha"
     SECOND_INVARIANT: ClassVar[bool] = True
     SHARE: ClassVar[float] = 0.5
     PARAMETERS: ClassVar[tuple[ParameterSpec, ...]] = (

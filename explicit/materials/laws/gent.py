@@ -19,6 +19,8 @@ class Gent(InvariantLaw):
     gets there diverges, or ends as TABLE_EXCEEDED where it is told to stop (`explicit.Model.past_data`)."""
 
     NAME: ClassVar[str] = "gent"
+    FORMULA: ClassVar[str] = r"-\frac{\mu J_m}{2} \ln\left(1 - \frac{x}{J_m}\right)"
+    MODULUS: ClassVar[str] = r"\mu"
     PARAMETERS: ClassVar[tuple[ParameterSpec, ...]] = (
         ParameterSpec("mu", "Pa", 0.0, np.inf, 25e3, "initial shear modulus", strict=True),
         ParameterSpec("Jm", "1", 0.01, np.inf, 30.0, "I1_bar - 3 at which the law locks", strict=True),

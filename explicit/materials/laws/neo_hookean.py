@@ -18,6 +18,8 @@ class NeoHookean(InvariantLaw):
     """One constant; the same stiffness at any strain in simple shear."""
 
     NAME: ClassVar[str] = "neo_hookean"
+    FORMULA: ClassVar[str] = r"\frac\mu2 (\bar I_1 - 3)"
+    MODULUS: ClassVar[str] = r"\mu"
     PARAMETERS: ClassVar[tuple[ParameterSpec, ...]] = (
         ParameterSpec("mu", "Pa", 0.0, np.inf, 25e3, "shear modulus", strict=True),
     )

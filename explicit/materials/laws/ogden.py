@@ -35,6 +35,10 @@ def _specs(terms: int) -> tuple[ParameterSpec, ...]:
 
 
 class _Ogden(StretchLaw):
+    FORMULA: ClassVar[str] = (
+        r"\sum_p \frac{2\mu_p}{\alpha_p^2} \left(\sum_i \bar\lambda_i^{\alpha_p} - 3\right)"
+    )
+    MODULUS: ClassVar[str] = r"\sum_p \mu_p"
     TERMS: ClassVar[int]
 
     def __post_init__(self) -> None:

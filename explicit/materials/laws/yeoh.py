@@ -72,6 +72,8 @@ class ReducedPolynomial(_Polynomial):
     """The reduced polynomial of order 2; mu_0 = 2 C10."""
 
     NAME: ClassVar[str] = "reduced_polynomial"
+    FORMULA: ClassVar[str] = r"C_{10} x + C_{20} x^2"
+    MODULUS: ClassVar[str] = r"2 C_{10}"
     PARAMETERS: ClassVar[tuple[ParameterSpec, ...]] = (_C10, _C20)
 
     C10: float
@@ -90,6 +92,8 @@ class Yeoh(_Polynomial):
     """Yeoh's law of order 3; mu_0 = 2 C10."""
 
     NAME: ClassVar[str] = "yeoh"
+    FORMULA: ClassVar[str] = r"C_{10} x + C_{20} x^2 + C_{30} x^3"
+    MODULUS: ClassVar[str] = r"2 C_{10}"
     PARAMETERS: ClassVar[tuple[ParameterSpec, ...]] = (_C10, _C20, _C30)
 
     C10: float

@@ -155,8 +155,8 @@ def find_windows(
     def window(at: float) -> tuple[float, float]:
         return at + start, at + length
 
-    found = Windows(window(arrival.time), window(reflected), window(transmitted), source="travel times")
-    return _checked(found, incident, transmission)
+    windows = Windows(window(arrival.time), window(reflected), window(transmitted), source="travel times")
+    return _checked(windows, incident, transmission)
 
 
 def travel_time(signal: BarSignal) -> float:

@@ -1,6 +1,6 @@
 """Every number of a rate report as tables: one list of columns a table, for CSV and HDF5 alike."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from kolsky.studies.rates.records import GroupRates, RatedShot, RateReport
@@ -14,15 +14,15 @@ ROUTES = ("joint", "force only", "shape only", "paper")
 def tables(report: RateReport) -> dict[str, Columns]:
     """The tables of a report: name -> columns. A number that there is none of is NaN."""
     return {
-        "rate_shots": _shots(report),
-        "rate_groups": _groups(report),
+        "rate_shots": _of_mappings(_shots(report)),
+        "rate_groups": _of_mappings(map(_group, report.groups)),
         "rate_leave_one_out": _leave_one_out(report),
         "rate_criteria": _criteria(report),
         "rate_shared": _shared(report),
         "rate_stiffness": _stiffness(report),
         "rate_force_at_strain": _force(report),
         "rate_shape_at_strain": _shape(report),
-        "rate_quasi_static_force": _baseline(report),
+        "rate_quasi_static_force": _quasi_static_force(report),
         "rate_scatter_at_strain": _scatter(report),
         "rate_remarks": _rows(
             ["group", "remark"], ((g.name, remark) for g in report.groups for remark in g.remarks)
@@ -34,21 +34,31 @@ def _rows(names: list[str], rows: Iterable[tuple[Any, ...]]) -> Columns:
     columns: Columns = {name: [] for name in names}
     for row in rows:
         for name, cell in zip(names, row, strict=True):
-            columns[name].append(cell)
+            columns[name].append(_plain(cell))
     return columns
 
 
-def _shots(report: RateReport) -> Columns:
+def _plain(cell: Any) -> Any:
+    """A NumPy number as Python's own."""
+    return cell.item() if hasattr(cell, "item") else cell
+
+
+def _of_mappings(rows: Iterable[dict[str, Any]]) -> Columns:
+    """Columns of rows that name their own cells."""
     columns: Columns = {}
+    for row in rows:
+        for name, cell in row.items():
+            columns.setdefault(name, []).append(cell)
+    return columns
+
+
+def _shots(report: RateReport) -> Iterator[dict[str, Any]]:
     for group in report.groups:
         weight = {}
         if group.slope is not None and group.slope.fit is not None:
             named = zip(group.counted, group.slope.fit.leverage, strict=True)
             weight = {shot.name: float(leverage) for shot, leverage in named}
-        for shot in group.shots:
-            for name, cell in _shot(shot, weight.get(shot.name, NAN)).items():
-                columns.setdefault(name, []).append(cell)
-    return columns
+        yield from (_shot(shot, weight.get(shot.name, NAN)) for shot in group.shots)
 
 
 def _shot(shot: RatedShot, leverage: float) -> dict[str, Any]:
@@ -88,14 +98,6 @@ def _shot(shot: RatedShot, leverage: float) -> dict[str, Any]:
         "SHA-256 of its quasi-static numbers": shot.quasi_static.source,
         "quasi-static strain rate (1/s)": NAN if shot.quasi_static.rate is None else shot.quasi_static.rate,
     }
-
-
-def _groups(report: RateReport) -> Columns:
-    columns: Columns = {}
-    for group in report.groups:
-        for name, cell in _group(group).items():
-            columns.setdefault(name, []).append(cell)
-    return columns
 
 
 def _group(group: GroupRates) -> dict[str, Any]:
@@ -163,7 +165,7 @@ def _leave_one_out(report: RateReport) -> Columns:
 
     names = ["group", "without", "mean m (1)", "95 % low (1)", "95 % high (1)", "tau (1)"]
     slopes = ["slope (1/decade)", "slope, 95 % low (1/decade)", "slope, 95 % high (1/decade)"]
-    return _rows([*names, *slopes], (tuple(map(_plain, row)) for row in rows()))
+    return _rows([*names, *slopes], rows())
 
 
 def _criteria(report: RateReport) -> Columns:
@@ -182,7 +184,7 @@ def _shared(report: RateReport) -> Columns:
     return _rows(
         ["group", "part", "shared through", "shot", "moves m by (1)"],
         (
-            (g.name, part, through, shot.name, float(change))
+            (g.name, part, through, shot.name, change)
             for g in report.groups
             for (part, through), row in g.common.items()
             for shot, change in zip(g.counted, row, strict=True)
@@ -211,7 +213,7 @@ def _stiffness(report: RateReport) -> Columns:
                         yield group.name, row[0], row[1], at.strain, name, row[2], row[3]
 
     names = ["group", "shot", "strain rate (1/s)", "nominal strain (1)", "quantity", "value (Pa)", "u (Pa)"]
-    return _rows(names, (tuple(map(_plain, row)) for row in rows()))
+    return _rows(names, rows())
 
 
 def _force(report: RateReport) -> Columns:
@@ -225,7 +227,7 @@ def _force(report: RateReport) -> Columns:
                     yield group.name, strain, shot, e.force[i, k], e.sigma[i, k], e.force_model[i, k]
 
     names = ["group", "nominal strain (1)", "shot", "force (N)", "sigma (N)", "simulated force (N)"]
-    return _rows(names, (tuple(map(_plain, row)) for row in rows()))
+    return _rows(names, rows())
 
 
 def _shape(report: RateReport) -> Columns:
@@ -241,7 +243,7 @@ def _shape(report: RateReport) -> Columns:
             "Z simulated (m)",
         ],
         (
-            (g.name, s.strain, s.shot, s.at, *map(float, point))
+            (g.name, s.strain, s.shot, s.at, *point)
             for g in report.groups
             if g.equal_strain is not None
             for s in g.equal_strain.shapes
@@ -250,11 +252,11 @@ def _shape(report: RateReport) -> Columns:
     )
 
 
-def _baseline(report: RateReport) -> Columns:
+def _quasi_static_force(report: RateReport) -> Columns:
     return _rows(
         ["group", "nominal strain (1)", "quasi-static force (N)"],
         (
-            (g.name, float(strain), float(force))
+            (g.name, strain, force)
             for g in report.groups
             if (e := g.equal_strain) is not None
             for strain, force in zip(e.baseline_strain, e.baseline_force, strict=True)
@@ -274,18 +276,13 @@ def _scatter(report: RateReport) -> Columns:
         (
             (
                 g.name,
-                float(e.strains[k]),
-                float(e.shape_scatter[k]),
-                float(e.residual_scatter[k]),
-                float(e.force[:, k].std(ddof=1)) if len(e.shots) > 1 else NAN,
+                e.strains[k],
+                e.shape_scatter[k],
+                e.residual_scatter[k],
+                e.force[:, k].std(ddof=1) if len(e.shots) > 1 else NAN,
             )
             for g in report.groups
             if (e := g.equal_strain) is not None
             for k in range(e.strains.size)
         ),
     )
-
-
-def _plain(cell: Any) -> Any:
-    """A NumPy number as Python's own."""
-    return cell.item() if hasattr(cell, "item") else cell

@@ -141,10 +141,14 @@ class Twin(FBar):
 '''
 
 
-def module_of(source: str, folder: Path, name: str) -> ModuleType:
+TABLES = Path(__file__).parents[3] / "docs" / "_ext" / "made_tables.py"
+
+
+def module_of(source: str, folder: Path, name: str, *, write: bool = True) -> ModuleType:
     """A source as a module in a file, which the translator reads."""
     file = folder / f"{name}.py"
-    file.write_text(source, "utf-8")
+    if write:
+        file.write_text(source, "utf-8")
     spec = importlib.util.spec_from_file_location(name, file)
     assert spec is not None
     assert spec.loader is not None
@@ -260,3 +264,16 @@ def test_a_shot_may_name_a_new_law(members: Any) -> None:
     )
     assert type(section.law) is members[0]
     np.testing.assert_allclose(section.law.constants(), [30e3, 0.8, 1.3])
+
+
+def test_the_pages_list_a_new_member(members: Any) -> None:
+    made = module_of("", TABLES.parent, "made_tables", write=False)
+    assert "| `knowles` | W = mu / (2 b) ((1 + b (I1_bar - 3) / n)^n - 1). | `mu`, `b`, `n` |" in made.table(
+        "laws"
+    )
+    assert "`tacky`" in made.table("contact_laws")
+    assert "`twin`" in made.table("elements")
+    source = ["allowed: <!-- names laws -->"]
+    made.fill(None, "page", source)
+    assert source[0].startswith("allowed: `neo_hookean`, ")
+    assert source[0].endswith("`knowles`")

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from kolsky.base.errors import InputError
+from kolsky.readers.recordings import read_scope
 from kolsky.readers.shot_tables import (
     read_flyer,
     read_frame_times,
     read_outline,
-    read_scope,
     read_uniaxial,
 )
 from kolsky.readers.table import Column, read_table
@@ -135,7 +135,9 @@ def test_a_step_rounded_in_the_last_digit_is_uniform(write) -> None:
 )
 def test_last_printed_digit(write, fields: list[str], digit: float) -> None:
     table = read_table(write("t\n" + "\n".join(fields) + "\n"))
-    assert table.printed_digit(Column("t", 1e-3)) == pytest.approx(1e-3 * digit, rel=1e-12)  # powers of ten
+    assert table.printed_digit(Column("t", 1e-3)) == pytest.approx(
+        1e-3 * digit, rel=1e-12, abs=0.0
+    )  # powers of ten
 
 
 def test_missing_file_folder_and_device(tmp_path: Path) -> None:
@@ -158,7 +160,7 @@ def test_frame_times(write) -> None:
     frames = read_frame_times(path, frame=Column("frame"), time=Column("time (ms)", 1e-3))
     assert frames.frame.tolist() == [3, 4, 7]
     assert frames.time.tolist() == [-1e-3, 0.0, 1.5e-3]
-    assert frames.digit == pytest.approx(1e-4, rel=1e-12)  # powers of ten
+    assert frames.digit == pytest.approx(1e-4, rel=1e-12, abs=0.0)  # powers of ten
 
 
 @pytest.mark.parametrize(
@@ -187,7 +189,7 @@ def test_flyer_with_and_without_a_time_column(write) -> None:
     assert without.time is None
     assert with_time.time is not None
     assert with_time.time.tolist() == [1.0, 2.0]
-    assert with_time.digit == pytest.approx(0.01, rel=1e-12)  # powers of ten
+    assert with_time.digit == pytest.approx(0.01, rel=1e-12, abs=0.0)  # powers of ten
 
 
 def test_centre_line_rows_of_several_frames(write) -> None:
