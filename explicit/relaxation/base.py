@@ -31,7 +31,7 @@ class Relaxation(Protocol):
 
     @property
     def place_of_rest(self) -> int:
-        """Where a row of `rows` has the long-term stiffness over the instantaneous one."""
+        """Index at which a row of `rows` has the long-term stiffness over the instantaneous one."""
         ...
 
     def __hash__(self) -> int:
@@ -44,7 +44,7 @@ class Relaxation(Protocol):
 
 
 class RateDependence(Protocol):
-    """What `explicit.Model.relaxation` holds: a series or a network, the numbers of one material."""
+    """Entry of `explicit.Model.relaxation`: a series or a network, the numbers of one material."""
 
     @property
     def instantaneous(self) -> float:
@@ -61,5 +61,5 @@ class RateDependence(Protocol):
 
     @staticmethod
     def kind(n_branches: int) -> Relaxation:
-        """What generates the kernels of as many branches."""
+        """Generator of the kernels of as many branches."""
         ...

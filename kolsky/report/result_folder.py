@@ -99,7 +99,7 @@ def write_identify_page(
     recordings
         Recordings of the shot's own files.
     formats
-        Any of `kolsky.report.formats.FIGURES`.
+        Any of `kolsky.report.formats.FIGURE_FORMATS`.
     processes
         Processes that draw, 1 or 2; see `kolsky.report.pages.parallel.draw_in_processes`.
     """
@@ -125,7 +125,7 @@ def write_dic_results(
     vtp: bool = False,
     processes: int = 1,
 ) -> None:
-    """Write what `kolsky dic` leaves beside dic.h5: dic.html, outline, flyer, reporting table, figures.
+    """Write the results of `kolsky dic` beside dic.h5: dic.html, outline, flyer, reporting table, figures.
 
     Parameters
     ----------

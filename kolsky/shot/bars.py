@@ -45,6 +45,8 @@ def load_waves(source: Source) -> WavesInput:
     waves = declared.waves
     windows = None
     if waves.incident is not None:
+        assert waves.reflected is not None  # the schema saw to all three
+        assert waves.transmitted is not None
         windows = Windows(waves.incident, waves.reflected, waves.transmitted, source="shot file")
     uncertainty = declared.uncertainty.for_waves()
     alike = bool(uncertainty.pop("bars_alike"))

@@ -11,7 +11,7 @@ CONTACT = ("tests/unit/explicit/test_contact_laws.py",)
 FAULTS = (
     Fault(
         name="a node has the mass of one of its elements only",
-        file="explicit/arguments.py",
+        file="explicit/mesh_arguments.py",
         right="np.add.at(mass, mesh.quads.ravel(), shares.ravel())",
         wrong="mass[mesh.quads.ravel()] = shares.ravel()",
         tests=(f"{FORMS}::test_lumped_masses_have_the_mass_and_its_centre",),

@@ -1,4 +1,4 @@
-"""What relaxes, in the time loop: the stress that branches have given up, and the energy they took.
+"""Relaxation in the time loop: the stress that branches have given up, and the energy they took.
 
 The law's own stress enters at its instantaneous stiffness, through the element's forces and its step bound;
 the functions here subtract what the branches have relaxed since. Every stress point remembers a few numbers
@@ -24,7 +24,7 @@ from explicit.time_loop.structs import Structs, simulation_structs
 
 @dataclass(frozen=True)
 class RelaxationFunctions:
-    """What the time loop asks of the branches."""
+    """Functions of the branches for the time loop."""
 
     sweep: Any
     """``sweep(body, solid, row, branches, memory, control, step, fields, lane, measure)``: subtract the

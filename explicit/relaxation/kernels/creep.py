@@ -61,7 +61,7 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
         dt: real,
         branches: wp.array(dtype=real),
     ):
-        """How far it flows in a step: gamma dt."""
+        """Flow in a step, gamma dt."""
         amount = real(0.0)
         size = norm(stress)
         if size > nothing and dt > zero:
