@@ -172,7 +172,7 @@ def measured(
 
 
 def key_of(pictures: PictureSet) -> str:
-    """Key of all that a stereo result depends on: SHA-256 of inputs, declarations and the version of the chain."""
+    """Key of a stereo result: SHA-256 of inputs, declarations and the version of the analysis."""
     declared = pictures.toml.declared
     parts: dict[str, Any] = {
         "version": VERSION,
