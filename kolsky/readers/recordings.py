@@ -77,7 +77,7 @@ def read_scope(path: Path, *, time: Column, voltage: Column) -> Recording:
 
 
 def list_channels(path: Path, *, layout: Layout = _FOUND) -> list[ChannelInfo]:
-    """What a file has, without judging its samples; a channel without a known clock says why.
+    """The channels of a file, their samples not judged; one without a known clock says why.
 
     Raises
     ------

@@ -250,7 +250,7 @@ def _narrower(file: TomlFile, bars: Mapping[str, Bar], specimen: Specimen) -> No
 
 
 def declared_settings(content: Mapping[str, Any]) -> dict[str, str]:
-    """What was declared, key by key as written, and the versions."""
+    """Declarations, key by key as written, and the versions."""
     kept = (
         "specimen",
         "bars",
