@@ -7,8 +7,6 @@ from pathlib import Path
 from kolsky.base.errors import InputError
 
 COMMAND_LINE = Path("command line")
-MOST_RUNS = 1_000_000
-"""Most runs of a sweep; their histories must fit into memory."""
 
 
 def _refuse(option: str, text: str, expected: str) -> InputError:
@@ -106,6 +104,8 @@ def ranges(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float] |
 
 def levels(option: str, texts: Sequence[str]) -> tuple[dict[str, tuple[float, float]], list[int]]:
     """["stiffness_factor=0.75:1.25:10"] as bounds by name and the number of levels of each."""
+    from kolsky.studies.design_file import MOST_RUNS
+
     bounds: dict[str, tuple[float, float]] = {}
     counts: list[int] = []
     for text in texts:
