@@ -1,4 +1,4 @@
-"""What is made of several shots: groups, tables, files and the page; hostile names stay text."""
+"""Comparison of several shots: groups, tables, files and the page; hostile names stay text."""
 
 import csv
 import json
