@@ -162,7 +162,7 @@ _HDF5_OFFSET = 512
 
 
 def sniff(path: Path) -> bool:
-    """Whether a file says it is MATLAB's, or ends in .mat."""
+    """True if a file says it is MATLAB's, or ends in .mat."""
     return head_of(path, 10).startswith(b"MATLAB") or path.suffix.lower() == ".mat"
 
 
