@@ -69,7 +69,7 @@ class ElasticBar:
     def integrate(
         self, times: FloatArray, force: FloatArray, radius: FloatArray | float, *, safety: float = 0.9
     ) -> ElasticHistory:
-        """March from rest under a force that presses evenly on a patch of the face.
+        """Integrate from rest under a force that presses evenly on a patch of the face.
 
         Parameters
         ----------

@@ -92,7 +92,7 @@ class FlightHistory:
 def integrate_test(
     apparatus: Apparatus, *, end: float, step: float, specimen: SpecimenForce | None = None
 ) -> FlightHistory:
-    """March the bars from the striker's touch.
+    """Integrate the bars in time from the striker's touch.
 
     Parameters
     ----------

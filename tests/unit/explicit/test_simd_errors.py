@@ -29,11 +29,11 @@ one = wp.float64(1.0)
 def refused(source: Function, message: str, mapping: Mapping = "simulation") -> None:
     """The source's sample is a lane's own (or its lane, for workers), and it is refused."""
 
-    class March:
+    class TimeLoop:
         func = staticmethod(source)
 
     with pytest.raises(TypeError, match=re.escape(message)):
-        lane_kernel(March, STRUCTS, NUMBERS, mapping, lanes_of(NUMBERS))
+        lane_kernel(TimeLoop, STRUCTS, NUMBERS, mapping, lanes_of(NUMBERS))
 
 
 @wp.func
