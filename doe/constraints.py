@@ -58,7 +58,7 @@ class Constraint:
             raise ValueError(f"{text[:80]!r} cannot be read: {said}") from None
 
     def __call__(self, points: FloatArray) -> NDArray[np.bool_]:
-        """Which points meet it.
+        """Points that meet the constraint.
 
         Parameters
         ----------

@@ -1,159 +1,24 @@
-"""The arguments of the time loop on a device: constant body and batch, varying state, room for the output."""
+"""The arguments of the time loop on a device: parameters of a batch, varying state, recorded output."""
 
 from functools import cache
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import warp as wp
-from numpy.typing import NDArray
 
-from explicit.arrays import FloatArray, IntArray
+from explicit.arrays import FloatArray
 from explicit.contact import contact_law
-from explicit.elements import element
-from explicit.geometry import element_geometry
-from explicit.grouped_tables import GROUP, LOADED_BYTES, grouped
 from explicit.materials import bulk_modulus
 from explicit.mesh import Mesh
+from explicit.mesh_arguments import SPARE, node_order, padded
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.precision import Precision
 from explicit.support import RIGID, CharacteristicBar, MovingSupport
-from explicit.time_loop.boundary import BAR_HISTORY, INTERIOR, LOWER, SIDE, UPPER
+from explicit.time_loop.boundary import BAR_HISTORY
 from explicit.time_loop.failure import STRAY_ENERGY
 from explicit.time_loop.kernel import TimeLoopKernel
 from explicit.time_loop.lanes import WARPS
-from explicit.time_loop.node_sweeps import VALENCE
 from explicit.time_loop.slots import CONTROL_SIZE, Ending, Total
-from explicit.time_loop.state_layout import fits, on_chip_elements
-
-SPARE = 16
-"""Entries behind every row that a pack may read: the most lanes there are."""
-
-
-_BODIES: WeakKeyDictionary[Mesh, dict[Any, Any]] = WeakKeyDictionary()
-
-
-def body_of(
-    kernel: TimeLoopKernel, model: Model, numbers: Precision, where: Any, on_chip: bool = False
-) -> Any:
-    """The mesh's constants on a device, every node in its place of `node_order`; made once."""
-    known = _BODIES.setdefault(model.mesh, {})
-    key = (kernel.structs.Body, model.density, model.element, numbers.name, str(where), on_chip)
-    if key not in known:
-        known[key] = _new_body(kernel, model, numbers, where, on_chip)
-    return known[key]
-
-
-def _new_body(kernel: TimeLoopKernel, model: Model, numbers: Precision, where: Any, on_chip: bool) -> Any:
-    mesh, mass = model.mesh, nodal_mass(model.mesh, model.density)
-    shapes = element(model.element).shapes(mesh, model.density, kernel.element.Shape.numpy_dtype())
-    place, n_inner, first_boundary = node_order(mesh)
-    boundary = np.argsort(place)[n_inner:]
-    kind = node_kinds(mesh)[boundary]
-    body = kernel.structs.Body()
-    body.n_elements, body.n_nodes, body.length = mesh.n_elements, first_boundary + len(boundary), mesh.length
-    body.n_inner, body.first_boundary, body.n_boundary = n_inner, first_boundary, len(boundary)
-
-    def placed(values: NDArray[Any]) -> NDArray[Any]:
-        row = np.zeros((*values.shape[:-1], body.n_nodes), dtype=values.dtype)
-        row[..., place] = values
-        return row
-
-    area = mesh.contact_area
-    surface_mass = np.divide(mass, area, out=np.full(mesh.n_nodes, np.inf), where=area > 0.0)
-    masses = np.stack([mass, np.where(mesh.on_axis, 0.0, 1.0 / mass), 1.0 / mass, np.zeros(mesh.n_nodes)])
-    height = mesh.nodes[:, 1] - mesh.nodes[:, 1].min()
-    slots = on_chip_elements(numbers) if on_chip else mesh.n_elements
-    corners = _corner_table(mesh, slots, place, 1 if where.is_cuda else SPARE)
-
-    def table(values: NDArray[Any], dtype: Any) -> NDArray[Any]:
-        return grouped(values.astype(dtype), loaded=LOADED_BYTES if where.is_cuda else 0)
-
-    for name, values, dtype in (
-        ("shapes", table(_side_by_side(shapes, numbers.dtype), numbers.dtype), numbers.real),
-        ("quads", table(place[mesh.quads.T], np.int32), int),
-        ("corners", table(placed(corners), np.int32), int),
-        ("masses", table(placed(masses), numbers.dtype), numbers.real),
-        ("reference_r", placed(mesh.nodes[:, 0]), wp.float64),
-        ("reference_y", placed(height), wp.float64),
-        ("surface_mass", surface_mass[boundary], numbers.real),
-        ("kind", kind, int),
-        ("at_rest", kind != SIDE, int),
-    ):
-        setattr(body, name, wp.array(_spare(values), dtype=dtype, device=where))
-    return body
-
-
-def nodal_mass(mesh: Mesh, density: float) -> FloatArray:
-    """The lumped mass of every node [kg]."""
-    shares = density * element_geometry(mesh).corner_volume
-    mass = np.zeros(mesh.n_nodes)
-    np.add.at(mass, mesh.quads.ravel(), shares.ravel())
-    return mass
-
-
-def fits_on_chip(mesh: Mesh, numbers: Precision) -> bool:
-    """Whether the state of one simulation fits into a GPU's shared memory."""
-    _, n_inner, first_boundary = node_order(mesh)
-    n_boundary = mesh.n_nodes - n_inner
-    return fits(first_boundary + n_boundary, mesh.n_elements, n_boundary, numbers)
-
-
-def node_order(mesh: Mesh) -> tuple[IntArray, int, int]:
-    """The place of every node in the time loop's fields, how many nodes are inside, and the first place of
-    the surface's: it begins a group of its own."""
-    inner = node_kinds(mesh) == INTERIOR
-    first_boundary = -(-int(inner.sum()) // GROUP) * GROUP
-    place = np.where(inner, np.cumsum(inner) - 1, first_boundary + np.cumsum(~inner) - 1)
-    return place, int(inner.sum()), first_boundary
-
-
-def node_kinds(mesh: Mesh) -> IntArray:
-    """Which platen each node can meet, see `explicit.time_loop.boundary`."""
-    kind = np.full(mesh.n_nodes, INTERIOR)
-    kind[mesh.side] = SIDE
-    kind[mesh.lower_face] = LOWER
-    kind[mesh.upper_face] = UPPER
-    return kind
-
-
-def _corner_table(mesh: Mesh, slots: int, place: IntArray, zeros: int) -> IntArray:
-    """Where each node gathers its forces, shape [VALENCE, n_nodes]: corner by corner with so many slots each,
-    elements side by side; so many entries past the last one hold zero, and neighbours read neighbouring ones.
-
-    A node finds the element whose k-th corner it is at its k-th place, if no other element took that place,
-    so that neighbours find neighbours.
-    """
-    start, corner = mesh.corners_of_node
-    count = np.diff(start)
-    if count.max() > VALENCE:
-        raise ValueError(
-            f"at most {VALENCE} elements may meet at a node, {count.max()} do at node {count.argmax()}"
-        )
-    node = np.repeat(np.arange(mesh.n_nodes), count)
-    nothing = 4 * slots + place % zeros
-    table = np.tile(nothing, (VALENCE, 1))
-    table[np.arange(len(corner)) - start[node], node] = corner % 4 * slots + corner // 4
-    taken = np.bincount(4 * node + corner % 4, minlength=4 * mesh.n_nodes).reshape(-1, 4)
-    regular = np.asarray(taken.max(axis=1) <= 1)
-    here = np.asarray(regular[node])
-    table[:, regular] = nothing[regular]
-    table[(corner % 4)[here], node[here]] = (corner % 4 * slots + corner // 4)[here]
-    return table
-
-
-def _spare(values: NDArray[Any]) -> NDArray[Any]:
-    """An array with room behind every row: a pack that begins inside may reach past the end."""
-    kind = np.int32 if values.dtype.kind in "ib" else np.float64
-    return np.pad(values.astype(kind), [(0, 0)] * (values.ndim - 1) + [(0, SPARE)])
-
-
-def _side_by_side(shapes: NDArray[Any], dtype: Any) -> NDArray[Any]:
-    """The numbers of structs, shape [numbers of a struct, n_elements]."""
-    numbers = shapes.view(dtype).reshape(len(shapes), -1)
-    if shapes.dtype.itemsize != numbers.shape[1] * numbers.dtype.itemsize:
-        raise TypeError("an element's shape must consist of real numbers alone")
-    return numbers.T
 
 
 def batch_of(
@@ -274,7 +139,7 @@ def state_of(
 
 @cache
 def _no_room(dtype: Any, device: str) -> Any:
-    """What stands for an array that the time loop never touches; to make one takes as long as a copy."""
+    """Placeholder of an array that the time loop never touches; to make one takes as long as a copy."""
     return wp.zeros((1, 1), dtype=dtype, device=device)
 
 
@@ -285,7 +150,7 @@ def output_of(kernel: TimeLoopKernel, mesh: Mesh, n: int, sampling: Sampling, no
     output.force_times = wp.array(sampling.force_times, dtype=wp.float64, device=where)
     output.surface_times = wp.array(sampling.surface_times, dtype=wp.float64, device=where)
     output.n_recorded = len(nodes)
-    output.nodes = wp.array(_spare(node_order(mesh)[0][nodes]), dtype=int, device=where)
+    output.nodes = wp.array(padded(node_order(mesh)[0][nodes]), dtype=int, device=where)
     nan = float("nan")  # what the time loop does not reach stays marked, beside its Outcome
     for name, shape in (
         ("force", (n, n_force, 2)),

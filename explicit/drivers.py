@@ -1,4 +1,4 @@
-"""Where the time loops of a batch run: packs of SIMD lanes on the cores of a CPU, thread blocks on a GPU."""
+"""Drivers of a batch's time loops: packs of SIMD lanes on the cores of a CPU, thread blocks on a GPU."""
 
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -7,9 +7,10 @@ from typing import Any
 
 import warp as wp
 
-from explicit.arguments import body_of, state_of
+from explicit.arguments import state_of
 from explicit.arrays import FloatArray
 from explicit.host_transfer import HISTORIES, HostTransfer, streams
+from explicit.mesh_arguments import body_of
 from explicit.model import Model
 from explicit.precision import Precision
 from explicit.simd import PACK_BYTES, Mapping, lane_kernel

@@ -10,7 +10,7 @@ from explicit.arrays import FloatArray
 
 @dataclass(frozen=True)
 class EnergyLedger:
-    """Where the work of the platens went, at the surface times of a batch.
+    """Energy balance: the work of the platens and what it became, at the surface times of a batch.
 
     Every field is an energy [J], shape [n_samples, n_surface_times]. A field ends in NaN after the end time
     of a simulation that did not complete (see `Response.outcomes`), and is NaN at the times that

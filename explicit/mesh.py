@@ -57,7 +57,7 @@ class Mesh:
 
     @cached_property
     def on_axis(self) -> NDArray[np.bool_]:
-        """Which nodes lie on the axis of symmetry, shape [n_nodes]."""
+        """Mask of the nodes on the axis of symmetry, shape [n_nodes]."""
         radius = self.nodes[:, 0]
         return radius <= 1e-12 * radius.max()
 

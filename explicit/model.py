@@ -83,7 +83,7 @@ class Model:
 
     @property
     def relaxation_kind(self) -> Relaxation | None:
-        """What generates the kernels of `relaxation`; None where nothing relaxes."""
+        """Generator of the kernels of `relaxation`; None where nothing relaxes."""
         if not self.relaxation:
             return None
         return self.relaxation[0].kind(max(len(branches) for branches in self.relaxation))

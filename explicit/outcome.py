@@ -1,4 +1,4 @@
-"""How a simulation ended: a named cause with its time, its element and its cure, never a silent NaN."""
+"""End of a simulation: a named cause with its time, its element and its cure, never a silent NaN."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -24,17 +24,17 @@ class Outcome(IntEnum):
 
     @property
     def cause(self) -> str:
-        """What happened, in one sentence."""
+        """Cause, in one sentence."""
         return _TEXTS[self][0]
 
     @property
     def cure(self) -> str:
-        """What a user can do about it."""
+        """Cure: the user's next step."""
         return _TEXTS[self][1]
 
     @property
     def role(self) -> str:
-        """What the element that a failure names has to do with it; empty if the simulation completed."""
+        """Part of the named element in the failure; empty if the simulation completed."""
         return _TEXTS[self][2]
 
 
@@ -72,7 +72,7 @@ _TEXTS = {
 
 @dataclass(frozen=True)
 class Ending:
-    """How, when and where one simulation ended."""
+    """End of one simulation: outcome, time and place."""
 
     outcome: Outcome
     """How."""
@@ -95,7 +95,7 @@ class Ending:
 
     @property
     def sentence(self) -> str:
-        """What happened, when, in which element and what can be done, without a final stop."""
+        """Cause, time, element and cure, without a final stop."""
         if self.outcome.ok:
             return f"{self.outcome.name} {self.where}"
         element = f"; the element has {self.outcome.role}" if self.element >= 0 else ""

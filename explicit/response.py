@@ -1,4 +1,4 @@
-"""What a batch of simulations returns: NumPy float64 arrays, one row a simulation."""
+"""Results of a batch: NumPy float64 arrays, one row a simulation."""
 
 from dataclasses import dataclass
 
@@ -70,11 +70,11 @@ class Response:
 
     @property
     def completed(self) -> NDArray[np.bool_]:
-        """Which simulations reached their end, shape [n_samples]."""
+        """Mask of the simulations that reached their end, shape [n_samples]."""
         return np.array([outcome.ok for outcome in self.outcomes], dtype=bool)
 
     def ending(self, sample: int) -> Ending:
-        """How, when and where one simulation ended.
+        """End of one simulation: outcome, time and place.
 
         Raises
         ------
@@ -93,7 +93,7 @@ class Response:
 
     @property
     def endings(self) -> tuple[Ending, ...]:
-        """How, when and where every simulation ended, length n_samples."""
+        """End of every simulation: outcome, time and place, length n_samples."""
         return tuple(self.ending(i) for i in range(self.n_samples))
 
     def describe(self, sample: int) -> str:

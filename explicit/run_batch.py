@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from explicit.arguments import batch_of, fits_on_chip, output_of
+from explicit.arguments import batch_of, output_of
 from explicit.arrays import FloatArray
 from explicit.device import select_device
 from explicit.drivers import PreparedBatch, run_in_lanes, run_on_gpu
 from explicit.energy import EnergyLedger
 from explicit.geometry import element_geometry
 from explicit.host_transfer import HISTORIES
+from explicit.mesh_arguments import fits_on_chip
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.modules import load_module
 from explicit.outcome import Outcome

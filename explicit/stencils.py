@@ -25,7 +25,7 @@ LEAST_SCALE = {"damping": 1e-5, "friction": 0.1, "mass_damping": 10.0}
 
 @dataclass(frozen=True)
 class Stencil:
-    """Where a response is evaluated, and its slope: sum_j weights[j] f(value + offsets[j] h) / h."""
+    """Points where a response is evaluated, and its slope: sum_j weights[j] f(value + offsets[j] h) / h."""
 
     offsets: FloatArray
     """Distances from the value in steps, the first one 0 [-], shape [3]."""
@@ -42,7 +42,7 @@ BACKWARD = Stencil(-FORWARD.offsets, -FORWARD.weights)
 
 
 def scale_of(name: str, value: float) -> float:
-    """What a relative step of a parameter refers to.
+    """Scale that a relative step of a parameter refers to.
 
     The stiffness factor, damping, friction and drag refer to their own value, the latter three not below
     `LEAST_SCALE`; Poisson's ratio to its distance from 1/2, by which the bulk modulus scales.

@@ -1,4 +1,4 @@
-"""What stands behind the transmission platen: nothing that moves, a bar by its characteristics, or anything
+"""Support behind the transmission platen: nothing that moves, a bar by its characteristics, or anything
 whose motion is known.
 
 The bar is one-dimensional and elastic. With the velocity away from the specimen v = g + h and the

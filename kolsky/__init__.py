@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from kolsky.inverse.result import Identification
     from kolsky.inverse.settings import Settings
     from kolsky.inverse.side_surface import radius_at
-    from kolsky.inverse.simulate import simulate
+    from kolsky.inverse.simulate import simulate, write_simulation
     from kolsky.material.curves.uniaxial import UniaxialTest
     from kolsky.material.end_friction.problem import EndFriction
     from kolsky.material.fits.compare import compare_laws
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
         read_identify_results,
         write_dic_results,
         write_identify_results,
+        write_plan_results,
         write_rate_results,
         write_sweep_results,
         write_waves_results,
@@ -102,8 +103,10 @@ _HOME = {
     "write_dic_results": "kolsky.report.result_folder",
     "write_identification": "kolsky.results.hdf5",
     "write_identify_results": "kolsky.report.result_folder",
+    "write_plan_results": "kolsky.report.result_folder",
     "write_rate_results": "kolsky.report.result_folder",
     "write_report": "kolsky.report.pages.identification",
+    "write_simulation": "kolsky.inverse.simulate",
     "write_sweep_results": "kolsky.report.result_folder",
     "write_table": "kolsky.base.files",
     "write_waves_results": "kolsky.report.result_folder",

@@ -66,16 +66,16 @@ def displacement_of(
 
 
 def poses_of(
-    inputs: Inputs, flyer: TrackedBody | None, placement: Placement, travel: AxialDisplacement | None
+    inputs: Inputs, flyer: TrackedBody | None, placement: Placement, axial: AxialDisplacement | None
 ) -> tuple[BodyMotion | None, list[Remark]]:
-    """The flyer's rigid motion, if there is a flyer and its travel is known, and why it has none."""
-    if flyer is None or travel is None:
+    """Rigid motion of the flyer, if its axial displacement is known, and remarks on why it has none."""
+    if flyer is None or axial is None:
         return None, []
     return flyer_poses(
         flyer,
         inputs.rig,
         placement.frame,
-        travel,
+        axial,
         inputs.static,
         subset=inputs.settings.subset,
         length=inputs.settings.length,

@@ -38,7 +38,7 @@ def gate_epipolar(inputs: Inputs, body: TrackedBody, rest_state: RestState) -> T
 
 
 def gate_ends(
-    inputs: Inputs, body: TrackedBody, rest_state: RestState, travel: AxialDisplacement | None
+    inputs: Inputs, body: TrackedBody, rest_state: RestState, axial: AxialDisplacement | None
 ) -> TrackedBody:
     """Remove points whose subset reaches past an end.
 
@@ -47,8 +47,8 @@ def gate_ends(
     """
     settings, t = inputs.settings, inputs.t
     upper = np.full(t.size, np.nan)
-    if settings.length is not None and travel is not None and travel.t.size:
-        upper = settings.length - np.interp(t, travel.t, travel.displacement)
+    if settings.length is not None and axial is not None and axial.t.size:
+        upper = settings.length - np.interp(t, axial.t, axial.displacement)
     past = past_the_ends(
         body,
         inputs.rig.cameras[0],

@@ -59,9 +59,9 @@ def of_edge(cameras: int) -> list[Remark]:
     ]
 
 
-def of_flyer(wanted: bool, travel: AxialDisplacement | None) -> list[Remark]:
+def of_flyer(wanted: bool, axial: AxialDisplacement | None) -> list[Remark]:
     """Remark on a flyer whose place at rest is not known."""
-    if not wanted or travel is not None:
+    if not wanted or axial is not None:
         return []
     return [
         Remark(

@@ -98,31 +98,31 @@ def measure(
         "inspection of the pictures", lambda: inspect_images(pictures, rig, settings, t=t, static=static)
     )
     findings = clock("cameras", lambda: check_cameras(inputs, specimen))
-    with ThreadPoolExecutor(1) as beside:  # the flyer's work waits for the specimen in two places only
-        flying_later = None
+    with ThreadPoolExecutor(1) as worker:  # the flyer's work waits for the specimen in two places only
+        flyer_later = None
         if flyer is not None:
-            flying_later = beside.submit(clock, "flyer", partial(follow_flyer, inputs, flyer, progress))
+            flyer_later = worker.submit(clock, "flyer", partial(follow_flyer, inputs, flyer, progress))
         try:
-            followed = clock("specimen", lambda: follow_specimen(inputs, specimen, progress))
-            rest_state = clock("test frame", lambda: fit_test_frame(inputs, followed))
+            tracked = clock("specimen", lambda: follow_specimen(inputs, specimen, progress))
+            rest_state = clock("test frame", lambda: fit_test_frame(inputs, tracked))
         except ChainError as error:
             said = [*(f"{f.what} ({f.cure})" for f in findings), str(error)]
             raise ChainError("; ".join(said)) from error
         placement, rest = rest_state.placement, rest_state.rest
-        flying = None if flying_later is None else flying_later.result()
-        travel_later = beside.submit(
-            clock, "flyer's displacement", lambda: displacement_of(inputs, flying, placement)
+        tracked_flyer = None if flyer_later is None else flyer_later.result()
+        axial_later = worker.submit(
+            clock, "flyer's displacement", lambda: displacement_of(inputs, tracked_flyer, placement)
         )
         in_time = clock(
-            "synchronisation of the cameras", lambda: check_setup(rig, *followed.reconstruction.pixels)
+            "synchronisation of the cameras", lambda: check_setup(rig, *tracked.reconstruction.pixels)
         )
-        body = gate_epipolar(inputs, followed, rest_state)
-        flyer_surface = surface_of_flyer(inputs, flying, placement)
-        travel = travel_later.result()
-        motion_later = beside.submit(
-            clock, "flyer's poses", lambda: poses_of(inputs, flying, placement, travel)
+        body = gate_epipolar(inputs, tracked, rest_state)
+        flyer_surface = surface_of_flyer(inputs, tracked_flyer, placement)
+        axial = axial_later.result()
+        motion_later = worker.submit(
+            clock, "flyer's poses", lambda: poses_of(inputs, tracked_flyer, placement, axial)
         )
-        body = gate_surface(gate_ends(inputs, body, rest_state, travel), rest_state)
+        body = gate_surface(gate_ends(inputs, body, rest_state, axial), rest_state)
         surface, left_out = surface_of(inputs, body, placement, rest)
         centre, uncertain = outline_of(surface, settings)
         strain = clock("strains", lambda: strains_of(surface, settings))
@@ -134,7 +134,7 @@ def measure(
         static=static,
         specimen=surface,
         flyer=flyer_surface,
-        axial_displacement=travel,
+        axial_displacement=axial,
         centre=centre,
         strain=strain,
         placement=placement,
@@ -142,13 +142,13 @@ def measure(
         remarks=(
             *remarks.of_findings(found.values()),
             *remarks.of_edge(rest_state.edges),
-            *remarks.of_flyer(flyer is not None, travel),
+            *remarks.of_flyer(flyer is not None, axial),
             *unposed,
             *remarks.of_radius(placement, settings.radius),
             *remarks.of_missing_points(left_out),
             *remarks.of_uncertain_rows(uncertain, settings.largest_sigma),
             *remarks.of_frames(inputs.health),
-            *remarks.of_material(followed, specimen),
+            *remarks.of_material(tracked, specimen),
         ),
         rig=rig,
         facts={

@@ -7,19 +7,14 @@ import numpy as np
 
 from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.bodies.follow import TrackedBody
-from dic.camera import Camera, StereoRig
-from dic.correlation.warp import apply
+from dic.camera import StereoRig
 from dic.images import PictureError, Pictures
 from dic.outcome import PointOutcome
 from dic.rigid_body.edge_registration import SEARCH_STEP, EdgeRegistration, RegisteredEdge
-from dic.robust import MEDIAN_LENGTH
-from dic.stereo.rays import projection_slope
+from dic.rigid_body.translation import translation_in
 from dic.surfaces import SpecimenFrame
 from dic.surfaces.overlap import overlap_correlation
-from dic.tracking import Track
 
-LATERAL_SIGMA = 50e-6
-"""Prior standard deviation of the lateral motion since the nearest frame that both cameras saw [m]."""
 SEARCH_RANGE = 50e-6
 """Half width of the interval about the prediction in which the edge strip is searched [m]."""
 OWN_SHARE = 0.5
@@ -28,8 +23,6 @@ MOST_OFFSET_FRAMES = 40
 """Frames at most from which the offsets of the rows at the border of the picture are found."""
 ROUNDS = 4
 """Alternating estimates of places on the body and translations."""
-GATE = 5.0
-"""Outlier threshold: a point this many robust standard deviations off the body's motion is left out [-]."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +95,7 @@ def axial_displacement(
     for k in range(len(t)):
         near = moves[twice[np.argmin(np.abs(twice - k))]]
         both = bool(np.isfinite(moves[k]).all())
-        fit = _translation(body, rig, frame, k, places, known, near, both, overlap)
+        fit = translation_in(body, rig, frame, k, places, known, near, both, overlap)
         if fit is not None:
             rows.append(k)
             found.append(fit[0])
@@ -249,83 +242,3 @@ def _mean(values: FloatArray, axis: int) -> FloatArray:
     count = good.sum(axis=axis)
     total = np.where(good, values, 0.0).sum(axis=axis)
     return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
-
-
-def _translation(
-    body: TrackedBody,
-    rig: StereoRig,
-    frame: SpecimenFrame,
-    k: int,
-    places: FloatArray,
-    known: BoolArray,
-    near: FloatArray,
-    both: bool,
-    overlap: FloatArray,
-) -> tuple[float, float, int] | None:
-    """Translation along y in frame `k` [m], its standard deviation and the number of points; None if not
-    seen."""
-    seen = [
-        _ObservedPoints.of(camera, track, k, places, known)
-        for camera, track in zip(rig.cameras, body.tracks, strict=True)
-    ]
-    if not any(points.rows.size for points in seen):
-        return None
-    move, keep = near.copy(), [np.ones(len(points.rows), dtype=bool) for points in seen]
-    off = [points.off(frame, move) for points in seen]
-    across = 1.0 / (10.0 * LATERAL_SIGMA if both else LATERAL_SIGMA) ** 2
-    for _ in range(3):
-        H = np.diag([across, 0.0, across])
-        g = H @ (near - move)
-        for points, fine, away in zip(seen, keep, off, strict=True):
-            if not fine.any():
-                continue
-            J = projection_slope(points.camera, frame.in_rig(points.places[fine] + move)) @ frame.rotation.T
-            rows = points.rows[fine]
-            factor = overlap[np.ix_(rows, rows)].sum(axis=1)
-            weighted = np.linalg.solve(points.covariance[fine] * factor[:, None, None], J)
-            H += np.tensordot(J, weighted, axes=([0, 1], [0, 1]))
-            g += np.tensordot(weighted, away[fine], axes=([0, 1], [0, 1]))
-        move = move + np.linalg.solve(H, g)
-        off = [points.off(frame, move) for points in seen]
-        keep = [points.inliers(away) for points, away in zip(seen, off, strict=True)]
-        if not any(fine.any() for fine in keep):
-            return None
-    counted = np.unique(np.concatenate([points.rows[fine] for points, fine in zip(seen, keep, strict=True)]))
-    return float(move[1]), float(np.sqrt(np.linalg.inv(H)[1, 1])), len(counted)
-
-
-@dataclass(frozen=True)
-class _ObservedPoints:
-    """Points of a body that one camera saw in one frame."""
-
-    camera: Camera
-    rows: IntArray
-    """The points, shape [n]."""
-    places: FloatArray
-    """Their places on the body [m], shape [n, 3]."""
-    pixels: FloatArray
-    """Observed pixels [px], shape [n, 2]."""
-    covariance: FloatArray
-    """Of the pixels [px²], shape [n, 2, 2]."""
-
-    @classmethod
-    def of(
-        cls, camera: Camera, track: Track, k: int, places: FloatArray, known: BoolArray
-    ) -> "_ObservedPoints":
-        """The `known` points that were found in frame `k`."""
-        rows = np.flatnonzero(known & (track.outcome[k] == PointOutcome.VALID))
-        pixels = apply(track.points[rows], track.warp[k, rows])
-        return cls(camera, rows, places[rows], pixels, track.covariance[k, rows])
-
-    def off(self, frame: SpecimenFrame, move: FloatArray) -> FloatArray:
-        """Residuals: observed pixels less those of a body moved by `move` [px], shape [n, 2]."""
-        return np.asarray(self.pixels - self.camera.project(frame.in_rig(self.places + move)))
-
-    def inliers(self, off: FloatArray) -> BoolArray:
-        """Points within `GATE` robust standard deviations of the body's motion, shape [n]."""
-        if not len(off):
-            return np.zeros(0, dtype=bool)
-        size = np.linalg.norm(off - np.median(off, axis=0), axis=1)
-        noise = np.sqrt(0.5 * np.trace(self.covariance, axis1=1, axis2=2))
-        spread = max(1.0, float(np.median(size / noise)) / MEDIAN_LENGTH)
-        return np.asarray(size <= GATE * spread * noise)

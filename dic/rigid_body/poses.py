@@ -32,7 +32,7 @@ def flyer_poses(
     body: TrackedBody,
     rig: StereoRig,
     frame: SpecimenFrame,
-    travel: AxialDisplacement,
+    axial: AxialDisplacement,
     static: BoolArray,
     *,
     subset: int,
@@ -46,7 +46,7 @@ def flyer_poses(
         The flyer, followed.
     rig, frame
         The cameras and the test frame.
-    travel
+    axial
         Its axial displacement, which scales the prior of the lateral motion from frame to frame.
     static
         Frames in which it rests, shape [n_frames].
@@ -76,7 +76,7 @@ def flyer_poses(
     rest = np.flatnonzero(static & kept)
     if not rest.size:
         rest = np.flatnonzero(kept)[:ZERO_FRAMES]
-    step = float(np.median(np.abs(np.diff(travel.displacement[~static[travel.frame]])), axis=0))
+    step = float(np.median(np.abs(np.diff(axial.displacement[~static[axial.frame]])), axis=0))
     radius = float(np.nanmedian(np.hypot(*frame.positions(r.position)[..., [0, 2]].reshape(-1, 2).T)))
     try:
         middle = _middle(frame.positions(r.position[rest]), length)

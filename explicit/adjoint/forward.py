@@ -137,7 +137,7 @@ class _Outline:
 
     @property
     def complete(self) -> bool:
-        """Whether every requested time has passed."""
+        """True once every requested time has passed."""
         return self._done == len(self._times)
 
     def record(self, k: int, end: float) -> None:

@@ -9,10 +9,11 @@ import warp as wp
 from numpy.typing import NDArray
 
 from explicit.adjoint.kernels import PhaseKernels, phase_kernels
-from explicit.arguments import batch_of, body_of, nodal_mass, node_kinds, state_of
+from explicit.arguments import batch_of, state_of
 from explicit.arrays import FloatArray
 from explicit.contact import contact_law
 from explicit.device import select_device
+from explicit.mesh_arguments import body_of, nodal_mass, node_kinds
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.precision import PRECISIONS
 from explicit.support import CharacteristicBar, MovingSupport
@@ -89,7 +90,7 @@ class PhasePlan:
 
     @property
     def moving(self) -> bool:
-        """Whether the support moves."""
+        """True if the support moves."""
         return bool(np.isfinite(self.support.impedance))
 
     @property

@@ -11,7 +11,7 @@ from explicit.time_loop.boundary import BAR_HISTORY
 
 
 class Source(NamedTuple):
-    """Where a returned wave comes from: two neighbours among the stored values."""
+    """Source of a returned wave: two neighbours among the stored values."""
 
     early: int
     """The step in which the earlier one left; -1 if nothing returns yet."""

@@ -1,4 +1,4 @@
-"""Where two bars meet: through a pulse shaper, face to face, or in a joint that breaks."""
+"""Contacts of two bars: through a pulse shaper, face to face, or in a joint that breaks."""
 
 from dataclasses import dataclass
 
@@ -116,7 +116,7 @@ class JointContact:
         return force
 
     def _adhesion(self, closing: float, compliance: float) -> float:
-        """What is left of the joint at the gap it opens to: -S (1 - gap / opening), solved with the gap."""
+        """Stress left in the joint at the gap it opens to: -S (1 - gap / opening), solved with the gap."""
         strength, opening = self._joint.strength, self._joint.opening
         if not self._sticky or self.gap >= opening:
             return 0.0

@@ -20,7 +20,7 @@ from explicit.bars.stiffness import assemble, element_matrices, largest_frequenc
 
 @dataclass(frozen=True)
 class ElasticHistory:
-    """What the parts answered, at every one of their own steps."""
+    """Response of the parts, at every one of their own steps."""
 
     times: FloatArray
     """Times [s], shape [n_times]."""

@@ -1,4 +1,4 @@
-"""What happens in a flyer test, found in its signals: the features of Mates et al. (2012), Fig. 5."""
+"""Events of a flyer test, found in its signals: the features of Mates et al. (2012), Fig. 5."""
 
 from dataclasses import dataclass
 

@@ -12,7 +12,7 @@ from explicit.bars.sections import Section
 
 @dataclass(frozen=True)
 class Apparatus:
-    """What hits what, left to right."""
+    """Striker, bars, flyer and specimen, left to right."""
 
     striker: tuple[Section, ...]
     """The striker."""
@@ -36,7 +36,7 @@ class Apparatus:
 
 @dataclass(frozen=True)
 class SpecimenForce:
-    """What the specimen does to both platens: a static curve, and what it leaves out over time."""
+    """Force of the specimen on both platens: a static curve, and the rest over time."""
 
     compression: FloatArray
     """Approach of the platens [m], ascending, shape [n]."""
@@ -50,7 +50,7 @@ class SpecimenForce:
 
 @dataclass(frozen=True)
 class FlightHistory:
-    """What every part did, at every step from the impact of the striker on."""
+    """Motion and force of every part, at every step from the impact of the striker on."""
 
     times: FloatArray
     """Times since the striker touched [s], shape [n_times]."""

@@ -128,7 +128,7 @@ class WaveLine:
         return self.free_velocity(n, -1) - force / self.impedances[-1]
 
     def history(self) -> LineHistory:
-        """What has been integrated."""
+        """History up to now."""
         right, left = (tuple(np.array(wave) for wave in waves) for waves in (self.right, self.left))
         return LineHistory(self.sections, self.step, self.n_times, tuple(self.delays), right, left)
 

@@ -18,7 +18,7 @@ FREE, TOUCHED, RELEASED = 0, 1, 2
 
 
 class ContactLaw(Protocol):
-    """What the solver needs of a contact law."""
+    """Interface of a contact law."""
 
     name: str
     """Name at the API."""
@@ -49,7 +49,7 @@ class ContactLaw(Protocol):
 
 @cache
 def touch_struct(precision: Precision) -> Any:
-    """What a law may know of a node that meets a platen.
+    """Generate the struct of a node that meets a platen, as a law sees it.
 
     ``v_r``, ``v_y``: predicted velocity [m/s]. ``target``: axial velocity that puts the node exactly on the
     platen at the end of the step [m/s]. ``normal``: the platen's outward normal, +1 transmission, -1 flyer.

@@ -27,8 +27,8 @@ class ElementFunctions:
     [m^3] among them. `Element.shapes` fills an array of it."""
     read_shape: Any
     """``read_shape(constants, e, measure) -> Shape``: one element's constants from a grouped table
-    (`explicit.grouped_tables.grouped`), which only `explicit.grouped_tables.entry_function` and
-    `entries_function` read; what only the step bound needs is not read unless `measure` is 1."""
+    (`explicit.time_loop.grouped_tables.grouped`), which only `entry_function` and `entries_function` of that
+    module read; what only the step bound needs is not read unless `measure` is 1."""
     Solid: Any
     """Warp struct: moduli and viscosities of one sample."""
     forces: Any
@@ -50,7 +50,7 @@ class ElementFunctions:
 
 
 class Element(Protocol):
-    """What the solver needs of an element."""
+    """Interface of an element."""
 
     @property
     def name(self) -> str:

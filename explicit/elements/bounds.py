@@ -1,4 +1,4 @@
-"""What the stable step needs of an element beside its volumetric part, whose bound is sharp (rank one).
+"""Bounds for the stable step beside an element's volumetric part, whose bound is sharp (rank one).
 
 Stiffness and damping of the rest are bounded by moduli times |grad v|^2, and this form over the corners'
 masses is a sum of squares (b . v)^2 of a few vectors b. Its largest eigenvalue is that of their Gram matrix:

@@ -15,10 +15,10 @@ from explicit.elements.base import INVERTED, ElementFunctions, corner_inverse_ma
 from explicit.elements.bounds import gradient_bounds_function, shear_bound_function
 from explicit.elements.shared import isochoric_factor_function, solid_struct
 from explicit.geometry import element_geometry
-from explicit.grouped_tables import entries_function, entries_if_function, entry_function
 from explicit.materials.kernels.volumetric import volumetric_functions
 from explicit.mesh import Mesh
 from explicit.precision import Precision
+from explicit.time_loop.grouped_tables import entries_function, entries_if_function, entry_function
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What every element reads of a sample, and how it takes the volume out of a deformation."""
+"""Parts that elements share: a sample's moduli, and the isochoric part of a deformation."""
 
 from functools import cache
 from typing import Any

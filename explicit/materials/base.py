@@ -11,7 +11,7 @@ from explicit.precision import Precision
 
 
 class MaterialLaw(Protocol):
-    """What the solver needs of a material law.
+    """Interface of a material law.
 
     An instance holds the constants of one material; a batch may mix instances of one class.
     """

@@ -53,7 +53,7 @@ class ParameterSpec:
 
 
 class Stretches(Protocol):
-    """What homogeneous tests and fits need of a law, beside its constants: W(lam1, lam2, lam3).
+    """Energy of principal stretches W(lam1, lam2, lam3), for homogeneous tests and fits.
 
     The arguments are taken as they stand. An incompressible solution gives stretches of product 1; a
     compressible one divides them by J^(1/3) first, see `explicit.materials.principal`.
@@ -157,7 +157,7 @@ class ClosedFormLaw:
         return replace(self.of(self.constants() * scales), fitted_s=self.fitted_s)
 
     def outside(self) -> tuple[str, ...]:
-        """Which constants lie outside the intervals that keep the energy positive, in words."""
+        """Constants outside the intervals that keep the energy positive, in words."""
         return tuple(
             f"{spec.name} = {value:g}{_unit(spec)} is outside [{spec.lower:g}, {spec.upper:g}]"
             for spec, value in zip(self.PARAMETERS, self.constants(), strict=True)

@@ -1,4 +1,4 @@
-"""Whether a law's energy is positive where a specimen can go, whatever its constants."""
+"""Check of a law's energy: positive where a specimen can go, whatever its constants."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ MODES = {
 
 
 def not_positive(law: Stretches, *, stretches: tuple[float, float] = STRETCHES) -> tuple[str, float] | None:
-    """Where the energy of a law is not above 0.
+    """First deformation at which the energy of a law is not above 0.
 
     Parameters
     ----------

@@ -13,14 +13,14 @@ class PointFunctions:
 
     relax: Any
     """``relax(weight, gradient_r, gradient_y, hoop, inverse_mass_r, inverse_mass_y, scale, row, branches,
-    memory, first, places, e, ur, uy, vr, vy, moved, interval, measure)
+    memory, first, stride, e, ur, uy, vr, vy, moved, interval, measure)
     -> (f_r, f_y, done, omega_squared)``: corner forces to be added to those of the law at its instantaneous
     stiffness `scale` [N], what was done on the branches since the last call beyond what `held` knows [J], and
-    their share of the step bound [1/s^2]. The k-th number remembered is ``memory[(first + k) * places + e]``,
+    their share of the step bound [1/s^2]. The k-th number remembered is ``memory[(first + k) * stride + e]``,
     0 at rest; `moved` is the step that led here, `interval` the time from the middle of that step to the
     middle of the next [s]."""
     held: Any
-    """``held(weight, gradient_r, gradient_y, hoop, scale, row, branches, memory, first, places, e, ur, uy)``:
+    """``held(weight, gradient_r, gradient_y, hoop, scale, row, branches, memory, first, stride, e, ur, uy)``:
     what was done on the branches, as far as the present state knows it [J]."""
     memory: int
     """Numbers that a stress point remembers."""
@@ -30,8 +30,8 @@ class Relaxation(Protocol):
     """A kind of branches, with as many of them as a batch has at most; hashable."""
 
     @property
-    def place_of_rest(self) -> int:
-        """Where a row of `rows` has the long-term stiffness over the instantaneous one."""
+    def index_of_rest(self) -> int:
+        """Index at which a row of `rows` has the long-term stiffness over the instantaneous one."""
         ...
 
     def __hash__(self) -> int:
@@ -44,7 +44,7 @@ class Relaxation(Protocol):
 
 
 class RateDependence(Protocol):
-    """What `explicit.Model.relaxation` holds: a series or a network, the numbers of one material."""
+    """Entry of `explicit.Model.relaxation`: a series or a network, the numbers of one material."""
 
     @property
     def instantaneous(self) -> float:
@@ -61,5 +61,5 @@ class RateDependence(Protocol):
 
     @staticmethod
     def kind(n_branches: int) -> Relaxation:
-        """What generates the kernels of as many branches."""
+        """Generator of the kernels of as many branches."""
         ...

@@ -233,14 +233,14 @@ class Arithmetic:
         return self.select(condition, yes, no)
 
     def wp_isnan(self, x: Scalar) -> Scalar:
-        """Whether it is not a number."""
+        """True where it is not a number."""
         if not x.varying:
             return self.temporary("bool", f"{x.code} != {x.code}", False)
         whole = "i64v" if x.kind == "f64" else "i32v"
         return self.temporary("bool", f"op::to_mask(({whole})({x.code} != {x.code}))", True)
 
     def wp_isfinite(self, x: Scalar) -> Scalar:
-        """Whether a number is neither infinite nor not a number."""
+        """True where a number is neither infinite nor not a number."""
         difference = self.temporary(x.kind, f"{x.code} - {x.code}", x.varying)
         if not x.varying:
             return self.temporary("bool", f"{difference.code} == 0", False)

@@ -279,7 +279,7 @@ class Expressions(Arithmetic):
 
 
 def _is_harmless(node: ast.expr) -> bool:
-    """Whether an expression may be evaluated where nobody asked for it: sums, products and comparisons."""
+    """True if an expression may be evaluated where nobody asked for it: sums, products and comparisons."""
     plain = (
         ast.Compare, ast.BinOp, ast.UnaryOp, ast.Name, ast.Constant,
         ast.cmpop, ast.Add, ast.Sub, ast.Mult, ast.unaryop, ast.expr_context,

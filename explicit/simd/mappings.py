@@ -1,4 +1,4 @@
-"""What becomes a lane: a simulation each, or the elements and nodes of one simulation in turn."""
+"""Meanings of a lane: a simulation each, or the elements and nodes of one simulation in turn."""
 
 import ast
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ from explicit.simd.values import Array, Known, Scalar, Value, Vector, literal
 
 
 class _Lanes(Control):
-    """What both have in common: a lane is worker and control at once."""
+    """Common part of both mappings: a lane is worker and control at once."""
 
     def shared(self, name: str, arguments: Sequence[Value], node: ast.Call) -> Value:
         """The lane functions whose meaning does not depend on what a lane is."""

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from explicit.grouped_tables import GROUP
 from explicit.simd.expressions import Expressions
 from explicit.simd.values import (
     PACK,
@@ -21,6 +20,7 @@ from explicit.simd.values import (
     kind_of,
     literal,
 )
+from explicit.time_loop.grouped_tables import GROUP
 
 ZERO = literal(0, "i32")
 WITH_SPARE = ("Body", "State")
@@ -116,7 +116,7 @@ class Memory(Expressions):
 
     def entry(self, arguments: Sequence[Value], node: ast.AST) -> Scalar:
         """The k-th constant of element or node e of a grouped table
-        (`explicit.grouped_tables.entry_function`).
+        (`explicit.time_loop.grouped_tables.entry_function`).
 
         Lanes in step begin at a multiple of their number, so that a group holds them all.
         """

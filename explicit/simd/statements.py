@@ -124,7 +124,7 @@ class Statements(Memory):
         return f"wp.{thing.key} has no meaning over lanes; {instead}"
 
     def together(self, name: str, arguments: Sequence[Value], node: ast.Call) -> Value:
-        """What the lanes of one simulation do together; provided by the mapping."""
+        """Functions that the lanes of one simulation carry out together; provided by the mapping."""
         raise NotImplementedError
 
     def block(self, body: Sequence[ast.stmt]) -> None:

@@ -1,4 +1,4 @@
-"""What an expression of a Warp function stands for while it is turned into lanes of SIMD code.
+"""Values of a Warp function's expressions while it is turned into lanes of SIMD code.
 
 A value is *uniform*, the same in every lane and a plain C++ scalar, or *varying*, one entry a lane and a C++
 vector ("pack"). Vectors of Warp are kept as their components, structs and arrays as references.
@@ -45,7 +45,7 @@ class Scalar:
 
     @property
     def is_float(self) -> bool:
-        """Whether it is a floating-point number."""
+        """True for a floating-point number."""
         return self.kind in ("f32", "f64")
 
 
@@ -121,12 +121,12 @@ def kind_of(dtype: Any) -> str:
 
 
 def is_vector(dtype: Any) -> bool:
-    """Whether a Warp type is a vector of fixed length."""
+    """True if a Warp type is a vector of fixed length."""
     return hasattr(dtype, "_length_") and hasattr(dtype, "_wp_scalar_type_")
 
 
 def is_struct(dtype: Any) -> bool:
-    """Whether a Warp type is a struct."""
+    """True if a Warp type is a struct."""
     return hasattr(dtype, "vars") and hasattr(dtype, "native_name")
 
 

@@ -7,8 +7,8 @@ from typing import Any
 import warp as wp
 
 from explicit.elements import ElementFunctions
-from explicit.grouped_tables import entries_function
 from explicit.precision import Precision
+from explicit.time_loop.grouped_tables import entries_function
 from explicit.time_loop.lanes import lane_functions
 from explicit.time_loop.state_layout import StateLayout
 from explicit.time_loop.structs import Structs, simulation_structs
@@ -16,7 +16,7 @@ from explicit.time_loop.structs import Structs, simulation_structs
 
 @dataclass(frozen=True)
 class CornerFunctions:
-    """What a sweep over elements asks of their corners."""
+    """Functions of an element's corners, for the sweeps."""
 
     nodes: Any
     """``nodes(body, e) -> vec4i``: the corner nodes of element e."""

@@ -21,10 +21,10 @@ from typing import Any
 import warp as wp
 
 from explicit.elements import ElementFunctions
-from explicit.grouped_tables import entry_function
 from explicit.outcome import Outcome
 from explicit.precision import Precision
 from explicit.time_loop.element_sweeps import corner_functions
+from explicit.time_loop.grouped_tables import entry_function
 from explicit.time_loop.lanes import lane_functions
 from explicit.time_loop.slots import Total
 from explicit.time_loop.structs import Structs, simulation_structs
@@ -42,7 +42,7 @@ waits for the flyer may tremble with round-off though no platen has worked on it
 
 @dataclass(frozen=True)
 class FailureFunctions:
-    """What the time loop asks beside its steps."""
+    """Checks of the time loop beside its steps."""
 
     motion: Any
     """``motion(body, fields, lane)``: this worker's share of the kinetic energy [J], a sum that begins with

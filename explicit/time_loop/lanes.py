@@ -87,7 +87,7 @@ def _either(cuda: str, cpu: str) -> str:
 
 @dataclass(frozen=True)
 class LaneFunctions:
-    """What lanes do together: workers, which sweep elements and nodes, and the control warp.
+    """Common work of the lanes: workers, which sweep elements and nodes, and the control warp.
 
     On a GPU the lanes are the threads of a block; elsewhere every lane is worker and control at once.
     """

@@ -10,9 +10,9 @@ from typing import Any
 
 import warp as wp
 
-from explicit.grouped_tables import entries_function
 from explicit.precision import Precision
 from explicit.time_loop.boundary import LOWER, UPPER, BoundaryFunctions
+from explicit.time_loop.grouped_tables import entries_function
 from explicit.time_loop.lanes import lane_functions
 from explicit.time_loop.structs import Structs, simulation_structs
 

@@ -14,7 +14,7 @@ from explicit.time_loop.structs import Structs, simulation_structs
 
 @dataclass(frozen=True)
 class RecordFunctions:
-    """What the time loop calls when a requested time has passed."""
+    """Recorders of the time loop."""
 
     is_due: Any
     """``is_due(row, n, every)``: whether a surface time has an entry in the ledger."""

@@ -84,7 +84,7 @@ class Plan(IntEnum):
 
 
 class Total(IntEnum):
-    """What the workers hand over: totals of the ledger [J] first, then what control watches."""
+    """Numbers that the workers hand over: totals of the ledger [J] first, then what control watches."""
 
     ELASTIC = 0
     HOURGLASS = 1
@@ -116,7 +116,7 @@ class Total(IntEnum):
 
 
 class Ending(IntEnum):
-    """What is known of a simulation at its end."""
+    """Slots of what is known of a simulation at its end."""
 
     STATUS = 0
     FAILED_ELEMENT = 1

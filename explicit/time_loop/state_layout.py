@@ -1,4 +1,4 @@
-"""Where a simulation's state lies, and how the time loop reaches it.
+"""Layout of a simulation's state in memory, and the accessors of the time loop.
 
 On a GPU the state of a simulation is in shared memory where it fits. Native accessors spend one address on
 what Warp's own subscripts would spend several instructions on; `explicit.simd` gives them their meaning over
@@ -53,7 +53,7 @@ _STRIDE = """
 
 @dataclass(frozen=True)
 class StateLayout:
-    """Where the state of a simulation lies."""
+    """Accessors of the state of a simulation."""
 
     field: Any
     """``field(fields, sample, offset)``: a simulation's row of an array of fields or corner forces; in shared
@@ -178,7 +178,7 @@ def _stride(count: int, on_chip: bool) -> Any:
 
 
 def fits(n_nodes: int, n_elements: int, n_boundary: int, precision: Precision) -> bool:
-    """Whether the state of one simulation fits into a GPU's shared memory."""
+    """True if the state of one simulation fits into a GPU's shared memory."""
     more = 8 // precision.dtype().itemsize
     room = (more * ON_CHIP_NODES, more * ON_CHIP_ELEMENTS, ON_CHIP_BOUNDARY)
     return n_nodes <= room[0] and n_elements <= room[1] and n_boundary <= room[2]

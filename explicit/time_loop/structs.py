@@ -109,7 +109,7 @@ def batch_structs(precision: Precision, Shape: Any, Solid: Any) -> Structs:
 
 @dataclass(frozen=True)
 class SimulationStructs:
-    """What the functions of the time loop pass to each other about one simulation."""
+    """Struct types that the functions of the time loop pass to each other about one simulation."""
 
     Fields: Any
     """Its rows of the state: displacements [m] and velocities [m/s] of nodes, forces of corners [N]."""

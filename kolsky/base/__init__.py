@@ -1,1 +1,1 @@
-"""What every room uses: measured histories, units, errors, files; no physics."""
+"""Measured histories, apparatus, units, errors, files; no physics."""

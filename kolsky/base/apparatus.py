@@ -73,7 +73,7 @@ class Transducer:
 
 @dataclass(frozen=True)
 class Interface:
-    """How the specimen holds to the platens; each entry names a contact law of `explicit.contact`."""
+    """Hold of the specimen on the platens; each law is one of `explicit.contact.CONTACT_LAWS`."""
 
     faces: str
     """Law of the end faces."""

@@ -1,4 +1,4 @@
-"""What flows between the rooms: measured histories with a sigma beside every value (SI, float64)."""
+"""Measured histories with a sigma beside every value (SI, float64)."""
 
 from dataclasses import dataclass
 from pathlib import Path

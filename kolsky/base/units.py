@@ -54,7 +54,7 @@ def _registry() -> "pint.UnitRegistry":
 
 @lru_cache(maxsize=256)
 def unit_factor(text: str, unit: str) -> float:
-    """How many SI units one of the written units is, e.g. 1e-3 for "mm".
+    """SI units in one of the written units, e.g. 1e-3 for "mm".
 
     Parameters
     ----------

@@ -192,8 +192,8 @@ def _refuse_columns(path: Path, mode: "Mode", columns: "Columns") -> None:
     """Refuse columns that are not enough for a test, or contradict each other."""
     from kolsky.material.fits.modes import Mode
     from kolsky.material.fits.test_files import CONVENTIONS
+    from kolsky.readers.columns import column_names
     from kolsky.readers.contents import Layout
-    from kolsky.readers.homogeneous import column_names
 
     texts.one_of("--convention", columns.convention, CONVENTIONS)
     if columns.stretch and columns.strain:

@@ -119,7 +119,7 @@ class SolverOptions:
 
 
 SOLVER_DEFAULTS = SolverOptions()
-"""What a command takes where its user says nothing."""
+"""Defaults of the solver's options."""
 
 
 def with_solver_options(command: Callable[..., None]) -> Callable[..., None]:

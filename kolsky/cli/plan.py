@@ -1,6 +1,5 @@
 """`kolsky plan`: where and when a measurement would tell most, and how well parameters would be known."""
 
-import json
 from dataclasses import replace
 from time import perf_counter
 from typing import Annotated, Any
@@ -113,8 +112,7 @@ def plan(
 
     loaded, folder = load(shot, out)
     numerics = SolverOptions(precision=precision, device=device, threads=threads).numerics(elements)
-    from kolsky.base.files import filling
-    from kolsky.report.canvas import save_figures
+    from kolsky.report.result_folder import write_plan_results
     from kolsky.studies.planning import output
     from kolsky.studies.planning import plan as planning
     from kolsky.studies.planning.instruments import instruments_of
@@ -132,16 +130,10 @@ def plan(
             numerics=numerics,
             progress=progress,
         )
-    said = output.to_json(found)
-    with filling(folder) as partial:
-        output.write_hdf5(partial / "plan.h5", found)
-        output.write_csv(partial, found)
-        (partial / "plan.json").write_text(json.dumps(said, indent=2, allow_nan=False), encoding="utf-8")
-        if formats:
-            save_figures(partial / "figures", found, formats=formats)
+    write_plan_results(folder, found, formats=formats)
     print_result(
         output.rows(found),
-        said if as_json else None,
+        output.to_json(found) if as_json else None,
         rest={"folder": folder, "wall time": since(started)},
         warnings=[f"{part}: {e.unseen}" for part, e in found.expected.items() if e.unseen],
     )

@@ -71,7 +71,7 @@ def rate(
 
 
 def _identified(progress: Any) -> "Identify":
-    """How a shot without a result gets one, with the files that `kolsky identify` writes."""
+    """Identification of a shot without a result; it leaves the files of `kolsky identify`."""
 
     def identify(shot: Path, loaded: "Shot") -> "Identification":
         from kolsky.base.files import usable_folder

@@ -35,7 +35,7 @@ class DesignChoice:
     runs: int = 64
     """Points of a design that takes any number."""
     seed: int = 1
-    """Of a random design."""
+    """Seed of a random design."""
     generators: str = ""
     """Words of a fractional factorial."""
     points: Path | None = None
@@ -165,9 +165,9 @@ class Records:
     ledger: str = ""
     """The file, "none", or empty for the one among the results."""
     retry: bool = False
-    """Whether to run again what did not complete."""
+    """True to run again those runs that did not complete."""
     shard: tuple[int, int] = (1, 1)
-    """Which part of how many."""
+    """Part of the design to run, and number of parts."""
     merge: tuple[Path, ...] = ()
     """Ledgers to take over."""
 

@@ -1,4 +1,4 @@
-"""What a terminal shows: progress of the work on stderr, the answer on stdout.
+"""Output on a terminal: progress of the work on stderr, the answer on stdout.
 
 Standard output holds the answer, with `--json` exactly one object; all else goes to standard error.
 """

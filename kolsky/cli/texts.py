@@ -7,8 +7,6 @@ from pathlib import Path
 from kolsky.base.errors import InputError
 
 COMMAND_LINE = Path("command line")
-MOST_RUNS = 1_000_000
-"""Most runs of a sweep; their histories must fit into memory."""
 
 
 def _refuse(option: str, text: str, expected: str) -> InputError:
@@ -22,9 +20,9 @@ def listed(text: str) -> tuple[str, ...]:
 
 def figure_formats(text: str) -> tuple[str, ...]:
     """ "pdf,svg" as formats of figures that are saved alone."""
-    from kolsky.report.formats import FIGURES
+    from kolsky.report.formats import FIGURE_FORMATS
 
-    return tuple(one_of("--figures", name, FIGURES) for name in listed(text))
+    return tuple(one_of("--figures", name, FIGURE_FORMATS) for name in listed(text))
 
 
 def numbers(option: str, text: str) -> list[float]:
@@ -106,6 +104,8 @@ def ranges(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float] |
 
 def levels(option: str, texts: Sequence[str]) -> tuple[dict[str, tuple[float, float]], list[int]]:
     """["stiffness_factor=0.75:1.25:10"] as bounds by name and the number of levels of each."""
+    from kolsky.studies.design_file import MOST_RUNS
+
     bounds: dict[str, tuple[float, float]] = {}
     counts: list[int] = []
     for text in texts:

@@ -11,7 +11,14 @@ import explicit
 from explicit.materials import MaterialLaw, marlow_from_curve
 from kolsky.bars.flyer.path import FlyerPath
 from kolsky.base.records import MaterialCurve
-from kolsky.inverse.parameters import PARAMETERS, Fields, any_slides, checked_value, require_effect
+from kolsky.inverse.parameters import (
+    PARAMETERS,
+    SLIDING_LAW,
+    Fields,
+    any_slides,
+    checked_value,
+    require_effect,
+)
 from kolsky.shot.records import Shot
 
 MOTION_KNOTS = 2049
@@ -163,7 +170,7 @@ class Forward:
     def model(self, numerics: Numerics, *, sliding: bool = False) -> explicit.Model:
         """The solver's model of the shot; `sliding` replaces the declared interface by Coulomb's law."""
         shot = self.shot
-        faces, side = ("coulomb", "coulomb") if sliding else (shot.interface.faces, shot.interface.side)
+        faces, side = (SLIDING_LAW, SLIDING_LAW) if sliding else (shot.interface.faces, shot.interface.side)
         return explicit.Model(
             mesh=self.mesh(numerics),
             density=shot.specimen.density,

@@ -41,13 +41,13 @@ class Terms:
     chi2_force: float
     """Noise-weighted sum of squares of the force residual [-]."""
     chi2_shape: float
-    """Noise-weighted sum of squares of the shape residual [-]."""
+    """Noise-weighted sum of squares of the outline residual [-]."""
     n_force: int
     """Number of force values counted."""
     n_shape: int
-    """Number of shape points counted."""
+    """Number of outline points counted."""
     n_outside: int
-    """Number of shape points outside the model's range, not counted."""
+    """Number of outline points outside the model's range, not counted."""
 
     @property
     def chi2(self) -> float:

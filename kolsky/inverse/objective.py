@@ -1,6 +1,6 @@
 """The joint least-squares objective and what its curvature says about uncertainty.
 
-The data of a shot are one vector: the force's bin means, then the counted profile points. Each part is
+The data of a shot are one vector: the force's bin means, then the counted outline points. Each part is
 weighted by its measured noise *and* by a discrepancy tau that is estimated from the residual at the
 optimum: sigma_eff^2 = sigma^2 + tau^2. Without it a channel whose residual is dominated by what the
 model leaves out would be trusted as if only its noise were wrong.
@@ -28,11 +28,11 @@ class Objective:
     observations: Observations
     """What was measured."""
     counted: NDArray[np.bool_]
-    """Profile points that lie inside the model's range in every run, shape [n_points]."""
+    """Outline points that lie inside the model's range in every run, shape [n_points]."""
     force_discrepancy: float = 0.0
     """tau of the force's bin means [N]."""
     shape_discrepancy: float = 0.0
-    """tau of the profile points [m]."""
+    """tau of the outline points [m]."""
 
     @property
     def n_force(self) -> int:

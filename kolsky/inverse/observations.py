@@ -24,7 +24,7 @@ class Observations:
     bins: ForceBins
     """The same force in bins."""
     centre_line: CentreLine
-    """The outline points, Q of them, frames in order of time; Q is 0 if nobody looked."""
+    """The outline points, Q of them, frames in order of time; Q is 0 if no outline was measured."""
     force_sigma_gain: float = 0.0
     """Standard uncertainty of the force's scale, common to all samples [-]; in no sigma above."""
 
@@ -67,7 +67,7 @@ def observe(
     force : ForceHistory
         The transmitted force.
     centre_line : CentreLine or None
-        The outline; None if nobody looked.
+        The outline; None if none was measured.
     window : tuple of float
         First and last time, both included [s].
     bin_width : float
@@ -92,7 +92,7 @@ def observe(
             f"no outline point lies in the window {first:.9g} to {last:.9g} s; the frames span"
             f" {centre_line.time.min():.9g} to {centre_line.time.max():.9g} s"
             if centre_line.time.size
-            else "the centre line has no point"
+            else "the outline has no point"
         )
     point = point[np.argsort(centre_line.time[point], kind="stable")]
     line = CentreLine(

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from doe import Box
     from kolsky.shot.records import Shot
 
+SLIDING_LAW = "coulomb"
+"""Contact law of end faces and side surface once a parameter is named that makes them slide."""
+
 Fields = Mapping[str, Any]
 """Fields of `explicit.Samples` by name: numbers, or arrays of shape [n_samples]."""
 
@@ -218,7 +221,7 @@ def require_effect(names: Iterable[str], faces: str, side: str) -> None:
     for p in given:
         if not p.read_by or p.slides:
             continue
-        if sliding and not has_effect(p, ["coulomb"]):
+        if sliding and not has_effect(p, [SLIDING_LAW]):
             raise ValueError(
                 f"{p.name} has no effect beside {sliding[0].name}, which makes everything slide by Coulomb's "
                 "law: name one of them"

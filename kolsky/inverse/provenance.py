@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+from kolsky.inverse.parameters import SLIDING_LAW
 from kolsky.inverse.prepared_shot import PreparedShot
 from kolsky.shot.recorded import recording_facts
 from kolsky.shot.records import Shot
@@ -34,7 +35,7 @@ def provenance(shot: Shot, settings: Any, prepared: PreparedShot, *, sliding: bo
         except PackageNotFoundError:
             packages[name] = "not installed"
     declared = {"faces": shot.interface.faces, "side": shot.interface.side}
-    interface = {"faces": "coulomb", "side": "coulomb"} if sliding else declared
+    interface = {"faces": SLIDING_LAW, "side": SLIDING_LAW} if sliding else declared
     return {
         "inputs": dict(shot.inputs),
         "settings": _plain(settings),

@@ -19,9 +19,8 @@ from kolsky.inverse.forward import Numerics
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.optimum import at_inner_face, jacobian, search
 from kolsky.inverse.refined_search import (
-    CONFIRMED,
-    ROUGH,
     RefinedOptimum,
+    confirms,
     refined_numerics,
     run_refined,
     slides,
@@ -101,7 +100,6 @@ def search_by_quadratic(stages: StagedRuns, coarse: CoarseOptimum) -> RefinedOpt
     check = run_refined(stages, x[None])
     missed = found.objective.vectors(check.prediction)[0] - found.model(x)[0]
     move = np.abs(found.gain @ missed)
-    little = np.fmax(CONFIRMED * found.sigma, ROUGH * found.roughness)
     inside = not at_inner_face(x, found.surrogate.box, stages.box)
     on_coarse = _moved_by(stages, found, stages.settings.numerics)
     element = "fbar" if stages.settings.numerics.element == "one_point" else "one_point"
@@ -116,7 +114,7 @@ def search_by_quadratic(stages: StagedRuns, coarse: CoarseOptimum) -> RefinedOpt
         sigma=found.sigma,
         check=check,
         moved=float(np.max(move / np.hypot(found.sigma, found.roughness))),
-        confirmed=inside and bool((move <= little).all()),
+        confirmed=inside and confirms(move, found.sigma, found.roughness),
         missed=missed,
         mesh_shift=x - coarse.x if on_coarse is None else -on_coarse,
         roughness=found.roughness,

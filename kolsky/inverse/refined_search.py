@@ -69,6 +69,22 @@ class RefinedOptimum:
     """Optimum with the other element minus the answer, shape [d]; None if it was not asked."""
 
 
+def confirms(move: FloatArray, sigma: FloatArray, roughness: FloatArray | float = 0.0) -> bool:
+    """True if the last run moves every parameter of the optimum by little.
+
+    Parameters
+    ----------
+    move
+        By how much it moves the optimum, shape [d].
+    sigma
+        Standard deviation of the optimum from the residuals, shape [d].
+    roughness
+        Standard deviation of the optimum from the response's roughness, shape [d].
+    """
+    little = np.fmax(CONFIRMED * sigma, ROUGH * np.asarray(roughness))
+    return bool((np.abs(move) <= little).all())
+
+
 def run_refined(stages: StagedRuns, points: FloatArray) -> CompletedRuns:
     """Run points on the refined mesh with all nodes; all of them must complete.
 

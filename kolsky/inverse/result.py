@@ -104,7 +104,7 @@ class Comparison:
     force_model: FloatArray
     """Bin means of the simulated force [N], shape [n_bins]."""
     centre_line: CentreLine
-    """The measured points inside the window; none if nobody looked."""
+    """The measured points inside the window; none without an outline."""
     Z_model: FloatArray
     """Simulated Z at the measured points [m], shape [n_points]; NaN where `inside` is False."""
     inside: NDArray[np.bool_]
@@ -140,7 +140,7 @@ class Identification:
     fixed: dict[str, float]
     """The parameters held fixed, in SI."""
     routes: tuple[Route, ...]
-    """Joint, force-only, shape-only and the paper's optimum; only the force's without an outline."""
+    """Joint, force-only, outline-only and the paper's optimum; only the force's without an outline."""
     terms: Terms
     """Misfit terms of the check run at the optimum."""
     comparison: Comparison

@@ -84,6 +84,13 @@ def write_simulation(folder: Path, simulation: Simulation) -> list[Path]:
     """Write force.csv and, where an outline was measured, profile.csv: measured beside simulated, atomically.
 
     Of a run that did not complete the tables hold what lies before its end.
+
+    Parameters
+    ----------
+    folder
+        Where to; made if absent.
+    simulation
+        The run.
     """
     observations, response = simulation.prepared.observations, simulation.response
     line, force = observations.centre_line, observations.force

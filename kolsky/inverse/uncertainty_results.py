@@ -13,7 +13,7 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True)
 class ParameterProfile:
-    """The profile likelihood of one parameter, from the noise of force and shape alone."""
+    """The profile likelihood of one parameter, from the noise of force and outline alone."""
 
     name: str
     """The parameter."""
@@ -86,7 +86,7 @@ class Variation:
 
 @dataclass(frozen=True)
 class PosteriorSummary:
-    """The posterior by Markov chains, from the noise of force and shape alone."""
+    """The posterior by Markov chains, from the noise of force and outline alone."""
 
     names: tuple[str, ...]
     """Free parameters, then the sampled discrepancies, length n."""

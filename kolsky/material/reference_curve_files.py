@@ -19,10 +19,10 @@ CONVENTIONS = ("tension-positive", "compression-positive")
 BRANCHES = ("compression", "tension")
 """Halves of the curve."""
 COLUMNS = {"strain": "1", "stress": "Pa", "displacement": "m", "force": "N", "time": "s", "bulge": "m"}
-"""What a column may hold -> its SI unit."""
+"""Quantity of a column -> its SI unit."""
 
 MODE = "mode"
-"""How the columns of common uncertainties begin."""
+"""First word of the headings of common uncertainties."""
 
 
 def read_uniaxial_test(

@@ -1,4 +1,4 @@
-"""What may be said of a recorder's file, and what is found in it: channels with samples and clock."""
+"""Description of a recorder's file: its declared layout, and its channels with samples and clock."""
 
 import hashlib
 import stat
@@ -17,7 +17,7 @@ ColumnId = str | int
 
 @dataclass(frozen=True)
 class Layout:
-    """What a shot file says about a recorder's file; None leaves a thing to be found in the file.
+    """Declared layout of a recorder's file; what is None is found in the file.
 
     Something that is said wins over what the file says. All that was found is in `Contents.facts`.
     """
@@ -57,7 +57,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class ChannelInfo:
-    """What a file says of one of its channels; its samples have not been judged."""
+    """One channel as its file describes it; its samples have not been judged."""
 
     name: str
     """Its name in the file, by which it is asked for."""
@@ -123,7 +123,7 @@ class Channel:
 
 @dataclass(frozen=True)
 class Contents:
-    """What is in a recorder's file."""
+    """Channels, facts and metadata of a recorder's file."""
 
     path: Path
     """The file."""

@@ -17,7 +17,7 @@ SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".prn", "")
 
 
 def sniff(path: Path) -> bool:
-    """Whether a file may be delimited text: by its ending, and no zero bytes but those of UTF-16."""
+    """True for what may be delimited text: by its ending, and no zero bytes but those of UTF-16."""
     head = head_of(path)
     if path.suffix.lower() not in SUFFIXES or not head.strip():
         return False

@@ -1,4 +1,4 @@
-"""How a text file of unknown make separates its columns, writes its numbers, and where its samples begin."""
+"""Delimiter, decimal sign and columns of a text file of unknown make."""
 
 import csv
 import re
@@ -27,7 +27,7 @@ _SHOWN = 60
 
 @dataclass(frozen=True)
 class Dialect:
-    """How the lines of a file are to be taken apart."""
+    """Delimiter, decimal sign and columns of a file's lines."""
 
     delimiter: str
     """The character between columns; " " stands for any run of blanks and tabs."""
@@ -52,11 +52,11 @@ class Dialect:
         return [part.strip() for part in line.split(self.delimiter)]
 
     def is_number(self, field: str) -> bool:
-        """Whether a field is a number in this dialect, NaN and infinity included."""
+        """True if a field is a number in this dialect, NaN and infinity included."""
         return bool((_NUMBER if self.decimal == "." else _COMMA_NUMBER).fullmatch(field))
 
     def is_samples(self, line: str) -> bool:
-        """Whether a line has the form of a line of samples."""
+        """True if a line has the form of a line of samples."""
         parts = self.split(line)
         if len(parts) != self.fields or any(parts[i] for i in self.empty):
             return False
@@ -157,7 +157,7 @@ def _last_word(lines: Sequence[str], characters: Sequence[str], decimals: Sequen
 
 
 def _other(lines: Sequence[str], stated: str) -> Dialect | None:
-    """What the lines look like with another delimiter than the stated one."""
+    """The dialect of the lines with another delimiter than the stated one."""
     for character in DELIMITERS.values():
         for decimal in (".", ","):
             if character not in (stated, decimal):

@@ -26,7 +26,7 @@ _UNIT = re.compile(r"\s*\[[^\[\]]*\]\s*$|\s*\([^()]*\)\s*$")
 
 
 class PointState(IntEnum):
-    """What an export says of a point in a frame."""
+    """State of a point in a frame as the export gives it."""
 
     VALID = 0
     """It has a displacement."""

@@ -1,4 +1,4 @@
-"""What the columns of DIC programs' exports are called."""
+"""Names of the columns in the exports of DIC programs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

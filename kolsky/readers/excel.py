@@ -22,7 +22,7 @@ _DECLARATIONS = (b"<!DOCTYPE", b"<!ENTITY", "<!DOCTYPE".encode("utf-16-le"), "<!
 
 
 def sniff(path: Path) -> bool:
-    """Whether a file ends in .xlsx or .xlsm and is a zip archive."""
+    """True if a file ends in .xlsx or .xlsm and is a zip archive."""
     return path.suffix.lower() in (".xlsx", ".xlsm") and head_of(path, 4) == b"PK\x03\x04"
 
 

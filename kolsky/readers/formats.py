@@ -19,13 +19,13 @@ from kolsky.readers.contents import Contents, Layout
 
 
 class RecorderFormat(Protocol):
-    """What a module offers that reads one format."""
+    """The functions of a module that reads one format."""
 
     BINARY: bool
     """Whether its files are no text: they have no lines to name and no digits that were printed."""
 
     def sniff(self, path: Path) -> bool:
-        """Whether a file looks like this format, by its ending and first bytes."""
+        """True if a file looks like this format, by its ending and first bytes."""
 
     def read(self, path: Path, layout: Layout) -> Contents:
         """Its channels; raises `InputError`."""

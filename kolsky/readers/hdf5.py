@@ -21,7 +21,7 @@ _MOST = 2000
 
 
 def sniff(path: Path) -> bool:
-    """Whether a file begins with the signature of HDF5 and is not MATLAB's."""
+    """True if a file begins with the signature of HDF5 and is not MATLAB's."""
     return head_of(path, 8) == b"\x89HDF\r\n\x1a\n"
 
 

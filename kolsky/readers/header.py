@@ -42,7 +42,7 @@ _NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-zÂµÎ
 
 @dataclass(frozen=True)
 class HeaderClock:
-    """What the header says of the clock; None for what it does not say."""
+    """The clock as the header states it; None for what it does not state."""
 
     interval: float | None
     """Time from sample to sample [s]."""

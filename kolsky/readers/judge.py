@@ -1,4 +1,4 @@
-"""Whether the samples of a channel can be a measurement: finite, changing, not clipped."""
+"""Checks that the samples of a channel can be a measurement: finite, changing, not clipped."""
 
 from pathlib import Path
 

@@ -22,7 +22,7 @@ _END = "***End_of_Header***"
 
 
 def sniff(path: Path) -> bool:
-    """Whether a file begins with the words "LabVIEW Measurement", whatever it is called."""
+    """True if a file begins with the words "LabVIEW Measurement", whatever it is called."""
     return (
         head_of(path, 64)
         .replace(b"\0", b"")

@@ -17,7 +17,7 @@ BINARY = False
 
 
 def sniff(path: Path) -> bool:
-    """Whether a file ends in .raw and its first line has at least three fields between tabs."""
+    """True if a file ends in .raw and its first line has at least three fields between tabs."""
     return path.suffix.lower() == ".raw" and head_of(path, 2048).split(b"\n")[0].count(b"\t") >= 2
 
 

@@ -26,7 +26,7 @@ SCOPE_LIMIT = 400_000_000
 
 
 def sniff(path: Path) -> bool:
-    """Whether a file has the ending of a scope's binary file; `read` tells the make."""
+    """True if a file has the ending of a scope's binary file; `read` tells the make."""
     return path.suffix.lower() in SUFFIXES
 
 
@@ -73,7 +73,7 @@ def _companion(path: Path) -> Path | None:
 
 
 def _parsed(path: Path) -> tuple[Any, str]:
-    """What the library makes of a file, or why it does not."""
+    """A file as the library parses it, or why it does not."""
     try:
         from RigolWFM.wfm import Wfm
     except ImportError:

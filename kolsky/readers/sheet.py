@@ -82,7 +82,7 @@ class Sheet:
         return text.replace(",", ".") if self.dialect.decimal == "," else text
 
     def column(self, wanted: ColumnId, what: str) -> int:
-        """Which column is meant, counted from 0: by name, else by number.
+        """The index of a column, counted from 0: by its name, else by its number.
 
         Raises
         ------
@@ -241,7 +241,7 @@ def _cells(dialect: Dialect, line: str) -> list[str]:
 
 
 def _fits(dialect: Dialect, line: str) -> bool:
-    """Whether a line can name or measure every numeric column."""
+    """True if a line can name or measure every numeric column."""
     cells = dialect.split(line)
     if len(cells) < dialect.fields or not all(cells[i] for i in dialect.numeric):
         return False

@@ -18,7 +18,7 @@ _TIME_NAME = re.compile(
 
 @dataclass(frozen=True)
 class SignalTable:
-    """Which columns of a sheet are signals, and which are their times."""
+    """Columns of a sheet as signals and their times."""
 
     sheet: Sheet
     """The table."""

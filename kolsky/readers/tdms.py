@@ -27,7 +27,7 @@ BINARY = True
 
 
 def sniff(path: Path) -> bool:
-    """Whether a file begins with the tag of a TDMS segment."""
+    """True if a file begins with the tag of a TDMS segment."""
     return head_of(path, 4) == b"TDSm"
 
 

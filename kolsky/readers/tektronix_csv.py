@@ -23,7 +23,7 @@ _KEYED = 40
 
 
 def sniff(path: Path) -> bool:
-    """Whether the first line has the key "Record Length" and, beside it, time and volts."""
+    """True if the first line has the key "Record Length" and, beside it, time and volts."""
     line = head_of(path, 1024).split(b"\n")[0].decode("latin-1")
     named = line.lower().lstrip('"').startswith("record length")
     return named and line.count(",") >= _BLOCK - 1 and _pair(line)
@@ -68,6 +68,6 @@ def read(path: Path, layout: Layout) -> Contents:
 
 
 def _pair(line: str) -> bool:
-    """Whether fields 4 and 5 are numbers."""
+    """True if fields 4 and 5 are numbers."""
     cells = [part.strip() for part in line.split(",")]
     return all(Dialect(",", ".", 0, ()).is_number(cell) for cell in cells[3:5])

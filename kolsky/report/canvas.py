@@ -16,10 +16,10 @@ from kolsky.inverse.result import Identification
 from kolsky.report.display_units import in_display_units
 from kolsky.report.figure_data import write_data
 from kolsky.report.figures import FigureKind, figures_of
-from kolsky.report.formats import FIGURES
+from kolsky.report.formats import FIGURE_FORMATS
 
 STYLE = Path(__file__).with_name("kolsky.mplstyle")
-FORMATS = FIGURES
+FORMATS = FIGURE_FORMATS
 ON_PAGE = 350.0
 """Resolution of pictures inside the figures of a page [dots per inch], that of the rendered stills."""
 _MM_PER_INCH = 25.4

@@ -1,4 +1,4 @@
-"""Formats of a figure that is saved alone."""
+"""Formats of a figure saved alone; separate, so that the command line loads no figures for them."""
 
-FIGURES = ("pdf", "svg", "png", "csv")
-"""Their names; csv is the data that it shows."""
+FIGURE_FORMATS = ("pdf", "svg", "png", "csv")
+"""Names of the formats; "csv" is the table of the data shown."""

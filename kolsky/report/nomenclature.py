@@ -257,19 +257,3 @@ def written(key: str) -> tuple[float, str, str, str, int]:
         unit = "" if name_of(name).unit in ("1", "SI") else name_of(name).unit
         return factor_of(name), unit, " to ", "default bounds", 6
     return factor, unit, JOINED.get(key, ", "), DEFAULTS.get(key, "default"), DIGITS.get(key, 6)
-
-
-def shortened(text: str, most: int) -> str:
-    """A name that fits a figure: one line of printable characters, its middle left out if it is long.
-
-    A dollar sign is escaped, so that it starts no formula. A character that the figures' font does not have
-    becomes a square; the tables of a page have it as it is.
-    """
-    from matplotlib.font_manager import findfont, get_font
-
-    font = get_font(findfont("DejaVu Sans"))
-    known = (c if c.isprintable() else " " for c in text)
-    line = "".join(c if font.get_char_index(ord(c)) else "□" for c in known)
-    if len(line) > most:
-        line = f"{line[: most - most // 2 - 1]}…{line[-(most // 2) :]}"
-    return line.replace("$", r"\$")

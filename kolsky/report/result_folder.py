@@ -1,5 +1,6 @@
 """Result folders of the commands: result, tables, page and figures, all written or none."""
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +18,8 @@ from kolsky.shot.dic_output import write_tables
 from kolsky.shot.optical_data import Surfaces
 from kolsky.shot.recorded import Recorded, recorded
 from kolsky.shot.records import PicturedShot, Shot
+from kolsky.studies.planning import output as plan_output
+from kolsky.studies.planning.plan import Plan
 from kolsky.studies.rates import output as rates_output
 from kolsky.studies.rates.records import RateReport
 from kolsky.studies.sweep import Sweep, write_sweep
@@ -99,7 +102,7 @@ def write_identify_page(
     recordings
         Recordings of the shot's own files.
     formats
-        Any of `kolsky.report.formats.FIGURES`.
+        Any of `kolsky.report.formats.FIGURE_FORMATS`.
     processes
         Processes that draw, 1 or 2; see `kolsky.report.pages.parallel.draw_in_processes`.
     """
@@ -125,7 +128,7 @@ def write_dic_results(
     vtp: bool = False,
     processes: int = 1,
 ) -> None:
-    """Write what `kolsky dic` leaves beside dic.h5: dic.html, outline, flyer, reporting table, figures.
+    """Write the results of `kolsky dic` beside dic.h5: dic.html, outline, flyer, reporting table, figures.
 
     Parameters
     ----------
@@ -140,7 +143,7 @@ def write_dic_results(
     csv, vtp
         Also write every frame's points as CSV, and as VTP for ParaView.
     processes
-        How many draw the page, 1 or 2; see `kolsky.report.pages.parallel.drawn_by`.
+        How many draw the page, 1 or 2; see `kolsky.report.pages.parallel.draw_in_processes`.
 
     Raises
     ------
@@ -223,6 +226,34 @@ def write_rate_results(folder: Path, report: RateReport, *, formats: Sequence[st
             for index, group in enumerate(report.groups):
                 registry = figures_of(report, index)
                 save_figures(partial / "figures", group, formats=tuple(formats), registry=registry)
+
+
+def write_plan_results(folder: Path, found: Plan, *, formats: Sequence[str] = ()) -> None:
+    """Write what `kolsky plan` leaves: plan.h5, plan.json, tables and, if asked for, figures.
+
+    Parameters
+    ----------
+    folder
+        Where to; made if it is not there.
+    found
+        The plan.
+    formats
+        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
+
+    Raises
+    ------
+    InputError
+        If the results cannot be written.
+    """
+    from kolsky.report.canvas import save_figures
+
+    with filling(folder) as partial:
+        plan_output.write_hdf5(partial / "plan.h5", found)
+        plan_output.write_csv(partial, found)
+        text = json.dumps(plan_output.to_json(found), indent=2, allow_nan=False)
+        (partial / "plan.json").write_text(text, encoding="utf-8")
+        if formats:
+            save_figures(partial / "figures", found, formats=tuple(formats))
 
 
 def write_sweep_results(

@@ -95,7 +95,7 @@ def driven_by_waves(
 
 
 class BarDrivenShotFile(Section):
-    """What `identify` needs of a shot.toml beside bars and gauges; those are `kolsky.shot.schema.bars`'s."""
+    """Tables for `identify` beside bars and gauges; those are in `kolsky.shot.schema.bars`."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
 

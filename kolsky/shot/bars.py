@@ -45,6 +45,8 @@ def load_waves(source: Source) -> WavesInput:
     waves = declared.waves
     windows = None
     if waves.incident is not None:
+        assert waves.reflected is not None  # the schema saw to all three
+        assert waves.transmitted is not None
         windows = Windows(waves.incident, waves.reflected, waves.transmitted, source="shot file")
     uncertainty = declared.uncertainty.for_waves()
     alike = bool(uncertainty.pop("bars_alike"))
@@ -248,7 +250,7 @@ def _narrower(file: TomlFile, bars: Mapping[str, Bar], specimen: Specimen) -> No
 
 
 def declared_settings(content: Mapping[str, Any]) -> dict[str, str]:
-    """What was declared, key by key as written, and the versions."""
+    """Declarations, key by key as written, and the versions."""
     kept = (
         "specimen",
         "bars",

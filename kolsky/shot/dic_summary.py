@@ -13,7 +13,7 @@ SHOWN_FRAMES = 12
 
 
 def summary(result: StereoResult) -> dict[str, Any]:
-    """What a user wants to know of a result: name and value, SI and JSON types."""
+    """Numbers of a result by name, SI and JSON types."""
     body, noise, placement = result.specimen, result.noise, result.placement
     rows: dict[str, Any] = {
         "frames": len(result.t),
@@ -148,7 +148,7 @@ def bad_frames(result: StereoResult) -> dict[str, str]:
 
 
 def lost(body: Body) -> dict[str, int]:
-    """How many points ended other than VALID, over all frames, by outcome."""
+    """Number of points that ended other than VALID, over all frames, by outcome."""
     return {words(outcome): count for outcome, count in body.outcomes().items() if not outcome.ok}
 
 

@@ -11,7 +11,7 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.records import FlyerMotion, Recording
 from kolsky.base.units import in_us
-from kolsky.readers.shot_tables import read_scope
+from kolsky.readers.recordings import read_recordings, read_scope
 from kolsky.shot.records import ForceChannel
 from kolsky.shot.schema.measured import ForceSection
 from kolsky.shot.schema.reading import ShotToml
@@ -61,8 +61,6 @@ def force_recording(path: Path, section: ForceSection) -> Recording:
     if section.layout is None:
         assert section.time is not None  # the section has one of the two
         return read_scope(path, time=section.time.as_column(), voltage=section.voltage.as_column())
-    from kolsky.readers.recordings import read_recordings
-
     time, unit = None, None
     if section.time is not None:
         time, unit = section.time.column, _SECONDS.get(section.time.unit)

@@ -1,4 +1,4 @@
-"""What the cameras of a shot saw, as numbers: correlated once, kept in the results folder, read back
+"""Measurements of a shot's cameras: correlated once, kept in the results folder, read back
 after."""
 
 import hashlib
@@ -172,7 +172,7 @@ def measured(
 
 
 def key_of(pictures: PictureSet) -> str:
-    """What a stereo result depends on: SHA-256 of inputs, declarations and the version of the chain."""
+    """Key of a stereo result: SHA-256 of inputs, declarations and the version of the analysis."""
     declared = pictures.toml.declared
     parts: dict[str, Any] = {
         "version": VERSION,
@@ -190,7 +190,7 @@ def key_of(pictures: PictureSet) -> str:
 
 @dataclass(frozen=True)
 class Places:
-    """Where the bodies are in camera 0's pictures."""
+    """Regions of the bodies in the pictures of camera 0."""
 
     specimen: Region
     """The specimen."""

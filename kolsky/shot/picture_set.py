@@ -100,7 +100,7 @@ def open_pictures(toml: ShotToml, frames: FrameTimes) -> PictureSet:
 
 
 def fits_sensor(pictures: Pictures, sensor: tuple[int, int] | None) -> str | None:
-    """What is wrong with a crop on a sensor of so many columns and rows; None if nothing is."""
+    """Complaint about a crop on a sensor of so many columns and rows; None if it fits."""
     if sensor is None:
         return None
     (x, y), (rows, columns) = pictures.crop_offset, pictures.shape
@@ -153,7 +153,7 @@ def digest(files: list[Path]) -> str:
 
 
 def _miscounted(pictures: Pictures, frames: FrameTimes) -> str | None:
-    """What is wrong with the number of pictures; a file that was cut off may have too few."""
+    """Complaint about the number of pictures; a file that was cut off may have too few."""
     count = frames.frame.size
     if pictures.n_frames == count or (pictures.n_frames < count and _cut_off(pictures)):
         return None
@@ -161,7 +161,7 @@ def _miscounted(pictures: Pictures, frames: FrameTimes) -> str | None:
 
 
 def _cut_off(pictures: Pictures) -> bool:
-    """Whether the last picture that the headers promise is not there."""
+    """True if the last picture that the headers promise is not there."""
     try:
         pictures.frame(pictures.n_frames - 1)
     except PictureError:
@@ -170,7 +170,7 @@ def _cut_off(pictures: Pictures) -> bool:
 
 
 def _moved(pictures: Pictures, series: SeriesSection) -> str | None:
-    """What is wrong with the declared crop, if the file states its own."""
+    """Complaint about the declared crop, if the file states its own."""
     own = pictures.crop_offset
     if own in ((0.0, 0.0), series.crop_offset):
         return None
@@ -193,7 +193,7 @@ ALIVE = 0.5
 
 @dataclass(frozen=True)
 class PicturePair:
-    """What two cameras saw at one time, and the result that it belongs to."""
+    """The pictures of both cameras at one time, and the result that they belong to."""
 
     result: StereoResult
     """The surfaces of the whole shot."""

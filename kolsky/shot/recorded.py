@@ -1,4 +1,4 @@
-"""What a shot's own files show, for its report: the force channel as recorded, the flyer and its path."""
+"""Recordings of a shot for its report: the force channel as recorded, the flyer and its path."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,7 +21,7 @@ DIC_PAGE = "dic.html"
 
 @dataclass(frozen=True)
 class MotionShown:
-    """What moves the front face, measured and fitted, on the shot's clock."""
+    """Motion of the front face, measured and fitted, on the shot's clock."""
 
     measured_time: FloatArray
     """Frames, or samples of the bar's face [s], shape [n]."""
@@ -76,7 +76,7 @@ class Recorded:
 
 
 def recorded(shot: Shot, folder: Path) -> Recorded:
-    """What the report shows of a shot's recordings.
+    """The recordings of a shot as its report shows them.
 
     Parameters
     ----------

@@ -82,7 +82,7 @@ class ForceChannel:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ShotBase:
-    """What a shot is apart from what its cameras saw (SI, one clock)."""
+    """A shot apart from its optical measurements (SI, one clock)."""
 
     name: str
     """Name of the shot; by default its folder's."""
@@ -149,7 +149,7 @@ class PicturedShot(ShotBase):
 
 @dataclass(frozen=True)
 class OpticalData:
-    """What the cameras saw, as numbers."""
+    """Optical measurements: the flyer and the outline at the frames."""
 
     flyer: FlyerMotion
     """The flyer's displacement at the frames."""

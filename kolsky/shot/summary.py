@@ -1,4 +1,4 @@
-"""What was understood of a shot: named values with units, for a table or for JSON."""
+"""Summary of a loaded shot: named values with units, for a table or for JSON."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -36,7 +36,7 @@ class Entry:
 
 
 def summarise(shot: ShotBase) -> list[Entry]:
-    """Everything that was understood of a shot, in the order of the shot file."""
+    """All entries of a shot's summary, in the order of the shot file."""
     return [
         Entry("specimen", "diameter", shot.specimen.diameter, "m"),
         Entry("specimen", "length", shot.specimen.length, "m"),

@@ -26,7 +26,7 @@ __all__ = ["waves"]
 
 
 def load_flyer_test(source: Source, shot: Shot) -> FlyerInput:
-    """What `kolsky waves` needs of a flyer test.
+    """Load a flyer test for `kolsky waves`.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ HEADER = re.compile(r"\s*([a-z_]+)\s*(?:\(\s*([^()]+?)\s*\))?\s*")
 
 
 def read_design(path: Path) -> Design:
-    """A design from a CSV file: a header "stiffness_factor (1), damping (us)", then one point a line.
+    """Read a design from a CSV file: a header "stiffness_factor (1), damping (us)", then one point a line.
 
     A name without a unit is in SI. The design's box spans the values of each column.
 

@@ -168,7 +168,7 @@ def trends(
     numerics = numerics or Numerics()
     prepared = prepare_shot(shot)
     if not prepared.observations.has_shape:
-        raise ValueError(f"{shot.name}: the trends of the shape need a measured outline")
+        raise ValueError(f"{shot.name}: the trends of Phi_S need a measured outline")
     return Trends(
         shot=shot.name,
         stiffness=stiffness,

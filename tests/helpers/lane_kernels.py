@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from explicit.arguments import SPARE
 from explicit.device import select_device
-from explicit.grouped_tables import grouped
+from explicit.mesh_arguments import SPARE
 from explicit.precision import PRECISIONS, Precision
 from explicit.simd import PACK_BYTES, Mapping, lane_kernel
+from explicit.time_loop.grouped_tables import grouped
 from explicit.time_loop.structs import Structs
 
 N = 13

@@ -99,7 +99,7 @@ FAULTS = (
     ),
     Fault(
         name="flyer's points: spread from the median length times its constant",
-        file="dic/rigid_body/axial_displacement.py",
+        file="dic/rigid_body/translation.py",
         right="float(np.median(size / noise)) / MEDIAN_LENGTH",
         wrong="float(np.median(size / noise)) * MEDIAN_LENGTH",
         tests=GATES,

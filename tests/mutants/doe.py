@@ -61,4 +61,11 @@ FAULTS = (
         wrong="if n_blocks < 4 * d:",
         tests=VERDICTS,
     ),
+    Fault(
+        name="a quadratic with one degree of freedom too many",
+        file="doe/surrogates/quadratic.py",
+        right="return len(self.points) - len(self.coefficients)",
+        wrong="return len(self.points) - len(self.coefficients) + 1",
+        tests=("tests/unit/doe/test_doe_quadratic.py",),
+    ),
 )

@@ -11,7 +11,7 @@ CONTACT = ("tests/unit/explicit/test_contact_laws.py",)
 FAULTS = (
     Fault(
         name="a node has the mass of one of its elements only",
-        file="explicit/arguments.py",
+        file="explicit/mesh_arguments.py",
         right="np.add.at(mass, mesh.quads.ravel(), shares.ravel())",
         wrong="mass[mesh.quads.ravel()] = shares.ravel()",
         tests=(f"{FORMS}::test_lumped_masses_have_the_mass_and_its_centre",),
@@ -111,7 +111,7 @@ FAULTS = (
     ),
     Fault(
         name="deviatoric viscosity halved",
-        file="explicit/elements/fbar.py",
+        file="explicit/elements/fbar_points.py",
         right="eta = two * solid.shear_viscosity * jacobian",
         wrong="eta = solid.shear_viscosity * jacobian",
         tests=(f"{FORMS}::test_deviatoric_damping_takes_two_eta_d_d",),

@@ -4,6 +4,10 @@ from tests.mutants.fault import Fault
 
 OBJECTIVE = ("tests/unit/inverse/test_objective.py",)
 ESTIMATES = ("tests/unit/inverse/test_estimates.py",)
+CONFIRMS = (
+    "tests/unit/inverse/test_quadratic_fit.py::"
+    "test_a_run_confirms_within_a_fifth_of_sigma_or_three_times_the_roughness",
+)
 MISFIT = ("tests/unit/inverse/test_misfit.py",)
 
 FAULTS = (
@@ -132,5 +136,19 @@ FAULTS = (
         right="sigma_phi=float(np.hypot(sigma_force / SCALE_FORCE, sigma_shape / SCALE_SHAPE)),",
         wrong="sigma_phi=float(sigma_force / SCALE_FORCE),",
         tests=MISFIT,
+    ),
+    Fault(
+        name="a run confirms at two sigma",
+        file="kolsky/inverse/refined_search.py",
+        right="CONFIRMED = 0.2",
+        wrong="CONFIRMED = 2.0",
+        tests=CONFIRMS,
+    ),
+    Fault(
+        name="a run confirms at thirty times the roughness",
+        file="kolsky/inverse/refined_search.py",
+        right="ROUGH = 3.0",
+        wrong="ROUGH = 30.0",
+        tests=CONFIRMS,
     ),
 )

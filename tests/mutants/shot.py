@@ -236,7 +236,7 @@ FAULTS = (
     ),
     Fault(
         name="a gap in the samples is rounding",
-        file="kolsky/readers/shot_tables.py",
+        file="kolsky/readers/recordings.py",
         right="excess > 1.001 * digit + 1e-9 * step",
         wrong="excess > 1001 * digit + 1e-9 * step",
         tests=READERS,

@@ -14,7 +14,7 @@ from kolsky.material.fits.fit import Fit, fit_law
 from kolsky.material.fits.homogeneous import compressible_stress, free_stretch, incompressible_stress
 from kolsky.material.fits.modes import Mode
 from kolsky.material.fits.test_data import HomogeneousTest, mean_test
-from kolsky.readers import homogeneous
+from kolsky.readers.columns import read_homogeneous
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "quasistatic"
 PHANTOMS = ("EF10_0T", "EF10_25T", "EF30_0T", "EF50_0T")
@@ -54,7 +54,7 @@ def phantom(name: str) -> HomogeneousTest:
     """The mean of ten compression tests at 1000 equally spaced strains, as the authors fit it."""
     tests = []
     for path in sorted((SHARED / "tissue_phantom" / name).glob("*.csv")):
-        table = homogeneous.read(
+        table = read_homogeneous(
             path, deformation="Engineering Strain [-]", stress="Engineering Stress (kPa)"
         )
         # Strain and stress of compression are negative there too.
@@ -116,7 +116,7 @@ def rubber(name: str) -> tuple[HomogeneousTest, ...]:
     made = []
     for folder, mode in MODES.items():
         path = SHARED / "rubber_classics" / RUBBERS[name] / folder / "stress_stretch.txt"
-        table = homogeneous.read(path, deformation="2", stress="1", deformation_unit="1", stress_unit="MPa")
+        table = read_homogeneous(path, deformation="2", stress="1", deformation_unit="1", stress_unit="MPa")
         made.append(HomogeneousTest(mode.value, mode, table.deformation, table.stress))
     return tuple(made)
 

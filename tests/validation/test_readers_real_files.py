@@ -13,8 +13,7 @@ from kolsky.base.errors import InputError
 from kolsky.readers.contents import Layout
 from kolsky.readers.dic_export import PointState, read
 from kolsky.readers.matlab import variables
-from kolsky.readers.recordings import list_channels, read_contents, read_recordings
-from kolsky.readers.shot_tables import read_scope
+from kolsky.readers.recordings import list_channels, read_contents, read_recordings, read_scope
 from kolsky.readers.table import Column
 
 YAO_INTERVAL = 80e-9

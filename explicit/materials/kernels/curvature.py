@@ -1,4 +1,4 @@
-r"""How stiff a law is at most along any motion: what the stable step needs of every closed-form law.
+r"""Largest stiffness of a law along any motion, for the stable step of every closed-form law.
 
 The second variation of an isotropic energy along F + eps L F falls into a block N of the three stretches and
 one of the shear in the plane (Ogden 1984, section 6.1); its largest value over |L|^2 is the larger of their

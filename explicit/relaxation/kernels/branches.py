@@ -1,4 +1,4 @@
-"""What relaxes, in the time loop: the stress that branches have given up, and the energy they took.
+"""Relaxation in the time loop: the stress that branches have given up, and the energy they took.
 
 The law's own stress enters at its instantaneous stiffness, through the element's forces and its step bound;
 the functions here subtract what the branches have relaxed since. Every stress point remembers a few numbers
@@ -24,7 +24,7 @@ from explicit.time_loop.structs import Structs, simulation_structs
 
 @dataclass(frozen=True)
 class RelaxationFunctions:
-    """What the time loop asks of the branches."""
+    """Functions of the branches for the time loop."""
 
     sweep: Any
     """``sweep(body, solid, row, branches, memory, control, step, fields, lane, measure)``: subtract the
@@ -62,7 +62,7 @@ def relaxation_functions(
     point = kind.point(law, precision, bound)
     relax, held = point.relax, point.held
     n_points, per_point = int(element.n_points), int(point.memory)
-    worth, place_of_rest = int(n_points * per_point), int(kind.place_of_rest)
+    worth, index_of_rest = int(n_points * per_point), int(kind.index_of_rest)
     zero = real(0.0)
 
     @wp.func
@@ -125,7 +125,7 @@ def relaxation_functions(
         fields: Fields,
         lane: int,
     ):
-        rest = branches[place_of_rest]
+        rest = branches[index_of_rest]
         lasting = Solid(solid.scale * rest, solid.bulk, solid.hourglass, zero, zero, zero, zero, zero)
         elastic, hourglass, past, most = sweep_energies(body, lasting, row, limit_s, fields, lane)
         taken = empty_sum()

@@ -31,7 +31,7 @@ class CreepKind:
     """One creeping network."""
 
     @property
-    def place_of_rest(self) -> int:
+    def index_of_rest(self) -> int:
         """A row is s / (1 + s), tau_hat, m, C, xi, 1 / (1 + s)."""
         return 5
 
@@ -61,7 +61,7 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
         dt: real,
         branches: wp.array(dtype=real),
     ):
-        """How far it flows in a step: gamma dt."""
+        """Flow in a step, gamma dt."""
         amount = real(0.0)
         size = norm(stress)
         if size > nothing and dt > zero:
@@ -92,7 +92,7 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
         branches: wp.array(dtype=real),
         memory: wp.array(dtype=real),
         first: int,
-        places: int,
+        stride: int,
         e: int,
         ur: vec4,
         uy: vec4,
@@ -118,8 +118,8 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
             ry = iso * (f11 * h21 + h12 * f22)
             tt = iso * f33 * f33
             stiff, unit = scale * branches[0], vec4(one, one, zero, one)
-            k = first * places + e
-            old = vec4(memory[k], memory[k + places], memory[k + 2 * places], memory[k + 3 * places]) + unit
+            k = first * stride + e
+            old = vec4(memory[k], memory[k + stride], memory[k + 2 * stride], memory[k + 3 * stride]) + unit
             chain = (old[0] + old[1]) / (old[0] * old[1] - old[2] * old[2]) + one / old[3]
             trial = push(old, f11, h12, h21, f22, f33) * iso
             stress = law_stress(trial[0], trial[1], trial[2], trial[3], row)
@@ -136,9 +136,9 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
             elastic = elastic * back
             new = pull(elastic, f11, h12, h21, f22, f33) * (one / iso) - unit
             memory[k] = new[0]
-            memory[k + places] = new[1]
-            memory[k + 2 * places] = new[2]
-            memory[k + 3 * places] = new[3]
+            memory[k + stride] = new[1]
+            memory[k + 2 * stride] = new[2]
+            memory[k + 3 * stride] = new[3]
             after = law_stress(elastic[0], elastic[1], elastic[2], elastic[3], row)
             t = (after - law_stress(rr, yy, ry, tt, row)) * (weight * stiff)
             area = f33 * inverse
@@ -174,7 +174,7 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
         branches: wp.array(dtype=real),
         memory: wp.array(dtype=real),
         first: int,
-        places: int,
+        stride: int,
         e: int,
         ur: vec4,
         uy: vec4,
@@ -186,8 +186,8 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
         plane = h11 + h22 + h11 * h22 - h12 * h21
         dilatation = plane * (one + h33) + h33
         iso, _inverse = isochoric_factor(one + dilatation, dilatation)
-        k = first * places + e
-        old = vec4(memory[k], memory[k + places], memory[k + 2 * places], memory[k + 3 * places])
+        k = first * stride + e
+        old = vec4(memory[k], memory[k + stride], memory[k + 2 * stride], memory[k + 3 * stride])
         old = old + vec4(one, one, zero, one)
         b = push(old, one + h11, h12, h21, one + h22, one + h33) * iso
         return weight * scale * branches[0] * law_energy(b[0], b[1], b[2], b[3], row)

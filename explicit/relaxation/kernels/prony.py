@@ -31,7 +31,7 @@ class PronyKind:
     n_branches: int
 
     @property
-    def place_of_rest(self) -> int:
+    def index_of_rest(self) -> int:
         """A row is g_1 .. g_n, tau_1 .. tau_n, 1 - sum g_i."""
         return 2 * self.n_branches
 
@@ -65,7 +65,7 @@ def _point(law: type, precision: Precision, bound: str, n_branches: int) -> Poin
         branches: wp.array(dtype=real),
         memory: wp.array(dtype=real),
         first: int,
-        places: int,
+        stride: int,
         e: int,
         ur: vec4,
         uy: vec4,
@@ -93,15 +93,15 @@ def _point(law: type, precision: Precision, bound: str, n_branches: int) -> Poin
             S = pull(law_stress(rr, yy, ry, tt, row), f11, h12, h21, f22, f33) * (one / iso)
             before, after = vec4(), vec4()
             for i in range(branches_of):
-                k = (first + 4 * i) * places + e
-                old = vec4(memory[k], memory[k + places], memory[k + 2 * places], memory[k + 3 * places])
+                k = (first + 4 * i) * stride + e
+                old = vec4(memory[k], memory[k + stride], memory[k + 2 * stride], memory[k + 3 * stride])
                 x = interval / branches[branches_of + i]
                 rise = two * x / (two + x)  # 1 - a
                 new = old + rise * (branches[i] * S - old)
                 memory[k] = new[0]
-                memory[k + places] = new[1]
-                memory[k + 2 * places] = new[2]
-                memory[k + 3 * places] = new[3]
+                memory[k + stride] = new[1]
+                memory[k + 2 * stride] = new[2]
+                memory[k + 3 * stride] = new[3]
                 before += old
                 after += new
             area = f33 * inverse
@@ -147,7 +147,7 @@ def _point(law: type, precision: Precision, bound: str, n_branches: int) -> Poin
         branches: wp.array(dtype=real),
         memory: wp.array(dtype=real),
         first: int,
-        places: int,
+        stride: int,
         e: int,
         ur: vec4,
         uy: vec4,

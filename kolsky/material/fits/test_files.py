@@ -9,7 +9,7 @@ import numpy as np
 from kolsky.base.errors import InputError
 from kolsky.material.fits.modes import Mode
 from kolsky.material.fits.test_data import HomogeneousTest, mean_test
-from kolsky.readers import homogeneous
+from kolsky.readers.columns import read_homogeneous
 from kolsky.readers.contents import Layout
 
 CONVENTIONS = ("tension-positive", "compression-positive")
@@ -56,7 +56,7 @@ def read_homogeneous_test(
         If the file cannot be read, or its columns are no test of this mode.
     """
     path = Path(path)
-    table = homogeneous.read(
+    table = read_homogeneous(
         path,
         deformation=columns.stretch or columns.strain,
         stress=columns.stress,

@@ -7,6 +7,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colorbar import Colorbar
+from matplotlib.font_manager import findfont, get_font
 from numpy.typing import NDArray
 
 from kolsky.inverse.result import Identification
@@ -74,6 +75,20 @@ def label_panel(ax: Axes, text: str) -> None:
 def note_empty(ax: Axes, text: str) -> None:
     """Write into a panel why it is empty."""
     ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color=GREY)
+
+
+def label_text(text: str, most: int) -> str:
+    """Return a name for use in a figure: one line of printable characters, a long one without its middle.
+
+    A dollar sign is escaped, so that it starts no formula. A character that the figures' font does not have
+    becomes a square; the tables of a page have it as it is.
+    """
+    font = get_font(findfont("DejaVu Sans"))
+    known = (c if c.isprintable() else " " for c in text)
+    line = "".join(c if font.get_char_index(ord(c)) else "□" for c in known)
+    if len(line) > most:
+        line = f"{line[: most - most // 2 - 1]}…{line[-(most // 2) :]}"
+    return line.replace("$", r"\$")
 
 
 def smooth_bar(bar: Colorbar) -> None:

@@ -19,9 +19,9 @@ from kolsky.report.figures.base import (
     FigureKind,
     Panels,
     label_panel,
+    label_text,
     note_empty,
 )
-from kolsky.report.nomenclature import shortened
 from kolsky.studies.rates.records import GroupRates
 
 KPA = 1e-3
@@ -117,7 +117,7 @@ def draw_equal_strain(group: GroupRates, panels: Panels) -> None:
         c, h = shot.found.comparison, shot.history
         inside = (c.force_time >= h.time[0]) & (c.force_time <= h.time[-1])
         strain = np.interp(c.force_time[inside], h.time, h.strain)
-        label = f"{shortened(shot.name, 20)}, {h.nominal_rate:.3g} 1/s"
+        label = f"{label_text(shot.name, 20)}, {h.nominal_rate:.3g} 1/s"
         force.plot(strain, c.force_measured[inside], color=colour, lw=0.7, label=label)
         force.plot(e.strains, e.force[number], marker, color=colour, ms=3.0, mec="white", mew=0.4)
         for outline in (s for s in e.shapes if s.shot == shot.name):

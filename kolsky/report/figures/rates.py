@@ -15,8 +15,8 @@ from kolsky.report.figures.base import (
     FigureKind,
     Panels,
     label_panel,
+    label_text,
 )
-from kolsky.report.nomenclature import shortened
 from kolsky.studies.rates.records import GroupRates
 from kolsky.studies.rates.regression import SlopeVerdict
 
@@ -170,7 +170,7 @@ def draw_forest(group: GroupRates, panels: Panels) -> None:
                     mfc=ROUTES[name] if shot.counted else "white",
                     label=name if row == rows[0] else "",
                 )
-    names = [shortened(shot.name, 24) for shot in group.shots]
+    names = [label_text(shot.name, 24) for shot in group.shots]
     left.set_yticks([*rows, 0], [*names, "mean"])
     for ax in (left, right):
         ax.set_ylim(-0.6, count + 0.7)

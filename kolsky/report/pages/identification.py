@@ -87,7 +87,7 @@ def render(identification: Identification, recordings: Recorded | None = None, *
         changes=changes(result),
         choices=choices(result),
         recordings=flattened({"recordings": provenance.get("recordings", {})}),
-        seen=recordings,
+        recorded=recordings,
         tested=flattened({key: provenance[key] for key in _TESTED if key in provenance}),
         **{name: flattened(provenance.get(name, {})) for name in _TABLES},
         further=flattened({k: v for k, v in provenance.items() if k not in _SHOWN}),

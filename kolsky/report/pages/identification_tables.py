@@ -8,7 +8,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from explicit import Ending
-from kolsky.inverse.parameters import PARAMETERS, has_effect
+from kolsky.inverse.parameters import PARAMETERS, SLIDING_LAW, has_effect
 from kolsky.inverse.result import Estimate, Identification, Verdict, worst_imbalance
 from kolsky.report import nomenclature, numbers
 from kolsky.report.nomenclature import name_of
@@ -108,7 +108,7 @@ def answer(estimate: Estimate) -> dict[str, Any]:
 def fixed(result: Identification) -> list[tuple[str, str, str]]:
     """Return words, symbol and value of every fixed parameter."""
     interface = result.provenance.get("interface")
-    laws = set(interface.values()) if isinstance(interface, Mapping) else {"coulomb"}
+    laws = set(interface.values()) if isinstance(interface, Mapping) else {SLIDING_LAW}
     rows = []
     for parameter, value in result.fixed.items():
         name = name_of(parameter)

@@ -29,7 +29,7 @@ class Solid:
 
 
 def solid_of(curve: MaterialCurve, result: Identification) -> Solid:
-    """The material of an identification: the law of the curve, scaled by what was found."""
+    """Return the material of an identification: the law of its reference curve times the stiffness factor."""
     from explicit.materials.volumetric import VolumetricLaw, bulk_modulus
     from kolsky.inverse.forward import material_law
 

@@ -82,7 +82,7 @@ class InterfaceSection(Section):
         return self
 
     def interface(self) -> Interface:
-        """What a simulation needs to know; a number that no law reads keeps its default."""
+        """The interface for a simulation; a number that no law reads keeps its default."""
         given = {name: getattr(self, name) for name in CONTACT_KEYS}
         numbers = {name: value for name, value in given.items() if value is not None}
         return Interface(faces=self.faces, side=self.side, **numbers)

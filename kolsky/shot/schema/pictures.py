@@ -103,7 +103,7 @@ class CalibrationSection(Section):
 
 
 class RegionSection(Section):
-    """Where a body is seen in a picture of camera 0 [px]: a rectangle, or a polygon."""
+    """Region of a body in a picture of camera 0 [px]: a rectangle, or a polygon."""
 
     x: f.PixelRange | None = None
     y: f.PixelRange | None = None

@@ -57,7 +57,7 @@ class TomlFile:
         )
 
     def validated(self, model: type[Model]) -> Model:
-        """What it declares by a schema, in SI.
+        """Its declarations by a schema, in SI.
 
         Raises
         ------
@@ -130,12 +130,12 @@ def shot_toml(source: Source) -> ShotToml:
 
 
 def is_bar_driven(file: TomlFile) -> bool:
-    """Whether motion and force of a shot come from the gauges of its bars: [gauges] and no cameras."""
+    """True if motion and force of a shot come from the gauges of its bars: [gauges] and no cameras."""
     return "gauges" in file.content and not {"flyer", "pictures", "frames"} & set(file.content)
 
 
 def key_lines(text: str) -> dict[str, int]:
-    """Where each key stands: dotted key -> line, counted from 1.
+    """Lines of the keys: dotted key -> line, counted from 1.
 
     A key inside an inline table is not listed; `line_of` then gives the line of that table.
     """

@@ -65,7 +65,7 @@ class ShotFile(Section):
 
     @property
     def baseline(self) -> CurveSection | LawSection:
-        """What m refers to: [curve], or [law] where it is given and does not leave that to the curve."""
+        """The reference of m: [curve], or [law] where it is given and does not leave that to the curve."""
         return chosen_baseline(self.curve, self.law)
 
     @model_validator(mode="after")

@@ -23,7 +23,7 @@ class ColumnSection(Section):
     unit: float
 
     def as_column(self) -> Column:
-        """What a reader needs to know."""
+        """The declaration as readers take it."""
         return Column(name=self.column, factor=self.unit)
 
 
@@ -100,7 +100,7 @@ class TextLayoutSection(Section):
     first_line: Annotated[int, Field(ge=1)] | None = None
 
     def as_layout(self) -> Layout:
-        """What a reader needs to know."""
+        """The declaration as readers take it."""
         return Layout(**{name: getattr(self, name) for name in TextLayoutSection.model_fields})
 
 
@@ -116,7 +116,7 @@ class LayoutSection(TextLayoutSection):
     unit: Annotated[str, BeforeValidator(_unit)] | None = None
 
     def as_layout(self, *, full_scale: float | None = None, **said: str | int | None) -> Layout:
-        """What a reader needs to know.
+        """The declaration as readers take it.
 
         Parameters
         ----------

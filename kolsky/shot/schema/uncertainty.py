@@ -66,9 +66,9 @@ class UncertaintySection(Section):
         return self
 
     def for_waves(self) -> dict[str, float | bool]:
-        """What the reduction of waves reads."""
+        """Uncertainties for the reduction of waves."""
         return self.model_dump(exclude=_IDENTIFIED_ONLY)
 
     def for_identify(self) -> dict[str, float]:
-        """What was declared of the keys in `IDENTIFIED`; a key that is absent was not."""
+        """Declared uncertainties of the keys in `IDENTIFIED`; a key that is absent was not declared."""
         return {key: getattr(self, key) for key in IDENTIFIED if key in self.model_fields_set}

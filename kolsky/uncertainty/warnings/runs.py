@@ -6,7 +6,7 @@ import numpy as np
 
 from explicit import Response
 from kolsky.base.apparatus import Interface
-from kolsky.inverse.parameters import any_slides
+from kolsky.inverse.parameters import SLIDING_LAW, any_slides
 from kolsky.inverse.run_table import DesignTable
 
 PAST_CURVE = 0.01
@@ -75,7 +75,7 @@ def sliding(interface: Interface, named: list[str]) -> Iterator[str]:
     """Say that naming a parameter that slides replaced the declared interface; see
     `kolsky.inverse.forward.Forward.run`."""
     names = [name for name in named if any_slides([name])]
-    if names and {interface.faces, interface.side} != {"coulomb"}:
+    if names and {interface.faces, interface.side} != {SLIDING_LAW}:
         yield (
             f"with {names[0]} as a parameter, Coulomb's law replaced the interface that the shot declares "
             f"(faces {interface.faces}, side {interface.side}): the specimen may slide and lift off"

@@ -1,4 +1,4 @@
-"""A body that only shows its rim: rendered cylinders that have moved by a known distance."""
+"""A body that only shows its edge strip: rendered cylinders that have moved by a known distance."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def scene(shift: float, edge: float, seed: int) -> tuple[np.ndarray, np.ndarray]
 
 
 def search(edge: float) -> EdgeRegistration:
-    """Knows the body from pictures in which it has come down by `TRAVEL`."""
+    """Registration with pictures in which it has come down by `TRAVEL`."""
     rows = np.arange(SHAPE[0])[:, None] < (TOP - (edge - TRAVEL)) * SCALE - 2.0
     angle = np.linspace(-0.3, 0.3, 7)
     places = np.stack([RADIUS * np.sin(angle), np.full(7, edge), RADIUS * np.cos(angle)], axis=1)
@@ -42,7 +42,7 @@ def search(edge: float) -> EdgeRegistration:
 
 
 @pytest.mark.parametrize("rest", [0.0, 13.7e-6])
-def test_a_rim_of_three_rows_is_found(rest):
+def test_an_edge_strip_of_three_rows_is_found(rest):
     edge = TOP - 5.0 / SCALE  # five rows, of which two are left out with the edge
     tried = np.arange(-40e-6, 45e-6, 10e-6)
     found = search(edge).register(scene(rest, edge, 2), np.zeros(3), tried)
@@ -60,7 +60,7 @@ def blurred(pictures: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.nda
     return first, second
 
 
-def test_the_picture_s_last_row_is_learnt_from_frames_that_show_more():
+def test_the_offset_of_the_last_row_is_found_from_frames_that_show_more():
     edge = TOP - 3.0 / SCALE  # one row, after the two at the edge
     rows = np.arange(SHAPE[0])[:, None] < (TOP - (edge - TRAVEL)) * SCALE - 2.0
     angle = np.linspace(-0.3, 0.3, 7)

@@ -12,8 +12,9 @@ from dic.chain.outliers import gate_epipolar
 from dic.chain.remarks import of_radius
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.rigid_body.adjustment import MotionPrior, Observations, adjust
-from dic.rigid_body.axial_displacement import _ObservedPoints, _of_mean
+from dic.rigid_body.axial_displacement import _of_mean
 from dic.rigid_body.rigid_motion import rigid_motion
+from dic.rigid_body.translation import ObservedPoints
 from dic.robust import MAD, MEDIAN_LENGTH
 from dic.stereo import reconstruct
 from dic.surfaces import fit_cylinder
@@ -230,7 +231,7 @@ def test_points_off_the_flyers_motion_are_judged_by_the_median_length():
     angle = 2.0 * np.pi * np.arange(40) / 40
     ring = 2.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     off = np.concatenate([ring, [[INSIDE * limit, 0.0], [-OUTSIDE * limit, 0.0]]])
-    points = _ObservedPoints(None, None, None, None, np.broadcast_to(sigma**2 * np.eye(2), (42, 2, 2)))
+    points = ObservedPoints(None, None, None, None, np.broadcast_to(sigma**2 * np.eye(2), (42, 2, 2)))
     assert points.inliers(off).tolist() == [True] * 41 + [False]
 
 

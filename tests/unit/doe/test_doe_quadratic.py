@@ -72,3 +72,15 @@ def test_what_does_not_determine_it_is_refused() -> None:
     points[:, 1] = 0.3
     with pytest.raises(SurrogateError, match=r"the 32 runs do not determine a quadratic of 3 variables"):
         QuadraticSurrogate.fit(BOX, points, quadratic(points))
+
+
+def test_roughness_of_four_runs_by_hand() -> None:
+    # A parabola through four evenly spaced values leaves their third difference, (-1, 3, -3, 1) / sqrt(20).
+    box = Box(("m",), (0.0,), (3.0,))
+    contrast = np.array([-1.0, 3.0, -3.0, 1.0]) / np.sqrt(20.0)
+    values = (2.0 + np.arange(4.0) ** 2 + 0.6 * contrast)[:, None]
+    surrogate = QuadraticSurrogate.fit(box, np.arange(4.0)[:, None], values)
+    assert surrogate.degrees_of_freedom == 1
+    np.testing.assert_allclose(surrogate.residuals[:, 0], 0.6 * contrast, atol=1e-12)  # round-off
+    # The whole of 0.6^2 over one degree of freedom, through a gain of 2.
+    np.testing.assert_allclose(surrogate.roughness(np.array([[2.0]])), [[4.0 * 0.36]], rtol=1e-9)

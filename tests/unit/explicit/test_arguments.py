@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from explicit import Mesh, Model, PlatenMotion, Sampling, cylinder
-from explicit.arguments import SPARE, body_of, fits_on_chip, node_order, output_of
+from explicit.arguments import output_of
 from explicit.device import select_device
 from explicit.geometry import element_geometry
-from explicit.grouped_tables import GROUP
 from explicit.materials import MarlowLaw, neo_hookean
+from explicit.mesh_arguments import SPARE, body_of, fits_on_chip, node_order
 from explicit.precision import PRECISIONS
+from explicit.time_loop.grouped_tables import GROUP
 from explicit.time_loop.kernel import TimeLoopKernel, time_loop_kernel
 from explicit.time_loop.lanes import WARPS
 from explicit.time_loop.node_sweeps import VALENCE
@@ -71,8 +72,7 @@ def test_every_node_has_a_place_and_the_surface_is_last(size: tuple[int, int]) -
 
 
 def entries(table: np.ndarray, constants: int) -> np.ndarray:
-    """A grouped table on the device, shape [constants, places], as `explicit.grouped_tables.grouped`
-    documents it."""
+    """A grouped table on the device, shape [constants, places], as `grouped` documents it."""
     groups = table[:, : constants * GROUP]
     assert table.shape[1] == groups.shape[1] + SPARE
     return groups.reshape(-1, constants, GROUP).transpose(1, 0, 2).reshape(constants, -1)

@@ -21,11 +21,12 @@ from explicit import (
     cylinder,
     run,
 )
-from explicit.arguments import batch_of, body_of, nodal_mass
+from explicit.arguments import batch_of
 from explicit.device import select_device
 from explicit.geometry import element_geometry
 from explicit.materials import LAWS, bulk_modulus
 from explicit.mesh import Mesh
+from explicit.mesh_arguments import body_of, nodal_mass
 from explicit.precision import PRECISIONS
 from explicit.time_loop.kernel import time_loop_kernel
 

@@ -10,9 +10,9 @@ import pytest
 import warp as wp
 from lane_kernels import MAPPINGS, lanes_of, small_structs
 
-from explicit.grouped_tables import entry_function, four_function
 from explicit.precision import PRECISIONS
 from explicit.simd import Mapping, lane_kernel
+from explicit.time_loop.grouped_tables import entry_function, four_function
 from explicit.time_loop.lanes import lane_functions
 
 NUMBERS = PRECISIONS["fp64"]

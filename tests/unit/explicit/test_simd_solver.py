@@ -21,10 +21,11 @@ from explicit import (
     cylinder,
     run,
 )
-from explicit.arguments import batch_of, body_of, output_of, state_of
+from explicit.arguments import batch_of, output_of, state_of
 from explicit.device import select_device
 from explicit.drivers import LARGE_MESH, packs
 from explicit.materials import MarlowLaw, neo_hookean
+from explicit.mesh_arguments import body_of
 from explicit.precision import PRECISIONS
 from explicit.relaxation import BergstromBoyce, PronySeries
 from explicit.relaxation.base import RateDependence

@@ -13,6 +13,7 @@ from kolsky.base.records import ForceHistory
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.observations import Prediction, observe
 from kolsky.inverse.quadratic_fit import EDGE, search_by_quadratic
+from kolsky.inverse.refined_search import confirms
 from kolsky.inverse.settings import Settings
 from kolsky.inverse.staged_runs import StagedRuns
 
@@ -165,3 +166,14 @@ def test_too_few_completed_runs_are_refused() -> None:
         ValueError, match=r"has 6 terms and takes at least 7 .* there are 5.*10 runs were lost"
     ):
         run(made, TRUTH)
+
+
+def test_a_run_confirms_within_a_fifth_of_sigma_or_three_times_the_roughness() -> None:
+    sigma = np.array([1.0, 2.0])
+    assert confirms(np.array([0.199, -0.399]), sigma)
+    assert not confirms(np.array([0.201, 0.0]), sigma)
+    assert not confirms(np.array([0.0, -0.401]), sigma)
+    rough = np.array([0.1, 0.0])
+    assert confirms(np.array([0.299, 0.399]), sigma, rough)
+    assert not confirms(np.array([0.301, 0.0]), sigma, rough)
+    assert not confirms(np.array([0.0, 0.401]), sigma, rough)

@@ -56,7 +56,7 @@ def test_a_clock_that_is_not_known_says_why_and_an_option_settles_it(tmp_path):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--interval", "fast"], "--interval 'fast' is not a number with a unit"),
+        (["--interval", "fast"], "--interval: 'fast' is not a number with a unit"),
         (["--format", "wav"], "is said to have the format 'wav'"),
         (["--delimiter", "slash"], "is said to have the delimiter 'slash'"),
         (["--time", "CH9"], "time column 'CH9' is missing"),

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from kolsky.base.errors import InputError
+from kolsky.readers.recordings import read_scope
 from kolsky.readers.shot_tables import (
     read_flyer,
     read_frame_times,
     read_outline,
-    read_scope,
     read_uniaxial,
 )
 from kolsky.readers.table import Column, read_table

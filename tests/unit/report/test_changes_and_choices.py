@@ -1,4 +1,4 @@
-"""What would change an answer, the analyst's choices, and parameters in sentences."""
+"""Sentences on what would narrow an interval, the analyst's choices, words for parameters."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The data behind a figure: what is written is what was drawn."""
+"""Data tables of figures hold exactly what was drawn."""
 
 import csv
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Shots, surfaces and answers in a notebook: what they show, and their tables."""
+"""Notebook views of shots, surfaces and answers: HTML, pandas and xarray tables."""
 
 import importlib
 import sys

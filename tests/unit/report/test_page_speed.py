@@ -1,4 +1,4 @@
-"""What makes pages quick must not change what they show."""
+"""Figures that are drawn fast look the same: collection of cycles, layout of spines."""
 
 import gc
 

@@ -1,4 +1,4 @@
-"""Figures drawn by two processes are those of one, and what the second fails at is drawn by the first."""
+"""Drawing by two processes gives the figures of one; the first draws what the second fails at."""
 
 import os
 import time

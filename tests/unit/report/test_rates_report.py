@@ -1,4 +1,4 @@
-"""What is made of several shots: groups, tables, files and the page; hostile names stay text."""
+"""Comparison of several shots: groups, tables, files and the page; hostile names stay text."""
 
 import csv
 import json
@@ -14,7 +14,7 @@ from ratedshots import DIAMETER, SHEAR, baseline, rated
 from kolsky.inverse.result import Verdict
 from kolsky.inverse.uncertainty_results import Declaration
 from kolsky.report.canvas import build, save_figures
-from kolsky.report.nomenclature import shortened
+from kolsky.report.figures.base import label_text
 from kolsky.report.pages.rates import figures_of, render
 from kolsky.studies.rates.at_strain import Baselines
 from kolsky.studies.rates.comparison import compare
@@ -340,10 +340,10 @@ def test_saved_figures_of_groups_stay_in_their_folder(hostile, tmp_path):
 
 
 def test_names_are_shortened_for_figures():
-    assert shortened("a$b", 10) == r"a\$b"
-    assert shortened("x" * 30 + "end", 12) == "xxxxx…xxxend"
-    assert shortened("two\nlines", 20) == "two lines"
-    assert shortened("試験 β\x1b", 20) == "□□ β "
+    assert label_text("a$b", 10) == r"a\$b"
+    assert label_text("x" * 30 + "end", 12) == "xxxxx…xxxend"
+    assert label_text("two\nlines", 20) == "two lines"
+    assert label_text("試験 β\x1b", 20) == "□□ β "
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Pictures and films of the deforming specimen: what they show, and what a machine without means says."""
+"""Pictures and films of the deforming specimen, and the refusal where nothing can render."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What a sweep tells as a whole: interpolants that are refused when wrong, effects, indices, the page."""
+"""Analysis of a sweep: interpolants refused when wrong, effects, indices, the page."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -208,12 +208,12 @@ def test_figure_of_the_profile_reaches_its_threshold_at_the_interval() -> None:
 
 def test_page_says_verdicts_and_what_was_not_declared() -> None:
     page = render(knowing(bound=True))
-    assert "What the data tell" in page
+    assert "Likelihood, posterior and declared uncertainties" in page
     assert "one-sided bound" in page
     assert "open</td>" in page
     assert "not declared, counted as exact" in page
     assert "Declared uncertainties of the inputs" in page
-    assert "What the data tell" not in render(synthetic(NAMES))
+    assert "Likelihood, posterior and declared uncertainties" not in render(synthetic(NAMES))
 
 
 def test_shown_units_reach_every_field() -> None:

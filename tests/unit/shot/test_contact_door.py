@@ -113,3 +113,18 @@ def test_the_springs_of_a_penalty_are_declared(tmp_path: Path) -> None:
 )
 def test_the_keys_that_two_laws_read(laws: tuple[str, str], keys: list[str]) -> None:
     assert keys_read(*laws) == keys
+
+
+def test_law_names_stand_in_one_place_only() -> None:
+    """Who needs a law asks the registry; the law of parameters that slide has a name of its own."""
+    root = OPEN_01.parents[1] / "kolsky"
+    # The ends of a quasi-static test are another thing: a radius that the test itself shows, no contact law.
+    quasi_static = {"material/end_friction", "cli/reference_curve.py"}
+    found = [
+        f"{path.relative_to(root)}:{number}"
+        for path in sorted(root.rglob("*.py"))
+        if not any(path.relative_to(root).as_posix().startswith(place) for place in quasi_static)
+        for number, line in enumerate(path.read_text("utf-8").splitlines(), start=1)
+        if any(f'"{name}"' in line for name in CONTACT_LAWS) and "SLIDING_LAW = " not in line
+    ]
+    assert found == []
