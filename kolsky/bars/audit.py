@@ -19,7 +19,7 @@ CORRECTIONS: Mapping[str, tuple[bool, str]] = MappingProxyType(
         "baseline drift": (False, "slope of the baseline, extrapolated over the pulse"),
         "droop": (True, "discharge of a piezoelectric transducer"),
         "dispersion": (True, "phase velocity of each frequency instead of the bar wave speed"),
-        "separation": (True, "overlapping waves told apart by two gauges"),
+        "separation": (True, "overlapping waves separated by two gauges"),
         "punching": (True, "elastic indentation of the bars' faces by a smaller specimen"),
         "mass": (True, "inertia of what lies between sensor and specimen"),
         "radial inertia": (False, "pressure of the specimen's own radial acceleration"),

@@ -60,7 +60,7 @@ class Place:
     sizes: dict[str, int] = field(default_factory=dict)
     """Sizes of the named dimensions met so far; a dimension of one name has one size."""
     unit: str = ""
-    """Unit of the record it belongs to, see `kolsky.base.hdf5_records.OWN`."""
+    """Unit of the record it belongs to, see `kolsky.base.hdf5_items.OWN`."""
 
     @property
     def name(self) -> str:

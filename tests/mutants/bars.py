@@ -8,6 +8,7 @@ THRESHOLDS = ("tests/unit/bars/test_thresholds.py",)
 BUDGET = ("tests/unit/bars/test_waves_budget.py",)
 REPEATS = ("tests/unit/bars/test_waves_repeats.py",)
 FRONT = ("tests/unit/bars/test_front_path.py::test_noise_and_scale_are_told_apart",)
+CARRIED = "tests/unit/bars/test_carried_uncertainty.py"
 
 QUOTED = "kolsky/bars/reduction/quoted_values.py"
 SUMMARY = "kolsky/bars/reduction/summary.py"
@@ -236,5 +237,68 @@ FAULTS = (
         "return waves.sigma, waves.sigma if waves.white is None else waves.white",
         "return waves.sigma, waves.sigma",
         FRONT,
+    ),
+    Fault(
+        "memory of a tail dropped",
+        "kolsky/bars/signals/droop.py",
+        "covariance[1, 1] * memory",
+        "covariance[1, 1]",
+        (f"{CARRIED}::test_a_tail_with_correlated_noise_is_known_half_as_well",),
+    ),
+    Fault(
+        "residuals of a wave speed taken as independent",
+        "kolsky/bars/guides/bars_together.py",
+        "max(alike * float",
+        "max(float",
+        (f"{CARRIED}::test_correlated_residuals_widen_a_wave_speed",),
+    ),
+    Fault(
+        "noise of the gauges dropped from a wave speed",
+        "kolsky/bars/guides/bars_together.py",
+        ", noise / peak**2)",
+        ", 0.0)",
+        (f"{CARRIED}::test_a_wave_speed_is_not_better_than_the_gauges_noise",),
+    ),
+    Fault(
+        "symmetry ends in the noise",
+        "kolsky/bars/flyer/flight.py",
+        "part - coverage * sigma > share",
+        "part > share",
+        (f"{CARRIED}::test_symmetry_ends_beyond_two_sigmas",),
+    ),
+    Fault(
+        "intervals compared in their unit",
+        "kolsky/bars/budget/monte_carlo.py",
+        "np.max(off / u)",
+        "np.max(off)",
+        (f"{CARRIED}::test_intervals_are_compared_in_standard_uncertainties",),
+    ),
+    Fault(
+        "full speed known better than a frame",
+        "kolsky/bars/flyer/events.py",
+        "frame = float(np.median(np.diff(path.knots)))",
+        "frame = 0.0",
+        (f"{CARRIED}::test_full_speed_is_known_to_a_frame_at_best",),
+    ),
+    Fault(
+        "the common error of frames dropped",
+        "kolsky/bars/flyer/fit.py",
+        "spread = spread + gain",
+        "spread = spread + 0.0 * gain",
+        (f"{CARRIED}::test_a_common_error_of_all_frames_is_in_the_paths_uncertainty",),
+    ),
+    Fault(
+        "memory dropped on the way to the faces",
+        "kolsky/bars/reduction/faces.py",
+        "s.strain.sigma * sqrt(s.strain.memory)",
+        "s.strain.sigma",
+        (f"{CARRIED}::test_slow_noise_of_the_gauges_is_carried_to_the_faces",),
+    ),
+    Fault(
+        "equilibrium judged by the larger noise",
+        "kolsky/bars/reduction/stress_strain.py",
+        "min(s, width**0.5",
+        "max(s, width**0.5",
+        (f"{CARRIED}::test_equilibrium_is_judged_by_the_lesser_of_two_noises",),
     ),
 )

@@ -85,8 +85,8 @@ tests/validation/test_baseline_on_shot.py tests/unit/material/test_baseline_fric
 
 Static forces of a neo-Hookean cylinder, 9.5 mm by 6.5 mm, E = 80 kPa, ν = {POISSON}: bonded (FElupe and
 DOLFINx) and with Coulomb friction (GetFEM), `tests/reference/README.md`. They are taken for measured
-tests, six points each, and the friction is taken out of them ({{doc}}`../howto/reference_curve`). Error of the
-stress found [%] at six compressions, the ratio of apparent to true stress, and the distance of the test
+tests, six points each, and the friction is taken out of them ({{doc}}`../howto/reference_curve`). Error of
+the stress found [%] at six compressions, the ratio of apparent to true stress, and the distance of the test
 simulated with the curve found (rms):
 
 | ends | 10 % | 20 % | 30 % | 40 % | 50 % | 60 % | ratio | distance [%] |
