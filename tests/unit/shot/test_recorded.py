@@ -133,10 +133,8 @@ def test_surfaces_are_shown_and_linked(seen: Recorded) -> None:
     assert "2000, 1990 alive" in html
     assert '<a href="dic.html">' in html
     assert "<a href" not in render(synthetic(), replace(shown, surface_page=""))
-    assert (
-        "There are no pictures: the motion of the flyer and the outline come from declared files"
-        in render(synthetic(), seen)
-    )
+    said = "There are no pictures: the motion of the flyer and the outline come from declared files"
+    assert said in render(synthetic(), seen)
     said = render(synthetic(), replace(shown, pair="cam0.tif <is> missing"))
     assert "is shown: cam0.tif &lt;is&gt; missing." in said
 
