@@ -54,13 +54,16 @@ napoleon_use_rtype = False
 # A nitpicky build (-n) checks references to our own names; types of others have no page here.
 _OTHERS = (
     r"ast|np|numpy|wp|warp|pathlib|collections|concurrent|enum|typing|h5py|matplotlib|pyvista|pydantic\w*|contextlib"
-    r"|scipy|jinja2|argparse|subprocess"
+    r"|scipy|jinja2|argparse|subprocess|typer|types|markupsafe"
 )
 nitpick_ignore_regex = [
     ("py:.*", rf"({_OTHERS})\..*"),
-    ("py:class", r"Path|tuple\[int|[a-z][a-z_ -]*"),  # words in a type: "array", "callable, optional"
+    (
+        "py:class",
+        r"Path|tuple\[int|dict\[str|[a-z][a-z_ -]*",
+    ),  # words in a type: "array", "callable, optional"
     # Names of ours for types: arrays, the panels of a figure, any kind of shot.
-    ("py:class", r"FloatArray|NDArray|Panels|kolsky\.shots\.curve\.AnyShot"),
+    ("py:class", r"FloatArray|NDArray|Panels|kolsky\.[a-z0-9_.]+\.(AnyShot|Model|T)"),
     ("py:class", r"(explicit|doe|dic)(\.[a-z_]+)?\.[A-Z]\w*"),  # re-exported: documented where it is defined
 ]
 suppress_warnings = ["ref.python"]  # "shape" in a type is a word, not one of several attributes of that name

@@ -38,7 +38,9 @@ def public(package: str) -> str:
     lines = ["| name | what it is |", "| --- | --- |"]
     for name in sorted(module.__all__, key=str.casefold):
         value = getattr(module, name)
-        home = homes.get(name) or getattr(value, "__module__", package)
+        # Documented where it is defined; a constant does not know where that is.
+        home = getattr(value, "__module__", None) if callable(value) else None
+        home = home or homes.get(name, package)
         kind = "class" if inspect.isclass(value) else "func" if callable(value) else "data"
         own = inspect.getdoc(value) if kind != "data" else ""
         first = " ".join((own or "").partition("\n\n")[0].split()).replace("|", r"\|")
