@@ -80,7 +80,8 @@ def test_workers_that_always_die_end_the_sweep() -> None:
 def dask_processes(folder: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
     """A scheduler and two workers as processes of their own; the scheduler's file and the workers."""
     file = folder / "scheduler.json"
-    paths = os.pathsep.join([str(ROOT), str(Path(__file__).parent)])
+    folders = (ROOT, Path(__file__).parent, ROOT / "tests" / "helpers")  # of what is sent to the workers
+    paths = os.pathsep.join(map(str, folders))
     environment = {**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1"}
     common = ["--scheduler-file", str(file), "--no-dashboard"]
     worker = ["worker", *common, "--no-nanny", "--nthreads", "1", "--local-directory", str(folder)]
