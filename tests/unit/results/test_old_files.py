@@ -18,8 +18,8 @@ from kolsky.shot.surfaces_file import read_stereo_result, stored_key, write_ster
 
 DATA = Path(__file__).parents[2] / "data" / "results"
 NEW = {
-    1: ("image_correlation", "numerical_parts", "variations", "fit", "clocks"),
-    2: ("fit", "clocks"),
+    1: ("image_correlation", "numerical_parts", "variations", "fit", "clocks", "causes"),
+    2: ("fit", "clocks", "causes"),
 }
 """Groups that today's version has beside those of an earlier one."""
 
@@ -38,6 +38,7 @@ def test_an_identification_of_an_earlier_release(version: int) -> None:
     assert len(result.variations) == (0 if version == 1 else 2)
     assert result.fit == ()
     assert result.clocks == ()
+    assert result.causes == ()
     assert result.image_correlation == ({} if version == 1 else {"sigma_match_px": 0.011})
     assert result.profiles[1].name == "damping"
     assert result.posterior is not None
