@@ -15,7 +15,7 @@ input that the data cannot show to be wrong.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -121,7 +121,12 @@ class InputDirections:
 
 
 def input_directions(
-    stages: StagedRuns, x: FloatArray, objective: Objective, *, steps: Mapping[str, float] | None = None
+    stages: StagedRuns,
+    x: FloatArray,
+    objective: Objective,
+    *,
+    steps: Mapping[str, float] | None = None,
+    only: Collection[str] | None = None,
 ) -> InputDirections:
     """Move every input that has a part in the answer, and return what that does to the data vector.
 
@@ -135,6 +140,8 @@ def input_directions(
         With the discrepancies of the optimum.
     steps
         Key -> step, in place of the input's own; a declared uncertainty, for one.
+    only
+        Inputs to be moved; all of them if left out.
 
     Raises
     ------
@@ -150,7 +157,7 @@ def input_directions(
     wanted = {
         key: (steps or {}).get(key, one.step(shot, objective))
         for key, one in INPUTS.items()
-        if key not in absent
+        if key not in absent and (only is None or key in only)
     }
     stages.progress("inputs", 0, len(wanted))
     batch = MovedRuns(stages, x, objective, wanted)

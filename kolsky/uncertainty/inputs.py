@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from math import floor, log10
 from typing import Literal
 
 from explicit.stencils import scale_of
@@ -24,6 +25,10 @@ CLOCK = 1e-6
 """Step of a clock [s]."""
 OFFSET = 1e-5
 """Step of a place [m]."""
+PERCENT = 0.01
+"""Plain amount of a scale, relative to it, and of friction [-]."""
+ROUNDING = 1e-9
+"""What a logarithm may miss a whole number by."""
 SHARES = {"stiffness_factor": 0.003, "poisson": 0.01}
 """Step of a parameter over its scale, `explicit.stencils.scale_of`: for Poisson's ratio that is its distance
 from 1/2, which sets the frequency of what rings [-]."""
@@ -210,6 +215,25 @@ INPUTS: dict[str, Input] = {
     )
 }
 """The inputs by key, in the order of tables."""
+
+
+def plain_amount(key: str, value: float) -> float:
+    """A plain amount of an input, in its unit or relative: 1 %, 1 us, 10 um; of the other constants the power
+    of ten that is not above a hundredth of its distance from 1/2 (Poisson's ratio) or 0.01.
+
+    Parameters
+    ----------
+    key
+        The input.
+    value
+        Its value in SI; only Poisson's ratio needs it.
+    """
+    one = INPUTS[key]
+    if one.relative:
+        return PERCENT
+    if key == "poisson":
+        return 10.0 ** floor(log10(SHARES["poisson"] * (0.5 - value)) + ROUNDING)
+    return {"s": CLOCK, "m": OFFSET}.get(one.unit, PERCENT)
 
 
 def no_part(key: str, *, free: Iterable[str], held: Iterable[str], shot: Shot, seen: Observations) -> str:

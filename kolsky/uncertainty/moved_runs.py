@@ -139,17 +139,21 @@ class MovedRuns:
         RunLost
             If a run with the moved input did not complete.
         """
-        if key in SPECIMEN or key not in (*self.named, "curve_scale"):
-            up, down = (self._alone(key, sign * step) for sign in (1.0, -1.0))
-        else:
-            up, down = (self._vector((key, sign)) if (key, sign) in self.rows else None for sign in (1, -1))
-        centre = self._vector(("", 0))
+        up, down = self.moved(key, 1, step), self.moved(key, -1, step)
         if up is not None and down is not None:
             return np.asarray(0.5 * (up - down))
+        centre = self.moved("", 0, 0.0)
+        assert centre is not None
         if up is not None:
             return np.asarray(up - centre)
         assert down is not None  # a range is wider than one step on one side at least
         return np.asarray(centre - down)
+
+    def moved(self, key: str, sign: int, step: float) -> FloatArray | None:
+        """The predicted data vector with an input moved up or down; None where it cannot be."""
+        if key in SPECIMEN or (key in PARAMETERS and key not in self.named):
+            return self._alone(key, sign * step)
+        return self._vector((key, sign)) if (key, sign) in self.rows else None
 
     def _alone(self, key: str, step: float) -> FloatArray | None:
         """The predicted data vector of a changed shot; None where the value is not allowed."""
