@@ -18,6 +18,7 @@ from tests.mutants.report import FAULTS as REPORT
 from tests.mutants.results import FAULTS as RESULTS
 from tests.mutants.shot import FAULTS as SHOT
 from tests.mutants.uncertainty import FAULTS as UNCERTAINTY
+from tests.mutants.virtual import FAULTS as VIRTUAL
 
 __all__ = ["FAULTS", "Fault"]
 
@@ -34,4 +35,5 @@ FAULTS: tuple[Fault, ...] = (
     *REPORT,
     *RESULTS,
     *UNCERTAINTY,
+    *VIRTUAL,
 )
