@@ -187,11 +187,11 @@ def write_shot(shot: ShotSpecification, truth: Truth, folder: Path) -> None:
             transmitted=truth.transmitted.astype(np.float32),
             incident=truth.incident.astype(np.float32),
         )
-        (partial / TRUTH).write_text(json.dumps(_answer(shot, truth), indent=1), encoding="utf-8")
+        (partial / TRUTH).write_text(json.dumps(_answer(shot), indent=1), encoding="utf-8")
 
 
-def _answer(shot: ShotSpecification, truth: Truth) -> dict[str, Any]:
-    """What truth.json holds: the answer, the specification that was made, figures of the solver's run."""
+def _answer(shot: ShotSpecification) -> dict[str, Any]:
+    """What truth.json holds: the answer, and the specification that was made."""
     material = shot.quantities.material
     return {
         "m": material.stiffness_factor,
@@ -201,8 +201,6 @@ def _answer(shot: ShotSpecification, truth: Truth) -> dict[str, Any]:
         "specification": shot.content,
         "specification_sha256": _hash(shot),
         "number": shot.number,
-        "solver_steps": truth.steps,
-        "largest_strain_measure": truth.largest_strain_measure,
     }
 
 

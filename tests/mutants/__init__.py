@@ -19,6 +19,7 @@ from tests.mutants.report import FAULTS as REPORT
 from tests.mutants.results import FAULTS as RESULTS
 from tests.mutants.shot import FAULTS as SHOT
 from tests.mutants.uncertainty import FAULTS as UNCERTAINTY
+from tests.mutants.virtual import FAULTS as VIRTUAL
 
 __all__ = ["FAULTS", "Fault"]
 
@@ -36,4 +37,5 @@ FAULTS: tuple[Fault, ...] = (
     *REPORT,
     *RESULTS,
     *UNCERTAINTY,
+    *VIRTUAL,
 )
