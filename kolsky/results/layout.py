@@ -20,6 +20,7 @@ from kolsky.base.hdf5_items import (
 )
 from kolsky.base.hdf5_records import GroupName, Named, Part, Parts, Record
 from kolsky.base.records import CentreLine, ForceHistory
+from kolsky.inverse.fit_results import ClockLag, FitQuality
 from kolsky.inverse.method_comparison import Method
 from kolsky.inverse.misfit import Terms
 from kolsky.inverse.result import Comparison, Estimate, Identification, Route, SurrogateCurve, Verdict
@@ -32,8 +33,9 @@ from kolsky.inverse.uncertainty_results import (
     Variation,
 )
 
-FORMAT = Format("kolsky identification", version=2, readable=(1, 2))
-"""Version 1 knows no other choices, numbers of image correlation and parts of the numerical uncertainty."""
+FORMAT = Format("kolsky identification", version=3, readable=(1, 2, 3))
+"""Version 1 knows no other choices, numbers of image correlation and parts of the numerical uncertainty;
+version 2 no goodness of fit and no lags of clocks."""
 
 ESTIMATE = Record(
     Estimate,
@@ -229,6 +231,37 @@ POSTERIOR = Record(
         "prior": Text(),
     },
 )
+FIT = Record(
+    FitQuality,
+    COLLECTION,
+    {
+        "channel": Text(),
+        "unit": Text(),
+        "values": Integers("1"),
+        "residual": Floats(OWN),
+        "predicted": numbers(OWN),
+        "peak": Floats(OWN),
+        "chi2": Floats("1"),
+        "discrepancy_share": Floats("1"),
+        "correlation": Floats("1"),
+        "whiteness": Floats("1"),
+        "weight": numbers("1"),
+        "limit": Floats("1"),
+        "limit_over_peak": Floats("1"),
+    },
+    derived={"expected": Floats(OWN), "excess": Floats("1"), "explained": Flags("1")},
+)
+CLOCK = Record(
+    ClockLag,
+    COLLECTION,
+    {
+        "recording": Text(),
+        "lag": Floats("s"),
+        "sigma": Floats("s"),
+        "file": Text(),
+        "key": Text(),
+    },
+)
 IDENTIFICATION = Record(
     Identification,
     Group("NXentry", {"default": "force"}),
@@ -254,6 +287,8 @@ IDENTIFICATION = Record(
         "variations": Parts(VARIATION, at="knowledge/variations", since=2),
         "ridge": Part(RIDGE, at="knowledge/ridge", optional=True),
         "posterior": Part(POSTERIOR, at="knowledge/posterior", optional=True),
+        "fit": Parts(FIT, since=3),
+        "clocks": Parts(CLOCK, since=3),
         "image_correlation": numbers("SI", since=2),
     },
     groups={"knowledge": COLLECTION},
