@@ -10,7 +10,7 @@ from scipy.special import erf
 from dic.arrays import FloatArray
 
 SPREADS = 4.0
-"""Standard deviations of the lens that a pixel gathers light from; 6e-5 of a point's light is left outside."""
+"""Reach of a lens in its standard deviations; 6e-5 of a point's light is left outside."""
 LEVELS = 65
 """Lenses of different defocus whose weights are tabulated."""
 
@@ -36,7 +36,9 @@ class Lens:
 
     def __post_init__(self) -> None:
         if not (0.0 <= self.spread <= 10.0 and 0.0 <= self.aperture < np.inf):
-            raise ValueError(f"spread must be 0 to 10 px and aperture >= 0, got {self.spread}, {self.aperture}")
+            raise ValueError(
+                f"spread must be 0 to 10 px and aperture >= 0, got {self.spread}, {self.aperture}"
+            )
         if not 0.0 < self.focus < np.inf:
             raise ValueError(f"focus must be a positive distance in metres, got {self.focus}")
         if not 2 <= self.rays <= 16:
@@ -90,9 +92,10 @@ def haze(
     memory: float,
     rng: np.random.Generator,
 ) -> NDArray[np.float32]:
-    """Displacements of the picture by warm air [px], shape [n_frames, rows / length + 3, columns / length + 3, 2].
+    """Displacements of the picture by warm air [px], shape [n_frames, n_down, n_across, 2].
 
-    A Gaussian field, smooth over `length`, that forgets itself over `memory` frames (an autoregression); its nodes
+    A Gaussian field, smooth over `length`, that forgets itself over `memory` frames (an autoregression);
+    its nodes
     are `length` apart.
 
     Parameters

@@ -39,7 +39,8 @@ def picture_series(
     """Light on the pixels of one camera, some frames at a time.
 
     Every ray is undone through the lens and cut with each body's generator, a polyline turned about its axis,
-    in closed form; the nearest place is read in the body's texture at its material coordinates. A pixel is the
+    in closed form; the nearest place is read in the body's texture at its material coordinates. A pixel is
+    the
     integral over its square of the rays, smeared by the lens.
 
     Parameters
@@ -181,7 +182,8 @@ def _job(
     weights, step, pad = table(sharpest, widest, lens.rays)
     if pad > 40:
         raise ValueError(
-            f"the lens smears a point over {widest:.1f} px: allowed is up to 10 px; take a smaller aperture or "
+            f"the lens smears a point over {widest:.1f} px: allowed is up to 10 px; take a smaller aperture "
+            f"or "
             "bring its focus nearer to the scene"
         )
     x, y = (np.arange(-pad - 1, n + pad + 2, dtype=np.float64) for n in (shape[1], shape[0]))
@@ -206,10 +208,13 @@ def _depths(scene: Scene, camera: Camera) -> tuple[float, float]:
     for body in scene.bodies:
         widest = float(body.r.max())
         corners = [
-            (x, y, z) for x in (-widest, widest) for y in (body.y.min(), body.y.max()) for z in (-widest, widest)
+            (x, y, z)
+            for x in (-widest, widest)
+            for y in (body.y.min(), body.y.max())
+            for z in (-widest, widest)
         ]
         for place in (body.place.min(axis=0), body.place.max(axis=0)):
-            X = np.array(corners) @ body.turn + place
+            X = np.array(corners) @ body.turn.reshape(-1, 3, 3)[0] + place
             found += camera.in_camera(X)[:, 2].tolist()
     return max(min(found), 1e-3), max(*found, 1e-3)
 
@@ -234,7 +239,9 @@ def _bodies(bodies: tuple[RevolvedBody, ...], n: int, device: Any) -> Any:
     spans = [np.stack([body.y.min(axis=1), body.y.max(axis=1)], axis=1) for body in bodies]
     data.span = put(np.stack([every(span) for span in spans], axis=1), wp.vec2d)
     starts = np.cumsum(counts) - counts
-    found = [every(_bins(body.y, span) + start) for body, span, start in zip(bodies, spans, starts, strict=True)]
+    found = [
+        every(_bins(body.y, span) + start) for body, span, start in zip(bodies, spans, starts, strict=True)
+    ]
     data.bins = put(np.stack(found, axis=1).astype(np.int32), wp.vec2i)
     widest = [every(body.r.max(axis=1)[:, None]) for body in bodies]
     data.widest = put(np.concatenate(widest, axis=1), wp.float64)

@@ -60,7 +60,7 @@ def exposures(times: FloatArray, exposure: float, points: np.ndarray | int = 1) 
 
 @dataclass(frozen=True)
 class RevolvedBody:
-    """A body of revolution about y of its own frame, whose generator is a polyline that may change with time."""
+    """A body of revolution about y of its own frame; its generator is a polyline that may move."""
 
     y: FloatArray
     """Nodes of the generator along the axis [m], shape [n_instants or 1, n_nodes]."""
@@ -75,7 +75,7 @@ class RevolvedBody:
     place: FloatArray = field(default_factory=lambda: np.zeros((1, 3)))
     """Origin of its frame in the scene's [m], shape [n_instants or 1, 3]."""
     turn: FloatArray = field(default_factory=lambda: np.eye(3))
-    """Rotation from the scene's frame to its own, shape [3, 3]."""
+    """Rotation from the scene's frame to its own, shape [3, 3] or [n_instants, 3, 3]."""
     shine: float = 0.0
     """Height of a highlight over white paint [-]."""
     patch: tuple[float, float, float] = (0.0, 0.0, 0.0)

@@ -10,10 +10,10 @@ from dic.arrays import FloatArray
 
 @dataclass(frozen=True)
 class Texture:
-    """Reflectance of a surface. The grid is the pattern itself: all pictures of a surface read the same one."""
+    """Reflectance of a surface on a grid, which is the pattern itself: all pictures read the same one."""
 
     grey: NDArray[np.float32]
-    """Reflectance of the texels [-], 0 to 1; rows lie along the generator, columns around: [rows, columns]."""
+    """Reflectance of the texels [-], 0 to 1; rows along the generator, columns around: [rows, columns]."""
     pitch: float
     """Distance of texels [m]."""
     origin: tuple[float, float]
@@ -26,7 +26,7 @@ class Texture:
             raise ValueError(f"pitch must be a positive length in metres, got {self.pitch}")
 
     def at(self, around: FloatArray, along: FloatArray) -> FloatArray:
-        """Reflectance at places [m], bilinear, beyond the grid that of the nearest texel; of the places' shape."""
+        """Reflectance at places [m], bilinear; beyond the grid that of the nearest texel."""
         rows, columns = self.grey.shape
         u = np.clip((np.asarray(around) - self.origin[0]) / self.pitch, 0.0, columns - 1.001)
         v = np.clip((np.asarray(along) - self.origin[1]) / self.pitch, 0.0, rows - 1.001)
@@ -50,7 +50,9 @@ class Area:
     def __post_init__(self) -> None:
         for name, (low, high) in (("around", self.around), ("along", self.along)):
             if not (np.isfinite(low) and np.isfinite(high) and high > low):
-                raise ValueError(f"{name} must be a first and a larger last place in metres, got {low}, {high}")
+                raise ValueError(
+                    f"{name} must be a first and a larger last place in metres, got {low}, {high}"
+                )
 
     @property
     def size(self) -> float:

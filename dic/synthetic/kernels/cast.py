@@ -92,7 +92,7 @@ def texel(bodies: Bodies, b: wp.int32, arc: wp.float64, along: wp.float64):
 
 @wp.func
 def reflectance(bodies: Bodies, q: wp.int32, b: wp.int32, x: wp.vec3d, k: wp.int32, share: wp.float64):
-    """Reflectance at a place of body b in its own frame; paint that has come off is read where it came from."""
+    """Reflectance at a place of body b in its own frame; loose paint is read where it came from."""
     along = bodies.along[k] + share * (bodies.along[k + 1] - bodies.along[k])
     angle = wp.atan2(wp.float32(x[0]), wp.float32(x[2]))
     arc = bodies.radius[b] * wp.float64(angle)
@@ -108,7 +108,7 @@ def reflectance(bodies: Bodies, q: wp.int32, b: wp.int32, x: wp.vec3d, k: wp.int
 
 @wp.func
 def lit(view: View, shine: wp.float32, paint: wp.float32, n: wp.vec3d, toward: wp.vec3d):
-    """Light from a place: diffuse by Lambert, and a highlight by Blinn and Phong that moves with the normal."""
+    """Light from a place: diffuse by Lambert, with a highlight by Blinn and Phong."""
     normal = wp.normalize(wp.vec3f(wp.float32(n[0]), wp.float32(n[1]), wp.float32(n[2])))
     eye = wp.normalize(wp.vec3f(wp.float32(toward[0]), wp.float32(toward[1]), wp.float32(toward[2])))
     facing = wp.max(wp.dot(normal, view.lamp), wp.float32(0.0))
@@ -129,7 +129,7 @@ def bodies_ray(
     row: wp.int32,
     column: wp.int32,
 ):
-    """Light along a ray, a mean over the instants of the frame's exposure, and the depth at the last; 0: none."""
+    """Light along a ray, a mean over the instants of the exposure, and the depth at the last; 0: none."""
     d = direction(view, f, row, column)
     light = wp.float32(0.0)
     away = wp.float32(0.0)
@@ -239,7 +239,9 @@ def pixel(
     if table.shape[0] > 1 and away > wp.float32(0.0):
         disc = wp.float32(view.coc * (wp.float64(1.0) / view.focus - wp.float64(1.0) / wp.float64(away)))
         wide = wp.sqrt(sharpest * sharpest + disc * disc / wp.float32(16.0))
-        part = wp.clamp((wide - sharpest) / step, wp.float32(0.0), wp.float32(table.shape[0]) - wp.float32(1.001))
+        part = wp.clamp(
+            (wide - sharpest) / step, wp.float32(0.0), wp.float32(table.shape[0]) - wp.float32(1.001)
+        )
         level = wp.int32(part)
         part = part - wp.float32(level)
     above = wp.min(level + 1, table.shape[0] - 1)
@@ -269,7 +271,8 @@ def gather(
 ):
     """Pixels from rays: the integral over the pixel of what the lens makes of the light.
 
-    `table` holds the weights of a pixel's rays along one axis for lenses of the standard deviations `sharpest`,
+    `table` holds the weights of a pixel's rays along one axis for lenses of the standard deviations
+    `sharpest`,
     `sharpest + step`, ... [px]. Away from the plane of focus the circle of confusion, a disc of diameter
     coc |1/focus - 1/depth|, adds a sixteenth of its square to the variance.
     """

@@ -1,6 +1,7 @@
 """First place where a ray meets a body of revolution whose generator is a polyline.
 
-Lengths and places are float64: a camera is sixty radii away, and the square root in the cut of a ray with a cone
+Lengths and places are float64: a camera is sixty radii away, and the square root in the cut of a ray with
+a cone
 would leave half a micrometre of float32.
 """
 
@@ -42,9 +43,15 @@ class Bodies:
 
 @wp.func
 def on_segment(
-    p: wp.vec3d, d: wp.vec3d, least: wp.float64, y0: wp.float64, r0: wp.float64, y1: wp.float64, r1: wp.float64
+    p: wp.vec3d,
+    d: wp.vec3d,
+    least: wp.float64,
+    y0: wp.float64,
+    r0: wp.float64,
+    y1: wp.float64,
+    r1: wp.float64,
 ):
-    """Nearest place s >= least of the ray p + s d on a segment of the generator, and the share t of its length."""
+    """Nearest place s >= least of the ray p + s d on a segment, and the share of the segment's length."""
     best = FAR
     share = wp.float64(0.0)
     if wp.abs(y1 - y0) < FLAT:
@@ -77,10 +84,10 @@ def on_segment(
                     s = -c / (wp.float64(2.0) * b)
                 if s < FAR and s >= least and best == FAR:
                     y = p[1] + s * d[1]
-                    if y >= wp.min(y0, y1) - EDGE and y <= wp.max(y0, y1) + EDGE:
-                        if r0 + g * (y - y0) >= -EDGE:
-                            best = s
-                            share = (y - y0) / (y1 - y0)
+                    between = y >= wp.min(y0, y1) - EDGE and y <= wp.max(y0, y1) + EDGE
+                    if between and r0 + g * (y - y0) >= -EDGE:
+                        best = s
+                        share = (y - y0) / (y1 - y0)
     return best, wp.clamp(share, wp.float64(0.0), wp.float64(1.0))
 
 
@@ -97,7 +104,7 @@ def among(
     """First place s in [least, most] of the ray on body b, among the segments at the heights it passes."""
     best = FAR
     share = wp.float64(0.0)
-    segment = int(-1)
+    segment = wp.int32(-1)
     span = bodies.span[q, b]
     y0 = p[1] + least * d[1]
     y1 = p[1] + most * d[1]
@@ -126,14 +133,15 @@ def among(
 
 @wp.func
 def on_body(bodies: Bodies, q: wp.int32, b: wp.int32, p: wp.vec3d, d: wp.vec3d):
-    """First place s of the ray p + s d on body b at instant q, its share of the segment, and the segment; -1: none.
+    """First place s of the ray p + s d on body b at instant q, with segment (-1: none) and share of it.
 
-    `p` is the ray's place closest to the axis, so that the body lies between -half and half: what is seen lies
+    `p` is the ray's place closest to the axis, so that the body lies between -half and half: what is seen
+    lies
     nearly always on the near half.
     """
     best = FAR
     share = wp.float64(0.0)
-    segment = int(-1)
+    segment = wp.int32(-1)
     across = d[0] * d[0] + d[2] * d[2]
     room = bodies.widest[q, b] * bodies.widest[q, b] - p[0] * p[0] - p[2] * p[2]
     if room > wp.float64(0.0):
