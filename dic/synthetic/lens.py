@@ -73,7 +73,7 @@ def reach_of(spread: float) -> int:
     return int(np.ceil(SPREADS * spread))
 
 
-def table(sharpest: float, widest: float, rays: int) -> tuple[NDArray[np.float32], float, int]:
+def weight_table(sharpest: float, widest: float, rays: int) -> tuple[NDArray[np.float32], float, int]:
     """Weights of lenses from `sharpest` to `widest` [px], the step between them [px] and their reach [px]."""
     reach = reach_of(widest)
     if widest <= sharpest:

@@ -1,4 +1,4 @@
-"""What the instruments of a made shot report: volts of both forces, the flyer's path, the outline, the curve."""
+"""What the instruments of a made shot report: volts of both forces, flyer's path, outline, curve."""
 
 from dataclasses import dataclass
 
@@ -97,7 +97,7 @@ def _volts(
 
 
 def seen_displacement(truth: Truth) -> FloatArray:
-    """What a correlation of the flyer's side sees: its centre's path and the pitch over its radius, Eq. (E.3)."""
+    """What is seen of the flyer's side: its centre's path and the pitch over its radius, Eq. (E.3) [m]."""
     surface = truth.surface
     return np.asarray(surface.displacement + surface.tilt * truth.flyer_radius)
 
@@ -110,7 +110,7 @@ def measure_flyer(quantities: Specification, truth: Truth, *, shot: int) -> Floa
 
 
 def measure_outline(quantities: Specification, truth: Truth, *, shot: int) -> Outline:
-    """The outline as a correlation program exports it: points between two shares of the height at the time."""
+    """The outline as a correlation program exports it, between two shares of the height at the time."""
     exports, wrong = quantities.exports, quantities.imperfections
     shares = np.linspace(exports.lowest, exports.highest, exports.points)
     frames, heights, radii = [], [], []

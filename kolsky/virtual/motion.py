@@ -60,7 +60,7 @@ class Ramp:
 
 
 def ramp_of(motion: MotionTable, length: float) -> tuple[Ramp, float]:
-    """The ramp of [motion] on a specimen of some length [m], and the time from start to end of the record [s].
+    """The ramp of [motion] on a specimen of some length [m], and the time from start to end [s].
 
     The end is where the nominal compression is reached: with T after the ramp, Eq. (E.2),
     speed (rise / 2 + T (1 - slowdown / 3)) = compression x length.

@@ -39,7 +39,3 @@ class Truth:
     """Of the transmission platen away from the specimen [m/s^2], shape [n]."""
     flyer_radius: float
     """Radius of the flyer's side that the cameras see [m]."""
-    steps: int
-    """Steps of the solver."""
-    largest_strain_measure: float
-    """Largest s = sqrt(I1_bar - 3) of the specimen [-]."""

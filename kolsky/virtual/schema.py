@@ -30,7 +30,7 @@ class MaterialTable(Section):
         default={"C10": 1.0, "C20": 0.1, "C30": 0.02}, validate_default=True
     )
     """The law's constants; moduli as any multiple of each other, for `shear_modulus` scales them [-]."""
-    shear_modulus: f.Modulus = 74e3 / 3.0
+    shear_modulus: f.Modulus = 24.7e3
     """mu_0 of the quasi-static curve [Pa]."""
     stiffness_factor: f.Number = 1.0
     """m, dynamic over quasi-static stress [-]."""

@@ -255,6 +255,4 @@ def _truth(
         flyer_acceleration=np.gradient(job.path.velocity(times + start), KNOT),
         support_acceleration=support,
         flyer_radius=0.5 * q.motion.flyer_diameter,
-        steps=int(response.steps[row]),
-        largest_strain_measure=float(response.largest_strain_measure[row]),
     )

@@ -222,18 +222,10 @@ def cast_board(
 
 
 @wp.func
-def pixel(
-    view: View,
-    table: wp.array2d(dtype=wp.float32),
-    sharpest: wp.float32,
-    step: wp.float32,
-    grey: wp.array3d(dtype=wp.float32),
-    away: wp.float32,
-    here: wp.int32,
-    row: wp.int32,
-    column: wp.int32,
+def level_of(
+    view: View, table: wp.array2d(dtype=wp.float32), sharpest: wp.float32, step: wp.float32, away: wp.float32
 ):
-    """Light on a pixel: the weighted mean of the rays around it."""
+    """Row of the table for a place at that depth: a whole number and the part above it."""
     level = wp.int32(0)
     part = wp.float32(0.0)
     if table.shape[0] > 1 and away > wp.float32(0.0):
@@ -244,22 +236,11 @@ def pixel(
         )
         level = wp.int32(part)
         part = part - wp.float32(level)
-    above = wp.min(level + 1, table.shape[0] - 1)
-    taps = table.shape[1]
-    top = row * view.fine
-    left = column * view.fine
-    light = wp.float32(0.0)
-    for j in range(taps):
-        line = wp.float32(0.0)
-        for i in range(taps):
-            w = table[level, i] + part * (table[above, i] - table[level, i])
-            line = line + w * grey[here, top + j, left + i]
-        light = light + (table[level, j] + part * (table[above, j] - table[level, j])) * line
-    return light
+    return level, part
 
 
 @wp.kernel(enable_backward=False)
-def gather(
+def across(
     view: View,
     table: wp.array2d(dtype=wp.float32),
     sharpest: wp.float32,
@@ -267,16 +248,43 @@ def gather(
     grey: wp.array3d(dtype=wp.float32),
     depth: wp.array3d(dtype=wp.float32),
     run: wp.int32,
-    picture: wp.array3d(dtype=wp.float32),
+    lines: wp.array3d(dtype=wp.float32),
 ):
-    """Pixels from rays: the integral over the pixel of what the lens makes of the light.
+    """Rays gathered along the rows: the integral over a pixel's width of what the lens makes of the light.
 
     `table` holds the weights of a pixel's rays along one axis for lenses of the standard deviations
-    `sharpest`,
-    `sharpest + step`, ... [px]. Away from the plane of focus the circle of confusion, a disc of diameter
-    coc |1/focus - 1/depth|, adds a sixteenth of its square to the variance.
+    `sharpest`, `sharpest + step`, ... [px]. Away from the plane of focus the circle of confusion, a disc of
+    diameter coc |1/focus - 1/depth|, adds a sixteenth of its square to the variance.
     """
     here, row, column = wp.tid()
     for c in range(column, column + run):
-        away = depth[here, row + view.pad, c + view.pad]
-        picture[here, row, c] = pixel(view, table, sharpest, step, grey, away, here, row, c)
+        level, part = level_of(view, table, sharpest, step, depth[here, row // view.fine, c + view.pad])
+        above = wp.min(level + 1, table.shape[0] - 1)
+        light = wp.float32(0.0)
+        for i in range(table.shape[1]):
+            w = table[level, i] + part * (table[above, i] - table[level, i])
+            light = light + w * grey[here, row, c * view.fine + i]
+        lines[here, row, c] = light
+
+
+@wp.kernel(enable_backward=False)
+def down(
+    view: View,
+    table: wp.array2d(dtype=wp.float32),
+    sharpest: wp.float32,
+    step: wp.float32,
+    lines: wp.array3d(dtype=wp.float32),
+    depth: wp.array3d(dtype=wp.float32),
+    run: wp.int32,
+    picture: wp.array3d(dtype=wp.float32),
+):
+    """The same along the columns."""
+    here, row, column = wp.tid()
+    for c in range(column, column + run):
+        level, part = level_of(view, table, sharpest, step, depth[here, row + view.pad, c + view.pad])
+        above = wp.min(level + 1, table.shape[0] - 1)
+        light = wp.float32(0.0)
+        for j in range(table.shape[1]):
+            w = table[level, j] + part * (table[above, j] - table[level, j])
+            light = light + w * lines[here, row * view.fine + j, c]
+        picture[here, row, c] = light
