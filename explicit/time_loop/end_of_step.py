@@ -215,7 +215,8 @@ def end_of_step_function(
         if fault != 0:
             control[Control.STATUS] = wp.float64(fault)
             control[Control.GOING] = ZERO
-        if control[Control.FORCE_DUE] >= NEVER and control[Control.SURFACE_DUE] >= NEVER:  # nothing is left to record
+        # Nothing is left to record.
+        if control[Control.FORCE_DUE] >= NEVER and control[Control.SURFACE_DUE] >= NEVER:
             control[Control.STATUS] = ZERO
             control[Control.GOING] = ZERO
 
