@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from explicit import Response
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine, ForceHistory
+from kolsky.inverse.cause_results import CauseFinding
+from kolsky.inverse.fit_results import ClockLag, FitQuality
 from kolsky.inverse.method_comparison import Method
 from kolsky.inverse.misfit import Terms
 from kolsky.inverse.run_table import DesignTable
@@ -27,6 +29,9 @@ class Verdict(StrEnum):
 
     IDENTIFIED = "identified"
     FORCE_ALONE = "identified by the force alone"
+    OUTLINE_ALONE = "identified by the outline alone"
+    UNEXPLAINED = "not explained by the model"
+    CONTRADICTED = "force and outline contradict each other"
     AT_BOUND = "at a bound of the design"
     CONDITIONAL = "only if the parameter at its bound is right"
     NOT_SEEN = "not seen by the data"
@@ -37,6 +42,11 @@ class Verdict(StrEnum):
     def confirmed(self) -> bool:
         """True if a run on the refined mesh left the optimum where it was."""
         return self not in (Verdict.DISAGREEING, Verdict.FAILED)
+
+    @property
+    def identified(self) -> bool:
+        """True if the value is an answer: found inside the design, confirmed, explained by the model."""
+        return self in (Verdict.IDENTIFIED, Verdict.FORCE_ALONE, Verdict.OUTLINE_ALONE)
 
 
 @dataclass(frozen=True)
@@ -174,6 +184,12 @@ class Identification:
     """The posterior, if it was asked for."""
     variations: tuple[Variation, ...] = ()
     """What other choices of the analyst do to the answer."""
+    fit: tuple[FitQuality, ...] = ()
+    """Goodness of fit of force and outline; empty if it was not recorded (files before version 3)."""
+    clocks: tuple[ClockLag, ...] = ()
+    """Lags of the recordings' clocks that the model's residual shows; empty if they were not recorded."""
+    causes: tuple[CauseFinding, ...] = ()
+    """Inputs that, changed, explain the misfit better, the likely causes first; empty if none was tried."""
     image_correlation: dict[str, float] = field(default_factory=dict)
     """Numbers of the surfaces that the shot's pictures gave, see `kolsky.shot.dic_summary.numbers`."""
     provenance: dict[str, Any] = field(default_factory=dict)

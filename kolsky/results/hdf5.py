@@ -39,7 +39,7 @@ def read_identification(path: Path) -> Identification:
     Parameters
     ----------
     path : Path
-        The HDF5 file, of version 1 or 2.
+        The HDF5 file, of version 1, 2 or 3.
 
     Returns
     -------

@@ -20,6 +20,8 @@ from kolsky.base.hdf5_items import (
 )
 from kolsky.base.hdf5_records import GroupName, Named, Part, Parts, Record
 from kolsky.base.records import CentreLine, ForceHistory
+from kolsky.inverse.cause_results import CauseFinding
+from kolsky.inverse.fit_results import ClockLag, FitQuality
 from kolsky.inverse.method_comparison import Method
 from kolsky.inverse.misfit import Terms
 from kolsky.inverse.result import Comparison, Estimate, Identification, Route, SurrogateCurve, Verdict
@@ -32,8 +34,9 @@ from kolsky.inverse.uncertainty_results import (
     Variation,
 )
 
-FORMAT = Format("kolsky identification", version=2, readable=(1, 2))
-"""Version 1 knows no other choices, numbers of image correlation and parts of the numerical uncertainty."""
+FORMAT = Format("kolsky identification", version=3, readable=(1, 2, 3))
+"""Version 1 knows no other choices, numbers of image correlation and parts of the numerical uncertainty;
+version 2 no goodness of fit, no lags of clocks and no causes of a misfit."""
 
 ESTIMATE = Record(
     Estimate,
@@ -205,6 +208,10 @@ DECLARED = Record(
         "unit": Text(),
         "shifts": numbers("SI"),
         "status": Text(),
+        "amount": Floats("SI", since=3),
+        "moves": numbers("SI", since=3),
+        "visible": Floats("1", since=3),
+        "alike": Text("alike", since=3),
     },
 )
 VARIATION = Record(
@@ -227,6 +234,59 @@ POSTERIOR = Record(
         "acceptance": Floats("1"),
         "power": Floats("1"),
         "prior": Text(),
+    },
+)
+FIT = Record(
+    FitQuality,
+    COLLECTION,
+    {
+        "channel": Text(),
+        "unit": Text(),
+        "values": Integers("1"),
+        "residual": Floats(OWN),
+        "predicted": numbers(OWN),
+        "peak": Floats(OWN),
+        "chi2": Floats("1"),
+        "discrepancy_share": Floats("1"),
+        "correlation": Floats("1"),
+        "whiteness": Floats("1"),
+        "weight": numbers("1"),
+        "limit": Floats("1"),
+        "limit_over_peak": Floats("1"),
+    },
+    derived={"expected": Floats(OWN), "excess": Floats("1"), "explained": Flags("1")},
+)
+CLOCK = Record(
+    ClockLag,
+    COLLECTION,
+    {
+        "recording": Text(),
+        "lag": Floats("s"),
+        "sigma": Floats("s"),
+        "file": Text(),
+        "key": Text(),
+    },
+)
+CAUSE = Record(
+    CauseFinding,
+    COLLECTION,
+    {
+        "key": Text(),
+        "words": Text(),
+        "unit": Text(),
+        "exact": Floats(OWN),
+        "value": Floats(OWN),
+        "sigma": Floats(OWN),
+        "explained": Floats("1"),
+        "evidence": Floats("1"),
+        "probability": Floats("1"),
+        "parameters": numbers("SI"),
+        "sigmas": numbers("SI"),
+        "named": Flags("1"),
+        "alike": Text("alike"),
+        "status": Text(),
+        "solved": numbers("SI"),
+        "solved_sigmas": numbers("SI"),
     },
 )
 IDENTIFICATION = Record(
@@ -254,6 +314,9 @@ IDENTIFICATION = Record(
         "variations": Parts(VARIATION, at="knowledge/variations", since=2),
         "ridge": Part(RIDGE, at="knowledge/ridge", optional=True),
         "posterior": Part(POSTERIOR, at="knowledge/posterior", optional=True),
+        "fit": Parts(FIT, since=3),
+        "clocks": Parts(CLOCK, since=3),
+        "causes": Parts(CAUSE, since=3),
         "image_correlation": numbers("SI", since=2),
     },
     groups={"knowledge": COLLECTION},

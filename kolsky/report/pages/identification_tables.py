@@ -19,7 +19,13 @@ _NUMERICS = {"mesh": "mesh and step", "roughness": "roughness of the response"}
 _VERDICTS = {
     Verdict.IDENTIFIED: "The optimum lies inside the design, and a simulation at it confirms the surrogate.",
     Verdict.FORCE_ALONE: "The optimum lies inside the design, and a simulation at it confirms the surrogate. "
-    "No outline was measured, so the force is not checked against it.",
+    "No outline was measured, or it hardly bears on the value: the force is not checked against it.",
+    Verdict.OUTLINE_ALONE: "The optimum lies inside the design, and a simulation at it confirms the "
+    "surrogate. The force hardly bears on the value: the outline is not checked against it.",
+    Verdict.UNEXPLAINED: "The residual is larger than noise, inputs and mesh leave where the model is right: "
+    "do not use the value before the cause is found. The warnings name the channel.",
+    Verdict.CONTRADICTED: "Force and outline ask for values that are further apart than their uncertainties "
+    "allow: do not use the value before the cause is found.",
     Verdict.AT_BOUND: "The optimum lies on a bound of the design: the value is a limit, not an "
     "estimate. Widen the design and run again.",
     Verdict.CONDITIONAL: "Another parameter lies on a bound of the design and this one compensates for it: "

@@ -12,7 +12,7 @@ from kolsky.studies.rates.motion import StrainHistory
 from kolsky.studies.rates.pooled import Pooled
 from kolsky.studies.rates.regression import Slope
 
-COUNTED = (Verdict.IDENTIFIED, Verdict.FORCE_ALONE)
+COUNTED = tuple(verdict for verdict in Verdict if verdict.identified)
 """Verdicts with which a stiffness factor counts in a mean."""
 PARAMETER = "stiffness_factor"
 COMMON_PARTS = {"material curve": "curve", "force scale": "rig", "motion scale": "rig"}

@@ -17,8 +17,13 @@ from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.shot.surfaces_file import read_stereo_result, stored_key, write_stereo_result
 
 DATA = Path(__file__).parents[2] / "data" / "results"
-NEW = ("image_correlation", "numerical_parts", "variations")
-"""Groups that version 2 has beside those of version 1."""
+SENSITIVITY = ("/amount", "/moves/", "/visible", "/alike")
+"""Of each declared input."""
+NEW = {
+    1: ("image_correlation", "numerical_parts", "variations", "fit", "clocks", "causes", *SENSITIVITY),
+    2: ("fit", "clocks", "causes", *SENSITIVITY),
+}
+"""Groups that today's version has beside those of an earlier one."""
 
 
 @pytest.mark.parametrize("version", [1, 2])
@@ -33,6 +38,9 @@ def test_an_identification_of_an_earlier_release(version: int) -> None:
     assert result.estimates["damping"].unit == "s"
     assert result.fixed == {"poisson": 0.499, "friction": 0.5}
     assert len(result.variations) == (0 if version == 1 else 2)
+    assert result.fit == ()
+    assert result.clocks == ()
+    assert result.causes == ()
     assert result.image_correlation == ({} if version == 1 else {"sigma_match_px": 0.011})
     assert result.profiles[1].name == "damping"
     assert result.posterior is not None
@@ -47,9 +55,9 @@ def test_an_identification_written_again_holds_the_same(version: int, tmp_path: 
     old = DATA / f"identification-{version}.h5"
     write_identification(tmp_path / "again.h5", read_identification(old))
     before, after = contents(old), contents(tmp_path / "again.h5")
-    if version == 1:  # written as version 2, whose further groups are empty
-        assert (before.pop("/")[0]["format_version"], after.pop("/")[0]["format_version"]) == (1, 2)
-        after = {name: found for name, found in after.items() if not any(new in name for new in NEW)}
+    # Written as today's version, whose further groups are empty.
+    assert (before.pop("/")[0]["format_version"], after.pop("/")[0]["format_version"]) == (version, 3)
+    after = {name: found for name, found in after.items() if not any(new in name for new in NEW[version])}
     assert after == before
 
 

@@ -1,0 +1,1 @@
+"""Does the model explain the data: goodness of fit by channel, clocks, and which input is wrong."""

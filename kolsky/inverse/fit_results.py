@@ -1,0 +1,94 @@
+"""Records of how well the model explains the data: goodness of fit by channel, lags of the clocks (SI)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import inf, isfinite, nan
+
+FORCE, OUTLINE = "force", "outline"
+"""Names of the channels."""
+NOISE, MESH = "noise", "mesh"
+"""Keys of `FitQuality.predicted`: the measured noise of the channel, the error of mesh and step."""
+FLYER, CURVE = "flyer motion", "material curve"
+"""Keys of `FitQuality.predicted`: the noise of two inputs, as it moves the model's answer."""
+
+
+@dataclass(frozen=True)
+class FitQuality:
+    """The residual of one channel at the optimum, beside what a right model would leave."""
+
+    channel: str
+    """ "force" or "outline"."""
+    unit: str
+    """Unit of the channel: "N" or "m"."""
+    values: int
+    """Number of force bins or outline points that are counted."""
+    residual: float
+    """Root mean square of measurement minus model, in `unit`."""
+    predicted: Mapping[str, float]
+    """Root mean square of what is left by a right model, by source, in `unit`: "noise", and where they are
+    known "flyer motion", "material curve" and "mesh"."""
+    peak: float
+    """Largest size of the signal, in `unit`: the largest force; the spread of the outline's radii."""
+    chi2: float
+    """Mean square of the residual over the noise [-]; 1 if noise alone is left."""
+    discrepancy_share: float
+    """Share of the weights' variance that the discrepancy tau took [-]; 0 if noise alone is left."""
+    correlation: float
+    """Correlation of neighbouring residuals (in time; along the outline of one frame) [-]."""
+    whiteness: float
+    """Probability of a correlation at least so large in white noise (Ljung-Box, one lag) [-]."""
+    weight: Mapping[str, float] = field(default_factory=dict)
+    """Share of the information on each free parameter that comes from this channel [-]."""
+    limit: float = inf
+    """Largest `excess` of a shot that the model explains [-]; see `kolsky.diagnosis.thresholds`."""
+    limit_over_peak: float = 0.0
+    """A residual below this share of the peak counts as explained whatever its `excess` [-]."""
+
+    @property
+    def expected(self) -> float:
+        """Root mean square of what a right model leaves, of all sources, in `unit`."""
+        return float(sum(part**2 for part in self.predicted.values()) ** 0.5)
+
+    @property
+    def over_noise(self) -> float:
+        """Residual over the measured noise [-]."""
+        noise = self.predicted.get(NOISE, nan)
+        return self.residual / noise if noise > 0.0 else nan
+
+    @property
+    def over_peak(self) -> float:
+        """Residual over the largest size of the signal [-]."""
+        return self.residual / self.peak if self.peak > 0.0 else nan
+
+    @property
+    def excess(self) -> float:
+        """Residual over what a right model leaves [-]."""
+        return self.residual / self.expected if self.expected > 0.0 else nan
+
+    @property
+    def explained(self) -> bool:
+        """True if the residual is what a right model leaves. An unknown residual is not explained."""
+        if not isfinite(self.excess):
+            return False
+        return self.excess <= self.limit or self.over_peak <= self.limit_over_peak
+
+
+@dataclass(frozen=True)
+class ClockLag:
+    """How late the clock of one recording is, from the model's own residual."""
+
+    recording: str
+    """What is late: "force", "frames" (force and motion agree), or "flyer" (force and outline agree)."""
+    lag: float
+    """By how much its declared times are too late [s]; negative if too early."""
+    sigma: float
+    """Standard uncertainty of `lag` [s]; NaN if the data cannot tell."""
+    file: str
+    """The file with its times."""
+    key: str
+    """The key of shot.toml that puts it right."""
+
+    @property
+    def significance(self) -> float:
+        """Size of the lag over its standard uncertainty [-]; 0 if the data cannot tell."""
+        return abs(self.lag) / self.sigma if isfinite(self.sigma) and self.sigma > 0.0 else 0.0
