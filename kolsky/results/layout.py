@@ -234,6 +234,10 @@ DECLARED = Record(
         "unit": Text(),
         "shifts": numbers("SI"),
         "status": Text(),
+        "amount": Floats("SI", since=3),
+        "moves": numbers("SI", since=3),
+        "visible": Floats("1", since=3),
+        "alike": Text("alike", since=3),
     },
 )
 VARIATION = Record(

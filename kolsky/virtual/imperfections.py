@@ -1,4 +1,4 @@
-"""The table [imperfections]: what is wrong with a made shot, and by how much; zero everywhere is a right shot.
+"""The table [imperfections]: what is wrong with a made shot, and by how much; all zero is a right shot.
 
 Two kinds: what the shot file says of the apparatus differs from what it was (`declared less true`), and what
 the test did differs from what the analysis takes for granted.

@@ -69,7 +69,8 @@ class Draw(Section):
             return float(a), float(b), unit, False
         if isinstance(first, str) or isinstance(second, str):
             raise ValueError("has a unit at one end only")
-        assert first is not None and second is not None  # the keys were looked at before
+        assert first is not None  # the keys were looked at before
+        assert second is not None
         whole = isinstance(first, int) and isinstance(second, int)
         return float(first), float(second), None, whole
 
@@ -93,7 +94,7 @@ class Population(Section):
     """[population]: how many shots, and what is drawn of each."""
 
     shots: Annotated[int, Field(ge=1, le=100_000)]
-    draw: dict[str, Draw] = {}
+    draw: dict[str, Draw] = Field(default_factory=dict)
     """Dotted key of the specification -> its draw."""
 
 

@@ -1,4 +1,4 @@
-"""The tables of a specification: what the virtual laboratory makes a shot of. Every quantity is the true one."""
+"""The tables of a specification: the true quantities that the virtual laboratory makes a shot of."""
 
 from typing import Annotated, Literal
 
@@ -29,7 +29,7 @@ class MaterialTable(Section):
         default={"C10": 1.0, "C20": 0.1, "C30": 0.02}, validate_default=True
     )
     """The law's constants; moduli as any multiple of each other, for `shear_modulus` scales them [-]."""
-    shear_modulus: f.Modulus = 74e3 / 3.0
+    shear_modulus: f.Modulus = 24.7e3
     """mu_0 of the quasi-static curve [Pa]."""
     stiffness_factor: f.Number = 1.0
     """m, dynamic over quasi-static stress [-]."""
@@ -46,11 +46,14 @@ class MaterialTable(Section):
     def _a_law(self) -> "MaterialTable":
         from kolsky.virtual.material import law_of, relaxation_of
 
-        for key, make in (("parameters", law_of), ("prony_strengths", relaxation_of)):
-            try:
-                make(self)
-            except (ValueError, KeyError) as error:
-                raise f.problem(f"does not fit: {error}", key=key, cure="see docs/theory/materials") from None
+        try:
+            law_of(self.law, self.parameters, self.shear_modulus)
+        except ValueError as error:
+            raise f.problem(f"does not fit: {error}", key="parameters", cure="give each a number") from None
+        try:
+            relaxation_of(self.prony_strengths, self.prony_times)
+        except ValueError as error:
+            raise f.problem(f"does not fit: {error}", key="prony_strengths") from None
         if not 0.0 < self.stiffness_factor <= 1e3:
             raise f.problem("is not allowed", key="stiffness_factor", allowed="above 0, at most 1000")
         return self
@@ -122,7 +125,7 @@ class MotionTable(Section):
 class ScopeTable(Section):
     """[scope]: the recorder of both forces."""
 
-    format: Literal["csv", "csv semicolon", "csv two times", "xlsx", "tdms"] = "csv"
+    format: Literal["csv", "csv semicolon", "xlsx", "tdms"] = "csv"
     interval: f.PositiveTime = 0.5e-6
     start: f.Time = -200e-6
     """First sample on the shot's clock [s]."""
@@ -200,7 +203,7 @@ class ExportsTable(Section):
 
 
 class TruthTable(Section):
-    """[truth]: the solver's run that the instruments look at; finer than any analysis, and another element."""
+    """[truth]: the solver's run that the instruments look at, finer than any analysis."""
 
     mesh: v.Mesh = (96, 129)
     grading: f.Number = 2.0

@@ -6,7 +6,7 @@ import numpy as np
 
 
 def stream(seed: int, shot: int, *subject: str) -> np.random.Generator:
-    """The stream of one subject of one shot: the same whatever else is drawn, and however many shots are made.
+    """The stream of one subject of one shot, whatever else is drawn and however many shots are made.
 
     Parameters
     ----------

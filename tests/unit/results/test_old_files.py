@@ -17,9 +17,11 @@ from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.shot.surfaces_file import read_stereo_result, stored_key, write_stereo_result
 
 DATA = Path(__file__).parents[2] / "data" / "results"
+SENSITIVITY = ("/amount", "/moves/", "/visible", "/alike")
+"""Of each declared input."""
 NEW = {
-    1: ("image_correlation", "numerical_parts", "variations", "fit", "clocks"),
-    2: ("fit", "clocks"),
+    1: ("image_correlation", "numerical_parts", "variations", "fit", "clocks", *SENSITIVITY),
+    2: ("fit", "clocks", *SENSITIVITY),
 }
 """Groups that today's version has beside those of an earlier one."""
 
