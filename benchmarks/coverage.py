@@ -1,9 +1,9 @@
 """Does the interval cover the truth as often as it says? `python -m benchmarks.coverage --out FOLDER`.
 
 Every experiment is identified by `kolsky.identification.identify` itself, as a laboratory would, from its own
-noisy force, outline, flyer and curve. Counted is how often the k = 2 interval holds the true value. The folder
-keeps the truths, a file a group, and every answer, a file an experiment: called again, the study goes on where
-it stopped.
+noisy force, outline, flyer and curve. Counted is how often the k = 2 interval holds the true value. The
+folder keeps every answer, a file an experiment, and a folder beside it every truth: called again, the study
+goes on where it stopped.
 """
 
 import argparse
@@ -125,35 +125,38 @@ def identified(study: Study, number: int, force: FloatArray, Z: FloatArray) -> F
     )
 
 
-def truths(study: Study, folder: Path, numbers: list[int]) -> dict[int, tuple[FloatArray, FloatArray]]:
-    """Exact force and outline of the experiments; groups that the folder does not hold are simulated whole."""
-    found = {}
-    for group in sorted({number // GROUP for number in numbers}):
-        of_group = range(group * GROUP, (group + 1) * GROUP)
-        wanted = list(of_group) if set(of_group) <= set(numbers) else [n for n in of_group if n in numbers]
-        for number in wanted:
-            place = _truth_file(study, folder, number)
-            if place.exists():
-                with np.load(place) as stored:
-                    found[number] = (stored["force"], stored["Z"])
-        missing = [number for number in wanted if number not in found]
-        if not missing:
-            continue
-        pairs = [drawn(number, study.seed) for number in missing]
-        seen = simulate(
-            pairs[0][0],
-            [truth for _, truth in pairs],
-            mesh=study.truth_mesh,
-            device=study.device,
-            interface=study.interface,
-        )
-        for number, (force, Z) in zip(missing, seen, strict=True):
-            place = _truth_file(study, folder, number)
-            place.parent.mkdir(parents=True, exist_ok=True)
-            np.savez_compressed(place, force=force, Z=Z)
-            found[number] = (force, Z)
-        print(f"truths of group {group}: {len(missing)} made", flush=True)
-    return found
+def make_truths(study: Study, folder: Path, numbers: list[int]) -> str:
+    """Simulate the exact force and outline of some experiments of one group, and keep them."""
+    started = time.perf_counter()
+    pairs = [drawn(number, study.seed) for number in numbers]
+    seen = simulate(
+        pairs[0][0],
+        [truth for _, truth in pairs],
+        mesh=study.truth_mesh,
+        device=study.device,
+        interface=study.interface,
+    )
+    for number, (force, Z) in zip(numbers, seen, strict=True):
+        place = _truth_file(study, folder, number)
+        place.parent.mkdir(parents=True, exist_ok=True)
+        partial = place.with_suffix(".part.npz")
+        np.savez_compressed(partial, force=force, Z=Z)
+        partial.replace(place)
+    return f"truths {numbers[0]} to {numbers[-1]}: {time.perf_counter() - started:.0f} s"
+
+
+def answer(study: Study, folder: Path, number: int) -> str:
+    """Identify one experiment whose truth is kept, and keep the answer."""
+    with np.load(_truth_file(study, folder, number)) as stored:
+        found = identified(study, number, stored["force"], stored["Z"])
+    place = _answer_file(folder, number)
+    partial = place.with_suffix(".part")
+    partial.write_text(json.dumps(asdict(found)) + "\n")
+    partial.replace(place)
+    errors = [f"{name} {found.value[name] - true:+.2g}" for name, true in found.truth.items()]
+    limits = [f"{2.0 * found.sigma[name]:.2g}" for name in found.truth]
+    said = ", ".join(f"{error} ({limit})" for error, limit in zip(errors, limits, strict=True))
+    return f"experiment {number}: {said}; {found.outcome}; {found.seconds:.0f} s"
 
 
 def run(study: Study, folder: Path, numbers: list[int], *, workers: int) -> list[dict[str, Any]]:
@@ -165,17 +168,20 @@ def run(study: Study, folder: Path, numbers: list[int], *, workers: int) -> list
         If the folder holds another study.
     """
     _hold_study(study, folder)
-    open_numbers = [n for n in numbers if not _answer_file(folder, n).exists()]
-    if open_numbers:
-        seen = truths(study, folder, open_numbers)
-        if workers == 1:
-            for number in open_numbers:
-                _keep(folder, identified(study, number, *seen[number]))
-        else:
-            with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-                running = [pool.submit(identified, study, n, *seen[n]) for n in open_numbers]
-                for done in as_completed(running):
-                    _keep(folder, done.result())
+    missing = [n for n in numbers if not _answer_file(folder, n).exists()]
+    without = [n for n in missing if not _truth_file(study, folder, n).exists()]
+    groups = [[n for n in without if n // GROUP == group] for group in sorted({n // GROUP for n in without})]
+    if workers == 1:
+        for group in groups:
+            print(make_truths(study, folder, group), flush=True)
+        for number in missing:
+            print(answer(study, folder, number), flush=True)
+    else:
+        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+            for done in as_completed([pool.submit(make_truths, study, folder, group) for group in groups]):
+                print(done.result(), flush=True)
+            for done in as_completed([pool.submit(answer, study, folder, n) for n in missing]):
+                print(done.result(), flush=True)
     return [json.loads(_answer_file(folder, n).read_text()) for n in numbers]
 
 
@@ -218,23 +224,11 @@ def main() -> None:
 def _hold_study(study: Study, folder: Path) -> None:
     """Write what the folder is of, or refuse a folder of something else; the device may change."""
     folder.mkdir(parents=True, exist_ok=True)
-    said = {name: value for name, value in asdict(study).items() if name != "device"}
-    said = json.loads(json.dumps(said))
+    said = json.loads(json.dumps({key: value for key, value in asdict(study).items() if key != "device"}))
     place = folder / "study.json"
     if place.exists() and json.loads(place.read_text()) != said:
         raise ValueError(f"{place} is of another study: {place.read_text().strip()}; give another --out")
     place.write_text(json.dumps(said) + "\n")
-
-
-def _keep(folder: Path, found: Found) -> None:
-    place = _answer_file(folder, found.number)
-    partial = place.with_suffix(".part")
-    partial.write_text(json.dumps(asdict(found)) + "\n")
-    partial.replace(place)
-    values = ", ".join(
-        f"{found.value[n] - t:+.2g} of {n} ({2 * found.sigma[n]:.2g})" for n, t in found.truth.items()
-    )
-    print(f"experiment {found.number}: {values}; {found.outcome}; {found.seconds:.0f} s", flush=True)
 
 
 def _answer_file(folder: Path, number: int) -> Path:

@@ -24,7 +24,7 @@ from kolsky.shot.records import ModelSettings, Shot
 
 FloatArray = NDArray[np.float64]
 
-GROUP = 20
+GROUP = 10
 """Experiments that share specimen size, density and frame rate, and are simulated as one batch."""
 STATIC, MOVING = 12, 160
 """Frames at rest, and from the beginning of the motion to the end of the window."""
@@ -33,8 +33,8 @@ SAMPLES = 2700
 HEIGHTS = np.linspace(0.08, 0.92, 14)
 """Where the outline is seen, over the specimen's length at the time [-]."""
 FORCE_SIGMA, FLYER_SIGMA, OUTLINE_SIGMA, CURVE_SIGMA = 0.146, 1e-6, 4e-6, 0.002
-"""Noise of open-01: of a sample of the force [N], a displacement of the flyer [m], a point of the outline [m],
-a stress of the quasi-static curve over it [-]. Each experiment has its own share of it, see `NOISE`."""
+"""Noise of open-01: of a sample of the force [N], a displacement of the flyer [m], a point of the outline
+[m], a stress of the quasi-static curve over it [-]. Each experiment has its own share of it, see `NOISE`."""
 NOISE = (0.6, 1.6)
 """Range of an instrument's noise over that of open-01, drawn evenly in its logarithm [-]."""
 BONDED, SLIDING = "bonded", "coulomb"
@@ -175,7 +175,10 @@ def velocity(t: FloatArray, setup: Setup, truth: Truth) -> FloatArray:
 
 
 def _risen(t: FloatArray, truth: Truth) -> FloatArray:
-    """Integral of the risen share of the velocity [s]: of I_s(a, b) it is s I_s(a, b) - a/(a+b) I_s(a+1, b)."""
+    """Integral of the risen share of the velocity [s].
+
+    Of the incomplete beta function I_s(a, b) it is s I_s(a, b) - a / (a + b) I_s(a + 1, b).
+    """
     a, b, s = truth.start_power, truth.end_power, np.clip(t / truth.rise, 0.0, 1.0)
     within = s * betainc(a, b, s) - a / (a + b) * betainc(a + 1.0, b, s)
     return np.asarray(truth.rise * within + np.maximum(t - truth.rise, 0.0))

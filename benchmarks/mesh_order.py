@@ -1,8 +1,8 @@
 """The order of the mesh error in the answer: `python -m benchmarks.mesh_order --seed 1 --setups 4`.
 
-Experiments of `benchmarks.coverage_problem` are simulated without noise, at their true parameters, on a series
-of meshes with both elements. Differences of the data vectors are carried to the parameters by one fixed linear
-map, so that weights and searches play no part, and the order is that of the parameters' own error.
+Experiments of `benchmarks.coverage_problem` are simulated without noise, at their true parameters, on a
+series of meshes with both elements. Differences of the data vectors are carried to the parameters by one
+fixed linear map, so that weights and searches play no part: the order is that of the parameters' own error.
 """
 
 import argparse
@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.coverage_problem import FloatArray, drawn, simulate, template
+from benchmarks.coverage_problem import GROUP, FloatArray, Setup, Truth, drawn, simulate, template
 
 MESHES = ((16, 22), (24, 32), (32, 43), (48, 64), (64, 86), (96, 129))
 ELEMENTS = ("one_point", "fbar")
@@ -27,8 +27,6 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
-    from benchmarks.coverage_problem import GROUP
-
     for group in range(given.setups):
         pairs = [drawn(GROUP * group + i, given.seed) for i in range(given.each)]
         setup, truths = pairs[0][0], [truth for _, truth in pairs]
@@ -44,7 +42,7 @@ def main() -> None:
                 print(place.name, round(time.perf_counter() - started, 1), flush=True)
 
 
-def _vector(setup, truth, seen) -> FloatArray:
+def _vector(setup: Setup, truth: Truth, seen: tuple[FloatArray, FloatArray]) -> FloatArray:
     force, Z = seen
     bins = template(setup, truth).bins
     t = setup.samples

@@ -1,8 +1,8 @@
 """The budget of every route, and of the difference of force and outline, by each one's own linear map.
 
 A source moves the force's optimum by one amount and the outline's by another. What it does to their
-difference is told by the difference of the two maps, not by what it does to the joint answer: a source that moves both
-alike cannot make them disagree.
+difference is told by the difference of the two maps, not by what it does to the joint answer: a source that
+moves both alike cannot make them disagree.
 """
 
 from collections.abc import Sequence

@@ -54,10 +54,9 @@ def routes(result: Identification) -> Iterator[str]:
     Compared is their difference with its own standard uncertainty, see
     `kolsky.uncertainty.route_budgets.route_difference`. Of several parameters each is looked at alone.
     """
-    difference = result.route_difference
-    if difference is None:
+    difference, routes = result.route_difference, {route.name: route for route in result.routes}
+    if difference is None or not {"force only", "shape only"} <= set(routes):
         return
-    routes = {route.name: route for route in result.routes}
     force, shape = routes["force only"], routes["shape only"]
     boxes = {curve.parameter: (curve.x[0], curve.x[-1]) for curve in result.curves}
     for name, e in result.estimates.items():

@@ -19,9 +19,10 @@ from kolsky.shot.surfaces_file import read_stereo_result, stored_key, write_ster
 DATA = Path(__file__).parents[2] / "data" / "results"
 SENSITIVITY = ("/amount", "/moves/", "/visible", "/alike")
 """Of each declared input."""
+INTERVAL = ("mesh_correction", "on_mesh", "correction", "budget", "route_difference")
 NEW = {
-    1: ("image_correlation", "numerical_parts", "variations", "fit", "clocks", *SENSITIVITY),
-    2: ("fit", "clocks", *SENSITIVITY),
+    1: ("image_correlation", "numerical_parts", "variations", "fit", "clocks", *INTERVAL, *SENSITIVITY),
+    2: ("fit", "clocks", *INTERVAL, *SENSITIVITY),
 }
 """Groups that today's version has beside those of an earlier one."""
 
