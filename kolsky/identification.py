@@ -14,6 +14,7 @@
 
 from dataclasses import replace
 
+from kolsky.diagnosis.causes import cause_warnings, find_causes
 from kolsky.inverse.coarse_search import search_coarse
 from kolsky.inverse.estimates import (
     comparison,
@@ -92,6 +93,9 @@ def identify(
     optimum = LinearisedOptimum.of(fine.x, fine.box, fine.objective, fine.model, fine.surrogate)
     known = analyse(stages, optimum, fine.check.prediction, bayes=settings.bayes)
 
+    stages.progress("causes", 0, 1)
+    causes = find_causes(stages, fine.x, fine.check.response.select([0]))
+
     observations, prediction = stages.observations, fine.check.prediction
     result = Identification(
         shot=shot.name,
@@ -117,6 +121,7 @@ def identify(
         curves=curves(fine.box, fine.objective, fine.model, fine.x),
         surrogate=surrogate_quality(stages, coarse, fine),
         seconds=stages.seconds,
+        causes=causes.findings,
         provenance=provenance(shot, settings, prepared, sliding=any_slides([*settings.free, *settings.held])),
     )
     result = add_method_comparison(known.added_to(result), stages, fine.objective)
@@ -126,4 +131,4 @@ def identify(
         interface=shot.interface,
         lost_replicates=0 if replicates is None else replicates.lost,
     )
-    return replace(result, warnings=(*warnings, *known.warnings))
+    return replace(result, warnings=(*cause_warnings(causes), *warnings, *known.warnings))

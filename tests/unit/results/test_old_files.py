@@ -20,9 +20,10 @@ DATA = Path(__file__).parents[2] / "data" / "results"
 SENSITIVITY = ("/amount", "/moves/", "/visible", "/alike")
 """Of each declared input."""
 INTERVAL = ("mesh_correction", "on_mesh", "correction", "budget", "route_difference")
+NEW_IN_3 = ("fit", "clocks", "causes", *INTERVAL, *SENSITIVITY)
 NEW = {
-    1: ("image_correlation", "numerical_parts", "variations", "fit", "clocks", *INTERVAL, *SENSITIVITY),
-    2: ("fit", "clocks", *INTERVAL, *SENSITIVITY),
+    1: ("image_correlation", "numerical_parts", "variations", *NEW_IN_3),
+    2: NEW_IN_3,
 }
 """Groups that today's version has beside those of an earlier one."""
 
@@ -41,6 +42,7 @@ def test_an_identification_of_an_earlier_release(version: int) -> None:
     assert len(result.variations) == (0 if version == 1 else 2)
     assert result.fit == ()
     assert result.clocks == ()
+    assert result.causes == ()
     assert result.image_correlation == ({} if version == 1 else {"sigma_match_px": 0.011})
     assert result.profiles[1].name == "damping"
     assert result.posterior is not None
