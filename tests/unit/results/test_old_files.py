@@ -19,9 +19,11 @@ from kolsky.shot.surfaces_file import read_stereo_result, stored_key, write_ster
 DATA = Path(__file__).parents[2] / "data" / "results"
 SENSITIVITY = ("/amount", "/moves/", "/visible", "/alike")
 """Of each declared input."""
+INTERVAL = ("mesh_correction", "on_mesh", "correction", "budget", "route_difference")
+NEW_IN_3 = ("fit", "clocks", "causes", *INTERVAL, *SENSITIVITY)
 NEW = {
-    1: ("image_correlation", "numerical_parts", "variations", "fit", "clocks", "causes", *SENSITIVITY),
-    2: ("fit", "clocks", "causes", *SENSITIVITY),
+    1: ("image_correlation", "numerical_parts", "variations", *NEW_IN_3),
+    2: NEW_IN_3,
 }
 """Groups that today's version has beside those of an earlier one."""
 
