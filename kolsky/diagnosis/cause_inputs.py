@@ -75,6 +75,8 @@ class CandidateInput:
     """What to check, as a sentence ends: "check force.sensitivity"."""
     scan: tuple[float, ...]
     """Values of the coordinate that are tried before the search, far from what is declared."""
+    finer: float = 0.0
+    """Distance of the values tried about the best of those, where its basin is narrow; 0 for none."""
     step: float
     """Step of the coordinate for differences."""
     typical: float
@@ -235,6 +237,7 @@ CANDIDATES: tuple[CandidateInput, ...] = (
         words="another Poisson's ratio",
         check="check model.poisson, or free it",
         scan=tuple(-8.3 + 0.2 * n for n in range(31)),
+        finer=0.03,
         step=0.02,
         typical=0.0005,
         changed=lambda u: Changed(values={"poisson": -0.5 * expm1(u)}),

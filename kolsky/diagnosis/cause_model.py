@@ -153,10 +153,10 @@ class CauseModel:
             0.01 * (0.5 - x[i]) if name == "poisson" else SHARES.get(name, 0.01 * abs(x[i]) or 1e-3)
             for i, name in enumerate(self.stages.box.names)
         ]
-        if self.first is not None:
+        if self.first is not None and len(x) > len(steps):
             steps.append(self.first.step)
         up = np.array(steps)
-        return np.where(x + up > self.upper, -up, up)
+        return np.where(x + up > self.upper[: len(x)], -up, up)
 
     def expected(self, numerics: Numerics) -> ExpectedResidual:
         """What a right model leaves of the data vector at the answer.

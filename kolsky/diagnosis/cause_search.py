@@ -18,17 +18,20 @@ from kolsky.diagnosis.cause_inputs import DECLARED, CandidateInput
 from kolsky.diagnosis.cause_model import CauseModel, Point
 from kolsky.inverse.staged_runs import StagedRuns
 
-UNEXPLAINED = 1.3
-"""Misfit of a channel from which on values far away are tried; 1 is what a right model leaves."""
+UNEXPLAINED = 2.5
+"""Misfit of a channel from which on values far away are tried; 1 is what a right model leaves, and below this
+a tangent reaches whatever is wrong."""
 FOLLOWED = 6
 """Most starts that are followed by Gauss-Newton steps."""
-TURNS = 4
+FINER = 6
+"""Finer values tried to each side."""
+TURNS = 6
 """Most Gauss-Newton steps of each."""
 KEPT = 60.0
 """A start is given up when its loss is so much above the best one's."""
 SETTLED = 0.1
 """And is at rest when a step makes the loss smaller by less."""
-DAMPED = (1.0, 0.3)
+DAMPED = (1.0, 0.3, 0.1)
 """Shares of a step of which the best is taken."""
 
 
@@ -161,11 +164,18 @@ class CauseSearch:
         return Trial(c, self.x, float("nan"), self.before, self.null.residual, lost=why)
 
     def _clipped(self, x: FloatArray) -> FloatArray:
-        return np.clip(x, self.model.lower, self.model.upper)
+        return np.clip(x, self.model.lower[: len(x)], self.model.upper[: len(x)])
 
     def scanned(self, candidates: Sequence[CandidateInput]) -> list[Trial]:
         """The best far values of every candidate, the free parameters by a linear step: starts."""
-        pairs = [(c, u) for c in candidates for u in c.scan if c.lowest <= u <= c.highest]
+        found = self._least([(c, u) for c in candidates for u in c.scan])
+        narrow = [t for t in found if t.candidate.finer > 0.0]
+        about = [(t.candidate, t.u + n * t.candidate.finer) for t in narrow for n in range(-FINER, FINER + 1)]
+        return [t for t in found if t not in narrow] + (self._least(about) if about else [])
+
+    def _least(self, tried: Sequence[tuple[CandidateInput, float]]) -> list[Trial]:
+        """Of each candidate the two values from which both neighbours are worse, as ringing has several."""
+        pairs = [(c, u) for c, u in tried if c.lowest <= u <= c.highest]
         vectors = self.model.vectors([Point(self.x, c.changed(u)) for c, u in pairs])
         trials: dict[str, list[Trial]] = {}
         for (c, u), vector in zip(pairs, vectors, strict=True):
@@ -178,8 +188,8 @@ class CauseSearch:
             )
         found = []
         for row in trials.values():
+            row.sort(key=lambda t: t.u)
             losses = [self.loss(t.misfits) for t in row]
-            # A value from which both neighbours are worse, as the rhythm of ringing has several.
             least = [i for i in range(len(row)) if losses[i] <= min(losses[max(i - 1, 0) : i + 2])]
             found += [row[i] for i in sorted(least, key=lambda i: losses[i])[:2]]
         return found

@@ -99,6 +99,11 @@ def beside(
         if run is None:
             return findings
         at, refined = start, run
+        again = CauseSearch(
+            stages, CauseModel(stages, at, refined, c), search.expected, search.use, start=start
+        )
+        first = min([first, *again.followed([first])], key=lambda t: search.loss(t.misfits))
+        start = np.append(first.x, first.u)
     second = CauseSearch(stages, CauseModel(stages, at, refined, c), search.expected, search.use, start=start)
     x = np.clip(start + second.null.step, second.model.lower, second.model.upper)
     names = stages.box.names
@@ -260,7 +265,7 @@ def cause_warnings(analysis: CauseAnalysis) -> Iterator[str]:
             f"{also}{sentence(finding)} explains {percent(finding.explained)} of {whole}{other}: "
             f"{checks.get(finding.key, finding.key)}; with it {told}"
         )
-    if not analysis.named and (analysis.misfits > 2.0 * UNEXPLAINED).any():
+    if not analysis.named and (analysis.misfits > UNEXPLAINED).any():
         yield (
             "no single change of an input explains the misfit (the residual is "
             f"{' and '.join(f'{x**0.5:.2g}' for x in analysis.misfits)} times what a right model leaves, of "

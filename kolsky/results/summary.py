@@ -140,4 +140,5 @@ def _findings(result: Identification) -> dict[str, Any]:
             for other in result.variations
         ],
         "posterior": posterior,
+        "causes": [{**vars(cause), "change": cause.change} for cause in result.causes],
     }
