@@ -29,6 +29,11 @@ class FitQuality:
     known "flyer motion", "material curve" and "mesh"."""
     peak: float
     """Largest size of the signal, in `unit`: the largest force; the spread of the outline's radii."""
+    slow_residual: float
+    """Root mean square of the residual's means over an eighth of the window (and a third of the outline's
+    points), in `unit`: noise and ringing average out, a wrong input does not."""
+    slow_expected: float
+    """Root mean square of what a right model leaves in the same means, of all sources, in `unit`."""
     chi2: float
     """Mean square of the residual over the noise [-]; 1 if noise alone is left."""
     discrepancy_share: float
@@ -41,8 +46,8 @@ class FitQuality:
     """Share of the information on each free parameter that comes from this channel [-]."""
     limit: float = inf
     """Largest `excess` of a shot that the model explains [-]; see `kolsky.diagnosis.thresholds`."""
-    limit_over_peak: float = 0.0
-    """A residual below this share of the peak counts as explained whatever its `excess` [-]."""
+    slow_limit: float = inf
+    """Largest `slow_excess` of a shot that the model explains [-]."""
 
     @property
     def expected(self) -> float:
@@ -66,11 +71,14 @@ class FitQuality:
         return self.residual / self.expected if self.expected > 0.0 else nan
 
     @property
+    def slow_excess(self) -> float:
+        """Slow residual over what a right model leaves of it [-]."""
+        return self.slow_residual / self.slow_expected if self.slow_expected > 0.0 else nan
+
+    @property
     def explained(self) -> bool:
         """True if the residual is what a right model leaves. An unknown residual is not explained."""
-        if not isfinite(self.excess):
-            return False
-        return self.excess <= self.limit or self.over_peak <= self.limit_over_peak
+        return self.excess <= self.limit and self.slow_excess <= self.slow_limit
 
 
 @dataclass(frozen=True)
