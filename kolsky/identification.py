@@ -14,6 +14,7 @@
 
 from dataclasses import replace
 
+from kolsky.diagnosis.causes import cause_warnings, find_causes
 from kolsky.inverse.coarse_search import search_coarse
 from kolsky.inverse.estimates import comparison, curves, estimates, held_values, routes, surrogate_quality
 from kolsky.inverse.misfit import terms
@@ -81,6 +82,9 @@ def identify(
     optimum = LinearisedOptimum.of(fine.x, fine.box, fine.objective, fine.model, fine.surrogate)
     known = analyse(stages, optimum, fine.check.prediction, bayes=settings.bayes)
 
+    stages.progress("causes", 0, 1)
+    causes = find_causes(stages, fine.x, fine.check.response.select([0]))
+
     observations, prediction = prepared.observations, fine.check.prediction
     result = Identification(
         shot=shot.name,
@@ -104,10 +108,11 @@ def identify(
         curves=curves(fine.box, fine.objective, fine.model, fine.x),
         surrogate=surrogate_quality(stages, coarse, fine),
         seconds=stages.seconds,
+        causes=causes.findings,
         provenance=provenance(shot, settings, prepared, sliding=any_slides([*settings.free, *settings.held])),
     )
     result = add_method_comparison(known.added_to(result), stages, fine.objective)
     warnings = collect_warnings(
         result, checks=prepared.checks, interface=shot.interface, lost_replicates=lost_replicates
     )
-    return replace(result, warnings=(*warnings, *known.warnings))
+    return replace(result, warnings=(*cause_warnings(causes), *warnings, *known.warnings))

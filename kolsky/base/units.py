@@ -23,6 +23,8 @@ DIMENSIONS = {
     "N": ("a force", "12 N"),
     "m/N": ("a compliance", "0.2 um/N"),
     "Pa/m": ("a stress per length", "1e13 Pa/m"),
+    "rad": ("an angle", "0.2 deg"),
+    "V/s": ("a drift", "0.5 V/s"),
     "1": ("a plain ratio", "0.2 %"),
 }
 """What this package measures: SI unit -> (dimension in words, an example)."""

@@ -25,6 +25,7 @@ from kolsky.cli.repeats import repeats
 from kolsky.cli.report import report
 from kolsky.cli.simulate import simulate
 from kolsky.cli.sweep import sweep
+from kolsky.cli.virtual import virtual_make, virtual_new
 from kolsky.cli.waves import waves
 from kolsky.cli.wavespeed import wavespeed
 
@@ -48,10 +49,15 @@ COMMANDS: dict[str, Command] = {
     "film": film,
     "material reference-curve": reference_curve,
     "material fit": material_fit,
+    "virtual new": virtual_new,
+    "virtual make": virtual_make,
 }
 """Every command by its words on the command line; the first of two words is a group of `GROUPS`."""
 
-GROUPS = {"material": "The quasi-static tests of the material behind a shot."}
+GROUPS = {
+    "material": "The quasi-static tests of the material behind a shot.",
+    "virtual": "The virtual laboratory: shots whose answer is known.",
+}
 """Groups of commands and their line of `--help`."""
 
 FORMER_NAMES: dict[str, str] = {"material baseline": "material reference-curve"}

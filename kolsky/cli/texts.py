@@ -33,6 +33,20 @@ def numbers(option: str, text: str) -> list[float]:
         raise _refuse(option, text, "numbers with commas, e.g. 1,2") from None
 
 
+def whole_numbers(option: str, text: str) -> list[int]:
+    """ "1-8,12" as whole numbers, ascending, each once."""
+    found: set[int] = set()
+    for part in listed(text):
+        first, dash, last = part.partition("-")
+        if not first.isdecimal() or (dash and not last.isdecimal()):
+            raise _refuse(option, text, "whole numbers and ranges, e.g. 3 or 1-8,12")
+        end = int(last) if dash else int(first)
+        if not int(first) <= end <= 1_000_000:
+            raise _refuse(option, text, "ranges that ascend, to at most a million")
+        found.update(range(int(first), end + 1))
+    return sorted(found)
+
+
 def physical(option: str, text: str, unit: str, *, positive: bool = False) -> float:
     """ "0.2 um/N" as a number in a unit of SI; above zero if it must be positive."""
     from kolsky.base.units import UnitError, quantity

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from kolsky.base.arrays import FloatArray
 
@@ -68,6 +68,16 @@ class Declaration:
     not varied."""
     status: str
     """What was done: "varied", "not declared, counted as exact", or why it has no part here."""
+    amount: float = float("nan")
+    """A plain amount of it: 1 % of a scale, 1 us of a clock, 10 um of a place, as `unit`; NaN if it has no
+    part, or of a file that does not hold it."""
+    moves: Mapping[str, float] = field(default_factory=dict)
+    """By how much each free parameter moves if the input is larger by `amount`, in SI; empty likewise."""
+    visible: float = float("nan")
+    """Share of the change of "prediction minus data" that stays in the residual after the parameters have
+    followed, 0 to 1 [-]; near zero the data cannot show the input to be wrong. NaN likewise."""
+    alike: tuple[str, ...] = ()
+    """Keys of the inputs whose change leaves the same in the residual: the data do not tell them apart."""
 
 
 @dataclass(frozen=True)

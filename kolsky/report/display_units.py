@@ -36,7 +36,10 @@ def in_display_units(result: Identification) -> Identification:
         curves=tuple(replace(c, x=c.x * factor_of(c.parameter)) for c in result.curves),
         profiles=tuple(_profile(p, factors) for p in result.profiles),
         ridge=None if result.ridge is None else _ridge(result.ridge),
-        systematic=tuple(replace(part, shifts=_scaled(part.shifts)) for part in result.systematic),
+        systematic=tuple(
+            replace(part, shifts=_scaled(part.shifts), moves=_scaled(part.moves))
+            for part in result.systematic
+        ),
         variations=tuple(replace(other, shifts=_scaled(other.shifts)) for other in result.variations),
         posterior=None if result.posterior is None else _posterior(result.posterior),
     )

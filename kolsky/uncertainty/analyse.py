@@ -20,12 +20,14 @@ from kolsky.inverse.uncertainty_results import (
     PosteriorSummary,
     Variation,
 )
+from kolsky.uncertainty.input_directions import InputDirections, input_directions
 from kolsky.uncertainty.profile_likelihood import (
     TOLERANCE,
     LinearisedOptimum,
     ParameterProfiles,
     profile_parameters,
 )
+from kolsky.uncertainty.sensitivities import caution
 from kolsky.uncertainty.systematic import declarations
 from kolsky.uncertainty.variations import variations
 
@@ -50,6 +52,8 @@ class UncertaintyAnalysis:
     """Simulations on the surrogate's mesh when all was done."""
     variations: tuple[Variation, ...] = ()
     """Other choices of the analyst; none if there is no surrogate to search."""
+    directions: InputDirections | None = None
+    """What each input does to the data vector, and to the answer."""
 
     def sigma_systematic(self, name: str) -> float:
         """Standard uncertainty of a parameter from the declared ones, root sum of squares."""
@@ -125,7 +129,10 @@ def analyse(
     ImportError
         If the posterior is asked for and emcee is not installed.
     """
-    systematic = declarations(stages, answer.x, answer.objective)
+    started = time.perf_counter()
+    directions = input_directions(stages, answer.x, answer.objective)
+    systematic = declarations(stages, directions)
+    stages.seconds["inputs"] = time.perf_counter() - started
     started = time.perf_counter()
     found: ParameterProfiles | None = None
     said = []
@@ -145,15 +152,17 @@ def analyse(
         sampled = posterior_of(found, stages.settings.seed)
         stages.seconds["posterior"] = time.perf_counter() - started
     profiles = () if found is None else found.profiles
+    cautions = caution(systematic, dict(zip(directions.names, answer.x.tolist(), strict=True)))
     return UncertaintyAnalysis(
         systematic=systematic,
         profiles=profiles,
         ridge=None if found is None else found.map,
         posterior=sampled,
         found=found,
-        warnings=(*said, *analysis_warnings(profiles, sampled)),
+        warnings=(*said, *cautions, *analysis_warnings(profiles, sampled)),
         runs=len(stages.on_surrogate_mesh()[0]),
         variations=varied,
+        directions=directions,
     )
 
 

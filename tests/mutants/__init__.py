@@ -11,6 +11,7 @@ from tests.mutants.dic import FAULTS as DIC
 from tests.mutants.doe import FAULTS as DOE
 from tests.mutants.explicit import FAULTS as EXPLICIT
 from tests.mutants.fault import Fault
+from tests.mutants.inputs import FAULTS as INPUTS
 from tests.mutants.inverse import FAULTS as INVERSE
 from tests.mutants.material import FAULTS as MATERIAL
 from tests.mutants.rates import FAULTS as RATES
@@ -18,6 +19,7 @@ from tests.mutants.report import FAULTS as REPORT
 from tests.mutants.results import FAULTS as RESULTS
 from tests.mutants.shot import FAULTS as SHOT
 from tests.mutants.uncertainty import FAULTS as UNCERTAINTY
+from tests.mutants.virtual import FAULTS as VIRTUAL
 
 __all__ = ["FAULTS", "Fault"]
 
@@ -27,6 +29,7 @@ FAULTS: tuple[Fault, ...] = (
     *DIC,
     *DOE,
     *EXPLICIT,
+    *INPUTS,
     *INVERSE,
     *MATERIAL,
     *RATES,
@@ -34,4 +37,5 @@ FAULTS: tuple[Fault, ...] = (
     *REPORT,
     *RESULTS,
     *UNCERTAINTY,
+    *VIRTUAL,
 )

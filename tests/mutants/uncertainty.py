@@ -79,22 +79,6 @@ FAULTS = (
         tests=NOISE,
     ),
     Fault(
-        name="a later clock of the other sign",
-        file="kolsky/uncertainty/systematic.py",
-        right="measured[:n] = -self.sigma * np.diff(force) / np.diff(edges)",
-        wrong="measured[:n] = self.sigma * np.diff(force) / np.diff(edges)",
-        tests=SYSTEMATIC,
-    ),
-    Fault(
-        name="the whole difference of up and down",
-        file="kolsky/uncertainty/systematic.py",
-        right="""                if up is not None and down is not None:
-                    return np.nan_to_num(0.5 * (up - down))""",
-        wrong="""                if up is not None and down is not None:
-                    return np.nan_to_num(up - down)""",
-        tests=SYSTEMATIC,
-    ),
-    Fault(
         name="declared parts added, not their squares",
         file="kolsky/uncertainty/analyse.py",
         right="np.sqrt(sum(part.shifts.get(name, 0.0) ** 2 for part in self.systematic))",

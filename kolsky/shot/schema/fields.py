@@ -34,6 +34,10 @@ def _physical(unit: str, rule: str = "finite", what: str | None = None) -> Calla
     return validate
 
 
+physical = _physical
+"""The validator of a written-out quantity, to build the fields of another file on."""
+
+
 def seconds(text: object) -> float:
     """A written-out time [s]; a validator to build others on."""
     return _physical("s")(text)
@@ -70,6 +74,10 @@ def _number(value: object) -> float:
         return float(value)
     except OverflowError:
         raise problem("is too large") from None
+
+
+number = _number
+"""The validator of a plain number, to build others on."""
 
 
 def _poisson(value: object) -> float:

@@ -1,0 +1,252 @@
+"""Directions of the inputs: the change of "prediction minus data" when an input is moved by a step.
+
+Every direction, and the Jacobian by the free parameters beside them, is from runs on one mesh, the
+surrogate's: a map from another would not cancel what rings in the mesh. Parameters and curves share one
+batch; what changes the mesh or its mass, and friction that is not named, has a batch of its own.
+
+An input that is wrong moves the optimum by the part of its direction that the free parameters can follow,
+and leaves the rest in the residual:
+
+    shift = -G c,    rest = c + J shift,    visible share = |rest / sigma|^2 / |c / sigma|^2
+
+with the direction c, the Jacobian J and the least-squares map G (`Objective.gain`). A share near zero is an
+input that the data cannot show to be wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from explicit import Response
+from kolsky.base.arrays import FloatArray
+from kolsky.inverse.objective import Objective
+from kolsky.inverse.observations import Observations, predict
+from kolsky.inverse.parameters import PARAMETERS
+from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.shot.records import Shot
+from kolsky.uncertainty.inputs import CLOCK, INPUTS, no_part
+from kolsky.uncertainty.moved_runs import SPECIMEN, MovedRuns, RunLost
+
+
+@dataclass(frozen=True)
+class InputDirection:
+    """One input, and what a step of it does to the data vector."""
+
+    key: str
+    """Its key of `kolsky.uncertainty.inputs.INPUTS`."""
+    step: float
+    """By how much it is larger, in its unit, or relative."""
+    change: FloatArray
+    """Change of prediction minus data by the step, shape [k]; zero at an outline point that the moved model
+    does not reach."""
+    value: float
+    """Its declared value in SI; NaN where it is a scale or an offset that no number stands for."""
+
+    @property
+    def slope(self) -> FloatArray:
+        """Change of prediction minus data for one unit of it, shape [k]."""
+        return self.change / self.step
+
+
+@dataclass(frozen=True)
+class InputDirections:
+    """The directions of all inputs at an optimum, beside the Jacobian by the free parameters."""
+
+    names: tuple[str, ...]
+    """Free parameters, length d."""
+    x: FloatArray
+    """The optimum in SI, shape [d]."""
+    objective: Objective
+    """With the discrepancies of the optimum."""
+    vector: FloatArray
+    """Predicted data vector there on the surrogate's mesh, shape [k]."""
+    jacobian: FloatArray
+    """Its derivative by the free parameters, shape [k, d]."""
+    directions: tuple[InputDirection, ...]
+    """One an input that has a part in the answer."""
+    absent: Mapping[str, str] = field(default_factory=dict)
+    """Key -> why an input has none: it is free, has no part here, or its run did not complete."""
+
+    def __getitem__(self, key: str) -> InputDirection:
+        """The direction of an input.
+
+        Raises
+        ------
+        KeyError
+            If it has none; the message says why.
+        """
+        for one in self.directions:
+            if one.key == key:
+                return one
+        raise KeyError(f"{key}: {self.absent.get(key, 'no such input')}")
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Inputs that have a direction."""
+        return tuple(one.key for one in self.directions)
+
+    @cached_property
+    def gain(self) -> FloatArray:
+        """Linear map from a change of the prediction to minus that of the optimum, shape [d, k]."""
+        return self.objective.gain(self.jacobian)
+
+    def shift(self, key: str) -> FloatArray:
+        """Change of the optimum by the input's step, in SI, shape [d]."""
+        # The optimum follows what the prediction is short of.
+        return np.asarray(-self.gain @ self[key].change)
+
+    def rest(self, key: str) -> FloatArray:
+        """What the step leaves in the residual once the free parameters have followed, shape [k]."""
+        return np.asarray(self[key].change + self.jacobian @ self.shift(key))
+
+    def visible(self, key: str) -> float:
+        """Share of the direction that stays in the residual, 0 to 1, in weighted squares [-]."""
+        sigma = self.objective.sigma
+        whole = float(np.sum((self[key].change / sigma) ** 2))
+        return float(np.sum((self.rest(key) / sigma) ** 2)) / whole if whole > 0.0 else 0.0
+
+    def likeness(self, one: str, other: str) -> float:
+        """Cosine between what two inputs leave in the residual, -1 to 1; near +-1 none tells them apart.
+
+        Zero where one of them leaves nothing.
+        """
+        sigma = self.objective.sigma
+        a, b = self.rest(one) / sigma, self.rest(other) / sigma
+        size = float(np.linalg.norm(a) * np.linalg.norm(b))
+        return float(a @ b) / size if size > 0.0 else 0.0
+
+
+def input_directions(
+    stages: StagedRuns,
+    x: FloatArray,
+    objective: Objective,
+    *,
+    steps: Mapping[str, float] | None = None,
+    only: Collection[str] | None = None,
+) -> InputDirections:
+    """Move every input that has a part in the answer, and return what that does to the data vector.
+
+    Parameters
+    ----------
+    stages
+        The identification's simulations.
+    x
+        The optimum in SI, shape [d].
+    objective
+        With the discrepancies of the optimum.
+    steps
+        Key -> step, in place of the input's own; a declared uncertainty, for one.
+    only
+        Inputs to be moved; all of them if left out.
+
+    Raises
+    ------
+    ValueError
+        If the run at the optimum, or one for the Jacobian, does not complete.
+    """
+    shot, box, held = stages.prepared.forward.shot, stages.box, stages.settings.held
+    absent = {
+        key: why
+        for key in INPUTS
+        if (why := no_part(key, free=box.names, held=held, shot=shot, seen=stages.observations))
+    }
+    wanted = {
+        key: (steps or {}).get(key, one.step(shot, objective))
+        for key, one in INPUTS.items()
+        if key not in absent and (only is None or key in only)
+    }
+    stages.progress("inputs", 0, len(wanted))
+    batch = MovedRuns(stages, x, objective, wanted)
+    reference, jacobian = batch.reference_and_jacobian()
+    moved = MovedInputs(objective, stages.observations, reference)
+    found = []
+    for done, (key, step) in enumerate(wanted.items()):
+        if INPUTS[key].acts_on == "data" or key == "flyer_clock":
+            change = moved.change(key, step)
+        else:
+            try:
+                change = batch.change(key, step)
+            except RunLost as lost:
+                absent[key] = str(lost)
+                continue
+        found.append(InputDirection(key, step, np.nan_to_num(change), declared_value(key, shot, held)))
+        stages.progress("inputs", done + 1, len(wanted))
+    stages.progress("inputs", len(wanted), len(wanted))
+    vector = objective.vectors(predict(reference, objective.observations))[0]
+    return InputDirections(box.names, x, objective, vector, jacobian, tuple(found), absent)
+
+
+@dataclass(frozen=True)
+class MovedInputs:
+    """Changes of the data vector by inputs that need no run of their own.
+
+    A scale and a clock act on the data, but are taken through the model's force and outline, which have no
+    noise and ring in the mesh as the Jacobian does.
+    """
+
+    objective: Objective
+    """The objective."""
+    observations: Observations
+    """What was measured."""
+    reference: Response
+    """The run at the optimum, its surface `CLOCK` before and after each frame among its times."""
+
+    def change(self, key: str, step: float) -> FloatArray:
+        """Change of prediction minus data when the input is larger by a step, shape [k]."""
+        n, change = self.objective.n_force, np.zeros(len(self.objective.data))
+        match key:
+            case "sensitivity":  # a larger sensitivity is a smaller force
+                change[:n] = step * self._seen()[:n]
+            case "force_zero":  # what is taken for zero is subtracted
+                change[:n] = step
+            case "clock_offset":
+                change[:n] = step * self.force_rate()
+            case "outline_clock":
+                change[n:] = step * self.outline_rate()
+            case "flyer_clock":  # all that is simulated comes later
+                change[:n], change[n:] = -step * self.force_rate(), -step * self.outline_rate()
+            case "Z_offset":
+                change[n:] = -step
+            case "y_offset":
+                y = self.observations.centre_line.y
+                change = 0.5 * (self._seen(y=y + step) - self._seen(y=y - step))
+            case _:
+                raise KeyError(f"{key} needs a run")
+        return change
+
+    def force_rate(self) -> FloatArray:
+        """Time derivative of each bin's force, of the model, which has no noise [N/s], shape [n_bins]."""
+        edges = self.observations.bins.edges
+        force = np.interp(edges, self.reference.force_times, self.reference.force_transmission[0])
+        return np.asarray(np.diff(force) / np.diff(edges))
+
+    def outline_rate(self) -> FloatArray:
+        """Time derivative of the radius at each counted point's height [m/s], shape [n_counted]."""
+        time = self.observations.centre_line.time
+        before, after = beside(time, self.reference)
+        up, down = self._seen(time=after), self._seen(time=before)
+        return np.asarray((up - down)[self.objective.n_force :] / (after - before)[self.objective.counted])
+
+    def _seen(self, **line: FloatArray) -> FloatArray:
+        """The predicted data vector with the outline seen at other heights or times."""
+        seen = replace(self.observations, centre_line=replace(self.observations.centre_line, **line))
+        return np.asarray(self.objective.vectors(predict(self.reference, seen))[0])
+
+
+def beside(time: FloatArray, response: Response) -> tuple[FloatArray, FloatArray]:
+    """Times `CLOCK` before and after; at the ends of what was simulated the time itself [s]."""
+    first, last = response.surface_times[0], response.surface_times[-1]
+    return np.maximum(time - CLOCK, first), np.minimum(time + CLOCK, last)
+
+
+def declared_value(key: str, shot: Shot, held: Mapping[str, float]) -> float:
+    """The value in SI that a shot declares for an input, or that it is held at; NaN if no number does."""
+    if key in PARAMETERS:
+        return held.get(key, PARAMETERS[key].held(shot))
+    if key in SPECIMEN:
+        return float(getattr(shot.specimen, SPECIMEN[key]))
+    return float("nan")

@@ -1,0 +1,47 @@
+"""The specification's material: its law, what relaxes, its quasi-static curve."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from explicit.materials.laws import AnyLaw, law_class
+from explicit.relaxation.prony import PronySeries
+from kolsky.base.arrays import FloatArray
+
+
+def law_of(name: str, parameters: Mapping[str, float], shear_modulus: float) -> AnyLaw:
+    """The quasi-static law: the constants as given, scaled to the shear modulus [Pa].
+
+    Raises
+    ------
+    ValueError
+        If the law is unknown, or its constants are not those given or cannot be.
+    """
+    kind = law_class(name)
+    names = [spec.name for spec in kind.PARAMETERS]
+    if set(names) != set(parameters):
+        raise ValueError(f"{name} has the constants {', '.join(names)}")
+    law = kind.of([parameters[constant] for constant in names])
+    return law.scaled(shear_modulus / law.shear_modulus)
+
+
+def relaxation_of(strengths: Sequence[float], times: Sequence[float]) -> tuple[PronySeries, ...]:
+    """What relaxes beside the law; empty if nothing does.
+
+    Raises
+    ------
+    ValueError
+        If strengths and times do not belong together.
+    """
+    series = PronySeries(tuple(strengths), tuple(times))
+    return (series,) if len(series) else ()
+
+
+def uniaxial_stress(law: AnyLaw, stretch: FloatArray) -> FloatArray:
+    """Nominal stress of an incompressible cylinder that is free to expand [Pa], of the stretch's shape.
+
+    P = dW/dlam along the load = W_1 + 2 W_2 dlam_2/dlam_1 with lam_2 = lam_1^(-1/2).
+    """
+    across = stretch**-0.5
+    along, side, _ = law.principal(stretch, across, across)
+    return np.asarray(along - side * across / stretch)

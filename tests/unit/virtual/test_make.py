@@ -1,0 +1,151 @@
+"""Made folders: read back, the same for one seed, wrong where asked for, their truth read by nothing."""
+
+import re
+import tomllib
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kolsky.base.errors import InputError
+from kolsky.cli.virtual import template
+from kolsky.shot.load import load_shot
+from kolsky.virtual.make import make
+from kolsky.virtual.schema import Specification
+from kolsky.virtual.specification import read_specification
+
+ROOT = Path(__file__).parents[3]
+TINY = """
+[motion]
+compression = "12 %"
+[truth]
+mesh = [8, 11]
+"""
+
+
+FACTOR = '"material.stiffness_factor" = {{ low = 1, high = 2 }}\n'
+
+
+def made(folder: Path, text: str = "", **options: object) -> Path:
+    """Make the shots of a tiny specification; the folder they are in."""
+    folder.mkdir(exist_ok=True)
+    path = folder / "SPEC.toml"
+    path.write_text("format = 1\n" + TINY + text, encoding="utf-8")
+    make(read_specification(path), folder / "out", **options)  # type: ignore[arg-type]
+    return folder / "out"
+
+
+@pytest.mark.parametrize("form", ["csv", "csv semicolon", "xlsx", "tdms"])
+def test_every_scope_format_is_read_back(tmp_path: Path, form: str) -> None:
+    if form == "tdms" and find_spec("nptdms") is None:
+        pytest.skip("npTDMS is not installed")
+    quiet = '[transmitted]\nnoise = "0.3 mV"\n[scope]\nclock_offset = "40 us"\nformat = '
+    shot = load_shot(made(tmp_path, f'{quiet}"{form}"\n'))
+    truth = np.load(shot.folder / "truth_surface.npz")
+    force = shot.force.history()
+    expected = np.interp(force.time, truth["t_force"], truth["transmitted"], left=0.0)
+    step = 2.0 / 4096 / 0.0112
+    assert (force.force - expected).std() == pytest.approx(np.hypot(0.3e-3 / 0.0112, step / 12**0.5), rel=0.1)
+    at_rest = shot.flyer.displacement[:12]  # type: ignore[union-attr]
+    assert at_rest.std() == pytest.approx(1e-6, rel=0.6)
+
+
+def test_one_seed_one_shot(tmp_path: Path) -> None:
+    draws = (
+        '[population]\nshots = {}\n[population.draw]\n"material.stiffness_factor" = {{ low = 1, high = 2 }}\n'
+    )
+    few = made(tmp_path / "few", draws.format(2), numbers=[2]) / "virtual-2"
+    all_of_them = made(tmp_path / "all", draws.format(3)) / "virtual-2"
+    names = sorted(path.name for path in few.iterdir())
+    assert "truth.json" in names
+    for name in names:
+        assert (few / name).read_bytes() == (all_of_them / name).read_bytes(), name
+    first = all_of_them.parent / "virtual-1"
+    assert (first / "scope.csv").read_bytes() != (few / "scope.csv").read_bytes()
+
+
+def test_what_is_there_is_kept_and_another_shot_refused(tmp_path: Path) -> None:
+    out = made(tmp_path)
+    (out / "notes.txt").write_text("mine")
+    before = (out / "truth.json").stat().st_mtime_ns
+    again = make(read_specification(tmp_path), out)
+    assert [shot.fresh for shot in again] == [False]
+    assert (out / "truth.json").stat().st_mtime_ns == before
+    with pytest.raises(InputError, match="something else than this shot"):
+        made(tmp_path, '[specimen]\nlength = "7 mm"\n')
+
+
+def test_imperfections_are_in_the_shot_file_or_in_the_recordings(tmp_path: Path) -> None:
+    wrong = made(
+        tmp_path / "wrong",
+        """
+[imperfections]
+length = "-1.5 %"
+diameter = "2 %"
+density = "5 %"
+sensitivity = "10 %"
+poisson = -0.004
+damping = "10 us"
+trigger = "20 us"
+y_offset = "100 um"
+Z_offset = "20 um"
+gain = "3 %"
+baseline = "5 mV"
+""",
+    )
+    right = made(tmp_path / "right")
+    declared = tomllib.loads((wrong / "shot.toml").read_text("utf-8"))
+    assert declared["specimen"] == {"diameter": "9.69 mm", "length": "6.4025 mm", "density": "913.5 kg/m^3"}
+    assert declared["force"]["sensitivity"] == "0.01232 V/N"
+    assert declared["model"]["poisson"] == 0.495
+    assert declared["model"]["damping"] == "35 us"
+
+    def table(folder: Path, name: str) -> np.ndarray:
+        return np.loadtxt(folder / name, delimiter=",", skiprows=1)
+
+    shift = table(wrong, "frames.csv") - table(right, "frames.csv")
+    assert shift[:, 1] == pytest.approx(20e-6, abs=1e-12)
+    outline = table(wrong, "centreline.csv") - table(right, "centreline.csv")
+    assert outline[:, 2] == pytest.approx(0.1, abs=2e-6)
+    assert outline[:, 3] == pytest.approx(0.02, abs=2e-6)
+    volts, clean = table(wrong, "scope.csv"), table(right, "scope.csv")
+    n = len(clean)
+    extra = volts[:n, 2] - clean[:, 2]
+    truth = np.load(right / "truth_surface.npz")
+    force = np.interp(clean[:, 0], truth["t_force"], truth["transmitted"], left=0.0)
+    expected = 0.03 * 0.0112 * force + 0.005 * (clean[:, 0] >= 37.5e-6)
+    away = np.abs(clean[:, 0] - 37.5e-6) > 1e-6  # a sample at the very start is on either side of it
+    assert extra[away] == pytest.approx(expected[away], abs=2.1 / 4096)  # a code of either
+
+
+def test_the_truth_is_read_by_nothing_else() -> None:
+    """No module of the package but those of the virtual laboratory knows the name of the truth's files."""
+    named = re.compile(r"truth\.json|truth_surface|virtual\.make import .*TRUTH")
+    readers = {
+        str(path.relative_to(ROOT))
+        for package in ("kolsky", "dic", "explicit", "doe")
+        for path in (ROOT / package).rglob("*.py")
+        if named.search(path.read_text("utf-8"))
+    }
+    assert readers <= {"kolsky/virtual/make.py", "kolsky/virtual/shot_file.py"}
+
+
+def test_the_template_is_the_defaults() -> None:
+    """Every key of the schema stands in the template, in force or as a comment, at its default."""
+    text = template()
+    written = Specification.model_validate(tomllib.loads(text)).model_dump()
+    default = Specification().model_dump()
+    assert written.keys() == default.keys()
+    for title, table in default.items():
+        if isinstance(table, dict):
+            numbers = {key: value for key, value in table.items() if isinstance(value, float)}
+            # A text such as "24.7 kPa" is read with one rounding.
+            assert {key: written[title][key] for key in numbers} == pytest.approx(numbers, rel=1e-14), title
+            assert {**written[title], **numbers} == table, title
+    for title, table in Specification.model_fields.items():
+        keys = getattr(table.annotation, "model_fields", {})
+        if title in {"uncertainty", "transmission"}:
+            continue
+        for key in keys:
+            assert re.search(rf"^(# )?{key} = ", text, re.MULTILINE), f"{title}.{key}"
