@@ -16,6 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from explicit import Response
 from kolsky.base.arrays import FloatArray
+from kolsky.diagnosis.fit_quality import fit_quality
 from kolsky.inverse.fit_results import ClockLag
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import SAME_TIME
@@ -41,15 +42,21 @@ DIRECTIONS = {FORCE: (1.0, 0.0), OUTLINE: (0.0, 1.0), FLYER: (-1.0, -1.0)}
 
 
 @dataclass(frozen=True)
-class FittedLags:
-    """Lags that fit the data best, with the free parameters refitted."""
+class FittedLag:
+    """The lag that fits the data best, with the free parameters refitted."""
 
-    lags: FloatArray
-    """Along each direction that was fitted [s], shape [n]."""
-    sigma: FloatArray
-    """Standard uncertainties [s], shape [n]."""
+    lag: float
+    """The lag [s]."""
+    sigma: float
+    """Its standard uncertainty [s]."""
     vector: FloatArray
-    """Data vector with them, shape [k]."""
+    """Data vector with it, shape [k]."""
+    jacobian: FloatArray
+    """Of the data vector by the free parameters and the lag, shape [k, d + 1]."""
+    objective: Objective
+    """With the discrepancies that are left."""
+    evidence: float
+    """Fall of -2 ln L [-]."""
     settled: bool
     """Whether the search came to rest inside `REACH`."""
 
@@ -61,9 +68,7 @@ def clock_lags(
     jacobian: FloatArray,
     changes: Mapping[str, FloatArray],
 ) -> tuple[ClockLag, ...]:
-    """Lags of force, outline and flyer, each against the others.
-
-    The lags of force and outline are fitted together, that of the flyer alone: it is both of them at once.
+    """Lags of force, outline and flyer, each against the two others.
 
     Parameters
     ----------
@@ -81,27 +86,36 @@ def clock_lags(
     Returns
     -------
     tuple of ClockLag
-        Force first; without an outline only it.
+        The force's first; without an outline only that.
     """
-    shifted = late_prediction(response, objective)
-    found = []
-    outline = objective.observations.has_shape
-    for names in ((FORCE, OUTLINE), (FLYER,)) if outline else ((FORCE,),):
-        fitted = fit_lags(objective, shifted, jacobian, [DIRECTIONS[name] for name in names], changes)
-        for name, lag, sigma in zip(names, fitted.lags.tolist(), fitted.sigma.tolist(), strict=True):
-            file, key = origin(shot, name)
-            found.append(ClockLag(name, lag, sigma if fitted.settled else float("nan"), file, key))
+    shifted, found = late_prediction(response, objective), []
+    recordings = DIRECTIONS if objective.observations.has_shape else (FORCE,)
+    for name in recordings:
+        fit = fit_lag(objective, shifted, jacobian, DIRECTIONS[name], changes)
+        left = fit_quality(fit.objective, fit.vector, fit.jacobian, changes=changes)
+        file, key = origin(shot, name)
+        found.append(
+            ClockLag(
+                recording=name,
+                lag=fit.lag,
+                sigma=fit.sigma if fit.settled else float("nan"),
+                evidence=fit.evidence,
+                explains=all(channel.explained for channel in left),
+                file=file,
+                key=key,
+            )
+        )
     return tuple(found)
 
 
-def fit_lags(
+def fit_lag(
     objective: Objective,
     shifted: Shifted,
     jacobian: FloatArray,
-    directions: list[tuple[float, float]],
+    direction: tuple[float, float],
     changes: Mapping[str, FloatArray],
-) -> FittedLags:
-    """Fit lags along directions of (force, outline), and the free parameters with them.
+) -> FittedLag:
+    """Fit one lag, and the free parameters with it.
 
     Parameters
     ----------
@@ -111,58 +125,53 @@ def fit_lags(
         The prediction of late recordings at the optimum.
     jacobian
         Of the data vector by the free parameters, shape [k, d].
-    directions
-        Lags of force and outline for each lag that is fitted, length n.
+    direction
+        Lags of force and outline if this lag is one.
     changes
         By source, changes of the prediction by one standard uncertainty, shape [k] or [n, k].
     """
-    along, d = np.array(directions), jacobian.shape[1]
-    lags = _first(objective, shifted, jacobian, along)
-    move, settled = np.zeros(d), False
+    way, d, h = np.array(direction), jacobian.shape[1], STEP
+    before = objective.deviance(shifted(0.0 * way)[None])[0]
+    lag, move, settled = _first(objective, shifted, jacobian, way), np.zeros(d), False
     for _ in range(ROUNDS):
-        vector = shifted(lags @ along) + jacobian @ move
-        slopes = [shifted((lags + h) @ along) - shifted((lags - h) @ along) for h in STEP * np.eye(len(lags))]
-        wide = np.column_stack([jacobian, np.array(slopes).T / (2.0 * STEP)])
+        vector = shifted(lag * way) + jacobian @ move
+        slope = (shifted((lag + h) * way) - shifted((lag - h) * way)) / (2.0 * h)
+        wide = np.column_stack([jacobian, slope])
         objective = objective.with_discrepancy(vector)
         gain = objective.gain(wide)
         change = gain @ (objective.data - vector)
-        move, lags = move + change[:d], np.clip(lags + change[d:], -REACH, REACH)
-        if (np.abs(change[d:]) < STILL).all():
+        move, lag = move + change[:d], float(np.clip(lag + change[d], -REACH, REACH))
+        if abs(change[d]) < STILL:
             settled = True
             break
-    vector = shifted(lags @ along) + jacobian @ move
-    variance = np.diag(objective.covariance(wide, vector))[d:].copy()
+    vector = shifted(lag * way) + jacobian @ move
+    variance = float(objective.covariance(wide, vector)[d, d])
     for source in changes.values():
-        moves = np.nan_to_num(np.atleast_2d(source)) @ gain[d:].T
-        variance += (moves**2).mean(axis=0)
-    inside = bool((np.abs(lags) < REACH).all())
-    return FittedLags(lags, np.sqrt(variance), vector, settled and inside)
+        moves = np.nan_to_num(np.atleast_2d(source)) @ gain[d]
+        variance += float((moves**2).mean())
+    return FittedLag(
+        lag=lag,
+        sigma=variance**0.5,
+        vector=vector,
+        jacobian=wide,
+        objective=objective.with_discrepancy(vector),
+        evidence=float(before - objective.deviance(vector[None])[0]),
+        settled=settled and abs(lag) < REACH,
+    )
 
 
-def _first(objective: Objective, shifted: Shifted, jacobian: FloatArray, along: FloatArray) -> FloatArray:
-    """Lags to begin with, shape [n]: the best of a scan over `REACH`, the free parameters refitted.
+def _first(objective: Objective, shifted: Shifted, jacobian: FloatArray, way: FloatArray) -> float:
+    """A lag to begin with: the likeliest of a scan over `REACH`, the free parameters refitted."""
 
-    Each lag is scanned alone, all of them as one, and each again with the others at their best.
-    """
-    tried, n = SCAN * np.arange(-round(REACH / SCAN), round(REACH / SCAN) + 1), len(along)
-
-    def cost(point: FloatArray) -> float:
-        vector, weighted = shifted(point @ along), objective
+    def cost(lag: float) -> float:
+        vector, weighted = shifted(lag * way), objective
         for _ in range(2):
             weighted = weighted.with_discrepancy(vector)
             vector = vector + jacobian @ (weighted.gain(jacobian) @ (objective.data - vector))
         return float(objective.deviance(vector[None])[0])
 
-    def scanned(start: FloatArray, way: FloatArray) -> FloatArray:
-        points = start + tried[:, None] * way
-        return np.asarray(points[int(np.argmin([cost(point) for point in points]))])
-
-    starts = [scanned(np.zeros(n), way) for way in np.eye(n)]
-    if n > 1:
-        starts.append(scanned(np.zeros(n), np.ones(n)))
-        best = min(starts, key=cost)
-        starts += [scanned(best * (way == 0.0), way) for way in np.eye(n)]
-    return np.asarray(min(starts, key=cost))
+    steps = round(REACH / SCAN)
+    return min((SCAN * step for step in range(-steps, steps + 1)), key=cost)
 
 
 def late_prediction(response: Response, objective: Objective) -> Shifted:

@@ -10,15 +10,15 @@ the whole record by little, where noise and ringing average out.
 """
 
 from collections.abc import Mapping
+from math import inf
 
 import numpy as np
 from scipy.special import chdtrc
 
 from kolsky.base.arrays import BoolArray, FloatArray, IntArray
 from kolsky.diagnosis.thresholds import LIMITS, SLOW_LIMITS
-from kolsky.inverse.fit_results import FORCE, NOISE, OUTLINE, FitQuality
+from kolsky.inverse.fit_results import FLYER, FORCE, NOISE, OUTLINE, FitQuality
 from kolsky.inverse.objective import Objective
-from kolsky.uncertainty.numerical import ORDER
 
 BLOCKS = 8
 """Blocks of time over which residuals are averaged: some 170 us each, a few periods of what rings."""
@@ -31,8 +31,8 @@ def fit_quality(
     vector: FloatArray,
     jacobian: FloatArray,
     *,
-    names: tuple[str, ...],
     changes: Mapping[str, FloatArray],
+    names: tuple[str, ...] = (),
 ) -> tuple[FitQuality, ...]:
     """Judge the residual of each measured channel.
 
@@ -44,11 +44,12 @@ def fit_quality(
         The data vector that the model predicts at the optimum, shape [k].
     jacobian
         Of the data vector by the free parameters there, shape [k, d].
-    names
-        The free parameters, length d.
     changes
         By source, changes of the predicted data vector by one standard uncertainty of that source: the draws
         of a noise, shape [n, k], or one change, shape [k]. Not finite at a point that a run does not reach.
+        Without the flyer's noise among them no limit is set: too much is missing.
+    names
+        The free parameters, length d, for their shares of information; fewer leave out the last ones.
 
     Returns
     -------
@@ -83,9 +84,9 @@ def fit_quality(
                 discrepancy_share=float(tau**2 / (tau**2 + (noise**2).mean())),
                 correlation=correlation,
                 whiteness=whiteness,
-                weight=dict(zip(names, weights[channel].tolist(), strict=True)),
-                limit=LIMITS[channel],
-                slow_limit=SLOW_LIMITS[channel],
+                weight=dict(zip(names, weights[channel].tolist(), strict=False)),
+                limit=LIMITS[channel] if FLYER in changes else inf,
+                slow_limit=SLOW_LIMITS[channel] if FLYER in changes else inf,
             )
         )
     return tuple(found)
@@ -98,19 +99,6 @@ def left_over(change: FloatArray, jacobian: FloatArray, gain: FloatArray) -> Flo
     """
     change = np.nan_to_num(np.asarray(change, dtype=np.float64), nan=0.0, posinf=0.0, neginf=0.0)
     return np.asarray(change - (change @ gain.T) @ jacobian.T)
-
-
-def mesh_change(coarse: FloatArray, fine: FloatArray, *, ratio: float) -> FloatArray:
-    """Remaining error of the finer mesh's data vector, by Richardson's extrapolation, shape [k].
-
-    Parameters
-    ----------
-    coarse, fine
-        Data vectors of one point on both meshes, shape [k].
-    ratio
-        Elements across the radius, of the fine mesh over the coarse one.
-    """
-    return np.asarray((fine - coarse) / (ratio**ORDER - 1.0))
 
 
 def information_shares(

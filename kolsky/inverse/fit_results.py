@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import inf, isfinite, nan
+from math import inf, nan
 
 FORCE, OUTLINE = "force", "outline"
 """Names of the channels."""
@@ -83,14 +83,18 @@ class FitQuality:
 
 @dataclass(frozen=True)
 class ClockLag:
-    """How late the clock of one recording is, from the model's own residual."""
+    """How late one recording is against the two others, from the model's own residual."""
 
     recording: str
-    """What is late: "force", "frames" (force and motion agree), or "flyer" (force and outline agree)."""
+    """What is late: "force", "outline" or "flyer"."""
     lag: float
     """By how much its declared times are too late [s]; negative if too early."""
     sigma: float
-    """Standard uncertainty of `lag` [s]; NaN if the data cannot tell."""
+    """Standard uncertainty of `lag` [s]; NaN if the search for it did not come to rest."""
+    evidence: float
+    """Fall of -2 ln L with this lag alone, the free parameters refitted [-]."""
+    explains: bool
+    """True if the model explains force and outline once the recording is put right."""
     file: str
     """The file with its times."""
     key: str
@@ -98,5 +102,5 @@ class ClockLag:
 
     @property
     def significance(self) -> float:
-        """Size of the lag over its standard uncertainty [-]; 0 if the data cannot tell."""
-        return abs(self.lag) / self.sigma if isfinite(self.sigma) and self.sigma > 0.0 else 0.0
+        """Size of the lag over its standard uncertainty [-]; 0 if that is not known."""
+        return abs(self.lag) / self.sigma if self.sigma > 0.0 else 0.0

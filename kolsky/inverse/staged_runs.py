@@ -61,6 +61,7 @@ class StagedRuns:
         self.table = RunTable(box.names)
         self._coarse: list[tuple[FloatArray, Prediction]] = []
         self.seconds: dict[str, float] = {}
+        self.replicates: Replicates | None = None
 
     @property
     def observations(self) -> Observations:
@@ -154,13 +155,14 @@ class StagedRuns:
         rows = np.flatnonzero(response.completed)
         if 0 not in rows:
             raise ValueError(f"the noise stage's reference run ended {response.describe(0)}")
-        return Replicates(
+        self.replicates = Replicates(
             prediction=predict(response.select(rows), self.observations),
             flyer=(rows > 0) & (rows <= n),
             curve=(rows > n) & (rows <= 2 * n),
             scale=rows > 2 * n,
             lost=response.n_samples - len(rows),
         )
+        return self.replicates
 
     def _counter(self, stage: str, total: int) -> Callable[[int], None]:
         done = 0

@@ -270,6 +270,8 @@ CLOCK = Record(
         "recording": Text(),
         "lag": Floats("s"),
         "sigma": Floats("s"),
+        "evidence": Floats("1"),
+        "explains": Flags("1"),
         "file": Text(),
         "key": Text(),
     },
