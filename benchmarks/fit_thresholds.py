@@ -1,14 +1,14 @@
 """Thresholds of `kolsky.diagnosis.thresholds` from shots that are known to be right.
 
 ``python -m benchmarks.fit_thresholds FOLDER`` reads every ``identification.h5`` below a folder: results of
-shots made with independent noise, mesh and element, whose inputs are as declared. With ``--identify`` it first
-identifies every shot below it that has no result yet, so that a study that was cut off goes on.
+shots made with independent noise, mesh and element, whose inputs are as declared. With ``--identify`` it
+first identifies every shot below it that has no result yet, so that a study that was cut off goes on.
 
-Printed are the quantiles of what the verdicts are made of, and for each the threshold of a stated rate of false
-alarms: the upper tolerance limit of the logarithm, taken as normal, that holds this share of all right shots
-with 95 % confidence (Howe 1969), or the largest that was seen where that is more, times a margin for shots
-unlike these. It prints also what the thresholds in use say of these shots: of a fresh population that is their
-rate of false alarms.
+Printed are the quantiles of what the verdicts are made of, and for each the threshold of a stated rate of
+false alarms: the upper tolerance limit of the logarithm, taken as normal, that holds this share of all right
+shots with 95 % confidence (Howe 1969), or the largest that was seen where that is more, times a margin for
+shots unlike these. It prints also what the thresholds in use say of these shots: of a fresh population that
+is their rate of false alarms.
 """
 
 import argparse
@@ -25,14 +25,13 @@ import numpy as np
 from scipy.stats import nct, norm
 
 from kolsky.diagnosis.thresholds import ALONE, CONTRADICTION, LATE, LIMITS, SLOW_LIMITS
-from kolsky.diagnosis.verdicts import leading_lag
+from kolsky.diagnosis.verdicts import leading_lag, routes_apart
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.result import Identification
 from kolsky.inverse.settings import Settings
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.shot.load import load_shot
-from kolsky.uncertainty.warnings.answer import route_difference
 
 FALSE_ALARMS = 0.0125
 """Share of right shots that one figure may refuse: of the four together 2 in 40."""
@@ -55,9 +54,8 @@ def figures(result: Identification) -> Iterator[tuple[str, float]]:
         for name, share in channel.weight.items():
             yield f"{channel.channel}: share of the information on {name}", share
     for name in result.estimates:
-        found = route_difference(result, name)
-        if found is not None and found.sigma > 0.0:
-            yield f"routes apart in sigmas, {name}", found.distance / found.sigma
+        if result.route_difference is not None:
+            yield f"routes apart in sigmas, {name}", routes_apart(result, name)
     for lag in result.clocks:
         yield f"lag of the {lag.recording} in sigmas", lag.significance
     leading = leading_lag(result.clocks)
@@ -76,8 +74,8 @@ def threshold(values: Iterable[float]) -> float:
     found = np.array(list(values), dtype=np.float64)
     if len(found) < FEWEST or not (np.isfinite(found).all() and (found > 0.0).all()):
         raise ValueError(
-            f"{len(found)} values from {found.min():.4g} to {found.max():.4g}; at least {FEWEST} that are positive "
-            "and finite are needed"
+            f"{len(found)} values from {found.min():.4g} to {found.max():.4g}; at least {FEWEST} that are "
+            "positive and finite are needed"
         )
     logs = np.log(found)
     limit = logs.mean() + tolerance_factor(len(logs)) * logs.std(ddof=1)

@@ -145,7 +145,7 @@ def fit_lag(
             settled = True
             break
     vector = shifted(lag * way) + jacobian @ move
-    variance = float(objective.covariance(wide, vector)[d, d])
+    variance = float(objective.residual_covariance(wide, vector)[d, d])
     for source in changes.values():
         moves = np.nan_to_num(np.atleast_2d(source)) @ gain[d]
         variance += float((moves**2).mean())

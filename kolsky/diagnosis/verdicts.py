@@ -10,12 +10,13 @@ from dataclasses import replace
 from kolsky.diagnosis.thresholds import ALONE, CONTRADICTION, LATE
 from kolsky.inverse.fit_results import FORCE, OUTLINE, ClockLag, FitQuality
 from kolsky.inverse.result import Estimate, Identification, Verdict
-from kolsky.uncertainty.warnings.answer import route_difference
 
 ALONE_BY = {FORCE: Verdict.FORCE_ALONE, OUTLINE: Verdict.OUTLINE_ALONE}
 """The verdict on a value that rests on one channel."""
 WITHHELD = (Verdict.IDENTIFIED, Verdict.FORCE_ALONE, Verdict.OUTLINE_ALONE, Verdict.CONDITIONAL)
 """Verdicts that the fit may overrule; the others say no already."""
+EDGE = 1e-4
+"""A value this close to an end of the box that was searched, as a share of it, lies there."""
 UNITS = {"N": (1.0, "N"), "m": (1e6, "um")}
 """Factor and unit in which a residual is written."""
 
@@ -46,8 +47,23 @@ def contradicted(result: Identification, name: str) -> bool:
 
     A channel that cannot tell a value inside the range that was searched contradicts nothing.
     """
-    found = route_difference(result, name)
-    return found is not None and not found.at_edge and found.distance > CONTRADICTION * found.sigma
+    return routes_apart(result, name) > CONTRADICTION and not route_at_edge(result, name)
+
+
+def routes_apart(result: Identification, name: str) -> float:
+    """Force alone minus outline alone over the standard uncertainty of their difference [-]; 0 if unknown."""
+    found = result.route_difference
+    if found is None or not found.sigma.get(name, 0.0) > 0.0:
+        return 0.0
+    return abs(found.values[name]) / found.sigma[name]
+
+
+def route_at_edge(result: Identification, name: str) -> bool:
+    """True if force or outline alone end at an edge of the box that was searched."""
+    routes = {route.name: route for route in result.routes}
+    ends = [routes[key].on_mesh(name) for key in ("force only", "shape only") if key in routes]
+    boxes = [(curve.x[0], curve.x[-1]) for curve in result.curves if curve.parameter == name]
+    return any(min(x - low, high - x) <= EDGE * (high - low) for low, high in boxes for x in ends)
 
 
 def fit_warnings(result: Identification) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,12 +61,16 @@ class StagedRuns:
         self.table = RunTable(box.names)
         self._coarse: list[tuple[FloatArray, Prediction]] = []
         self.seconds: dict[str, float] = {}
-        self.replicates: Replicates | None = None
 
     @property
     def observations(self) -> Observations:
         """The measurements that predictions are compared with."""
         return self.prepared.observations
+
+    def know_front_noise(self, modes: FloatArray) -> None:
+        """Let all later objectives know the front face's noise, see `Observations.front_noise`."""
+        seen = replace(self.prepared.observations, front_noise=modes)
+        self.prepared = replace(self.prepared, observations=seen)
 
     def design(self, box: Box) -> Design:
         """Seven levels of one parameter, or a Latin hypercube of twelve points for each of several."""
@@ -155,14 +159,13 @@ class StagedRuns:
         rows = np.flatnonzero(response.completed)
         if 0 not in rows:
             raise ValueError(f"the noise stage's reference run ended {response.describe(0)}")
-        self.replicates = Replicates(
+        return Replicates(
             prediction=predict(response.select(rows), self.observations),
             flyer=(rows > 0) & (rows <= n),
             curve=(rows > n) & (rows <= 2 * n),
             scale=rows > 2 * n,
             lost=response.n_samples - len(rows),
         )
-        return self.replicates
 
     def _counter(self, stage: str, total: int) -> Callable[[int], None]:
         done = 0

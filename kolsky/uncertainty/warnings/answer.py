@@ -1,8 +1,7 @@
 """Warnings from the answer: unconfirmed, force and outline disagree, interval leaves the design."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from math import hypot, isfinite
+from math import isfinite
 
 import numpy as np
 
@@ -10,8 +9,9 @@ from kolsky.inverse.method_comparison import disagreements
 from kolsky.inverse.result import Estimate, Identification, Verdict, worst_imbalance
 from kolsky.uncertainty.warnings.runs import lost_runs
 
-RESIDUALS = "force and shape"
-"""The part of an estimate's noise that comes from the residuals."""
+DISAGREE = 2.5
+"""Force and outline disagree beyond so many standard uncertainties of their difference: at two, one right
+shot in twenty with one parameter would be called so, and one in seven with three."""
 IMBALANCE = 0.01
 """Share of the external work that may be unaccounted for before it is said."""
 
@@ -48,59 +48,29 @@ def force_alone(result: Identification) -> Iterator[str]:
         )
 
 
-@dataclass(frozen=True)
-class RouteDifference:
-    """What force and outline alone find of one parameter."""
-
-    force: float
-    """Optimum of the force alone."""
-    outline: float
-    """Optimum of the outline alone."""
-    sigma: float
-    """Standard uncertainty of their difference."""
-    at_edge: bool
-    """True if one of them lies at the edge of the box that was searched."""
-
-    @property
-    def distance(self) -> float:
-        """Size of the difference."""
-        return abs(self.force - self.outline)
-
-
-def route_difference(result: Identification, name: str) -> RouteDifference | None:
-    """Compare what force and outline alone find of a parameter; None where one of them was not searched.
-
-    A route's own sigma is from its residuals; flyer, curve and mesh shift the two optima by amounts of their
-    own and are counted once.
-    """
-    routes = {route.name: route for route in result.routes}
-    if not {"force only", "shape only"} <= set(routes):
-        return None
-    force, shape, e = routes["force only"], routes["shape only"], result.estimates[name]
-    boxes = {curve.parameter: (curve.x[0], curve.x[-1]) for curve in result.curves}
-    a, b = force.parameters[name], shape.parameters[name]
-    inputs = [sigma for source, sigma in e.noise_parts.items() if source != RESIDUALS]
-    low, high = boxes.get(name, (-np.inf, np.inf))
-    near = 1e-4 * (high - low) if np.isfinite(high - low) else 0.0
-    return RouteDifference(
-        force=a,
-        outline=b,
-        sigma=hypot(force.sigma[name], shape.sigma[name], e.sigma_numerical, *inputs),
-        at_edge=any(min(x - low, high - x) <= near for x in (a, b)),
-    )
-
-
 def routes(result: Identification) -> Iterator[str]:
-    """Force and outline are two measurements of one specimen: their optima must agree."""
+    """Force and outline are two measurements of one specimen: their optima must agree.
+
+    Compared is their difference with its own standard uncertainty, see
+    `kolsky.uncertainty.route_budgets.route_difference`. Of several parameters each is looked at alone.
+    """
+    difference, routes = result.route_difference, {route.name: route for route in result.routes}
+    if difference is None or not {"force only", "shape only"} <= set(routes):
+        return
+    force, shape = routes["force only"], routes["shape only"]
+    boxes = {curve.parameter: (curve.x[0], curve.x[-1]) for curve in result.curves}
     for name, e in result.estimates.items():
-        found = route_difference(result, name)
-        if found is not None and found.distance > 2.0 * found.sigma:
-            edge = " (and one of them at the edge of the box that was searched)" if found.at_edge else ""
+        both = DISAGREE * difference.sigma[name]
+        if abs(difference.values[name]) > both:
+            low, high = boxes.get(name, (-np.inf, np.inf))
+            near = 1e-4 * (high - low) if np.isfinite(high - low) else 0.0
+            edge = any(min(x - low, high - x) <= near for x in (force.on_mesh(name), shape.on_mesh(name)))
             yield (
-                f"force and outline disagree about {name}: {found.force:.5g} by the force alone, "
-                f"{found.outline:.5g} by the outline alone, further apart than the k = 2 uncertainty of "
-                f"their difference, {2.0 * found.sigma:.2g}{_unit(e)}{edge}; the joint value is a compromise "
-                "between them"
+                f"force and outline disagree about {name}: {force.parameters[name]:.5g} by the force alone, "
+                f"{shape.parameters[name]:.5g} by the outline alone, further apart than the k = {DISAGREE:g} "
+                f"uncertainty of their difference, {both:.2g}"
+                f"{_unit(e)}{' (and one of them at the edge of the box that was searched)' if edge else ''}; "
+                "the joint value is a compromise between them"
             )
 
 

@@ -61,6 +61,24 @@ def test_density_force_and_stiffness_scale_together(found: Identification) -> No
     assert together == pytest.approx(0.01 * m, rel=0.05)  # as above
 
 
+def test_the_scale_of_the_curve_is_invisible_and_density_is_a_force_gain(found: Identification) -> None:
+    parts = {part.key: part for part in found.systematic}
+    # Its direction is m times the parameter's; what is left is the error of two central differences.
+    assert parts["curve_scale"].visible < 1e-3
+    assert parts["specimen_density"].alike == ("sensitivity",)
+    assert parts["sensitivity"].alike == ("specimen_density",)
+    assert parts["sensitivity"].visible > 0.5
+    # d ln m: of density less that of the force's scale is 1, of the curve -1.
+    moves = {key: part.moves["stiffness_factor"] for key, part in parts.items() if part.moves}
+    m = found.estimates["stiffness_factor"].value
+    together = moves["specimen_density"] - moves["sensitivity"]
+    assert together == pytest.approx(0.01 * m, rel=0.02)  # central differences of what rings
+    assert moves["curve_scale"] == pytest.approx(-0.01 * m, rel=0.02)  # as above
+    # What is undeclared has its sensitivity too.
+    assert parts["specimen_length"].status == "not declared, counted as exact"
+    assert moves["specimen_length"] != 0.0
+
+
 def test_declared_parts_are_listed_and_add_up(found: Identification) -> None:
     status = {part.key: part.status for part in found.systematic}
     assert status["poisson"] == "varied"
@@ -78,9 +96,10 @@ def test_profile_agrees_with_curvature_and_answer(found: Identification) -> None
     (profile,) = found.profiles
     low, high = profile.interval
     e = found.estimates["stiffness_factor"]
-    # 1.96 sigma to both sides, but for what curvature of the response adds to Gauss and Newton's: residuals
-    # on so coarse a mesh are large.
-    assert 0.5 * (high - low) == pytest.approx(1.96 * e.noise_parts["force and shape"], rel=0.2)
+    # 1.96 sigma to both sides, the front face's noise among them, but for what curvature of the response adds
+    # to Gauss and Newton's: residuals on so coarse a mesh are large.
+    own = np.hypot(e.noise_parts["force and shape"], e.noise_parts["flyer motion"])
+    assert 0.5 * (high - low) == pytest.approx(1.96 * own, rel=0.2)
     assert profile.verdict == "identified"
     assert 0.0 < profile.error < profile.level  # so coarse a mesh rings; the slow test has a better one
     method = next(method for method in found.methods if method.name == PROFILE)
