@@ -64,6 +64,7 @@ def identify(
     from kolsky import identification
     from kolsky.inverse.settings import Settings
     from kolsky.report import printed
+    from kolsky.report.fit_table import fit_line
     from kolsky.report.result_folder import PAGE, write_identify_results
     from kolsky.results.summary import to_json
 
@@ -84,7 +85,7 @@ def identify(
     print_result(
         printed.details(found),
         to_json(found) if as_json else None,
-        answers=[printed.answer(estimate) for estimate in found.estimates.values()],
+        answers=[*(printed.answer(e) for e in found.estimates.values()), fit_line(found)],
         rest={"report": folder / PAGE, "wall time": since(started)},
         warnings=found.warnings,
     )
