@@ -1,11 +1,13 @@
 """The story of `identify`, top to bottom.
 
-1. A design over the free parameters is run on the surrogate's mesh; a surrogate of the *response* (force bins
-   and outline points) gives a first optimum.
-2. More runs around it make the surrogate exact where it matters: `kolsky.inverse.coarse_search`.
+1. What is free: `kolsky.inverse.free_parameters`.
+2. Runs on coarse meshes give a first optimum: a design and a surrogate of the *response* (force bins and
+   outline points) of one parameter (`kolsky.inverse.coarse_search`), a scan of the valleys and least squares
+   for several (`kolsky.inverse.surrogate_mesh_search`).
 3. The optimum is moved to the refined mesh and confirmed by a run there: by single runs that correct the
-   surrogate (one parameter, `kolsky.inverse.refined_search`), or by a quadratic through a design of runs on
-   the refined mesh (several, or a sliding surface, `kolsky.inverse.quadratic_fit`).
+   surrogate (one parameter, `kolsky.inverse.refined_search`), by Gauss-Newton steps (several,
+   `kolsky.inverse.gauss_newton`), or by a quadratic through a design of runs on the refined mesh (a sliding
+   surface, `kolsky.inverse.quadratic_fit`). `kolsky.inverse.search` chooses.
 4. Its uncertainty: the residuals' covariance (`kolsky.inverse.objective`), the inputs' noise
    (`kolsky.uncertainty.input_noise`), the numerics (`kolsky.uncertainty.numerical`), then what is declared
    uncertain, profile likelihoods and other choices (`kolsky.uncertainty.analyse`).
@@ -14,21 +16,21 @@
 
 from dataclasses import replace
 
-from kolsky.inverse.coarse_search import search_coarse
 from kolsky.inverse.estimates import comparison, curves, estimates, held_values, routes, surrogate_quality
+from kolsky.inverse.gauss_newton import MOVED
 from kolsky.inverse.misfit import terms
-from kolsky.inverse.parameters import any_slides, design_box
+from kolsky.inverse.parameters import any_slides
 from kolsky.inverse.prepared_shot import prepare_shot
 from kolsky.inverse.provenance import provenance
-from kolsky.inverse.quadratic_fit import search_by_quadratic
-from kolsky.inverse.refined_search import search_by_single_runs, slides
 from kolsky.inverse.result import Identification
+from kolsky.inverse.search import search_shot
 from kolsky.inverse.settings import Settings
 from kolsky.inverse.solver_search import add_method_comparison
-from kolsky.inverse.staged_runs import Progress, StagedRuns
+from kolsky.inverse.staged_runs import Progress
 from kolsky.shot.curve import with_pull
 from kolsky.shot.records import Shot
 from kolsky.uncertainty.analyse import analyse
+from kolsky.uncertainty.held_answer import held_answer
 from kolsky.uncertainty.input_noise import input_noise
 from kolsky.uncertainty.numerical import numerical_uncertainty
 from kolsky.uncertainty.profile_likelihood import LinearisedOptimum
@@ -62,12 +64,10 @@ def identify(
     """
     settings = settings or Settings()
     shot = with_pull(shot, settings.pull)
-    prepared, box = prepare_shot(shot), design_box(settings.free)
-    stages = StagedRuns(prepared, settings, box, progress or (lambda stage, done, total: None))
-
-    coarse = search_coarse(stages)
-    alone = box.dimension == 1 and not slides(stages)
-    fine = search_by_single_runs(stages, coarse) if alone else search_by_quadratic(stages, coarse)
+    prepared = prepare_shot(shot)
+    found = search_shot(prepared, settings, progress or (lambda stage, done, total: None))
+    settings, stages, coarse, fine = found.freed.settings, found.stages, found.coarse, found.fine
+    box = stages.box
 
     noise, lost_replicates = input_noise(stages, fine)
     numerical = numerical_uncertainty(
@@ -77,8 +77,12 @@ def identify(
         element_shift=fine.element_shift,
         roughness=fine.roughness,
     )
-    by_route = routes(fine.box, fine.objective, fine.model, box, stages.table)
-    optimum = LinearisedOptimum.of(fine.x, fine.box, fine.objective, fine.model, fine.surrogate)
+    paper_box, paper_stages = found.paper_runs
+    held = None if found.held is None else found.held.values
+    by_route = routes(fine.box, fine.objective, fine.model, paper_box, paper_stages.table, held)
+    optimum = LinearisedOptimum.of(
+        fine.x, fine.box, fine.objective, fine.model, fine.surrogate, smooth=fine.roughness is None
+    )
     known = analyse(stages, optimum, fine.check.prediction, bayes=settings.bayes)
 
     observations, prediction = prepared.observations, fine.check.prediction
@@ -104,10 +108,12 @@ def identify(
         curves=curves(fine.box, fine.objective, fine.model, fine.x),
         surrogate=surrogate_quality(stages, coarse, fine),
         seconds=stages.seconds,
-        provenance=provenance(shot, settings, prepared, sliding=any_slides([*settings.free, *settings.held])),
+        provenance=provenance(shot, settings, prepared, sliding=any_slides([*box.names, *settings.held])),
     )
     result = add_method_comparison(known.added_to(result), stages, fine.objective)
+    if found.held is not None:
+        result = replace(result, held_answer=held_answer(found, result.estimates[MOVED]))
     warnings = collect_warnings(
         result, checks=prepared.checks, interface=shot.interface, lost_replicates=lost_replicates
     )
-    return replace(result, warnings=(*warnings, *known.warnings))
+    return replace(result, warnings=(*warnings, *known.warnings, *found.freed.said(shot)))

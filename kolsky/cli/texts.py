@@ -95,6 +95,19 @@ def values(option: str, texts: Sequence[str]) -> dict[str, float]:
     return found
 
 
+def holds(option: str, texts: Sequence[str]) -> tuple[dict[str, float], tuple[str, ...]]:
+    """["poisson=0.4985", "damping"] as values in SI, and names to be held at the shot's own values."""
+    alone = [text for text in texts if "=" not in text]
+    for text in alone:
+        _known(option, text, text)
+    found = values(option, [text for text in texts if "=" in text])
+    names = tuple(text.strip() for text in alone)
+    twice = [name for i, name in enumerate(names) if name in found or name in names[:i]]
+    if twice:
+        raise _refuse(option, twice[0], f"{twice[0]} once")
+    return found, names
+
+
 def ranges(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float] | None]:
     """["stiffness_factor", "friction=0:2"] as bounds by name; None where the default bounds apply."""
     found: dict[str, tuple[float, float] | None] = {}

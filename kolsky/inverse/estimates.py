@@ -86,7 +86,14 @@ def estimates(
     return found
 
 
-def routes(local: Box, objective: Objective, model: Model, whole: Box, table: RunTable) -> tuple[Route, ...]:
+def routes(
+    local: Box,
+    objective: Objective,
+    model: Model,
+    whole: Box,
+    table: RunTable,
+    held: Mapping[str, float] | None = None,
+) -> tuple[Route, ...]:
     """The optima of the joint data, of the force and the outline alone, and of the paper's cost, Eq. (M.5).
 
     Without an outline there is one route, that of the force: the others would be it by another name, or
@@ -98,6 +105,8 @@ def routes(local: Box, objective: Objective, model: Model, whole: Box, table: Ru
         The last design's box, the joint objective and the corrected surrogate.
     whole, table
         The first design's box and every run, for the paper's cost surrogate.
+    held
+        Values of the parameters that those runs hold and `local` does not.
     """
     found = []
     shape = objective.observations.has_shape
@@ -118,7 +127,7 @@ def routes(local: Box, objective: Objective, model: Model, whole: Box, table: Ru
     points, cost = table.paper_cost()
     paper = CostSurrogate.fit(whole, points, cost)
     least = minimise(paper.cost, whole, start=points[np.argmin(cost)])
-    return (*found, Route("paper", whole.as_dict(least.x), least.value, {}))
+    return (*found, Route("paper", {**whole.as_dict(least.x), **(held or {})}, least.value, {}))
 
 
 def curves(box: Box, objective: Objective, model: Model, optimum: FloatArray) -> tuple[SurrogateCurve, ...]:

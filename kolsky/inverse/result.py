@@ -16,6 +16,7 @@ from kolsky.inverse.misfit import Terms
 from kolsky.inverse.run_table import DesignTable
 from kolsky.inverse.uncertainty_results import (
     Declaration,
+    HeldAnswer,
     PairMap,
     ParameterProfile,
     PosteriorSummary,
@@ -187,6 +188,8 @@ class Identification:
     """Goodness of fit of force and outline; empty if it was not recorded (files before version 3)."""
     clocks: tuple[ClockLag, ...] = ()
     """Lags of the recordings' clocks that the model's residual shows; empty if they were not recorded."""
+    held_answer: HeldAnswer | None = None
+    """What the stiffness factor would be with the other free parameters held; None if it was free alone."""
     image_correlation: dict[str, float] = field(default_factory=dict)
     """Numbers of the surfaces that the shot's pictures gave, see `kolsky.shot.dic_summary.numbers`."""
     provenance: dict[str, Any] = field(default_factory=dict)

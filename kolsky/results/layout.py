@@ -27,6 +27,7 @@ from kolsky.inverse.result import Comparison, Estimate, Identification, Route, S
 from kolsky.inverse.run_table import DesignTable
 from kolsky.inverse.uncertainty_results import (
     Declaration,
+    HeldAnswer,
     PairMap,
     ParameterProfile,
     PosteriorSummary,
@@ -235,6 +236,20 @@ POSTERIOR = Record(
         "prior": Text(),
     },
 )
+HELD = Record(
+    HeldAnswer,
+    COLLECTION,
+    {
+        "name": Text(),
+        "held": numbers("SI"),
+        "value": Floats("SI"),
+        "sigma": Floats("SI"),
+        "chi2_force": Floats("1"),
+        "chi2_shape": Floats("1"),
+        "free_chi2_force": Floats("1"),
+        "free_chi2_shape": Floats("1"),
+    },
+)
 FIT = Record(
     FitQuality,
     COLLECTION,
@@ -293,6 +308,7 @@ IDENTIFICATION = Record(
         "posterior": Part(POSTERIOR, at="knowledge/posterior", optional=True),
         "fit": Parts(FIT, since=3),
         "clocks": Parts(CLOCK, since=3),
+        "held_answer": Part(HELD, at="knowledge/held_answer", optional=True),
         "image_correlation": numbers("SI", since=2),
     },
     groups={"knowledge": COLLECTION},
