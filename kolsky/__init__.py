@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from kolsky.material.end_friction.problem import EndFriction
     from kolsky.material.fits.compare import compare_laws
     from kolsky.material.fits.fit import fit_law
-    from kolsky.material.fits.test_data import HomogeneousTest
-    from kolsky.material.fits.test_files import read_homogeneous_test
+    from kolsky.material.fits.homogeneous_files import read_homogeneous_test
+    from kolsky.material.fits.homogeneous_test import HomogeneousTest
     from kolsky.material.reference_curve import Treatment, reference_curve
     from kolsky.material.reference_curve_files import read_uniaxial_test
     from kolsky.report.canvas import save_figures
@@ -60,7 +60,7 @@ _HOME = {
     "EndFriction": "kolsky.material.end_friction.problem",
     "FlyerMotion": "kolsky.base.records",
     "Forward": "kolsky.inverse.forward",
-    "HomogeneousTest": "kolsky.material.fits.test_data",
+    "HomogeneousTest": "kolsky.material.fits.homogeneous_test",
     "Identification": "kolsky.inverse.result",
     "InputError": "kolsky.base.errors",
     "Numerics": "kolsky.inverse.forward",
@@ -84,7 +84,7 @@ _HOME = {
     "measured": "kolsky.shot.optical_data",
     "radius_at": "kolsky.inverse.side_surface",
     "rate": "kolsky.studies.rates.rate",
-    "read_homogeneous_test": "kolsky.material.fits.test_files",
+    "read_homogeneous_test": "kolsky.material.fits.homogeneous_files",
     "read_identification": "kolsky.results.hdf5",
     "read_identify_results": "kolsky.report.result_folder",
     "read_uniaxial_test": "kolsky.material.reference_curve_files",

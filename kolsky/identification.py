@@ -16,6 +16,7 @@
 
 from dataclasses import replace
 
+from kolsky.diagnosis.causes import cause_warnings, find_causes
 from kolsky.inverse.estimates import comparison, curves, estimates, held_values, routes, surrogate_quality
 from kolsky.inverse.gauss_newton import MOVED
 from kolsky.inverse.misfit import terms
@@ -85,6 +86,9 @@ def identify(
     )
     known = analyse(stages, optimum, fine.check.prediction, bayes=settings.bayes)
 
+    stages.progress("causes", 0, 1)
+    causes = find_causes(stages, fine.x, fine.check.response.select([0]))
+
     observations, prediction = prepared.observations, fine.check.prediction
     result = Identification(
         shot=shot.name,
@@ -108,6 +112,7 @@ def identify(
         curves=curves(fine.box, fine.objective, fine.model, fine.x),
         surrogate=surrogate_quality(stages, coarse, fine),
         seconds=stages.seconds,
+        causes=causes.findings,
         provenance=provenance(shot, settings, prepared, sliding=any_slides([*box.names, *settings.held])),
     )
     result = add_method_comparison(known.added_to(result), stages, fine.objective)
@@ -116,4 +121,5 @@ def identify(
     warnings = collect_warnings(
         result, checks=prepared.checks, interface=shot.interface, lost_replicates=lost_replicates
     )
-    return replace(result, warnings=(*warnings, *known.warnings, *found.freed.said(shot)))
+    said = (*cause_warnings(causes), *warnings, *known.warnings, *found.freed.said(shot))
+    return replace(result, warnings=said)

@@ -41,14 +41,14 @@ def end_of_step_function(
         sample: int,
         lane: int,
         control: wp.array(dtype=wp.float64),
-        due: wp.float64,
         time: wp.float64,
         dt_before: wp.float64,
         force: wp.vec2d,
-        impulse: wp.vec2d,
     ):
-        """Forces and impulses at the requested times up to `time`; returns the next such time."""
+        """Forces and impulses at the requested times up to `time`."""
+        due = wp.float64(control[Control.FORCE_DUE])
         if due <= time:
+            impulse = wp.vec2d(control[Control.IMPULSE_FLYER], control[Control.IMPULSE_SUPPORT])
             force_before = wp.vec2d(control[Control.FORCE_FLYER], control[Control.FORCE_SUPPORT])
             row = int(control[Control.NEXT_FORCE])
             while due <= time:
@@ -70,7 +70,6 @@ def end_of_step_function(
             control_sync()
             control[Control.NEXT_FORCE] = wp.float64(row)
             control[Control.FORCE_DUE] = due
-        return due
 
     @wp.func
     def record_surface(
@@ -82,11 +81,11 @@ def end_of_step_function(
         control: wp.array(dtype=wp.float64),
         partials: wp.array(dtype=wp.float64),
         fields: Fields,
-        due: wp.float64,
         following: wp.float64,
         ledger: int,
     ):
-        """Positions and energies at the requested times up to `following`; returns the next such time."""
+        """Positions and energies at the requested times up to `following`."""
+        due = wp.float64(control[Control.SURFACE_DUE])
         if due <= following:
             row, n_surface = int(control[Control.NEXT_SURFACE]), output.surface_times.shape[0]
             past_data = wp.float64(control[Control.PAST_DATA])
@@ -119,7 +118,6 @@ def end_of_step_function(
             control[Control.SURFACE_DUE] = due
             control[Control.PAST_DATA] = past_data
             control[Control.MOST_STRAINED] = most_strained
-        return due
 
     @wp.func
     def bar_speed(
@@ -176,12 +174,6 @@ def end_of_step_function(
         time, dt = wp.float64(control[Control.TIME]), wp.float64(control[this + Plan.STEP])
         dt_before = wp.float64(control[this + Plan.STEP_BEFORE])
         interval, fault = wp.float64(control[this + Plan.INTERVAL]), int(control[Control.FAULT])
-        lower_next = wp.float64(control[Control.LOWER_NEXT])
-        lower_speed = wp.float64(control[Control.LOWER_SPEED])
-        impulse = wp.vec2d(control[Control.IMPULSE_FLYER], control[Control.IMPULSE_SUPPORT])
-        force_due = wp.float64(control[Control.FORCE_DUE])
-        surface_due = wp.float64(control[Control.SURFACE_DUE])
-        dt_next = wp.float64(control[after + Plan.STEP])
         # Compression-positive forces at `time`: the flyer pushes down, the support pushes up.
         pushes = boundary_totals(surface.push_upper, surface.push_lower, body.n_boundary)
         pushes = pushes * wp.float64(control[this + Plan.PER_INTERVAL])
@@ -190,13 +182,14 @@ def end_of_step_function(
         if control[Control.VOID] > ZERO:  # it began where something had gone wrong already
             control_sync()
         elif wp.isfinite(force[0]) and wp.isfinite(force[1]):
-            force_due = record_forces(
-                output, sample, lane, control, force_due, time, dt_before, force, impulse
-            )
-            surface_due = record_surface(
+            record_forces(output, sample, lane, control, time, dt_before, force)
+            record_surface(
                 body, batch, output, sample, lane, control, partials, fields,
-                surface_due, following, int(control[this + Plan.LEDGER]),
+                following, int(control[this + Plan.LEDGER]),
             )  # fmt: skip
+            lower_next = wp.float64(control[Control.LOWER_NEXT])
+            lower_speed = wp.float64(control[Control.LOWER_SPEED])
+            dt_next = wp.float64(control[after + Plan.STEP])
             if batch.impedance < RIGID:
                 lower_speed = bar_speed(
                     body, batch, state, sample, lane, control, surface,
@@ -205,6 +198,7 @@ def end_of_step_function(
             if batch.support_moves == 1:
                 planned = platen_position(batch, batch.support_motion[sample], following + dt_next)
                 lower_speed = (planned - lower_next) / dt_next
+            impulse = wp.vec2d(control[Control.IMPULSE_FLYER], control[Control.IMPULSE_SUPPORT])
             control_sync()
             impulse += force * interval
             control[Control.IMPULSE_FLYER] = impulse[0]
@@ -221,7 +215,8 @@ def end_of_step_function(
         if fault != 0:
             control[Control.STATUS] = wp.float64(fault)
             control[Control.GOING] = ZERO
-        if force_due >= NEVER and surface_due >= NEVER:  # nothing is left to record
+        # Nothing is left to record.
+        if control[Control.FORCE_DUE] >= NEVER and control[Control.SURFACE_DUE] >= NEVER:
             control[Control.STATUS] = ZERO
             control[Control.GOING] = ZERO
 

@@ -77,7 +77,7 @@ def time_loop_kernel(
     nodes = node_sweeps(precision, structs, platens)
     move_interior, move_boundary = nodes.interior, nodes.boundary
     record = record_functions(precision, structs)
-    put_ledger, record_ending = record.put_ledger, record.ending
+    put_stored, put_exchanged, record_ending = record.put_stored, record.put_exchanged, record.ending
     end_of_step = end_of_step_function(precision, structs, platens, record)
     planning = next_step_functions(precision, structs, platens, record)
     start, first_step, next_step, read_step = (
@@ -149,14 +149,15 @@ def time_loop_kernel(
             going = int(control[Control.GOING])
             if going == 1 and step >= 0:
                 now = read_step(control, step)
-                elastic, hourglass, past, kinetic = empty_sum(), empty_sum(), empty_sum(), empty_sum()
-                viscous = empty_sum()
-                most = wp.float64(0.0)
+                kinetic = empty_sum()
                 if now.ledger == 1:
+                    elastic, hourglass, past = empty_sum(), empty_sum(), empty_sum()
+                    viscous, most = empty_sum(), wp.float64(0.0)
                     if is_worker(lane) == 1:
                         elastic, hourglass, past, most, viscous = energies(
                             body, solid, row, limit_s, branches, memory, fields, lane
                         )
+                    put_stored(partials, elastic, hourglass, viscous, past, most)
                     sync()  # the node sweep below moves what other lanes may still be reading
                 # Half of this step's work belongs to the time of the positions, half to what follows.
                 damp_step, rub_step, hold_step = power * now.interval, empty_sum(), artificial * now.interval
@@ -168,10 +169,10 @@ def time_loop_kernel(
                         kinetic, damp_step,
                     )  # fmt: skip
                 if now.ledger == 1:
-                    put_ledger(
-                        partials, elastic, hourglass, kinetic,
+                    put_exchanged(
+                        partials, kinetic,
                         worked + HALF * work_step, damped + HALF * damp_step, rubbed + HALF * rub_step,
-                        landed + HALF * land_step, restrained + HALF * hold_step, past, viscous, most,
+                        landed + HALF * land_step, restrained + HALF * hold_step,
                     )  # fmt: skip
                 worked += work_step
                 damped += damp_step

@@ -23,9 +23,12 @@ class RecordFunctions:
     positions: Any
     """``positions(body, output, sample, lane, row, late, fields)``: where the nodes were a time
     `late` before they came to `u` with the velocity `v`."""
-    put_ledger: Any
-    """``put_ledger(partials, elastic, hourglass, kinetic, external, damping, friction, impact,
-    hourglass_damping, past, viscous, most)``: the workers hand their sums of the ledger to control."""
+    put_stored: Any
+    """``put_stored(partials, elastic, hourglass, viscous, past, most)``: the workers hand the elements' sums
+    of the ledger to control."""
+    put_exchanged: Any
+    """``put_exchanged(partials, kinetic, external, damping, friction, impact, hourglass_damping)``: the same
+    for what the nodes' sweep and the platens' work have added up."""
     ledger: Any
     """``ledger(output, sample, row, external, kinetic, elastic, hourglass, damping, friction, impact,
     hourglass_damping, viscous)``."""
@@ -98,31 +101,36 @@ def record_functions(precision: Precision, structs: Structs) -> RecordFunctions:
         output.energy[sample, row, 8] = viscous
 
     @wp.func
-    def put_ledger(
+    def put_stored(
         partials: wp.array(dtype=wp.float64),
         elastic: wp.float64,
         hourglass: wp.float64,
+        viscous: wp.float64,
+        past: wp.float64,
+        most: wp.float64,
+    ):
+        put_total(partials, Total.ELASTIC, elastic)
+        put_total(partials, Total.HOURGLASS, hourglass)
+        put_total(partials, Total.VISCOUS, viscous)
+        put_total(partials, Total.PAST, past)
+        put_largest(partials, Total.MOST, most)
+
+    @wp.func
+    def put_exchanged(
+        partials: wp.array(dtype=wp.float64),
         kinetic: wp.float64,
         external: wp.float64,
         damping: wp.float64,
         friction: wp.float64,
         impact: wp.float64,
         hourglass_damping: wp.float64,
-        past: wp.float64,
-        viscous: wp.float64,
-        most: wp.float64,
     ):
-        put_total(partials, Total.ELASTIC, elastic)
-        put_total(partials, Total.HOURGLASS, hourglass)
         put_total(partials, Total.KINETIC, kinetic)
         put_total(partials, Total.WORK, external)
         put_total(partials, Total.DAMPING, damping)
         put_total(partials, Total.FRICTION, friction)
         put_total(partials, Total.LANDING, impact)
         put_total(partials, Total.RESTRAINT, hourglass_damping)
-        put_total(partials, Total.PAST, past)
-        put_total(partials, Total.VISCOUS, viscous)
-        put_largest(partials, Total.MOST, most)
 
     @wp.func
     def record_ending(output: Output, sample: int, control: wp.array(dtype=wp.float64), failed: int):
@@ -134,4 +142,7 @@ def record_functions(precision: Precision, structs: Structs) -> RecordFunctions:
         output.ending[sample, Ending.PAST_DATA] = control[Control.PAST_DATA]
         output.ending[sample, Ending.MOST_STRAINED] = control[Control.MOST_STRAINED]
 
-    return RecordFunctions(is_due, record_force, record_positions, put_ledger, record_ledger, record_ending)
+    return RecordFunctions(
+        is_due=is_due, force=record_force, positions=record_positions, put_stored=put_stored,
+        put_exchanged=put_exchanged, ledger=record_ledger, ending=record_ending,
+    )  # fmt: skip

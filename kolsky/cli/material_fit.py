@@ -14,9 +14,9 @@ from kolsky.cli.options import AsJson, Figures, HeaderLine, OutFolder
 
 if TYPE_CHECKING:
     from kolsky.material.fits.compare import Comparison
+    from kolsky.material.fits.homogeneous_files import Columns
+    from kolsky.material.fits.homogeneous_test import HomogeneousTest
     from kolsky.material.fits.modes import Mode
-    from kolsky.material.fits.test_data import HomogeneousTest
-    from kolsky.material.fits.test_files import Columns
 
 
 def material_fit(
@@ -77,10 +77,10 @@ def material_fit(
     from kolsky.base.files import filling, usable_folder, write_table
     from kolsky.cli.terminal import print_result, progress_bars, since
     from kolsky.material.fits.compare import candidates, compare_laws
+    from kolsky.material.fits.homogeneous_files import Columns
     from kolsky.material.fits.residuals import Weighting
     from kolsky.material.fits.tables import as_json as to_json
     from kolsky.material.fits.tables import remarks, tables
-    from kolsky.material.fits.test_files import Columns
 
     texts.one_of("--weighting", weighting, tuple(kind.value for kind in Weighting))
     try:
@@ -150,7 +150,7 @@ def read_tests(
     InputError
         If a file cannot be read, what is said of it is not enough, or it holds no such test.
     """
-    from kolsky.material.fits.test_files import means_by_mode, named_apart, read_homogeneous_test
+    from kolsky.material.fits.homogeneous_files import means_by_mode, named_apart, read_homogeneous_test
 
     hashes: dict[str, str] = {}
     tests: list[HomogeneousTest] = []
@@ -190,8 +190,8 @@ def _mode_and_path(text: str) -> "tuple[Mode, Path]":
 
 def _refuse_columns(path: Path, mode: "Mode", columns: "Columns") -> None:
     """Refuse columns that are not enough for a test, or contradict each other."""
+    from kolsky.material.fits.homogeneous_files import CONVENTIONS
     from kolsky.material.fits.modes import Mode
-    from kolsky.material.fits.test_files import CONVENTIONS
     from kolsky.readers.columns import column_names
     from kolsky.readers.contents import Layout
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from explicit import Response
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine, ForceHistory
+from kolsky.inverse.cause_results import CauseFinding
 from kolsky.inverse.fit_results import ClockLag, FitQuality
 from kolsky.inverse.method_comparison import Method
 from kolsky.inverse.misfit import Terms
@@ -190,6 +191,8 @@ class Identification:
     """Lags of the recordings' clocks that the model's residual shows; empty if they were not recorded."""
     held_answer: HeldAnswer | None = None
     """What the stiffness factor would be with the other free parameters held; None if it was free alone."""
+    causes: tuple[CauseFinding, ...] = ()
+    """Inputs that, changed, explain the misfit better, the likely causes first; empty if none was tried."""
     image_correlation: dict[str, float] = field(default_factory=dict)
     """Numbers of the surfaces that the shot's pictures gave, see `kolsky.shot.dic_summary.numbers`."""
     provenance: dict[str, Any] = field(default_factory=dict)

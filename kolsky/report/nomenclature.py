@@ -107,6 +107,7 @@ STAGES = {
     "posterior": "posterior",
     "choices": "other choices",
     "systematic": "declared uncertainties",
+    "causes": "inputs that may be wrong",
     "simulation": "simulation",
     "sweep": "sweep",
     "rates": "speeds of the flyer",

@@ -9,6 +9,7 @@ from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Estimate, Identification, Route, Verdict
 from kolsky.report import numbers
 from kolsky.report.display_units import estimate_in_display_units, in_display_units
+from kolsky.report.sensitivity_table import printed_sensitivities
 
 _POWER = re.compile(" × 10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)")
 _LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
@@ -46,7 +47,8 @@ def details(found: Identification) -> dict[str, str]:
             if route.name in ROUTES
         ]
         rows += [(f"{symbol}, {method.name}", _distant(method, name, U)) for method in found.methods[1:]]
-    return dict(rows)
+    symbols = {name: _symbol(name) for name in found.estimates}
+    return {**dict(rows), **printed_sensitivities(found, symbols)}
 
 
 def columns(rows: Mapping[str, Any]) -> list[str]:

@@ -20,6 +20,7 @@ from kolsky.base.hdf5_items import (
 )
 from kolsky.base.hdf5_records import GroupName, Named, Part, Parts, Record
 from kolsky.base.records import CentreLine, ForceHistory
+from kolsky.inverse.cause_results import CauseFinding
 from kolsky.inverse.fit_results import ClockLag, FitQuality
 from kolsky.inverse.method_comparison import Method
 from kolsky.inverse.misfit import Terms
@@ -36,7 +37,7 @@ from kolsky.inverse.uncertainty_results import (
 
 FORMAT = Format("kolsky identification", version=3, readable=(1, 2, 3))
 """Version 1 knows no other choices, numbers of image correlation and parts of the numerical uncertainty;
-version 2 no goodness of fit and no lags of clocks."""
+version 2 no goodness of fit, no lags of clocks and no causes of a misfit."""
 
 ESTIMATE = Record(
     Estimate,
@@ -281,6 +282,28 @@ CLOCK = Record(
         "key": Text(),
     },
 )
+CAUSE = Record(
+    CauseFinding,
+    COLLECTION,
+    {
+        "key": Text(),
+        "words": Text(),
+        "unit": Text(),
+        "exact": Floats(OWN),
+        "value": Floats(OWN),
+        "sigma": Floats(OWN),
+        "explained": Floats("1"),
+        "evidence": Floats("1"),
+        "probability": Floats("1"),
+        "parameters": numbers("SI"),
+        "sigmas": numbers("SI"),
+        "named": Flags("1"),
+        "alike": Text("alike"),
+        "status": Text(),
+        "solved": numbers("SI"),
+        "solved_sigmas": numbers("SI"),
+    },
+)
 IDENTIFICATION = Record(
     Identification,
     Group("NXentry", {"default": "force"}),
@@ -309,6 +332,7 @@ IDENTIFICATION = Record(
         "fit": Parts(FIT, since=3),
         "clocks": Parts(CLOCK, since=3),
         "held_answer": Part(HELD, at="knowledge/held_answer", optional=True),
+        "causes": Parts(CAUSE, since=3),
         "image_correlation": numbers("SI", since=2),
     },
     groups={"knowledge": COLLECTION},

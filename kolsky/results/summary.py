@@ -5,6 +5,7 @@ from typing import Any
 from kolsky.base.json_types import jsonable
 from kolsky.inverse.result import Identification, worst_imbalance
 from kolsky.inverse.run_table import DesignTable
+from kolsky.uncertainty.sensitivities import elasticity, relative_moves, unseen
 
 
 def to_json(identification: Identification) -> dict[str, Any]:
@@ -89,6 +90,7 @@ def failed_runs(design: DesignTable) -> list[dict[str, Any]]:
 
 def _findings(result: Identification) -> dict[str, Any]:
     """Intervals, verdicts and shares beside the estimates, without curves, maps and samples."""
+    answer = {name: e.value for name, e in result.estimates.items()}
     posterior = None
     if result.posterior is not None:
         posterior = {name: value for name, value in vars(result.posterior).items() if name != "samples"}
@@ -108,6 +110,20 @@ def _findings(result: Identification) -> dict[str, Any]:
             part.key: {"sigma": part.sigma, "unit": part.unit, "shifts": part.shifts, "status": part.status}
             for part in result.systematic
         },
+        "sensitivities": {
+            part.key: {
+                "amount": part.amount,
+                "unit": part.unit,
+                "relative_moves": relative_moves(part, answer),
+                "logarithmic_derivatives": elasticity(part, answer),
+                "visible_share": part.visible,
+                "alike": list(part.alike),
+                "declared": part.status,
+            }
+            for part in result.systematic
+            if part.moves
+        },
+        "unseen": list(unseen(result.systematic)),
         "variations": [
             {"key": other.key, "value": other.value, "shifts": other.shifts, "status": other.status}
             for other in result.variations

@@ -9,6 +9,7 @@ from kolsky.shot.schema.apparatus import TransmissionSection
 from kolsky.shot.schema.section import Section
 from kolsky.shot.schema.uncertainty import UncertaintySection
 from kolsky.virtual import fields as v
+from kolsky.virtual.cameras import CalibrationTable, CamerasTable, OpticsTable, SpeckleTable
 from kolsky.virtual.imperfections import Imperfections
 
 
@@ -227,6 +228,10 @@ class Specification(Section):
     incident: IncidentTable = IncidentTable()
     frames: FramesTable = FramesTable()
     exports: ExportsTable = ExportsTable()
+    cameras: CamerasTable = CamerasTable()
+    optics: OpticsTable = OpticsTable()
+    speckle: SpeckleTable = SpeckleTable()
+    calibration: CalibrationTable = CalibrationTable()
     imperfections: Imperfections = Imperfections()
     uncertainty: UncertaintySection | None = None
     """Copied to the shot file's [uncertainty]."""

@@ -99,14 +99,14 @@ FAULTS = (
     ),
     Fault(
         name="strain of a homogeneous test taken for a stretch",
-        file="kolsky/material/fits/test_files.py",
+        file="kolsky/material/fits/homogeneous_files.py",
         right="else mode.at_rest + sign * table.deformation",
         wrong="else sign * table.deformation",
         tests=FILES,
     ),
     Fault(
         name="tension and compression averaged together",
-        file="kolsky/material/fits/test_files.py",
+        file="kolsky/material/fits/homogeneous_files.py",
         right="groups.setdefault((test.mode, bool(test.strain.sum() > 0.0)), [])",
         wrong="groups.setdefault((test.mode, True), [])",
         tests=FILES,

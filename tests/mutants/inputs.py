@@ -3,6 +3,7 @@
 from tests.mutants.fault import Fault
 
 DIRECTIONS = ("tests/unit/uncertainty/test_input_directions.py",)
+SENSITIVITIES = ("tests/unit/uncertainty/test_sensitivities.py",)
 
 FAULTS = (
     Fault(
@@ -74,5 +75,26 @@ FAULTS = (
         right='SHARES["poisson"] * (0.5 - value)',
         wrong='SHARES["poisson"] * 10.0 * (0.5 - value)',
         tests=DIRECTIONS,
+    ),
+    Fault(
+        name="a logarithmic derivative by the amount, not over it",
+        file="kolsky/uncertainty/sensitivities.py",
+        right="share / part.amount",
+        wrong="share * part.amount",
+        tests=SENSITIVITIES,
+    ),
+    Fault(
+        name="the smallest undeclared input named",
+        file="kolsky/uncertainty/sensitivities.py",
+        right="worst = max(open_,",
+        wrong="worst = min(open_,",
+        tests=SENSITIVITIES,
+    ),
+    Fault(
+        name="a share of ten times as much called invisible",
+        file="kolsky/uncertainty/sensitivities.py",
+        right="INVISIBLE = 1e-3",
+        wrong="INVISIBLE = 1e-2",
+        tests=SENSITIVITIES,
     ),
 )

@@ -7,9 +7,9 @@ import numpy as np
 
 from explicit.materials import LAWS, AnyLaw
 from kolsky.material.fits.fit import STARTS, Fit, FitOutcome, fit_law
+from kolsky.material.fits.homogeneous_test import HomogeneousTest
 from kolsky.material.fits.residuals import Weighting
 from kolsky.material.fits.stability import PathStability, Stability, drucker, stable_over
-from kolsky.material.fits.test_data import HomogeneousTest
 
 FARTHEST = 10.0
 """Principal stretch to which stability is followed at least [-]."""

@@ -9,9 +9,9 @@ import numpy as np
 from explicit.materials import AnyLaw
 from kolsky.base.arrays import FloatArray
 from kolsky.material.fits import goodness
+from kolsky.material.fits.homogeneous_test import HomogeneousTest
 from kolsky.material.fits.residuals import Residuals, Weighting, residuals_of
 from kolsky.material.fits.search import SAME, SearchResult, search
-from kolsky.material.fits.test_data import HomogeneousTest
 
 STARTS = 12
 """Starts that are polished where a law has more than moduli."""

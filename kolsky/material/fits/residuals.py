@@ -12,7 +12,7 @@ from explicit.materials.law import ParameterSpec
 from explicit.materials.volumetric import VolumetricLaw
 from kolsky.base.arrays import FloatArray
 from kolsky.material.fits.homogeneous import compressible_stress, incompressible_stress
-from kolsky.material.fits.test_data import HomogeneousTest
+from kolsky.material.fits.homogeneous_test import HomogeneousTest
 
 REFUSED = 1e8
 """Residual, in units of the largest stress, of constants that make no law or no stress."""

@@ -18,8 +18,8 @@ import numpy as np
 
 from explicit.materials.law import Stretches
 from kolsky.base.arrays import FloatArray
+from kolsky.material.fits.homogeneous_test import HomogeneousTest
 from kolsky.material.fits.modes import Mode
-from kolsky.material.fits.test_data import HomogeneousTest
 
 POINTS = 2000
 """Deformations looked at between rest and the end of a path, equal in ln(stretch)."""

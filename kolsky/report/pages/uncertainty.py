@@ -11,6 +11,7 @@ from kolsky.inverse.result import Estimate, Identification
 from kolsky.inverse.uncertainty_results import Declaration, ParameterProfile
 from kolsky.report import numbers
 from kolsky.report.nomenclature import name_of, route_label, short
+from kolsky.report.sensitivity_table import sensitivity_rows, unseen_notes
 from kolsky.shot.schema.uncertainty import IDENTIFIED
 from kolsky.uncertainty.warnings.runs import PAST_CURVE, equivalent_strain
 
@@ -39,6 +40,8 @@ def likelihood_tables(result: Identification) -> dict[str, Any]:
         "verdicts": [_verdict(result, profile) for profile in result.profiles],
         "posterior": _posterior(result),
         "declared": [_declared(result, part) for part in result.systematic],
+        "sensitivities": sensitivity_rows(result),
+        "unseen": unseen_notes(result),
     }
 
 

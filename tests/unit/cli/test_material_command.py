@@ -13,8 +13,8 @@ from kolsky.base.errors import InputError
 from kolsky.cli import app
 from kolsky.cli.material_fit import read_tests
 from kolsky.material.fits.homogeneous import incompressible_stress
+from kolsky.material.fits.homogeneous_files import Columns
 from kolsky.material.fits.modes import Mode
-from kolsky.material.fits.test_files import Columns
 
 LAW = MooneyRivlin(4e3, 2e3)
 STRETCH = np.linspace(0.55, 0.97, 15)

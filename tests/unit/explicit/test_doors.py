@@ -29,8 +29,8 @@ from explicit.precision import PRECISIONS
 from kolsky.material.fits.compare import candidates
 from kolsky.material.fits.fit import fit_law
 from kolsky.material.fits.homogeneous import incompressible_stress
+from kolsky.material.fits.homogeneous_test import HomogeneousTest
 from kolsky.material.fits.modes import Mode
-from kolsky.material.fits.test_data import HomogeneousTest
 from kolsky.shot.schema.curve import LawSection
 
 KNOWLES = '''

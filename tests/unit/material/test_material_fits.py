@@ -8,9 +8,9 @@ from kolsky.material.fits import goodness
 from kolsky.material.fits.compare import candidates, compare_laws
 from kolsky.material.fits.fit import FitOutcome, fit_law
 from kolsky.material.fits.homogeneous import compressible_stress, incompressible_stress
+from kolsky.material.fits.homogeneous_test import HomogeneousTest, mean_test
 from kolsky.material.fits.modes import Mode
 from kolsky.material.fits.residuals import Weighting
-from kolsky.material.fits.test_data import HomogeneousTest, mean_test
 
 STRETCH = np.concatenate([np.linspace(0.5, 0.97, 16), np.linspace(1.03, 1.6, 16)])
 SHEAR = np.linspace(0.05, 0.8, 12)

@@ -10,10 +10,10 @@ import pytest
 from explicit.materials import LAWS
 from kolsky.base.apparatus import Specimen
 from kolsky.material.fits.homogeneous import incompressible_stress
+from kolsky.material.fits.homogeneous_files import Columns, means_by_mode, named_apart, read_homogeneous_test
+from kolsky.material.fits.homogeneous_test import HomogeneousTest
 from kolsky.material.fits.modes import Mode
 from kolsky.material.fits.tables import remarks
-from kolsky.material.fits.test_data import HomogeneousTest
-from kolsky.material.fits.test_files import Columns, means_by_mode, named_apart, read_homogeneous_test
 from kolsky.material.reference_curve_files import read_uniaxial_test
 
 SPECIMEN = Specimen(diameter=10e-3, length=5e-3, density=0.0)

@@ -20,8 +20,8 @@ DATA = Path(__file__).parents[2] / "data" / "results"
 SENSITIVITY = ("/amount", "/moves/", "/visible", "/alike")
 """Of each declared input."""
 NEW = {
-    1: ("image_correlation", "numerical_parts", "variations", "fit", "clocks", *SENSITIVITY),
-    2: ("fit", "clocks", *SENSITIVITY),
+    1: ("image_correlation", "numerical_parts", "variations", "fit", "clocks", "causes", *SENSITIVITY),
+    2: ("fit", "clocks", "causes", *SENSITIVITY),
 }
 """Groups that today's version has beside those of an earlier one."""
 
@@ -40,6 +40,7 @@ def test_an_identification_of_an_earlier_release(version: int) -> None:
     assert len(result.variations) == (0 if version == 1 else 2)
     assert result.fit == ()
     assert result.clocks == ()
+    assert result.causes == ()
     assert result.image_correlation == ({} if version == 1 else {"sigma_match_px": 0.011})
     assert result.profiles[1].name == "damping"
     assert result.posterior is not None

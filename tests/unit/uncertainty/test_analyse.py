@@ -61,6 +61,24 @@ def test_density_force_and_stiffness_scale_together(found: Identification) -> No
     assert together == pytest.approx(0.01 * m, rel=0.05)  # as above
 
 
+def test_the_scale_of_the_curve_is_invisible_and_density_is_a_force_gain(found: Identification) -> None:
+    parts = {part.key: part for part in found.systematic}
+    # Its direction is m times the parameter's; what is left is the error of two central differences.
+    assert parts["curve_scale"].visible < 1e-3
+    assert parts["specimen_density"].alike == ("sensitivity",)
+    assert parts["sensitivity"].alike == ("specimen_density",)
+    assert parts["sensitivity"].visible > 0.5
+    # d ln m: of density less that of the force's scale is 1, of the curve -1.
+    moves = {key: part.moves["stiffness_factor"] for key, part in parts.items() if part.moves}
+    m = found.estimates["stiffness_factor"].value
+    together = moves["specimen_density"] - moves["sensitivity"]
+    assert together == pytest.approx(0.01 * m, rel=0.02)  # central differences of what rings
+    assert moves["curve_scale"] == pytest.approx(-0.01 * m, rel=0.02)  # as above
+    # What is undeclared has its sensitivity too.
+    assert parts["specimen_length"].status == "not declared, counted as exact"
+    assert moves["specimen_length"] != 0.0
+
+
 def test_declared_parts_are_listed_and_add_up(found: Identification) -> None:
     status = {part.key: part.status for part in found.systematic}
     assert status["poisson"] == "varied"

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from kolsky.base.errors import InputError
+from kolsky.material.fits.homogeneous_test import HomogeneousTest, mean_test
 from kolsky.material.fits.modes import Mode
-from kolsky.material.fits.test_data import HomogeneousTest, mean_test
 from kolsky.readers.columns import read_homogeneous
 from kolsky.readers.contents import Layout
 

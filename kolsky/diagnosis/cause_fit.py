@@ -1,0 +1,213 @@
+"""Least squares with one input changed: value, uncertainty, significance and evidence (no simulations here).
+
+The residual r = prediction - data, shape [k], is linear in changes of the free parameters and of the input,
+r + A z. A right model leaves noise and the error of the mesh, independent with standard deviation sigma,
+and what a few patterns V bring whose amplitudes are standard normal (the noise of the flyer's motion, the
+mesh's error as a whole): C = diag(sigma^2 + tau^2) + V V^T. tau, of each channel, is what is left beyond
+that. C is never formed: a Cholesky factor of the patterns' own matrix does (Woodbury).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import f as f_distribution
+
+from kolsky.base.arrays import FloatArray, IntArray
+
+BLOCKS = (2, 4, 8, 16)
+"""Block lengths, in times of a channel, over which residuals may be correlated."""
+ROUNDS = 3
+"""Rounds of least squares and tau, which depend on each other."""
+
+
+@dataclass(frozen=True)
+class ExpectedResidual:
+    """What a right model leaves of the data vector."""
+
+    sigma: FloatArray
+    """Standard deviation of what is independent, shape [k]."""
+    patterns: FloatArray
+    """Changes of the data vector by one standard deviation of each common cause, shape [k, q]."""
+    channel: IntArray
+    """Channel of each entry, 0 for force and 1 for outline, shape [k]."""
+    block: IntArray
+    """Number of the time of each entry, the same for both channels, shape [k]."""
+    tau: FloatArray
+    """What is left beyond, of each channel, in its unit, shape [2]."""
+
+    @property
+    def variance(self) -> FloatArray:
+        """Of what is independent, with tau, shape [k]."""
+        return np.asarray(self.sigma**2 + self.tau[self.channel] ** 2)
+
+    def weighted(self, x: FloatArray) -> FloatArray:
+        """C^-1 x, shape of x [k] or [k, n]."""
+        inverse = 1.0 / self.variance
+        plain = inverse[:, None] * x.reshape(len(x), -1)
+        VN = self.patterns * inverse[:, None]
+        core = np.eye(self.patterns.shape[1]) + self.patterns.T @ VN
+        return np.asarray(plain - VN @ np.linalg.solve(core, self.patterns.T @ plain)).reshape(x.shape)
+
+    def independent(self, residual: FloatArray) -> FloatArray:
+        """The residual without what the patterns most probably brought, shape [k]."""
+        return np.asarray(self.variance * self.weighted(residual))
+
+    def of(self, channel: int) -> "ExpectedResidual":
+        """One channel alone."""
+        use = self.channel == channel
+        return replace(
+            self,
+            sigma=self.sigma[use],
+            patterns=self.patterns[use],
+            channel=self.channel[use],
+            block=self.block[use],
+        )
+
+    def misfits(self, residual: FloatArray) -> FloatArray:
+        """Mean of r^T C^-1 r over the entries of each channel, on its own and without tau, shape [2].
+
+        1 is what a right model leaves; of a channel without entries it is 1.
+        """
+        found = np.ones(2)
+        for channel in range(2):
+            alone = replace(self.of(channel), tau=np.zeros(2))
+            part = residual[self.channel == channel]
+            if part.size:
+                found[channel] = part @ alone.weighted(part) / part.size
+        return found
+
+    def with_tau(self, residual: FloatArray) -> "ExpectedResidual":
+        """With the tau that explains a residual, of each channel."""
+        left = self.independent(residual)
+        excess = [
+            (left[use] ** 2 - self.sigma[use] ** 2).mean() if (use := self.channel == c).any() else 0.0
+            for c in range(2)
+        ]
+        return replace(self, tau=np.sqrt(np.maximum(excess, 0.0)))
+
+    @property
+    def times(self) -> IntArray:
+        """Number of distinct times of each channel, shape [2]."""
+        return np.array([len(np.unique(self.block[self.channel == c])) for c in range(2)])
+
+
+@dataclass(frozen=True)
+class LinearFit:
+    """The least squares of r + A z."""
+
+    step: FloatArray
+    """The best z, shape [p]."""
+    covariance: FloatArray
+    """Of z, with residuals correlated in time, shape [p, p]."""
+    residual: FloatArray
+    """r + A z, shape [k]."""
+    expected: ExpectedResidual
+    """With the tau of that residual."""
+    inflation: float
+    """Variance of the last entry of z with residuals correlated in time over that without, >= 1 [-]."""
+
+
+def fit_linear(residual: FloatArray, columns: FloatArray, expected: ExpectedResidual) -> LinearFit:
+    """Minimise (r + A z)^T C^-1 (r + A z), tau as the remaining residual asks for.
+
+    Parameters
+    ----------
+    residual
+        Prediction minus data, shape [k].
+    columns
+        A: change of the prediction per unit of each entry of z, shape [k, p]; a column of zeros
+        gets a step of zero and an infinite variance.
+    expected
+        What a right model leaves.
+    """
+    seen = np.abs(columns).max(axis=0, initial=0.0) > 0.0
+    A = columns[:, seen]
+    scale = np.sqrt((A**2 / expected.variance[:, None]).sum(axis=0))
+    A = A / scale
+    z = np.zeros(A.shape[1])
+    left = residual
+    weighted = expected.with_tau(residual)
+    for _ in range(ROUNDS):
+        W = weighted.weighted(A)
+        G = np.linalg.pinv(A.T @ W, rcond=1e-12, hermitian=True)
+        z = -G @ (W.T @ residual)
+        left = residual + A @ z
+        weighted = weighted.with_tau(left)
+    W = weighted.weighted(A)
+    G = np.linalg.pinv(A.T @ W, rcond=1e-12, hermitian=True)
+    gain = G @ W.T
+    own, together = _sandwich(gain, left, weighted)
+    step = np.zeros(columns.shape[1])
+    covariance = np.diag(np.where(seen, 0.0, np.inf))
+    step[seen] = z / scale
+    covariance[np.ix_(seen, seen)] = (G + together - own) / np.outer(scale, scale)
+    last = float(together[-1, -1] / own[-1, -1]) if seen.any() and seen[-1] and own[-1, -1] > 0.0 else 1.0
+    return LinearFit(step, covariance, left, weighted, last)
+
+
+def _sandwich(
+    gain: FloatArray, residual: FloatArray, expected: ExpectedResidual
+) -> tuple[FloatArray, FloatArray]:
+    """Covariance that independent residuals bring, and that with blocks of times correlated in any way."""
+    own = (gain * expected.variance) @ gain.T
+    score = gain * expected.independent(residual)
+    best, p = own, len(gain)
+    for length in BLOCKS:
+        label = expected.block // length
+        n = int(label.max()) + 1
+        if n <= 4 * p:
+            continue
+        sums = np.array([np.bincount(label, row, minlength=n) for row in score])
+        blocks = sums @ sums.T * n / (n - p)
+        if np.trace(blocks / np.diag(own)) > np.trace(best / np.diag(own)):
+            best = blocks
+    return own, best
+
+
+def evidence(before: FloatArray, after: FloatArray, times: IntArray) -> float:
+    """Twice the logarithm of the likelihood ratio, a time of a channel counted as one residual [-].
+
+    A channel whose misfit is what a right model leaves, or less, cannot get better.
+
+    Parameters
+    ----------
+    before, after
+        `ExpectedResidual.misfits` without and with the change, shape [2].
+    times
+        Distinct times of each channel, shape [2].
+    """
+    return float(times @ np.log(np.maximum(before, 1.0) / np.maximum(after, 1.0)))
+
+
+def explained_share(before: FloatArray, after: FloatArray, entries: IntArray) -> float:
+    """Share of the misfit beyond what a right model leaves that a change takes away [-].
+
+    Parameters
+    ----------
+    before, after
+        `ExpectedResidual.misfits` without and with the change, shape [2].
+    entries
+        Entries of each channel, shape [2].
+    """
+    excess = [float(entries @ np.maximum(misfit - 1.0, 0.0)) for misfit in (before, after)]
+    return 1.0 - excess[1] / excess[0] if excess[0] > 0.0 else 0.0
+
+
+def chance(change: float, sigma: float, *, degrees: float) -> float:
+    """Probability of a change at least so large if there is none, by the F-test with 1 and `degrees` [-]."""
+    if not sigma > 0.0:
+        return 1.0
+    if not np.isfinite(sigma):
+        return 1.0
+    return float(f_distribution.sf((change / sigma) ** 2, 1, max(degrees, 1.0)))
+
+
+def holm(probabilities: Sequence[float]) -> list[float]:
+    """Probabilities adjusted for as many tests as there are (Holm 1979): the smallest counts n times, the
+    next n - 1 times, and none less than one before it."""
+    adjusted, largest, n = [0.0] * len(probabilities), 0.0, len(probabilities)
+    for place, i in enumerate(np.argsort(probabilities, kind="stable")):
+        largest = max(largest, min(1.0, (n - place) * probabilities[i]))
+        adjusted[int(i)] = largest
+    return adjusted

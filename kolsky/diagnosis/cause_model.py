@@ -1,0 +1,233 @@
+"""Data vectors of a shot with an input changed: batches of runs, corrected to the refined mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from explicit import Response
+from kolsky.base.arrays import FloatArray, IntArray
+from kolsky.diagnosis.alterations import UNALTERED, Alteration
+from kolsky.diagnosis.cause_fit import ExpectedResidual
+from kolsky.diagnosis.cause_inputs import DECLARED, Changed
+from kolsky.inverse.forward import Forward, Numerics
+from kolsky.inverse.observations import Observations
+from kolsky.inverse.parameters import any_slides
+from kolsky.inverse.staged_runs import StagedRuns
+
+MOST_POINTS = 800
+"""Most outline points that are compared: neighbours in a frame tell the same."""
+PATTERNS = 40
+"""Most patterns of the flyer's noise."""
+FIRST_ORDER = 1.0
+"""Order of the mesh error's common part: where the side surface rolls onto a platen it is 1, not 2."""
+SECOND_ORDER = 2.0
+"""Order of what rings, whose phase differs from mesh to mesh."""
+NEAR = 7
+"""Bins over which the size of the mesh's error is averaged."""
+SHARES = {"damping": 1e-6, "friction": 0.02}
+"""Steps for differences by a free parameter, in its unit; 1 % of the value for another."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """One simulation with what is made of it: free parameters and a changed input."""
+
+    x: FloatArray
+    """Free parameters in SI, shape [d]."""
+    changed: Changed = DECLARED
+    """The input."""
+
+
+class CauseModel:
+    """Data vectors at points, on the surrogate's mesh corrected by the run on the refined mesh."""
+
+    def __init__(self, stages: StagedRuns, x: FloatArray, refined: Response) -> None:
+        self.stages, self.x, self.refined = stages, x, refined
+        self.observations = _thinned(stages.observations)
+        self.runs = 0
+        self.reference = self.respond([Point(x)])[0]
+        self._shifts: dict[Alteration, FloatArray] = {}
+
+    @property
+    def data(self) -> FloatArray:
+        """What was measured, shape [k]."""
+        return np.concatenate([self.observations.bins.mean, self.observations.centre_line.Z])
+
+    def vectors(self, points: Sequence[Point]) -> FloatArray:
+        """Predictions, shape [n, k]; NaN where a run did not complete or does not reach a point."""
+        found = np.full((len(points), len(self.data)), np.nan)
+        for i, (point, response) in enumerate(zip(points, self.respond(points), strict=True)):
+            if response is not None:
+                change = point.changed.alteration
+                found[i] = change.vector(response, self.observations) + self.shift(change)
+        return found
+
+    def shift(self, alteration: Alteration) -> FloatArray:
+        """What the refined mesh adds at the answer, under the same alteration, shape [k]."""
+        if alteration not in self._shifts:
+            fine, coarse = (alteration.vector(r, self.observations) for r in (self.refined, self.reference))
+            self._shifts[alteration] = fine - coarse
+        return self._shifts[alteration]
+
+    def respond(self, points: Sequence[Point]) -> list[Response | None]:
+        """One response a point, None where it did not complete; as few launches as meshes and laws allow."""
+        found: list[Response | None] = [None] * len(points)
+        for rows in _alike([_launch(self.stages, point) for point in points]):
+            chosen = [points[i] for i in rows]
+            # Points that differ by what is made of a run alone share the run.
+            unique, where = _unique(chosen)
+            response = self._launched(unique)
+            for i, place in zip(rows, where, strict=True):
+                if response.outcomes[place].ok:
+                    found[i] = response.select([place])
+        return found
+
+    def _launched(self, points: Sequence[Point]) -> Response:
+        prepared, settings, names = self.stages.prepared, self.stages.settings, self.stages.box.names
+        self.runs += len(points)
+        factors = {point.changed.motion: None for point in points}
+        paths = tuple(prepared.path if f == 1.0 else prepared.path.scaled(f) for f in factors)
+        forward = replace(_forward(prepared.forward, points[0].changed.specimen), paths=paths)
+        rows = [{**settings.held, **dict(zip(names, p.x, strict=True)), **p.changed.values} for p in points]
+        named = {name for row in rows for name in row}
+        values = {name: np.array([row.get(name, _declared(forward, name)) for row in rows]) for name in named}
+        motion = [list(factors).index(point.changed.motion) for point in points]
+        return forward.run(values, settings.numerics, motion=motion)
+
+    def slopes(self, x: FloatArray, changed: Changed) -> list[Point]:
+        """The points beside one, a step along each free parameter, for `columns`."""
+        return [Point(x + step, changed) for step in np.diag(self.steps(x))]
+
+    def steps(self, x: FloatArray) -> FloatArray:
+        """Steps for differences by the free parameters, inside the design, shape [d]."""
+        box = self.stages.box
+        found = []
+        for i, name in enumerate(box.names):
+            step = 0.01 * (0.5 - x[i]) if name == "poisson" else SHARES.get(name, 0.01 * abs(x[i]) or 1e-3)
+            found.append(-step if x[i] + step > box.upper[i] else step)
+        return np.array(found)
+
+    def expected(self, numerics: Numerics) -> ExpectedResidual:
+        """What a right model leaves of the data vector at the answer.
+
+        Parameters
+        ----------
+        numerics
+            The mesh on which the flyer's noise is carried to the data.
+        """
+        o, n = self.observations, len(self.observations.bins.mean)
+        meshes = self.stages.settings
+        ratio = meshes.refined_mesh[0] / meshes.numerics.mesh[0]
+        moved = np.nan_to_num(self.shift(UNALTERED))
+        rough = moved / (ratio**SECOND_ORDER - 1.0)
+        ringing = np.sqrt(np.convolve(rough[:n] ** 2, np.ones(NEAR) / NEAR, "same"))
+        noise = np.concatenate([o.bins.sigma, o.centre_line.sigma])
+        sigma = np.hypot(noise, np.concatenate([ringing, np.abs(rough[n:])]))
+        common = moved / (ratio**FIRST_ORDER - 1.0)
+        patterns = np.column_stack([common, self._flyer_noise(numerics)])
+        times = np.concatenate([o.bins.centres, o.centre_line.time])
+        width = float(np.diff(o.bins.edges).mean())
+        return ExpectedResidual(
+            sigma=sigma,
+            patterns=patterns,
+            channel=(np.arange(len(times)) >= n).astype(np.int64),
+            block=((times - times.min()) / width).astype(np.int64),
+            tau=np.zeros(2),
+        )
+
+    def _flyer_noise(self, numerics: Numerics) -> FloatArray:
+        """Changes of the data vector by one standard deviation of each pattern of the path, shape [k, q]."""
+        stages, path = self.stages, self.stages.prepared.path
+        jerks = leading_patterns(path.covariance, np.diff(path.knots), PATTERNS)
+        paths = (path, *(replace(path, jerk=path.jerk + jerk) for jerk in jerks.T))
+        forward = replace(stages.prepared.forward, paths=paths)
+        values = {**stages.settings.held, **dict(zip(stages.box.names, self.x, strict=True))}
+        response = forward.run(values, numerics, motion=np.arange(len(paths)))
+        self.runs += len(paths)
+        vectors = np.array(
+            [
+                UNALTERED.vector(response, self.observations, i)
+                if response.outcomes[i].ok
+                else np.full(len(self.data), np.nan)
+                for i in range(len(paths))
+            ]
+        )
+        return np.asarray(np.nan_to_num(vectors[1:] - vectors[0]).T)
+
+
+def leading_patterns(covariance: FloatArray, spans: FloatArray, count: int) -> FloatArray:
+    """Patterns of jerk of one standard deviation each, those that move the velocity most, shape [n, q].
+
+    The columns' outer products sum to the covariance where all of them are kept.
+
+    Parameters
+    ----------
+    covariance
+        Of the jerks of the spans [m^2/s^6], shape [n, n].
+    spans
+        Their lengths [s], shape [n].
+    count
+        Most patterns.
+    """
+    scale = np.sqrt(np.diag(covariance))
+    safe = np.where(scale > 0.0, scale, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(safe, safe))
+    root = safe[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    velocity = np.cumsum(np.cumsum(root * spans[:, None], axis=0) * spans[:, None], axis=0)
+    _, _, turned = np.linalg.svd(velocity, full_matrices=False)
+    return np.asarray(root @ turned[:count].T)
+
+
+def _thinned(o: Observations) -> Observations:
+    """The observations with fewer outline points, evenly chosen."""
+    n = len(o.centre_line.Z)
+    if n <= MOST_POINTS:
+        return o
+    kept: IntArray = np.linspace(0, n - 1, MOST_POINTS).round().astype(np.int64)
+    line = o.centre_line
+    fewer = replace(line, **{name: getattr(line, name)[kept] for name in line.__dataclass_fields__})
+    return replace(o, centre_line=fewer)
+
+
+def _forward(forward: Forward, factors: Mapping[str, float]) -> Forward:
+    """The forward model with fields of the specimen multiplied."""
+    if not factors:
+        return forward
+    specimen = forward.shot.specimen
+    changed = {name: factor * getattr(specimen, name) for name, factor in factors.items()}
+    return replace(forward, shot=replace(forward.shot, specimen=replace(specimen, **changed)))
+
+
+def _declared(forward: Forward, name: str) -> float:
+    from kolsky.inverse.parameters import PARAMETERS
+
+    return PARAMETERS[name].held(forward.shot)
+
+
+def _launch(stages: StagedRuns, point: Point) -> tuple[object, ...]:
+    """What all runs of one launch have in common."""
+    named = [*stages.settings.held, *stages.box.names, *point.changed.values]
+    return (tuple(sorted(point.changed.specimen.items())), any_slides(named))
+
+
+def _alike(keys: Sequence[tuple[object, ...]]) -> list[list[int]]:
+    groups: dict[tuple[object, ...], list[int]] = {}
+    for i, key in enumerate(keys):
+        groups.setdefault(key, []).append(i)
+    return list(groups.values())
+
+
+def _unique(points: Sequence[Point]) -> tuple[list[Point], list[int]]:
+    """The points whose runs differ, and the place of each point's run among them."""
+    places: dict[tuple[object, ...], int] = {}
+    unique, where = [], []
+    for point in points:
+        run = (tuple(point.x.tolist()), tuple(sorted(point.changed.values.items())), point.changed.motion)
+        if run not in places:
+            places[run] = len(unique)
+            unique.append(point)
+        where.append(places[run])
+    return unique, where

@@ -1,0 +1,245 @@
+"""The search for the value of one changed input that explains the data best, the free parameters found anew.
+
+First every input by one linear step from the answer. Where the data are not explained as they are, values
+far from what is declared are tried too, and the most promising inputs are followed by Gauss-Newton steps
+with runs of their own: a gain of 2 or a Poisson's ratio with another rhythm is out of reach of a tangent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kolsky.base.arrays import FloatArray
+from kolsky.diagnosis.cause_fit import ExpectedResidual, LinearFit, evidence, fit_linear
+from kolsky.diagnosis.cause_inputs import DECLARED, CandidateInput
+from kolsky.diagnosis.cause_model import CauseModel, Point
+from kolsky.inverse.staged_runs import StagedRuns
+
+UNEXPLAINED = 1.3
+"""Misfit of a channel from which on values far away are tried; 1 is what a right model leaves."""
+FOLLOWED = 6
+"""Most starts that are followed by Gauss-Newton steps."""
+TURNS = 4
+"""Most Gauss-Newton steps of each."""
+KEPT = 60.0
+"""A start is given up when its loss is so much above the best one's."""
+SETTLED = 0.1
+"""And is at rest when a step makes the loss smaller by less."""
+DAMPED = (1.0, 0.3)
+"""Shares of a step of which the best is taken."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """An input at a value, with the free parameters that suit it."""
+
+    candidate: CandidateInput
+    """The input."""
+    x: FloatArray
+    """Free parameters in SI, shape [d]."""
+    u: float
+    """Coordinate of the input."""
+    misfits: FloatArray
+    """`ExpectedResidual.misfits` there, shape [2]."""
+    residual: FloatArray
+    """Prediction minus data there, shape [k]."""
+    fit: LinearFit | None = None
+    """The last linear fit about it."""
+    step: float = 0.0
+    """What that fit would still change the coordinate by."""
+    lost: str = ""
+    """Why it could not be tried; empty if it was."""
+
+    @property
+    def value(self) -> float:
+        """What the data prefer, in the input's unit."""
+        return self.candidate.value(self.u)
+
+    @property
+    def sigma(self) -> float:
+        """Standard uncertainty of the value, NaN if it is not known."""
+        if self.fit is None or self.lost:
+            return float("nan")
+        low, high = self.candidate.lowest, self.candidate.highest
+        one = float(np.sqrt(self.fit.covariance[-1, -1]))
+        if not np.isfinite(one):
+            return float("inf")
+        reach = max(min(one, self.u - low, high - self.u), 1e-3 * one, 1e-15)
+        up, down = min(self.u + reach, high), max(self.u - reach, low)
+        slope = abs(self.candidate.value(up) - self.candidate.value(down)) / (up - down)
+        return slope * one
+
+
+class CauseSearch:
+    """All candidates of one identification."""
+
+    def __init__(
+        self, stages: StagedRuns, model: CauseModel, expected: ExpectedResidual, use: FloatArray
+    ) -> None:
+        self.stages, self.model, self.expected, self.use = stages, model, expected, use
+        x = model.x
+        points = [Point(x), *model.slopes(x, DECLARED)]
+        vectors = model.vectors(points)
+        self.vector = vectors[0]
+        self.slope = self._columns(vectors, model.steps(x))
+        self.null = fit_linear(self.residual(self.vector), self.slope, expected)
+        self.before = expected.misfits(self.null.residual)
+
+    def residual(self, vector: FloatArray) -> FloatArray:
+        """Prediction minus data at the counted entries; a point that is not reached is as at the answer."""
+        whole = np.where(np.isfinite(vector), vector, self.vector)
+        return np.asarray((whole - self.model.data)[self.use])
+
+    def gain(self, misfits: FloatArray) -> float:
+        """Evidence for a change against the answer as it is."""
+        return evidence(self.before, misfits, self.expected.times)
+
+    def loss(self, misfits: FloatArray) -> float:
+        """What a search makes small; below what a right model leaves it still falls."""
+        return float(self.expected.times @ np.log(np.maximum(misfits, 1e-3)))
+
+    def _columns(self, vectors: FloatArray, steps: FloatArray) -> FloatArray:
+        """Change of the vectors' counted entries per unit of each step, shape [k, d]."""
+        change = np.nan_to_num(vectors[1 : 1 + len(steps)] - vectors[0])[:, self.use]
+        return np.asarray((change / steps[:, None]).T)
+
+    def tangents(self, candidates: Sequence[CandidateInput]) -> list[Trial]:
+        """Every candidate by one linear step from the answer; none where it has no value there."""
+        starts = [c.start(self.stages) for c in candidates]
+        points = [
+            Point(self.model.x, c.changed(_inside(c, u + c.step)))
+            for c, u in zip(candidates, starts, strict=True)
+            if np.isfinite(u)
+        ]
+        rows = iter(self.model.vectors(points))
+        found = []
+        for c, u in zip(candidates, starts, strict=True):
+            if not np.isfinite(u):
+                found.append(self._none(c, "no number describes it: other values are tried where needed"))
+                continue
+            vector = next(rows)
+            if not np.isfinite(vector[: self.n_force]).all():
+                found.append(self._none(c, "the run with it changed did not complete"))
+                continue
+            own = np.nan_to_num(vector - self.vector)[self.use] / (_inside(c, u + c.step) - u)
+            fit = fit_linear(self.residual(self.vector), np.column_stack([self.slope, own]), self.expected)
+            to = float(np.clip(u + fit.step[-1], c.lowest, c.highest))
+            misfits = self.expected.misfits(fit.residual)
+            if to != u + fit.step[-1]:
+                # It ends at the edge of what can be: the others follow it there.
+                at = fit_linear(self.residual(self.vector) + own * (to - u), self.slope, self.expected)
+                misfits = self.expected.misfits(at.residual)
+            x = self._clipped(self.model.x + fit.step[:-1])
+            found.append(Trial(c, x, to, misfits, fit.residual, fit))
+        return found
+
+    @property
+    def n_force(self) -> int:
+        """Force bins at the head of the data vector."""
+        return len(self.model.observations.bins.mean)
+
+    def _none(self, c: CandidateInput, why: str) -> Trial:
+        return Trial(c, self.model.x, float("nan"), self.before, self.null.residual, lost=why)
+
+    def _clipped(self, x: FloatArray) -> FloatArray:
+        box = self.stages.box
+        return np.clip(x, box.lower, box.upper)
+
+    def scanned(self, candidates: Sequence[CandidateInput]) -> list[Trial]:
+        """The best far values of every candidate, the free parameters by a linear step: starts."""
+        pairs = [(c, u) for c in candidates for u in c.scan if c.lowest <= u <= c.highest]
+        vectors = self.model.vectors([Point(self.model.x, c.changed(u)) for c, u in pairs])
+        trials: dict[str, list[Trial]] = {}
+        for (c, u), vector in zip(pairs, vectors, strict=True):
+            if not np.isfinite(vector[: self.n_force]).all():
+                continue
+            fit = fit_linear(self.residual(vector), self.slope, self.expected)
+            x = self._clipped(self.model.x + fit.step)
+            trials.setdefault(c.key, []).append(
+                Trial(c, x, u, self.expected.misfits(fit.residual), fit.residual)
+            )
+        found = []
+        for row in trials.values():
+            losses = [self.loss(t.misfits) for t in row]
+            # A value from which both neighbours are worse, as the rhythm of ringing has several.
+            least = [i for i in range(len(row)) if losses[i] <= min(losses[max(i - 1, 0) : i + 2])]
+            found += [row[i] for i in sorted(least, key=lambda i: losses[i])[:2]]
+        return found
+
+    def followed(self, starts: Sequence[Trial]) -> list[Trial]:
+        """Gauss-Newton steps from each start with runs of their own; the answer itself if none is better."""
+        trials, done = self._measured(list(starts)), []
+        for _ in range(TURNS):
+            least = min((self.loss(t.misfits) for t in trials), default=0.0)
+            points, counts = [], []
+            for t in trials:
+                step = self._own_step(t)
+                points += [
+                    Point(t.x, t.candidate.changed(t.u)),
+                    *self.model.slopes(t.x, t.candidate.changed(t.u)),
+                    Point(t.x, t.candidate.changed(t.u + step)),
+                ]
+                counts.append(step)
+            vectors = self.model.vectors(points)
+            size = len(self.model.x) + 2
+            fits = []
+            for i, (t, step) in enumerate(zip(trials, counts, strict=True)):
+                rows = vectors[i * size : (i + 1) * size]
+                columns = self._columns(rows, np.append(self.model.steps(t.x), step))
+                fits.append(fit_linear(self.residual(rows[0]), columns, self.expected))
+            moved = self._better(trials, fits)
+            going = [
+                self.loss(old.misfits) - self.loss(new.misfits) > SETTLED
+                and self.loss(new.misfits) < least + KEPT
+                for old, new in zip(trials, moved, strict=True)
+            ]
+            done += [t for t, goes in zip(moved, going, strict=True) if not goes]
+            trials = [t for t, goes in zip(moved, going, strict=True) if goes]
+            if not trials:
+                break
+        return [*done, *trials]
+
+    def _own_step(self, t: Trial) -> float:
+        """Step of the input's coordinate for differences, inward at its end."""
+        c = t.candidate
+        return c.step if t.u + c.step <= c.highest else -c.step
+
+    def _measured(self, trials: list[Trial]) -> list[Trial]:
+        """Trials as runs at their points find them; those whose runs are lost are left out."""
+        vectors = self.model.vectors([Point(t.x, t.candidate.changed(t.u)) for t in trials])
+        found = []
+        for t, vector in zip(trials, vectors, strict=True):
+            if np.isfinite(vector[: self.n_force]).all():
+                residual = self.residual(vector)
+                found.append(replace(t, residual=residual, misfits=self.expected.misfits(residual)))
+        return found
+
+    def _better(self, trials: list[Trial], fits: list[LinearFit]) -> list[Trial]:
+        """Each trial after the best share of its step."""
+        tried = []
+        for t, fit in zip(trials, fits, strict=True):
+            for share in DAMPED:
+                x = self._clipped(t.x + share * fit.step[:-1])
+                u = _inside(t.candidate, t.u + share * float(fit.step[-1]))
+                tried.append(replace(t, x=x, u=u, fit=fit))
+        vectors = self.model.vectors([Point(t.x, t.candidate.changed(t.u)) for t in tried])
+        found = []
+        for i, (t, fit) in enumerate(zip(trials, fits, strict=True)):
+            best = replace(t, fit=fit, step=float(fit.step[-1]))
+            for j in range(i * len(DAMPED), (i + 1) * len(DAMPED)):
+                if not np.isfinite(vectors[j][: self.n_force]).all():
+                    continue
+                residual = self.residual(vectors[j])
+                misfits = self.expected.misfits(residual)
+                if self.loss(misfits) < self.loss(best.misfits):
+                    best = replace(tried[j], residual=residual, misfits=misfits)
+            found.append(best)
+        return found
+
+
+def _inside(c: CandidateInput, u: float) -> float:
+    """A coordinate inside the input's range."""
+    return float(min(max(u, c.lowest), c.highest))

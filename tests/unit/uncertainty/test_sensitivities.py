@@ -1,0 +1,59 @@
+"""Sensitivities in words and shares: amounts, the largest undeclared input, what leaves no residual."""
+
+from dataclasses import replace
+
+import pytest
+
+from kolsky.inverse.uncertainty_results import Declaration
+from kolsky.report.sensitivity_table import printed_sensitivities, signed_percent
+from kolsky.uncertainty.sensitivities import amount_text, caution, elasticity, relative_moves, unseen
+from kolsky.uncertainty.systematic import UNDECLARED
+
+ANSWER = {"stiffness_factor": 1.2, "damping": 0.0}
+
+
+def part(key: str, amount: float, move: float, unit: str = "1", **more: object) -> Declaration:
+    made = Declaration(
+        key, float("nan"), unit, {}, UNDECLARED, amount, {"stiffness_factor": move, "damping": 1e-7}, 0.5
+    )
+    return replace(made, **more)
+
+
+LENGTH = part("specimen_length", 0.01, 0.024)
+CLOCK = part("clock_offset", 1e-6, -0.036, "s")
+
+
+def test_an_amount_has_its_unit() -> None:
+    parts = (LENGTH, CLOCK, part("Z_offset", 1e-5, 0.0, "m"), part("poisson", 1e-5, 0.0))
+    assert [amount_text(one) for one in parts] == ["1 %", "1 us", "10 um", "1e-05"]
+
+
+def test_shares_are_of_the_answer_and_of_the_amount() -> None:
+    # 0.024 of 1.2 is 2 %; d ln m / d ln length is 2 % over 1 %. A parameter at zero has no share.
+    assert relative_moves(LENGTH, ANSWER) == pytest.approx({"stiffness_factor": 0.02})
+    assert elasticity(LENGTH, ANSWER) == pytest.approx({"stiffness_factor": 2.0})
+    assert elasticity(CLOCK, ANSWER) == {}
+    assert signed_percent(0.0123) == "+1.2 %"
+    assert printed_sensitivities is not None
+
+
+def test_the_caution_names_the_largest_that_is_undeclared() -> None:
+    (said,) = caution((LENGTH, CLOCK), ANSWER)
+    assert "[force] clock_offset" in said
+    assert "1 us of it would move stiffness_factor by -3 %" in said
+    assert "so are 1 other inputs" in said
+    declared = replace(CLOCK, status="varied", sigma=1e-6)
+    (said,) = caution((LENGTH, declared), ANSWER)
+    assert "1 % of it would move stiffness_factor by +2 %; declare specimen_length" in said
+    assert list(caution((declared,), ANSWER)) == []
+    assert list(caution((), ANSWER)) == []
+
+
+def test_what_leaves_no_residual_is_said_once() -> None:
+    curve = part("curve_scale", 0.01, -0.012, visible=0.0009)
+    density = part("specimen_density", 0.01, 0.012, visible=0.0011, alike=("sensitivity",))
+    force = part("sensitivity", 0.01, 0.0, alike=("specimen_density",))
+    first, second = unseen((curve, density, force))
+    assert "m times the curve is all that is seen" in first
+    assert "scale the force: a wrong specimen_density is a force gain" in second
+    assert list(unseen((replace(curve, visible=float("nan")),))) == []
