@@ -17,7 +17,14 @@
 from dataclasses import replace
 
 from kolsky.diagnosis.causes import cause_warnings, find_causes
-from kolsky.inverse.estimates import comparison, curves, estimates, held_values, routes, surrogate_quality
+from kolsky.inverse.estimates import (
+    comparison,
+    curves,
+    estimates,
+    held_values,
+    search_routes,
+    surrogate_quality,
+)
 from kolsky.inverse.gauss_newton import MOVED
 from kolsky.inverse.misfit import terms
 from kolsky.inverse.parameters import any_slides
@@ -32,9 +39,10 @@ from kolsky.shot.curve import with_pull
 from kolsky.shot.records import Shot
 from kolsky.uncertainty.analyse import analyse
 from kolsky.uncertainty.held_answer import held_answer
-from kolsky.uncertainty.input_noise import input_noise
-from kolsky.uncertainty.numerical import numerical_uncertainty
+from kolsky.uncertainty.input_noise import input_changes
+from kolsky.uncertainty.numerical import mesh_change, numerical_parts
 from kolsky.uncertainty.profile_likelihood import LinearisedOptimum
+from kolsky.uncertainty.route_budgets import Sources, budgeted, noise_parts, route_difference
 from kolsky.uncertainty.warnings.collect import collect_warnings
 
 
@@ -68,19 +76,16 @@ def identify(
     prepared = prepare_shot(shot)
     found = search_shot(prepared, settings, progress or (lambda stage, done, total: None))
     settings, stages, coarse, fine = found.freed.settings, found.stages, found.coarse, found.fine
-    box = stages.box
+    box, replicates = stages.box, stages.replicates
 
-    noise, lost_replicates = input_noise(stages, fine)
-    numerical = numerical_uncertainty(
-        fine.mesh_shift,
-        coarse=settings.numerics.mesh[0],
-        fine=settings.refined_mesh[0],
-        element_shift=fine.element_shift,
+    sources = Sources(
+        inputs=input_changes(fine.objective, replicates),
+        mesh=mesh_change(stages, fine),
         roughness=fine.roughness,
     )
-    paper_box, paper_stages = found.paper_runs
-    held = None if found.held is None else found.held.values
-    by_route = routes(fine.box, fine.objective, fine.model, paper_box, paper_stages.table, held)
+    gain = fine.objective.gain(fine.jacobian)
+    optima = search_routes(fine.box, fine.objective, fine.model)
+    by_route = [budgeted(box.names, one, sources) for one in optima]
     optimum = LinearisedOptimum.of(
         fine.x, fine.box, fine.objective, fine.model, fine.surrogate, smooth=fine.roughness is None
     )
@@ -89,20 +94,22 @@ def identify(
     stages.progress("causes", 0, 1)
     causes = find_causes(stages, fine.x, fine.check.response.select([0]))
 
-    observations, prediction = prepared.observations, fine.check.prediction
+    observations, prediction = stages.observations, fine.check.prediction
     result = Identification(
         shot=shot.name,
         estimates=estimates(
             box,
             fine.x,
-            noise={"force and shape": fine.sigma, **noise},
-            numerical=numerical,
-            mesh_shift=fine.mesh_shift,
+            noise=noise_parts(fine, sources),
+            numerical=numerical_parts(sources.mesh, gain, roughness=sources.roughness),
+            mesh_shift=sources.mesh.shift(gain),
+            mesh_correction=sources.mesh.correction(gain),
             confirmed=fine.confirmed,
             outline=observations.has_shape,
         ),
         fixed=held_values(shot, box, settings.held),
-        routes=by_route,
+        routes=(*by_route, *([found.paper_route()] if observations.has_shape else [])),
+        route_difference=route_difference(box.names, optima, sources),
         terms=terms(prediction, observations, 0),
         comparison=comparison(prediction, observations),
         response=fine.check.response,
@@ -119,7 +126,10 @@ def identify(
     if found.held is not None:
         result = replace(result, held_answer=held_answer(found, result.estimates[MOVED]))
     warnings = collect_warnings(
-        result, checks=prepared.checks, interface=shot.interface, lost_replicates=lost_replicates
+        result,
+        checks=prepared.checks,
+        interface=shot.interface,
+        lost_replicates=0 if replicates is None else replicates.lost,
     )
     said = (*cause_warnings(causes), *warnings, *known.warnings, *found.freed.said(shot))
     return replace(result, warnings=said)

@@ -15,13 +15,16 @@ import numpy as np
 from doe import Box
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import CoarseOptimum, search_coarse
+from kolsky.inverse.estimates import paper_route
 from kolsky.inverse.free_parameters import Freed, choose, rough
+from kolsky.inverse.front_noise import learn_front_noise, weigh_front_noise
 from kolsky.inverse.gauss_newton import MOVED, Beside, search_by_gauss_newton
 from kolsky.inverse.optimum import on_edge
 from kolsky.inverse.parameters import PARAMETERS, design_box
 from kolsky.inverse.prepared_shot import PreparedShot
 from kolsky.inverse.quadratic_fit import search_by_quadratic
 from kolsky.inverse.refined_search import RefinedOptimum, search_by_single_runs, slides
+from kolsky.inverse.result import Route
 from kolsky.inverse.settings import Settings
 from kolsky.inverse.staged_runs import Progress, StagedRuns
 from kolsky.inverse.surrogate_mesh_search import search_meshes
@@ -60,11 +63,11 @@ class Search:
     held: HeldSearch | None = None
     """What the stiffness factor alone would have given; None where it was alone."""
 
-    @property
-    def paper_runs(self) -> tuple[Box, StagedRuns]:
-        """Box and simulations that the paper's cost is fitted to: the paper held all but the stiffness."""
-        stages = self.stages if self.held is None else self.held.stages
-        return stages.box, stages
+    def paper_route(self) -> Route:
+        """The optimum of the paper's cost; as in the paper all but the stiffness is held, if it was tried."""
+        if self.held is None:
+            return paper_route(self.stages.box, self.stages.table)
+        return paper_route(self.held.stages.box, self.held.stages.table, self.held.values)
 
 
 def search_shot(prepared: PreparedShot, settings: Settings, progress: Progress) -> Search:
@@ -92,6 +95,8 @@ def search_shot(prepared: PreparedShot, settings: Settings, progress: Progress) 
         )
         if stages.box.dimension == 1 or rough(shot, {**freed.free, **freed.settings.held}):
             coarse = search_coarse(stages)
+            replicates = stages.replicate(coarse.x) if settings.replicates else None
+            coarse = weigh_front_noise(stages, coarse, replicates)
             alone = stages.box.dimension == 1 and not slides(stages)
             fine = search_by_single_runs(stages, coarse) if alone else search_by_quadratic(stages, coarse)
             return Search(freed, stages, coarse, fine)
@@ -113,6 +118,9 @@ def _several(freed: Freed, stages: StagedRuns) -> Search | dict[str, str]:
     lost = untold(box, coarse.x, coarse.sigma)
     if freed.by_default and lost:
         return lost
+    if stages.settings.replicates:
+        near = optima.get(stages.settings.replicate_mesh, coarse)
+        learn_front_noise(stages, stages.replicate(near.x))
     found = search_by_gauss_newton(stages, optima, None if held is None else start)
     lost = untold(box, found[1].x, found[1].sigma)
     if freed.by_default and lost:

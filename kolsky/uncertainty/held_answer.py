@@ -24,7 +24,8 @@ def held_answer(found: Search, estimate: Estimate) -> HeldAnswer | None:
     found
         The search; its stages have run the replicates.
     estimate
-        The stiffness factor with all of them free: the share of the numerics is taken from it.
+        The stiffness factor with all of them free: the mesh's correction and the share of the numerics are
+        taken from it.
     """
     held, fine = found.held, found.fine
     if held is None or held.refined is None:
@@ -42,7 +43,7 @@ def held_answer(found: Search, estimate: Estimate) -> HeldAnswer | None:
     vector = vector + slope @ step
     objective = objective.with_discrepancy(vector)
     parts = [
-        float(np.sqrt(objective.covariance(slope, vector)[0, 0])),
+        float(np.sqrt(objective.residual_covariance(slope, vector)[0, 0])),
         estimate.sigma_numerical,
         *_noise(found.stages, objective, slope),
         *_declared(found.stages, held, fine, objective, slope),
@@ -50,7 +51,7 @@ def held_answer(found: Search, estimate: Estimate) -> HeldAnswer | None:
     return HeldAnswer(
         name=MOVED,
         held=dict(held.values),
-        value=float(x[0] + step[0]),
+        value=float(x[0] + step[0]) + estimate.mesh_correction,
         sigma=float(np.hypot.reduce(parts)),
         **_misfit(objective, vector, ""),
         **_misfit(fine.objective, fine.objective.vectors(fine.check.prediction)[0], "free_"),
