@@ -17,6 +17,10 @@
 from dataclasses import replace
 
 from kolsky.diagnosis.causes import cause_warnings, find_causes
+from kolsky.diagnosis.clocks import clock_lags
+from kolsky.diagnosis.fit_quality import fit_quality
+from kolsky.diagnosis.sources import residual_sources
+from kolsky.diagnosis.verdicts import fit_warnings, judged
 from kolsky.inverse.estimates import (
     comparison,
     curves,
@@ -95,6 +99,8 @@ def identify(
     causes = find_causes(stages, fine.x, fine.check.response.select([0]))
 
     observations, prediction = stages.observations, fine.check.prediction
+    vector = fine.objective.vectors(prediction)[0]
+    changes = residual_sources(sources, known.directions, shot.uncertainty)
     result = Identification(
         shot=shot.name,
         estimates=estimates(
@@ -119,10 +125,12 @@ def identify(
         curves=curves(fine.box, fine.objective, fine.model, fine.x),
         surrogate=surrogate_quality(stages, coarse, fine),
         seconds=stages.seconds,
+        fit=fit_quality(fine.objective, vector, fine.jacobian, names=box.names, changes=changes),
+        clocks=clock_lags(shot, fine.check.response, fine.objective, fine.jacobian, changes),
         causes=causes.findings,
         provenance=provenance(shot, settings, prepared, sliding=any_slides([*box.names, *settings.held])),
     )
-    result = add_method_comparison(known.added_to(result), stages, fine.objective)
+    result = judged(add_method_comparison(known.added_to(result), stages, fine.objective))
     if found.held is not None:
         result = replace(result, held_answer=held_answer(found, result.estimates[MOVED]))
     warnings = collect_warnings(
@@ -131,5 +139,5 @@ def identify(
         interface=shot.interface,
         lost_replicates=0 if replicates is None else replicates.lost,
     )
-    said = (*cause_warnings(causes), *warnings, *known.warnings, *found.freed.said(shot))
-    return replace(result, warnings=said)
+    said = (*fit_warnings(result), *cause_warnings(causes), *warnings, *known.warnings)
+    return replace(result, warnings=(*said, *found.freed.said(shot)))

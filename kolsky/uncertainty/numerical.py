@@ -17,15 +17,15 @@ from kolsky.inverse.staged_runs import StagedRuns
 
 ORDER = 2.5
 """Order of the mesh error in the parameters, fitted over both elements by `benchmarks.mesh_order`."""
-ELEMENT_ORDER = 1.6
+ELEMENT_ORDER = 1.4
 """Order at which the answers of the two elements come together, fitted likewise."""
 MISSED = 0.5
 """Standard uncertainty of the correction over its size: what the fitted order misses in one test."""
 UNKNOWN = 1.0
 """The same where the other element could not be run."""
-BETWEEN = 12.0**0.5
-"""Distance of the two elements' answers over its standard uncertainty: the truth may lie anywhere between
-them (a rectangular distribution, GUM 4.3.7)."""
+BETWEEN = 3.0**0.5
+"""Distance of the two elements' answers over the standard uncertainty of this one: the truth may lie anywhere
+between them, the root mean square of its distance from one end is a root of three less."""
 
 
 @dataclass(frozen=True)
