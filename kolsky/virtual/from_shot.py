@@ -59,7 +59,7 @@ def specification_of(shot: Shot, folder: Path, *, answer: Mapping[str, float]) -
         )
     path = shot.flyer_path
     start = max(path.start, shot.window[0])
-    times = np.append(np.arange(start, path.end, KNOT), path.end)
+    times = np.linspace(start, path.end, int(np.ceil((path.end - start) / KNOT)) + 1)
     moved = path.position(times)
     write_table(folder / MOTION, {"time (s)": times, "displacement (m)": moved - moved[0]})
     static = int((flyer.time <= start + 1e-9).sum())
