@@ -47,6 +47,14 @@ def whole_numbers(option: str, text: str) -> list[int]:
     return sorted(found)
 
 
+def plain_or_text(value: object) -> object:
+    """ "0.3" as a number, "0.3 %" as it is: a plain number of the command line has no quotes to lose."""
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
+
+
 def physical(option: str, text: str, unit: str, *, positive: bool = False) -> float:
     """ "0.2 um/N" as a number in a unit of SI; above zero if it must be positive."""
     from kolsky.base.units import UnitError, quantity
