@@ -151,4 +151,5 @@ def _findings(result: Identification) -> dict[str, Any]:
             for other in result.variations
         ],
         "posterior": posterior,
+        "held_answer": None if result.held_answer is None else vars(result.held_answer),
     }
