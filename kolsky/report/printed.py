@@ -10,6 +10,7 @@ from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Estimate, Identification, Route, Verdict
 from kolsky.report import numbers
 from kolsky.report.display_units import estimate_in_display_units, in_display_units
+from kolsky.report.fit_table import printed_fit
 from kolsky.report.nomenclature import factor_of
 from kolsky.report.sensitivity_table import printed_sensitivities
 
@@ -29,7 +30,7 @@ def answer(e: Estimate) -> str:
 
 
 def details(found: Identification) -> dict[str, str]:
-    """Return verdict, interval, uncertainties and optima of all routes: names and values."""
+    """Return verdict, interval, uncertainties, optima of all routes, fit and clocks: names and values."""
     found = in_display_units(found)
     rows = [("shot", found.shot)]
     for name, e in found.estimates.items():
@@ -50,7 +51,8 @@ def details(found: Identification) -> dict[str, str]:
         ]
         rows += [(f"{symbol}, {method.name}", _distant(method, name, U)) for method in found.methods[1:]]
     symbols = {name: _symbol(name) for name in found.estimates}
-    return {**dict(rows), **_causes(found), **printed_sensitivities(found, symbols)}
+    causes = _causes(found)
+    return {**dict(rows), **printed_fit(found, symbols), **causes, **printed_sensitivities(found, symbols)}
 
 
 def _causes(found: Identification) -> dict[str, str]:
