@@ -15,6 +15,10 @@
 from dataclasses import replace
 
 from kolsky.diagnosis.causes import cause_warnings, find_causes
+from kolsky.diagnosis.clocks import clock_lags
+from kolsky.diagnosis.fit_quality import fit_quality
+from kolsky.diagnosis.sources import residual_sources
+from kolsky.diagnosis.verdicts import fit_warnings, judged
 from kolsky.inverse.coarse_search import search_coarse
 from kolsky.inverse.estimates import (
     comparison,
@@ -97,6 +101,8 @@ def identify(
     causes = find_causes(stages, fine.x, fine.check.response.select([0]))
 
     observations, prediction = stages.observations, fine.check.prediction
+    vector = fine.objective.vectors(prediction)[0]
+    changes = residual_sources(sources, known.directions, shot.uncertainty)
     result = Identification(
         shot=shot.name,
         estimates=estimates(
@@ -121,14 +127,18 @@ def identify(
         curves=curves(fine.box, fine.objective, fine.model, fine.x),
         surrogate=surrogate_quality(stages, coarse, fine),
         seconds=stages.seconds,
+        fit=fit_quality(fine.objective, vector, fine.jacobian, names=box.names, changes=changes),
+        clocks=clock_lags(shot, fine.check.response, fine.objective, fine.jacobian, changes),
         causes=causes.findings,
         provenance=provenance(shot, settings, prepared, sliding=any_slides([*settings.free, *settings.held])),
     )
-    result = add_method_comparison(known.added_to(result), stages, fine.objective)
+    result = judged(add_method_comparison(known.added_to(result), stages, fine.objective))
     warnings = collect_warnings(
         result,
         checks=prepared.checks,
         interface=shot.interface,
         lost_replicates=0 if replicates is None else replicates.lost,
     )
-    return replace(result, warnings=(*cause_warnings(causes), *warnings, *known.warnings))
+    return replace(
+        result, warnings=(*fit_warnings(result), *cause_warnings(causes), *warnings, *known.warnings)
+    )
