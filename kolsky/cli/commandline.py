@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from kolsky.base.errors import InputError
+from kolsky.cli.budget import budget
 from kolsky.cli.calibrate import calibrate
 from kolsky.cli.channels import channels
 from kolsky.cli.check import check
@@ -46,6 +47,7 @@ COMMANDS: dict[str, Command] = {
     "simulate": simulate,
     "plan": plan,
     "sweep": sweep,
+    "budget": budget,
     "film": film,
     "material reference-curve": reference_curve,
     "material fit": material_fit,
