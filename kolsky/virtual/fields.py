@@ -16,6 +16,8 @@ Relative = Annotated[float, BeforeValidator(f.physical("1"))]
 """A relative difference of any sign [-]."""
 Noise = Annotated[float, BeforeValidator(f.physical("V", ">= 0", "a standard deviation"))]
 """Standard deviation of a voltage [V]."""
+Width = Annotated[float, BeforeValidator(f.physical("m", ">= 0", "a length"))]
+"""A length that may be zero: of something that is not there [m]."""
 
 
 def _numbers(values: object) -> tuple[float, ...]:

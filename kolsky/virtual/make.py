@@ -115,7 +115,7 @@ def _batches(
     groups: dict[Any, list[tuple[ShotSpecification, Path]]] = {}
     for shot, folder in todo:
         try:
-            key = Job.of(shot.quantities).group
+            key = Job.of(shot.quantities, shot.folder).group
         except ValueError as error:
             raise _refused(shot, error) from None
         groups.setdefault(key, []).append((shot, folder))
@@ -125,12 +125,14 @@ def _batches(
 
 def _made(batch: Sequence[tuple[ShotSpecification, Path]], device: str, threads: int | None) -> list[Made]:
     try:
-        truths = simulate_truths([shot.quantities for shot, _ in batch], device=device, threads=threads)
+        truths = simulate_truths(
+            [shot.quantities for shot, _ in batch], folder=batch[0][0].folder, device=device, threads=threads
+        )
     except (TruthError, ValueError) as error:
         raise _refused(batch[0][0], error) from None
     for (shot, folder), truth in zip(batch, truths, strict=True):
         try:
-            write_shot(shot, truth, folder)
+            write_shot(shot, truth, folder, device=device, threads=threads)
         except ValueError as error:
             raise _refused(shot, error) from None
     return [Made(shot.name, folder, fresh=True) for shot, folder in batch]
@@ -140,7 +142,14 @@ def _refused(shot: ShotSpecification, error: Exception) -> InputError:
     return InputError(shot.folder, f"{shot.name} cannot be made: {error}")
 
 
-def write_shot(shot: ShotSpecification, truth: Truth, folder: Path) -> None:
+def write_shot(
+    shot: ShotSpecification,
+    truth: Truth,
+    folder: Path,
+    *,
+    device: str = "cpu",
+    threads: int | None = None,
+) -> None:
     """Write the folder of one shot, whole or not at all; the truth last.
 
     Raises
@@ -174,6 +183,13 @@ def write_shot(shot: ShotSpecification, truth: Truth, folder: Path) -> None:
         strain, stress = measure_curve(q, shot=number)
         slow = {"nominal strain (-)": strain, "nominal stress (Pa)": stress}
         write_table(partial / "quasi_static.csv", slow)
+        answer = _answer(shot)
+        if q.cameras.write:
+            from kolsky.virtual.pictures import write_pictures
+
+            made = write_pictures(q, truth.surface, partial, shot=number, device=device, threads=threads)
+            tables |= made.tables
+            answer["cameras"] = made.answer
         (partial / "shot.toml").write_text(toml_text(tables, name=shot.name), encoding="utf-8")
         surface = truth.surface
         np.savez_compressed(
@@ -187,7 +203,7 @@ def write_shot(shot: ShotSpecification, truth: Truth, folder: Path) -> None:
             transmitted=truth.transmitted.astype(np.float32),
             incident=truth.incident.astype(np.float32),
         )
-        (partial / TRUTH).write_text(json.dumps(_answer(shot), indent=1), encoding="utf-8")
+        (partial / TRUTH).write_text(json.dumps(answer, indent=1), encoding="utf-8")
 
 
 def _answer(shot: ShotSpecification) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from kolsky.shot.schema.apparatus import TransmissionSection
 from kolsky.shot.schema.section import Section
 from kolsky.shot.schema.uncertainty import UncertaintySection
 from kolsky.virtual import fields as v
+from kolsky.virtual.cameras import CalibrationTable, CamerasTable, OpticsTable, SpeckleTable
 from kolsky.virtual.imperfections import Imperfections
 
 
@@ -100,7 +101,7 @@ class MotionTable(Section):
     """Share of the speed that is lost from the ramp's end to the record's end [-]; ramp only."""
     file: f.FileName | None = None
     """Table of a sampled motion, beside the specification: time (s), displacement (m)."""
-    flyer_mass: f.Mass = 0.030
+    flyer_mass: f.Mass = 0.026
     """Platen and transducer together, which fly [kg]."""
     flyer_diameter: f.Length = 15e-3
     flyer_length: f.Length = 20e-3
@@ -227,6 +228,10 @@ class Specification(Section):
     incident: IncidentTable = IncidentTable()
     frames: FramesTable = FramesTable()
     exports: ExportsTable = ExportsTable()
+    cameras: CamerasTable = CamerasTable()
+    optics: OpticsTable = OpticsTable()
+    speckle: SpeckleTable = SpeckleTable()
+    calibration: CalibrationTable = CalibrationTable()
     imperfections: Imperfections = Imperfections()
     uncertainty: UncertaintySection | None = None
     """Copied to the shot file's [uncertainty]."""

@@ -1,0 +1,290 @@
+"""The kernels: grey values along rays, and their mean over each pixel through the lens."""
+
+import warp as wp
+
+from dic.synthetic.kernels.hit import FAR, Bodies, on_body
+
+
+@wp.struct
+class View:
+    """A camera, its rays and its lamp."""
+
+    rays: wp.array2d(dtype=wp.vec2d)
+    pad: wp.int32
+    fine: wp.int32
+    turn: wp.mat33d
+    centre: wp.vec3d
+    haze: wp.array3d(dtype=wp.vec2f)
+    haze_pitch: wp.float64
+    lamp: wp.vec3f
+    ambient: wp.float32
+    gloss: wp.float32
+    background: wp.float32
+    focus: wp.float64
+    coc: wp.float64
+
+
+@wp.func
+def haze_at(view: View, f: wp.int32, x: wp.float64, y: wp.float64):
+    """Displacement of a pixel by the air in frame f [px]."""
+    u = wp.clamp(x / view.haze_pitch, wp.float64(0.0), wp.float64(view.haze.shape[2]) - wp.float64(1.001))
+    v = wp.clamp(y / view.haze_pitch, wp.float64(0.0), wp.float64(view.haze.shape[1]) - wp.float64(1.001))
+    i = wp.int32(wp.floor(u))
+    j = wp.int32(wp.floor(v))
+    a = wp.float32(u - wp.float64(i))
+    b = wp.float32(v - wp.float64(j))
+    one = wp.float32(1.0)
+    moved = (one - b) * ((one - a) * view.haze[f, j, i] + a * view.haze[f, j, i + 1]) + b * (
+        (one - a) * view.haze[f, j + 1, i] + a * view.haze[f, j + 1, i + 1]
+    )
+    return wp.vec2d(wp.float64(moved[0]), wp.float64(moved[1]))
+
+
+@wp.func
+def direction(view: View, f: wp.int32, row: wp.int32, column: wp.int32):
+    """Direction of a ray in the scene's frame, of length 1 along the view; the lens undone.
+
+    `View.rays` holds the ideal points of whole pixels; between them the lens bends by 1e-6 px at most.
+    """
+    fine = wp.float64(view.fine)
+    half = wp.float64(0.5)
+    x = (wp.float64(column) + half) / fine - half
+    y = (wp.float64(row) + half) / fine - half
+    if view.haze.shape[0] > 0:
+        moved = haze_at(view, f, x, y)
+        x = x + moved[0]
+        y = y + moved[1]
+    x = x + wp.float64(1.0)  # the first of `rays` is one pixel before the first that is rendered
+    y = y + wp.float64(1.0)
+    i = wp.clamp(wp.int32(wp.floor(x)), 0, view.rays.shape[1] - 2)
+    j = wp.clamp(wp.int32(wp.floor(y)), 0, view.rays.shape[0] - 2)
+    a = x - wp.float64(i)
+    b = y - wp.float64(j)
+    one = wp.float64(1.0)
+    ideal = (one - b) * ((one - a) * view.rays[j, i] + a * view.rays[j, i + 1]) + b * (
+        (one - a) * view.rays[j + 1, i] + a * view.rays[j + 1, i + 1]
+    )
+    return wp.mul(wp.transpose(view.turn), wp.vec3d(ideal[0], ideal[1], one))
+
+
+@wp.func
+def texel(bodies: Bodies, b: wp.int32, arc: wp.float64, along: wp.float64):
+    """Reflectance of body b, bilinear between its texels; beyond them that of the nearest."""
+    shape = bodies.texel_shape[b]
+    origin = bodies.texel_origin[b]
+    u = wp.clamp(
+        (arc - origin[0]) / bodies.texel_pitch[b], wp.float64(0.0), wp.float64(shape[1]) - wp.float64(1.001)
+    )
+    v = wp.clamp(
+        (along - origin[1]) / bodies.texel_pitch[b], wp.float64(0.0), wp.float64(shape[0]) - wp.float64(1.001)
+    )
+    i = wp.int32(wp.floor(u))
+    j = wp.int32(wp.floor(v))
+    a = wp.float32(u - wp.float64(i))
+    c = wp.float32(v - wp.float64(j))
+    at = bodies.texel_first[b] + wp.int64(j) * wp.int64(shape[1]) + wp.int64(i)
+    below = at + wp.int64(shape[1])
+    one = wp.float32(1.0)
+    near = (one - a) * bodies.texels[at] + a * bodies.texels[at + wp.int64(1)]
+    far = (one - a) * bodies.texels[below] + a * bodies.texels[below + wp.int64(1)]
+    return (one - c) * near + c * far
+
+
+@wp.func
+def reflectance(bodies: Bodies, q: wp.int32, b: wp.int32, x: wp.vec3d, k: wp.int32, share: wp.float64):
+    """Reflectance at a place of body b in its own frame; loose paint is read where it came from."""
+    along = bodies.along[k] + share * (bodies.along[k + 1] - bodies.along[k])
+    angle = wp.atan2(wp.float32(x[0]), wp.float32(x[2]))
+    arc = bodies.radius[b] * wp.float64(angle)
+    patch = bodies.patch[b]
+    if patch[2] > wp.float64(0.0):
+        off = wp.vec2d(arc - patch[0], along - patch[1])
+        inside = wp.float64(1.0) - wp.dot(off, off) / (patch[2] * patch[2])
+        if inside > wp.float64(0.0):
+            arc = arc - inside * inside * bodies.slip[q, b][0]
+            along = along - inside * inside * bodies.slip[q, b][1]
+    return texel(bodies, b, arc, along)
+
+
+@wp.func
+def lit(view: View, shine: wp.float32, paint: wp.float32, n: wp.vec3d, toward: wp.vec3d):
+    """Light from a place: diffuse by Lambert, with a highlight by Blinn and Phong."""
+    normal = wp.normalize(wp.vec3f(wp.float32(n[0]), wp.float32(n[1]), wp.float32(n[2])))
+    eye = wp.normalize(wp.vec3f(wp.float32(toward[0]), wp.float32(toward[1]), wp.float32(toward[2])))
+    facing = wp.max(wp.dot(normal, view.lamp), wp.float32(0.0))
+    light = paint * (view.ambient + (wp.float32(1.0) - view.ambient) * facing)
+    if shine > wp.float32(0.0):
+        between = wp.normalize(eye + view.lamp)
+        light = light + shine * wp.pow(wp.max(wp.dot(normal, between), wp.float32(0.0)), view.gloss)
+    return light
+
+
+@wp.func
+def bodies_ray(
+    view: View,
+    bodies: Bodies,
+    begin: wp.array(dtype=wp.int32),
+    weight: wp.array(dtype=wp.float32),
+    f: wp.int32,
+    row: wp.int32,
+    column: wp.int32,
+):
+    """Light along a ray, a mean over the instants of the exposure, and the depth at the last; 0: none."""
+    d = direction(view, f, row, column)
+    light = wp.float32(0.0)
+    away = wp.float32(0.0)
+    for q in range(begin[f], begin[f + 1]):
+        nearest = FAR
+        seen = view.background
+        for b in range(bodies.first.shape[0]):
+            o = wp.mul(bodies.turn[q, b], view.centre - bodies.place[q, b])
+            e = wp.mul(bodies.turn[q, b], d)
+            across = e[0] * e[0] + e[2] * e[2]
+            s0 = -(o[0] * e[0] + o[2] * e[2]) / across
+            p = o + s0 * e
+            s, share, k = on_body(bodies, q, b, p, e)
+            if k >= 0 and s + s0 < nearest:
+                nearest = s + s0
+                x = p + s * e
+                paint = reflectance(bodies, q, b, x, k, share)
+                normal = wp.vec3d(wp.float64(0.0), wp.float64(1.0), wp.float64(0.0))
+                if wp.abs(bodies.y[q, k + 1] - bodies.y[q, k]) > wp.float64(1.0e-12):
+                    g = bodies.slope[q, k] + share * (bodies.slope[q, k + 1] - bodies.slope[q, k])
+                    rho = wp.max(wp.sqrt(x[0] * x[0] + x[2] * x[2]), wp.float64(1.0e-12))
+                    normal = wp.vec3d(x[0] / rho, -g, x[2] / rho)
+                elif e[1] > wp.float64(0.0):
+                    normal = -normal
+                seen = lit(view, bodies.shine[b], paint, wp.mul(wp.transpose(bodies.turn[q, b]), normal), -d)
+        light = light + weight[q] * seen
+        away = wp.float32(0.0)
+        if nearest < FAR:
+            away = wp.float32(nearest)
+    return light, away
+
+
+@wp.kernel(enable_backward=False)
+def cast_bodies(
+    view: View,
+    bodies: Bodies,
+    begin: wp.array(dtype=wp.int32),
+    weight: wp.array(dtype=wp.float32),
+    frame: wp.int32,
+    run: wp.int32,
+    grey: wp.array3d(dtype=wp.float32),
+    depth: wp.array3d(dtype=wp.float32),
+):
+    """Rays of bodies: one a thread on a GPU, a row of them on a CPU."""
+    here, row, column = wp.tid()
+    for c in range(column, column + run):
+        light, away = bodies_ray(view, bodies, begin, weight, frame + here, row, c)
+        grey[here, row, c] = light
+        if row % view.fine == view.fine // 2 and c % view.fine == view.fine // 2:
+            depth[here, row // view.fine, c // view.fine] = away
+
+
+@wp.func
+def board_ray(view: View, bodies: Bodies, f: wp.int32, row: wp.int32, column: wp.int32):
+    """Light along a ray on a flat board z = 0 of body 0's frame, and the depth; beside it the background."""
+    d = direction(view, f, row, column)
+    o = wp.mul(bodies.turn[f, 0], view.centre - bodies.place[f, 0])
+    e = wp.mul(bodies.turn[f, 0], d)
+    s = -o[2] / e[2]
+    x = o[0] + s * e[0]
+    y = o[1] + s * e[1]
+    origin = bodies.texel_origin[0]
+    wide = wp.float64(bodies.texel_shape[0][1] - 1) * bodies.texel_pitch[0]
+    high = wp.float64(bodies.texel_shape[0][0] - 1) * bodies.texel_pitch[0]
+    light = view.background
+    away = wp.float32(0.0)
+    inside = x >= origin[0] and x <= origin[0] + wide and y >= origin[1] and y <= origin[1] + high
+    if s > wp.float64(0.0) and inside:
+        light = texel(bodies, 0, x, y)
+        away = wp.float32(s)
+    return light, away
+
+
+@wp.kernel(enable_backward=False)
+def cast_board(
+    view: View,
+    bodies: Bodies,
+    frame: wp.int32,
+    run: wp.int32,
+    grey: wp.array3d(dtype=wp.float32),
+    depth: wp.array3d(dtype=wp.float32),
+):
+    """Rays of a board: one a thread on a GPU, a row of them on a CPU."""
+    here, row, column = wp.tid()
+    for c in range(column, column + run):
+        light, away = board_ray(view, bodies, frame + here, row, c)
+        grey[here, row, c] = light
+        if row % view.fine == view.fine // 2 and c % view.fine == view.fine // 2:
+            depth[here, row // view.fine, c // view.fine] = away
+
+
+@wp.func
+def level_of(
+    view: View, table: wp.array2d(dtype=wp.float32), sharpest: wp.float32, step: wp.float32, away: wp.float32
+):
+    """Row of the table for a place at that depth: a whole number and the part above it."""
+    level = wp.int32(0)
+    part = wp.float32(0.0)
+    if table.shape[0] > 1 and away > wp.float32(0.0):
+        disc = wp.float32(view.coc * (wp.float64(1.0) / view.focus - wp.float64(1.0) / wp.float64(away)))
+        wide = wp.sqrt(sharpest * sharpest + disc * disc / wp.float32(16.0))
+        part = wp.clamp(
+            (wide - sharpest) / step, wp.float32(0.0), wp.float32(table.shape[0]) - wp.float32(1.001)
+        )
+        level = wp.int32(part)
+        part = part - wp.float32(level)
+    return level, part
+
+
+@wp.kernel(enable_backward=False)
+def across(
+    view: View,
+    table: wp.array2d(dtype=wp.float32),
+    sharpest: wp.float32,
+    step: wp.float32,
+    grey: wp.array3d(dtype=wp.float32),
+    depth: wp.array3d(dtype=wp.float32),
+    run: wp.int32,
+    lines: wp.array3d(dtype=wp.float32),
+):
+    """Rays gathered along the rows: the integral over a pixel's width of what the lens makes of the light.
+
+    `table` holds the weights of a pixel's rays along one axis for lenses of the standard deviations
+    `sharpest`, `sharpest + step`, ... [px]. Away from the plane of focus the circle of confusion, a disc of
+    diameter coc |1/focus - 1/depth|, adds a sixteenth of its square to the variance.
+    """
+    here, row, column = wp.tid()
+    for c in range(column, column + run):
+        level, part = level_of(view, table, sharpest, step, depth[here, row // view.fine, c + view.pad])
+        above = wp.min(level + 1, table.shape[0] - 1)
+        light = wp.float32(0.0)
+        for i in range(table.shape[1]):
+            w = table[level, i] + part * (table[above, i] - table[level, i])
+            light = light + w * grey[here, row, c * view.fine + i]
+        lines[here, row, c] = light
+
+
+@wp.kernel(enable_backward=False)
+def down(
+    view: View,
+    table: wp.array2d(dtype=wp.float32),
+    sharpest: wp.float32,
+    step: wp.float32,
+    lines: wp.array3d(dtype=wp.float32),
+    depth: wp.array3d(dtype=wp.float32),
+    run: wp.int32,
+    picture: wp.array3d(dtype=wp.float32),
+):
+    """The same along the columns."""
+    here, row, column = wp.tid()
+    for c in range(column, column + run):
+        level, part = level_of(view, table, sharpest, step, depth[here, row + view.pad, c + view.pad])
+        above = wp.min(level + 1, table.shape[0] - 1)
+        light = wp.float32(0.0)
+        for j in range(table.shape[1]):
+            w = table[level, j] + part * (table[above, j] - table[level, j])
+            light = light + w * lines[here, row * view.fine + j, c]
+        picture[here, row, c] = light

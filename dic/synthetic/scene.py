@@ -1,0 +1,156 @@
+"""What the cameras see: bodies of revolution at the instants of the exposures, a lamp, and the air."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dic.arrays import FloatArray
+from dic.synthetic.texture import Texture
+
+
+@dataclass(frozen=True)
+class Instants:
+    """Instants at which a series of frames is computed: each frame is a weighted mean over some of them."""
+
+    begin: np.ndarray
+    """First instant of each frame, and the number of all behind the last, shape [n_frames + 1]."""
+    time: FloatArray
+    """Times [s], shape [n_instants]."""
+    weight: FloatArray
+    """Shares of their frame, which sum to 1, shape [n_instants]."""
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return len(self.begin) - 1
+
+
+def exposures(times: FloatArray, exposure: float, points: np.ndarray | int = 1) -> Instants:
+    """Instants of frames whose shutters are open for `exposure`, centred on `times`.
+
+    Gauss-Legendre points: n of them integrate motion blur of a polynomial of degree 2 n - 1 exactly.
+
+    Parameters
+    ----------
+    times
+        Middle of each exposure [s], shape [n_frames].
+    exposure
+        How long the shutter is open [s]; 0 freezes all motion.
+    points
+        How many instants a frame gets, one number or one a frame.
+
+    Raises
+    ------
+    ValueError
+        A negative exposure or a number of points below 1.
+    """
+    counts = np.broadcast_to(np.asarray(points, dtype=np.int64), (len(times),))
+    if not (np.isfinite(exposure) and exposure >= 0.0):
+        raise ValueError(f"exposure must be finite and not negative, got {exposure}")
+    if np.any(counts < 1):
+        raise ValueError(f"points must be at least 1 a frame, got {counts.min()}")
+    at, share = [], []
+    for time, count in zip(times, counts, strict=True):
+        node, weight = np.polynomial.legendre.leggauss(int(count))
+        at.append(time + 0.5 * exposure * node)
+        share.append(0.5 * weight)
+    begin = np.concatenate([[0], np.cumsum(counts)])
+    return Instants(begin, np.concatenate(at), np.concatenate(share))
+
+
+@dataclass(frozen=True)
+class RevolvedBody:
+    """A body of revolution about y of its own frame; its generator is a polyline that may move."""
+
+    y: FloatArray
+    """Nodes of the generator along the axis [m], shape [n_instants or 1, n_nodes]."""
+    r: FloatArray
+    """Their radii [m], shape [n_instants or 1, n_nodes]."""
+    along: FloatArray
+    """Material place of the nodes along the generator, where the texture is read [m], shape [n_nodes]."""
+    radius: float
+    """Radius at which an angle becomes a material place around, θ radius [m]."""
+    texture: Texture
+    """Its paint; θ = 0 faces +z."""
+    place: FloatArray = field(default_factory=lambda: np.zeros((1, 3)))
+    """Origin of its frame in the scene's [m], shape [n_instants or 1, 3]."""
+    turn: FloatArray = field(default_factory=lambda: np.eye(3))
+    """Rotation from the scene's frame to its own, shape [3, 3] or [n_instants, 3, 3]."""
+    shine: float = 0.0
+    """Height of a highlight over white paint [-]."""
+    patch: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Middle (around, along) and radius [m] of paint that has come off and slides; radius 0: none."""
+    slip: FloatArray = field(default_factory=lambda: np.zeros((1, 2)))
+    """How far its middle has slid around and along [m], shape [n_instants or 1, 2]."""
+
+    def __post_init__(self) -> None:
+        n = len(self.along)
+        if self.y.ndim != 2 or self.y.shape != self.r.shape or self.y.shape[1] != n or n < 2:
+            raise ValueError(f"y, r and along need one node each, got {self.y.shape}, {self.r.shape}, {n}")
+        if not (np.all(np.isfinite(self.y)) and np.all(np.isfinite(self.r)) and np.all(self.r >= 0.0)):
+            raise ValueError("nodes of a generator must be finite, with radii that are not negative")
+
+    @property
+    def slope(self) -> FloatArray:
+        """dr/dy at the nodes, a mean over the two sides of smooth places, shape [n_instants or 1, n_nodes].
+
+        Where a segment is a disc across the axis, its other neighbour alone counts.
+        """
+        rise, run = np.diff(self.r, axis=1), np.diff(self.y, axis=1)
+        flat = np.abs(run) < 1e-12
+        each = np.where(flat, 0.0, rise / np.where(flat, 1.0, run))
+        weight = np.where(flat, 0.0, np.hypot(rise, run))
+        total, sides = np.zeros(self.y.shape), np.zeros(self.y.shape)
+        for part in (slice(0, -1), slice(1, None)):
+            total[:, part] += weight * each
+            sides[:, part] += weight
+        return np.asarray(total / np.where(sides > 0.0, sides, 1.0))
+
+
+def closed(y: FloatArray, r: FloatArray, along: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """A side surface with a disc at each end: nodes of the whole generator, `y`, `r` and `along`."""
+    end = np.zeros((len(y), 1))
+    first, last = along[0] - r[:, 0].max(), along[-1] + r[:, -1].max()
+    return (
+        np.concatenate([y[:, :1], y, y[:, -1:]], axis=1),
+        np.concatenate([end, r, end], axis=1),
+        np.concatenate([[first], along, [last]]),
+    )
+
+
+def cylinder(
+    radius: float, length: float, texture: Texture, *, place: FloatArray, turn: FloatArray | None = None,
+    shine: float = 0.0,
+) -> RevolvedBody:  # fmt: skip
+    """A rigid right cylinder from y = 0 to y = length of its own frame, material place 0 at y = 0."""
+    y, r, along = closed(np.array([[0.0, length]]), np.array([[radius, radius]]), np.array([0.0, length]))
+    return RevolvedBody(
+        y=y, r=r, along=along, radius=radius, texture=texture, place=place,
+        turn=np.eye(3) if turn is None else turn, shine=shine,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """Light on the scene."""
+
+    direction: tuple[float, float, float] = (0.0, 0.3, 1.0)
+    """Toward the lamp, of any length."""
+    ambient: float = 1.0
+    """Share of the light that comes from everywhere; 1 shades nothing."""
+    gloss: float = 60.0
+    """Exponent of the highlights: the larger, the smaller."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Bodies, lamp and background of a series of frames."""
+
+    instants: Instants
+    """When the frames are taken."""
+    bodies: tuple[RevolvedBody, ...]
+    """Every body that may be in view."""
+    lamp: Lamp = field(default_factory=Lamp)
+    """The light."""
+    background: float = 0.05
+    """Reflectance where there is no body [-]."""
