@@ -134,7 +134,9 @@ def notes_of(found: Survey) -> dict[str, str]:
         if np.isfinite(first):
             notes["force.baseline"] = f"the record begins at {microseconds(first)} {SHIFT}"
         if voltage_of(force) is None:
-            notes["force.voltage"] = "one of " + ", ".join(column.toml() for column in force.columns[:8])
+            notes["force.voltage"] = "one of " + ", ".join(
+                c.toml() for c in force.columns[:9] if c != force.time
+            )
     return notes
 
 

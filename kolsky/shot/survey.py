@@ -37,7 +37,7 @@ _SCOPE_ROWS = 200
 """Fewest samples of a table without volts that is taken for a recording of the force."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FoundColumn:
     """One column of a table, as its heading names it."""
 

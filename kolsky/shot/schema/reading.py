@@ -78,7 +78,10 @@ class TomlFile:
             problems = []
         known = {p.key for p in problems if p.message == FILL_IN}
         cure = "write its value between the quotes"
-        problems += [self.error(key, FILL_IN, cure=cure) for key in sorted(empty - known)]
+        problems += [
+            InputError(self.path, FILL_IN, line=line_of(self.lines, key), key=key, cure=cure)
+            for key in sorted(empty - known)
+        ]
         once = {(p.key, p.message): p for p in reversed(problems)}.values()
         refuse(sorted(once, key=lambda p: (p.line is None, p.line)))
         raise AssertionError("unreachable: there is a problem")
