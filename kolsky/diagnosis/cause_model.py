@@ -91,7 +91,11 @@ class CauseModel:
         factors = {point.changed.motion: None for point in points}
         paths = tuple(prepared.path if f == 1.0 else prepared.path.scaled(f) for f in factors)
         forward = replace(_forward(prepared.forward, points[0].changed.specimen), paths=paths)
-        rows = [{**settings.held, **dict(zip(names, p.x, strict=True)), **p.changed.values} for p in points]
+        at = self.stages.solver_values(np.array([p.x for p in points]), settings.numerics.mesh)
+        rows = [
+            {**settings.held, **dict(zip(names, x, strict=True)), **p.changed.values}
+            for p, x in zip(points, at, strict=True)
+        ]
         named = {name for row in rows for name in row}
         values = {name: np.array([row.get(name, _declared(forward, name)) for row in rows]) for name in named}
         motion = [list(factors).index(point.changed.motion) for point in points]
@@ -144,7 +148,8 @@ class CauseModel:
         jerks = leading_patterns(path.covariance, np.diff(path.knots), PATTERNS)
         paths = (path, *(replace(path, jerk=path.jerk + jerk) for jerk in jerks.T))
         forward = replace(stages.prepared.forward, paths=paths)
-        values = {**stages.settings.held, **dict(zip(stages.box.names, self.x, strict=True))}
+        (at,) = stages.solver_values(self.x[None], numerics.mesh)
+        values = {**stages.settings.held, **dict(zip(stages.box.names, at, strict=True))}
         response = forward.run(values, numerics, motion=np.arange(len(paths)))
         self.runs += len(paths)
         vectors = np.array(

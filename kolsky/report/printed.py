@@ -9,6 +9,7 @@ from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Estimate, Identification, Route, Verdict
 from kolsky.report import numbers
 from kolsky.report.display_units import estimate_in_display_units, in_display_units
+from kolsky.report.fit_table import printed_fit
 from kolsky.report.sensitivity_table import printed_sensitivities
 
 _POWER = re.compile(" × 10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)")
@@ -27,7 +28,7 @@ def answer(e: Estimate) -> str:
 
 
 def details(found: Identification) -> dict[str, str]:
-    """Return verdict, interval, uncertainties and optima of all routes: names and values."""
+    """Return verdict, interval, uncertainties, optima of all routes, fit and clocks: names and values."""
     found = in_display_units(found)
     rows = [("shot", found.shot)]
     for name, e in found.estimates.items():
@@ -48,7 +49,7 @@ def details(found: Identification) -> dict[str, str]:
         ]
         rows += [(f"{symbol}, {method.name}", _distant(method, name, U)) for method in found.methods[1:]]
     symbols = {name: _symbol(name) for name in found.estimates}
-    return {**dict(rows), **printed_sensitivities(found, symbols)}
+    return {**dict(rows), **printed_fit(found, symbols), **printed_sensitivities(found, symbols)}
 
 
 def columns(rows: Mapping[str, Any]) -> list[str]:

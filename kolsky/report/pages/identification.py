@@ -10,6 +10,7 @@ from kolsky.inverse.result import Identification
 from kolsky.report import nomenclature, numbers
 from kolsky.report.display_units import in_display_units
 from kolsky.report.figures import RECORDINGS, REGISTRY
+from kolsky.report.fit_table import fit_tables
 from kolsky.report.nomenclature import in_words, name_of, route_label
 from kolsky.report.pages.identification_tables import (
     answer,
@@ -78,6 +79,7 @@ def render(identification: Identification, recordings: Recorded | None = None, *
         figures=figures,
         answers=[answer(estimate) for estimate in result.estimates.values()],
         facts=facts(result),
+        fit=fit_tables(result),
         fixed=fixed(result),
         check=check_run(result),
         runs=runs(result),
