@@ -20,7 +20,7 @@ from kolsky.diagnosis.causes import cause_warnings, find_causes
 from kolsky.diagnosis.clocks import clock_lags
 from kolsky.diagnosis.corrected import corrected
 from kolsky.diagnosis.fit_quality import fit_quality
-from kolsky.diagnosis.sources import residual_sources
+from kolsky.diagnosis.sources import declared_changes, residual_sources
 from kolsky.diagnosis.verdicts import fit_warnings, judged
 from kolsky.inverse.estimates import (
     comparison,
@@ -89,12 +89,15 @@ def identify(
         roughness=fine.roughness,
     )
     gain = fine.objective.gain(fine.jacobian)
-    optima = search_routes(fine.box, fine.objective, fine.model)
-    by_route = [budgeted(box.names, one, sources) for one in optima]
     optimum = LinearisedOptimum.of(
         fine.x, fine.box, fine.objective, fine.model, fine.surrogate, smooth=fine.roughness is None
     )
     known = analyse(stages, optimum, fine.check.prediction, bayes=settings.bayes)
+
+    optima = search_routes(fine.box, fine.objective, fine.model)
+    if known.directions is not None:
+        sources = replace(sources, declared=declared_changes(known.directions, shot.uncertainty))
+    by_route = [budgeted(box.names, one, sources) for one in optima]
 
     stages.progress("causes", 0, 1)
     causes = find_causes(stages, fine.x, fine.check.response.select([0]))
