@@ -72,7 +72,8 @@ def test_late_records_come_earlier() -> None:
     np.testing.assert_allclose(flyer(early).time, flyer(right()).time - late, atol=1e-15)
     assert early.window == (right().window[0], pytest.approx(flyer(right()).time[-1] - late))
     line, moved = right().centre_line, put_right(right(), inputs.OUTLINE_CLOCK, late).centre_line
-    assert line is not None and moved is not None
+    assert line is not None
+    assert moved is not None
     np.testing.assert_allclose(moved.time, line.time - late, atol=1e-15)
 
 
@@ -80,7 +81,9 @@ def test_places_scales_and_the_specimen() -> None:
     line = right().centre_line
     height = put_right(right(), inputs.Y_OFFSET, -1e-4).centre_line
     radius = put_right(right(), inputs.Z_OFFSET, -2e-5).centre_line
-    assert line is not None and height is not None and radius is not None
+    assert line is not None
+    assert height is not None
+    assert radius is not None
     np.testing.assert_allclose(height.y, line.y - 1e-4, atol=1e-15)
     np.testing.assert_allclose(radius.Z, line.Z - 2e-5, atol=1e-15)
     scaled = flyer(put_right(right(), inputs.SCALE, 1.01))
