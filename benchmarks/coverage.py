@@ -1,7 +1,9 @@
-"""Does the interval cover the truth as often as it says? `python -m benchmarks.coverage`.
+"""Does the interval cover the truth as often as it says? `python -m benchmarks.coverage --out FOLDER`.
 
 Every experiment is identified by `kolsky.identification.identify` itself, as a laboratory would, from its own
-noisy force, outline, flyer and curve. Counted is how often the k = 2 interval holds the true value.
+noisy force, outline, flyer and curve. Counted is how often the k = 2 interval holds the true value. The
+folder keeps every answer, a file an experiment, and a folder beside it every truth: called again, the study
+goes on where it stopped.
 """
 
 import argparse
@@ -9,181 +11,234 @@ import json
 import os
 import platform
 import time
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
-from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.coverage_counts import joined, summary
-from benchmarks.coverage_problem import FloatArray, draw, experiment, template, truths
+from benchmarks.coverage_counts import summary
+from benchmarks.coverage_problem import BONDED, GROUP, SLIDING, FloatArray, drawn, experiment, simulate
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.settings import Settings
 
-NAMES = {"m": "stiffness_factor", "f": "friction", "beta": "damping"}
-BOUNDS = {"stiffness_factor": (0.75, 1.5), "friction": (0.05, 0.8), "damping": (5e-6, 6e-5)}
-"""Bounds of the design; every truth lies well inside."""
-BATCH = 50
-"""Truths of one batch on a CPU; their forces must fit into memory."""
+NAMES = {"m": "stiffness_factor", "f": "friction", "beta": "damping", "nu": "poisson"}
+USUAL = Settings()
+"""Meshes and replicates of a laboratory that changes nothing."""
 
 
 @dataclass(frozen=True)
 class Study:
-    """What is asked."""
+    """What is asked; two studies that are equal here have the same experiments and the same answers."""
 
     free: tuple[str, ...]
-    """Free parameters."""
-    experiments: int
-    """How many."""
-    mesh: tuple[int, int] = (16, 22)
+    """Free parameters; the others are held at their true values."""
+    mesh: tuple[int, int] = USUAL.numerics.mesh
     """The surrogate's mesh."""
-    refined_mesh: tuple[int, int] = (32, 44)
+    refined_mesh: tuple[int, int] = USUAL.refined_mesh
     """The mesh of the answer."""
-    truth_mesh: tuple[int, int] = (48, 66)
+    truth_mesh: tuple[int, int] = (96, 129)
     """The mesh of the truth, of F-bar elements."""
     device: str = "cpu"
     """Where both are run."""
     seed: int = 1
     """Of the truths and of all noise."""
-    rows: tuple[int, int] | None = None
-    """First experiment, and the one after the last, of those that are done now; all if left out."""
+
+    def __post_init__(self) -> None:
+        finest = max(self.mesh[0], self.refined_mesh[0])
+        if self.truth_mesh[0] < 1.5 * finest:
+            raise ValueError(
+                f"the truth's mesh has {self.truth_mesh[0]} elements across the radius, must have 1.5 times "
+                f"the {finest} of the identification: a truth as coarse as the answer flatters it"
+            )
 
     @property
-    def numbers(self) -> range:
-        """The experiments that are done now."""
-        return range(*(self.rows or (0, self.experiments)))
+    def interface(self) -> str:
+        """Contact law of faces and side."""
+        return SLIDING if "friction" in self.free else BONDED
 
 
 @dataclass(frozen=True)
 class Found:
     """One experiment and its answer; NaN where there is none."""
 
+    number: int
     truth: dict[str, float]
     value: dict[str, float]
     sigma: dict[str, float]
     """Combined standard uncertainty."""
-    sigma_noise: dict[str, float]
-    sigma_numerical: dict[str, float]
+    correction: dict[str, float]
+    """What the extrapolation to an infinitely fine mesh has added to the value."""
     parts: dict[str, dict[str, float]]
     """Standard uncertainties of each parameter by source, of the noise and of the numerics."""
-    mesh_shift: dict[str, float]
-    profile: dict[str, tuple[float, float]]
-    """95 % interval of the profile likelihood, noise of force and shape alone."""
+    routes: dict[str, dict[str, list[float]]]
+    """Value and standard uncertainty of each parameter by the force and the outline alone."""
+    profile: dict[str, list[float]]
+    """95 % interval of the profile likelihood, on the refined mesh."""
     outcome: str
     """Verdicts, or why there is no answer."""
+    warnings: list[str]
     seconds: float
 
 
-def identified(study: Study, number: int, truth: dict[str, float], force: FloatArray, Z: FloatArray) -> Found:
+def identified(study: Study, number: int, force: FloatArray, Z: FloatArray) -> Found:
     """Identify one experiment."""
     started = time.perf_counter()
+    setup, truth = drawn(number, study.seed)
     rng = np.random.default_rng([study.seed, 1, number])
-    interface = "coulomb" if "friction" in study.free else "bonded"
-    shot = experiment(number, force, Z, interface, rng)
+    shot = experiment(number, setup, truth, (force, Z), study.interface, rng)
+    threads = 1 if study.device == "cpu" else None
     settings = Settings(
-        free={name: BOUNDS[name] for name in study.free},
-        numerics=Numerics(mesh=study.mesh, device=study.device, threads=1),
+        free=dict.fromkeys(study.free),
+        numerics=Numerics(mesh=study.mesh, device=study.device, threads=threads),
         refined_mesh=study.refined_mesh,
-        replicate_mesh=study.mesh,
         seed=study.seed + number,
     )
+    true = {name: float(getattr(truth, name)) for name in study.free}
     nothing = dict.fromkeys(study.free, float("nan"))
     try:
         result = identify(shot, settings)
     except ValueError as error:
-        return Found(truth, nothing, nothing, nothing, nothing, {}, nothing, {}, str(error), _since(started))
+        parts: dict[str, dict[str, float]] = {name: {} for name in study.free}
+        lost = (nothing, nothing, nothing, parts, {}, {}, str(error), [])
+        return Found(number, true, *lost, time.perf_counter() - started)
     e = result.estimates
-
-    def each(field: str) -> dict[str, float]:
-        return {name: float(getattr(e[name], field)) for name in study.free}
-
     return Found(
-        truth=truth,
-        value=each("value"),
-        sigma=each("sigma"),
-        sigma_noise=each("sigma_noise"),
-        sigma_numerical=each("sigma_numerical"),
+        number=number,
+        truth=true,
+        value={name: e[name].value for name in study.free},
+        sigma={name: e[name].sigma for name in study.free},
+        correction={name: e[name].mesh_correction for name in study.free},
         parts={name: {**e[name].noise_parts, **e[name].numerical_parts} for name in study.free},
-        mesh_shift=each("mesh_shift"),
-        profile={profile.name: profile.interval for profile in result.profiles},
+        routes={
+            route.name: {name: [route.parameters[name], route.sigma[name]] for name in study.free}
+            for route in result.routes
+            if route.sigma
+        },
+        profile={profile.name: list(profile.interval) for profile in result.profiles},
         outcome="; ".join(sorted({estimate.outcome.value for estimate in e.values()})),
-        seconds=_since(started),
+        warnings=list(result.warnings),
+        seconds=time.perf_counter() - started,
     )
 
 
-def run(study: Study, *, workers: int) -> tuple[list[Found], dict[str, float]]:
-    """All experiments, and the seconds that the truths and the identifications took."""
+def make_truths(study: Study, folder: Path, numbers: list[int]) -> str:
+    """Simulate the exact force and outline of some experiments of one group, and keep them."""
     started = time.perf_counter()
-    draws = draw(study.free, study.experiments, np.random.default_rng([study.seed, 0]))
-    seen, forces, radii = template(), [], []
-    size = BATCH if study.device == "cpu" else study.experiments
-    numbers = study.numbers
-    for first in range(numbers.start, numbers.stop, size):
-        rows = slice(first, min(first + size, numbers.stop))
-        part = type(draws)({name: value[rows] for name, value in draws.values.items()}, draws.interface)
-        force, Z = truths(part, seen, mesh=study.truth_mesh, device=study.device)
-        forces.append(force)
-        radii.append(Z)
-    made = _since(started)
-    started = time.perf_counter()
-    truth = [{name: float(draws.values[name][i]) for name in study.free} for i in numbers]
-    work = (numbers, truth, np.concatenate(forces), np.concatenate(radii))
+    pairs = [drawn(number, study.seed) for number in numbers]
+    seen = simulate(
+        pairs[0][0],
+        [truth for _, truth in pairs],
+        mesh=study.truth_mesh,
+        device=study.device,
+        interface=study.interface,
+    )
+    for number, (force, Z) in zip(numbers, seen, strict=True):
+        place = _truth_file(study, folder, number)
+        place.parent.mkdir(parents=True, exist_ok=True)
+        partial = place.with_suffix(".part.npz")
+        np.savez_compressed(partial, force=force, Z=Z)
+        partial.replace(place)
+    return f"truths {numbers[0]} to {numbers[-1]}: {time.perf_counter() - started:.0f} s"
+
+
+def answer(study: Study, folder: Path, number: int) -> str:
+    """Identify one experiment whose truth is kept, and keep the answer."""
+    with np.load(_truth_file(study, folder, number)) as stored:
+        found = identified(study, number, stored["force"], stored["Z"])
+    place = _answer_file(folder, number)
+    partial = place.with_suffix(".part")
+    partial.write_text(json.dumps(asdict(found)) + "\n")
+    partial.replace(place)
+    errors = [f"{name} {found.value[name] - true:+.2g}" for name, true in found.truth.items()]
+    limits = [f"{2.0 * found.sigma[name]:.2g}" for name in found.truth]
+    said = ", ".join(f"{error} ({limit})" for error, limit in zip(errors, limits, strict=True))
+    return f"experiment {number}: {said}; {found.outcome}; {found.seconds:.0f} s"
+
+
+def run(study: Study, folder: Path, numbers: list[int], *, workers: int) -> list[dict[str, Any]]:
+    """Answers of the experiments, in their order; those that the folder holds are read.
+
+    Raises
+    ------
+    ValueError
+        If the folder holds another study.
+    """
+    _hold_study(study, folder)
+    missing = [n for n in numbers if not _answer_file(folder, n).exists()]
+    without = [n for n in missing if not _truth_file(study, folder, n).exists()]
+    groups = [[n for n in without if n // GROUP == group] for group in sorted({n // GROUP for n in without})]
     if workers == 1:
-        found = list(map(partial(identified, study), *work))
+        for group in groups:
+            print(make_truths(study, folder, group), flush=True)
+        for number in missing:
+            print(answer(study, folder, number), flush=True)
     else:
         with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-            found = list(pool.map(partial(identified, study), *work))
-    return found, {"truths": made, "identifications": _since(started)}
+            for done in as_completed([pool.submit(make_truths, study, folder, group) for group in groups]):
+                print(done.result(), flush=True)
+            for done in as_completed([pool.submit(answer, study, folder, n) for n in missing]):
+                print(done.result(), flush=True)
+    return [json.loads(_answer_file(folder, n).read_text()) for n in numbers]
 
 
 def main() -> None:
-    """Run a study and write it."""
+    """Run a study, or what is left of it, and sum it up."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--free", default="m", help="m, or m,f,beta")
+    parser.add_argument("--free", default="m", help="m, or m,beta or m,nu,beta or m,f,beta")
     parser.add_argument("--experiments", type=int, default=200)
-    parser.add_argument("--mesh", default="16x22", help="of the surrogate")
-    parser.add_argument("--refined-mesh", default="32x44", help="of the answer")
-    parser.add_argument("--truth-mesh", default="48x66", help="of the truth, F-bar")
+    parser.add_argument("--mesh", default=_written(Study.mesh), help="of the surrogate")
+    parser.add_argument("--refined-mesh", default=_written(Study.refined_mesh), help="of the answer")
+    parser.add_argument("--truth-mesh", default=_written(Study.truth_mesh), help="of the truth, F-bar")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--workers", type=int, default=1, help="processes that identify")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--rows", help="FIRST:STOP, a part of the experiments; the parts are then joined")
-    parser.add_argument("--join", type=Path, nargs="+", help="files of parts: sum them up, run nothing")
-    parser.add_argument("--out", type=Path, help="JSON file")
+    parser.add_argument("--rows", help="FIRST:STOP, a part of the experiments")
+    parser.add_argument("--out", type=Path, required=True, help="folder; a study that it holds is continued")
     given = parser.parse_args()
-    if given.join:
-        _tell(joined([json.loads(path.read_text()) for path in given.join]), given.out)
-        return
     study = Study(
         free=tuple(NAMES[name] for name in given.free.split(",")),
-        experiments=given.experiments,
         mesh=_mesh(given.mesh),
         refined_mesh=_mesh(given.refined_mesh),
         truth_mesh=_mesh(given.truth_mesh),
         device=given.device,
         seed=given.seed,
-        rows=None if given.rows is None else _rows(given.rows),
     )
-    found, seconds = run(study, workers=given.workers)
+    first, stop = map(int, (given.rows or f"0:{given.experiments}").split(":"))
+    started = time.perf_counter()
+    each = run(study, given.out, list(range(first, stop)), workers=given.workers)
     machine = {"device": given.device, "processor": platform.machine(), "cores": os.cpu_count() or 1}
-    each = [asdict(one) for one in found]
+    seconds = {
+        "this call": time.perf_counter() - started,
+        "each": float(np.mean([e["seconds"] for e in each])),
+    }
     said = {"machine": machine, "study": asdict(study), "workers": given.workers, "seconds": seconds}
-    _tell({**said, **summary(each, study.refined_mesh[0] / study.mesh[0]), "each": each}, given.out)
+    whole = {**said, **summary(each)}
+    print(json.dumps(whole, indent=2))
+    (given.out / "summary.json").write_text(json.dumps({**whole, "each": each}, indent=1) + "\n")
 
 
-def _tell(said: dict[str, Any], out: Path | None) -> None:
-    print(json.dumps({key: value for key, value in said.items() if key != "each"}, indent=2))
-    if out is not None:
-        out.write_text(json.dumps(said, indent=1) + "\n")
+def _hold_study(study: Study, folder: Path) -> None:
+    """Write what the folder is of, or refuse a folder of something else; the device may change."""
+    folder.mkdir(parents=True, exist_ok=True)
+    said = json.loads(json.dumps({key: value for key, value in asdict(study).items() if key != "device"}))
+    place = folder / "study.json"
+    if place.exists() and json.loads(place.read_text()) != said:
+        raise ValueError(f"{place} is of another study: {place.read_text().strip()}; give another --out")
+    place.write_text(json.dumps(said) + "\n")
 
 
-def _rows(text: str) -> tuple[int, int]:
-    first, stop = text.split(":")
-    return int(first), int(stop)
+def _answer_file(folder: Path, number: int) -> Path:
+    return folder / f"answer-{number:04d}.json"
+
+
+def _truth_file(study: Study, folder: Path, number: int) -> Path:
+    """Truths do not depend on what is free, but on the interface: studies beside each other share them."""
+    mesh = _written(study.truth_mesh)
+    return folder.parent / f"truths-{study.seed}-{mesh}-{study.interface}" / f"truth-{number:04d}.npz"
 
 
 def _mesh(text: str) -> tuple[int, int]:
@@ -191,8 +246,8 @@ def _mesh(text: str) -> tuple[int, int]:
     return int(across), int(along)
 
 
-def _since(started: float) -> float:
-    return time.perf_counter() - started
+def _written(mesh: tuple[int, int]) -> str:
+    return f"{mesh[0]}x{mesh[1]}"
 
 
 if __name__ == "__main__":

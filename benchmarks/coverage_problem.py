@@ -1,29 +1,20 @@
-"""Made-up experiments with a known answer: the benchmarks' test on a fine mesh, seen with open-01's noise.
+"""Made-up experiments with a known answer, in groups of one specimen size and one camera speed.
 
-The truth is another element, F-bar, on a finer mesh than any that the identification uses, driven by the
-exact path of the flyer and the exact curve. What the instruments report of it has the noise of open-01.
+The truth is another element, F-bar, on a mesh at least 1.5 times finer than any that the identification uses,
+driven by the exact path of the flyer and the exact curve. All else differs from experiment to experiment:
+material curve, stiffness factor, Poisson's ratio, damping, friction, the flyer's speed, rise, shape and drag,
+and the noise of every instrument.
 """
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import betainc
 
 import explicit
-from benchmarks.problem import (
-    DAMPING,
-    DENSITY,
-    LENGTH,
-    POISSON,
-    RADIUS,
-    SECOND,
-    SHEAR_MODULUS,
-    THIRD,
-    flyer,
-    stroke,
-)
 from explicit.materials import marlow_from_curve
 from kolsky.bars.flyer.front_path import BarForce
 from kolsky.base.apparatus import Interface, Specimen
@@ -33,160 +24,294 @@ from kolsky.shot.records import ModelSettings, Shot
 
 FloatArray = NDArray[np.float64]
 
-FRAME = 1.0 / 120e3
-"""Time from frame to frame [s]."""
-STATIC = 12
-"""Frames at rest, before the motion."""
-END = 1.35e-3
-"""Last time that is compared [s]."""
-SAMPLE = 0.5e-6
-"""Time from sample to sample of the force [s]."""
+GROUP = 10
+"""Experiments that share specimen size, density and frame rate, and are simulated as one batch."""
+STATIC, MOVING = 12, 160
+"""Frames at rest, and from the beginning of the motion to the end of the window."""
+SAMPLES = 2700
+"""Samples of the force from the beginning of the motion to the end of the window."""
 HEIGHTS = np.linspace(0.08, 0.92, 14)
 """Where the outline is seen, over the specimen's length at the time [-]."""
-FORCE_SIGMA = 0.146
-"""Noise of a sample of the force [N]; open-01's."""
-FLYER_SIGMA = 1e-6
-"""Noise of a displacement of the flyer [m]; open-01's."""
-OUTLINE_SIGMA = 4e-6
-"""Noise of a point of the outline [m]; open-01's."""
-CURVE_SIGMA = 0.002
-"""Noise of a stress of the quasi-static curve, relative to it [-]; open-01's."""
+FORCE_SIGMA, FLYER_SIGMA, OUTLINE_SIGMA, CURVE_SIGMA = 0.146, 1e-6, 4e-6, 0.002
+"""Noise of open-01: of a sample of the force [N], a displacement of the flyer [m], a point of the outline
+[m], a stress of the quasi-static curve over it [-]. Each experiment has its own share of it, see `NOISE`."""
+NOISE = (0.6, 1.6)
+"""Range of an instrument's noise over that of open-01, drawn evenly in its logarithm [-]."""
 BONDED, SLIDING = "bonded", "coulomb"
-FRICTION = 0.3
-"""Where the interface slides and friction is not drawn [-]."""
+KNOTS = 4097
+"""Knots of the flyer's exact path in the solver."""
+STRETCH = np.linspace(1.0, 0.36, 65)
+"""Stretches of the quasi-static test, from rest outward [-]."""
 
 
 @dataclass(frozen=True)
-class Draws:
-    """True parameters of the experiments."""
+class Setup:
+    """What the experiments of a group share."""
 
-    values: Mapping[str, FloatArray]
-    """Parameter name -> value of each experiment, shape [n]."""
-    interface: str
-    """Law of faces and side."""
+    diameter: float
+    """Of the specimen [m]."""
+    length: float
+    """Of the specimen [m]."""
+    density: float
+    """Of the specimen [kg/m^3]."""
+    speed: float
+    """Of a flyer that just reaches `strain` at the end of the window [m/s]."""
+    strain: float
+    """Nominal compression at the end of the window under that flyer [-]."""
+
+    @property
+    def end(self) -> float:
+        """Last time that is compared [s]."""
+        return self.strain * self.length / self.speed
+
+    @property
+    def frames(self) -> FloatArray:
+        """Times of the frames, static ones included [s], shape [STATIC + MOVING]."""
+        return np.arange(1 - STATIC, MOVING + 1) * (self.end / MOVING)
+
+    @property
+    def samples(self) -> FloatArray:
+        """Times of the samples of the force [s], shape [SAMPLES + 1]."""
+        return np.linspace(0.0, self.end, SAMPLES + 1)
 
 
-RANGES = {"stiffness_factor": (0.9, 1.3), "friction": (0.15, 0.45), "damping": (1.5e-5, 3.5e-5)}
-"""Where the true parameters are drawn from, uniformly."""
+@dataclass(frozen=True)
+class Truth:
+    """One experiment's true values and its instruments' noise."""
+
+    stiffness_factor: float
+    poisson: float
+    damping: float
+    friction: float
+    shear_modulus: float
+    """mu_0 [Pa]."""
+    second: float
+    third: float
+    """2 U' = mu_0 (1 + second (I1 - 3) + third (I1 - 3)^2) [-]."""
+    speed: float
+    """Of the flyer [m/s]."""
+    rise: float
+    """Time in which it gets there [s]."""
+    start_power: float
+    end_power: float
+    """Exponents a, b of the incomplete beta function that the velocity rises by [-]."""
+    drag: float
+    """Share of its speed that the flyer has lost when it has gone the specimen's length [-]."""
+    force_sigma: float
+    flyer_sigma: float
+    outline_sigma: float
+    curve_sigma: float
+    """Noise of the instruments, in the units of `FORCE_SIGMA` and its neighbours."""
 
 
-def draw(free: tuple[str, ...], n: int, rng: np.random.Generator) -> Draws:
-    """True parameters: those that are free from `RANGES`, the others at the problem's values."""
-    held = {"stiffness_factor": 1.0, "friction": FRICTION, "damping": DAMPING}
-    interface = SLIDING if "friction" in free else BONDED
-    return Draws(
-        {
-            name: rng.uniform(*RANGES[name], size=n) if name in free else np.full(n, value)
-            for name, value in held.items()
-        },
-        interface,
+RANGES = {
+    "stiffness_factor": (0.9, 1.3),
+    "poisson": (0.9985, 0.9993),  # twice the ratio
+    "damping": (1.5e-5, 3.5e-5),
+    "friction": (0.15, 0.45),
+}
+"""Where the true parameters are drawn from, evenly; Poisson's ratio doubled."""
+
+
+def draw_setup(rng: np.random.Generator) -> Setup:
+    """Specimen, camera and speed of a group."""
+    diameter = rng.uniform(7e-3, 12e-3)
+    return Setup(
+        diameter=diameter,
+        length=diameter * rng.uniform(0.5, 0.85),
+        density=rng.uniform(820.0, 1100.0),
+        speed=float(np.exp(rng.uniform(np.log(1.3), np.log(4.0)))),
+        strain=rng.uniform(0.42, 0.5),
     )
 
 
-def times() -> tuple[FloatArray, FloatArray]:
-    """Times of the frames, static ones included, and of the samples of the force [s]."""
-    frames = FRAME * np.arange(-STATIC + 1, int(END / FRAME) + 1)
-    return frames, SAMPLE * np.arange(int(END / SAMPLE) + 1)
+def draw_truth(setup: Setup, rng: np.random.Generator) -> Truth:
+    """True values of one experiment."""
+
+    def noise(usual: float) -> float:
+        return float(usual * np.exp(rng.uniform(*np.log(NOISE))))
+
+    return Truth(
+        stiffness_factor=rng.uniform(*RANGES["stiffness_factor"]),
+        poisson=0.5 * rng.uniform(*RANGES["poisson"]),
+        damping=rng.uniform(*RANGES["damping"]),
+        friction=rng.uniform(*RANGES["friction"]),
+        shear_modulus=float(np.exp(rng.uniform(np.log(15e3), np.log(45e3)))),
+        second=rng.uniform(0.1, 0.3),
+        third=rng.uniform(0.02, 0.1),
+        speed=setup.speed * rng.uniform(0.9, 1.0),
+        rise=rng.uniform(40e-6, 90e-6),
+        start_power=rng.uniform(2.2, 4.0),
+        end_power=rng.uniform(2.2, 4.0),
+        drag=rng.uniform(0.0, 0.2),
+        force_sigma=noise(FORCE_SIGMA),
+        flyer_sigma=noise(FLYER_SIGMA),
+        outline_sigma=noise(OUTLINE_SIGMA),
+        curve_sigma=noise(CURVE_SIGMA),
+    )
 
 
-def curve() -> tuple[FloatArray, FloatArray]:
-    """Stretch and exact nominal stress [Pa] of the quasi-static test, from rest outward."""
-    stretch = np.linspace(1.0, 0.36, 65)
-    shift = stretch**2 + 2.0 / stretch - 3.0
-    stress = (stretch - stretch**-2) * SHEAR_MODULUS * (1.0 + SECOND * shift + THIRD * shift**2)
-    return stretch, stress
+def drawn(number: int, seed: int) -> tuple[Setup, Truth]:
+    """Setup and truth of an experiment by its number: no other experiment is needed to know them."""
+    setup = draw_setup(np.random.default_rng([seed, 2, number // GROUP]))
+    return setup, draw_truth(setup, np.random.default_rng([seed, 3, number]))
 
 
-def template() -> Observations:
+def stroke(t: FloatArray, setup: Setup, truth: Truth) -> FloatArray:
+    """Displacement of the flyer toward the specimen [m] at times [s], of their shape."""
+    undragged = truth.speed * _risen(t, truth)
+    if truth.drag == 0.0:
+        return undragged
+    way = setup.length / -np.log1p(-truth.drag)
+    return np.asarray(way * -np.expm1(-undragged / way))
+
+
+def velocity(t: FloatArray, setup: Setup, truth: Truth) -> FloatArray:
+    """Time derivative of `stroke` [m/s]."""
+    s = np.clip(t / truth.rise, 0.0, 1.0)
+    rising = truth.speed * betainc(truth.start_power, truth.end_power, s)
+    lost = 0.0 if truth.drag == 0.0 else -np.log1p(-truth.drag) / setup.length
+    return np.asarray(rising * np.exp(-lost * truth.speed * _risen(t, truth)))
+
+
+def _risen(t: FloatArray, truth: Truth) -> FloatArray:
+    """Integral of the risen share of the velocity [s].
+
+    Of the incomplete beta function I_s(a, b) it is s I_s(a, b) - a / (a + b) I_s(a + 1, b).
+    """
+    a, b, s = truth.start_power, truth.end_power, np.clip(t / truth.rise, 0.0, 1.0)
+    within = s * betainc(a, b, s) - a / (a + b) * betainc(a + 1.0, b, s)
+    return np.asarray(truth.rise * within + np.maximum(t - truth.rise, 0.0))
+
+
+def curve(truth: Truth) -> FloatArray:
+    """Exact nominal stress of the quasi-static test [Pa] at `STRETCH`."""
+    shift = STRETCH**2 + 2.0 / STRETCH - 3.0
+    modulus = truth.shear_modulus * (1.0 + truth.second * shift + truth.third * shift**2)
+    return np.asarray((STRETCH - STRETCH**-2) * modulus)
+
+
+def template(setup: Setup, truth: Truth) -> Observations:
     """Where and when the instruments look; what they read there is of no account."""
-    frames, samples = times()
-    seen = frames[frames > 0.0]
-    y = HEIGHTS * (LENGTH - stroke(seen)[:, None])
-    number = np.repeat(np.arange(len(seen)) + STATIC, len(HEIGHTS))
+    seen = setup.frames[setup.frames > 0.0]
+    y = HEIGHTS * (setup.length - stroke(seen, setup, truth)[:, None])
     line = CentreLine(
         time=np.repeat(seen, len(HEIGHTS)),
-        frame=number.astype(np.int64),
+        frame=np.repeat(np.arange(len(seen)) + STATIC, len(HEIGHTS)).astype(np.int64),
         y=y.ravel(),
-        Z=np.full(y.size, RADIUS),
-        sigma=np.full(y.size, OUTLINE_SIGMA),
+        Z=np.full(y.size, 0.5 * setup.diameter),
+        sigma=np.full(y.size, truth.outline_sigma),
     )
-    force = ForceHistory(samples, np.zeros(len(samples)), np.full(len(samples), FORCE_SIGMA))
-    return observe(force, line, window=(0.0, float(seen[-1])))
+    samples = setup.samples
+    force = ForceHistory(samples, np.zeros(len(samples)), np.full(len(samples), truth.force_sigma))
+    width = setup.end / MOVING
+    return observe(force, line, window=(0.0, float(setup.frames[-1])), bin_width=width)
 
 
-def truths(
-    draws: Draws, observations: Observations, *, mesh: tuple[int, int], device: str
-) -> tuple[FloatArray, FloatArray]:
-    """Exact forces, shape [n, n_samples], and radii at the points, shape [n, n_points].
+def simulate(
+    setup: Setup,
+    truths: Sequence[Truth],
+    *,
+    mesh: tuple[int, int],
+    device: str,
+    element: str = "fbar",
+    interface: str = BONDED,
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Exact force at the samples [N] and radius at the points [m] of every experiment, in one batch.
 
     Raises
     ------
     ValueError
         If a run does not complete, or does not reach a point.
     """
+    knots = np.linspace(0.0, setup.end, KNOTS)
     model = explicit.Model(
-        mesh=explicit.cylinder(RADIUS, LENGTH, n_radial=mesh[0], n_axial=mesh[1], grading=2.0),
-        density=DENSITY,
-        materials=(marlow_from_curve(*curve()),),
-        motions=(flyer(),),
-        faces=draws.interface,
-        side=draws.interface,
-        element="fbar",
+        mesh=explicit.cylinder(
+            0.5 * setup.diameter, setup.length, n_radial=mesh[0], n_axial=mesh[1], grading=2.0
+        ),
+        density=setup.density,
+        materials=tuple(marlow_from_curve(STRETCH, curve(truth)) for truth in truths),
+        motions=tuple(
+            explicit.PlatenMotion(
+                start=0.0,
+                step=float(knots[1]),
+                position=stroke(knots, setup, truth),
+                velocity=velocity(knots, setup, truth),
+            )
+            for truth in truths
+        ),
+        faces=interface,
+        side=interface,
+        element=element,
     )
+    names = ["stiffness_factor", "poisson", "damping"] + (["friction"] if interface == SLIDING else [])
     response = explicit.run(
         model,
-        explicit.Samples.of(**draws.values, poisson=POISSON),
+        explicit.Samples.of(
+            **{name: np.array([getattr(truth, name) for truth in truths]) for name in names},
+            motion=np.arange(len(truths)),
+            material=np.arange(len(truths)),
+        ),
         explicit.Sampling(
-            force_times=observations.force.time, surface_times=observations.frame_times, ledger_every=16
+            force_times=setup.samples, surface_times=setup.frames[setup.frames > 0.0], ledger_every=16
         ),
         device=device,
     )
-    seen = predict(response, observations)
-    if not seen.inside.all():
-        raise ValueError("a point of the outline lies outside the specimen: move HEIGHTS inward")
-    return seen.force, seen.Z
+    found = []
+    for row, truth in enumerate(truths):
+        if not response.completed[row]:
+            raise ValueError(f"the truth {truth} of {setup} ended {response.describe(row)}")
+        seen = predict(response.select([row]), template(setup, truth))
+        if not seen.inside.all():
+            raise ValueError("a point of the outline lies outside the specimen: move HEIGHTS inward")
+        found.append((seen.force[0], seen.Z[0]))
+    return found
 
 
 def experiment(
-    number: int, force: FloatArray, Z: FloatArray, interface: str, rng: np.random.Generator
+    number: int,
+    setup: Setup,
+    truth: Truth,
+    seen: tuple[FloatArray, FloatArray],
+    interface: str,
+    rng: np.random.Generator,
 ) -> Shot:
-    """One experiment: the truth with the instruments' noise, as a shot."""
-    observations = template()
-    line, (frames, _) = observations.centre_line, times()
-    stretch, stress = curve()
-    clean = np.where(frames > 0.0, stroke(frames), 0.0)
+    """One experiment: the truth with the instruments' noise, as a shot that declares what is exact."""
+    observations, (force, Z), frames = template(setup, truth), seen, setup.frames
+    line, stress = observations.centre_line, curve(truth)
+    clean = np.where(frames > 0.0, stroke(frames, setup, truth), 0.0)
     return Shot(
         name=f"experiment {number}",
         folder=Path(),
-        specimen=Specimen(diameter=2.0 * RADIUS, length=LENGTH, density=DENSITY),
-        interface=Interface(faces=interface, side=interface, friction=FRICTION),
+        specimen=Specimen(diameter=setup.diameter, length=setup.length, density=setup.density),
+        interface=Interface(faces=interface, side=interface, friction=truth.friction),
         support="rigid",
         transmission_bar=None,
-        model=ModelSettings(POISSON, DAMPING, "deviatoric", 0.0),
+        model=ModelSettings(truth.poisson, truth.damping, "deviatoric", 0.0),
         force=BarForce(
             ForceHistory(
                 observations.force.time,
-                force + FORCE_SIGMA * rng.standard_normal(force.shape),
+                force + truth.force_sigma * rng.standard_normal(force.shape),
                 observations.force.sigma,
             ),
             sigma_gain=0.0,
         ),
         curve=MaterialCurve(
-            stretch=stretch,
-            stress=stress * (1.0 + CURVE_SIGMA * rng.standard_normal(stress.shape)),
-            sigma=CURVE_SIGMA * np.abs(stress),
+            stretch=STRETCH,
+            stress=stress * (1.0 + truth.curve_sigma * rng.standard_normal(stress.shape)),
+            sigma=truth.curve_sigma * np.abs(stress),
         ),
         inputs={},
         flyer=FlyerMotion(
             time=frames,
-            displacement=clean + FLYER_SIGMA * rng.standard_normal(clean.shape),
-            sigma=np.full(len(frames), FLYER_SIGMA),
+            displacement=clean + truth.flyer_sigma * rng.standard_normal(clean.shape),
+            sigma=np.full(len(frames), truth.flyer_sigma),
         ),
         centre_line=CentreLine(
             time=line.time,
             frame=line.frame,
             y=line.y,
-            Z=Z + OUTLINE_SIGMA * rng.standard_normal(Z.shape),
+            Z=Z + truth.outline_sigma * rng.standard_normal(Z.shape),
             sigma=line.sigma,
         ),
         window=(0.0, float(frames[-1])),

@@ -15,8 +15,21 @@
 from dataclasses import replace
 
 from kolsky.diagnosis.causes import cause_warnings, find_causes
+from kolsky.diagnosis.clocks import clock_lags
+from kolsky.diagnosis.fit_quality import fit_quality
+from kolsky.diagnosis.sources import residual_sources
+from kolsky.diagnosis.verdicts import fit_warnings, judged
 from kolsky.inverse.coarse_search import search_coarse
-from kolsky.inverse.estimates import comparison, curves, estimates, held_values, routes, surrogate_quality
+from kolsky.inverse.estimates import (
+    comparison,
+    curves,
+    estimates,
+    held_values,
+    paper_route,
+    search_routes,
+    surrogate_quality,
+)
+from kolsky.inverse.front_noise import weigh_front_noise
 from kolsky.inverse.misfit import terms
 from kolsky.inverse.parameters import any_slides, design_box
 from kolsky.inverse.prepared_shot import prepare_shot
@@ -30,9 +43,10 @@ from kolsky.inverse.staged_runs import Progress, StagedRuns
 from kolsky.shot.curve import with_pull
 from kolsky.shot.records import Shot
 from kolsky.uncertainty.analyse import analyse
-from kolsky.uncertainty.input_noise import input_noise
-from kolsky.uncertainty.numerical import numerical_uncertainty
+from kolsky.uncertainty.input_noise import input_changes
+from kolsky.uncertainty.numerical import mesh_change, numerical_parts
 from kolsky.uncertainty.profile_likelihood import LinearisedOptimum
+from kolsky.uncertainty.route_budgets import Sources, budgeted, noise_parts, route_difference
 from kolsky.uncertainty.warnings.collect import collect_warnings
 
 
@@ -67,38 +81,43 @@ def identify(
     stages = StagedRuns(prepared, settings, box, progress or (lambda stage, done, total: None))
 
     coarse = search_coarse(stages)
+    replicates = stages.replicate(coarse.x) if settings.replicates else None
+    coarse = weigh_front_noise(stages, coarse, replicates)
     alone = box.dimension == 1 and not slides(stages)
     fine = search_by_single_runs(stages, coarse) if alone else search_by_quadratic(stages, coarse)
 
-    noise, lost_replicates = input_noise(stages, fine)
-    numerical = numerical_uncertainty(
-        fine.mesh_shift,
-        coarse=settings.numerics.mesh[0],
-        fine=settings.refined_mesh[0],
-        element_shift=fine.element_shift,
+    sources = Sources(
+        inputs=input_changes(fine.objective, replicates),
+        mesh=mesh_change(stages, fine),
         roughness=fine.roughness,
     )
-    by_route = routes(fine.box, fine.objective, fine.model, box, stages.table)
+    gain = fine.objective.gain(fine.jacobian)
+    optima = search_routes(fine.box, fine.objective, fine.model)
+    by_route = [budgeted(box.names, one, sources) for one in optima]
     optimum = LinearisedOptimum.of(fine.x, fine.box, fine.objective, fine.model, fine.surrogate)
     known = analyse(stages, optimum, fine.check.prediction, bayes=settings.bayes)
 
     stages.progress("causes", 0, 1)
     causes = find_causes(stages, fine.x, fine.check.response.select([0]))
 
-    observations, prediction = prepared.observations, fine.check.prediction
+    observations, prediction = stages.observations, fine.check.prediction
+    vector = fine.objective.vectors(prediction)[0]
+    changes = residual_sources(sources, known.directions, shot.uncertainty)
     result = Identification(
         shot=shot.name,
         estimates=estimates(
             box,
             fine.x,
-            noise={"force and shape": fine.sigma, **noise},
-            numerical=numerical,
-            mesh_shift=fine.mesh_shift,
+            noise=noise_parts(fine, sources),
+            numerical=numerical_parts(sources.mesh, gain, roughness=sources.roughness),
+            mesh_shift=sources.mesh.shift(gain),
+            mesh_correction=sources.mesh.correction(gain),
             confirmed=fine.confirmed,
             outline=observations.has_shape,
         ),
         fixed=held_values(shot, box, settings.held),
-        routes=by_route,
+        routes=(*by_route, *([paper_route(box, stages.table)] if observations.has_shape else [])),
+        route_difference=route_difference(box.names, optima, sources),
         terms=terms(prediction, observations, 0),
         comparison=comparison(prediction, observations),
         response=fine.check.response,
@@ -108,11 +127,18 @@ def identify(
         curves=curves(fine.box, fine.objective, fine.model, fine.x),
         surrogate=surrogate_quality(stages, coarse, fine),
         seconds=stages.seconds,
+        fit=fit_quality(fine.objective, vector, fine.jacobian, names=box.names, changes=changes),
+        clocks=clock_lags(shot, fine.check.response, fine.objective, fine.jacobian, changes),
         causes=causes.findings,
         provenance=provenance(shot, settings, prepared, sliding=any_slides([*settings.free, *settings.held])),
     )
-    result = add_method_comparison(known.added_to(result), stages, fine.objective)
+    result = judged(add_method_comparison(known.added_to(result), stages, fine.objective))
     warnings = collect_warnings(
-        result, checks=prepared.checks, interface=shot.interface, lost_replicates=lost_replicates
+        result,
+        checks=prepared.checks,
+        interface=shot.interface,
+        lost_replicates=0 if replicates is None else replicates.lost,
     )
-    return replace(result, warnings=(*cause_warnings(causes), *warnings, *known.warnings))
+    return replace(
+        result, warnings=(*fit_warnings(result), *cause_warnings(causes), *warnings, *known.warnings)
+    )

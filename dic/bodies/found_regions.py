@@ -1,5 +1,10 @@
 """Regions of specimen and flyer in the pictures of camera 0, found in the pictures alone.
 
+The flyer is what moves rigidly into the picture (`dic.bodies.followed_edge`). Followed back to rest, its
+edge is the specimen's upper end; where its last rows leave the picture before, the end is one of the few
+rows that are left, or out of view. Where so few rows of it come into view that nothing can be followed,
+looks alone must tell:
+
 Speckles are several pixels wide, so a row of pixels across the axis looks like the row but one beside it.
 Where one body ends and another begins it does not: there the correlation of two rows, one between them, falls
 from 0.7 or more to about nothing, even if both bodies carry the same kind of speckles. At rest this gives the
@@ -13,6 +18,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from dic.arrays import BoolArray, FloatArray
+from dic.bodies.followed_edge import FollowedEdge, follow_edge
 from dic.bodies.region import Region
 from dic.images import PictureError, Pictures
 
@@ -30,6 +36,12 @@ FLANK = 0.3
 """A column of the body has at least this share of the contrast of its middle."""
 FASTEST = 6
 """Rows that the flyer's edge may go from frame to frame [px]."""
+MOST_COLUMNS = 64
+"""Columns that the flyer is followed by [px]."""
+MOST_STILL = 20
+"""Static pictures that the noise is taken from."""
+LOOKS = "rows of pixels that span the flyer's edge look like neither of its sides"
+"""How it was told where nothing could be followed."""
 SMALLEST = 20
 """Rows of a specimen that is taken for one [px]."""
 
@@ -44,6 +56,8 @@ class FoundRegions:
     """The flyer in the last usable frame, a pixel clear of its edge."""
     edge: tuple[float, float]
     """End of the specimen at the transmission platen at rest (x, y) [px]."""
+    why: str = ""
+    """How the flyer was told from the specimen, in words."""
 
 
 def find_regions(pictures: Pictures, static: BoolArray, usable: BoolArray, *, toward: str) -> FoundRegions:
@@ -74,14 +88,29 @@ def find_regions(pictures: Pictures, static: BoolArray, usable: BoolArray, *, to
     mean = _turned(np.mean([pictures.frame(k).astype(np.float64) for k in rest.tolist()], axis=0), toward)
     third = len(mean) // 3
     inner = _inner(_columns(mean[third:-third], "specimen"))  # what lies beside a body is alike in all rows
-    top, bottom, edge = _ends(mean[:, inner])
-    columns = _columns(mean[top : bottom + 1], "specimen")
-    frames = [int(rest[-1]), *moving.tolist()]
-    last, picture, border = _followed(pictures, frames, toward, inner, top - 2, bottom - 2)
-    if border < 3:
-        raise ValueError(
-            "the flyer fills fewer than 3 rows of the last usable picture; declare flyer and its frame"
+    bottom, edge = _lower_end(mean[:, inner])
+    stack, frames = _stack(pictures, [int(rest[-1]), *moving.tolist()], toward, inner)
+    try:
+        followed = follow_edge(stack, _noise(pictures, rest.tolist(), toward, inner))
+    except ValueError as error:
+        top, (last, picture, border), why = (
+            *_by_looks(pictures, frames, toward, inner, mean, bottom, error),
+            LOOKS,
         )
+    else:
+        top = _upper_end(mean[:, inner], followed)
+        last, border = frames[-1], int(np.floor(followed.row[0]))
+        picture = _turned(pictures.frame(last).astype(np.float64), toward)
+        why = (
+            f"the flyer's rows were followed back to frame {frames[followed.frames[-1]]}; beyond its edge "
+            "the "
+            f"pictures vary {followed.contrast:.0f} times as much as within"
+        )
+    if bottom - top < SMALLEST:
+        raise ValueError(
+            f"rows {top} to {bottom} are too few for a specimen; declare specimen and transmission_edge"
+        )
+    columns = _columns(mean[top : bottom + 1], "specimen")
     wide = _columns(picture[:border], "flyer")
     shape = mean.shape
 
@@ -93,6 +122,7 @@ def find_regions(pictures: Pictures, static: BoolArray, usable: BoolArray, *, to
         specimen=Region(corners(columns, (top, bottom)), int(rest[0])),
         flyer=Region(corners(wide, (0, border - 1)), last),
         edge=_back((0.5 * (columns[0] + columns[1]), edge), shape, toward),
+        why=why,
     )
 
 
@@ -106,14 +136,79 @@ def row_correlation(picture: FloatArray) -> FloatArray:
     return np.pad(found, 1, constant_values=1.0)
 
 
-def _ends(mean: FloatArray) -> tuple[int, int, float]:
-    """First and last row of the specimen at rest, and where it ends at the transmission platen [px]."""
-    rows, likeness = len(mean), row_correlation(mean)
+def _stack(
+    pictures: Pictures, wanted: Sequence[int], toward: str, inner: slice
+) -> tuple[FloatArray, list[int]]:
+    """The pictures that can be read, without the uneven light, and their frames."""
+    kept, frames = [], []
+    for k in wanted:
+        try:
+            kept.append(_even(_turned(pictures.frame(k).astype(np.float64), toward)[:, inner]))
+        except PictureError:
+            continue
+        frames.append(k)
+    return np.array(kept), frames
+
+
+def _even(picture: FloatArray) -> FloatArray:
+    """A picture without the uneven light, in so many of its columns as tell enough."""
+    flat = picture - gaussian_filter1d(picture, EVEN, axis=1)
+    return np.asarray(flat[:, :: max(flat.shape[1] // MOST_COLUMNS, 1)])
+
+
+def _noise(pictures: Pictures, rest: Sequence[int], toward: str, inner: slice) -> float:
+    """Standard deviation of the pictures at rest."""
+    if len(rest) < 2:
+        raise ValueError("a single static picture tells no noise")
+    still = _stack(pictures, rest[-MOST_STILL:], toward, inner)[0]
+    return float(np.sqrt(still.var(axis=0, ddof=1).mean()))
+
+
+def _upper_end(mean: FloatArray, followed: FollowedEdge) -> int:
+    """First row of the specimen at rest, a pixel clear of the flyer; `mean` is the picture at rest."""
+    row = float(followed.row[-1])
+    if followed.frames[-1] == 0:  # followed to rest
+        return max(int(np.ceil(row + 0.75)), 2)
+    likeness = row_correlation(mean)
+    pairs = 0.5 * (likeness[:-1] + likeness[1:])
+    limit = CLEAR * float(np.median(likeness))
+    k = int(np.argmin(pairs[: int(np.ceil(row)) + 1]))
+    if pairs[k] < limit or (k == 0 and likeness[1] < limit):
+        return k + 2
+    return 2  # none of its rows are in view at rest
+
+
+def _by_looks(
+    pictures: Pictures,
+    frames: Sequence[int],
+    toward: str,
+    inner: slice,
+    mean: FloatArray,
+    bottom: int,
+    problem: ValueError,
+) -> tuple[int, tuple[int, FloatArray, int]]:
+    """First row of the specimen at rest, and the flyer's edge in the last frame, by the looks of rows."""
+    likeness = row_correlation(mean[:, inner])
+    pairs = 0.5 * (likeness[:-1] + likeness[1:])
+    try:
+        top = _dip(pairs[: len(mean) // 2], likeness, "where the flyer meets the specimen") + 2
+        found = _followed(pictures, frames, toward, inner, top - 2, bottom - 2)
+    except ValueError as error:
+        raise ValueError(f"{problem}; and {error}") from error
+    if found[2] < 3:
+        raise ValueError(
+            "the flyer fills fewer than 3 rows of the last usable picture; declare flyer and its frame"
+        )
+    return top, found
+
+
+def _lower_end(mean: FloatArray) -> tuple[int, float]:
+    """Last row of the specimen at rest, and where it ends at the transmission platen [px]."""
+    likeness = row_correlation(mean)
     contrast = np.std(mean - gaussian_filter1d(mean, EVEN, axis=1), axis=1)
     typical = float(np.median(contrast))
-    middle = rows // 2
+    middle = len(mean) // 2
     pairs = 0.5 * (likeness[:-1] + likeness[1:])  # an edge lies between two rows: both span it
-    upper = _dip(pairs[:middle], likeness, "where the flyer meets the specimen")
     dull = np.flatnonzero(contrast[middle:] < BAND * typical)
     if dull.size and np.all(contrast[middle + dull[0] :] < BAND * typical):
         first = middle + int(dull[0])  # an even platen: where the contrast has fallen to half
@@ -121,12 +216,7 @@ def _ends(mean: FloatArray) -> tuple[int, int, float]:
         edge = first - 1 + float((before - BAND * typical) / (before - after))
     else:
         edge = middle + _dip(pairs[middle:], likeness, "where the specimen meets the platen") + 0.5
-    top, bottom = upper + 2, int(np.floor(edge - 1.0))
-    if bottom - top < SMALLEST:
-        raise ValueError(
-            f"rows {top} to {bottom} are too few for a specimen; declare specimen and transmission_edge"
-        )
-    return top, bottom, edge
+    return int(np.floor(edge - 1.0)), edge
 
 
 def _dip(pairs: FloatArray, likeness: FloatArray, where: str) -> int:

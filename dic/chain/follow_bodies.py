@@ -1,5 +1,7 @@
 """Tracking of specimen and flyer through both series; the flyer's displacement and poses."""
 
+import numpy as np
+
 from dic.bodies.follow import Progress, TrackedBody, follow_body
 from dic.bodies.region import Region
 from dic.chain.inspect_images import Inputs
@@ -8,6 +10,7 @@ from dic.result import Placement
 from dic.rigid_body.axial_displacement import AxialDisplacement, axial_displacement
 from dic.rigid_body.body_motion import BodyMotion
 from dic.rigid_body.poses import flyer_poses
+from dic.rigid_body.rest_from_rim import RestGeometry
 from dic.tracking import Tracking
 
 
@@ -54,6 +57,11 @@ def displacement_of(
     """Axial displacement of the flyer, if there is one."""
     if flyer is None:
         return None
+    settings, geometry = inputs.settings, None
+    if settings.length is not None:
+        radius = placement.radius if settings.radius is None else settings.radius
+        lower = float(np.sqrt(placement.frame.covariance[4, 4]))
+        geometry = RestGeometry(settings.length, float(np.hypot(settings.length_sigma, lower)), radius)
     return axial_displacement(
         flyer,
         inputs.rig,
@@ -62,6 +70,7 @@ def displacement_of(
         inputs.static,
         subset=inputs.settings.subset,
         pictures=inputs.pictures,
+        geometry=geometry,
     )
 
 

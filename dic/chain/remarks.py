@@ -60,14 +60,25 @@ def of_edge(cameras: int) -> list[Remark]:
 
 
 def of_flyer(wanted: bool, axial: AxialDisplacement | None) -> list[Remark]:
-    """Remark on a flyer whose place at rest is not known."""
+    """Remark on a flyer whose place at rest is not known, or is not seen."""
+    if wanted and axial is not None and axial.from_rim:
+        known = 1e6 * axial.rest_sigma
+        return [
+            Remark(
+                name="rest from the flyer's rim",
+                text="no static frame shows enough of the flyer; its place at rest follows from the "
+                f"specimen's declared length and the rim of its face in later frames, to {known:.1f} µm",
+                cure="nothing to do; a few rows of the flyer in view at rest tell it to a micrometre",
+            )
+        ]
     if not wanted or axial is not None:
         return []
     return [
         Remark(
             name="no displacement of the flyer",
-            text="the flyer was seen in no static frame, or by both cameras in no frame",
-            cure="declare a region of it that is in view at rest too, in a frame that shows much of it",
+            text="the flyer was seen by both cameras in no frame, or neither at rest nor with the rim of its "
+            "face clear in enough frames",
+            cure="declare a region of it, clear of its edge, in a frame that shows much of it",
         )
     ]
 

@@ -34,6 +34,8 @@ class ChainSettings:
     length: float | None = None
     """Length of the specimen at rest [m]: with the flyer's displacement it gives the place of the upper end.
     None: points near that end are not judged by it."""
+    length_sigma: float = 0.0
+    """Its standard deviation [m]."""
     step: int = 4
     """Distance of neighbouring points [px]."""
     margin: float = 2.0
@@ -75,6 +77,7 @@ class ChainSettings:
                 "a positive length in metres, or None",
             ),
             ("length", self.length is None or self.length > 0.0, "a positive length in metres, or None"),
+            ("length_sigma", self.length_sigma >= 0.0, "a length in metres, not negative"),
             ("step", self.step >= 1, "at least 1 px"),
             ("margin", self.margin >= 0.0, "not negative"),
             ("strain_window", self.strain_window >= 3 and self.strain_window % 2 == 1, "odd, at least 3"),

@@ -1,7 +1,7 @@
 """Axial displacement of the flyer: one translation a frame, from all points that either camera sees."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from dic.camera import StereoRig
 from dic.images import PictureError, Pictures
 from dic.outcome import PointOutcome
 from dic.rigid_body.edge_registration import SEARCH_STEP, EdgeRegistration, RegisteredEdge
+from dic.rigid_body.rest_from_rim import RestGeometry, find_rim
 from dic.rigid_body.translation import translation_in
 from dic.surfaces import SpecimenFrame
 from dic.surfaces.overlap import overlap_correlation
@@ -21,6 +22,8 @@ OWN_SHARE = 0.5
 """Share of the variance of a match that is the frame's own; the rest is the reference's, common to all."""
 MOST_OFFSET_FRAMES = 40
 """Frames at most from which the offsets of the rows at the border of the picture are found."""
+MOST_RECENT = 12
+"""Frames from which the error of the row at the region's end is found."""
 ROUNDS = 4
 """Alternating estimates of places on the body and translations."""
 
@@ -40,7 +43,10 @@ class AxialDisplacement:
     n_points: IntArray
     """Points it is from, shape [n]."""
     rest_sigma: float
-    """Standard deviation of the mean place at rest, common to all displacements [m]."""
+    """Standard deviation of the mean place at rest, common to all displacements after it [m]."""
+    from_rim: bool = False
+    """True if no static frame shows the body: the place at rest is then that of the specimen's upper end,
+    where the rim of the body's face was, and the displacement in the static frames is the declared rest."""
 
 
 def axial_displacement(
@@ -52,6 +58,7 @@ def axial_displacement(
     *,
     subset: int,
     pictures: tuple[Pictures, Pictures] | None = None,
+    geometry: RestGeometry | None = None,
 ) -> AxialDisplacement | None:
     """Axial displacement of a rigid body, toward the specimen.
 
@@ -76,12 +83,15 @@ def axial_displacement(
     pictures
         Both series, to look for the edge strip of the body (`dic.rigid_body.edge_registration`) in the
         frames before its first point came into view, where that is after the static ones; None: do not.
+    geometry
+        The specimen at rest: where the body is in view in no static frame, its rim then gives the place at
+        rest (`dic.rigid_body.rest_from_rim`); None: it is not known.
 
     Returns
     -------
     AxialDisplacement or None
-        None if no point was ever seen by both cameras, or the body at all in no static frame: the place at
-        rest, which displacements count from, is then not known.
+        None if no point was ever seen by both cameras, or the place at rest, which displacements count from,
+        is not known: the body is seen in no static frame, and its rim in too few.
     """
     r = body.reconstruction
     seen_twice = r.outcome == PointOutcome.VALID
@@ -122,16 +132,32 @@ def axial_displacement(
     index = np.array(rows, dtype=np.int64)
     y = np.array(found)
     at_rest = static[index]
-    if not at_rest.any():
-        return None
-    rest = float(np.mean(y[at_rest]))
+    from_rim = not at_rest.any()
+    if at_rest.any():
+        rest = float(np.mean(y[at_rest]))
+        rest_sigma = float(np.hypot(_of_mean(np.array(sigma)[at_rest]), common))
+    else:
+        rim = None
+        if geometry is not None and pictures is not None:
+            rim = find_rim(pictures, body, rig, frame, places, moves, geometry)
+        if rim is None or geometry is None:
+            return None
+        # Before contact moves it, the face is the specimen's upper end: no displacement in the static frames.
+        rest = geometry.length - rim.y
+        rest_sigma = float(np.hypot(rim.sigma, geometry.length_sigma))
+        still = np.flatnonzero(static)
+        index = np.concatenate([still, index])
+        y = np.concatenate([np.full(still.size, rest), y])
+        sigma = [float(np.median(sigma))] * still.size + sigma
+        counts = [0] * still.size + counts
     return AxialDisplacement(
         t=t[index],
         frame=index,
         displacement=rest - y,
         sigma=np.array(sigma) * OWN_SHARE**0.5,
         n_points=np.array(counts, dtype=np.int64),
-        rest_sigma=float(np.hypot(_of_mean(np.array(sigma)[at_rest]), common)),
+        rest_sigma=rest_sigma,
+        from_rim=from_rim,
     )
 
 
@@ -156,6 +182,8 @@ def _registered_edges(
     registration = EdgeRegistration(chosen, body.mask, rig, frame, places, moves[m])
     registration.fit_row_offsets(_in_view(pictures, moves, rows, found))
     result: list[tuple[int, RegisteredEdge]] = []
+    recent: list[tuple[tuple[FloatArray, FloatArray], FloatArray]] = []
+    end_error: float | None = None
     # The first points to come into view are few: the motion is that of the first ten frames together.
     at, y = np.array(rows[:10], dtype=np.float64), np.array(found[:10])
     speed = float(np.median(np.diff(y) / np.diff(at))) if at.size > 1 else 0.0
@@ -174,9 +202,17 @@ def _registered_edges(
         edge = registration.register(
             pair, near, expected + np.arange(-around, around + 0.5 * SEARCH_STEP, SEARCH_STEP)
         )
-        if edge is not None:
-            result.append((k, edge))
-            past = [(k, edge.y), past[0]]
+        if edge is None:
+            continue
+        if edge.clear:
+            recent = [(pair, np.array([near[0], edge.y, near[2]])), *recent[: MOST_RECENT - 1]]
+        else:
+            end_error = registration.end_error(recent) if end_error is None else end_error
+            if end_error is None:
+                break  # what is left of the body is too near its own edge
+            edge = replace(edge, common=float(np.hypot(edge.common, end_error)))
+        result.append((k, edge))
+        past = [(k, edge.y), past[0]]
     return result
 
 

@@ -25,9 +25,9 @@ EDGE_ROWS = 12
 """Rows of pixels that are compared, from the border that the body comes in by."""
 FEWEST = 40
 """Pixels of both cameras that must show the body."""
-EDGE = 0.02
-"""Standard deviation beside the noise where only the last pixel row of the region is in view [px]: the blur
-of the body's own edge is near. On `open-02` such rows are off by 0.02 px (1 µm)."""
+LARGEST_EDGE = 0.1
+"""Largest error of the row at the region's end, in frames whose translation is known, with which it may be
+used where no other is in view [px]: beyond it the blur of the body's own edge is in it."""
 FEWEST_ROW = 20
 """Pixels of a row that must show the body before the row's own place is found."""
 FEWEST_FRAMES = 3
@@ -51,8 +51,10 @@ class RegisteredEdge:
     sigma: float
     """Its standard deviation, from the residual of the comparison [m]."""
     common: float
-    """Standard deviation common to frames that show the same rows, beside `sigma`: `EDGE`, and the
-    uncertainty of the rows' offsets [m]."""
+    """Standard deviation common to frames that show the same rows, beside `sigma`, from the uncertainty of
+    the rows' offsets [m]."""
+    clear: bool
+    """False where rows clear of the region's end are too few, and the row at its end counts too."""
     zncc: float
     """ZNCC of the edge strip."""
     n_pixels: int
@@ -175,16 +177,47 @@ class EdgeRegistration:
         if score[best] < 0.0:
             return None
         y, fit = self._converged(pictures, near, float(tried[best]), clear)
-        edge = 0.0
-        if fit[-1] < FEWEST:
+        is_clear = fit[-1] >= FEWEST
+        if not is_clear:
             y, fit = self._converged(pictures, near, float(tried[best]), whole)
-            edge = EDGE / self._scale
         zncc, _, variance, offset, n = fit
         if zncc < LEAST_ZNCC or abs(y - tried[best]) > LARGEST_CORRECTION:
             return None
         return RegisteredEdge(
-            y=y, sigma=float(np.sqrt(variance)), common=float(np.hypot(edge, offset)), zncc=zncc, n_pixels=n
+            y=y,
+            sigma=float(np.sqrt(variance)),
+            common=offset,
+            zncc=zncc,
+            n_pixels=n,
+            clear=is_clear,
         )
+
+    def end_error(self, known: Iterable[tuple[tuple[FloatArray, FloatArray], FloatArray]]) -> float | None:
+        """Error with which the row at the region's end shows the body where its translation is known [m].
+
+        Parameters
+        ----------
+        known
+            Pairs of pictures with the body's translation, as `fit_row_offsets`; that row is in view there.
+
+        Returns
+        -------
+        float or None
+            Root mean square, its mean included; None if fewer than `FEWEST_FRAMES` frames show it, or it is
+            more than `LARGEST_EDGE`.
+        """
+        end = self._masks[0] & ~self._masks[1]
+        steps = []
+        for pictures, move in known:
+            parts = self._visible(pictures, move, float(move[1]), end)
+            if sum(len(part.grey) for part in parts) < FEWEST:
+                continue
+            grey = np.concatenate([part.grey for part in parts])
+            reference = np.concatenate([part.reference for part in parts])
+            slope = np.concatenate([part.slope(self._frame) for part in parts])
+            steps.append(_fit(grey, reference, slope)[0])
+        error = float(np.sqrt(np.mean(np.square(steps)))) if len(steps) >= FEWEST_FRAMES else np.inf
+        return error if error * self._scale <= LARGEST_EDGE else None
 
     def _converged(
         self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float, mask: BoolArray

@@ -52,6 +52,8 @@ class FlyerMotion:
     """Displacement toward the specimen [m], shape [n]."""
     sigma: FloatArray
     """Standard deviation of each displacement [m], shape [n]."""
+    zero_sigma: float = 0.0
+    """Standard deviation of the place at rest that displacements count from, common to all after it [m]."""
 
 
 @dataclass(frozen=True)

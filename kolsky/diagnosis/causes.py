@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from math import isfinite, nan
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from explicit import Response
 from kolsky.base.arrays import FloatArray
@@ -57,17 +58,23 @@ def find_causes(stages: StagedRuns, x: FloatArray, refined: Response) -> CauseAn
     refined
         The run on the refined mesh there, a batch of one.
     """
-    settings, started = stages.settings, time.perf_counter()
+    started = time.perf_counter()
     try:
-        model = CauseModel(stages, x, refined)
-        known = np.isfinite(model.vectors([Point(x)])[0])
-        expected = _counted(model.expected(settings.numerics.with_mesh(settings.replicate_mesh)), known)
-        search = CauseSearch(stages, model, expected, known)
-        trials = best_trials(search, [c for c in CANDIDATES if c.here(stages)])
+        with threadpool_limits(limits=1, user_api="blas"):
+            return _analysed(stages, x, refined)
     except (ValueError, ArithmeticError) as error:
         return CauseAnalysis((), np.full(2, nan), str(error))
     finally:
         stages.seconds["causes"] = time.perf_counter() - started
+
+
+def _analysed(stages: StagedRuns, x: FloatArray, refined: Response) -> CauseAnalysis:
+    settings = stages.settings
+    model = CauseModel(stages, x, refined)
+    known = np.isfinite(model.vectors([Point(x)])[0])
+    expected = _counted(model.expected(settings.numerics.with_mesh(settings.replicate_mesh)), known)
+    search = CauseSearch(stages, model, expected, known)
+    trials = best_trials(search, [c for c in CANDIDATES if c.here(stages)])
     return CauseAnalysis(ranked(search, trials), search.before)
 
 

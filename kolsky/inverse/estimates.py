@@ -1,6 +1,7 @@
 """The parts of a result that follow from the optimum: estimates, routes, curves, comparison."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -33,6 +34,7 @@ def estimates(
     noise: Mapping[str, FloatArray],
     numerical: Mapping[str, FloatArray],
     mesh_shift: FloatArray,
+    mesh_correction: FloatArray | None = None,
     confirmed: bool,
     outline: bool = True,
 ) -> dict[str, Estimate]:
@@ -46,13 +48,16 @@ def estimates(
     box
         The whole range of the design.
     optimum
-        Values, shape [d].
+        Values on the refined mesh, shape [d].
     noise
         Standard uncertainties by source, shape [d] each; they add in quadrature.
     numerical
         Standard uncertainties from the numerics by source, shape [d] each; they add in quadrature.
     mesh_shift
         The optimum's move between the meshes, shape [d].
+    mesh_correction
+        What is added to the values, the optimum on an infinitely fine mesh minus that on the refined one,
+        shape [d]; nothing if left out.
     confirmed
         Whether the last run on the refined mesh left the optimum where it was.
     outline
@@ -60,6 +65,7 @@ def estimates(
     """
     good = Verdict.IDENTIFIED if outline else Verdict.FORCE_ALONE
     bounds, found = on_edge(optimum, box), {}
+    correction = np.zeros(len(optimum)) if mesh_correction is None else mesh_correction
     for i, name in enumerate(box.names):
         parts = {source: float(sigma[i]) for source, sigma in noise.items()}
         computed = {source: float(sigma[i]) for source, sigma in numerical.items()}
@@ -75,10 +81,11 @@ def estimates(
         found[name] = Estimate(
             name=name,
             unit=PARAMETERS[name].unit,
-            value=float(optimum[i]),
+            value=float(optimum[i] + correction[i]),
             sigma_noise=total,
             sigma_numerical=float(np.hypot.reduce(list(computed.values()))),
             mesh_shift=float(mesh_shift[i]),
+            mesh_correction=float(correction[i]),
             noise_parts=parts,
             numerical_parts=computed,
             outcome=verdict,
@@ -86,8 +93,27 @@ def estimates(
     return found
 
 
-def routes(local: Box, objective: Objective, model: Model, whole: Box, table: RunTable) -> tuple[Route, ...]:
-    """The optima of the joint data, of the force and the outline alone, and of the paper's cost, Eq. (M.5).
+@dataclass(frozen=True)
+class RouteOptimum:
+    """The optimum on the refined mesh by one part of the data."""
+
+    name: str
+    """Name of the route."""
+    part: Part
+    """The part of the data."""
+    x: FloatArray
+    """The optimum, shape [d]."""
+    cost: float
+    """Chi-square there."""
+    gain: FloatArray
+    """Linear map from what the prediction is short of to the move of the optimum, shape [d, k]; zero for
+    what is no part of the data."""
+    residual: FloatArray
+    """Covariance of the optimum from the residuals, shape [d, d]."""
+
+
+def search_routes(local: Box, objective: Objective, model: Model) -> tuple[RouteOptimum, ...]:
+    """The optima of the joint data, and of the force and the outline alone.
 
     Without an outline there is one route, that of the force: the others would be it by another name, or
     need what was not measured.
@@ -96,29 +122,36 @@ def routes(local: Box, objective: Objective, model: Model, whole: Box, table: Ru
     ----------
     local, objective, model
         The last design's box, the joint objective and the corrected surrogate.
-    whole, table
-        The first design's box and every run, for the paper's cost surrogate.
     """
     found = []
-    shape = objective.observations.has_shape
-    for label, part in ROUTES if shape else ROUTES[1:2]:
+    for label, part in ROUTES if objective.observations.has_shape else ROUTES[1:2]:
         best = search(local, objective, model, part)
-        vector = model(best.x)[0]
-        covariance = best.objective.covariance(jacobian(model, local, best.x), vector, part)
+        vector, slope = model(best.x)[0], jacobian(model, local, best.x)
         found.append(
-            Route(
+            RouteOptimum(
                 name=label,
-                parameters=local.as_dict(best.x),
+                part=part,
+                x=best.x,
                 cost=float(best.objective.chi2(vector, part)),
-                sigma=dict(zip(local.names, np.sqrt(np.diag(covariance)).tolist(), strict=True)),
+                gain=best.objective.gain(slope, part),
+                residual=best.objective.residual_covariance(slope, vector, part),
             )
         )
-    if not shape:
-        return tuple(found)
+    return tuple(found)
+
+
+def paper_route(whole: Box, table: RunTable) -> Route:
+    """The optimum of the paper's cost, Eq. (M.5), by a surrogate of that cost over every run.
+
+    Parameters
+    ----------
+    whole, table
+        The first design's box and every run.
+    """
     points, cost = table.paper_cost()
     paper = CostSurrogate.fit(whole, points, cost)
     least = minimise(paper.cost, whole, start=points[np.argmin(cost)])
-    return (*found, Route("paper", whole.as_dict(least.x), least.value, {}))
+    return Route("paper", whole.as_dict(least.x), least.value, {})
 
 
 def curves(box: Box, objective: Objective, model: Model, optimum: FloatArray) -> tuple[SurrogateCurve, ...]:

@@ -27,6 +27,10 @@ class Observations:
     """The outline points, Q of them, frames in order of time; Q is 0 if no outline was measured."""
     force_sigma_gain: float = 0.0
     """Standard uncertainty of the force's scale, common to all samples [-]; in no sigma above."""
+    front_noise: FloatArray | None = None
+    """Changes of the predicted data by the noise of the front face's motion, a standard deviation each of
+    independent modes: bins [N], then all points [m], shape [n_modes, n_bins + Q]; see
+    `kolsky.inverse.front_noise`. None until it is known."""
 
     @property
     def has_shape(self) -> bool:

@@ -58,7 +58,8 @@ class Estimate:
     unit: str
     """Unit, "1" if none."""
     value: float
-    """Optimum of the joint chi-square."""
+    """Optimum of the joint chi-square, corrected for the error of the refined mesh: `on_mesh` plus
+    `mesh_correction`."""
     sigma_noise: float
     """Standard uncertainty from the measured noise (force, shape, flyer motion, material curve)."""
     sigma_numerical: float
@@ -73,8 +74,16 @@ class Estimate:
     sigma_systematic: float = 0.0
     """Standard uncertainty from what shot.toml declares in [uncertainty], 0 if it declares nothing."""
     numerical_parts: dict[str, float] = field(default_factory=dict)
-    """The share of `sigma_numerical` by source: "mesh" (mesh and step, or the element where that is more)
-    and, where surfaces slide or several parameters are free, "roughness" of the response."""
+    """The share of `sigma_numerical` by source: "mesh" (what the correction leaves of the error of mesh, step
+    and element) and, where surfaces slide or several parameters are free, "roughness" of the response."""
+    mesh_correction: float = 0.0
+    """Extrapolation from the refined mesh to an infinitely fine one, which `value` contains; its standard
+    uncertainty is the part "mesh" of `numerical_parts`. 0 in results that were not corrected."""
+
+    @property
+    def on_mesh(self) -> float:
+        """Optimum on the refined mesh, where the check run, the profiles and the methods compared are."""
+        return self.value - self.mesh_correction
 
     @property
     def sigma(self) -> float:
@@ -88,17 +97,48 @@ class Estimate:
 
 
 @dataclass(frozen=True)
+class Contribution:
+    """The part of one source in standard uncertainties."""
+
+    source: str
+    """ "force and shape", "flyer motion", "material curve", "force scale", "motion scale", "mesh",
+    "roughness"."""
+    sigma: dict[str, float]
+    """Standard uncertainty of each parameter from it, in parameter units."""
+
+
+@dataclass(frozen=True)
 class Route:
     """The optimum that one part of the data alone would choose."""
 
     name: str
     """ "joint", "force only", "shape only", "paper" (the cost Phi of Eq. (M.5))."""
     parameters: dict[str, float]
-    """Optimum in parameter units."""
+    """Optimum in parameter units, corrected for the error of the refined mesh where `correction` says so."""
     cost: float
     """Cost at the optimum."""
     sigma: dict[str, float]
-    """Standard uncertainty from the residuals of this route; empty for the paper's cost."""
+    """Combined standard uncertainty by the route's own budget; empty for the paper's cost."""
+    correction: dict[str, float] = field(default_factory=dict)
+    """What the extrapolation to an infinitely fine mesh has added to `parameters`; empty if nothing."""
+    budget: tuple[Contribution, ...] = ()
+    """`sigma` by source; empty for the paper's cost."""
+
+    def on_mesh(self, name: str) -> float:
+        """Optimum of a parameter on the refined mesh."""
+        return self.parameters[name] - self.correction.get(name, 0.0)
+
+
+@dataclass(frozen=True)
+class RouteDifference:
+    """What the force alone says of the parameters, minus what the outline alone says."""
+
+    values: dict[str, float]
+    """Difference in parameter units, of the optima corrected for the error of the refined mesh."""
+    sigma: dict[str, float]
+    """Its combined standard uncertainty: a source that moves both alike has no part in it."""
+    budget: tuple[Contribution, ...]
+    """`sigma` by source."""
 
 
 @dataclass(frozen=True)
@@ -192,6 +232,8 @@ class Identification:
     """Inputs that, changed, explain the misfit better, the likely causes first; empty if none was tried."""
     image_correlation: dict[str, float] = field(default_factory=dict)
     """Numbers of the surfaces that the shot's pictures gave, see `kolsky.shot.dic_summary.numbers`."""
+    route_difference: RouteDifference | None = None
+    """Force alone minus outline alone; None without an outline, or if it was not recorded."""
     provenance: dict[str, Any] = field(default_factory=dict)
     """Input hashes, settings, versions, seed, machine class, precision."""
 

@@ -19,7 +19,7 @@ class Settings:
     """The surrogate's mesh and the arithmetic."""
     refined_mesh: tuple[int, int] = (64, 86)
     """The mesh the answer is given on."""
-    replicates: int = 16
+    replicates: int = 64
     """Draws of the flyer's motion and of the curve, each; 0 leaves their noise out of the interval."""
     replicate_mesh: tuple[int, int] = (16, 22)
     """The mesh of the replicates: a difference of two runs needs no fine one."""

@@ -31,7 +31,7 @@ def add_method_comparison(result: Identification, stages: StagedRuns, objective:
     objective
         Which outline points count; the discrepancies are estimated afresh.
     """
-    routes = {route.name: route.parameters for route in result.routes}
+    routes = {route.name: {p: route.on_mesh(p) for p in route.parameters} for route in result.routes}
     own = routes.get("joint", routes.get("force only"))
     found = []
     if own is not None:
@@ -117,7 +117,7 @@ def _compared(
     return Method.compared(
         name,
         values,
-        answer={p: e.value for p, e in estimates.items()},
+        answer={p: e.on_mesh for p, e in estimates.items()},
         half_width={p: 2.0 * e.sigma for p, e in estimates.items()},
         runs=runs,
         converged=converged,

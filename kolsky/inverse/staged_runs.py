@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +66,11 @@ class StagedRuns:
     def observations(self) -> Observations:
         """The measurements that predictions are compared with."""
         return self.prepared.observations
+
+    def know_front_noise(self, modes: FloatArray) -> None:
+        """Let all later objectives know the front face's noise, see `Observations.front_noise`."""
+        seen = replace(self.prepared.observations, front_noise=modes)
+        self.prepared = replace(self.prepared, observations=seen)
 
     def design(self, box: Box) -> Design:
         """Seven levels of one parameter, or a Latin hypercube of twelve points for each of several."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kolsky.inverse.result import Estimate, Identification
+from kolsky.inverse.result import Contribution, Estimate, Identification, RouteDifference
 from kolsky.inverse.uncertainty_results import PairMap, ParameterProfile, PosteriorSummary
 from kolsky.report.nomenclature import factor_of, name_of
 
@@ -28,9 +28,16 @@ def in_display_units(result: Identification) -> Identification:
         estimates={name: estimate_in_display_units(e) for name, e in result.estimates.items()},
         fixed=_scaled(result.fixed),
         routes=tuple(
-            replace(route, parameters=_scaled(route.parameters), sigma=_scaled(route.sigma))
+            replace(
+                route,
+                parameters=_scaled(route.parameters),
+                sigma=_scaled(route.sigma),
+                correction=_scaled(route.correction),
+                budget=_budget(route.budget),
+            )
             for route in result.routes
         ),
+        route_difference=None if result.route_difference is None else _difference(result.route_difference),
         methods=tuple(replace(method, values=_scaled(method.values)) for method in result.methods),
         design=design,
         curves=tuple(replace(c, x=c.x * factor_of(c.parameter)) for c in result.curves),
@@ -56,9 +63,18 @@ def estimate_in_display_units(e: Estimate) -> Estimate:
         sigma_numerical=e.sigma_numerical * factor,
         sigma_systematic=e.sigma_systematic * factor,
         mesh_shift=e.mesh_shift * factor,
+        mesh_correction=e.mesh_correction * factor,
         noise_parts={source: sigma * factor for source, sigma in e.noise_parts.items()},
         numerical_parts={source: sigma * factor for source, sigma in e.numerical_parts.items()},
     )
+
+
+def _budget(parts: tuple[Contribution, ...]) -> tuple[Contribution, ...]:
+    return tuple(replace(part, sigma=_scaled(part.sigma)) for part in parts)
+
+
+def _difference(d: RouteDifference) -> RouteDifference:
+    return RouteDifference(_scaled(d.values), _scaled(d.sigma), _budget(d.budget))
 
 
 def _profile(p: ParameterProfile, factors: NDArray[np.float64]) -> ParameterProfile:

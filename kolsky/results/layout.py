@@ -24,7 +24,16 @@ from kolsky.inverse.cause_results import CauseFinding
 from kolsky.inverse.fit_results import ClockLag, FitQuality
 from kolsky.inverse.method_comparison import Method
 from kolsky.inverse.misfit import Terms
-from kolsky.inverse.result import Comparison, Estimate, Identification, Route, SurrogateCurve, Verdict
+from kolsky.inverse.result import (
+    Comparison,
+    Contribution,
+    Estimate,
+    Identification,
+    Route,
+    RouteDifference,
+    SurrogateCurve,
+    Verdict,
+)
 from kolsky.inverse.run_table import DesignTable
 from kolsky.inverse.uncertainty_results import (
     Declaration,
@@ -51,14 +60,32 @@ ESTIMATE = Record(
         "mesh_shift": Floats(OWN),
         "noise_parts": numbers(OWN),
         "numerical_parts": numbers(OWN, since=2),
+        "mesh_correction": Floats(OWN, since=3),
         "outcome": Choice(Verdict),
     },
-    derived={"sigma": Floats(OWN), "interval": Floats(OWN, "2", attributes={"coverage_factor": 2})},
+    derived={
+        "sigma": Floats(OWN),
+        "interval": Floats(OWN, "2", attributes={"coverage_factor": 2}),
+        "on_mesh": Floats(OWN),
+    },
 )
+CONTRIBUTION = Record(Contribution, COLLECTION, {"source": Text(), "sigma": numbers("SI")})
 ROUTE = Record(
     Route,
     COLLECTION,
-    {"name": Text(), "parameters": numbers("SI"), "cost": Floats("1"), "sigma": numbers("SI")},
+    {
+        "name": Text(),
+        "parameters": numbers("SI"),
+        "cost": Floats("1"),
+        "sigma": numbers("SI"),
+        "correction": numbers("SI", since=3),
+        "budget": Parts(CONTRIBUTION, since=3),
+    },
+)
+DIFFERENCE = Record(
+    RouteDifference,
+    COLLECTION,
+    {"values": numbers("SI"), "sigma": numbers("SI"), "budget": Parts(CONTRIBUTION)},
 )
 METHOD = Record(
     Method,
@@ -246,15 +273,22 @@ FIT = Record(
         "residual": Floats(OWN),
         "predicted": numbers(OWN),
         "peak": Floats(OWN),
+        "slow_residual": Floats(OWN),
+        "slow_expected": Floats(OWN),
         "chi2": Floats("1"),
         "discrepancy_share": Floats("1"),
         "correlation": Floats("1"),
         "whiteness": Floats("1"),
         "weight": numbers("1"),
         "limit": Floats("1"),
-        "limit_over_peak": Floats("1"),
+        "slow_limit": Floats("1"),
     },
-    derived={"expected": Floats(OWN), "excess": Floats("1"), "explained": Flags("1")},
+    derived={
+        "expected": Floats(OWN),
+        "excess": Floats("1"),
+        "slow_excess": Floats("1"),
+        "explained": Flags("1"),
+    },
 )
 CLOCK = Record(
     ClockLag,
@@ -263,6 +297,8 @@ CLOCK = Record(
         "recording": Text(),
         "lag": Floats("s"),
         "sigma": Floats("s"),
+        "evidence": Floats("1"),
+        "explains": Flags("1"),
         "file": Text(),
         "key": Text(),
     },
@@ -314,6 +350,7 @@ IDENTIFICATION = Record(
         "variations": Parts(VARIATION, at="knowledge/variations", since=2),
         "ridge": Part(RIDGE, at="knowledge/ridge", optional=True),
         "posterior": Part(POSTERIOR, at="knowledge/posterior", optional=True),
+        "route_difference": Part(DIFFERENCE, optional=True, since=3),
         "fit": Parts(FIT, since=3),
         "clocks": Parts(CLOCK, since=3),
         "causes": Parts(CAUSE, since=3),

@@ -3,7 +3,7 @@
 from typing import Any
 
 from kolsky.base.json_types import jsonable
-from kolsky.inverse.result import Identification, worst_imbalance
+from kolsky.inverse.result import Contribution, Identification, worst_imbalance
 from kolsky.inverse.run_table import DesignTable
 from kolsky.uncertainty.sensitivities import elasticity, relative_moves, unseen
 
@@ -12,8 +12,9 @@ def to_json(identification: Identification) -> dict[str, Any]:
     """The result as one object of JSON types.
 
     Every free parameter is a key with `value`, `interval` (k = 2), `sigma`, `sigma_noise`,
-    `sigma_numerical`, `sigma_systematic`, `mesh_shift`, `noise_parts`, `numerical_parts`, `unit` and
-    `outcome`; `failed_runs` lists the runs that did not complete. Numbers that are not finite become null.
+    `sigma_numerical`, `sigma_systematic`, `mesh_shift`, `on_mesh` (the optimum on the refined mesh),
+    `mesh_correction` (what `value` adds to it), `noise_parts`, `numerical_parts`, `unit` and `outcome`;
+    `failed_runs` lists the runs that did not complete. Numbers that are not finite become null.
 
     Raises
     ------
@@ -27,7 +28,10 @@ def to_json(identification: Identification) -> dict[str, Any]:
     rest = {
         "shot": result.shot,
         "warnings": result.warnings,
-        "routes": [vars(route) for route in result.routes],
+        "routes": [{**vars(route), "budget": _budget(route.budget)} for route in result.routes],
+        "route_difference": None
+        if result.route_difference is None
+        else {**vars(result.route_difference), "budget": _budget(result.route_difference.budget)},
         "methods": [vars(method) for method in result.methods],
         "terms": terms,
         "fixed": result.fixed,
@@ -58,6 +62,8 @@ def to_json(identification: Identification) -> dict[str, Any]:
             "sigma_numerical": e.sigma_numerical,
             "sigma_systematic": e.sigma_systematic,
             "mesh_shift": e.mesh_shift,
+            "on_mesh": e.on_mesh,
+            "mesh_correction": e.mesh_correction,
             "noise_parts": e.noise_parts,
             "numerical_parts": e.numerical_parts,
             "unit": e.unit,
@@ -66,6 +72,11 @@ def to_json(identification: Identification) -> dict[str, Any]:
         for name, e in result.estimates.items()
     }
     return {key: jsonable(value, key) for key, value in {"shot": result.shot, **estimates, **rest}.items()}
+
+
+def _budget(parts: tuple[Contribution, ...]) -> dict[str, dict[str, float]]:
+    """Standard uncertainties by source and parameter."""
+    return {part.source: part.sigma for part in parts}
 
 
 def failed_runs(design: DesignTable) -> list[dict[str, Any]]:

@@ -2,9 +2,12 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from kolsky.bars.flyer.fit import fit_flyer
 from kolsky.bars.flyer.front_path import front_path
 from kolsky.bars.flyer.path import FlyerPath
+from kolsky.base.arrays import FloatArray
 from kolsky.base.records import FlyerMotion, FrontVelocity
 
 
@@ -24,5 +27,13 @@ def fit(motion: FlyerMotion | FrontVelocity, *, start: float) -> FlyerPath:
         If the record cannot be used.
     """
     if isinstance(motion, FlyerMotion):
-        return fit_flyer(motion, start=start)
+        return fit_flyer(motion, start=start, covariance=_with_zero(motion, start))
     return front_path(replace(motion, sigma_gain=0.0))
+
+
+def _with_zero(motion: FlyerMotion, start: float) -> FloatArray | None:
+    """Covariance of the displacements with that of their zero, which all after the rest share [m²]."""
+    if motion.zero_sigma == 0.0:
+        return None
+    moved = (motion.time > start).astype(np.float64)
+    return np.asarray(np.diag(motion.sigma**2) + motion.zero_sigma**2 * np.outer(moved, moved))

@@ -27,11 +27,13 @@ def force_channel(folder: Path, rest: float, toml: ShotToml) -> ForceChannel:
     Raises
     ------
     InputError
-        If the file cannot be read, or the channel is clipped, or its baseline does not lie before the test.
+        If the file cannot be read, or the channel is clipped or a clock, or its baseline does not lie before
+        the test.
     """
     section = toml.declared.force
     recording = force_recording(folder / section.file, section)
     check_range(recording, toml)
+    check_signal(recording, toml)
     channel = ForceChannel(
         recording=recording,
         transducer=Transducer(
@@ -91,6 +93,23 @@ def check_range(scope: Recording, toml: ShotToml) -> None:
             f" samples at or beyond full scale (force.full_scale = {force.full_scale:g} V)",
             line=row + 2 if force.layout is None else None,
             cure="a clipped force is lost; repeat the test at a coarser range, or correct force.full_scale",
+        )
+
+
+def check_signal(scope: Recording, toml: ShotToml) -> None:
+    """A recording that rises from every sample to the next is a clock: a signal has noise.
+
+    Raises
+    ------
+    InputError
+        If it does.
+    """
+    if scope.value.size > SMALLEST_BASELINE and (np.diff(scope.value) > 0.0).all():
+        raise toml.error(
+            "force.voltage",
+            f"is no signal: column '{scope.channel}' rises from each of its {scope.value.size} samples to the "
+            "next, as a clock does",
+            cure="name the column of the transmitted force",
         )
 
 

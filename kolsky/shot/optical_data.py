@@ -30,6 +30,7 @@ from kolsky.shot.records import OpticalData
 from kolsky.shot.rig import calibrated
 from kolsky.shot.schema.apparatus import SpecimenSection
 from kolsky.shot.schema.pictures import DicSection, RegionSection
+from kolsky.shot.schema.reading import ShotToml
 from kolsky.shot.surfaces_file import read_stereo_result, stored_key, write_stereo_result
 
 RESULT_FILE = "dic.h5"
@@ -155,8 +156,7 @@ def measured(
         raise pictures.toml.error(
             "dic.flyer",
             "was not followed back to rest, so how far it went is not known",
-            cure="declare a region clear of its edge, in a frame that shows much of it; some of its rows "
-            "must be in view of a camera at rest",
+            cure="declare a region clear of its edge, in a frame that shows much of it",
         )
     line = result.centre
     return OpticalData(
@@ -164,6 +164,7 @@ def measured(
             time=result.axial_displacement.t,
             displacement=result.axial_displacement.displacement,
             sigma=result.axial_displacement.sigma,
+            zero_sigma=result.axial_displacement.rest_sigma,
         ),
         centre_line=CentreLine(time=line.t, frame=number[line.frame], y=line.y, Z=line.Z, sigma=line.sigma),
         source=found.path,
@@ -177,7 +178,7 @@ def key_of(pictures: PictureSet) -> str:
     parts: dict[str, Any] = {
         "version": VERSION,
         "inputs": pictures.inputs,
-        "specimen": [declared.specimen.diameter, declared.specimen.length],
+        "specimen": [declared.specimen.diameter, declared.specimen.length, _length_sigma(pictures.toml)],
         "frames": [pictures.frames.sha256, declared.frames.model_dump(mode="json")],
         **{
             name: None if section is None else section.model_dump(mode="json")
@@ -254,9 +255,14 @@ def _known(found: FoundRegions | None) -> FoundRegions:
 
 
 def chain_settings(
-    section: DicSection, specimen: SpecimenSection, edge: tuple[float, float], device: str = "cpu"
+    section: DicSection,
+    specimen: SpecimenSection,
+    edge: tuple[float, float],
+    device: str = "cpu",
+    length_sigma: float = 0.0,
 ) -> ChainSettings:
-    """The chain's settings as a shot file declares them, of this specimen that ends at `edge` [px]."""
+    """The chain's settings as a shot file declares them, of this specimen that ends at `edge` [px], its
+    length known to `length_sigma` [m]."""
     subset = Correlation(
         subset=section.subset, shape=Shape[section.shape.upper()], prefilter=section.prefilter
     )
@@ -266,6 +272,7 @@ def chain_settings(
         strip_half_width=section.strip_half_width,
         radius=0.5 * specimen.diameter,
         length=specimen.length,
+        length_sigma=length_sigma,
         largest_sigma=section.largest_sigma,
         step=section.step,
         strain_window=section.strain_window,
@@ -273,6 +280,13 @@ def chain_settings(
         stereo=Correlation(subset=section.subset, shape=Shape.QUADRATIC, prefilter=section.prefilter),
         device=device,
     )
+
+
+def _length_sigma(toml: ShotToml) -> float:
+    """Standard deviation of the specimen's length that the shot file declares [m]."""
+    declared = toml.declared
+    share = 0.0 if declared.uncertainty is None else declared.uncertainty.specimen_length
+    return share * declared.specimen.length
 
 
 def _software() -> str:
@@ -297,7 +311,7 @@ def _correlated(pictures: PictureSet, device: str, progress: Progress) -> Stereo
         result = measure(
             pictures.series,
             cameras.rig,
-            chain_settings(section, declared.specimen, places.edge, device),
+            chain_settings(section, declared.specimen, places.edge, device, _length_sigma(toml)),
             t=pictures.time,
             static=static,
             specimen=places.specimen,

@@ -25,7 +25,7 @@ from kolsky.base.hdf5_items import (
 )
 from kolsky.base.hdf5_records import Columns, Pair, Part, Record
 
-FORMAT = Format("dic stereo result", version=2, readable=(2,), largest=4 * 2**30)
+FORMAT = Format("dic stereo result", version=3, readable=(2, 3), largest=4 * 2**30)
 
 SURFACE = Record(
     SurfaceHistory,
@@ -71,6 +71,7 @@ AXIAL_DISPLACEMENT = Record(
         "sigma": Floats("m", "rows"),
         "n_points": Integers("1", "rows"),
         "rest_sigma": Floats("m"),
+        "from_rim": Flags("1", since=3),
     },
 )
 MOTION = Record(

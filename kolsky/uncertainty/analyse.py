@@ -80,7 +80,7 @@ class UncertaintyAnalysis:
         """Profile and posterior beside the answer."""
         if self.found is None:
             return
-        answer = {name: e.value for name, e in estimates.items()}
+        answer = {name: e.on_mesh for name, e in estimates.items()}
         width = {name: 2.0 * e.sigma for name, e in estimates.items()}
         own = all(profile.error <= TOLERANCE * profile.level for profile in self.profiles)
         yield Method.compared(

@@ -1,12 +1,17 @@
-"""The inputs' part of an interval: noise of flyer motion and material curve, scales of force and motion."""
+"""The inputs' part of an interval: noise of flyer motion and material curve, scales of force and motion.
 
-from collections.abc import Sequence
+Each source is a change of the data vector. Any linear map carries it to the parameters: that of the joint
+answer, of the force or the outline alone, or of the difference of those two.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from kolsky.base.arrays import BoolArray, FloatArray
-from kolsky.inverse.refined_search import RefinedOptimum
-from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.base.arrays import FloatArray
+from kolsky.inverse.objective import Objective
+from kolsky.inverse.staged_runs import Replicates
 
 
 def replicate_uncertainty(moves: FloatArray) -> FloatArray:
@@ -46,68 +51,52 @@ def scale_uncertainty(change: FloatArray, gains: Sequence[FloatArray]) -> FloatA
     return np.asarray(np.max([np.abs(gain @ change) for gain in gains], axis=0))
 
 
-def replicate_parts(
-    vectors: FloatArray,
-    *,
-    flyer: BoolArray,
-    curve: BoolArray,
-    scale: BoolArray,
-    gain: FloatArray,
-    gains: Sequence[FloatArray],
-) -> dict[str, FloatArray]:
-    """Standard uncertainties from replicates by source, shape [d] each.
+@dataclass(frozen=True)
+class InputChanges:
+    """Changes of the data vector by the noise of the inputs."""
+
+    replicates: Mapping[str, FloatArray]
+    """Source -> data of each replicate minus the reference's, shape [n, k]: "flyer motion", "material
+    curve"."""
+    scales: Mapping[str, FloatArray]
+    """Source -> change by one standard uncertainty of a common scale, shape [k]: "force scale", "motion
+    scale"."""
+
+    def parts(self, gain: FloatArray, gains: Sequence[FloatArray] | None = None) -> dict[str, FloatArray]:
+        """Standard uncertainties by source, shape [d] each.
+
+        Parameters
+        ----------
+        gain
+            Linear map from a change of the data vector to the move of the optimum, shape [d, k].
+        gains
+            As of `scale_uncertainty`; `gain` alone if left out.
+        """
+        found = {key: scale_uncertainty(change, gains or [gain]) for key, change in self.scales.items()}
+        for key, changes in self.replicates.items():
+            found[key] = replicate_uncertainty(changes @ gain.T)
+        return found
+
+
+def input_changes(objective: Objective, replicates: Replicates | None) -> InputChanges:
+    """Changes of the data vector by every source that is known.
 
     Parameters
     ----------
-    vectors
-        Data vectors, the reference's in row 0, shape [n, k]; NaN at a point that a replicate leaves, which
-        then adds nothing.
-    flyer, curve, scale
-        Rows with another motion of the flyer, another curve, a motion larger by one standard uncertainty of
-        its scale (one at most), shape [n].
-    gain
-        Linear map from a change of the data vector to the move of the optimum, shape [d, k].
-    gains
-        As of `scale_uncertainty`.
+    objective
+        Whose data vector, and the force's scale.
+    replicates
+        Runs under other motions and curves, the reference first; None leaves their noise out. A point that a
+        replicate leaves adds nothing.
     """
+    scales = {}
+    if objective.observations.force_sigma_gain > 0.0:
+        scales["force scale"] = objective.scale_error
+    if replicates is None:
+        return InputChanges({}, scales)
+    vectors = objective.vectors(replicates.prediction)
     change = np.nan_to_num(vectors - vectors[0])
-    moves = change @ gain.T
-    found = {"motion scale": scale_uncertainty(change[scale][0], gains)} if scale.any() else {}
-    return {
-        **found,
-        "flyer motion": replicate_uncertainty(moves[flyer]),
-        "material curve": replicate_uncertainty(moves[curve]),
-    }
-
-
-def input_noise(stages: StagedRuns, fine: RefinedOptimum) -> tuple[dict[str, FloatArray], int]:
-    """Standard uncertainties from the inputs' noise by source, and how many replicates were lost.
-
-    Parameters
-    ----------
-    stages
-        The identification's simulations; runs `Settings.replicates` of each kind.
-    fine
-        The optimum on the refined mesh.
-
-    Raises
-    ------
-    ValueError
-        If the reference among the replicates does not complete.
-    """
-    parts: dict[str, FloatArray] = {}
-    gains = [fine.objective.gain(slope) for slope in fine.slopes]
-    if stages.observations.force_sigma_gain > 0.0:
-        parts["force scale"] = scale_uncertainty(fine.objective.scale_error, gains)
-    if stages.settings.replicates == 0:
-        return parts, 0
-    replicates = stages.replicate(fine.x)
-    parts |= replicate_parts(
-        fine.objective.vectors(replicates.prediction),
-        flyer=replicates.flyer,
-        curve=replicates.curve,
-        scale=replicates.scale,
-        gain=fine.objective.gain(fine.jacobian),
-        gains=gains,
-    )
-    return parts, replicates.lost
+    if replicates.scale.any():
+        scales["motion scale"] = change[replicates.scale][0]
+    drawn = {"flyer motion": change[replicates.flyer], "material curve": change[replicates.curve]}
+    return InputChanges(drawn, scales)

@@ -1,72 +1,118 @@
-"""The numerics' part of an interval: what is left of the mesh's and the element's error, and roughness."""
+"""The numerics' part of an answer: the mesh's error, corrected and what is left of it, and roughness.
+
+All of it is at fixed weights: the change of the data vector from mesh to mesh, and from element to element,
+is taken at one point and carried to the parameters by the linear map that carries all other changes too. A
+search of its own on another mesh would weigh the data anew, and what that moves is no error of the mesh.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from kolsky.base.arrays import FloatArray
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.refined_search import RefinedOptimum
+from kolsky.inverse.staged_runs import StagedRuns
 
-ORDER = 2.0
-"""Order of the mesh error used for the refined mesh's remaining error; fitted in the verification manual."""
-SAFETY_FACTOR = 1.25
-"""Factor on the extrapolated mesh error (Roache's grid convergence index with a fitted order)."""
-ONE_SIDED = 1.15
-"""The index over its standard uncertainty: the mesh errs to one side, by about as much as is extrapolated,
-and not evenly about zero, where it would be 2 (ASME V&V 20-2009)."""
-EITHER_SIDE = 3.0**0.5
-"""The other element's move of the optimum over its standard uncertainty: the truth may lie anywhere between
-the two and as far on the other side (a rectangular distribution, GUM 4.3.7)."""
+ORDER = 2.5
+"""Order of the mesh error in the parameters, fitted over both elements by `benchmarks.mesh_order`."""
+ELEMENT_ORDER = 1.4
+"""Order at which the answers of the two elements come together, fitted likewise."""
+MISSED = 0.5
+"""Standard uncertainty of the correction over its size: what the fitted order misses in one test."""
+UNKNOWN = 1.0
+"""The same where the other element could not be run."""
+BETWEEN = 3.0**0.5
+"""Distance of the two elements' answers over the standard uncertainty of this one: the truth may lie anywhere
+between them, the root mean square of its distance from one end is a root of three less."""
 
 
-def mesh_uncertainty(shift: FloatArray, *, coarse: int, fine: int) -> FloatArray:
-    """Standard uncertainty from the refined mesh's remaining error, by Richardson's extrapolation.
+@dataclass(frozen=True)
+class MeshChange:
+    """Changes of the predicted data vector at the answer by a coarser mesh and by the other element."""
 
-    Parameters
-    ----------
-    shift
-        Optimum on the refined mesh minus that on the coarser one, shape [d].
-    coarse, fine
-        Elements across the radius of both meshes.
+    coarser: FloatArray
+    """Data on the surrogate's mesh minus those on the refined one, shape [k]."""
+    element: FloatArray | None
+    """Data with the other element minus those with this one, both on the surrogate's mesh, shape [k]; None
+    if it could not be run."""
+    ratio: float
+    """Elements across the radius of the refined mesh over those of the surrogate's [-], > 1."""
 
-    Returns
-    -------
-    ndarray
-        In the parameters' units, shape [d].
+    def __post_init__(self) -> None:
+        if not self.ratio > 1.0:
+            raise ValueError(
+                f"the refined mesh has {self.ratio:.3g} times the elements of the surrogate's across the "
+                "radius, must have more than 1: the mesh error is extrapolated from both"
+            )
+
+    def shift(self, gain: FloatArray) -> FloatArray:
+        """Optimum on the refined mesh minus that on the surrogate's, shape [d].
+
+        Parameters
+        ----------
+        gain
+            Linear map from what the prediction is short of to the move of the optimum, shape [d, k].
+        """
+        return np.asarray(gain @ self.coarser)
+
+    def correction(self, gain: FloatArray) -> FloatArray:
+        """Optimum on an infinitely fine mesh minus that on the refined one, by Richardson, shape [d]."""
+        return self.shift(gain) / (self.ratio**ORDER - 1.0)
+
+    def sigma(self, gain: FloatArray) -> FloatArray:
+        """Standard uncertainty of the corrected optimum, shape [d]."""
+        missed = np.abs(self.correction(gain))
+        if self.element is None:
+            return np.asarray(UNKNOWN * missed)
+        apart = np.abs(gain @ self.element) / self.ratio**ELEMENT_ORDER
+        return np.asarray(np.hypot(MISSED * missed, apart / BETWEEN))
+
+
+def mesh_change(stages: StagedRuns, fine: RefinedOptimum) -> MeshChange:
+    """Run the answer on the surrogate's mesh with both elements.
+
+    Raises
+    ------
+    ValueError
+        If the run with the element of the identification does not complete there.
     """
-    return np.asarray(SAFETY_FACTOR / ONE_SIDED * np.abs(shift) / ((fine / coarse) ** ORDER - 1.0))
+    numerics = stages.settings.numerics
+    other = replace(numerics, element="fbar" if numerics.element == "one_point" else "one_point")
+    coarse = _vector(stages, fine, numerics)
+    if coarse is None:
+        across, along = numerics.mesh
+        raise ValueError(
+            f"the run at the answer on the surrogate's mesh of {across} x {along} elements did not complete, "
+            "so that the error of the refined one cannot be told: refine the surrogate's mesh"
+        )
+    element = _vector(stages, fine, other)
+    # Where a surface slides the model is the quadratic, which does not follow the jumps of single runs.
+    return MeshChange(
+        coarser=np.nan_to_num(coarse - fine.model(fine.x)[0]),
+        element=None if element is None else np.nan_to_num(element - coarse),
+        ratio=stages.settings.refined_mesh[0] / numerics.mesh[0],
+    )
 
 
-def element_uncertainty(shift: FloatArray) -> FloatArray:
-    """Standard uncertainty from the element, of the optimum with the other one minus the answer, [d]."""
-    return np.asarray(np.abs(shift) / EITHER_SIDE)
+def _vector(stages: StagedRuns, fine: RefinedOptimum, numerics: Numerics) -> FloatArray | None:
+    """The predicted data vector at the answer with some numerics; None if the run is lost."""
+    _, prediction = stages.evaluate("check", fine.x[None], numerics)
+    return None if prediction is None else fine.objective.vectors(prediction)[0]
 
 
-def numerical_uncertainty(
-    mesh_shift: FloatArray,
-    *,
-    coarse: int,
-    fine: int,
-    element_shift: FloatArray | None = None,
-    roughness: FloatArray | None = None,
-) -> dict[str, FloatArray]:
+def numerical_parts(
+    mesh: MeshChange, gain: FloatArray, *, roughness: FloatArray | None = None
+) -> Mapping[str, FloatArray]:
     """Standard uncertainties from the numerics by source, shape [d] each.
 
     Parameters
     ----------
-    mesh_shift, coarse, fine
-        As of `mesh_uncertainty`.
-    element_shift
-        As of `element_uncertainty`; None if it is not known.
+    mesh, gain
+        As of `MeshChange`.
     roughness
         Standard deviation of the optimum from the response's roughness, shape [d]; None if it is smooth.
-
-    Returns
-    -------
-    dict
-        "mesh" is the larger of the mesh's and the element's part, parameter by parameter: both are estimates
-        of one error, that of the discretisation. "roughness" only where it is given.
     """
-    found = {"mesh": mesh_uncertainty(mesh_shift, coarse=coarse, fine=fine)}
-    if element_shift is not None:
-        found["mesh"] = np.fmax(found["mesh"], element_uncertainty(element_shift))
-    if roughness is not None:
-        found["roughness"] = roughness
-    return found
+    found = {"mesh": mesh.sigma(gain)}
+    return found if roughness is None else {**found, "roughness": roughness}

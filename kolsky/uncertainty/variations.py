@@ -103,6 +103,9 @@ def shorter(objective: Objective, model: Model, end: float) -> Data:
         bins=ForceBins(bins.edges[: n + 1], bins.mean[:n], bins.sigma[:n], bins.n[:n]),
         centre_line=CentreLine(**parts),
         force_sigma_gain=seen.force_sigma_gain,
+        front_noise=None
+        if seen.front_noise is None
+        else seen.front_noise[:, np.concatenate([np.arange(objective.n_force) < n, points])],
     )
     rows = np.concatenate([np.arange(objective.n_force) < n, points[objective.counted]])
     return replace(objective, observations=kept, counted=objective.counted[points]), lambda x: model(x)[
@@ -136,12 +139,13 @@ def wider(objective: Objective, model: Model) -> Data:
         n=np.add.reduceat(bins.n - 1, starts) + 1,
     )
 
-    def predict(points: FloatArray) -> FloatArray:
-        vectors = model(points)
+    def both(vectors: FloatArray) -> FloatArray:
         n = objective.n_force
         return np.concatenate([merged(vectors[:, :n]), vectors[:, n:]], axis=1)
 
-    return replace(objective, observations=replace(objective.observations, bins=wide)), predict
+    modes = objective.observations.front_noise
+    seen = replace(objective.observations, bins=wide, front_noise=None if modes is None else both(modes))
+    return replace(objective, observations=seen), lambda points: both(model(points))
 
 
 def narrower(
@@ -165,8 +169,11 @@ def narrower(
         return replace(prediction, force_bins=_halves(prediction, seen.force.time, edge, halves))
 
     points, prediction = stages.on_surrogate_mesh()
-    objective = replace(answer.objective, observations=replace(seen, bins=force_between(seen.force, halves)))
-    n = answer.objective.n_force
+    n, modes = answer.objective.n_force, seen.front_noise
+    if modes is not None:  # both halves of a bin have its own
+        modes = np.concatenate([np.repeat(modes[:, :n], 2, axis=1), modes[:, n:]], axis=1)
+    bins = force_between(seen.force, halves)
+    objective = replace(answer.objective, observations=replace(seen, bins=bins, front_noise=modes))
     fine = replace(
         answer,
         objective=objective,

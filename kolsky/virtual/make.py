@@ -115,7 +115,7 @@ def _batches(
     groups: dict[Any, list[tuple[ShotSpecification, Path]]] = {}
     for shot, folder in todo:
         try:
-            key = Job.of(shot.quantities).group
+            key = Job.of(shot.quantities, shot.folder).group
         except ValueError as error:
             raise _refused(shot, error) from None
         groups.setdefault(key, []).append((shot, folder))
@@ -125,7 +125,9 @@ def _batches(
 
 def _made(batch: Sequence[tuple[ShotSpecification, Path]], device: str, threads: int | None) -> list[Made]:
     try:
-        truths = simulate_truths([shot.quantities for shot, _ in batch], device=device, threads=threads)
+        truths = simulate_truths(
+            [shot.quantities for shot, _ in batch], folder=batch[0][0].folder, device=device, threads=threads
+        )
     except (TruthError, ValueError) as error:
         raise _refused(batch[0][0], error) from None
     for (shot, folder), truth in zip(batch, truths, strict=True):

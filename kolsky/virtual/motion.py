@@ -1,13 +1,20 @@
-"""The flyer's true motion: a smooth ramp, or one that was sampled."""
+"""The flyer's true motion: a smooth ramp, one that was sampled, or that of the whole test."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from kolsky.base.arrays import FloatArray
-from kolsky.virtual.schema import MotionTable
+from kolsky.base.errors import InputError
+from kolsky.readers.table import Column, read_table
+from kolsky.virtual.bar_motion import flyer_samples
+from kolsky.virtual.schema import MotionTable, Specification
 
+BARS_DURATION = 1.6e-3
+"""Time of the whole test that is integrated from the flyer's start on, unless [motion] says another [s]."""
 LONGEST = 0.1
 """Longest record [s]."""
 
@@ -57,6 +64,94 @@ class Ramp:
         after = np.maximum(t - self.rise, 0.0)
         ramp = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
         return np.asarray(self.speed * (ramp - self.slowdown * (after / self.over) ** 2))
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """A motion through samples, cubic between them; at rest before, at its last speed past the end."""
+
+    start: float
+    """When it starts [s]."""
+    spline: CubicSpline
+    """Displacement [m] of the time since the start [s]."""
+
+    @property
+    def length(self) -> float:
+        """Time that the samples cover [s]."""
+        return float(self.spline.x[-1])
+
+    @classmethod
+    def of(cls, start: float, time: FloatArray, displacement: FloatArray) -> "Sampled":
+        """The motion through samples [s], [m], shape [n] each; both are counted from the first sample."""
+        rest = ((1, 0.0), "not-a-knot")
+        return cls(start, CubicSpline(time - time[0], displacement - displacement[0], bc_type=rest))
+
+    def displacement(self, time: FloatArray) -> FloatArray:
+        """See `Path1D`."""
+        t = np.asarray(time) - self.start
+        past = np.maximum(t - self.length, 0.0) * float(self.spline(self.length, 1))
+        return np.asarray(self.spline(np.clip(t, 0.0, self.length)) + past)
+
+    def velocity(self, time: FloatArray) -> FloatArray:
+        """See `Path1D`."""
+        t = np.asarray(time) - self.start
+        return np.asarray(np.where(t < 0.0, 0.0, self.spline(np.clip(t, 0.0, self.length), 1)))
+
+
+def path_of(quantities: Specification, folder: Path) -> tuple[Path1D, float]:
+    """The flyer's motion, and the time from its start to the end of the record [s].
+
+    Parameters
+    ----------
+    quantities
+        The specification.
+    folder
+        Where the specification lies.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be used.
+    ValueError
+        As `ramp_of`.
+    """
+    motion, length = quantities.motion, quantities.specimen.length
+    if motion.kind == "ramp":
+        return ramp_of(motion, length)
+    if motion.kind == "bars":
+        material = quantities.material
+        time, displacement = flyer_samples(
+            speed=motion.speed,
+            striker_length=motion.striker_length,
+            flyer=(motion.flyer_mass, motion.flyer_diameter, motion.flyer_length),
+            specimen=(
+                quantities.specimen.diameter,
+                length,
+                material.stiffness_factor * material.shear_modulus,
+            ),
+            duration=motion.duration or BARS_DURATION,
+        )
+    else:
+        time, displacement = _read_samples(folder / (motion.file or ""))
+    path = Sampled.of(motion.start, time, displacement)
+    reached = np.flatnonzero(displacement - displacement[0] >= motion.compression * length)
+    end = float(time[reached[0]] - time[0]) if reached.size else path.length
+    return path, end if motion.duration is None else min(end, motion.duration)
+
+
+def _read_samples(path: Path) -> tuple[FloatArray, FloatArray]:
+    """Times [s] and displacements [m] of a sampled motion.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or holds fewer than four samples or times that do not ascend.
+    """
+    table = read_table(path)
+    time, displacement = table.values(Column("time (s)")), table.values(Column("displacement (m)"))
+    if len(time) < 4 or (np.diff(time) <= 0.0).any():
+        raise InputError(path, "needs four samples or more, at ascending times", key="motion.file")
+    return time, displacement
 
 
 def ramp_of(motion: MotionTable, length: float) -> tuple[Ramp, float]:

@@ -101,7 +101,7 @@ class MotionTable(Section):
     """Share of the speed that is lost from the ramp's end to the record's end [-]; ramp only."""
     file: f.FileName | None = None
     """Table of a sampled motion, beside the specification: time (s), displacement (m)."""
-    flyer_mass: f.Mass = 0.030
+    flyer_mass: f.Mass = 0.026
     """Platen and transducer together, which fly [kg]."""
     flyer_diameter: f.Length = 15e-3
     flyer_length: f.Length = 20e-3

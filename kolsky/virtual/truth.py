@@ -1,7 +1,8 @@
 """The truth of made shots: runs of the solver, those on one mesh in one launch, and a flyer that tilts."""
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -10,7 +11,7 @@ import explicit
 from kolsky.base.apparatus import Bar
 from kolsky.base.arrays import FloatArray
 from kolsky.virtual.material import law_of, relaxation_of
-from kolsky.virtual.motion import Path1D, ramp_of
+from kolsky.virtual.motion import Path1D, path_of
 from kolsky.virtual.records import SurfaceHistory, Truth
 from kolsky.virtual.schema import Specification
 
@@ -44,15 +45,15 @@ class Job:
         return self.end + MARGIN + late
 
     @classmethod
-    def of(cls, quantities: Specification) -> "Job":
-        """The simulation that a specification asks for.
+    def of(cls, quantities: Specification, folder: Path = Path()) -> "Job":
+        """The simulation that a specification asks for; files that it names are in `folder`.
 
         Raises
         ------
         ValueError
             If its motion cannot be.
         """
-        path, end = ramp_of(quantities.motion, quantities.specimen.length)
+        path, end = path_of(quantities, folder)
         frames = quantities.frames
         first = -(frames.static - 1 + frames.phase) / frames.rate
         count = int(np.floor((end - first) * frames.rate * (1.0 + 1e-12))) + 1
@@ -77,9 +78,9 @@ class Job:
 def simulate_truths(
     specifications: Sequence[Specification],
     *,
+    folder: Path = Path(),
     device: str = "cpu",
     threads: int | None = None,
-    progress: Callable[[int], None] | None = None,
 ) -> list[Truth]:
     """Simulate what several shots truly did.
 
@@ -87,10 +88,10 @@ def simulate_truths(
     ----------
     specifications
         One a shot.
+    folder
+        Where files are that they name.
     device, threads
         As in `explicit.run`.
-    progress
-        Called with the number of shots just done.
 
     Raises
     ------
@@ -99,7 +100,7 @@ def simulate_truths(
     ValueError
         If a specification cannot be simulated.
     """
-    jobs = [Job.of(quantities) for quantities in specifications]
+    jobs = [Job.of(quantities, folder) for quantities in specifications]
     groups: dict[Hashable, list[int]] = {}
     for number, job in enumerate(jobs):
         groups.setdefault(job.group, []).append(number)
@@ -107,8 +108,6 @@ def simulate_truths(
     for members in groups.values():
         found = _group([jobs[number] for number in members], device, threads)
         truths.update(zip(members, found, strict=True))
-        if progress is not None:
-            progress(len(members))
     return [truths[number] for number in range(len(jobs))]
 
 

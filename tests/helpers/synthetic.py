@@ -13,7 +13,16 @@ from numpy.typing import NDArray
 from explicit import EnergyLedger, Outcome, Response
 from kolsky.base.records import CentreLine, ForceHistory
 from kolsky.inverse.misfit import Terms
-from kolsky.inverse.result import Comparison, Estimate, Identification, Route, SurrogateCurve, Verdict
+from kolsky.inverse.result import (
+    Comparison,
+    Contribution,
+    Estimate,
+    Identification,
+    Route,
+    RouteDifference,
+    SurrogateCurve,
+    Verdict,
+)
 from kolsky.inverse.run_table import DesignTable
 
 FloatArray = NDArray[np.float64]
@@ -89,6 +98,10 @@ def synthetic(
             parameters={n: v + offset * SIGMA[n] for n, v in optimum.items()},
             cost=terms.phi if route == "paper" else terms.chi2,
             sigma={} if route == "paper" else {n: SIGMA[n] * (1.0 + abs(offset)) for n in names},
+            correction={} if route == "paper" else {n: 0.1 * MESH_SHIFT[n] for n in names},
+            budget=()
+            if route == "paper"
+            else (Contribution("flyer motion", {n: SIGMA[n] * (1.0 + abs(offset)) for n in names}),),
         )
         for route, offset in offsets.items()
     )
@@ -101,6 +114,7 @@ def synthetic(
             sigma_numerical=SIGMA_NUMERICAL[name],
             numerical_parts={"mesh": 0.8 * SIGMA_NUMERICAL[name], "roughness": 0.6 * SIGMA_NUMERICAL[name]},
             mesh_shift=MESH_SHIFT[name],
+            mesh_correction=0.1 * MESH_SHIFT[name],
             noise_parts={
                 "force and shape": 0.8 * SIGMA[name],
                 "flyer motion": 0.48 * SIGMA[name],
@@ -115,6 +129,14 @@ def synthetic(
         estimates=estimates,
         fixed={name: value for name, value in FIXED.items() if name not in names},
         routes=routes,
+        route_difference=RouteDifference(
+            values={n: 2.5 * SIGMA[n] for n in names},
+            sigma={n: 2.0 * SIGMA[n] for n in names},
+            budget=(
+                Contribution("force and shape", {n: 1.6 * SIGMA[n] for n in names}),
+                Contribution("flyer motion", {n: 1.2 * SIGMA[n] for n in names}),
+            ),
+        ),
         terms=terms,
         comparison=comparison,
         response=_response(nodes),

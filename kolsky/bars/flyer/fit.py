@@ -31,11 +31,13 @@ import numpy as np
 
 from kolsky.bars.flyer.jerks import ZERO_PRIOR, hat_functions, maximum_likelihood, posterior
 from kolsky.bars.flyer.path import FlyerPath, responses
-from kolsky.base.arrays import FloatArray
+from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.records import FlyerMotion
 
 FEWEST_STATIC = 3
 FEWEST_MOVING = 8
+LONGEST_STEP = 2.5
+"""Longest step from one displacement to the next without knots of the path between them, in frames."""
 
 
 def fit_flyer(motion: FlyerMotion, *, start: float, covariance: FloatArray | None = None) -> FlyerPath:
@@ -67,13 +69,15 @@ def fit_flyer(motion: FlyerMotion, *, start: float, covariance: FloatArray | Non
     _check(motion, start)
     if covariance is not None and covariance.shape != 2 * motion.time.shape:
         raise ValueError(f"covariance has shape {covariance.shape}, must be {2 * motion.time.shape}")
-    t, sigma = motion.time, motion.sigma
-    frame = float(np.median(np.diff(t)))
-    unit = float(np.median(sigma))
+    frame = float(np.median(np.diff(motion.time)))
+    t, seen = _without_gaps(motion.time, frame)
+    sigma, displacement = np.full(t.size, np.inf), np.zeros(t.size)
+    sigma[seen], displacement[seen] = motion.sigma, motion.displacement
+    unit = float(np.median(motion.sigma))
     static = t <= start
     knots = np.concatenate([[start], t[~static]])
-    about = np.average(motion.displacement[static], weights=sigma[static] ** -2)
-    y = (motion.displacement - about) / sigma
+    about = np.average(displacement[static], weights=sigma[static] ** -2)
+    y = (displacement - about) / sigma
     # Unknowns in units of sigma: the zero, then the jerks per frame^3.
     weight = unit / sigma
     G = np.column_stack([np.ones(t.size), responses(t, knots, 0) / frame**3]) * weight[:, None]
@@ -83,12 +87,13 @@ def fit_flyer(motion: FlyerMotion, *, start: float, covariance: FloatArray | Non
     prior = np.concatenate([[ZERO_PRIOR], np.exp(hats @ log_tau)])
     z, V, rest = posterior(y / s, G * (prior / s))
     effective = prior.size - float(np.trace(V))
-    dof = t.size - effective
+    dof = motion.time.size - effective
     u = prior[1:] * unit / frame**3
     spread = u[:, None] * V[1:, 1:] * u
     if covariance is not None:
         gain = u[:, None] * (V @ (G * (prior / s)).T)[1:] / (s * sigma)  # of the jerks by the displacements
-        spread = spread + gain @ (covariance - np.diag(sigma**2)) @ gain.T
+        gain = gain[:, seen]
+        spread = spread + gain @ (covariance - np.diag(motion.sigma**2)) @ gain.T
     return FlyerPath(
         knots=knots,
         jerk=u * z[1:],
@@ -97,8 +102,23 @@ def fit_flyer(motion: FlyerMotion, *, start: float, covariance: FloatArray | Non
         noise_scale=float(s),
         chi2_per_dof=float(s**2 * (rest @ rest) / dof),
         dof=dof,
-        static_scatter=float(np.sqrt(np.sum(y[static] ** 2) / (static.sum() - 1))),
+        static_scatter=float(np.sqrt(np.sum(y[static] ** 2) / ((static & seen).sum() - 1))),
     )
+
+
+def _without_gaps(time: FloatArray, frame: float) -> tuple[FloatArray, BoolArray]:
+    """Times with those of frames put in where more than one is missing, and which of them are data.
+
+    Without knots there, one constant jerk would have to carry a flyer from rest to its speed.
+    """
+    steps = np.diff(time)
+    added = [
+        before + np.arange(1, count) * (step / count)
+        for before, step, count in zip(time[:-1], steps, np.round(steps / frame).astype(int), strict=True)
+        if step > LONGEST_STEP * frame
+    ]
+    times = np.sort(np.concatenate([time, *added]))
+    return times, np.isin(times, time)
 
 
 def _check(motion: FlyerMotion, start: float) -> None:

@@ -127,7 +127,7 @@ def evidence(
     y
         Displacement over sigma, about the static frames' mean [-], shape [n_frames].
     weight
-        Typical sigma over sigma [-], shape [n_frames].
+        Typical sigma over sigma [-], shape [n_frames]; 0, with y = 0, where a frame has no displacement.
     spans
         Lengths of the spans in frames [-], shape [n_spans]; the frames before the last n_spans are static.
     hats
@@ -147,12 +147,14 @@ def evidence(
     growth = np.zeros((n, 4, 4))
     growth[moving] = variance[:, None, None] * kicks[moving, :, None] * kicks[moving, None, :]
     seen = weight[:, None] * np.array([1.0, 1.0, 0.0, 0.0])
+    data = weight > 0.0
+    own = np.where(data, noise, 1.0)  # a frame without a displacement says nothing of the noise
     S, K = np.empty(n), np.empty((n, 4))
     P = np.diag([ZERO_PRIOR**2, 0.0, 0.0, 0.0])
     for k, (z, step, new) in enumerate(zip(seen, steps, growth, strict=True)):
         P = step.dot(P).dot(step.T) + new
         column = P.dot(z)
-        S[k] = z.dot(column) + noise
+        S[k] = z.dot(column) + own[k]
         K[k] = column / S[k]
         P -= K[k, :, None] * column
     left = np.eye(4) - K[:, :, None] * seen[:, None]
@@ -170,7 +172,8 @@ def evidence(
         r[k - 1] = by_miss[k] + r[k].dot(back[k])
         N[k - 1] = by_frame[k] + back[k].T.dot(N[k]).dot(back[k])
     value = float(np.sum(np.log(S) + S * miss**2))
-    by_noise = np.sum(1.0 / S + np.einsum("ki,kij,kj->k", K, N, K) - (miss - np.sum(K * r, axis=1)) ** 2)
+    by_frame_noise = 1.0 / S + np.einsum("ki,kij,kj->k", K, N, K) - (miss - np.sum(K * r, axis=1)) ** 2
+    by_noise = np.sum(by_frame_noise[data])
     pushed, kicked = np.sum(seen * kicks, axis=1), (left @ kicks[:, :, None])[:, :, 0]
     by_variance = (
         pushed**2 / S

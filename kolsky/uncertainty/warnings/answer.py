@@ -1,7 +1,7 @@
 """Warnings from the answer: unconfirmed, force and outline disagree, interval leaves the design."""
 
 from collections.abc import Iterator
-from math import hypot, isfinite
+from math import isfinite
 
 import numpy as np
 
@@ -9,8 +9,9 @@ from kolsky.inverse.method_comparison import disagreements
 from kolsky.inverse.result import Estimate, Identification, Verdict, worst_imbalance
 from kolsky.uncertainty.warnings.runs import lost_runs
 
-RESIDUALS = "force and shape"
-"""The part of an estimate's noise that comes from the residuals."""
+DISAGREE = 2.5
+"""Force and outline disagree beyond so many standard uncertainties of their difference: at two, one right
+shot in twenty with one parameter would be called so, and one in seven with three."""
 IMBALANCE = 0.01
 """Share of the external work that may be unaccounted for before it is said."""
 
@@ -50,25 +51,24 @@ def force_alone(result: Identification) -> Iterator[str]:
 def routes(result: Identification) -> Iterator[str]:
     """Force and outline are two measurements of one specimen: their optima must agree.
 
-    A route's own sigma is from its residuals; flyer, curve and mesh shift the two optima by amounts of their
-    own and are counted once.
+    Compared is their difference with its own standard uncertainty, see
+    `kolsky.uncertainty.route_budgets.route_difference`. Of several parameters each is looked at alone.
     """
-    routes = {route.name: route for route in result.routes}
-    if not {"force only", "shape only"} <= set(routes):
+    difference, routes = result.route_difference, {route.name: route for route in result.routes}
+    if difference is None or not {"force only", "shape only"} <= set(routes):
         return
     force, shape = routes["force only"], routes["shape only"]
     boxes = {curve.parameter: (curve.x[0], curve.x[-1]) for curve in result.curves}
     for name, e in result.estimates.items():
-        a, b = force.parameters[name], shape.parameters[name]
-        inputs = [sigma for source, sigma in e.noise_parts.items() if source != RESIDUALS]
-        both = 2.0 * hypot(force.sigma[name], shape.sigma[name], e.sigma_numerical, *inputs)
-        if abs(a - b) > both:
+        both = DISAGREE * difference.sigma[name]
+        if abs(difference.values[name]) > both:
             low, high = boxes.get(name, (-np.inf, np.inf))
             near = 1e-4 * (high - low) if np.isfinite(high - low) else 0.0
-            edge = any(min(x - low, high - x) <= near for x in (a, b))
+            edge = any(min(x - low, high - x) <= near for x in (force.on_mesh(name), shape.on_mesh(name)))
             yield (
-                f"force and outline disagree about {name}: {a:.5g} by the force alone, {b:.5g} by the "
-                f"outline alone, further apart than the k = 2 uncertainty of their difference, {both:.2g}"
+                f"force and outline disagree about {name}: {force.parameters[name]:.5g} by the force alone, "
+                f"{shape.parameters[name]:.5g} by the outline alone, further apart than the k = {DISAGREE:g} "
+                f"uncertainty of their difference, {both:.2g}"
                 f"{_unit(e)}{' (and one of them at the edge of the box that was searched)' if edge else ''}; "
                 "the joint value is a compromise between them"
             )

@@ -6,7 +6,7 @@ from scipy.ndimage import gaussian_filter1d
 from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, rig
 
 from dic.rigid_body.axial_displacement import _consistent_frames
-from dic.rigid_body.edge_registration import EDGE, EdgeRegistration
+from dic.rigid_body.edge_registration import LARGEST_EDGE, EdgeRegistration
 from dic.surfaces import SpecimenFrame
 from dic.synthetic.cylinder import Speckles
 
@@ -50,7 +50,8 @@ def test_an_edge_strip_of_three_rows_is_found(rest):
     assert found.zncc > 0.98
     # noise alone: 0.02 px over some hundred pixels; the pixel at the edge is not needed and left out
     assert abs(found.y - rest) < 1e-6
-    assert found.common < 0.1 * EDGE / SCALE
+    assert found.clear
+    assert found.common < 0.002 / SCALE
     assert abs(found.y - rest) < 4.0 * found.sigma
 
 
@@ -83,9 +84,21 @@ def test_the_offset_of_the_last_row_is_found_from_frames_that_show_more():
     assert np.all(scatter[:, 0] * SCALE < 0.02)
     assert np.abs(offset[:, 2:]).max() * SCALE < 0.01  # rows that the border is not near
     assert before.y > 5.0 * before.sigma  # what this is about
-    sigma = np.hypot(after.sigma, after.common)
+    assert not after.clear
+    nearer = [
+        (blurred(scene(shift, edge, 20 + k)), np.array([0.0, shift, 0.0]))
+        for k, shift in enumerate(-4e-5 * np.arange(2, 7))
+    ]
+    error = edge_strip.end_error(nearer)
+    assert error is not None
+    assert error * SCALE < 0.05  # the row at the end is two pixels clear of the body's edge
+    sigma = np.hypot(np.hypot(after.sigma, after.common), error)
     assert abs(after.y) < 3.0 * sigma
-    assert sigma * SCALE < 0.03  # 0.01 px of noise and learning, 0.02 of the edge
+    # told places that are 0.2 px off, the row at the end is found to err by as much, and is not used
+    away = np.array([0.0, 2.0 * LARGEST_EDGE / SCALE, 0.0])
+    wrong = [(pair, move + away) for pair, move in nearer]
+    assert edge_strip.end_error(wrong) is None
+    assert edge_strip.end_error(nearer[:2]) is None  # too few frames
 
 
 def test_a_body_out_of_view_is_not_found():

@@ -252,6 +252,8 @@ def test_json_has_the_agreed_keys() -> None:
             "sigma_numerical",
             "sigma_systematic",
             "mesh_shift",
+            "on_mesh",
+            "mesh_correction",
             "noise_parts",
             "numerical_parts",
             "unit",

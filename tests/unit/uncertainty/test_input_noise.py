@@ -1,14 +1,15 @@
 """The inputs' part of an interval in closed form."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import pytest
 
+from kolsky.inverse.staged_runs import Replicates
 from kolsky.uncertainty.input_noise import (
-    input_noise,
-    replicate_parts,
+    InputChanges,
+    input_changes,
     replicate_uncertainty,
     scale_uncertainty,
 )
@@ -29,60 +30,43 @@ def test_a_scale_moves_by_the_steepest_of_the_slopes() -> None:
     np.testing.assert_allclose(scale_uncertainty(change, [GAIN, other]), [0.2, 0.6], rtol=1e-12)
 
 
-def parts(scaled: bool) -> dict[str, Any]:
-    vectors = np.array([[5.0, 5.0, 5.0], [6.0, 5.0, 5.0], [5.0, 8.0, np.nan], [5.5, 5.0, 5.0]])
-    n = 4 if scaled else 3
-    row = np.arange(n)
-    return {
-        "vectors": vectors[:n],
-        "flyer": row == 1,
-        "curve": row == 2,
-        "scale": row == 3,
-        "gain": GAIN,
-        "gains": [GAIN, 3.0 * GAIN],
-    }
-
-
-def test_each_source_has_its_rows() -> None:
-    found = replicate_parts(**parts(scaled=True))
+def test_each_source_goes_through_the_map_it_is_given() -> None:
+    changes = InputChanges(
+        {"flyer motion": np.array([[1.0, 0.0, 0.0]]), "material curve": np.array([[0.0, 3.0, 0.0]])},
+        {"motion scale": np.array([0.5, 0.0, 0.0])},
+    )
+    found = changes.parts(GAIN, [GAIN, 3.0 * GAIN])
     assert list(found) == ["motion scale", "flyer motion", "material curve"]
     np.testing.assert_allclose(found["motion scale"], [3.0, 0.0])  # 0.5 x 2 x the steeper slope's 3
     np.testing.assert_allclose(found["flyer motion"], [2.0, 0.0])
-    np.testing.assert_allclose(found["material curve"], [0.0, 3.0])  # a point that is left adds nothing
-    assert list(replicate_parts(**parts(scaled=False))) == ["flyer motion", "material curve"]
+    np.testing.assert_allclose(found["material curve"], [0.0, 3.0])
+    np.testing.assert_allclose(changes.parts(GAIN)["motion scale"], [1.0, 0.0])
+    np.testing.assert_allclose(changes.parts(-0.5 * GAIN)["flyer motion"], [1.0, 0.0])
 
 
-def made_up(force_sigma_gain: float, replicates: int) -> tuple[Any, Any]:
-    """An identification whose objective's gain is the slope's transpose, and whose replicates are `parts`."""
-    given = parts(scaled=True)
-    rows = SimpleNamespace(
-        prediction=given["vectors"], lost=2, **{k: given[k] for k in ("flyer", "curve", "scale")}
-    )
-    stages = SimpleNamespace(
-        observations=SimpleNamespace(force_sigma_gain=force_sigma_gain),
-        settings=SimpleNamespace(replicates=replicates),
-        replicate=lambda x: rows,
-    )
+def made_up(force_sigma_gain: float) -> tuple[Any, Replicates]:
+    """An objective of three entries, and a replicate of each kind."""
+    vectors = np.array([[5.0, 5.0, 5.0], [6.0, 5.0, 5.0], [5.0, 8.0, np.nan], [5.5, 5.0, 5.0]])
+    row = np.arange(4)
     objective = SimpleNamespace(
-        gain=lambda slope: slope.T,
+        observations=SimpleNamespace(force_sigma_gain=force_sigma_gain),
         scale_error=np.array([0.5, 0.0, 0.0]),
         vectors=lambda prediction: prediction,
     )
-    fine = SimpleNamespace(objective=objective, slopes=(GAIN.T, 3.0 * GAIN.T), jacobian=GAIN.T, x=np.zeros(2))
-    return stages, fine
+    prediction: Any = vectors
+    return objective, Replicates(prediction, row == 1, row == 2, row == 3, lost=2)
 
 
-@pytest.mark.parametrize(
-    ("gain", "replicates", "expected"),
-    [
-        (0.0, 0, {}),
-        (0.01, 0, {"force scale": [3.0, 0.0]}),
-        (0.0, 16, {"motion scale": [3.0, 0.0], "flyer motion": [2.0, 0.0], "material curve": [0.0, 3.0]}),
-    ],
-)
-def test_sources_are_those_that_are_there(gain: float, replicates: int, expected: dict[str, Any]) -> None:
-    found, lost = input_noise(*made_up(gain, replicates))
-    assert list(found) == list(expected)
-    for name, value in expected.items():
-        np.testing.assert_allclose(found[name], value)
-    assert lost == (2 if replicates else 0)
+def test_sources_are_those_that_are_there() -> None:
+    objective, replicates = made_up(0.01)
+    found = input_changes(objective, replicates)
+    assert list(found.parts(GAIN)) == ["force scale", "motion scale", "flyer motion", "material curve"]
+    np.testing.assert_array_equal(found.replicates["flyer motion"], [[1.0, 0.0, 0.0]])
+    # A point that a replicate leaves adds nothing.
+    np.testing.assert_array_equal(found.replicates["material curve"], [[0.0, 3.0, 0.0]])
+    np.testing.assert_array_equal(found.scales["motion scale"], [0.5, 0.0, 0.0])
+    assert list(input_changes(objective, None).parts(GAIN)) == ["force scale"]
+    unscaled = replace(replicates, scale=np.zeros(4, dtype=bool))
+    parts = input_changes(made_up(0.0)[0], unscaled).parts(GAIN)
+    assert list(parts) == ["flyer motion", "material curve"]
+    assert input_changes(made_up(0.0)[0], None).parts(GAIN) == {}

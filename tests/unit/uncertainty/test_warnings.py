@@ -10,7 +10,7 @@ from synthetic import CHECKS, failed, synthetic
 from explicit import Outcome
 from kolsky.base.apparatus import Interface
 from kolsky.inverse.method_comparison import Method
-from kolsky.inverse.result import Identification, Verdict
+from kolsky.inverse.result import Identification, RouteDifference, Verdict
 from kolsky.inverse.uncertainty_results import ParameterProfile
 from kolsky.uncertainty.analyse import analysis_warnings
 from kolsky.uncertainty.warnings.collect import collect_warnings
@@ -155,26 +155,28 @@ def test_runs_that_did_not_complete() -> None:
 
 
 def routes(force: float, shape: float) -> Identification:
-    result = clean()
+    """Force and outline at given optima; 0.004 is the standard uncertainty of their difference."""
+    name, result = "stiffness_factor", clean()
     values = {"force only": force, "shape only": shape}
     found = [
-        replace(r, parameters={"stiffness_factor": values[r.name]}, sigma={"stiffness_factor": 0.003})
-        if r.name in values
-        else r
+        replace(r, parameters={name: values[r.name]}, correction={name: 0.001}) if r.name in values else r
         for r in result.routes
     ]
-    return clean(routes=tuple(found))
+    difference = RouteDifference({name: force - shape}, {name: 0.004}, ())
+    return clean(routes=tuple(found), route_difference=difference)
 
 
 def test_force_and_shape_that_disagree() -> None:
-    # The routes' 0.003 each, flyer 0.000912, curve 0.000684 and mesh 0.0016: twice their root sum is 0.00935.
-    assert collect_warnings(routes(1.12, 1.1293), checks=CHECKS, interface=BONDED) == ()
-    text = said(routes(1.12, 1.1294))
-    assert "1.12 by the force alone, 1.1294 by the outline alone" in text
-    assert "0.0094" in text
+    # 2.5 times 0.004; what each route alone is uncertain by does not matter.
+    assert collect_warnings(routes(1.12, 1.1299), checks=CHECKS, interface=BONDED) == ()
+    text = said(routes(1.12, 1.1301))
+    assert "1.12 by the force alone, 1.1301 by the outline alone" in text
+    assert "k = 2.5 uncertainty of their difference, 0.01;" in text
     assert "edge" not in text
-    end = float(clean().curves[0].x[-1])
-    assert "at the edge of the box that was searched" in said(routes(1.12, end))
+    end = float(clean().curves[0].x[-1])  # of the box on the refined mesh: the correction lies beyond
+    assert "at the edge of the box that was searched" in said(routes(1.12, end + 0.001))
+    unknown = replace(routes(1.12, end), route_difference=None)  # an old file
+    assert collect_warnings(unknown, checks=CHECKS, interface=BONDED) == ()
 
 
 def test_an_interval_past_the_design() -> None:

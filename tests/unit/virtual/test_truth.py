@@ -1,14 +1,16 @@
 """What a made shot truly did: the flyer's motion, a flyer that tilts, the exports of what was seen."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
+from kolsky.virtual.bar_motion import flyer_samples, static_curve
 from kolsky.virtual.instruments import free_outline, measure_curve, measure_outline, seen_displacement
 from kolsky.virtual.material import law_of, uniaxial_stress
-from kolsky.virtual.motion import Ramp, ramp_of
+from kolsky.virtual.motion import Ramp, path_of, ramp_of
 from kolsky.virtual.records import SurfaceHistory
 from kolsky.virtual.schema import MotionTable, Specification
 from kolsky.virtual.shot_file import shot_tables
@@ -83,7 +85,7 @@ def test_off_centre_specimen_turns_the_flyer_back() -> None:
     """I theta(T) = -e int (T - t) F dt with I = m (3 R^2 + h^2) / 12; the outline comes nearer by e."""
     q = specification(imperfections={"off_centre": "0.2 mm"}, exports={"outline_sigma": "1e-9 m"})
     truth, right = simulate_truths([q, specification()])
-    inertia = 0.030 * (3 * 7.5e-3**2 + 20e-3**2) / 12
+    inertia = 0.026 * (3 * 7.5e-3**2 + 20e-3**2) / 12
     end = truth.surface.time[-1]
     before = truth.force_time <= end
     left = (end - truth.force_time) * truth.incident
@@ -131,3 +133,36 @@ def test_a_ramp_that_slows_is_its_integral() -> None:
     path = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1])) * (t[1] - t[0])])
     assert ramp.displacement(t) == pytest.approx(path, abs=1e-11)
     assert speed[-1] == pytest.approx(3.0 * 0.8)
+
+
+def test_a_sampled_motion_goes_through_its_samples(tmp_path: Path) -> None:
+    t = np.linspace(0.0, 4e-4, 41)
+    (tmp_path / "motion.csv").write_text(
+        "time (s),displacement (m)\n" + "".join(f"{a + 1e-3:.9g},{2.0 * a**2 * 1e3 + 1e-3:.9g}\n" for a in t)
+    )
+    q = specification(motion={"kind": "sampled", "file": "motion.csv", "compression": "3 %"})
+    path, end = path_of(q, tmp_path)
+    assert path.displacement(q.motion.start + t) == pytest.approx(2e3 * t**2, abs=1e-10)
+    assert path.velocity(q.motion.start + np.array([-1e-5, 2e-4])) == pytest.approx([0.0, 0.8], abs=1e-5)
+    # 3 % of 6.5 mm, at the first sample that has it: 2000 t^2 = 0.195 mm at 0.3122 ms.
+    assert end == pytest.approx(3.2e-4)
+
+
+def test_the_flyer_of_the_whole_test_keeps_its_momentum() -> None:
+    """Without a specimen to speak of the flyer flies on at one speed, near the paper's 2.7 m/s."""
+    time, path = flyer_samples(
+        speed=5.5,
+        striker_length=0.25,
+        flyer=(0.026, 15e-3, 21e-3),
+        specimen=(1e-3, 6.5e-3, 1.0),
+        duration=8e-4,
+    )
+    speed = np.gradient(path, time)[time > 5e-4]
+    assert speed.mean() == pytest.approx(2.7, abs=0.3)
+    assert path[0] == 0.0
+
+
+def test_static_curve_is_neo_hookean_where_it_is_slender() -> None:
+    compression, force = static_curve(1e-3, 1.0, 2e4)
+    lam = 1.0 - compression[100]
+    assert force[100] == pytest.approx(2e4 * np.pi * 0.25e-6 * (lam**-2 - lam), rel=1e-6)

@@ -1,0 +1,240 @@
+"""Edge of the flyer by its motion: what moves rigidly with the flyer ends where the specimen begins.
+
+The rows at the border by which the flyer comes in are followed from the last frame backward, by one shift
+along the axis a frame. Pictures shifted by it agree row by row where they show the flyer, whatever its
+speckles look like, and do not where they show a specimen that is compressed: the standard deviation over the
+frames rises from that of the noise to that of the speckles within the width of an edge. The edge is then
+followed to rest, or to the frame in which too few rows of the flyer are in view.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.arrays import FloatArray, IntArray
+
+STRIP = 8
+"""Rows at the border that are followed first [px]."""
+FEWEST_ROWS = 4
+"""Rows of the flyer that must be in view for its place to be known [px]."""
+FEWEST_FRAMES = 5
+"""Frames that must show a row before its standard deviation counts."""
+LEAST_TRAVEL = 3.0
+"""Least travel of what is taken for the flyer [px]."""
+LARGEST_SPAN = 0.3
+"""Travel over which pictures are compared, as a share of their rows."""
+LEAST_ZNCC = 0.85
+"""Least correlation of the flyer's rows from frame to frame."""
+RIGID = 3.0
+"""Rows of the flyer vary by less than so many standard deviations of the noise."""
+CLEAR = 3.0
+"""Rows beyond the flyer's edge vary by so many times what its own rows vary by."""
+SPANS = 16
+"""Travels that are tried, from the longest to the least."""
+MOST_ROWS = 40
+"""Rows of the flyer that are followed at most."""
+FINE_STEPS = 4
+"""Gauss-Newton steps of a shift."""
+
+
+@dataclass(frozen=True)
+class FollowedEdge:
+    """The edge of the flyer in the frames that show enough of it."""
+
+    frames: IntArray
+    """Places in the list of frames that was given, the last first, shape [n]."""
+    row: FloatArray
+    """Rows of the edge, counted as pixel centres from the border the flyer comes in by [px], shape [n]."""
+    contrast: float
+    """Standard deviation over the frames beyond the edge over that within the flyer [-]."""
+
+
+def follow_edge(pictures: FloatArray, noise: float) -> FollowedEdge:
+    """Follow the edge of a flyer that comes in by the first row.
+
+    Parameters
+    ----------
+    pictures
+        Grey values without the uneven light, of frames in order; flyer at the top, shape [n_frames, rows,
+        columns].
+    noise
+        Standard deviation of their noise.
+
+    Raises
+    ------
+    ValueError
+        If nothing moves rigidly into the picture, or no row is found where it ends.
+    """
+    n, rows, _ = pictures.shape
+    travel, first = _coarse_travel(pictures)
+    if travel[first] < LEAST_TRAVEL:
+        raise ValueError(
+            f"what the first {STRIP} rows of the last usable picture show moved by {travel[first]:.1f} px "
+            "into "
+            f"the picture, at least {LEAST_TRAVEL:g} px are needed"
+        )
+    last, contrast = _consistent_edge(pictures[first:], travel[first:], noise, LARGEST_SPAN * rows)
+    known = travel <= last - STRIP - 1.0  # further back the strip holds specimen too
+    known[:first] = False
+    found, where = [n - 1], [last]
+    shift, speed = 0.0, 0.0
+    for k in range(n - 2, -1, -1):
+        guess = float(travel[k]) if known[k] else shift + speed
+        in_view = min(int(np.floor(last - guess)) - 1, MOST_ROWS)  # rows of the flyer, clear of its edge
+        if in_view < FEWEST_ROWS:
+            break
+        fit = _fine_shift(pictures[k], pictures[-1], guess, in_view)
+        if fit is None or abs(fit - guess) > 1.5:
+            break
+        speed, shift = fit - shift, fit
+        found.append(k)
+        where.append(last - shift)
+    return FollowedEdge(np.array(found), np.array(where), contrast)
+
+
+def _coarse_travel(pictures: FloatArray) -> tuple[FloatArray, int]:
+    """Travel from each frame to the last by the rows at the border [px], and the first frame it is known
+    in."""
+    n, rows, _ = pictures.shape
+    farthest = max(6, rows // 16)
+    travel = np.zeros(n)
+    for k in range(n - 2, -1, -1):
+        here, next_one = pictures[k, :STRIP], pictures[k + 1]
+        score = np.array(
+            [_zncc(here, next_one[max(s, 0) : STRIP + s], max(-s, 0)) for s in range(-1, farthest)]
+        )
+        best = int(np.argmax(score))
+        if score[best] < LEAST_ZNCC or travel[k + 1] > LARGEST_SPAN * rows:
+            return travel, k + 1
+        part = 0.0
+        if 0 < best < score.size - 1:
+            a, b, c = score[best - 1 : best + 2]
+            part = 0.5 * (a - c) / (a - 2.0 * b + c)
+        # against the last frame: what each pair of frames is off by does not add up
+        rough = travel[k + 1] + best - 1 + part
+        fine = _fine_shift(pictures[k], pictures[-1], rough, STRIP)
+        travel[k] = rough if fine is None or abs(fine - rough) > 1.0 else fine
+    return travel, 0
+
+
+def _zncc(f: FloatArray, g: FloatArray, skipped: int) -> float:
+    """Correlation of two strips, the first without as many first rows as the second lacks."""
+    a, b = f[skipped:].ravel(), g.ravel()
+    a, b = a - a.mean(), b - b.mean()
+    scale = float(np.sqrt((a @ a) * (b @ b)))
+    return float(a @ b) / scale if scale > 0.0 else -1.0
+
+
+def _fine_shift(picture: FloatArray, last: FloatArray, guess: float, in_view: int) -> float | None:
+    """Shift that carries the first rows of a picture to the last one [px]; None where it does not settle."""
+    f = picture[:in_view].ravel()
+    f = f - f.mean()
+    at = np.arange(in_view, dtype=np.float64)
+    shift = guess
+    for _ in range(FINE_STEPS):
+        g = _rows_at(last, at + shift)
+        slope = (_rows_at(last, at + shift + 0.5) - _rows_at(last, at + shift - 0.5)).ravel()
+        g = g.ravel() - g.mean()
+        gain = float(f @ g) / max(float(g @ g), 1e-12)
+        slope = slope - slope.mean()
+        energy = float(slope @ slope)
+        if energy <= 0.0 or gain <= 0.0:
+            return None
+        shift += float(np.clip(slope @ (f / gain - g) / energy, -0.5, 0.5))
+    return shift
+
+
+def _rows_at(picture: FloatArray, at: FloatArray) -> FloatArray:
+    """Rows between those of a picture, cubic (Catmull-Rom), shape [n, columns]."""
+    rows = len(picture)
+    base = np.floor(at).astype(np.int64)
+    t = (at - base)[:, None]
+    take = [picture[np.clip(base + j, 0, rows - 1)] for j in (-1, 0, 1, 2)]
+    return np.asarray(
+        take[1]
+        + 0.5
+        * t
+        * (
+            take[2]
+            - take[0]
+            + t * (2.0 * take[0] - 5.0 * take[1] + 4.0 * take[2] - take[3])
+            + t * t * (3.0 * (take[1] - take[2]) + take[3] - take[0])
+        )
+    )
+
+
+def row_variation(pictures: FloatArray, travel: FloatArray) -> FloatArray:
+    """Standard deviation over the frames of every row of the last picture, the flyer held still.
+
+    Parameters
+    ----------
+    pictures
+        The last is the one the rows are counted in, shape [n_frames, rows, columns].
+    travel
+        Of the flyer from each frame to the last [px], shape [n_frames].
+
+    Returns
+    -------
+    array
+        Shape [rows]; NaN where fewer than `FEWEST_FRAMES` frames show the row.
+    """
+    rows = pictures.shape[1]
+    total = np.zeros(pictures.shape[1:])
+    square, count = np.zeros_like(total), np.zeros(rows)
+    for picture, moved in zip(pictures, travel, strict=True):
+        at = np.arange(rows) - moved
+        seen = at >= 0.0
+        values = _rows_at(picture, at[seen])
+        total[seen] += values
+        square[seen] += values**2
+        count[seen] += 1.0
+    few = count < FEWEST_FRAMES
+    n = np.maximum(count, 2.0)[:, None]
+    variance = np.maximum(square - total**2 / n, 0.0) / (n - 1.0)
+    return np.where(few, np.nan, np.sqrt(variance.mean(axis=1)))
+
+
+def _consistent_edge(
+    pictures: FloatArray, travel: FloatArray, noise: float, largest: float
+) -> tuple[float, float]:
+    """Row of the edge in the last picture, from the longest travel in which the strip is all flyer."""
+    problem, before = "", 0
+    for span in np.linspace(largest, LEAST_TRAVEL, SPANS):
+        used = travel <= span
+        if used.sum() == before:
+            continue
+        before = int(used.sum())
+        try:
+            edge, contrast = _last_edge(pictures[used], travel[used], noise)
+        except ValueError as error:
+            problem = str(error)
+            continue
+        if edge >= travel[used].max() + STRIP + 1.0:
+            return edge, contrast
+        problem = (
+            f"about {edge:.0f} rows of it are in view, at least {STRIP + LEAST_TRAVEL + 1:.0f} are needed"
+        )
+    raise ValueError(f"the flyer's edge is not clear in the last usable picture: {problem}")
+
+
+def _last_edge(pictures: FloatArray, travel: FloatArray, noise: float) -> tuple[float, float]:
+    """Row of the edge in the last picture, and how clear it is."""
+    spread = row_variation(pictures, travel)
+    known = np.flatnonzero(np.isfinite(spread))
+    if known.size < 2 * FEWEST_ROWS:
+        raise ValueError(f"{len(pictures)} frames show too little of it")
+    high = float(np.percentile(spread[known], 75))
+    row = int(known[spread[known] > 0.5 * high][0])
+    if row <= known[0] + FEWEST_ROWS:
+        raise ValueError("no rows at the border move rigidly")
+    within = float(spread[known[0] : row - 1].max())
+    edge = row - 1 + (0.5 * high - spread[row - 1]) / (spread[row] - spread[row - 1])
+    if high < CLEAR * within:
+        raise ValueError(
+            f"the rows beyond it vary by {high / within:.1f} of those before it, at least {CLEAR:g} is clear"
+        )
+    if within > RIGID * noise:
+        raise ValueError(
+            f"the rows before it vary by {within / noise:.1f} of the noise, at most {RIGID:g} is rigid"
+        )
+    return float(edge), high / within

@@ -1,0 +1,73 @@
+"""The noise of the front face's motion as modes of the data, and the coarse optimum weighted by them.
+
+The noise of a flyer's record moves the onset of its motion, and a soft specimen rings with it: force and
+outline of the simulation are off by a pattern that is one and the same in all bins and points. Replicates of
+the fitted path say which patterns are likely and how large they are.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from kolsky.base.arrays import FloatArray
+from kolsky.inverse.coarse_search import CoarseOptimum
+from kolsky.inverse.observations import Observations, Prediction
+from kolsky.inverse.optimum import CorrectedSurrogate, search
+from kolsky.inverse.staged_runs import Replicates, StagedRuns
+
+SMALLEST_MODE = 0.3
+"""A mode that moves the whole data vector by less, in units of its noise, is left out."""
+
+
+def data_change(prediction: Prediction) -> FloatArray:
+    """Bins and all points of every run less those of the first, shape [n, n_bins + Q].
+
+    A point that a run does not reach adds nothing.
+    """
+    vectors = np.concatenate([prediction.force_bins, prediction.Z], axis=1)
+    return np.nan_to_num(vectors - vectors[0])
+
+
+def front_modes(change: FloatArray, noise: FloatArray) -> FloatArray:
+    """Independent patterns of the data with the mean square of some replicates, shape [n_modes, k].
+
+    Parameters
+    ----------
+    change
+        Data of each replicate less those of the reference, shape [n, k].
+    noise
+        Standard deviations of the data, shape [k].
+    """
+    _, size, patterns = np.linalg.svd(change / (noise * np.sqrt(len(change))), full_matrices=False)
+    kept = size > SMALLEST_MODE
+    return np.asarray(size[kept, None] * patterns[kept] * noise)
+
+
+def noise_of(observations: Observations) -> FloatArray:
+    """Measured standard deviations of bins and all points, shape [n_bins + Q]."""
+    return np.concatenate([observations.bins.sigma, observations.centre_line.sigma])
+
+
+def weigh_front_noise(
+    stages: StagedRuns, coarse: CoarseOptimum, replicates: Replicates | None
+) -> CoarseOptimum:
+    """The optimum on the surrogate's mesh with weights that know the front face's noise.
+
+    From here on the observations of `stages` hold its modes.
+
+    Parameters
+    ----------
+    stages, coarse
+        The simulations, and the optimum by noise and discrepancy alone.
+    replicates
+        Runs near that optimum under other motions; None leaves it as it is.
+    """
+    if replicates is None or not replicates.flyer.any():
+        return coarse
+    seen = stages.observations
+    modes = front_modes(data_change(replicates.prediction)[replicates.flyer], noise_of(seen))
+    stages.know_front_noise(modes)
+    objective = replace(coarse.objective, observations=stages.observations)
+    model = CorrectedSurrogate(coarse.surrogate).predict
+    best = search(coarse.box, objective, model, start=coarse.x)
+    return replace(coarse, objective=best.objective, x=best.x)

@@ -1,0 +1,93 @@
+"""The place at rest of a flyer that no static frame shows: closed forms, and rendered pictures."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.special import ndtr
+from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, rig
+
+from dic.images import PictureError
+from dic.rigid_body.rest_from_rim import RestGeometry, find_rim, fit_rise, glance
+from dic.surfaces import SpecimenFrame
+from dic.synthetic.cylinder import Speckles
+
+SCALE = 5400.0 / 0.295  # pixels per metre where the cylinder faces the cameras
+RIG = rig()
+FRAME = SpecimenFrame(np.eye(3), np.zeros(3), np.zeros((6, 6)))
+
+
+@pytest.mark.parametrize("band", [0.0, 0.4])
+def test_a_rise_of_known_place_is_found(band):
+    u = np.arange(-6.0, 5.0)
+    bands = band * np.linspace(0.0, 1.0, 20)
+    share = np.mean(ndtr((u[:, None] - 0.37 - bands) / 0.7) ** 2, axis=1)
+    spread = np.sqrt(10.0**2 + (500.0 + 20.0 * np.maximum(u - 0.37, 0.0)) ** 2 * share)
+    found = fit_rise(u, spread, bands)
+    assert found is not None
+    assert found[0] == pytest.approx(0.37, abs=1e-3)
+    assert found[1] < 1e-3
+
+
+def test_no_rise_is_no_rim():
+    u, rng = np.arange(-6.0, 5.0), np.random.default_rng(1)
+    assert fit_rise(u, 300.0 + 60.0 * rng.normal(size=u.size), np.zeros(5)) is None
+
+
+def test_the_face_is_seen_at_a_glance_from_below_only():
+    """A rim of 7.5 mm, 2 mm above a camera 292.5 mm from it: rays to it and to a specimen of 5 mm, 2.5 mm
+    behind, meet the plane of the rim 2.5 * 2 / 292.5 mm apart."""
+    geometry = RestGeometry(length=6e-3, length_sigma=0.0, radius=5e-3)
+    camera = np.array([0.0, 4e-3, 0.3])
+    assert glance(camera, 6e-3, 7.5e-3, geometry) == pytest.approx(2.5e-3 * 2e-3 / 0.2925)
+    assert glance(camera, 3.9e-3, 7.5e-3, geometry) == 0.0
+    # half as long it has twice the cross-section, and hides more of the face
+    low = np.array([0.0, 1e-3, 0.3])
+    assert glance(low, 3e-3, 7.5e-3, geometry) == pytest.approx((7.5 - 5 * 2**0.5) * 1e-3 * 2e-3 / 0.2925)
+    assert glance(low, 3e-3, 5e-3, geometry) == 0.0
+
+
+def series_of(frame):
+    return SimpleNamespace(shape=SHAPE, frame=frame)
+
+
+def unreadable(frame):
+    raise PictureError(Path("cam1.tif"), "is not there", frame=frame)
+
+
+LOW = -1.0e-3
+"""Rim at translation zero [m]."""
+TRAVELS = 100e-6 * np.arange(10)
+
+
+def test_the_rim_of_a_body_that_passes_a_specimen_is_found():
+    """The body comes down 1 mm over speckles at rest; its region ends two pixels short of the rim."""
+    body, ground = Speckles(3.5e-4, seed=5), Speckles(3.5e-4, seed=6)
+    rng = np.random.default_rng(2)
+
+    def pattern(travel: float):
+        return lambda arc, height: np.where(
+            height + travel > LOW, body(arc, height + travel), ground(arc, height)
+        )
+
+    camera = RIG.cameras[0]
+    pictures = [CYLINDER.picture(camera, SHAPE, pattern(d)) + rng.normal(0.0, NOISE, SHAPE) for d in TRAVELS]
+    series = (series_of(pictures.__getitem__), series_of(unreadable))
+    angle, height = np.meshgrid(np.linspace(-0.2, 0.2, 9), np.linspace(-0.5e-3, 0.5e-3, 5))
+    places = np.stack([RADIUS * np.sin(angle), height, RADIUS * np.cos(angle)], axis=-1).reshape(-1, 3)
+    moves = np.stack([0.0 * TRAVELS, -TRAVELS, 0.0 * TRAVELS], axis=1)
+    points = RIG.cameras[0].project(FRAME.in_rig(places))
+    edge = float(RIG.cameras[0].project(FRAME.in_rig(np.array([[0.0, LOW, RADIUS]])))[0, 1])
+    mask = np.broadcast_to(np.arange(SHAPE[0])[:, None] < edge - 2.0, SHAPE)
+    tracked = SimpleNamespace(points=points, mask=mask)
+    geometry = RestGeometry(length=6e-3, length_sigma=0.0, radius=RADIUS)
+    found = find_rim(series, tracked, RIG, FRAME, places, moves, geometry)
+    assert found is not None
+    assert found.cameras == 1  # the other has no pictures
+    assert found.sigma * SCALE < 0.1  # the model's 0.05 px, and the fit of ten frames
+    assert abs(found.y - LOW) < 3.0 * found.sigma
+    # a body that does not move relative to what is below has no rim that motion could tell
+    still = np.zeros_like(moves)
+    frozen = (series_of(lambda k: pictures[0]), series_of(unreadable))
+    assert find_rim(frozen, tracked, RIG, FRAME, places, still, geometry) is None
