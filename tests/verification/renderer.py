@@ -5,7 +5,6 @@ from functools import cache
 
 import cv2
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from dic.camera import Camera
@@ -98,7 +97,12 @@ def cosines() -> tuple[FloatArray, float]:
     reach = 60.0 * PIXEL
     pitch, height = PIXEL / 8.0, 0.03
     texture = waves(
-        Area((-reach, reach), (-reach, reach)), pitch, vectors=vectors, phases=phases, level=0.5, height=height
+        Area((-reach, reach), (-reach, reach)),
+        pitch,
+        vectors=vectors,
+        phases=phases,
+        level=0.5,
+        height=height,
     )
     pictures = shifted(texture)
     row, column = np.mgrid[: SHAPE[0], : SHAPE[1]] - 0.5 * (SHAPE[0] - 1)
