@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from kolsky.report.figures import (
+    budget,
     calibration,
     comparison,
     flyer_test,
@@ -28,6 +29,7 @@ from kolsky.report.figures.base import FigureKind
 __all__ = [
     "BARS_TOGETHER",
     "BASELINES",
+    "BUDGETS",
     "CALIBRATION",
     "FLYER_TESTS",
     "MATERIALS",
@@ -100,6 +102,8 @@ SENSITIVITY = by_name(sensitivity.FIGURES)
 """Global sensitivity of a shot."""
 SWEEPS = by_name(sweep.FIGURES)
 """Design of experiments over a shot's parameters."""
+BUDGETS = by_name(budget.FIGURES)
+"""Error budget."""
 MODULI = by_name([rate_curves.MODULI])
 """Moduli of tests of every kind over their time scales."""
 
@@ -115,6 +119,7 @@ SHOWN_BY: dict[str, Registry] = {
     "kolsky.material.reference_curve.ReferenceCurve": BASELINES,
     "kolsky.report.surface_view.SurfaceView": SURFACES,
     "kolsky.shot.recorded.Recorded": RECORDINGS,
+    "kolsky.studies.budget.budget.Budget": BUDGETS,
     "kolsky.studies.global_sensitivity.GlobalSensitivity": SENSITIVITY,
     "kolsky.studies.planning.plan.Plan": PLANS,
     "kolsky.studies.rates.records.GroupRates": RATES,
