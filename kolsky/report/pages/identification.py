@@ -12,6 +12,7 @@ from kolsky.report.display_units import in_display_units
 from kolsky.report.figures import RECORDINGS, REGISTRY
 from kolsky.report.fit_table import fit_tables
 from kolsky.report.nomenclature import in_words, name_of, route_label
+from kolsky.report.pages.causes import cause_table
 from kolsky.report.pages.identification_tables import (
     answer,
     check_run,
@@ -87,6 +88,7 @@ def render(identification: Identification, recordings: Recorded | None = None, *
         quality=quality(result),
         tables=likelihood_tables(result),
         changes=changes(result),
+        causes=cause_table(identification),
         choices=choices(result),
         recordings=flattened({"recordings": provenance.get("recordings", {})}),
         recorded=recordings,
