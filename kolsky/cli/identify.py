@@ -44,6 +44,10 @@ def identify(
     ] = "surrogate",
     solver: SolverOptions = SOLVER_DEFAULTS,
     bayes: Annotated[bool, typer.Option("--bayes", help="Sample the posterior too; needs emcee.")] = False,
+    diagnose: Annotated[
+        bool,
+        typer.Option("--diagnose", help="Identify anew with each of the two likeliest causes put right."),
+    ] = False,
     pull: Annotated[str, typer.Option(help="The curve m refers to: first pull or conditioned.")] = "first",
     seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 1,
     out: Out = None,
@@ -76,6 +80,7 @@ def identify(
     from kolsky import identification
     from kolsky.inverse.settings import Settings
     from kolsky.report import printed
+    from kolsky.report.fit_table import fit_line
     from kolsky.report.result_folder import PAGE, write_identify_results
     from kolsky.results.summary import to_json
 
@@ -93,11 +98,13 @@ def identify(
     )
     with usable(loaded), progress_bars() as progress:
         found = identification.identify(loaded, settings, progress=progress)
+        if diagnose:
+            found = identification.diagnose(found, loaded, settings, progress=progress)
     write_identify_results(folder, found, loaded, formats=formats)
     print_result(
         printed.details(found),
         to_json(found) if as_json else None,
-        answers=[printed.answer(estimate) for estimate in found.estimates.values()],
+        answers=[*(printed.answer(e) for e in found.estimates.values()), fit_line(found)],
         rest={"report": folder / PAGE, "wall time": since(started)},
         warnings=found.warnings,
     )

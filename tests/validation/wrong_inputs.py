@@ -24,7 +24,6 @@ from kolsky.base.errors import InputError
 from tests.validation.wrong_input_rows import CURVE, MODEL, RIGHT, ROWS, Row
 
 POPULATION = Path(__file__).with_suffix(".toml")
-FREE = ("stiffness_factor", "poisson", "damping")
 
 
 @dataclass(frozen=True)
@@ -61,7 +60,8 @@ def run(job: Job) -> dict[str, Any]:
     numerics, more = Numerics(device=job.device, threads=job.threads), {}
     if job.meshes is not None:
         numerics, more = numerics.with_mesh(job.meshes[0]), {"refined_mesh": job.meshes[1]}
-    settings = Settings(free=dict.fromkeys(FREE if row.free else MODEL), numerics=numerics, **more)
+    free = None if row.free else dict.fromkeys(MODEL)
+    settings = Settings(free=free, numerics=numerics, **more)
     try:
         found = identify(row.wrong(job.shot), settings)
     except (InputError, ValueError) as error:

@@ -10,7 +10,9 @@ from kolsky.inverse.result import Identification
 from kolsky.report import nomenclature, numbers
 from kolsky.report.display_units import in_display_units
 from kolsky.report.figures import RECORDINGS, REGISTRY
+from kolsky.report.fit_table import fit_tables
 from kolsky.report.nomenclature import in_words, name_of, route_label
+from kolsky.report.pages.causes import cause_table
 from kolsky.report.pages.identification_tables import (
     answer,
     check_run,
@@ -78,6 +80,7 @@ def render(identification: Identification, recordings: Recorded | None = None, *
         figures=figures,
         answers=[answer(estimate) for estimate in result.estimates.values()],
         facts=facts(result),
+        fit=fit_tables(result),
         fixed=fixed(result),
         check=check_run(result),
         runs=runs(result),
@@ -85,6 +88,7 @@ def render(identification: Identification, recordings: Recorded | None = None, *
         quality=quality(result),
         tables=likelihood_tables(result),
         changes=changes(result),
+        causes=cause_table(identification),
         choices=choices(result),
         recordings=flattened({"recordings": provenance.get("recordings", {})}),
         recorded=recordings,

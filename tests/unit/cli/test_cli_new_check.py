@@ -1,7 +1,6 @@
 """`kolsky new` and `kolsky check`: good shots, and every bad one answered with one line and exit code 2."""
 
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -91,17 +90,6 @@ def test_the_table_shows_what_was_understood() -> None:
         "sha256",
     ):
         assert text in result.stdout
-
-
-def test_new_writes_a_template_that_checks_with_the_standard_file_names(tmp_path: Path) -> None:
-    folder = tmp_path / "a" / "b"
-    result = runner.invoke(app, ["new", str(folder)])
-    assert result.exit_code == 0
-    assert "kolsky check" in result.stdout
-    assert os.listdir(folder) == ["shot.toml"]
-    for name in FILES[1:]:
-        shutil.copy(OPEN_01 / name, folder)
-    assert runner.invoke(app, ["check", str(folder)]).exit_code == 0
 
 
 def test_new_overwrites_nothing(tmp_path: Path) -> None:
