@@ -61,7 +61,7 @@ def test_steps_end_at_the_posterior_of_a_linear_model() -> None:
 
 def test_a_bounded_step_meets_the_posterior_and_a_face() -> None:
     one, J, _ = problem()
-    near = TRUTH + [1e-3, -2e-3]
+    near = TRUTH + np.array([1e-3, -2e-3])
     free = gauss_newton_step(one, J, J @ near, near, WIDE)
     again = one.with_discrepancy(J @ near)
     best, _ = posterior(one.data, J, again.sigma)
