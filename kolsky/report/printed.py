@@ -11,6 +11,7 @@ from kolsky.inverse.result import Estimate, Identification, Route, Verdict
 from kolsky.report import numbers
 from kolsky.report.display_units import estimate_in_display_units, in_display_units
 from kolsky.report.fit_table import printed_fit
+from kolsky.report.held_line import held_line
 from kolsky.report.nomenclature import factor_of
 from kolsky.report.sensitivity_table import printed_sensitivities
 
@@ -50,6 +51,8 @@ def details(found: Identification) -> dict[str, str]:
             if route.name in ROUTES
         ]
         rows += [(f"{symbol}, {method.name}", _distant(method, name, U)) for method in found.methods[1:]]
+        if found.held_answer is not None and found.held_answer.name == name:
+            rows.append((f"{symbol}, others held", plain(held_line(found.held_answer))))
     symbols = {name: _symbol(name) for name in found.estimates}
     causes = _causes(found)
     return {**dict(rows), **printed_fit(found, symbols), **causes, **printed_sensitivities(found, symbols)}
