@@ -18,8 +18,9 @@ from dataclasses import replace
 
 from kolsky.diagnosis.causes import cause_warnings, find_causes
 from kolsky.diagnosis.clocks import clock_lags
+from kolsky.diagnosis.corrected import corrected
 from kolsky.diagnosis.fit_quality import fit_quality
-from kolsky.diagnosis.sources import residual_sources
+from kolsky.diagnosis.sources import declared_changes, residual_sources
 from kolsky.diagnosis.verdicts import fit_warnings, judged
 from kolsky.inverse.estimates import (
     comparison,
@@ -88,12 +89,15 @@ def identify(
         roughness=fine.roughness,
     )
     gain = fine.objective.gain(fine.jacobian)
-    optima = search_routes(fine.box, fine.objective, fine.model)
-    by_route = [budgeted(box.names, one, sources) for one in optima]
     optimum = LinearisedOptimum.of(
         fine.x, fine.box, fine.objective, fine.model, fine.surrogate, smooth=fine.roughness is None
     )
     known = analyse(stages, optimum, fine.check.prediction, bayes=settings.bayes)
+
+    optima = search_routes(fine.box, fine.objective, fine.model)
+    if known.directions is not None:
+        sources = replace(sources, declared=declared_changes(known.directions, shot.uncertainty))
+    by_route = [budgeted(box.names, one, sources) for one in optima]
 
     stages.progress("causes", 0, 1)
     causes = find_causes(stages, fine.x, fine.check.response.select([0]))
@@ -141,3 +145,48 @@ def identify(
     )
     said = (*fit_warnings(result), *cause_warnings(causes), *warnings, *known.warnings)
     return replace(result, warnings=(*said, *found.freed.said(shot)))
+
+
+LEADING = 2
+"""Likely causes with which `diagnose` identifies anew."""
+
+
+def diagnose(
+    found: Identification, shot: Shot, settings: Settings | None = None, *, progress: Progress | None = None
+) -> Identification:
+    """Identify anew with each of the leading likely causes put right.
+
+    Parameters
+    ----------
+    found
+        The identification of the shot as it is declared.
+    shot, settings, progress
+        As of `identify`.
+
+    Returns
+    -------
+    Identification
+        The same, its leading causes with the free parameters that a whole identification gives, a cause found
+        beside another with both put right. One that no number puts right has none.
+
+    Raises
+    ------
+    ValueError
+        As `identify`.
+    """
+    settings = settings or Settings()
+    likely = {cause.key: cause for cause in found.causes if cause.named}
+    solved = {}
+    for cause in list(likely.values())[:LEADING]:
+        right: tuple[Shot, Settings] | None = (shot, settings)
+        for one in (likely.get(cause.beside), cause):
+            if one is not None and right is not None:
+                right = corrected(*right, one)
+        if right is not None:
+            again = identify(*right, progress=progress)
+            solved[cause.key] = replace(
+                cause,
+                solved={name: e.value for name, e in again.estimates.items()},
+                solved_sigmas={name: e.sigma for name, e in again.estimates.items()},
+            )
+    return replace(found, causes=tuple(solved.get(cause.key, cause) for cause in found.causes))

@@ -26,7 +26,8 @@ from kolsky.cli.repeats import repeats
 from kolsky.cli.report import report
 from kolsky.cli.simulate import simulate
 from kolsky.cli.sweep import sweep
-from kolsky.cli.virtual import virtual_make, virtual_new
+from kolsky.cli.virtual_make import virtual_make
+from kolsky.cli.virtual_new import virtual_new
 from kolsky.cli.waves import waves
 from kolsky.cli.wavespeed import wavespeed
 

@@ -44,6 +44,10 @@ def identify(
     ] = "surrogate",
     solver: SolverOptions = SOLVER_DEFAULTS,
     bayes: Annotated[bool, typer.Option("--bayes", help="Sample the posterior too; needs emcee.")] = False,
+    diagnose: Annotated[
+        bool,
+        typer.Option("--diagnose", help="Identify anew with each of the two likeliest causes put right."),
+    ] = False,
     pull: Annotated[str, typer.Option(help="The curve m refers to: first pull or conditioned.")] = "first",
     seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 1,
     out: Out = None,
@@ -94,6 +98,8 @@ def identify(
     )
     with usable(loaded), progress_bars() as progress:
         found = identification.identify(loaded, settings, progress=progress)
+        if diagnose:
+            found = identification.diagnose(found, loaded, settings, progress=progress)
     write_identify_results(folder, found, loaded, formats=formats)
     print_result(
         printed.details(found),

@@ -103,7 +103,7 @@ class Contribution:
 
     source: str
     """ "force and shape", "flyer motion", "material curve", "force scale", "motion scale", "mesh",
-    "roughness"."""
+    "roughness", "declared inputs"."""
     sigma: dict[str, float]
     """Standard uncertainty of each parameter from it, in parameter units."""
 

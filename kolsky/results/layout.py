@@ -335,6 +335,7 @@ CAUSE = Record(
         "sigmas": numbers("SI"),
         "named": Flags("1"),
         "alike": Text("alike"),
+        "beside": Text(),
         "status": Text(),
         "solved": numbers("SI"),
         "solved_sigmas": numbers("SI"),

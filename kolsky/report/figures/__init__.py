@@ -6,6 +6,7 @@ from typing import Any
 from kolsky.report.figures import (
     budget,
     calibration,
+    checked,
     comparison,
     flyer_test,
     material,
@@ -31,6 +32,7 @@ __all__ = [
     "BASELINES",
     "BUDGETS",
     "CALIBRATION",
+    "CHECKS",
     "FLYER_TESTS",
     "MATERIALS",
     "MODULI",
@@ -78,6 +80,8 @@ SURFACES = by_name(surface_points.FIGURES, surface_motion.FIGURES, speckles.FIGU
 """Surfaces measured by image correlation."""
 CALIBRATION = by_name(calibration.FIGURES)
 """Stereo calibration."""
+CHECKS = by_name(checked.FIGURES)
+"""Shot before anything is run."""
 SPECKLES = by_name([speckles.SPECKLE_FLOOR])
 """Speckle pattern of one camera."""
 WAVES = by_name(waves.FIGURES)
@@ -119,6 +123,8 @@ SHOWN_BY: dict[str, Registry] = {
     "kolsky.material.reference_curve.ReferenceCurve": BASELINES,
     "kolsky.report.surface_view.SurfaceView": SURFACES,
     "kolsky.shot.recorded.Recorded": RECORDINGS,
+    "kolsky.shot.records.PicturedShot": CHECKS,
+    "kolsky.shot.records.Shot": CHECKS,
     "kolsky.studies.budget.budget.Budget": BUDGETS,
     "kolsky.studies.global_sensitivity.GlobalSensitivity": SENSITIVITY,
     "kolsky.studies.planning.plan.Plan": PLANS,

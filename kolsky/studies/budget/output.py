@@ -33,12 +33,6 @@ def facts(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
     """The budget in numbers, SI: the largest source first."""
     low, high = result.u_together_interval
     ordered = sorted(result.sources, key=lambda source: -np.nan_to_num(source.u))
-    planned = {
-        "campaign_shots": campaign.shots,
-        "campaign_rates": [float(campaign.rates[0]), float(campaign.rates[-1])],
-        "campaign_sigma": campaign.sigma,
-        "campaign_half_width": campaign.half_width,
-    }
     return {
         "test": result.name,
         "parameter": result.parameter,
@@ -61,7 +55,16 @@ def facts(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
             }
             for source in ordered
         },
-        **({} if campaign is None else planned),
+        **({} if campaign is None else _planned(campaign)),
+    }
+
+
+def _planned(campaign: Campaign) -> dict[str, Any]:
+    return {
+        "campaign_shots": campaign.shots,
+        "campaign_rates": [float(campaign.rates[0]), float(campaign.rates[-1])],
+        "campaign_sigma": campaign.sigma,
+        "campaign_half_width": campaign.half_width,
     }
 
 

@@ -50,13 +50,13 @@ def test_what_is_left_is_half_the_correction_and_the_distance_of_the_elements() 
     gain = np.array([[1.0, 0.0], [0.0, 1.0]])
     coarser, element = np.array([0.0106, 0.0]), np.array([0.0, -0.0480])
     change = MeshChange(coarser, element, 8 / 3)
-    # (8/3)^2.5 - 1 = 10.612; (8/3)^1.4 = 3.9478 for the gap on the refined mesh, over the root of 3.
+    # (8/3)^2.5 - 1 = 10.612; (8/3)^1.5 = 4.3546 for the gap on the refined mesh, over the root of 3.
     np.testing.assert_allclose(change.correction(gain), [0.0106 / 10.6123, 0.0], rtol=1e-4)
     np.testing.assert_allclose(
-        change.sigma(gain), [0.5 * 0.0106 / 10.6123, 0.048 / 3.9478 / 1.73205], rtol=1e-4
+        change.sigma(gain), [0.5 * 0.0106 / 10.6123, 0.048 / 4.3546 / 1.73205], rtol=1e-4
     )
     both = MeshChange(coarser, np.array([0.0480, 0.0]), 8 / 3)
-    expected = np.hypot(0.5 * 0.0106 / 10.6123, 0.048 / 3.9478 / 1.73205)
+    expected = np.hypot(0.5 * 0.0106 / 10.6123, 0.048 / 4.3546 / 1.73205)
     assert both.sigma(gain)[0] == pytest.approx(expected, rel=1e-4)
     # Without the other element the whole correction counts.
     assert MeshChange(coarser, None, 8 / 3).sigma(gain)[0] == pytest.approx(0.0106 / 10.6123, rel=1e-4)

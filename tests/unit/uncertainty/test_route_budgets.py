@@ -1,5 +1,6 @@
 """Budgets of routes and of their difference on a linear problem whose covariance is known."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -88,6 +89,19 @@ def test_what_moves_both_alike_is_no_part_of_their_difference() -> None:
     assert parts["flyer motion"]["stiffness_factor"] == pytest.approx(0.3)
     assert parts["force scale"]["damping"] == pytest.approx(1.0)
     assert parts["mesh"]["stiffness_factor"] == pytest.approx(0.05 / (2.0**2.5 - 1.0))
+
+
+def test_declared_inputs_are_counted_by_each_map() -> None:
+    rows = np.stack([JACOBIAN[:, 0] * (np.arange(K) < N), 2.0 * JACOBIAN[:, 1]])
+    declared = replace(sources(), declared=np.sqrt(2.0) * rows)
+    pair = [optimum("force", (1.0, 2.0)), optimum("shape", (1.0, 2.0))]
+    parts = [{p.source: p.sigma for p in budgeted(NAMES, one, declared).budget} for one in pair]
+    assert parts[0]["declared inputs"] == pytest.approx({"stiffness_factor": 1.0, "damping": 2.0})
+    assert parts[1]["declared inputs"] == pytest.approx({"stiffness_factor": 0.0, "damping": 2.0}, abs=1e-12)
+    found = route_difference(NAMES, pair, declared)
+    assert found is not None
+    apart = {p.source: p.sigma for p in found.budget}["declared inputs"]
+    assert apart == pytest.approx({"stiffness_factor": 1.0, "damping": 0.0}, abs=1e-12)
 
 
 def test_a_route_is_corrected_by_its_own_map() -> None:
