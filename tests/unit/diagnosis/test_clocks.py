@@ -53,7 +53,9 @@ def with_data(one: Objective, data: FloatArray) -> Objective:
 def test_a_planted_lag_is_found(name: str, planted: float) -> None:
     one = objective()
     predict, rng = shifted(one), np.random.default_rng(3)
-    jacobian = np.concatenate([np.full(one.n_force, 1e3), np.full(len(one.data) - one.n_force, 1e-6)])[:, None]
+    jacobian = np.concatenate([np.full(one.n_force, 1e3), np.full(len(one.data) - one.n_force, 1e-6)])[
+        :, None
+    ]
     true = predict(planted * np.array(DIRECTIONS[name])) + 0.01 * jacobian[:, 0]
     seen = with_data(one, true + one.noise * rng.standard_normal(len(true)))
     found = fit_lag(seen, predict, jacobian, DIRECTIONS[name], {})

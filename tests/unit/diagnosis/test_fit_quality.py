@@ -1,4 +1,4 @@
-"""Goodness of fit in closed form: what is left over, shares of information, whiteness, blocks, the verdict."""
+"""Goodness of fit in closed form: what is left over, information, whiteness, blocks, the verdict."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -24,7 +24,7 @@ from kolsky.diagnosis.thresholds import LIMITS, SLOW_LIMITS
 from kolsky.inverse.fit_results import FitQuality
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import observe
-from kolsky.uncertainty.numerical import MeshChange
+from kolsky.uncertainty.numerical import BETWEEN, ELEMENT_ORDER, MeshChange
 
 FloatArray = NDArray[np.float64]
 FRAMES, POINTS = 16, 6
@@ -175,7 +175,7 @@ def test_an_unknown_residual_is_not_explained() -> None:
 def test_remaining_mesh_error_is_richardsons() -> None:
     coarser, element = np.array([3.0, 0.0]), np.array([0.0, 1.0])
     rows = mesh_changes(MeshChange(coarser, element, ratio=2.0))
-    # Of second order a third of the shift is left; the elements come together by 2^-1.6, as a rectangle.
+    # Of second order a third of the shift is left; the elements come together as they do for the parameters.
     squares = (rows**2).mean(axis=0)
-    np.testing.assert_allclose(np.sqrt(squares), [1.0, 2.0**-1.6 / np.sqrt(12.0)], rtol=1e-12)
+    np.testing.assert_allclose(np.sqrt(squares), [1.0, 2.0**-ELEMENT_ORDER / BETWEEN], rtol=1e-12)
     np.testing.assert_allclose((in_quadrature([coarser]) ** 2).mean(axis=0), coarser**2)

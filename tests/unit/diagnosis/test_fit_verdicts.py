@@ -64,9 +64,7 @@ def test_a_graver_verdict_stays() -> None:
     assert outcome(judged(bad)) is Verdict.NOT_SEEN
 
 
-@pytest.mark.parametrize(
-    ("share", "verdict"), [(0.101, Verdict.IDENTIFIED), (0.099, Verdict.OUTLINE_ALONE)]
-)
+@pytest.mark.parametrize(("share", "verdict"), [(0.101, Verdict.IDENTIFIED), (0.099, Verdict.OUTLINE_ALONE)])
 def test_a_channel_of_a_tenth_of_the_information(share: float, verdict: Verdict) -> None:
     result = with_fit(force={"weight": {M: share}}, outline={"weight": {M: 1.0 - share}})
     assert outcome(result) is verdict
