@@ -162,7 +162,7 @@ def stroke(t: FloatArray, setup: Setup, truth: Truth) -> FloatArray:
     undragged = truth.speed * _risen(t, truth)
     if truth.drag == 0.0:
         return undragged
-    way = setup.length / -np.log1p(-truth.drag)
+    way = setup.length / truth.drag
     return np.asarray(way * -np.expm1(-undragged / way))
 
 
@@ -170,8 +170,7 @@ def velocity(t: FloatArray, setup: Setup, truth: Truth) -> FloatArray:
     """Time derivative of `stroke` [m/s]."""
     s = np.clip(t / truth.rise, 0.0, 1.0)
     rising = truth.speed * betainc(truth.start_power, truth.end_power, s)
-    lost = 0.0 if truth.drag == 0.0 else -np.log1p(-truth.drag) / setup.length
-    return np.asarray(rising * np.exp(-lost * truth.speed * _risen(t, truth)))
+    return np.asarray(rising * np.exp(-truth.drag / setup.length * truth.speed * _risen(t, truth)))
 
 
 def _risen(t: FloatArray, truth: Truth) -> FloatArray:

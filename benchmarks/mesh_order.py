@@ -1,53 +1,178 @@
-"""The order of the mesh error in the answer: `python -m benchmarks.mesh_order --seed 1 --setups 4`.
+"""The order of the mesh error in the answer: `python -m benchmarks.mesh_order --out FOLDER`.
 
 Experiments of `benchmarks.coverage_problem` are simulated without noise, at their true parameters, on a
 series of meshes with both elements. Differences of the data vectors are carried to the parameters by one
 fixed linear map, so that weights and searches play no part: the order is that of the parameters' own error.
+`--judge` fits nothing and says how large the errors are that the order of `kolsky.uncertainty.numerical`
+leaves. Every mesh is kept in a file of the folder: called again, the series goes on where it stopped.
 """
 
 import argparse
+import json
 import time
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from benchmarks.coverage_problem import GROUP, FloatArray, Setup, Truth, drawn, simulate, template
+from kolsky.uncertainty.numerical import MeshChange
 
-MESHES = ((16, 22), (24, 32), (32, 43), (48, 64), (64, 86), (96, 129))
+MESHES = ((24, 32), (32, 43), (48, 64), (64, 86), (96, 129))
+"""The default meshes of an identification are the first and the fourth."""
 ELEMENTS = ("one_point", "fbar")
+STEPS = {"stiffness_factor": 0.01, "poisson": 5e-5, "damping": 2e-6}
+"""Steps of the central differences by the parameters, to either side, in SI."""
+DISCREPANCY = 0.15
+"""Standard deviation of the force beside its noise in the weights: about what the flyer's noise adds [N]."""
+
+Series = dict[tuple[int, str], FloatArray]
+"""Optimum minus that on the finest mesh of F-bar elements, by elements across the radius and element."""
 
 
 def main() -> None:
-    """Run the series and write the data vectors' moves."""
+    """Run the series, fit the orders or judge them, and print it."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seed", type=int, default=1, help="1 for the fit, another one to judge it")
     parser.add_argument("--setups", type=int, default=4)
-    parser.add_argument("--each", type=int, default=2, help="materials and flyers of each setup")
+    parser.add_argument("--each", type=int, default=4, help="materials and flyers of each setup")
     parser.add_argument("--device", default="cpu")
+    parser.add_argument("--judge", action="store_true", help="judge the orders instead of fitting them")
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
+    series = []
     for group in range(given.setups):
         pairs = [drawn(GROUP * group + i, given.seed) for i in range(given.each)]
         setup, truths = pairs[0][0], [truth for _, truth in pairs]
-        for mesh in MESHES:
-            for element in ELEMENTS:
-                place = given.out / f"{given.seed}-{group}-{mesh[0]}-{element}.npz"
-                if place.exists():
-                    continue
-                started = time.perf_counter()
-                seen = simulate(setup, truths, mesh=mesh, device=given.device, element=element)
-                vectors = [_vector(setup, truth, one) for truth, one in zip(truths, seen, strict=True)]
-                np.savez(place, vectors=np.array(vectors))
-                print(place.name, round(time.perf_counter() - started, 1), flush=True)
+        head = given.out / f"{given.seed}-{group}"
+        slopes = np.array([_slope(setup, truth, head, i, given.device) for i, truth in enumerate(truths)])
+        data = {
+            (mesh[0], element): _kept(setup, truths, mesh, element, head, given.device)
+            for mesh in MESHES
+            for element in ELEMENTS
+        }
+        for i, truth in enumerate(truths):
+            gain = _gain(slopes[i], setup, truth)
+            finest = data[MESHES[-1][0], "fbar"][i]
+            series.append({key: -gain @ (vectors[i] - finest) for key, vectors in data.items()})
+            series[-1][0, "gain"] = gain  # for the judgement
+            series[-1] |= {(-key[0], key[1]): vectors[i] for key, vectors in data.items()}
+    said = judged(series) if given.judge else fitted(series)
+    print(json.dumps(said, indent=2))
+    name = "judged" if given.judge else "fitted"
+    (given.out / f"{name}-{given.seed}.json").write_text(json.dumps(said, indent=1) + "\n")
 
 
-def _vector(setup: Setup, truth: Truth, seen: tuple[FloatArray, FloatArray]) -> FloatArray:
-    force, Z = seen
-    bins = template(setup, truth).bins
-    t = setup.samples
+def fitted(series: list[Series]) -> dict[str, Any]:
+    """The order of the error of m with one limit for both elements, and of the elements' distance."""
+    sizes = np.array([1.0 / mesh[0] for mesh in MESHES])
+    errors = np.array([[[one[m[0], e][0] for m in MESHES] for e in ELEMENTS] for one in series])
+
+    def left_over(order: float, rows: FloatArray = errors) -> float:
+        power = (sizes / sizes[0]) ** order
+        zero = np.zeros_like(power)
+        columns = np.stack([np.ones(2 * len(sizes)), np.r_[power, zero], np.r_[zero, power]], axis=1)
+        flat = rows.reshape(len(rows), -1).T
+        return float(((flat - columns @ np.linalg.lstsq(columns, flat, rcond=None)[0]) ** 2).sum())
+
+    order = minimize_scalar(left_over, bounds=(0.5, 5.0), method="bounded").x
+    drawn_again = np.random.default_rng(1).integers(len(series), size=(200, len(series)))
+    scatter = [
+        minimize_scalar(left_over, bounds=(0.5, 5.0), method="bounded", args=(errors[rows],)).x
+        for rows in drawn_again
+    ]
+    apart = np.abs(errors[:, 1] - errors[:, 0])
+    coarse, fine = 0, 3  # of the default meshes
+    share = float(np.sqrt((apart[:, fine] ** 2).sum() / (apart[:, coarse] ** 2).sum()))
+    return {
+        "experiments": len(series),
+        "order": float(order),
+        "its standard error, by experiments drawn again": float(np.std(scatter)),
+        "order of the elements' distance": float(np.log(share) / np.log(sizes[fine] / sizes[coarse])),
+    }
+
+
+def judged(series: list[Series]) -> dict[str, Any]:
+    """Errors of the corrected answer on the default meshes over what is said of them, by parameter.
+
+    The error is against the finest F-bar mesh, and against the middle of both elements there.
+    """
+    coarse, fine, finest = MESHES[0][0], MESHES[3][0], MESHES[-1][0]
+    rows = []
+    for one in series:
+        gain = one[0, "gain"]
+        change = MeshChange(
+            coarser=one[-coarse, "one_point"] - one[-fine, "one_point"],
+            element=one[-coarse, "fbar"] - one[-coarse, "one_point"],
+            ratio=fine / coarse,
+        )
+        before, middle = one[fine, "one_point"], 0.5 * one[finest, "one_point"]
+        after = before + change.correction(gain)
+        rows.append([before, after, after - middle, change.sigma(gain)])
+    table = np.array(rows).transpose(1, 2, 0)
+    return {
+        name: {
+            "error on the refined mesh, mean": float(before.mean()),
+            "corrected, mean": float(after.mean()),
+            "corrected, against the middle of both elements, mean": float(middle.mean()),
+            "said, mean": float(said.mean()),
+            "corrected over said, root mean square": float(np.sqrt(((after / said) ** 2).mean())),
+            "the same against the middle": float(np.sqrt(((middle / said) ** 2).mean())),
+            "within twice what is said": float((np.abs(after) <= 2.0 * said).mean()),
+        }
+        for name, before, after, middle, said in zip(STEPS, *table, strict=True)
+    }
+
+
+def _slope(setup: Setup, truth: Truth, head: Path, number: int, device: str) -> FloatArray:
+    """Jacobian of the data vector by the parameters on the coarsest mesh, shape [k, 3]."""
+    moved = [
+        replace(truth, **{name: getattr(truth, name) + sign * step})
+        for name, step in STEPS.items()
+        for sign in (1.0, -1.0)
+    ]
+    place = head.parent / f"{head.name}-slope"
+    vectors = _kept(setup, moved, MESHES[0], "one_point", Path(f"{place}-{number}"), device)
+    return np.stack(
+        [(vectors[2 * i] - vectors[2 * i + 1]) / (2.0 * step) for i, step in enumerate(STEPS.values())],
+        axis=1,
+    )
+
+
+def _gain(slope: FloatArray, setup: Setup, truth: Truth) -> FloatArray:
+    """Least squares of m alone, then of the other parameters with it, shape [3, k]."""
+    seen = template(setup, truth)
+    force = np.hypot(seen.bins.sigma, DISCREPANCY)
+    weight = np.concatenate([force, seen.centre_line.sigma]) ** -2
+    m = slope[:, :1]
+    alone = np.linalg.solve((m.T * weight) @ m, m.T * weight)
+    together = np.linalg.solve((slope.T * weight) @ slope, slope.T * weight)
+    return np.concatenate([alone, together[1:]])
+
+
+def _kept(
+    setup: Setup, truths: list[Truth], mesh: tuple[int, int], element: str, head: Path, device: str
+) -> FloatArray:
+    """Data vectors on a mesh, from the folder or simulated, shape [n, k]."""
+    place = head.parent / f"{head.name}-{mesh[0]}-{element}.npz"
+    if not place.exists():
+        started = time.perf_counter()
+        seen = simulate(setup, truths, mesh=mesh, device=device, element=element)
+        vectors = [_vector(setup, truth, *one) for truth, one in zip(truths, seen, strict=True)]
+        np.savez(place, vectors=np.array(vectors))
+        print(f"{place.name}: {time.perf_counter() - started:.1f} s", flush=True)
+    with np.load(place) as stored:
+        return np.asarray(stored["vectors"])
+
+
+def _vector(setup: Setup, truth: Truth, force: FloatArray, Z: FloatArray) -> FloatArray:
+    """Means of the force over the bins [N], then the radii [m]."""
+    edges, t = template(setup, truth).bins.edges, setup.samples
     impulse = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(t))])
-    return np.concatenate([np.diff(np.interp(bins.edges, t, impulse)) / np.diff(bins.edges), Z])
+    return np.concatenate([np.diff(np.interp(edges, t, impulse)) / np.diff(edges), Z])
 
 
 if __name__ == "__main__":

@@ -60,8 +60,10 @@ class LeastSquaresResult:
 class _Search:
     """One search: where it stands, and the point it wants to see next."""
 
-    def __init__(self, box: Box, u: FloatArray, data: FloatArray, weighting: Weighting, step: float) -> None:
-        self.box, self.data, self.weighting, self.step = box, data, weighting, step
+    def __init__(
+        self, box: Box, u: FloatArray, data: FloatArray, weighting: Weighting, step: float, at_rest: float
+    ) -> None:
+        self.box, self.data, self.weighting, self.step, self.at_rest = box, data, weighting, step, at_rest
         self.u, self.trial = u, u
         self.residual = self.jacobian = self.weights = np.empty(0)
         self.deviance, self.damping = np.inf, DAMPING
@@ -102,8 +104,9 @@ class _Search:
         self._propose()
 
     def _propose(self) -> None:
-        if float(np.linalg.norm(self.jacobian @ self._bounded(0.0))) <= AT_REST:
-            self.converged, self.ended = True, "the next step is within a tenth of a standard deviation"
+        if float(np.linalg.norm(self.jacobian @ self._bounded(0.0))) <= self.at_rest:
+            self.converged = True
+            self.ended = f"the next step is within {self.at_rest:g} standard deviations"
         elif self.damping > MOST_DAMPING:
             self.ended = "no step lowers the misfit, though its slope asks for one: it is rough on this scale"
         else:
@@ -146,6 +149,7 @@ def least_squares(
     weighting: Weighting,
     step: float = STEP,
     max_steps: int = 40,
+    at_rest: float = AT_REST,
 ) -> tuple[LeastSquaresResult, ...]:
     """Search a box for the response that is nearest to the data, from several starts side by side.
 
@@ -168,6 +172,8 @@ def least_squares(
         Half the distance of the differences in the unit box, in (0, 0.1].
     max_steps
         Most trial points of a search.
+    at_rest
+        Length of the next undamped step, in standard deviations, at which a search has converged, > 0.
 
     Returns
     -------
@@ -183,9 +189,11 @@ def least_squares(
     """
     if not 0.0 < step <= 0.1:
         raise ValueError(f"step must be in (0, 0.1] of the unit box, got {step}")
+    if not at_rest > 0.0:
+        raise ValueError(f"at_rest must be > 0 standard deviations, got {at_rest}")
     y = np.asarray(data, dtype=np.float64)
     points = np.clip(box.unit(box.require(starts, what="start")), 0.0, 1.0)
-    searches = [_Search(box, u, y, weighting, step) for u in points]
+    searches = [_Search(box, u, y, weighting, step, at_rest) for u in points]
     for _ in range(max_steps):
         active = [search for search in searches if not search.ended]
         if not active:

@@ -1,11 +1,13 @@
 """The story of `identify`, top to bottom.
 
-1. A design over the free parameters is run on the surrogate's mesh; a surrogate of the *response* (force bins
-   and outline points) gives a first optimum.
-2. More runs around it make the surrogate exact where it matters: `kolsky.inverse.coarse_search`.
+1. What is free: `kolsky.inverse.free_parameters`.
+2. Runs on coarse meshes give a first optimum: a design and a surrogate of the *response* (force bins and
+   outline points) of one parameter (`kolsky.inverse.coarse_search`), a scan of the valleys and least squares
+   for several (`kolsky.inverse.surrogate_mesh_search`).
 3. The optimum is moved to the refined mesh and confirmed by a run there: by single runs that correct the
-   surrogate (one parameter, `kolsky.inverse.refined_search`), or by a quadratic through a design of runs on
-   the refined mesh (several, or a sliding surface, `kolsky.inverse.quadratic_fit`).
+   surrogate (one parameter, `kolsky.inverse.refined_search`), by Gauss-Newton steps (several,
+   `kolsky.inverse.gauss_newton`), or by a quadratic through a design of runs on the refined mesh (a sliding
+   surface, `kolsky.inverse.quadratic_fit`). `kolsky.inverse.search` chooses.
 4. Its uncertainty: the residuals' covariance (`kolsky.inverse.objective`), the inputs' noise
    (`kolsky.uncertainty.input_noise`), the numerics (`kolsky.uncertainty.numerical`), then what is declared
    uncertain, profile likelihoods and other choices (`kolsky.uncertainty.analyse`).
@@ -15,30 +17,33 @@
 from dataclasses import replace
 
 from kolsky.diagnosis.causes import cause_warnings, find_causes
-from kolsky.inverse.coarse_search import search_coarse
+from kolsky.diagnosis.clocks import clock_lags
+from kolsky.diagnosis.corrected import corrected
+from kolsky.diagnosis.fit_quality import fit_quality
+from kolsky.diagnosis.sources import declared_changes, residual_sources
+from kolsky.diagnosis.verdicts import fit_warnings, judged
 from kolsky.inverse.estimates import (
     comparison,
     curves,
     estimates,
     held_values,
-    paper_route,
     search_routes,
     surrogate_quality,
 )
-from kolsky.inverse.front_noise import weigh_front_noise
+from kolsky.inverse.gauss_newton import MOVED
 from kolsky.inverse.misfit import terms
-from kolsky.inverse.parameters import any_slides, design_box
+from kolsky.inverse.parameters import any_slides
 from kolsky.inverse.prepared_shot import prepare_shot
 from kolsky.inverse.provenance import provenance
-from kolsky.inverse.quadratic_fit import search_by_quadratic
-from kolsky.inverse.refined_search import search_by_single_runs, slides
 from kolsky.inverse.result import Identification
+from kolsky.inverse.search import search_shot
 from kolsky.inverse.settings import Settings
 from kolsky.inverse.solver_search import add_method_comparison
-from kolsky.inverse.staged_runs import Progress, StagedRuns
+from kolsky.inverse.staged_runs import Progress
 from kolsky.shot.curve import with_pull
 from kolsky.shot.records import Shot
 from kolsky.uncertainty.analyse import analyse
+from kolsky.uncertainty.held_answer import held_answer
 from kolsky.uncertainty.input_noise import input_changes
 from kolsky.uncertainty.numerical import mesh_change, numerical_parts
 from kolsky.uncertainty.profile_likelihood import LinearisedOptimum
@@ -73,14 +78,10 @@ def identify(
     """
     settings = settings or Settings()
     shot = with_pull(shot, settings.pull)
-    prepared, box = prepare_shot(shot), design_box(settings.free)
-    stages = StagedRuns(prepared, settings, box, progress or (lambda stage, done, total: None))
-
-    coarse = search_coarse(stages)
-    replicates = stages.replicate(coarse.x) if settings.replicates else None
-    coarse = weigh_front_noise(stages, coarse, replicates)
-    alone = box.dimension == 1 and not slides(stages)
-    fine = search_by_single_runs(stages, coarse) if alone else search_by_quadratic(stages, coarse)
+    prepared = prepare_shot(shot)
+    found = search_shot(prepared, settings, progress or (lambda stage, done, total: None))
+    settings, stages, coarse, fine = found.freed.settings, found.stages, found.coarse, found.fine
+    box, replicates = stages.box, stages.replicates
 
     sources = Sources(
         inputs=input_changes(fine.objective, replicates),
@@ -88,15 +89,22 @@ def identify(
         roughness=fine.roughness,
     )
     gain = fine.objective.gain(fine.jacobian)
-    optima = search_routes(fine.box, fine.objective, fine.model)
-    by_route = [budgeted(box.names, one, sources) for one in optima]
-    optimum = LinearisedOptimum.of(fine.x, fine.box, fine.objective, fine.model, fine.surrogate)
+    optimum = LinearisedOptimum.of(
+        fine.x, fine.box, fine.objective, fine.model, fine.surrogate, smooth=fine.roughness is None
+    )
     known = analyse(stages, optimum, fine.check.prediction, bayes=settings.bayes)
+
+    optima = search_routes(fine.box, fine.objective, fine.model)
+    if known.directions is not None:
+        sources = replace(sources, declared=declared_changes(known.directions, shot.uncertainty))
+    by_route = [budgeted(box.names, one, sources) for one in optima]
 
     stages.progress("causes", 0, 1)
     causes = find_causes(stages, fine.x, fine.check.response.select([0]))
 
     observations, prediction = stages.observations, fine.check.prediction
+    vector = fine.objective.vectors(prediction)[0]
+    changes = residual_sources(sources, known.directions, shot.uncertainty)
     result = Identification(
         shot=shot.name,
         estimates=estimates(
@@ -110,7 +118,7 @@ def identify(
             outline=observations.has_shape,
         ),
         fixed=held_values(shot, box, settings.held),
-        routes=(*by_route, *([paper_route(box, stages.table)] if observations.has_shape else [])),
+        routes=(*by_route, *([found.paper_route()] if observations.has_shape else [])),
         route_difference=route_difference(box.names, optima, sources),
         terms=terms(prediction, observations, 0),
         comparison=comparison(prediction, observations),
@@ -121,14 +129,64 @@ def identify(
         curves=curves(fine.box, fine.objective, fine.model, fine.x),
         surrogate=surrogate_quality(stages, coarse, fine),
         seconds=stages.seconds,
+        fit=fit_quality(fine.objective, vector, fine.jacobian, names=box.names, changes=changes),
+        clocks=clock_lags(shot, fine.check.response, fine.objective, fine.jacobian, changes),
         causes=causes.findings,
-        provenance=provenance(shot, settings, prepared, sliding=any_slides([*settings.free, *settings.held])),
+        provenance=provenance(shot, settings, prepared, sliding=any_slides([*box.names, *settings.held])),
     )
-    result = add_method_comparison(known.added_to(result), stages, fine.objective)
+    result = judged(add_method_comparison(known.added_to(result), stages, fine.objective))
+    if found.held is not None:
+        result = replace(result, held_answer=held_answer(found, result.estimates[MOVED]))
     warnings = collect_warnings(
         result,
         checks=prepared.checks,
         interface=shot.interface,
         lost_replicates=0 if replicates is None else replicates.lost,
     )
-    return replace(result, warnings=(*cause_warnings(causes), *warnings, *known.warnings))
+    said = (*fit_warnings(result), *cause_warnings(causes), *warnings, *known.warnings)
+    return replace(result, warnings=(*said, *found.freed.said(shot)))
+
+
+LEADING = 2
+"""Likely causes with which `diagnose` identifies anew."""
+
+
+def diagnose(
+    found: Identification, shot: Shot, settings: Settings | None = None, *, progress: Progress | None = None
+) -> Identification:
+    """Identify anew with each of the leading likely causes put right.
+
+    Parameters
+    ----------
+    found
+        The identification of the shot as it is declared.
+    shot, settings, progress
+        As of `identify`.
+
+    Returns
+    -------
+    Identification
+        The same, its leading causes with the free parameters that a whole identification gives, a cause found
+        beside another with both put right. One that no number puts right has none.
+
+    Raises
+    ------
+    ValueError
+        As `identify`.
+    """
+    settings = settings or Settings()
+    likely = {cause.key: cause for cause in found.causes if cause.named}
+    solved = {}
+    for cause in list(likely.values())[:LEADING]:
+        right: tuple[Shot, Settings] | None = (shot, settings)
+        for one in (likely.get(cause.beside), cause):
+            if one is not None and right is not None:
+                right = corrected(*right, one)
+        if right is not None:
+            again = identify(*right, progress=progress)
+            solved[cause.key] = replace(
+                cause,
+                solved={name: e.value for name, e in again.estimates.items()},
+                solved_sigmas={name: e.sigma for name, e in again.estimates.items()},
+            )
+    return replace(found, causes=tuple(solved.get(cause.key, cause) for cause in found.causes))

@@ -51,9 +51,10 @@ def write_cine(path: Path, pictures: Stack, *, bits: int, times: NDArray[np.floa
     setup = bytearray(_SETUP)
     struct.pack_into("<H", setup, 0, min(round(rate), 65535))  # FrameRate16
     struct.pack_into("<2sH", setup, 140, b"ST", _SETUP)
-    struct.pack_into("<HH", setup, 744, columns, rows)  # ImWidth, ImHeight
+    struct.pack_into("<HH", setup, 737, columns, rows)  # ImWidth, ImHeight
     struct.pack_into("<I", setup, 768, round(rate))  # FrameRate
     struct.pack_into("<I", setup, 896, bits)  # RealBPP
+    struct.pack_into("<II", setup, 5732, 0, 2**bits - 1)  # BlackLevel, WhiteLevel
     ticks = np.rint(times * 2.0**32).astype(np.int64) + trigger
     stamps = np.stack([(ticks & 0xFFFFFFFF) & ~np.int64(3), ticks >> 32], axis=1).astype("<u4")
     block = struct.pack("<IHH", 8 + stamps.nbytes, 1002, 0) + stamps.tobytes()
@@ -82,8 +83,9 @@ def write_mraw(path: Path, pictures: Stack, *, bits: int, times: NDArray[np.floa
     start = int(np.rint(times[0] * rate))
     text = (
         '<?xml version="1.0" encoding="utf-8"?>\n<cih><fileInfo><date>2026/01/01</date></fileInfo>'
+        "<basicInfo><comment>made</comment></basicInfo><deviceInfo><deviceName>virtual</deviceName></deviceInfo>"
         f"<recordInfo><recordRate>{rate:.10g}</recordRate><shutterSpeed>{rate:.10g}</shutterSpeed></recordInfo>"
-        f"<frameInfo><totalFrame>{n}</totalFrame><startFrame>{start}</startFrame>"
+        f"<frameInfo><recordedFrame>{n}</recordedFrame><totalFrame>{n}</totalFrame><startFrame>{start}</startFrame>"
         "<skipFrame>1</skipFrame></frameInfo><imageFileInfo><fileFormat>MRaw</fileFormat></imageFileInfo>"
         f"<imageDataInfo><resolution><width>{columns}</width><height>{rows}</height></resolution>"
         "<colorInfo><type>Mono</type><bit>16</bit></colorInfo>"

@@ -1,6 +1,7 @@
 """Pictures of a scene by ray casting: light on the pixels, before the sensor's noise."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +10,7 @@ from dic.arrays import FloatArray
 from dic.camera import Camera
 from dic.correlation.kernels.device import select_device
 from dic.synthetic.kernels.launch import frames, rays_of_board, rays_of_bodies
-from dic.synthetic.kernels.upload import upload_bodies, upload_poses, upload_view
+from dic.synthetic.kernels.upload import upload_bodies, upload_view
 from dic.synthetic.lens import Lens, weight_table
 from dic.synthetic.scene import Lamp, RevolvedBody, Scene
 
@@ -69,7 +70,7 @@ def picture_series(
     """
     lens = lens or Lens()
     start = select_device(device)
-    bodies = upload_bodies(scene.bodies, len(scene.instants.time), start)
+    bodies = upload_bodies(scene.bodies, len(scene.instants.time), camera, start)
     weights, pad = _weights(camera, lens, _depths(scene, camera))
     view = upload_view(camera, shape, pad, lens, scene.lamp, scene.background, haze, haze_pitch, start)
     rays = rays_of_bodies(view, bodies, scene.instants, start)
@@ -100,8 +101,8 @@ def board_series(
     """
     lens = lens or Lens()
     start = select_device(device)
-    bodies = upload_bodies((board,), len(poses), start)
-    upload_poses(bodies, poses, start)
+    posed = replace(board, turn=np.stack([R.T for R, _ in poses]), place=np.stack([t for _, t in poses]))
+    bodies = upload_bodies((posed,), len(poses), camera, start)
     reach = float(np.hypot(*board.texture.grey.shape)) * board.texture.pitch
     depths = [float(camera.in_camera(t[None])[0, 2]) for _, t in poses]
     weights, pad = _weights(camera, lens, (max(min(depths) - reach, 1e-3), max(depths) + reach))

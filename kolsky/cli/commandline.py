@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from kolsky.base.errors import InputError
+from kolsky.cli.budget import budget
 from kolsky.cli.calibrate import calibrate
 from kolsky.cli.channels import channels
 from kolsky.cli.check import check
@@ -25,7 +26,8 @@ from kolsky.cli.repeats import repeats
 from kolsky.cli.report import report
 from kolsky.cli.simulate import simulate
 from kolsky.cli.sweep import sweep
-from kolsky.cli.virtual import virtual_make, virtual_new
+from kolsky.cli.virtual_make import virtual_make
+from kolsky.cli.virtual_new import virtual_new
 from kolsky.cli.waves import waves
 from kolsky.cli.wavespeed import wavespeed
 
@@ -46,6 +48,7 @@ COMMANDS: dict[str, Command] = {
     "simulate": simulate,
     "plan": plan,
     "sweep": sweep,
+    "budget": budget,
     "film": film,
     "material reference-curve": reference_curve,
     "material fit": material_fit,

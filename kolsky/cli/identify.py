@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from kolsky.cli import texts
-from kolsky.cli.options import SOLVER_DEFAULTS, AsJson, Figures, Mesh, Numbers, Out, ShotPath, SolverOptions
+from kolsky.cli.options import SOLVER_DEFAULTS, AsJson, Figures, Mesh, Out, ShotPath, SolverOptions
 from kolsky.inverse.parameters import PARAMETERS
 
 
@@ -18,10 +18,19 @@ def identify(
             "--free",
             metavar="NAME[=LOW:HIGH]",
             help=f"Free parameter and the bounds of its design; repeat for more. {', '.join(PARAMETERS)}.",
-            show_default="stiffness_factor",
+            show_default="stiffness_factor, and poisson and damping where the data can tell them",
         ),
     ] = None,
-    parameter: Numbers = None,
+    hold: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--hold",
+            "-p",
+            "--parameter",
+            metavar="NAME[=VALUE]",
+            help="Hold a parameter at the shot's value, or at this one (SI or with unit); repeat for more.",
+        ),
+    ] = None,
     mesh: Mesh = "24x32",
     refined_mesh: Annotated[
         str, typer.Option(metavar="NRxNY", help="The mesh the answer is given and checked on.")
@@ -35,6 +44,10 @@ def identify(
     ] = "surrogate",
     solver: SolverOptions = SOLVER_DEFAULTS,
     bayes: Annotated[bool, typer.Option("--bayes", help="Sample the posterior too; needs emcee.")] = False,
+    diagnose: Annotated[
+        bool,
+        typer.Option("--diagnose", help="Identify anew with each of the two likeliest causes put right."),
+    ] = False,
     pull: Annotated[str, typer.Option(help="The curve m refers to: first pull or conditioned.")] = "first",
     seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 1,
     out: Out = None,
@@ -43,17 +56,20 @@ def identify(
 ) -> None:
     """Identify the stiffness factor m (and more) of a shot, with its k = 2 interval and a report.
 
+    Poisson's ratio and damping are free too where the force's ringing tells them; --hold poisson --hold
+    damping keeps the shot's values, and the result says in any case what that would give.
+
     Writes identification.h5, report.html and CSV tables into SHOT/results.
     """
     started = perf_counter()
-    ranges = texts.ranges("--free", free or ["stiffness_factor"])
-    held = texts.values("--parameter", parameter or [])
+    ranges = texts.ranges("--free", free) if free else None
+    held, kept = texts.holds("--hold", hold or [])
     coarse, refined = texts.mesh("--mesh", mesh), texts.mesh("--refined-mesh", refined_mesh)
     texts.finer("--refined-mesh", refined, "--mesh", coarse)
     formats = texts.figure_formats(figures)
     texts.one_of("--methods", methods, ("surrogate", "all"))
     texts.one_of("--pull", pull, ("first", "conditioned"))
-    texts.apart("--free", ranges, "--parameter", held)
+    texts.apart("--free", ranges or {}, "--hold", [*held, *kept])
     if bayes:
         texts.installed("--bayes", "emcee", "bayes")
     from kolsky.cli.inputs import load, usable
@@ -64,12 +80,14 @@ def identify(
     from kolsky import identification
     from kolsky.inverse.settings import Settings
     from kolsky.report import printed
+    from kolsky.report.fit_table import fit_line
     from kolsky.report.result_folder import PAGE, write_identify_results
     from kolsky.results.summary import to_json
 
     settings = Settings(
         free=ranges,
         held=held,
+        hold=kept,
         numerics=numerics,
         refined_mesh=refined,
         replicates=replicates,
@@ -80,11 +98,13 @@ def identify(
     )
     with usable(loaded), progress_bars() as progress:
         found = identification.identify(loaded, settings, progress=progress)
+        if diagnose:
+            found = identification.diagnose(found, loaded, settings, progress=progress)
     write_identify_results(folder, found, loaded, formats=formats)
     print_result(
         printed.details(found),
         to_json(found) if as_json else None,
-        answers=[printed.answer(estimate) for estimate in found.estimates.values()],
+        answers=[*(printed.answer(e) for e in found.estimates.values()), fit_line(found)],
         rest={"report": folder / PAGE, "wall time": since(started)},
         warnings=found.warnings,
     )

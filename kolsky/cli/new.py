@@ -1,12 +1,15 @@
-"""`kolsky new`: an annotated shot.toml to begin with."""
+"""`kolsky new`: a shot.toml to fill in, with what the folder's files say."""
 
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from kolsky.base.errors import InputError
+
+if TYPE_CHECKING:
+    from kolsky.shot.survey import Survey
 
 
 def new(
@@ -16,13 +19,27 @@ def new(
     bars: Annotated[
         bool, typer.Option("--bars", help="For a test between bars with strain gauges, without cameras.")
     ] = False,
+    pictures: Annotated[
+        bool, typer.Option("--pictures", help="For pictures of two cameras in place of exports.")
+    ] = False,
+    series: Annotated[
+        Path | None,
+        typer.Option("--from", metavar="SHOT", help="The last shot of a series; its apparatus stays."),
+    ] = None,
 ) -> None:
-    """Write an annotated shot.toml to fill in; an existing one is left as it is."""
+    """Write a shot.toml: files, columns, units and clocks as found, facts blank; one that exists is kept."""
+    from kolsky.shot.survey import survey
+
+    if sum((bars, pictures, series is not None)) > 1:
+        raise InputError(folder, "--bars, --pictures and --from exclude each other", cure="give one of them")
     path = folder / "shot.toml"
+    last = None if series is None else _text_of(series)
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        found = survey(folder)
+        text = written(found, folder, bars=bars, pictures=pictures, last=last)
         with path.open("x", encoding="utf-8") as file:
-            file.write(template(bars=bars))
+            file.write(text)
     except FileExistsError as error:
         at_fault = path if folder.is_dir() else Path(error.filename)
         raise InputError(
@@ -30,11 +47,49 @@ def new(
         ) from None
     except OSError as error:
         raise InputError(folder, f"cannot be written ({error.strerror})") from None
+    for part, table in found.parts.items():
+        typer.echo(f"  {table.path.name}: [{part}]")
+    for name, why in found.doubtful.items():
+        typer.echo(f"  {name}: {why}")
     then = "waves" if bars else "check"
-    typer.echo(f"wrote {path}; put the raw files beside it, fill it in, then: kolsky {then} {folder}")
+    typer.echo(f"wrote {path}; fill in what is empty, then: kolsky {then} {folder}")
 
 
-def template(*, bars: bool = False) -> str:
-    """The annotated shot.toml that every new shot begins with; `bars`: that of a test between bars."""
-    name = "bars.toml" if bars else "shot.toml"
+def written(
+    found: "Survey", folder: Path, *, bars: bool = False, pictures: bool = False, last: str | None = None
+) -> str:
+    """The text of the new shot file: the blank one, or the last shot's, with what the files say."""
+    from kolsky.shot.new_file import filled, next_of_series, noted, notes_of, values_of
+
+    if last is not None:
+        return noted(next_of_series(last, folder, found), notes_of(found))
+    text = template(bars=bars, pictures=pictures)
+    if bars:
+        return text
+    values, notes = values_of(found), notes_of(found)
+    if pictures:
+        values = {k: v for k, v in values.items() if not k.startswith(("flyer.", "centre_line."))}
+    return noted(filled(text, values), notes)
+
+
+def template(*, bars: bool = False, pictures: bool = False) -> str:
+    """The blank shot.toml that every new shot begins with: with exports, with pictures, or between bars."""
+    text = _resource("bars.toml" if bars else "shot.toml")
+    if not pictures:
+        return text
+    before, after = text.index("[flyer]"), text.index("# [reporting]")
+    return text[:before] + _resource("pictures.toml") + text[after:]
+
+
+def _resource(name: str) -> str:
     return files("kolsky").joinpath("cli", "templates", name).read_text(encoding="utf-8")
+
+
+def _text_of(series: Path) -> str:
+    from kolsky.shot.schema.reading import find_shot_file
+
+    path = find_shot_file(series)
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(path, f"cannot be read ({error})") from None

@@ -47,6 +47,14 @@ def whole_numbers(option: str, text: str) -> list[int]:
     return sorted(found)
 
 
+def plain_or_text(value: object) -> object:
+    """ "0.3" as a number, "0.3 %" as it is: a plain number of the command line has no quotes to lose."""
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
+
+
 def physical(option: str, text: str, unit: str, *, positive: bool = False) -> float:
     """ "0.2 um/N" as a number in a unit of SI; above zero if it must be positive."""
     from kolsky.base.units import UnitError, quantity
@@ -93,6 +101,19 @@ def values(option: str, texts: Sequence[str]) -> dict[str, float]:
             raise _refuse(option, text, f"{name} once")
         found[name] = _value(option, text, name, value)
     return found
+
+
+def holds(option: str, texts: Sequence[str]) -> tuple[dict[str, float], tuple[str, ...]]:
+    """["poisson=0.4985", "damping"] as values in SI, and names to be held at the shot's own values."""
+    alone = [text for text in texts if "=" not in text]
+    for text in alone:
+        _known(option, text, text)
+    found = values(option, [text for text in texts if "=" in text])
+    names = tuple(text.strip() for text in alone)
+    twice = [name for i, name in enumerate(names) if name in found or name in names[:i]]
+    if twice:
+        raise _refuse(option, twice[0], f"{twice[0]} once")
+    return found, names
 
 
 def ranges(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float] | None]:

@@ -5,6 +5,7 @@ late by L, and needs no other run. So do scales and offsets of what was measured
 """
 
 from dataclasses import dataclass
+from math import hypot
 
 import numpy as np
 
@@ -35,6 +36,18 @@ class Alteration:
     """The outline's points lie so much higher than their file says [m]."""
     Z_offset: float = 0.0
     """And so much further from the axis [m]."""
+
+    def then(self, other: "Alteration") -> "Alteration":
+        """Both alterations: factors multiply, lags and offsets add, spreads add in quadrature."""
+        return Alteration(
+            force_factor=self.force_factor * other.force_factor,
+            force_offset=self.force_offset * other.force_factor + other.force_offset,
+            force_lag=self.force_lag + other.force_lag,
+            spread=hypot(self.spread, other.spread),
+            outline_lag=self.outline_lag + other.outline_lag,
+            y_offset=self.y_offset + other.y_offset,
+            Z_offset=self.Z_offset + other.Z_offset,
+        )
 
     def vector(self, response: Response, observations: Observations, sample: int = 0) -> FloatArray:
         """Force bins [N], then the radii at all outline points [m], shape [k]; NaN where none is known."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from math import expm1, inf, log, log1p, nan
+from math import expm1, hypot, inf, log, log1p, nan
 from typing import TYPE_CHECKING
 
 from kolsky.diagnosis.alterations import UNALTERED, Alteration
@@ -40,6 +40,19 @@ class Changed:
     """Change of the predictions."""
 
 
+def together(first: Changed, second: Changed) -> Changed:
+    """Both changes at once; of what both change, the second's value holds, factors multiply."""
+    factors = dict(first.specimen)
+    for name, factor in second.specimen.items():
+        factors[name] = factors.get(name, 1.0) * factor
+    return Changed(
+        values={**first.values, **second.values},
+        specimen=factors,
+        motion=first.motion * second.motion,
+        alteration=first.alteration.then(second.alteration),
+    )
+
+
 DECLARED = Changed()
 """Everything as the shot declares it."""
 
@@ -62,6 +75,8 @@ class CandidateInput:
     """What to check, as a sentence ends: "check force.sensitivity"."""
     scan: tuple[float, ...]
     """Values of the coordinate that are tried before the search, far from what is declared."""
+    finer: float = 0.0
+    """Distance of the values tried about the best of those, where its basin is narrow; 0 for none."""
     step: float
     """Step of the coordinate for differences."""
     typical: float
@@ -69,6 +84,8 @@ class CandidateInput:
     cannot tell apart."""
     changed: Callable[[float], Changed]
     """The input at a coordinate."""
+    allowance: float = 0.0
+    """Standard uncertainty that is granted beside the declared one: what no laboratory can know better."""
     declared: str = ""
     """Its key in [uncertainty]; empty if it has none."""
     value: Callable[[float], float] = _plain
@@ -116,8 +133,9 @@ class CandidateInput:
         return held.get(self.parameter, PARAMETERS[self.parameter].held(shot))
 
     def sigma(self, stages: StagedRuns) -> float:
-        """Declared standard uncertainty in the value's unit; 0 if none is."""
-        return stages.prepared.forward.shot.uncertainty.get(self.declared, 0.0)
+        """Declared standard uncertainty in the value's unit, with what is granted; 0 if neither is."""
+        declared = stages.prepared.forward.shot.uncertainty.get(self.declared, 0.0)
+        return hypot(declared, self.allowance)
 
 
 def _factor(name: str) -> Callable[[float], Changed]:
@@ -219,6 +237,7 @@ CANDIDATES: tuple[CandidateInput, ...] = (
         words="another Poisson's ratio",
         check="check model.poisson, or free it",
         scan=tuple(-8.3 + 0.2 * n for n in range(31)),
+        finer=0.03,
         step=0.02,
         typical=0.0005,
         changed=lambda u: Changed(values={"poisson": -0.5 * expm1(u)}),
@@ -340,6 +359,7 @@ CANDIDATES: tuple[CandidateInput, ...] = (
         check="check the flyer's tilt, and the bandwidth of the force channel",
         scan=(2.5e-11, 1e-10, 4e-10, 1.6e-9),
         step=2.5e-11,
+        allowance=8e-6,  # a frame: the flyer's onset between two of them is the fitted path's
         typical=5e-6,
         changed=lambda u: Changed(alteration=Alteration(spread=max(u, 0.0) ** 0.5)),
         value=lambda u: max(u, 0.0) ** 0.5,

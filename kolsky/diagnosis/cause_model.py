@@ -11,7 +11,7 @@ from explicit import Response
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.diagnosis.alterations import UNALTERED, Alteration
 from kolsky.diagnosis.cause_fit import ExpectedResidual
-from kolsky.diagnosis.cause_inputs import DECLARED, Changed
+from kolsky.diagnosis.cause_inputs import DECLARED, CandidateInput, Changed, together
 from kolsky.inverse.forward import Forward, Numerics
 from kolsky.inverse.observations import Observations
 from kolsky.inverse.parameters import any_slides
@@ -36,19 +36,50 @@ class Point:
     """One simulation with what is made of it: free parameters and a changed input."""
 
     x: FloatArray
-    """Free parameters in SI, shape [d]."""
+    """Free parameters in SI, then the coordinate of an input that is free beside them, shape [d]."""
     changed: Changed = DECLARED
-    """The input."""
+    """The input that is tried."""
 
 
 class CauseModel:
-    """Data vectors at points, on the surrogate's mesh corrected by the run on the refined mesh."""
+    """Data vectors at points, on the surrogate's mesh corrected by a run on the refined mesh.
 
-    def __init__(self, stages: StagedRuns, x: FloatArray, refined: Response) -> None:
-        self.stages, self.x, self.refined = stages, x, refined
+    Parameters
+    ----------
+    stages
+        The identification's simulations.
+    x
+        Where the run on the refined mesh was made, shape [d].
+    refined
+        That run, a batch of one.
+    first
+        An input that is free beside the parameters, its coordinate the last entry of every x; None for none.
+
+    Raises
+    ------
+    ValueError
+        If the run there does not complete on the surrogate's mesh.
+    """
+
+    def __init__(
+        self,
+        stages: StagedRuns,
+        x: FloatArray,
+        refined: Response,
+        first: CandidateInput | None = None,
+    ) -> None:
+        self.stages, self.x, self.refined, self.first = stages, x, refined, first
+        box = stages.box
+        self.lower, self.upper = np.array(box.lower), np.array(box.upper)
+        if first is not None:
+            self.lower = np.append(self.lower, first.lowest)
+            self.upper = np.append(self.upper, first.highest)
         self.observations = _thinned(stages.observations)
         self.runs = 0
-        self.reference = self.respond([Point(x)])[0]
+        reference = self.respond([Point(x)])[0]
+        if reference is None:
+            raise ValueError("the run at the answer did not complete on the surrogate's mesh")
+        self.reference: Response = reference
         self._shifts: dict[Alteration, FloatArray] = {}
 
     @property
@@ -59,11 +90,25 @@ class CauseModel:
     def vectors(self, points: Sequence[Point]) -> FloatArray:
         """Predictions, shape [n, k]; NaN where a run did not complete or does not reach a point."""
         found = np.full((len(points), len(self.data)), np.nan)
+        points = [self.whole(point) for point in points]
         for i, (point, response) in enumerate(zip(points, self.respond(points), strict=True)):
             if response is not None:
                 change = point.changed.alteration
                 found[i] = change.vector(response, self.observations) + self.shift(change)
         return found
+
+    def whole(self, point: Point) -> Point:
+        """The point with the free input among its changes."""
+        d = self.stages.box.dimension
+        if self.first is None or len(point.x) == d:
+            return point
+        return Point(point.x[:d], together(self.first.changed(float(point.x[d])), point.changed))
+
+    def refined_run(self, point: Point) -> Response | None:
+        """A run on the refined mesh; None if it does not complete."""
+        settings = self.stages.settings
+        response = self._launched([self.whole(point)], settings.numerics.with_mesh(settings.refined_mesh))
+        return response if response.outcomes[0].ok else None
 
     def shift(self, alteration: Alteration) -> FloatArray:
         """What the refined mesh adds at the answer, under the same alteration, shape [k]."""
@@ -74,6 +119,7 @@ class CauseModel:
 
     def respond(self, points: Sequence[Point]) -> list[Response | None]:
         """One response a point, None where it did not complete; as few launches as meshes and laws allow."""
+        points = [self.whole(point) for point in points]
         found: list[Response | None] = [None] * len(points)
         for rows in _alike([_launch(self.stages, point) for point in points]):
             chosen = [points[i] for i in rows]
@@ -85,17 +131,22 @@ class CauseModel:
                     found[i] = response.select([place])
         return found
 
-    def _launched(self, points: Sequence[Point]) -> Response:
+    def _launched(self, points: Sequence[Point], numerics: Numerics | None = None) -> Response:
         prepared, settings, names = self.stages.prepared, self.stages.settings, self.stages.box.names
         self.runs += len(points)
         factors = {point.changed.motion: None for point in points}
         paths = tuple(prepared.path if f == 1.0 else prepared.path.scaled(f) for f in factors)
         forward = replace(_forward(prepared.forward, points[0].changed.specimen), paths=paths)
-        rows = [{**settings.held, **dict(zip(names, p.x, strict=True)), **p.changed.values} for p in points]
+        numerics = numerics or settings.numerics
+        at = self.stages.solver_values(np.array([p.x for p in points]), numerics.mesh)
+        rows = [
+            {**settings.held, **dict(zip(names, x, strict=True)), **p.changed.values}
+            for p, x in zip(points, at, strict=True)
+        ]
         named = {name for row in rows for name in row}
         values = {name: np.array([row.get(name, _declared(forward, name)) for row in rows]) for name in named}
         motion = [list(factors).index(point.changed.motion) for point in points]
-        return forward.run(values, settings.numerics, motion=motion)
+        return forward.run(values, numerics, motion=motion)
 
     def slopes(self, x: FloatArray, changed: Changed) -> list[Point]:
         """The points beside one, a step along each free parameter, for `columns`."""
@@ -103,12 +154,14 @@ class CauseModel:
 
     def steps(self, x: FloatArray) -> FloatArray:
         """Steps for differences by the free parameters, inside the design, shape [d]."""
-        box = self.stages.box
-        found = []
-        for i, name in enumerate(box.names):
-            step = 0.01 * (0.5 - x[i]) if name == "poisson" else SHARES.get(name, 0.01 * abs(x[i]) or 1e-3)
-            found.append(-step if x[i] + step > box.upper[i] else step)
-        return np.array(found)
+        steps = [
+            0.01 * (0.5 - x[i]) if name == "poisson" else SHARES.get(name, 0.01 * abs(x[i]) or 1e-3)
+            for i, name in enumerate(self.stages.box.names)
+        ]
+        if self.first is not None and len(x) > len(steps):
+            steps.append(self.first.step)
+        up = np.array(steps)
+        return np.where(x + up > self.upper[: len(x)], -up, up)
 
     def expected(self, numerics: Numerics) -> ExpectedResidual:
         """What a right model leaves of the data vector at the answer.
@@ -144,7 +197,8 @@ class CauseModel:
         jerks = leading_patterns(path.covariance, np.diff(path.knots), PATTERNS)
         paths = (path, *(replace(path, jerk=path.jerk + jerk) for jerk in jerks.T))
         forward = replace(stages.prepared.forward, paths=paths)
-        values = {**stages.settings.held, **dict(zip(stages.box.names, self.x, strict=True))}
+        (at,) = stages.solver_values(self.x[None], numerics.mesh)
+        values = {**stages.settings.held, **dict(zip(stages.box.names, at, strict=True))}
         response = forward.run(values, numerics, motion=np.arange(len(paths)))
         self.runs += len(paths)
         vectors = np.array(

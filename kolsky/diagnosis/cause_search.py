@@ -12,23 +12,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kolsky.base.arrays import FloatArray
+from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.diagnosis.cause_fit import ExpectedResidual, LinearFit, evidence, fit_linear
 from kolsky.diagnosis.cause_inputs import DECLARED, CandidateInput
 from kolsky.diagnosis.cause_model import CauseModel, Point
 from kolsky.inverse.staged_runs import StagedRuns
 
-UNEXPLAINED = 1.3
-"""Misfit of a channel from which on values far away are tried; 1 is what a right model leaves."""
+UNEXPLAINED = 2.5
+"""Misfit of a channel from which on values far away are tried; 1 is what a right model leaves, and below this
+a tangent reaches whatever is wrong."""
 FOLLOWED = 6
 """Most starts that are followed by Gauss-Newton steps."""
-TURNS = 4
+FINER = 6
+"""Finer values tried to each side."""
+TURNS = 6
 """Most Gauss-Newton steps of each."""
 KEPT = 60.0
 """A start is given up when its loss is so much above the best one's."""
 SETTLED = 0.1
 """And is at rest when a step makes the loss smaller by less."""
-DAMPED = (1.0, 0.3)
+DAMPED = (1.0, 0.3, 0.1)
 """Shares of a step of which the best is taken."""
 
 
@@ -74,13 +77,29 @@ class Trial:
 
 
 class CauseSearch:
-    """All candidates of one identification."""
+    """All candidates of one identification.
+
+    Parameters
+    ----------
+    stages, model, expected
+        The identification's simulations, data vectors from them, what a right model leaves.
+    use
+        Entries of the data vector that are counted, shape [k].
+    start
+        Where the search begins; the model's own point if left out.
+    """
 
     def __init__(
-        self, stages: StagedRuns, model: CauseModel, expected: ExpectedResidual, use: FloatArray
+        self,
+        stages: StagedRuns,
+        model: CauseModel,
+        expected: ExpectedResidual,
+        use: BoolArray,
+        *,
+        start: FloatArray | None = None,
     ) -> None:
         self.stages, self.model, self.expected, self.use = stages, model, expected, use
-        x = model.x
+        self.x = x = model.x if start is None else start
         points = [Point(x), *model.slopes(x, DECLARED)]
         vectors = model.vectors(points)
         self.vector = vectors[0]
@@ -110,7 +129,7 @@ class CauseSearch:
         """Every candidate by one linear step from the answer; none where it has no value there."""
         starts = [c.start(self.stages) for c in candidates]
         points = [
-            Point(self.model.x, c.changed(_inside(c, u + c.step)))
+            Point(self.x, c.changed(_inside(c, u + c.step)))
             for c, u in zip(candidates, starts, strict=True)
             if np.isfinite(u)
         ]
@@ -132,7 +151,7 @@ class CauseSearch:
                 # It ends at the edge of what can be: the others follow it there.
                 at = fit_linear(self.residual(self.vector) + own * (to - u), self.slope, self.expected)
                 misfits = self.expected.misfits(at.residual)
-            x = self._clipped(self.model.x + fit.step[:-1])
+            x = self._clipped(self.x + fit.step[:-1])
             found.append(Trial(c, x, to, misfits, fit.residual, fit))
         return found
 
@@ -142,29 +161,35 @@ class CauseSearch:
         return len(self.model.observations.bins.mean)
 
     def _none(self, c: CandidateInput, why: str) -> Trial:
-        return Trial(c, self.model.x, float("nan"), self.before, self.null.residual, lost=why)
+        return Trial(c, self.x, float("nan"), self.before, self.null.residual, lost=why)
 
     def _clipped(self, x: FloatArray) -> FloatArray:
-        box = self.stages.box
-        return np.clip(x, box.lower, box.upper)
+        return np.clip(x, self.model.lower[: len(x)], self.model.upper[: len(x)])
 
     def scanned(self, candidates: Sequence[CandidateInput]) -> list[Trial]:
         """The best far values of every candidate, the free parameters by a linear step: starts."""
-        pairs = [(c, u) for c in candidates for u in c.scan if c.lowest <= u <= c.highest]
-        vectors = self.model.vectors([Point(self.model.x, c.changed(u)) for c, u in pairs])
+        found = self._least([(c, u) for c in candidates for u in c.scan])
+        narrow = [t for t in found if t.candidate.finer > 0.0]
+        about = [(t.candidate, t.u + n * t.candidate.finer) for t in narrow for n in range(-FINER, FINER + 1)]
+        return [t for t in found if t not in narrow] + (self._least(about) if about else [])
+
+    def _least(self, tried: Sequence[tuple[CandidateInput, float]]) -> list[Trial]:
+        """Of each candidate the two values from which both neighbours are worse, as ringing has several."""
+        pairs = [(c, u) for c, u in tried if c.lowest <= u <= c.highest]
+        vectors = self.model.vectors([Point(self.x, c.changed(u)) for c, u in pairs])
         trials: dict[str, list[Trial]] = {}
         for (c, u), vector in zip(pairs, vectors, strict=True):
             if not np.isfinite(vector[: self.n_force]).all():
                 continue
             fit = fit_linear(self.residual(vector), self.slope, self.expected)
-            x = self._clipped(self.model.x + fit.step)
+            x = self._clipped(self.x + fit.step)
             trials.setdefault(c.key, []).append(
                 Trial(c, x, u, self.expected.misfits(fit.residual), fit.residual)
             )
         found = []
         for row in trials.values():
+            row.sort(key=lambda t: t.u)
             losses = [self.loss(t.misfits) for t in row]
-            # A value from which both neighbours are worse, as the rhythm of ringing has several.
             least = [i for i in range(len(row)) if losses[i] <= min(losses[max(i - 1, 0) : i + 2])]
             found += [row[i] for i in sorted(least, key=lambda i: losses[i])[:2]]
         return found

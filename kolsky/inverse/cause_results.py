@@ -36,6 +36,8 @@ class CauseFinding:
     """True if it is listed as a likely cause."""
     alike: tuple[str, ...] = ()
     """Keys of other inputs that the data cannot tell from this one."""
+    beside: str = ""
+    """Key of the likelier cause beside which it was found, that one free too; empty if it was tried alone."""
     status: str = ""
     """Why it could not be tried; empty if it was."""
     solved: Mapping[str, float] = field(default_factory=dict)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from doe import SURROGATES, Box, Surrogate, from_points
 from doe.refine import Refinement, refine
-from doe.surrogates import ProcessSurrogate, SurrogateError, SurrogateKind
+from doe.surrogates import ProcessSurrogate, ResponseSurrogate, SurrogateError, SurrogateKind
 from doe.surrogates.quality import Fitness, fitness
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.method_comparison import AGREEMENT
@@ -21,9 +21,10 @@ from kolsky.inverse.observations import Prediction
 from kolsky.inverse.optimum import CorrectedSurrogate, at_inner_face, jacobian, search
 from kolsky.inverse.staged_runs import CompletedRuns, StagedRuns
 
-ONE_PARAMETER, SEVERAL = "response", "process"
-"""Surrogates, by their names in `doe.SURROGATES`, for one free parameter and for several: where a direction
-matters little a kernel that is the same in all of them wastes its runs."""
+SMOOTH, ROUGH = "response", "process"
+"""Surrogates, by their names in `doe.SURROGATES`: for one free parameter, and for several in a small box
+about a smooth response's optimum; and for several in a wide box or of a rough response, where a direction
+matters little and a kernel that is the same in all of them wastes its runs."""
 LOCAL_FRACTION = 0.12
 """Edge of the second design's box over the first one's."""
 MOST_REFINEMENTS = 3
@@ -48,9 +49,17 @@ class CoarseOptimum:
     """The optimum, shape [d]."""
 
 
-def surrogate_kind(box: Box) -> SurrogateKind:
-    """The surrogate for a number of free parameters, from the registry."""
-    return SURROGATES[ONE_PARAMETER if box.dimension == 1 else SEVERAL]
+def surrogate_kind(box: Box, *, smooth: bool = False) -> SurrogateKind:
+    """The surrogate for a number of free parameters, from the registry.
+
+    Parameters
+    ----------
+    box
+        Where it shall hold.
+    smooth
+        Whether the response is smooth there and the box of the optimum's size.
+    """
+    return SURROGATES[SMOOTH if smooth or box.dimension == 1 else ROUGH]
 
 
 def search_coarse(stages: StagedRuns) -> CoarseOptimum:
@@ -83,7 +92,7 @@ def second_design(stages: StagedRuns, wide: CompletedRuns) -> CoarseOptimum:
 
 def _fit(stages: StagedRuns, box: Box, runs: CompletedRuns) -> tuple[Objective, Surrogate]:
     """The objective over the points that every run reaches, and the surrogate of its data vector."""
-    objective = Objective(stages.observations, _reached(runs.prediction.inside))
+    objective = Objective(stages.observations, _reached(runs.prediction.inside), prior=stages.prior)
     use = box.contains(runs.points)
     vectors = objective.vectors(runs.prediction)
     try:
@@ -95,7 +104,7 @@ def _fit(stages: StagedRuns, box: Box, runs: CompletedRuns) -> tuple[Objective, 
 
 def adaptive(stages: StagedRuns, wide: CompletedRuns) -> CoarseOptimum:
     """Batches of runs about the optimum until it stays."""
-    objective = Objective(stages.observations, _reached(wide.prediction.inside))
+    objective = Objective(stages.observations, _reached(wide.prediction.inside), prior=stages.prior)
     try:
         found = _refine(stages, objective)
     except SurrogateError as error:
@@ -136,7 +145,7 @@ def _refine(stages: StagedRuns, objective: Objective) -> Refinement:
 def _settled(stages: StagedRuns, found: Refinement) -> CoarseOptimum:
     """The surrogate over the outline points that its own runs reach: more than the first design's."""
     points, prediction = _used(stages, found.surrogate)
-    objective = Objective(stages.observations, _reached(prediction.inside))
+    objective = Objective(stages.observations, _reached(prediction.inside), prior=stages.prior)
     surrogate = ProcessSurrogate.fit(
         found.surrogate.box,
         points,
@@ -161,7 +170,7 @@ def fit_for_purpose(stages: StagedRuns, coarse: CoarseOptimum, gain: FloatArray)
     points, prediction = _used(stages, coarse.surrogate)
     vectors = coarse.objective.vectors(prediction)
     scale, box = coarse.objective.noise, coarse.surrogate.box
-    kind = surrogate_kind(box)
+    kind = surrogate_kind(box, smooth=isinstance(coarse.surrogate, ResponseSurrogate))
 
     def fit(x: FloatArray, y: FloatArray) -> Surrogate:
         found: Surrogate = kind.fit(box, x, y, scale=scale)

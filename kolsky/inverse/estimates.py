@@ -140,18 +140,20 @@ def search_routes(local: Box, objective: Objective, model: Model) -> tuple[Route
     return tuple(found)
 
 
-def paper_route(whole: Box, table: RunTable) -> Route:
+def paper_route(whole: Box, table: RunTable, held: Mapping[str, float] | None = None) -> Route:
     """The optimum of the paper's cost, Eq. (M.5), by a surrogate of that cost over every run.
 
     Parameters
     ----------
     whole, table
         The first design's box and every run.
+    held
+        Values of free parameters that those runs hold, as the paper did.
     """
     points, cost = table.paper_cost()
     paper = CostSurrogate.fit(whole, points, cost)
     least = minimise(paper.cost, whole, start=points[np.argmin(cost)])
-    return Route("paper", whole.as_dict(least.x), least.value, {})
+    return Route("paper", {**whole.as_dict(least.x), **(held or {})}, least.value, {})
 
 
 def curves(box: Box, objective: Objective, model: Model, optimum: FloatArray) -> tuple[SurrogateCurve, ...]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import inf, isfinite, nan
+from math import inf, nan
 
 FORCE, OUTLINE = "force", "outline"
 """Names of the channels."""
@@ -29,6 +29,11 @@ class FitQuality:
     known "flyer motion", "material curve" and "mesh"."""
     peak: float
     """Largest size of the signal, in `unit`: the largest force; the spread of the outline's radii."""
+    slow_residual: float
+    """Root mean square of the residual's means over an eighth of the window (and a third of the outline's
+    points), in `unit`: noise and ringing average out, a wrong input does not."""
+    slow_expected: float
+    """Root mean square of what a right model leaves in the same means, of all sources, in `unit`."""
     chi2: float
     """Mean square of the residual over the noise [-]; 1 if noise alone is left."""
     discrepancy_share: float
@@ -41,8 +46,8 @@ class FitQuality:
     """Share of the information on each free parameter that comes from this channel [-]."""
     limit: float = inf
     """Largest `excess` of a shot that the model explains [-]; see `kolsky.diagnosis.thresholds`."""
-    limit_over_peak: float = 0.0
-    """A residual below this share of the peak counts as explained whatever its `excess` [-]."""
+    slow_limit: float = inf
+    """Largest `slow_excess` of a shot that the model explains [-]."""
 
     @property
     def expected(self) -> float:
@@ -66,23 +71,30 @@ class FitQuality:
         return self.residual / self.expected if self.expected > 0.0 else nan
 
     @property
+    def slow_excess(self) -> float:
+        """Slow residual over what a right model leaves of it [-]."""
+        return self.slow_residual / self.slow_expected if self.slow_expected > 0.0 else nan
+
+    @property
     def explained(self) -> bool:
         """True if the residual is what a right model leaves. An unknown residual is not explained."""
-        if not isfinite(self.excess):
-            return False
-        return self.excess <= self.limit or self.over_peak <= self.limit_over_peak
+        return self.excess <= self.limit and self.slow_excess <= self.slow_limit
 
 
 @dataclass(frozen=True)
 class ClockLag:
-    """How late the clock of one recording is, from the model's own residual."""
+    """How late one recording is against the two others, from the model's own residual."""
 
     recording: str
-    """What is late: "force", "frames" (force and motion agree), or "flyer" (force and outline agree)."""
+    """What is late: "force", "outline" or "flyer"."""
     lag: float
     """By how much its declared times are too late [s]; negative if too early."""
     sigma: float
-    """Standard uncertainty of `lag` [s]; NaN if the data cannot tell."""
+    """Standard uncertainty of `lag` [s]; NaN if the search for it did not come to rest."""
+    evidence: float
+    """Fall of -2 ln L with this lag alone, the free parameters refitted [-]."""
+    explains: bool
+    """True if the model explains force and outline once the recording is put right."""
     file: str
     """The file with its times."""
     key: str
@@ -90,5 +102,5 @@ class ClockLag:
 
     @property
     def significance(self) -> float:
-        """Size of the lag over its standard uncertainty [-]; 0 if the data cannot tell."""
-        return abs(self.lag) / self.sigma if isfinite(self.sigma) and self.sigma > 0.0 else 0.0
+        """Size of the lag over its standard uncertainty [-]; 0 if that is not known."""
+        return abs(self.lag) / self.sigma if self.sigma > 0.0 else 0.0

@@ -48,6 +48,15 @@ def noise_of(observations: Observations) -> FloatArray:
     return np.concatenate([observations.bins.sigma, observations.centre_line.sigma])
 
 
+def learn_front_noise(stages: StagedRuns, replicates: Replicates | None) -> bool:
+    """Give the observations of `stages` the modes of some replicates; False if there are none."""
+    if replicates is None or not replicates.flyer.any():
+        return False
+    change = data_change(replicates.prediction)[replicates.flyer]
+    stages.know_front_noise(front_modes(change, noise_of(stages.observations)))
+    return True
+
+
 def weigh_front_noise(
     stages: StagedRuns, coarse: CoarseOptimum, replicates: Replicates | None
 ) -> CoarseOptimum:
@@ -62,11 +71,8 @@ def weigh_front_noise(
     replicates
         Runs near that optimum under other motions; None leaves it as it is.
     """
-    if replicates is None or not replicates.flyer.any():
+    if not learn_front_noise(stages, replicates):
         return coarse
-    seen = stages.observations
-    modes = front_modes(data_change(replicates.prediction)[replicates.flyer], noise_of(seen))
-    stages.know_front_noise(modes)
     objective = replace(coarse.objective, observations=stages.observations)
     model = CorrectedSurrogate(coarse.surrogate).predict
     best = search(coarse.box, objective, model, start=coarse.x)

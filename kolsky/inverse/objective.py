@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.observations import Observations, Prediction
+from kolsky.inverse.prior import Prior
 
 Part = Literal["joint", "force", "shape"]
 
@@ -39,6 +40,8 @@ class Objective:
     """tau of the force's bin means [N]."""
     shape_discrepancy: float = 0.0
     """tau of the outline points [m]."""
+    prior: Prior | None = None
+    """What is known of the free parameters beside the data; it is not used for a part of them alone."""
 
     @property
     def n_force(self) -> int:
@@ -151,11 +154,31 @@ class Objective:
             found.append(float(((vector - self.data)[use] ** 2 / variance + np.log(variance)).sum()))
         return np.array(found)
 
+    def prior_chi2(self, x: FloatArray, part: Part = "joint") -> float:
+        """What the prior adds to `chi2` at a point, shape [d]; nothing for a part of the data alone."""
+        return 0.0 if self.prior is None or part != "joint" else float(self.prior.chi2(x))
+
+    def prior_precision(self, dimension: int, part: Part = "joint") -> FloatArray:
+        """What the prior adds to the normal matrix J^T W J, shape [d, d]."""
+        if self.prior is None or part != "joint":
+            return np.zeros((dimension, dimension))
+        return self.prior.precision
+
     def gain(self, jacobian: FloatArray, part: Part = "joint") -> FloatArray:
         """Linear map from a change of the data vector to the change of the optimum, shape [d, k]."""
         weighted = np.where(self.mask(part), 1.0 / self.sigma**2, 0.0)[:, None] * jacobian
-        change: FloatArray = np.linalg.solve(jacobian.T @ weighted, weighted.T).astype(np.float64)
+        normal = jacobian.T @ weighted + self.prior_precision(jacobian.shape[1], part)
+        change: FloatArray = np.linalg.solve(normal, weighted.T).astype(np.float64)
         return change
+
+    def spread_of_prior(self, jacobian: FloatArray, part: Part = "joint") -> FloatArray:
+        """The prior's part of the covariance, N^-1 P N^-1 with N = J^T W J + P, shape [d, d]."""
+        precision = self.prior_precision(jacobian.shape[1], part)
+        if not precision.any():
+            return precision
+        weights = np.where(self.mask(part), 1.0 / self.sigma**2, 0.0)
+        inverse = np.linalg.inv(jacobian.T @ (weights[:, None] * jacobian) + precision)
+        return np.asarray(inverse @ precision @ inverse)
 
     @property
     def scale_error(self) -> FloatArray:
@@ -173,7 +196,7 @@ class Objective:
     def residual_covariance(
         self, jacobian: FloatArray, vector: FloatArray, part: Part = "joint"
     ) -> FloatArray:
-        """Covariance of the optimum from the residuals, correlated in time or not, shape [d, d].
+        """Covariance of the optimum from the residuals and the prior, correlated in time or not, [d, d].
 
         What the front face's noise explains of the residuals is not in it. It is the Gauss-Newton covariance
         for independent residuals, or the block "sandwich" in which the residuals of a block of time may be
@@ -183,7 +206,8 @@ class Objective:
         use = self.mask(part)
         gain = self.gain(jacobian, part)
         score = gain * self.unexplained(self.data - vector)
-        best = gain @ np.diag(self.own_sigma**2) @ gain.T
+        known = self.spread_of_prior(jacobian, part)
+        best = (gain * self.own_sigma**2) @ gain.T + known
         width = float(np.diff(self.observations.bins.edges).mean())
         block = ((self.times - self.times.min()) / width).astype(int)
         d = jacobian.shape[1]
@@ -193,7 +217,7 @@ class Objective:
             if n_blocks <= 4 * d:
                 continue
             sums = np.array([np.bincount(label[use], row[use], minlength=n_blocks) for row in score])
-            sandwich = sums @ sums.T * n_blocks / (n_blocks - d)
+            sandwich = sums @ sums.T * n_blocks / (n_blocks - d) + known
             if np.trace(sandwich / np.diag(best)) > np.trace(best / np.diag(best)):
                 best = sandwich
         return best

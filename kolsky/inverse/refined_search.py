@@ -110,7 +110,7 @@ def slides(stages: StagedRuns) -> bool:
     """True if a surface slides with friction: as declared, or because a parameter makes it so."""
     settings, interface = stages.settings, stages.prepared.forward.shot.interface
     laws = [contact_law(interface.faces), contact_law(interface.side)]
-    return any_slides([*settings.free, *settings.held]) or any(law.needs_friction for law in laws)
+    return any_slides([*(settings.free or ()), *settings.held]) or any(law.needs_friction for law in laws)
 
 
 def search_by_single_runs(stages: StagedRuns, coarse: CoarseOptimum) -> RefinedOptimum:

@@ -17,6 +17,7 @@ from kolsky.inverse.misfit import Terms
 from kolsky.inverse.run_table import DesignTable
 from kolsky.inverse.uncertainty_results import (
     Declaration,
+    HeldAnswer,
     PairMap,
     ParameterProfile,
     PosteriorSummary,
@@ -102,7 +103,7 @@ class Contribution:
 
     source: str
     """ "force and shape", "flyer motion", "material curve", "force scale", "motion scale", "mesh",
-    "roughness"."""
+    "roughness", "declared inputs"."""
     sigma: dict[str, float]
     """Standard uncertainty of each parameter from it, in parameter units."""
 
@@ -228,6 +229,8 @@ class Identification:
     """Goodness of fit of force and outline; empty if it was not recorded (files before version 3)."""
     clocks: tuple[ClockLag, ...] = ()
     """Lags of the recordings' clocks that the model's residual shows; empty if they were not recorded."""
+    held_answer: HeldAnswer | None = None
+    """What the stiffness factor would be with the other free parameters held; None if it was free alone."""
     causes: tuple[CauseFinding, ...] = ()
     """Inputs that, changed, explain the misfit better, the likely causes first; empty if none was tried."""
     image_correlation: dict[str, float] = field(default_factory=dict)

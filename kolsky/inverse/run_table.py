@@ -1,6 +1,8 @@
 """The table of every run that a loop over simulations made."""
 
-from collections.abc import Sequence
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,6 +91,23 @@ class RunTable:
                 self.terms.append(terms(prediction, observations, place[row]))
             else:
                 self.terms.append(None)
+
+    def take(self, other: RunTable, held: Mapping[str, float]) -> None:
+        """Append the runs of another table, of some of the parameters, the others held.
+
+        Parameters
+        ----------
+        other
+            Its parameters are among these.
+        held
+            Value of each parameter that the other table has not, by name.
+        """
+        for point in other.points:
+            values = {**held, **dict(zip(other.names, point.tolist(), strict=True))}
+            self.points.append(np.array([values[name] for name in self.names]))
+        self.endings += other.endings
+        self.stages += other.stages
+        self.terms += other.terms
 
     def paper_cost(self) -> tuple[FloatArray, FloatArray]:
         """Points and Phi, Eq. (M.5), of the completed runs on the surrogate's mesh, each point once."""

@@ -11,10 +11,14 @@ from kolsky.inverse.forward import Numerics
 class Settings:
     """Free parameters, held parameters and numerical choices of an identification."""
 
-    free: Mapping[str, tuple[float, float] | None] = field(default_factory=lambda: {"stiffness_factor": None})
-    """Free parameters and the bounds of their design; None takes the default bounds."""
+    free: Mapping[str, tuple[float, float] | None] | None = None
+    """Free parameters and the bounds of their design, None for the default bounds; all others are held.
+    Left out, the stiffness factor is free, and Poisson's ratio and damping where the shot can tell them,
+    see `kolsky.inverse.free_parameters.choose`."""
     held: Mapping[str, float] = field(default_factory=dict)
     """Parameters held at another value than the shot's."""
+    hold: tuple[str, ...] = ()
+    """Parameters held at the shot's values that would be free by default."""
     numerics: Numerics = field(default_factory=Numerics)
     """The surrogate's mesh and the arithmetic."""
     refined_mesh: tuple[int, int] = (64, 86)
@@ -37,6 +41,6 @@ class Settings:
             raise ValueError(f'methods must be "surrogate" or "all", got {self.methods!r}')
         if self.pull not in ("first", "conditioned"):
             raise ValueError(f"pull must be 'first' or 'conditioned', got {self.pull!r}")
-        clash = set(self.free) & set(self.held)
+        clash = set(self.free or ()) & {*self.held, *self.hold} | set(self.held) & set(self.hold)
         if clash:
-            raise ValueError(f"{', '.join(sorted(clash))}: a parameter is either free or held")
+            raise ValueError(f"{', '.join(sorted(clash))}: a parameter is either free or held, at one value")

@@ -11,8 +11,11 @@ from doe import Box, Design, full_factorial, latin_hypercube
 from explicit import Response
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Numerics
+from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Observations, Prediction, predict
+from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.prepared_shot import PreparedShot
+from kolsky.inverse.prior import Prior
 from kolsky.inverse.run_table import RunTable
 from kolsky.inverse.settings import Settings
 
@@ -53,14 +56,55 @@ class Replicates:
 
 
 class StagedRuns:
-    """Runs designs over a box of parameters; keeps every run, and the seconds of each stage."""
+    """Runs designs over a box of parameters; keeps every run, and the seconds of each stage.
 
-    def __init__(self, prepared: PreparedShot, settings: Settings, box: Box, progress: Progress) -> None:
+    A coarse mesh answers like the refined one at other parameters: it is too soft, and its waves are too
+    slow. `offsets` has, mesh by mesh, what is added to a point so that the mesh's run there resembles the
+    refined mesh's run at the point; points, in and out, are the refined mesh's.
+    """
+
+    def __init__(
+        self,
+        prepared: PreparedShot,
+        settings: Settings,
+        box: Box,
+        progress: Progress,
+        *,
+        prior: Prior | None = None,
+    ) -> None:
         self.prepared, self.settings, self.box, self.progress = prepared, settings, box, progress
+        self.prior = prior
+        self.offsets: dict[tuple[int, int], FloatArray] = {}
+        self.replicates: Replicates | None = None
         self.rng = np.random.default_rng(settings.seed)
         self.table = RunTable(box.names)
         self._coarse: list[tuple[FloatArray, Prediction]] = []
         self.seconds: dict[str, float] = {}
+
+    def offset(self, mesh: tuple[int, int], offset: FloatArray) -> None:
+        """Run a mesh at shifted points from now on; its earlier runs count for the points they stand for.
+
+        Parameters
+        ----------
+        mesh
+            Elements across the radius and along the length.
+        offset
+            What is added to a point, in parameter units, shape [d].
+        """
+        change = offset - self.offsets.get(mesh, np.zeros(self.box.dimension))
+        self.offsets[mesh] = offset
+        if mesh == self.settings.numerics.mesh:
+            self._coarse = [(points - change, prediction) for points, prediction in self._coarse]
+
+    def solver_values(self, points: FloatArray, mesh: tuple[int, int]) -> FloatArray:
+        """The points at which a mesh is run, shape [n, d].
+
+        An offset that would leave a parameter's allowed range ends at its bound.
+        """
+        if mesh not in self.offsets:
+            return points
+        low, high = np.array([PARAMETERS[name].allowed for name in self.box.names]).T
+        return np.clip(points + self.offsets[mesh], low, high)
 
     @property
     def observations(self) -> Observations:
@@ -88,21 +132,44 @@ class StagedRuns:
         ValueError
             If no run of it completed.
         """
-        points = {name: design.points[:, i] for i, name in enumerate(self.box.names)}
-        started, report = time.perf_counter(), self._counter(stage, len(design))
+        response, rows, prediction = self.run(stage, design.points, numerics, all_nodes=all_nodes)
+        if prediction is None:
+            raise ValueError(f"no run of the {stage} completed: {_first_lost(design, response)}")
+        kept = response.select(rows)
+        return CompletedRuns(design.points[rows], rows, prediction, kept, _lost(design, response))
+
+    def vectors(self, stage: str, points: FloatArray, numerics: Numerics, objective: Objective) -> FloatArray:
+        """Data vectors of runs at points of shape [n, d], shape [n, k]; NaN in the row of a lost run.
+
+        An outline point that a run does not reach is given its measured value: it adds nothing.
+        """
+        _, rows, prediction = self.run(stage, points, numerics)
+        found = np.full((len(points), len(objective.data)), np.nan)
+        if prediction is not None:
+            seen = objective.vectors(prediction)
+            found[rows] = np.where(np.isnan(seen), objective.data, seen)
+        return found
+
+    def run(
+        self, stage: str, points: FloatArray, numerics: Numerics, *, all_nodes: bool = False
+    ) -> tuple[Response, NDArray[np.intp], Prediction | None]:
+        """Run points and keep them: the response, its completed rows, and what those predict.
+
+        Points may lie outside the box; no prediction is given if no run completed.
+        """
+        values = self.solver_values(points, numerics.mesh)
+        named = {name: values[:, i] for i, name in enumerate(self.box.names)}
+        started, report = time.perf_counter(), self._counter(stage, len(points))
         response = self.prepared.forward.run(
-            {**self.settings.held, **points}, numerics, all_nodes=all_nodes, progress=report
+            {**self.settings.held, **named}, numerics, all_nodes=all_nodes, progress=report
         )
         self._clock(stage, started)
         rows = np.flatnonzero(response.completed)
-        if len(rows) == 0:
-            raise ValueError(f"no run of the {stage} completed: {_first_lost(design, response)}")
-        kept = response.select(rows)
-        prediction = predict(kept, self.observations)
-        if numerics.mesh == self.settings.numerics.mesh:
-            self._coarse.append((design.points[rows], prediction))
-        self.table.add(stage, design.points, response.endings, rows, prediction, self.observations)
-        return CompletedRuns(design.points[rows], rows, prediction, kept, _lost(design, response))
+        prediction = predict(response.select(rows), self.observations) if len(rows) else None
+        if prediction is not None and numerics.mesh == self.settings.numerics.mesh:
+            self._coarse.append((points[rows], prediction))
+        self.table.add(stage, values, response.endings, rows, prediction, self.observations)
+        return response, rows, prediction
 
     def evaluate(
         self, stage: str, points: FloatArray, numerics: Numerics
@@ -113,7 +180,8 @@ class StagedRuns:
         on the surrogate's mesh.
         """
         started, report = time.perf_counter(), self._counter(stage, len(points))
-        values = {name: points[:, i] for i, name in enumerate(self.box.names)}
+        at = self.solver_values(points, numerics.mesh)
+        values = {name: at[:, i] for i, name in enumerate(self.box.names)}
         response = self.prepared.forward.run({**self.settings.held, **values}, numerics, progress=report)
         self._clock(stage, started)
         rows = np.flatnonzero(response.completed)
@@ -148,8 +216,9 @@ class StagedRuns:
             [[0], np.zeros(n, dtype=int), np.arange(1, n + 1), np.zeros(scaled, dtype=int)]
         )
         started, report = time.perf_counter(), self._counter("noise", len(motion))
+        at = self.solver_values(point[None], self.settings.replicate_mesh)[0]
         response = forward.run(
-            {**self.settings.held, **dict(zip(self.box.names, point, strict=True))},
+            {**self.settings.held, **dict(zip(self.box.names, at, strict=True))},
             self.settings.numerics.with_mesh(self.settings.replicate_mesh),
             motion=motion,
             material=material,
@@ -159,13 +228,14 @@ class StagedRuns:
         rows = np.flatnonzero(response.completed)
         if 0 not in rows:
             raise ValueError(f"the noise stage's reference run ended {response.describe(0)}")
-        return Replicates(
+        self.replicates = Replicates(
             prediction=predict(response.select(rows), self.observations),
             flyer=(rows > 0) & (rows <= n),
             curve=(rows > n) & (rows <= 2 * n),
             scale=rows > 2 * n,
             lost=response.n_samples - len(rows),
         )
+        return self.replicates
 
     def _counter(self, stage: str, total: int) -> Callable[[int], None]:
         done = 0

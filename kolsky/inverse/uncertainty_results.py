@@ -120,3 +120,26 @@ class PosteriorSummary:
     """Power of the likelihood, 1 over the mean `ParameterProfile.correlation` [-]."""
     prior: str
     """The priors, in words."""
+
+
+@dataclass(frozen=True)
+class HeldAnswer:
+    """What one parameter would be with other free ones held at the values that the shot declares."""
+
+    name: str
+    """The parameter."""
+    held: Mapping[str, float]
+    """Value of each parameter that was held, in SI."""
+    value: float
+    """Its optimum, in SI."""
+    sigma: float
+    """Its standard uncertainty, in SI: residuals, noise of flyer and curve, mesh, and what the shot declares
+    of the held ones."""
+    chi2_force: float
+    """Mean square of the force's residual over its noise there [-]."""
+    chi2_shape: float
+    """The same of the outline [-]; NaN if none was measured."""
+    free_chi2_force: float
+    """The force's where all of them are free [-]."""
+    free_chi2_shape: float
+    """The outline's where all of them are free [-]; NaN if none was measured."""

@@ -4,11 +4,15 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from kolsky.diagnosis.causes import percent, sentence
 from kolsky.inverse.method_comparison import Method
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Estimate, Identification, Route, Verdict
 from kolsky.report import numbers
 from kolsky.report.display_units import estimate_in_display_units, in_display_units
+from kolsky.report.fit_table import printed_fit
+from kolsky.report.held_line import held_line
+from kolsky.report.nomenclature import factor_of
 from kolsky.report.sensitivity_table import printed_sensitivities
 
 _POWER = re.compile(" × 10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)")
@@ -27,7 +31,7 @@ def answer(e: Estimate) -> str:
 
 
 def details(found: Identification) -> dict[str, str]:
-    """Return verdict, interval, uncertainties and optima of all routes: names and values."""
+    """Return verdict, interval, uncertainties, optima of all routes, fit and clocks: names and values."""
     found = in_display_units(found)
     rows = [("shot", found.shot)]
     for name, e in found.estimates.items():
@@ -38,6 +42,10 @@ def details(found: Identification) -> dict[str, str]:
         rows.append((f"{symbol}, interval", f"{low} to {high}"))
         rows.append((f"{symbol}, u noise", f"{e.sigma_noise:.2g}"))
         rows.append((f"{symbol}, u mesh and step", f"{e.sigma_numerical:.2g}"))
+        if e.mesh_correction:
+            shown = plain(numbers.part(e.mesh_correction, U))
+            rows.append((f"{symbol}, on the refined mesh", f"{plain(numbers.like(e.on_mesh, U))}"))
+            rows.append((f"{symbol}, corrected for the mesh by", shown))
         if e.sigma_systematic > 0.0:
             rows.append((f"{symbol}, u declared", f"{e.sigma_systematic:.2g}"))
         rows += [(f"{symbol}, data say", p.verdict) for p in found.profiles if p.name == name]
@@ -47,8 +55,24 @@ def details(found: Identification) -> dict[str, str]:
             if route.name in ROUTES
         ]
         rows += [(f"{symbol}, {method.name}", _distant(method, name, U)) for method in found.methods[1:]]
+        if found.held_answer is not None and found.held_answer.name == name:
+            rows.append((f"{symbol}, others held", plain(held_line(found.held_answer))))
     symbols = {name: _symbol(name) for name in found.estimates}
-    return {**dict(rows), **printed_sensitivities(found, symbols)}
+    causes = _causes(found)
+    return {**dict(rows), **printed_fit(found, symbols), **causes, **printed_sensitivities(found, symbols)}
+
+
+def _causes(found: Identification) -> dict[str, str]:
+    """Likely causes of a misfit, the most likely first; nothing where there is none."""
+    rows = {}
+    for number, cause in enumerate((c for c in found.causes if c.named), start=1):
+        solved = ", ".join(
+            f"{_symbol(name)} = {value * factor_of(name):.5g} identified with it"
+            for name, value in cause.solved.items()
+        )
+        said = f"{sentence(cause)} explains {percent(cause.explained)}" + (f"; {solved}" if solved else "")
+        rows[f"likely cause {number}, {cause.key}"] = plain(said)
+    return rows
 
 
 def columns(rows: Mapping[str, Any]) -> list[str]:

@@ -18,6 +18,8 @@ from kolsky.shot.dic_output import write_tables
 from kolsky.shot.optical_data import Surfaces
 from kolsky.shot.recorded import Recorded, recorded
 from kolsky.shot.records import PicturedShot, Shot
+from kolsky.studies.budget.budget import Budget
+from kolsky.studies.budget.campaign import Campaign
 from kolsky.studies.planning import output as plan_output
 from kolsky.studies.planning.plan import Plan
 from kolsky.studies.rates import output as rates_output
@@ -254,6 +256,43 @@ def write_plan_results(folder: Path, found: Plan, *, formats: Sequence[str] = ()
         (partial / "plan.json").write_text(text, encoding="utf-8")
         if formats:
             save_figures(partial / "figures", found, formats=tuple(formats))
+
+
+def write_budget_results(
+    folder: Path,
+    results: Sequence[Budget],
+    campaign: Campaign | None,
+    *,
+    formats: Sequence[str] = (),
+) -> None:
+    """Write the results of `kolsky budget` beside its ledger: budget.csv, budget.html and figures.
+
+    Parameters
+    ----------
+    folder
+        Folder; created if absent.
+    results
+        A budget for each free parameter; the first has the name budget.csv, others their parameter's too.
+    campaign
+        A planned campaign, if one was asked for.
+    formats
+        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
+
+    Raises
+    ------
+    InputError
+        If the results cannot be written.
+    """
+    from kolsky.report.canvas import save_figures
+    from kolsky.report.pages.budget import write_page
+    from kolsky.studies.budget.output import write_budget
+
+    with filling(folder) as partial:
+        for number, result in enumerate(results):
+            write_budget(partial / ("budget.csv" if not number else f"budget-{result.parameter}.csv"), result)
+        write_page(partial / "budget.html", results, campaign)
+        if formats:
+            save_figures(partial / "figures", results[0], formats=tuple(formats))
 
 
 def write_sweep_results(

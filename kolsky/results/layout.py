@@ -37,6 +37,7 @@ from kolsky.inverse.result import (
 from kolsky.inverse.run_table import DesignTable
 from kolsky.inverse.uncertainty_results import (
     Declaration,
+    HeldAnswer,
     PairMap,
     ParameterProfile,
     PosteriorSummary,
@@ -263,6 +264,20 @@ POSTERIOR = Record(
         "prior": Text(),
     },
 )
+HELD = Record(
+    HeldAnswer,
+    COLLECTION,
+    {
+        "name": Text(),
+        "held": numbers("SI"),
+        "value": Floats("SI"),
+        "sigma": Floats("SI"),
+        "chi2_force": Floats("1"),
+        "chi2_shape": Floats("1"),
+        "free_chi2_force": Floats("1"),
+        "free_chi2_shape": Floats("1"),
+    },
+)
 FIT = Record(
     FitQuality,
     COLLECTION,
@@ -273,15 +288,22 @@ FIT = Record(
         "residual": Floats(OWN),
         "predicted": numbers(OWN),
         "peak": Floats(OWN),
+        "slow_residual": Floats(OWN),
+        "slow_expected": Floats(OWN),
         "chi2": Floats("1"),
         "discrepancy_share": Floats("1"),
         "correlation": Floats("1"),
         "whiteness": Floats("1"),
         "weight": numbers("1"),
         "limit": Floats("1"),
-        "limit_over_peak": Floats("1"),
+        "slow_limit": Floats("1"),
     },
-    derived={"expected": Floats(OWN), "excess": Floats("1"), "explained": Flags("1")},
+    derived={
+        "expected": Floats(OWN),
+        "excess": Floats("1"),
+        "slow_excess": Floats("1"),
+        "explained": Flags("1"),
+    },
 )
 CLOCK = Record(
     ClockLag,
@@ -290,6 +312,8 @@ CLOCK = Record(
         "recording": Text(),
         "lag": Floats("s"),
         "sigma": Floats("s"),
+        "evidence": Floats("1"),
+        "explains": Flags("1"),
         "file": Text(),
         "key": Text(),
     },
@@ -311,6 +335,7 @@ CAUSE = Record(
         "sigmas": numbers("SI"),
         "named": Flags("1"),
         "alike": Text("alike"),
+        "beside": Text(),
         "status": Text(),
         "solved": numbers("SI"),
         "solved_sigmas": numbers("SI"),
@@ -344,6 +369,7 @@ IDENTIFICATION = Record(
         "route_difference": Part(DIFFERENCE, optional=True, since=3),
         "fit": Parts(FIT, since=3),
         "clocks": Parts(CLOCK, since=3),
+        "held_answer": Part(HELD, at="knowledge/held_answer", optional=True),
         "causes": Parts(CAUSE, since=3),
         "image_correlation": numbers("SI", since=2),
     },

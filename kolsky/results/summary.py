@@ -3,6 +3,7 @@
 from typing import Any
 
 from kolsky.base.json_types import jsonable
+from kolsky.inverse.fit_results import FitQuality
 from kolsky.inverse.result import Contribution, Identification, worst_imbalance
 from kolsky.inverse.run_table import DesignTable
 from kolsky.uncertainty.sensitivities import elasticity, relative_moves, unseen
@@ -14,7 +15,8 @@ def to_json(identification: Identification) -> dict[str, Any]:
     Every free parameter is a key with `value`, `interval` (k = 2), `sigma`, `sigma_noise`,
     `sigma_numerical`, `sigma_systematic`, `mesh_shift`, `on_mesh` (the optimum on the refined mesh),
     `mesh_correction` (what `value` adds to it), `noise_parts`, `numerical_parts`, `unit` and `outcome`;
-    `failed_runs` lists the runs that did not complete. Numbers that are not finite become null.
+    `fit` and `clocks` are null where they were not recorded; `failed_runs` lists the runs that did not
+    complete. Numbers that are not finite become null.
 
     Raises
     ------
@@ -45,6 +47,9 @@ def to_json(identification: Identification) -> dict[str, Any]:
             "energy_imbalance": worst_imbalance(response),
         },
         "failed_runs": failed_runs(result.design),
+        "fit": {channel.channel: _fit(channel) for channel in result.fit} or None,
+        "clocks": {lag.recording: {**vars(lag), "significance": lag.significance} for lag in result.clocks}
+        or None,
         **_findings(result),
         "surrogate": result.surrogate,
         "seconds": result.seconds,
@@ -77,6 +82,12 @@ def to_json(identification: Identification) -> dict[str, Any]:
 def _budget(parts: tuple[Contribution, ...]) -> dict[str, dict[str, float]]:
     """Standard uncertainties by source and parameter."""
     return {part.source: part.sigma for part in parts}
+
+
+def _fit(channel: FitQuality) -> dict[str, Any]:
+    """Goodness of fit of a channel, with the ratios that its verdict is made of."""
+    ratios = ("expected", "over_noise", "over_peak", "excess", "slow_excess", "explained")
+    return {**vars(channel), **{name: getattr(channel, name) for name in ratios}}
 
 
 def failed_runs(design: DesignTable) -> list[dict[str, Any]]:
@@ -140,4 +151,6 @@ def _findings(result: Identification) -> dict[str, Any]:
             for other in result.variations
         ],
         "posterior": posterior,
+        "held_answer": None if result.held_answer is None else vars(result.held_answer),
+        "causes": [{**vars(cause), "change": cause.change} for cause in result.causes],
     }

@@ -10,7 +10,10 @@ from kolsky.base.records import CentreLine, FlyerMotion
 from kolsky.shot.picture_set import CAMERAS, readable
 from kolsky.shot.records import PicturedShot, Shot, ShotBase
 from kolsky.shot.schema.apparatus import CONTACT_KEYS, keys_read
+from kolsky.shot.schema.uncertainty import IDENTIFIED, UNITS
 
+EXACT = "not declared: taken as exact"
+"""Value of an uncertainty that [uncertainty] does not hold."""
 _WRITTEN = {"m": ("mm", 1e3), "s": ("us", 1e6), "Pa": ("kPa", 1e-3)}
 
 
@@ -59,6 +62,7 @@ def summarise(shot: ShotBase) -> list[Entry]:
         Entry("model", "damping_kind", shot.model.damping_kind),
         Entry("model", "mass_damping", shot.model.mass_damping, "1/s"),
         *(_window(shot) if isinstance(shot, Shot) else []),
+        *_uncertainty(shot),
     ]
 
 
@@ -212,6 +216,18 @@ def _centre_line(line: CentreLine, shot: Shot) -> list[Entry]:
         Entry("centre_line", "largest Z", float(line.Z.max()), "m"),
         Entry("centre_line", "smallest sigma", float(line.sigma.min()), "m"),
         Entry("centre_line", "largest sigma", float(line.sigma.max()), "m"),
+    ]
+
+
+def _uncertainty(shot: ShotBase) -> list[Entry]:
+    """Declared standard uncertainties, and the keys that are not declared."""
+    read = keys_read(shot.interface.faces, shot.interface.side)
+    used = [key for key in IDENTIFIED if key != "friction" or key in read]
+    return [
+        Entry("uncertainty", key, shot.uncertainty[key], UNITS.get(key, ""))
+        if key in shot.uncertainty
+        else Entry("uncertainty", key, EXACT)
+        for key in used
     ]
 
 

@@ -92,12 +92,12 @@ class ShotRuns:
         }
         sliding = any_slides([*self.names, *self.held])
         said = provenance(self.prepared.forward.shot, settings, self.prepared, sliding=sliding)
-        text = json.dumps({**said, "kept": KEPT, "sources": _sources()}, sort_keys=True, default=_plain)
+        text = json.dumps({**said, "kept": KEPT, "sources": source_hash()}, sort_keys=True, default=_plain)
         return hashlib.sha256(text.encode()).digest()
 
 
 @cache
-def _sources() -> str:
+def source_hash() -> str:
     """SHA-256 of the sources of `kolsky` and `explicit`: a version number does not tell a working copy."""
     total = hashlib.sha256()
     root = Path(__file__).parents[2]

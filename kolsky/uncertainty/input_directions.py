@@ -231,9 +231,11 @@ class MovedInputs:
         up, down = self._seen(time=after), self._seen(time=before)
         return np.asarray((up - down)[self.objective.n_force :] / (after - before)[self.objective.counted])
 
-    def _seen(self, **line: FloatArray) -> FloatArray:
+    def _seen(self, y: FloatArray | None = None, time: FloatArray | None = None) -> FloatArray:
         """The predicted data vector with the outline seen at other heights or times."""
-        seen = replace(self.observations, centre_line=replace(self.observations.centre_line, **line))
+        line = self.observations.centre_line
+        line = replace(line, y=line.y if y is None else y, time=line.time if time is None else time)
+        seen = replace(self.observations, centre_line=line)
         return np.asarray(self.objective.vectors(predict(self.reference, seen))[0])
 
 

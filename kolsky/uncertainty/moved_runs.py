@@ -46,6 +46,11 @@ class MovedRuns:
     """Key -> step of each input to be moved."""
 
     @property
+    def mesh_point(self) -> FloatArray:
+        """Where the surrogate's mesh answers like the refined one at the optimum, shape [d]."""
+        return np.asarray(self.stages.solver_values(self.x[None], self.stages.settings.numerics.mesh)[0])
+
+    @property
     def forward(self) -> Forward:
         """The shot ready to run, its surface kept beside the frames too."""
         forward = self.stages.prepared.forward
@@ -60,7 +65,7 @@ class MovedRuns:
     @property
     def point(self) -> dict[str, float]:
         """The optimum and what is held, by name."""
-        found = dict(zip(self.stages.box.names, self.x.tolist(), strict=True))
+        found = dict(zip(self.stages.box.names, self.mesh_point.tolist(), strict=True))
         return {**self.stages.settings.held, **found}
 
     @property
@@ -114,9 +119,10 @@ class MovedRuns:
     def _design(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper ends of the central differences by the free parameters, shape [d] each."""
         lower, upper = np.array(self.stages.box.lower), np.array(self.stages.box.upper)
-        values = zip(self.stages.box.names, self.x.tolist(), strict=True)
+        x = self.mesh_point
+        values = zip(self.stages.box.names, x.tolist(), strict=True)
         step = np.array([parameter_step(name, value) for name, value in values])
-        return np.maximum(self.x - step, lower), np.minimum(self.x + step, upper)
+        return np.maximum(x - step, lower), np.minimum(x + step, upper)
 
     def reference_and_jacobian(self) -> tuple[Response, FloatArray]:
         """The run at the optimum, and the Jacobian of the data vector, shape [k, d]."""

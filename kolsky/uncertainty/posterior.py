@@ -20,7 +20,8 @@ NAMES = {"force": "force_discrepancy", "outline": "shape_discrepancy"}
 def posterior(found: ParameterProfiles, *, seed: int) -> PosteriorSummary:
     """Sample parameters and discrepancies.
 
-    The prior of a parameter is uniform in the box of the profiles. Correlation of the residuals in time is
+    The prior of a parameter is uniform in the box of the profiles, times the Gaussian of its declared
+    uncertainty where it has one. Correlation of the residuals in time is
     taken in by a power of the likelihood, one over the mean factor of the profiles.
 
     Parameters
@@ -42,7 +43,10 @@ def posterior(found: ParameterProfiles, *, seed: int) -> PosteriorSummary:
         np.clip(found.optimum, found.box.lower, found.box.upper),
         rng=seed,
         power=power,
-        discrepancy_priors=[TAU_SCALE * float(np.median(channel.sigma)) for channel in likelihood.channels],
+        discrepancy_priors=[
+            TAU_SCALE * float(np.median(channel.sigma)) if channel.name in NAMES else 0.0
+            for channel in likelihood.channels
+        ],
     )
     samples = np.column_stack([chains.samples, chains.discrepancies])
     lower, median, upper = np.percentile(samples, [2.5, 50.0, 97.5], axis=0)

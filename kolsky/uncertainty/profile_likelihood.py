@@ -53,19 +53,29 @@ class LinearisedOptimum:
     """Its Jacobian there, shape [k, d]."""
     steeper: FloatArray
     """What of the Jacobian the refined mesh adds to the surrogate's, shape [k, d]."""
+    smooth: bool = False
+    """Whether the response is smooth about it; of one parameter it is."""
 
     @classmethod
     def of(
-        cls, x: FloatArray, local: Box, objective: Objective, model: Model, surrogate: Model
+        cls,
+        x: FloatArray,
+        local: Box,
+        objective: Objective,
+        model: Model,
+        surrogate: Model,
+        *,
+        smooth: bool = False,
     ) -> LinearisedOptimum:
         """From the model that agrees with the last run on the refined mesh, and the surrogate in it."""
         slope = jacobian(model, local, x)
-        return cls(x, local, objective, model(x)[0], slope, slope - jacobian(surrogate, local, x))
+        return cls(x, local, objective, model(x)[0], slope, slope - jacobian(surrogate, local, x), smooth)
 
     @property
     def correlation(self) -> FloatArray:
         """Variance with residuals correlated in time over that without, of each parameter, >= 1."""
-        alone = np.linalg.inv(self.slope.T @ (self.slope / self.objective.sigma[:, None] ** 2))
+        information = self.slope.T @ (self.slope / self.objective.sigma[:, None] ** 2)
+        alone = np.linalg.inv(information + self.objective.prior_precision(len(self.x)))
         together = self.objective.covariance(self.slope, self.vector)
         return np.asarray(np.maximum(np.diag(together) / np.diag(alone), 1.0))
 
@@ -123,7 +133,8 @@ def _near(stages: StagedRuns, answer: LinearisedOptimum) -> Box:
     reach = NEAR * np.sqrt(np.diag(answer.objective.covariance(answer.slope, answer.vector)))
     lower, upper = np.maximum(answer.x - reach, whole.lower), np.minimum(answer.x + reach, whole.upper)
     box = replace(whole, lower=tuple(lower.tolist()), upper=tuple(upper.tolist()))
-    if box != whole:
+    enough = 12 * box.dimension
+    if box != whole and box.contains(stages.on_surrogate_mesh()[0]).sum() < enough:
         stages.simulate("profile", stages.design(box), stages.settings.numerics)
     return box
 
@@ -192,12 +203,13 @@ def surrogate_of(
     """
     points, prediction = runs
     use = box.contains(points)
-    least = APART if box.dimension == 1 else 1e-3 * APART  # a process has a nugget against twins
+    smooth = answer.smooth and box != whole
+    least = APART if smooth or box.dimension == 1 else 1e-3 * APART  # a process has a nugget against twins
     use[use] = _apart(box.unit(points[use]), least)
     counted = answer.objective.counted & prediction.inside[use].all(axis=0)
     objective = replace(answer.objective, counted=counted)
     kept = np.concatenate([np.ones(objective.n_force, dtype=bool), counted[answer.objective.counted]])
-    surrogate = surrogate_kind(box).fit(
+    surrogate = surrogate_kind(box, smooth=smooth).fit(
         box, points[use], objective.vectors(prediction)[use], scale=objective.noise
     )
     model = CorrectedSurrogate(surrogate).through(answer.x, answer.vector[kept])

@@ -60,9 +60,16 @@ def reduce_residuals(model: CorrectedSurrogate, objective: Objective) -> Reduced
 
 def reduced_likelihood(model: CorrectedSurrogate, objective: Objective, box: Box) -> Likelihood:
     """The likelihood with the objective's weights, its noise and discrepancies, fixed."""
-    short = reduce_residuals(model, objective)
+    short, prior = reduce_residuals(model, objective), objective.prior
     p = len(short.triangle)
-    return Likelihood(box, short.residuals, np.zeros(p), [Channel("force and shape", np.ones(p))])
+    if prior is None:
+        return Likelihood(box, short.residuals, np.zeros(p), [Channel("force and shape", np.ones(p))])
+
+    def residuals(points: FloatArray) -> FloatArray:
+        return np.hstack([short.residuals(points), prior.residuals(points)])
+
+    p += len(prior.rows())
+    return Likelihood(box, residuals, np.zeros(p), [Channel("force, shape and prior", np.ones(p))])
 
 
 def full_likelihood(
@@ -82,4 +89,13 @@ def full_likelihood(
     channels = [Channel("force", objective.noise[:n], discrepancy=force)]
     if len(objective.data) > n:
         channels.append(Channel("outline", objective.noise[n:], discrepancy=shape))
-    return Likelihood(box, model.predict, objective.data, channels)
+    prior = objective.prior
+    if prior is None:
+        return Likelihood(box, model.predict, objective.data, channels)
+    known = np.zeros(len(prior.rows()))
+
+    def predict(points: FloatArray) -> FloatArray:
+        return np.hstack([model.predict(points), prior.residuals(points)])
+
+    channels.append(Channel("prior", np.ones(len(known))))
+    return Likelihood(box, predict, np.concatenate([objective.data, known]), channels)

@@ -14,11 +14,13 @@ from kolsky.base.arrays import FloatArray
 from kolsky.inverse.estimates import RouteOptimum
 from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.result import Contribution, Route, RouteDifference
-from kolsky.uncertainty.input_noise import InputChanges
+from kolsky.uncertainty.input_noise import InputChanges, replicate_uncertainty
 from kolsky.uncertainty.numerical import MeshChange, numerical_parts
 
 RESIDUALS = "force and shape"
 """Name of the part that comes from the residuals."""
+DECLARED = "declared inputs"
+"""Name of the part that comes from [uncertainty] of the shot file."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,9 @@ class Sources:
     roughness: FloatArray | None = None
     """Standard deviation of the joint optimum from the response's roughness, shape [d]; a route is taken to
     be as rough."""
+    declared: FloatArray | None = None
+    """Changes by what shot.toml declares uncertain, their mean square the sum over the keys, shape [n, k];
+    the joint answer counts these by itself, `Estimate.sigma_systematic`."""
 
     def parts(
         self, residual: FloatArray, gain: FloatArray, gains: Sequence[FloatArray] | None = None
@@ -45,11 +50,14 @@ class Sources:
         gain, gains
             As of `InputChanges.parts`.
         """
-        return {
+        found = {
             RESIDUALS: np.sqrt(np.diag(residual)),
             **self.inputs.parts(gain, gains),
             **numerical_parts(self.mesh, gain, roughness=self.roughness),
         }
+        if self.declared is not None and len(self.declared):
+            found[DECLARED] = replicate_uncertainty(self.declared @ gain.T)
+        return found
 
 
 def noise_parts(fine: RefinedOptimum, sources: Sources) -> dict[str, FloatArray]:

@@ -38,11 +38,9 @@ def target_of(q: Specification) -> Any:
         pitch = _rounded(width / (max(c.columns, c.rows) + 0.7))
         return Charuco(columns=c.columns, rows=c.rows, pitch=pitch, marker=_rounded(0.7 * pitch))
     pitch = _rounded(width / (max(c.columns, c.rows) + 0.6))
-    third = (min(2, c.columns - 1), min(2, c.rows - 1))
-    far, high = c.columns - 3, c.rows - 3
-    if far - third[0] == high - third[1]:  # arms of one length look the same from two sides
-        high -= 1
-    hollow = (third, (far, third[1]), (third[0], high))
+    edge = 2 if min(c.columns, c.rows) >= 8 else 1  # of another length along rows than along columns
+    far, high = c.columns - 1 - edge, c.rows - 1 - edge
+    hollow = ((edge, edge), (far, edge), (edge, high))
     return FiducialDots(
         columns=c.columns, rows=c.rows, pitch=pitch, diameter=_rounded(0.5 * pitch), hollow=hollow
     )

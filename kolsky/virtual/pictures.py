@@ -133,13 +133,14 @@ def _tables(q: Specification, rig: Rig, suffix: str) -> dict[str, dict[str, Any]
         }
         for k in (0, 1)
     }
-    subset = int(np.clip(2 * round(2.5 * q.speckle.size) + 1, 15, 41))
+    subset = int(np.clip(2 * round(2.0 * q.speckle.size) + 1, 15, 41))
     return {
         "pictures": {**series, "bits": 8 if c.format == "png" else q.optics.bits},
         "dic": {
             "flyer_side": c.flyer_side,
             "strip_half_width": f"{STRIP * 1e3:g} mm",
             "subset": subset,
+            "shape": "quadratic",
         },
     }
 

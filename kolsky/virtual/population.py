@@ -99,7 +99,7 @@ class Population(Section):
 
 
 def drawn(content: Mapping[str, Any], population: Population, *, seed: int, shot: int) -> dict[str, Any]:
-    """The specification of one shot as it would be written, without [population].
+    """The specification of one shot as it would be written, without [population] and [budget].
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def drawn(content: Mapping[str, Any], population: Population, *, seed: int, shot
     ValueError
         If a drawn key leads through something that is no table.
     """
-    made = deepcopy({key: value for key, value in content.items() if key != "population"})
+    made = deepcopy({key: value for key, value in content.items() if key not in {"population", "budget"}})
     for key, draw in population.draw.items():
         value = draw.value(stream(seed, shot, "draw", key))
         table: dict[str, Any] = made

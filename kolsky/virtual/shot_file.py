@@ -100,9 +100,9 @@ def shot_tables(quantities: Specification, surface: SurfaceHistory) -> dict[str,
     return tables
 
 
-def toml_text(tables: Tables, *, name: str) -> str:
+def toml_text(tables: Tables, *, name: str, head: str = HEAD) -> str:
     """The tables as a TOML file."""
-    parts = [HEAD, f"format = 1\nname = {_value(name)}\n"]
+    parts = [head, f"format = 1\nname = {_value(name)}\n"]
     for title, table in tables.items():
         lines = "".join(f"{key} = {_value(value)}\n" for key, value in table.items())
         parts.append(f"[{title}]\n{lines}")

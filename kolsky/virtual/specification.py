@@ -18,6 +18,8 @@ class SpecificationFile(Specification):
     """A whole specification file: that of a shot, and how a series is drawn."""
 
     population: Population | None = None
+    budget: dict[str, Any] | None = None
+    """Dotted key -> standard uncertainty, for `kolsky budget`."""
 
 
 @dataclass(frozen=True)

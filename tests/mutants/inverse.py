@@ -42,8 +42,8 @@ FAULTS = (
     Fault(
         name="the noise taken off the discrepancy once, not squared",
         file="kolsky/inverse/objective.py",
-        right="excess = (vector - self.data) ** 2 - self.noise**2",
-        wrong="excess = (vector - self.data) ** 2 - self.noise",
+        right="excess = square - self.noise**2",
+        wrong="excess = square - self.noise",
         tests=OBJECTIVE,
     ),
     Fault(

@@ -1,5 +1,6 @@
-"""The study of coverage, reduced: a dozen experiments with known answers, identified one by one."""
+"""The study of coverage, reduced: made experiments are what they say, and a dozen of them identified."""
 
+import json
 import sys
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -7,79 +8,151 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.stats import binom
+from scipy.stats import binom, chi2
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 if str(ROOT) not in sys.path:
     sys.path.append(str(ROOT))  # the benchmarks are not installed
 
 from benchmarks.coverage import Found, Study, run  # noqa: E402
-from benchmarks.coverage_counts import joined, summary  # noqa: E402
-from benchmarks.coverage_problem import FORCE_SIGMA, RANGES, draw, experiment, template  # noqa: E402
+from benchmarks.coverage_counts import NOMINAL, summary  # noqa: E402
+from benchmarks.coverage_problem import (  # noqa: E402
+    FORCE_SIGMA,
+    GROUP,
+    NOISE,
+    drawn,
+    experiment,
+    stroke,
+    template,
+    velocity,
+)
 
 M = "stiffness_factor"
 
 
-def _found(error: float, sigma: float) -> Found:
+def _found(error: float, sigma: float, number: int = 0) -> dict[str, Any]:
     one = {M: sigma}
-    return Found({M: 1.1}, {M: 1.1 + error}, one, one, one, {M: {"mesh": sigma}}, one, {}, "identified", 0.0)
+    routes = {"force only": {M: [1.1 + 1.9 * error, sigma]}}
+    return asdict(
+        Found(
+            number=number,
+            truth={M: 1.1},
+            value={M: 1.1 + error},
+            sigma=one,
+            correction={M: -0.004},
+            parts={M: {"mesh": sigma}},
+            routes=routes,
+            profile={M: [1.1 + error - sigma, 1.1 + error + sigma]},
+            outcome="identified",
+            warnings=[],
+            seconds=0.0,
+        )
+    )
 
 
 def _five() -> list[dict[str, Any]]:
     """Errors of 1, -1.9, 2.1 and 0 sigma, and no answer."""
-    lost = replace(_found(0.0, 1.0), value={M: float("nan")}, sigma={M: float("nan")})
-    return [asdict(one) for one in (*(_found(e * 0.01, 0.01) for e in (1.0, -1.9, 2.1, 0.0)), lost)]
+    lost = _found(0.0, 1.0) | {"value": {M: float("nan")}, "sigma": {M: float("nan")}}
+    return [*(_found(e * 0.01, 0.01) for e in (1.0, -1.9, 2.1, 0.0)), lost]
 
 
 def test_covered_is_counted_by_hand() -> None:
     """Three of five within two sigma."""
-    said = summary(_five(), 2.0)
-    assert said[M]["covered"] == pytest.approx(0.6)
-    assert said[M]["answers"] == 4
-    assert said[M]["mean error"] == pytest.approx(0.003)
+    said = summary(_five())[M]
+    assert said["covered"] == pytest.approx(0.6)
+    assert said["answers"] == 4
+    assert said["misses, value too high and too low"] == {"above": 1, "below": 0}
+    assert said["mean error"] == pytest.approx(0.003)
+    assert said["mean error without the mesh correction"] == pytest.approx(0.007)
+    assert said["scatter"] == pytest.approx(np.std([0.01, -0.019, 0.021, 0.0], ddof=1))
+    assert said["covered by the profile likelihood alone"] == pytest.approx(0.5)  # 1.0 and 0.0
+    # Errors of 1.9, -3.6, 4 and 0 sigma by the force alone.
+    assert said["force alone, outline alone, their difference: covered"] == {"force only": pytest.approx(0.5)}
 
 
-def test_parts_of_a_study_are_joined() -> None:
-    def part(*rows: int) -> dict[str, Any]:
-        head = {"machine": {}, "workers": 1, "seconds": {"truths": 1.0}}
-        study = asdict(Study((M,), 5, rows=(rows[0], rows[1])))
-        return {**head, "study": study, "each": _five()[slice(*rows)]}
+def test_what_is_wanted_is_judged() -> None:
+    def wanted(errors: list[float]) -> dict[str, bool]:
+        found: dict[str, bool] = summary([_found(e, 1.0) for e in errors])[M]["as wanted"]
+        return found
 
-    whole = joined([part(0, 3), part(3, 5)])
-    assert [one["value"][M] for one in whole["each"][:4]] == [one["value"][M] for one in _five()[:4]]
-    assert whole[M]["covered"] == pytest.approx(0.6)
-    assert whole["seconds"] == {"truths": 2.0}
-    with pytest.raises(ValueError, match="overlap"):
-        joined([part(0, 3), part(2, 5)])
-    other = part(3, 5)
-    other["study"]["seed"] = 2
-    with pytest.raises(ValueError, match="not of one study"):
-        joined([part(0, 3), other])
+    rest = [0.1, -0.1] * 50
+    good = wanted([2.1, -2.1, 2.1, -2.1, *rest[:96]])
+    assert all(good.values())
+    # Six misses to one side are chance once in 32.
+    assert not wanted([2.1] * 6 + rest[:94])["misses on both sides"]
+    assert not wanted([2.1] * 6 + [-2.1] * 6 + rest[:88])["covered 92 to 98 %"]
+    assert not wanted(rest[:100])["covered 92 to 98 %"]  # all of them: too long
+    assert not wanted([e + 0.3 for e in rest])["mean error below a quarter of sigma"]
 
 
 def test_experiments_are_what_they_say() -> None:
-    draws = draw((M,), 1000, np.random.default_rng(1))
-    low, high = RANGES[M]
-    # The mean of a thousand draws is known to 1 / sqrt(12000) of the range.
-    assert draws.values[M].mean() == pytest.approx(0.5 * (low + high), abs=4 * (high - low) / 12000**0.5)
-    assert np.ptp(draws.values["damping"]) == 0.0
-    seen = template()
-    force, Z = 3.0 + 0.0 * seen.force.time, seen.centre_line.Z
-    one, other = (experiment(0, force, Z, "bonded", np.random.default_rng([1, i])) for i in (1, 2))
+    pairs = [drawn(number, 3) for number in range(2 * GROUP)]
+    assert len({setup for setup, _ in pairs}) == 2
+    assert len({truth.shear_modulus for _, truth in pairs}) == 2 * GROUP
+    assert drawn(GROUP + 1, 3) == pairs[GROUP + 1]
+    assert drawn(1, 4) != pairs[1]
+    for name, (low, high) in {"stiffness_factor": (0.9, 1.3), "poisson": (0.49925, 0.49965)}.items():
+        values = [getattr(truth, name) for _, truth in pairs]
+        assert low <= min(values) < low + 0.2 * (high - low)
+        assert high - 0.2 * (high - low) < max(values) <= high
+    assert all(NOISE[0] <= truth.force_sigma / FORCE_SIGMA <= NOISE[1] for _, truth in pairs)
+
+    setup, truth = pairs[0]
+    seen = template(setup, truth)
+    exact = (3.0 + 0.0 * seen.force.time, seen.centre_line.Z)
+    one, other = (experiment(0, setup, truth, exact, "bonded", np.random.default_rng([1, i])) for i in (1, 2))
     noise = one.force.history().force - 3.0
-    assert noise.std() == pytest.approx(FORCE_SIGMA, rel=0.06)  # 2700 samples: 1.4 %, four times that
+    assert noise.std() == pytest.approx(truth.force_sigma, rel=0.06)  # 2700 samples: 1.4 %, four times that
     assert not np.array_equal(noise, other.force.history().force - 3.0)
+    assert one.model.poisson == truth.poisson
+
+
+def test_the_flyer_moves_as_its_velocity_says() -> None:
+    for number in range(5):
+        setup, truth = drawn(number, 2)
+        t = np.linspace(0.0, setup.end, 40_001)
+        v = velocity(t, setup, truth)
+        way = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))])
+        # Trapezoids of a smooth velocity: h^2 / 12 of its second derivative, 1e-9 of the way here.
+        np.testing.assert_allclose(stroke(t, setup, truth), way, atol=1e-7 * way[-1])
+        assert v[0] == 0.0
+        # When it has gone the specimen's length the flyer has lost the share `drag` of its speed.
+        reached = stroke(t, setup, truth)[-1] / setup.length
+        assert v[-1] == pytest.approx(truth.speed * (1.0 - truth.drag * reached), rel=1e-9)
+        assert 0.3 < reached <= 0.5
+
+
+def test_a_truth_as_coarse_as_the_answer_is_refused() -> None:
+    with pytest.raises(ValueError, match="64 of the identification"):
+        Study((M,), truth_mesh=(64, 86))
+
+
+COARSE = Study((M,), mesh=(16, 22), refined_mesh=(24, 32), truth_mesh=(36, 48), seed=7)
 
 
 @pytest.mark.slow
-def test_the_interval_covers_the_truth() -> None:
-    study = Study((M,), experiments=12, seed=7)
-    found, _ = run(study, workers=1)
-    said = summary([asdict(one) for one in found], 2.0)[M]
-    covered = round(said["covered"] * len(found))
-    # An interval that holds the truth in 92 % of the tests holds fewer than this once in a thousand studies.
-    assert covered >= binom.ppf(1e-3, len(found), 0.92)
-    assert said["answers"] == len(found)
-    # It must not hold it by being long: the scatter of twelve answers is known to 21 %, so within 1.9.
-    assert said["mean sigma noise"] < 1.9 * said["scatter"]
-    assert said["mean sigma"] < 0.006  # half a per cent
+def test_a_study_goes_on_where_it_stopped(tmp_path: Path) -> None:
+    folder = tmp_path / "study"
+    (first,) = run(COARSE, folder, [0], workers=1)
+    kept = folder / "answer-0000.json"
+    stamp = kept.stat().st_mtime_ns
+    again = run(COARSE, folder, [0], workers=1)
+    assert again == [first]
+    assert kept.stat().st_mtime_ns == stamp
+    assert json.loads(kept.read_text())["number"] == 0
+    with pytest.raises(ValueError, match="of another study"):
+        run(replace(COARSE, seed=8), folder, [0], workers=1)
+
+
+@pytest.mark.slow
+def test_the_interval_covers_the_truth(tmp_path: Path) -> None:
+    n = 8
+    found = run(COARSE, tmp_path / "study", list(range(n)), workers=1)
+    said = summary(found)[M]
+    assert said["answers"] == n
+    # A binomial band: an interval that holds 95.45 % holds fewer than this once in a thousand studies.
+    assert round(said["covered"] * n) >= binom.ppf(1e-3, n, NOMINAL)
+    # Nor may it hold them by being long: were the errors half of what is said, chi-square over n would be a
+    # quarter, and is below this once in a thousand studies of right intervals.
+    z = [(one["value"][M] - one["truth"][M]) / one["sigma"][M] for one in found]
+    assert chi2.ppf(1e-3, n) < np.square(z).sum() < chi2.ppf(1.0 - 1e-3, n)

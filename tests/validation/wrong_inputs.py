@@ -24,7 +24,6 @@ from kolsky.base.errors import InputError
 from tests.validation.wrong_input_rows import CURVE, MODEL, RIGHT, ROWS, Row
 
 POPULATION = Path(__file__).with_suffix(".toml")
-FREE = ("stiffness_factor", "poisson", "damping")
 
 
 @dataclass(frozen=True)
@@ -61,7 +60,8 @@ def run(job: Job) -> dict[str, Any]:
     numerics, more = Numerics(device=job.device, threads=job.threads), {}
     if job.meshes is not None:
         numerics, more = numerics.with_mesh(job.meshes[0]), {"refined_mesh": job.meshes[1]}
-    settings = Settings(free=dict.fromkeys(FREE if row.free else MODEL), numerics=numerics, **more)
+    free = None if row.free else dict.fromkeys(MODEL)
+    settings = Settings(free=free, numerics=numerics, **more)
     try:
         found = identify(row.wrong(job.shot), settings)
     except (InputError, ValueError) as error:
@@ -124,12 +124,13 @@ def table(jobs: list[dict[str, Any]]) -> list[dict[str, Any]]:
         ends = [judged(row, said) for said in mine]
         errors = [said["value"] / said["truth"] - 1.0 for said in mine if not said["refused"]]
         right = [
-            cause
+            (cause, said["truth"])
             for said in mine
             if not said["refused"]
             for cause in said["causes"]
             if cause["key"] == row.key
         ]
+        corrected = [None if cause["m"] is None else cause["m"] / truth - 1.0 for cause, truth in right]
         others = [
             max((c["evidence"] for c in said["causes"]), default=0.0) for said in mine if not said["refused"]
         ]
@@ -140,9 +141,9 @@ def table(jobs: list[dict[str, Any]]) -> list[dict[str, Any]]:
                 "shots": len(mine),
                 "ends": {end: ends.count(end) for end in sorted(set(ends))},
                 "identified": sum(bool(said.get("identified")) for said in mine),
-                "corrected": [cause["m"] for cause in right],
+                "corrected errors": corrected,
                 "errors": errors,
-                "values": [cause["value"] for cause in right],
+                "values": [cause["value"] for cause, _ in right],
                 "evidence": others,
                 "seconds": sum(said["seconds"] for said in mine) / len(mine),
             }

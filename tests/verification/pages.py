@@ -63,6 +63,7 @@ TOPICS = [
     "failure",
     "dic_correlation",
     "dic_tracking",
+    "renderer",
     "dic_stereo",
     "uncertainty",
 ]

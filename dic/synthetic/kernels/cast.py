@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from dic.synthetic.kernels.hit import FAR, Bodies, on_body
+from dic.synthetic.kernels.hit import FAR, FLAT, Bodies, Painted, on_body
 
 
 @wp.struct
@@ -68,52 +68,65 @@ def direction(view: View, f: wp.int32, row: wp.int32, column: wp.int32):
 
 
 @wp.func
-def texel(bodies: Bodies, b: wp.int32, arc: wp.float64, along: wp.float64):
-    """Reflectance of body b, bilinear between its texels; beyond them that of the nearest."""
-    shape = bodies.texel_shape[b]
-    origin = bodies.texel_origin[b]
+def texel(texels: wp.array(dtype=wp.float32), body: Painted, around: wp.float64, along: wp.float64):
+    """Reflectance of a body's paint, bilinear between its texels; beyond them that of the nearest."""
     u = wp.clamp(
-        (arc - origin[0]) / bodies.texel_pitch[b], wp.float64(0.0), wp.float64(shape[1]) - wp.float64(1.001)
+        (around - body.origin[0]) / body.pitch, wp.float64(0.0), wp.float64(body.columns) - wp.float64(1.001)
     )
     v = wp.clamp(
-        (along - origin[1]) / bodies.texel_pitch[b], wp.float64(0.0), wp.float64(shape[0]) - wp.float64(1.001)
+        (along - body.origin[1]) / body.pitch, wp.float64(0.0), wp.float64(body.rows) - wp.float64(1.001)
     )
-    i = wp.int32(wp.floor(u))
-    j = wp.int32(wp.floor(v))
+    i = wp.int32(u)
+    j = wp.int32(v)
     a = wp.float32(u - wp.float64(i))
     c = wp.float32(v - wp.float64(j))
-    at = bodies.texel_first[b] + wp.int64(j) * wp.int64(shape[1]) + wp.int64(i)
-    below = at + wp.int64(shape[1])
+    at = body.texels + wp.int64(j) * wp.int64(body.columns) + wp.int64(i)
+    below = at + wp.int64(body.columns)
     one = wp.float32(1.0)
-    near = (one - a) * bodies.texels[at] + a * bodies.texels[at + wp.int64(1)]
-    far = (one - a) * bodies.texels[below] + a * bodies.texels[below + wp.int64(1)]
+    near = (one - a) * texels[at] + a * texels[at + wp.int64(1)]
+    far = (one - a) * texels[below] + a * texels[below + wp.int64(1)]
     return (one - c) * near + c * far
 
 
 @wp.func
 def reflectance(bodies: Bodies, q: wp.int32, b: wp.int32, x: wp.vec3d, k: wp.int32, share: wp.float64):
     """Reflectance at a place of body b in its own frame; loose paint is read where it came from."""
+    body = bodies.painted[b]
     along = bodies.along[k] + share * (bodies.along[k + 1] - bodies.along[k])
-    angle = wp.atan2(wp.float32(x[0]), wp.float32(x[2]))
-    arc = bodies.radius[b] * wp.float64(angle)
-    patch = bodies.patch[b]
-    if patch[2] > wp.float64(0.0):
-        off = wp.vec2d(arc - patch[0], along - patch[1])
-        inside = wp.float64(1.0) - wp.dot(off, off) / (patch[2] * patch[2])
+    around = body.radius * wp.float64(wp.atan2(wp.float32(x[0]), wp.float32(x[2])))
+    if body.patch[2] > wp.float64(0.0):
+        off = wp.vec2d(around - body.patch[0], along - body.patch[1])
+        inside = wp.float64(1.0) - wp.dot(off, off) / (body.patch[2] * body.patch[2])
         if inside > wp.float64(0.0):
-            arc = arc - inside * inside * bodies.slip[q, b][0]
-            along = along - inside * inside * bodies.slip[q, b][1]
-    return texel(bodies, b, arc, along)
+            slip = bodies.placed[q, b].slip
+            around = around - inside * inside * slip[0]
+            along = along - inside * inside * slip[1]
+    return texel(bodies.texels, body, around, along)
+
+
+@wp.func
+def outward(bodies: Bodies, q: wp.int32, x: wp.vec3d, d: wp.vec3d, k: wp.int32, share: wp.float64):
+    """Normal of any length at a place of a body in its own frame: (x/r, -dr/dy, z/r), or along the axis."""
+    here = bodies.nodes[q, k]
+    after = bodies.nodes[q, k + 1]
+    normal = wp.vec3d(wp.float64(0.0), wp.float64(1.0), wp.float64(0.0))
+    if wp.abs(after[0] - here[0]) > FLAT:
+        g = here[2] + share * (after[2] - here[2])
+        rho = wp.max(wp.sqrt(x[0] * x[0] + x[2] * x[2]), FLAT)
+        normal = wp.vec3d(x[0] / rho, -g, x[2] / rho)
+    elif d[1] > wp.float64(0.0):
+        normal = -normal
+    return normal
 
 
 @wp.func
 def lit(view: View, shine: wp.float32, paint: wp.float32, n: wp.vec3d, toward: wp.vec3d):
     """Light from a place: diffuse by Lambert, with a highlight by Blinn and Phong."""
     normal = wp.normalize(wp.vec3f(wp.float32(n[0]), wp.float32(n[1]), wp.float32(n[2])))
-    eye = wp.normalize(wp.vec3f(wp.float32(toward[0]), wp.float32(toward[1]), wp.float32(toward[2])))
     facing = wp.max(wp.dot(normal, view.lamp), wp.float32(0.0))
     light = paint * (view.ambient + (wp.float32(1.0) - view.ambient) * facing)
     if shine > wp.float32(0.0):
+        eye = wp.normalize(wp.vec3f(wp.float32(toward[0]), wp.float32(toward[1]), wp.float32(toward[2])))
         between = wp.normalize(eye + view.lamp)
         light = light + shine * wp.pow(wp.max(wp.dot(normal, between), wp.float32(0.0)), view.gloss)
     return light
@@ -136,25 +149,18 @@ def bodies_ray(
     for q in range(begin[f], begin[f + 1]):
         nearest = FAR
         seen = view.background
-        for b in range(bodies.first.shape[0]):
-            o = wp.mul(bodies.turn[q, b], view.centre - bodies.place[q, b])
-            e = wp.mul(bodies.turn[q, b], d)
-            across = e[0] * e[0] + e[2] * e[2]
-            s0 = -(o[0] * e[0] + o[2] * e[2]) / across
+        for b in range(bodies.painted.shape[0]):
+            e = wp.mul(bodies.placed[q, b].turn, d)
+            o = bodies.placed[q, b].eye
+            s0 = -(o[0] * e[0] + o[2] * e[2]) / (e[0] * e[0] + e[2] * e[2])
             p = o + s0 * e
             s, share, k = on_body(bodies, q, b, p, e)
             if k >= 0 and s + s0 < nearest:
                 nearest = s + s0
                 x = p + s * e
                 paint = reflectance(bodies, q, b, x, k, share)
-                normal = wp.vec3d(wp.float64(0.0), wp.float64(1.0), wp.float64(0.0))
-                if wp.abs(bodies.y[q, k + 1] - bodies.y[q, k]) > wp.float64(1.0e-12):
-                    g = bodies.slope[q, k] + share * (bodies.slope[q, k + 1] - bodies.slope[q, k])
-                    rho = wp.max(wp.sqrt(x[0] * x[0] + x[2] * x[2]), wp.float64(1.0e-12))
-                    normal = wp.vec3d(x[0] / rho, -g, x[2] / rho)
-                elif e[1] > wp.float64(0.0):
-                    normal = -normal
-                seen = lit(view, bodies.shine[b], paint, wp.mul(wp.transpose(bodies.turn[q, b]), normal), -d)
+                normal = wp.mul(wp.transpose(bodies.placed[q, b].turn), outward(bodies, q, x, e, k, share))
+                seen = lit(view, bodies.painted[b].shine, paint, normal, -d)
         light = light + weight[q] * seen
         away = wp.float32(0.0)
         if nearest < FAR:
@@ -186,19 +192,20 @@ def cast_bodies(
 def board_ray(view: View, bodies: Bodies, f: wp.int32, row: wp.int32, column: wp.int32):
     """Light along a ray on a flat board z = 0 of body 0's frame, and the depth; beside it the background."""
     d = direction(view, f, row, column)
-    o = wp.mul(bodies.turn[f, 0], view.centre - bodies.place[f, 0])
-    e = wp.mul(bodies.turn[f, 0], d)
+    e = wp.mul(bodies.placed[f, 0].turn, d)
+    o = bodies.placed[f, 0].eye
     s = -o[2] / e[2]
     x = o[0] + s * e[0]
     y = o[1] + s * e[1]
-    origin = bodies.texel_origin[0]
-    wide = wp.float64(bodies.texel_shape[0][1] - 1) * bodies.texel_pitch[0]
-    high = wp.float64(bodies.texel_shape[0][0] - 1) * bodies.texel_pitch[0]
+    body = bodies.painted[0]
+    wide = wp.float64(body.columns - 1) * body.pitch
+    high = wp.float64(body.rows - 1) * body.pitch
+    origin = body.origin
     light = view.background
     away = wp.float32(0.0)
     inside = x >= origin[0] and x <= origin[0] + wide and y >= origin[1] and y <= origin[1] + high
     if s > wp.float64(0.0) and inside:
-        light = texel(bodies, 0, x, y)
+        light = texel(bodies.texels, body, x, y)
         away = wp.float32(s)
     return light, away
 

@@ -16,29 +16,42 @@ EDGE = wp.constant(wp.float64(1.0e-10))
 
 
 @wp.struct
-class Bodies:
-    """Bodies of revolution at all instants; the nodes of all bodies stand side by side."""
+class Placed:
+    """A body at one instant: rotation into its frame, the camera's centre there, its size, its slip."""
 
-    y: wp.array2d(dtype=wp.float64)
-    r: wp.array2d(dtype=wp.float64)
-    slope: wp.array2d(dtype=wp.float64)
+    turn: wp.mat33d
+    eye: wp.vec3d
+    widest: wp.float64
+    low: wp.float64
+    high: wp.float64
+    slip: wp.vec2d
+
+
+@wp.struct
+class Painted:
+    """What does not change of a body: its nodes among those of all, and its paint."""
+
+    first: wp.int32
+    radius: wp.float64
+    texels: wp.int64
+    rows: wp.int32
+    columns: wp.int32
+    pitch: wp.float64
+    origin: wp.vec2d
+    patch: wp.vec3d
+    shine: wp.float32
+
+
+@wp.struct
+class Bodies:
+    """Bodies of revolution at all instants; functions take it by value, so its arrays are few."""
+
+    nodes: wp.array2d(dtype=wp.vec3d)
     along: wp.array(dtype=wp.float64)
-    first: wp.array(dtype=wp.int32)
-    count: wp.array(dtype=wp.int32)
-    span: wp.array2d(dtype=wp.vec2d)
+    placed: wp.array2d(dtype=Placed)
+    painted: wp.array(dtype=Painted)
     bins: wp.array3d(dtype=wp.vec2i)
-    widest: wp.array2d(dtype=wp.float64)
-    turn: wp.array2d(dtype=wp.mat33d)
-    place: wp.array2d(dtype=wp.vec3d)
-    radius: wp.array(dtype=wp.float64)
     texels: wp.array(dtype=wp.float32)
-    texel_first: wp.array(dtype=wp.int64)
-    texel_shape: wp.array(dtype=wp.vec2i)
-    texel_pitch: wp.array(dtype=wp.float64)
-    texel_origin: wp.array(dtype=wp.vec2d)
-    slip: wp.array2d(dtype=wp.vec2d)
-    patch: wp.array(dtype=wp.vec3d)
-    shine: wp.array(dtype=wp.float32)
 
 
 @wp.func
@@ -92,61 +105,50 @@ def on_segment(
 
 
 @wp.func
-def among(
-    bodies: Bodies,
-    q: wp.int32,
-    b: wp.int32,
-    p: wp.vec3d,
-    d: wp.vec3d,
-    least: wp.float64,
-    most: wp.float64,
-):
-    """First place s in [least, most] of the ray on body b, among the segments at the heights it passes."""
-    best = FAR
-    share = wp.float64(0.0)
-    segment = wp.int32(-1)
-    span = bodies.span[q, b]
-    y0 = p[1] + least * d[1]
-    y1 = p[1] + most * d[1]
-    low = wp.min(y0, y1) - EDGE
-    high = wp.max(y0, y1) + EDGE
-    if high >= span[0] and low <= span[1]:
-        n = bodies.bins.shape[2]
-        scale = wp.float64(n) / wp.max(span[1] - span[0], FLAT)
-        first = wp.clamp(wp.int32(wp.floor((low - span[0]) * scale)), 0, n - 1)
-        last = wp.clamp(wp.int32(wp.floor((high - span[0]) * scale)), 0, n - 1)
-        k0 = bodies.bins[q, b, first][0]
-        k1 = bodies.bins[q, b, first][1]
-        for bin in range(first + 1, last + 1):
-            k0 = wp.min(k0, bodies.bins[q, b, bin][0])
-            k1 = wp.max(k1, bodies.bins[q, b, bin][1])
-        for k in range(k0, k1 + 1):
-            s, t = on_segment(
-                p, d, least, bodies.y[q, k], bodies.r[q, k], bodies.y[q, k + 1], bodies.r[q, k + 1]
-            )
-            if s <= most and s < best:
-                best = s
-                share = t
-                segment = k
-    return best, share, segment
-
-
-@wp.func
 def on_body(bodies: Bodies, q: wp.int32, b: wp.int32, p: wp.vec3d, d: wp.vec3d):
     """First place s of the ray p + s d on body b at instant q, with segment (-1: none) and share of it.
 
-    `p` is the ray's place closest to the axis, so that the body lies between -half and half: what is seen
-    lies
-    nearly always on the near half.
+    `p` is the ray's place closest to the axis, so that the body lies between -half and half. What is seen
+    lies nearly always on the near half; only the segments at the heights that a half passes are cut.
     """
     best = FAR
     share = wp.float64(0.0)
     segment = wp.int32(-1)
+    at = bodies.placed[q, b]
     across = d[0] * d[0] + d[2] * d[2]
-    room = bodies.widest[q, b] * bodies.widest[q, b] - p[0] * p[0] - p[2] * p[2]
-    if room > wp.float64(0.0):
+    room = at.widest * at.widest - p[0] * p[0] - p[2] * p[2]
+    beyond = wp.max(wp.max(p[1] - at.high, at.low - p[1]) - EDGE, wp.float64(0.0))
+    if room > wp.float64(0.0) and beyond * beyond * across <= room * d[1] * d[1]:
         half = wp.sqrt(room / across) + EDGE
-        best, share, segment = among(bodies, q, b, p, d, -half, EDGE)
-        if segment < 0:
-            best, share, segment = among(bodies, q, b, p, d, wp.float64(0.0), half)
+        n = bodies.bins.shape[2]
+        scale = wp.float64(n) / wp.max(at.high - at.low, FLAT)
+        for side in range(2):
+            if segment < 0:
+                least = -half
+                most = wp.float64(EDGE)
+                if side == 1:
+                    least = wp.float64(0.0)
+                    most = half
+                y0 = p[1] + least * d[1]
+                y1 = p[1] + most * d[1]
+                low = wp.clamp((wp.min(y0, y1) - EDGE - at.low) * scale, wp.float64(0.0), wp.float64(n - 1))
+                high = wp.clamp((wp.max(y0, y1) + EDGE - at.low) * scale, wp.float64(0.0), wp.float64(n - 1))
+                first = wp.int32(low)
+                last = wp.int32(high)
+                span = bodies.bins[q, b, first]
+                k0 = span[0]
+                k1 = span[1]
+                for layer in range(first + 1, last + 1):
+                    span = bodies.bins[q, b, layer]
+                    k0 = wp.min(k0, span[0])
+                    k1 = wp.max(k1, span[1])
+                node = bodies.nodes[q, k0]
+                for k in range(k0, k1 + 1):
+                    after = bodies.nodes[q, k + 1]
+                    s, t = on_segment(p, d, least, node[0], node[1], after[0], after[1])
+                    if s <= most and s < best:
+                        best = s
+                        share = t
+                        segment = k
+                    node = after
     return best, share, segment

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from dic.arrays import FloatArray
 from dic.camera import Camera
 from dic.synthetic.kernels.cast import View
-from dic.synthetic.kernels.hit import Bodies
+from dic.synthetic.kernels.hit import Bodies, Painted, Placed
 from dic.synthetic.lens import Lens
 from dic.synthetic.scene import Lamp, RevolvedBody
 
@@ -59,16 +59,8 @@ def upload_view(
     return view
 
 
-def upload_poses(bodies: Any, poses: list[tuple[FloatArray, FloatArray]], device: Any) -> None:
-    """Give the one body of `bodies` a pose R, t a frame, from its own frame to the scene's."""
-    turn = np.stack([R.T for R, _ in poses])[:, None]
-    place = np.stack([t for _, t in poses])[:, None]
-    bodies.turn = wp.array(turn, dtype=wp.mat33d, device=device)
-    bodies.place = wp.array(place, dtype=wp.vec3d, device=device)
-
-
-def upload_bodies(bodies: tuple[RevolvedBody, ...], n: int, device: Any) -> Any:
-    """Arrays of all bodies on a device, each at all instants."""
+def upload_bodies(bodies: tuple[RevolvedBody, ...], n: int, camera: Camera, device: Any) -> Any:
+    """All bodies, each at all of `n` instants, as a camera meets them."""
 
     def every(array: FloatArray) -> FloatArray:
         return np.broadcast_to(array, (n, *array.shape[1:]))
@@ -76,44 +68,44 @@ def upload_bodies(bodies: tuple[RevolvedBody, ...], n: int, device: Any) -> Any:
     def put(array: Any, kind: Any) -> Any:
         return wp.array(np.ascontiguousarray(array), dtype=kind, device=device)
 
-    data = Bodies()
-    for name in ("y", "r", "slope"):
-        parts = np.concatenate([every(getattr(body, name)) for body in bodies], axis=1)
-        setattr(data, name, put(parts.astype(np.float64), wp.float64))
+    nodes = [every(np.stack([body.y, body.r, body.slope], axis=-1)) for body in bodies]
     counts = np.array([len(body.along) for body in bodies])
-    data.along = put(np.concatenate([body.along for body in bodies]), wp.float64)
-    data.first = put((np.cumsum(counts) - counts).astype(np.int32), wp.int32)
-    data.count = put(counts.astype(np.int32), wp.int32)
-    spans = [np.stack([body.y.min(axis=1), body.y.max(axis=1)], axis=1) for body in bodies]
-    data.span = put(np.stack([every(span) for span in spans], axis=1), wp.vec2d)
     starts = np.cumsum(counts) - counts
-    found = [
-        every(_bins(body.y, span) + start) for body, span, start in zip(bodies, spans, starts, strict=True)
-    ]
-    data.bins = put(np.stack(found, axis=1).astype(np.int32), wp.vec2i)
-    widest = [every(body.r.max(axis=1)[:, None]) for body in bodies]
-    data.widest = put(np.concatenate(widest, axis=1), wp.float64)
-    data.turn = put(np.stack([np.broadcast_to(body.turn, (n, 3, 3)) for body in bodies], axis=1), wp.mat33d)
-    data.place = put(np.stack([every(body.place) for body in bodies], axis=1), wp.vec3d)
-    data.radius = put(np.array([body.radius for body in bodies]), wp.float64)
     textures = [body.texture for body in bodies]
     sizes = np.array([texture.grey.size for texture in textures], dtype=np.int64)
+    placed = np.zeros((n, len(bodies)), dtype=Placed.numpy_dtype())
+    painted = np.zeros(len(bodies), dtype=Painted.numpy_dtype())
+    bins = np.zeros((n, len(bodies), BINS, 2), dtype=np.int32)
+    for b, body in enumerate(bodies):
+        turn = np.broadcast_to(body.turn, (n, 3, 3))
+        placed["turn"][:, b] = turn
+        placed["eye"][:, b] = np.einsum("nij,nj->ni", turn, camera.centre - every(body.place))
+        placed["widest"][:, b] = body.r.max(axis=1)
+        placed["low"][:, b], placed["high"][:, b] = body.y.min(axis=1), body.y.max(axis=1)
+        placed["slip"][:, b] = body.slip
+        bins[:, b] = _bins(body.y) + starts[b]
+        rows, columns = body.texture.grey.shape
+        for name, value in (
+            ("first", starts[b]), ("radius", body.radius), ("texels", (np.cumsum(sizes) - sizes)[b]),
+            ("rows", rows), ("columns", columns), ("pitch", body.texture.pitch),
+            ("origin", body.texture.origin), ("patch", body.patch), ("shine", body.shine),
+        ):  # fmt: skip
+            painted[name][b] = value
+    data = Bodies()
+    data.nodes = put(np.concatenate(nodes, axis=1), wp.vec3d)
+    data.along = put(np.concatenate([body.along for body in bodies]), wp.float64)
+    data.placed, data.painted = put(placed, Placed), put(painted, Painted)
+    data.bins = put(bins, wp.vec2i)
     data.texels = put(np.concatenate([texture.grey.reshape(-1) for texture in textures]), wp.float32)
-    data.texel_first = put(np.cumsum(sizes) - sizes, wp.int64)
-    data.texel_shape = put(np.array([texture.grey.shape for texture in textures], dtype=np.int32), wp.vec2i)
-    data.texel_pitch = put(np.array([texture.pitch for texture in textures]), wp.float64)
-    data.texel_origin = put(np.array([texture.origin for texture in textures]), wp.vec2d)
-    data.slip = put(np.stack([every(body.slip) for body in bodies], axis=1), wp.vec2d)
-    data.patch = put(np.array([body.patch for body in bodies]), wp.vec3d)
-    data.shine = put(np.array([body.shine for body in bodies], dtype=np.float32), wp.float32)
     return data
 
 
-def _bins(y: FloatArray, span: FloatArray) -> NDArray[np.int64]:
+def _bins(y: FloatArray) -> NDArray[np.int64]:
     """First and last segment that reaches into each of `BINS` even layers of a body, shape [n, BINS, 2].
 
     Segments between the two that do not reach into the layer cost time and nothing else.
     """
+    span = np.stack([y.min(axis=1), y.max(axis=1)], axis=1)
     low, high = np.minimum(y[:, :-1], y[:, 1:]), np.maximum(y[:, :-1], y[:, 1:])
     edge = span[:, :1] + (span[:, 1:] - span[:, :1]) * np.linspace(0.0, 1.0, BINS + 1)
     slack = 1e-9 * (span[:, 1:] - span[:, :1])[..., None]

@@ -4,7 +4,9 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from kolsky.report.figures import (
+    budget,
     calibration,
+    checked,
     comparison,
     flyer_test,
     material,
@@ -28,7 +30,9 @@ from kolsky.report.figures.base import FigureKind
 __all__ = [
     "BARS_TOGETHER",
     "BASELINES",
+    "BUDGETS",
     "CALIBRATION",
+    "CHECKS",
     "FLYER_TESTS",
     "MATERIALS",
     "MODULI",
@@ -76,6 +80,8 @@ SURFACES = by_name(surface_points.FIGURES, surface_motion.FIGURES, speckles.FIGU
 """Surfaces measured by image correlation."""
 CALIBRATION = by_name(calibration.FIGURES)
 """Stereo calibration."""
+CHECKS = by_name(checked.FIGURES)
+"""Shot before anything is run."""
 SPECKLES = by_name([speckles.SPECKLE_FLOOR])
 """Speckle pattern of one camera."""
 WAVES = by_name(waves.FIGURES)
@@ -100,6 +106,8 @@ SENSITIVITY = by_name(sensitivity.FIGURES)
 """Global sensitivity of a shot."""
 SWEEPS = by_name(sweep.FIGURES)
 """Design of experiments over a shot's parameters."""
+BUDGETS = by_name(budget.FIGURES)
+"""Error budget."""
 MODULI = by_name([rate_curves.MODULI])
 """Moduli of tests of every kind over their time scales."""
 
@@ -115,6 +123,9 @@ SHOWN_BY: dict[str, Registry] = {
     "kolsky.material.reference_curve.ReferenceCurve": BASELINES,
     "kolsky.report.surface_view.SurfaceView": SURFACES,
     "kolsky.shot.recorded.Recorded": RECORDINGS,
+    "kolsky.shot.records.PicturedShot": CHECKS,
+    "kolsky.shot.records.Shot": CHECKS,
+    "kolsky.studies.budget.budget.Budget": BUDGETS,
     "kolsky.studies.global_sensitivity.GlobalSensitivity": SENSITIVITY,
     "kolsky.studies.planning.plan.Plan": PLANS,
     "kolsky.studies.rates.records.GroupRates": RATES,

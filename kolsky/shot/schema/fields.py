@@ -26,7 +26,8 @@ def _physical(unit: str, rule: str = "finite", what: str | None = None) -> Calla
         try:
             value = quantity(text, unit)  # type: ignore[arg-type]  # it refuses what is no text
         except UnitError as error:
-            raise problem(error.problem, allowed=words, cure=hint) from None
+            allowed = words if rule == "finite" else f"{words} {rule}"
+            raise problem(error.problem, allowed=allowed, cure=hint) from None
         if (rule == "> 0" and value <= 0.0) or (rule == ">= 0" and value < 0.0):
             raise problem("is not allowed", allowed=f"{rule} {unit}".removesuffix(" 1"), cure=hint)
         return value
@@ -81,6 +82,9 @@ number = _number
 
 
 def _poisson(value: object) -> float:
+    if isinstance(value, str):
+        allowed = f"a number in [0, {LARGEST_POISSON}]"
+        raise problem("is not a number", allowed=allowed, cure="write a number without quotes or unit")
     number = _number(value)
     if not 0.0 <= number <= LARGEST_POISSON:
         raise problem(

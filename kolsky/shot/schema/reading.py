@@ -10,8 +10,9 @@ from typing import Any, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from kolsky.base.errors import InputError, InputErrors
+from kolsky.base.errors import InputError, refuse
 from kolsky.readers.text import decode, read_bytes
+from kolsky.shot.schema.blanks import FILL_IN, blanks, of_blank
 from kolsky.shot.schema.schema import ShotFile, schema
 
 TOML_LIMIT = 1_000_000
@@ -65,12 +66,25 @@ class TomlFile:
             If it declares anything unknown, incomplete or impossible; several problems come as one
             `InputErrors`.
         """
+        empty = set(blanks(self.content))
         try:
-            return model.model_validate(self.content)
+            valid = model.model_validate(self.content)
         except ValidationError as error:
             doubtful = _without_doubles(model, error.errors())
-            problems = [_translate(self.path, self.lines, model, details) for details in doubtful]
-            raise problems[0] if len(problems) == 1 else InputErrors(problems) from None
+            problems = [_translate(self, model, details, empty) for details in doubtful]
+        else:
+            if not empty:
+                return valid
+            problems = []
+        known = {p.key for p in problems if p.message == FILL_IN}
+        cure = "write its value between the quotes"
+        problems += [
+            InputError(self.path, FILL_IN, line=line_of(self.lines, key), key=key, cure=cure)
+            for key in sorted(empty - known)
+        ]
+        once = {(p.key, p.message): p for p in reversed(problems)}.values()
+        refuse(sorted(once, key=lambda p: (p.line is None, p.line)))
+        raise AssertionError("unreachable: there is a problem")
 
 
 @dataclass(frozen=True)
@@ -184,8 +198,8 @@ def _syntax_error(path: Path, text: str, message: str) -> InputError:
     )
 
 
-def _translate(path: Path, lines: dict[str, int], model: type[BaseModel], details: Any) -> InputError:
-    """One pydantic error as an `InputError`."""
+def _translate(file: TomlFile, model: type[BaseModel], details: Any, empty: set[str]) -> InputError:
+    """One pydantic error as an `InputError`; `empty` are the keys that are not filled in."""
     location = [str(part) for part in details["loc"]]
     context = details.get("ctx", {})
     kind, value = details["type"], details["input"]
@@ -194,10 +208,12 @@ def _translate(path: Path, lines: dict[str, int], model: type[BaseModel], detail
         value = value.get(context["key"]) if isinstance(value, dict) else None
     key = ".".join(location)
     message, allowed, cure = _words(kind, location, context, model, details["msg"])
+    if (blank := of_blank(location, empty)) is not None:
+        key, message, value = blank, FILL_IN, None
     return InputError(
-        path,
+        file.path,
         message,
-        line=line_of(lines, key),
+        line=line_of(file.lines, key),
         key=key,
         value=None if kind == "missing" or isinstance(value, dict) else value,
         allowed=allowed,

@@ -19,6 +19,8 @@ IDENTIFIED = (
     "y_offset",
 )
 """Keys that `kolsky identify` carries to its answer, in the order of its report."""
+UNITS = {"damping": "s", "clock_offset": "s", "Z_offset": "m", "y_offset": "m"}
+"""SI units of the keys in `IDENTIFIED` that are neither relative nor plain numbers."""
 _IDENTIFIED_ONLY = {
     "poisson",
     "damping",

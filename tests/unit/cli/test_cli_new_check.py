@@ -1,7 +1,6 @@
 """`kolsky new` and `kolsky check`: good shots, and every bad one answered with one line and exit code 2."""
 
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -10,10 +9,14 @@ from pathlib import Path
 
 import pytest
 from damaged_shots import BAD
+from matplotlib import pyplot as plt
 from shot_folders import FILES, OPEN_01, OPEN_02, ROOT, shot_in, state
 from typer.testing import CliRunner
 
 from kolsky.cli import app
+from kolsky.report.figures import CHECKS
+from kolsky.report.figures.checked import three_frames
+from kolsky.shot.load import load_shot
 
 runner = CliRunner()
 
@@ -78,8 +81,8 @@ def test_one_shot_file_serves_both_shots(data: Path, tmp_path: Path) -> None:
     )
 
 
-def test_the_table_shows_what_was_understood() -> None:
-    result = runner.invoke(app, ["check", str(OPEN_01 / "shot.toml")])
+def test_the_table_shows_what_was_understood(tmp_path: Path) -> None:
+    result = runner.invoke(app, ["check", str(OPEN_01 / "shot.toml"), "--out", str(tmp_path)])
     assert result.exit_code == 0
     for text in (
         "shot open-01",
@@ -93,15 +96,43 @@ def test_the_table_shows_what_was_understood() -> None:
         assert text in result.stdout
 
 
-def test_new_writes_a_template_that_checks_with_the_standard_file_names(tmp_path: Path) -> None:
-    folder = tmp_path / "a" / "b"
-    result = runner.invoke(app, ["new", str(folder)])
-    assert result.exit_code == 0
-    assert "kolsky check" in result.stdout
-    assert os.listdir(folder) == ["shot.toml"]
-    for name in FILES[1:]:
-        shutil.copy(OPEN_01 / name, folder)
-    assert runner.invoke(app, ["check", str(folder)]).exit_code == 0
+def test_what_is_not_declared_uncertain_is_said(shot: Path) -> None:
+    with (shot / "shot.toml").open("a") as file:
+        file.write('\n[uncertainty]\nsensitivity = "1 %"\nclock_offset = "0.5 us"\ny_offset = "0 um"\n')
+    told = json.loads(runner.invoke(app, ["check", str(shot), "--json"]).stdout)["uncertainty"]
+    assert told["sensitivity"] == {"value": 0.01, "unit": None}
+    assert told["clock_offset"] == {"value": 5e-7, "unit": "s"}
+    assert told["y_offset"] == {"value": 0.0, "unit": "m"}
+    assert told["specimen_density"]["value"] == "not declared: taken as exact"
+    assert "friction" not in told  # nothing slides
+    assert not (shot / "results").exists()
+
+
+def test_a_page_shows_signals_on_one_clock_and_the_outline(shot: Path) -> None:
+    result = runner.invoke(app, ["check", str(shot)])
+    assert result.exit_code == 0, result.stderr
+    page = (shot / "results" / "check.html").read_text(encoding="utf-8")
+    assert str(shot / "results" / "check.html") in result.stdout.replace("\n", "")
+    assert "<svg" in page
+    assert "the force must begin when it does" in page
+    assert "specimen_length" in page.split('id="exact"')[1].split("</section>")[0]
+    assert "<script" not in page
+
+
+def test_the_figure_of_a_check_has_one_axis_of_time() -> None:
+    loaded = load_shot(OPEN_01)
+    (kind,) = CHECKS.values()
+    figure, axes = plt.subplots(3)
+    kind.draw(loaded, dict(zip(("force", "motion", "outline"), axes, strict=True)))
+    first, last = axes[0].get_xlim()
+    assert (first, last) == axes[1].get_xlim()
+    # From the first sample of the scope to the last frame.
+    assert (first, last) == pytest.approx((-0.2, 1.47916667), rel=1e-9)
+    assert loaded.centre_line is not None
+    frames = three_frames(loaded)
+    # The static frames but the last lie before the window; the last two of all after it.
+    assert frames == [11, 97, 183]
+    plt.close(figure)
 
 
 def test_new_overwrites_nothing(tmp_path: Path) -> None:

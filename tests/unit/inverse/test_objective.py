@@ -199,3 +199,71 @@ def test_a_scale_bends_the_forces_alone() -> None:
     one = objective(np.array([2.0, -4.0]), np.array([1e-3]))
     scaled = replace(one, observations=replace(one.observations, force_sigma_gain=0.05))
     np.testing.assert_allclose(scaled.scale_error, [0.1, -0.2, 0.0], rtol=1e-15)
+
+
+def with_modes(one: Objective, modes: FloatArray) -> Objective:
+    return replace(one, observations=replace(one.observations, front_noise=modes))
+
+
+def dense(one: Objective) -> FloatArray:
+    """Covariance of the residuals, shape [k, k]."""
+    return np.diag(one.own_sigma**2) + one.front_noise.T @ one.front_noise
+
+
+def noisy(n_force: int, n_shape: int, rng: np.random.Generator) -> tuple[Objective, FloatArray]:
+    """Data without a signal, and five modes of the front face's noise, some larger than the noise."""
+    modes = rng.normal(size=(5, n_force + n_shape)) * np.array([3.0, 2.0, 1.0, 0.3, 0.1])[:, None]
+    modes *= np.concatenate([np.full(n_force, NOISE_FORCE), np.full(n_shape, NOISE_SHAPE)])
+    return with_modes(objective(np.zeros(n_force), np.zeros(n_shape)), modes), modes
+
+
+def test_front_noise_is_taken_off_as_a_dense_inverse_would() -> None:
+    rng = np.random.default_rng(5)
+    one, modes = noisy(40, 60, rng)
+    one = replace(one, force_discrepancy=0.2, shape_discrepancy=1e-6)
+    r = one.noise * rng.normal(size=100)
+    expected = one.own_sigma**2 * np.linalg.solve(dense(one), r)
+    np.testing.assert_allclose(one.unexplained(r), expected, rtol=1e-9, atol=1e-12)
+    # Weights: the variances of the residuals, entry by entry.
+    np.testing.assert_allclose(one.sigma**2, np.diag(dense(one)), rtol=1e-12)
+    np.testing.assert_array_equal(one.front_noise, modes)
+    one = replace(one, counted=np.arange(60) != 7)
+    assert one.front_noise.shape == (5, 99)
+    np.testing.assert_array_equal(one.front_noise[:, 40 + 7], modes[:, 40 + 8])
+
+
+def test_front_noise_is_no_discrepancy() -> None:
+    # Residuals of noise, front face and a discrepancy of 1.5 times the force's noise; none of the outline.
+    rng, taus, plain = np.random.default_rng(6), [], []
+    one, modes = noisy(400, 600, rng)
+    for _ in range(40):
+        vector = one.data + one.noise * rng.normal(size=1000) + rng.normal(size=5) @ modes
+        vector[:400] += 1.5 * NOISE_FORCE * rng.normal(size=400)
+        found = one.with_discrepancy(vector)
+        taus.append([found.force_discrepancy / NOISE_FORCE, found.shape_discrepancy / NOISE_SHAPE])
+        plain.append(with_modes(one, modes[:0]).with_discrepancy(vector).force_discrepancy / NOISE_FORCE)
+    mean = np.mean(taus, axis=0)
+    # Of 400 residuals tau^2 = 2.25 is known to (1 + 2.25) sqrt(2 / 400) = 0.23, the mean of forty to 0.04.
+    assert mean[0] ** 2 == pytest.approx(2.25, abs=0.15)
+    assert mean[1] < 0.35  # sqrt of what chance leaves of zero: (2 / 600)^(1/4) = 0.24, half the time
+    assert np.mean(plain) > 3.0  # what the modes, 3.7 times the noise together, make it without them
+
+
+def test_covariance_with_front_noise() -> None:
+    rng = np.random.default_rng(8)
+    J, _ = linear(160, 400, rng)
+    one, modes = noisy(160, 400, rng)
+    vector = one.data + rng.normal(size=5) @ modes + one.noise * rng.normal(size=560)
+    one = one.with_discrepancy(vector)
+    G = one.gain(J)
+    # Ordinary weighted least squares under a covariance that is not the weights': G C G'.
+    front = G @ modes.T @ modes @ G.T
+    residual = one.residual_covariance(J, vector)
+    np.testing.assert_allclose(one.covariance(J, vector), residual + front, rtol=1e-12)
+    least = G @ np.diag(one.own_sigma**2) @ G.T
+    # Residuals without the front face's part are white; the largest of four sandwiches of few blocks is not
+    # beyond four times the least squares' variance (the fourth has ten blocks, chi-square up to 2.5 times).
+    assert (np.diag(residual) >= 0.999 * np.diag(least)).all()
+    assert (np.diag(residual) < 4.0 * np.diag(least)).all()
+    with_all = with_modes(one, modes[:0]).residual_covariance(J, vector)
+    assert np.diag(with_all)[0] > 5.0 * np.diag(residual)[0]  # else they carry the front face's noise too

@@ -40,7 +40,7 @@ class MadeUp:
     def __init__(
         self, *, jumps: float, side: str = "coulomb", ringing: float = 0.0, lost: bool = False
     ) -> None:
-        self.box, self.rng = BOX, np.random.default_rng(4)
+        self.box, self.rng, self.prior = BOX, np.random.default_rng(4), None
         self.settings = Settings(
             free=dict.fromkeys(BOX.names), numerics=Numerics(mesh=(8, 11)), refined_mesh=REFINED
         )

@@ -6,8 +6,14 @@ from pathlib import Path
 import pytest
 
 from kolsky.base.errors import InputError, InputErrors
-from kolsky.cli.new import template
 from kolsky.shot.schema.reading import key_lines, line_of, shot_toml
+
+FILLED = Path(__file__).parents[2] / "data" / "filled_shot.toml"
+"""A shot file with every key, optional ones as remarks."""
+
+
+def template() -> str:
+    return FILLED.read_text(encoding="utf-8")
 
 
 @pytest.fixture
@@ -21,9 +27,9 @@ def written(tmp_path: Path):
 
 
 def changed(old: str, new: str) -> str:
-    """The template with one line changed."""
+    """The filled file with one line changed."""
     text = template()
-    assert text.count(old) == 1, f"{old!r} stands {text.count(old)} times in the template"
+    assert text.count(old) == 1, f"{old!r} stands {text.count(old)} times in the file"
     return text.replace(old, new)
 
 
@@ -31,7 +37,7 @@ def line_number(text: str, part: str) -> int:
     return text[: text.index(part)].count("\n") + 1
 
 
-def test_the_template_is_valid_and_in_si(written) -> None:
+def test_a_filled_file_is_valid_and_in_si(written) -> None:
     shot = shot_toml(written(template())).declared
     assert (shot.specimen.diameter, shot.specimen.length, shot.specimen.density) == (9.5e-3, 6.5e-3, 870.0)
     assert (shot.interface.faces, shot.interface.side, shot.interface.friction) == ("bonded", "bonded", None)
@@ -164,7 +170,7 @@ REFUSED = [
     ('["-200 us", "0 us"]', '["0 us", 1]', "force.baseline", ["has no unit"]),
     ('file = "scope.csv"', 'file = "../scope.csv"', "force.file", ["outside the shot"]),
     ('file = "scope.csv"', 'file = "/etc/passwd"', "force.file", ["outside the shot"]),
-    ('file = "scope.csv"', 'file = ""', "force.file", ["is not a file name"]),
+    ('file = "scope.csv"', 'file = ""', "force.file", ["is not filled in"]),
     (
         TIME,
         'time = { column = "Time (s)", unit = "mm" }',

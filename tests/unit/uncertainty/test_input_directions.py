@@ -109,7 +109,8 @@ def runs(kind: type[MovedRuns], **held: float) -> MovedRuns:
             forward=SimpleNamespace(shot=SimpleNamespace(model=model, interface=interface))
         ),
         observations=SimpleNamespace(frame_times=np.zeros(0)),
-        settings=SimpleNamespace(held=held, numerics=None),
+        settings=SimpleNamespace(held=held, numerics=SimpleNamespace(mesh=None)),
+        solver_values=lambda points, mesh: points,
         box=Box.of({"stiffness_factor": (0.5, 1.5)}),
     )
     return kind(stages, np.ones(1), objective(), {"poisson": 0.05, "damping": 1e-3, "friction": 0.1})

@@ -50,13 +50,13 @@ def test_what_is_left_is_half_the_correction_and_the_distance_of_the_elements() 
     gain = np.array([[1.0, 0.0], [0.0, 1.0]])
     coarser, element = np.array([0.0106, 0.0]), np.array([0.0, -0.0480])
     change = MeshChange(coarser, element, 8 / 3)
-    # (8/3)^2.5 - 1 = 10.612; (8/3)^1.6 = 4.8036 elements' gap on the refined mesh, over the root of 12.
+    # (8/3)^2.5 - 1 = 10.612; (8/3)^1.5 = 4.3546 for the gap on the refined mesh, over the root of 3.
     np.testing.assert_allclose(change.correction(gain), [0.0106 / 10.6123, 0.0], rtol=1e-4)
     np.testing.assert_allclose(
-        change.sigma(gain), [0.5 * 0.0106 / 10.6123, 0.048 / 4.8036 / 3.4641], rtol=1e-4
+        change.sigma(gain), [0.5 * 0.0106 / 10.6123, 0.048 / 4.3546 / 1.73205], rtol=1e-4
     )
     both = MeshChange(coarser, np.array([0.0480, 0.0]), 8 / 3)
-    expected = np.hypot(0.5 * 0.0106 / 10.6123, 0.048 / 4.8036 / 3.4641)
+    expected = np.hypot(0.5 * 0.0106 / 10.6123, 0.048 / 4.3546 / 1.73205)
     assert both.sigma(gain)[0] == pytest.approx(expected, rel=1e-4)
     # Without the other element the whole correction counts.
     assert MeshChange(coarser, None, 8 / 3).sigma(gain)[0] == pytest.approx(0.0106 / 10.6123, rel=1e-4)
@@ -76,7 +76,7 @@ def test_roughness_is_a_part_of_its_own() -> None:
     assert list(numerical_parts(change, np.eye(1))) == ["mesh"]
 
 
-def staged(lost: str = "") -> tuple[Any, Any]:
+def staged(lost: str = "", **offset: float) -> tuple[Any, Any]:
     """Simulations whose data vectors on the surrogate's mesh are known, and an answer."""
     vectors = {"one_point": np.array([7.0, np.nan]), "fbar": np.array([8.5, 2.0])}
 
@@ -85,10 +85,13 @@ def staged(lost: str = "") -> tuple[Any, Any]:
         return None, None if numerics.element == lost else vectors[numerics.element][None]
 
     stages = SimpleNamespace(
-        settings=SimpleNamespace(numerics=Numerics(), refined_mesh=(64, 86)), evaluate=evaluate
+        settings=SimpleNamespace(numerics=Numerics(), refined_mesh=(64, 86)),
+        evaluate=evaluate,
+        offsets={(24, 32): np.array(list(offset.values()))} if offset else {},
     )
     fine = SimpleNamespace(
         x=np.array([1.0]),
+        jacobian=np.array([[3.0], [0.5]]),
         model=lambda x: np.array([[6.0, 2.0]]),
         objective=SimpleNamespace(vectors=lambda prediction: prediction),
     )
@@ -101,5 +104,7 @@ def test_changes_are_taken_at_the_answer() -> None:
     np.testing.assert_array_equal(found.element, [1.5, 0.0])
     assert found.ratio == pytest.approx(64 / 24)
     assert mesh_change(*staged(lost="fbar")).element is None
+    # A mesh that is run 0.2 higher, in step with the data: 0.2 of the slopes (3, 0.5) is taken back.
+    np.testing.assert_allclose(mesh_change(*staged(m=0.2)).coarser, [0.4, -0.1], rtol=0, atol=1e-15)
     with pytest.raises(ValueError, match="24 x 32 elements did not complete"):
         mesh_change(*staged(lost="one_point"))

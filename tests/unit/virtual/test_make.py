@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from kolsky.base.errors import InputError
-from kolsky.cli.virtual import template
+from kolsky.cli.virtual_new import template
 from kolsky.shot.load import load_shot
 from kolsky.virtual.make import make
 from kolsky.virtual.schema import Specification

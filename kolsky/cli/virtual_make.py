@@ -1,6 +1,5 @@
-"""`kolsky virtual`: shots whose answer is known, made from a specification."""
+"""`kolsky virtual make`: shots whose answer is known, made from a specification."""
 
-from importlib.resources import files
 from pathlib import Path
 from time import perf_counter
 from typing import Annotated
@@ -10,24 +9,6 @@ import typer
 from kolsky.base.errors import InputError
 from kolsky.cli import texts
 from kolsky.cli.options import AsJson, Device, OutFolder, Threads
-
-
-def virtual_new(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where the specification is to be.")],
-) -> None:
-    """Write an annotated SPEC.toml of a virtual shot; an existing one is left as it is."""
-    path = folder / "SPEC.toml"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with path.open("x", encoding="utf-8") as file:
-            file.write(template())
-    except FileExistsError:
-        raise InputError(
-            path, "exists already and is left as it is", cure="edit it, or choose another folder"
-        ) from None
-    except OSError as error:
-        raise InputError(folder, f"cannot be written ({error.strerror})") from None
-    typer.echo(f"wrote {path}; change it, then: kolsky virtual make {path} --out {folder / 'shot'}")
 
 
 def virtual_make(
@@ -69,8 +50,3 @@ def virtual_make(
     summary = {"shots": len(made), "made": fresh, "folder": str(out)}
     listed = {**summary, "folders": [str(shot.folder) for shot in made]}
     print_result(summary, listed if as_json else None, rest={"wall time": since(started)})
-
-
-def template() -> str:
-    """The annotated specification, with every key at its default."""
-    return files("kolsky").joinpath("cli", "templates", "virtual.toml").read_text(encoding="utf-8")

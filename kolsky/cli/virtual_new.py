@@ -1,0 +1,32 @@
+"""`kolsky virtual new`: an annotated specification of a virtual shot to begin with."""
+
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from kolsky.base.errors import InputError
+
+
+def virtual_new(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where the specification is to be.")],
+) -> None:
+    """Write an annotated SPEC.toml of a virtual shot; an existing one is left as it is."""
+    path = folder / "SPEC.toml"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with path.open("x", encoding="utf-8") as file:
+            file.write(template())
+    except FileExistsError:
+        raise InputError(
+            path, "exists already and is left as it is", cure="edit it, or choose another folder"
+        ) from None
+    except OSError as error:
+        raise InputError(folder, f"cannot be written ({error.strerror})") from None
+    typer.echo(f"wrote {path}; change it, then: kolsky virtual make {path} --out {folder / 'shot'}")
+
+
+def template() -> str:
+    """The annotated specification, with every key at its default."""
+    return files("kolsky").joinpath("cli", "templates", "virtual.toml").read_text(encoding="utf-8")

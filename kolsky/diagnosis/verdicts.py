@@ -1,0 +1,125 @@
+"""Verdicts that a fit does not deserve are withheld, and the reasons are said.
+
+A value is called identified only if the model explains force and outline, and they do not contradict each
+other. One that rests on a single channel is named after it.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from kolsky.diagnosis.thresholds import ALONE, CONTRADICTION, LATE
+from kolsky.inverse.fit_results import FORCE, OUTLINE, ClockLag, FitQuality
+from kolsky.inverse.result import Estimate, Identification, Verdict
+
+ALONE_BY = {FORCE: Verdict.FORCE_ALONE, OUTLINE: Verdict.OUTLINE_ALONE}
+"""The verdict on a value that rests on one channel."""
+WITHHELD = (Verdict.IDENTIFIED, Verdict.FORCE_ALONE, Verdict.OUTLINE_ALONE, Verdict.CONDITIONAL)
+"""Verdicts that the fit may overrule; the others say no already."""
+EDGE = 1e-4
+"""A value this close to an end of the box that was searched, as a share of it, lies there."""
+UNITS = {"N": (1.0, "N"), "m": (1e6, "um")}
+"""Factor and unit in which a residual is written."""
+
+
+def judged(result: Identification) -> Identification:
+    """The result with verdicts that its goodness of fit allows."""
+    estimates = {name: replace(e, outcome=verdict(result, e)) for name, e in result.estimates.items()}
+    return replace(result, estimates=estimates)
+
+
+def verdict(result: Identification, e: Estimate) -> Verdict:
+    """The verdict on one parameter, gravest first: unexplained, contradicted, of one channel alone."""
+    if e.outcome not in WITHHELD:
+        return e.outcome
+    if not all(channel.explained for channel in result.fit):
+        return Verdict.UNEXPLAINED
+    if contradicted(result, e.name):
+        return Verdict.CONTRADICTED
+    if e.outcome is Verdict.IDENTIFIED:
+        for channel in result.fit:
+            if 1.0 - channel.weight.get(e.name, 0.5) < ALONE:
+                return ALONE_BY[channel.channel]
+    return e.outcome
+
+
+def contradicted(result: Identification, name: str) -> bool:
+    """True if force and outline ask for values further apart than `CONTRADICTION` standard uncertainties.
+
+    A channel that cannot tell a value inside the range that was searched contradicts nothing.
+    """
+    return routes_apart(result, name) > CONTRADICTION and not route_at_edge(result, name)
+
+
+def routes_apart(result: Identification, name: str) -> float:
+    """Force alone minus outline alone over the standard uncertainty of their difference [-]; 0 if unknown."""
+    found = result.route_difference
+    if found is None or not found.sigma.get(name, 0.0) > 0.0:
+        return 0.0
+    return abs(found.values[name]) / found.sigma[name]
+
+
+def route_at_edge(result: Identification, name: str) -> bool:
+    """True if force or outline alone end at an edge of the box that was searched."""
+    routes = {route.name: route for route in result.routes}
+    ends = [routes[key].on_mesh(name) for key in ("force only", "shape only") if key in routes]
+    boxes = [(curve.x[0], curve.x[-1]) for curve in result.curves if curve.parameter == name]
+    return any(min(x - low, high - x) <= EDGE * (high - low) for low, high in boxes for x in ends)
+
+
+def fit_warnings(result: Identification) -> Iterator[str]:
+    """Say why a verdict was withheld, that one channel decides alone, and that a clock is wrong."""
+    for channel in result.fit:
+        if not channel.explained:
+            yield unexplained(channel)
+    yield from late_clocks(result)
+    for name, e in result.estimates.items():
+        if e.outcome is Verdict.CONTRADICTED:
+            yield (
+                f"force and outline ask for values of {name} that are further apart than {CONTRADICTION:g} "
+                "standard uncertainties of their difference: at least one input, or the model, is wrong"
+            )
+        for channel in result.fit:
+            if len(result.fit) > 1 and channel.weight.get(name, 0.5) < ALONE:
+                other = OUTLINE if channel.channel == FORCE else FORCE
+                share = 100.0 * channel.weight[name]
+                yield (
+                    f"the {channel.channel} carries {share:.2g} % of the information on {name}: the answer "
+                    f"is that of the {other} alone"
+                )
+
+
+def unexplained(channel: FitQuality) -> str:
+    """The reason why a fit is refused, in numbers."""
+    factor, unit = UNITS[channel.unit]
+    reasons = []
+    if not channel.excess <= channel.limit:
+        reasons.append(
+            f"its residual, {factor * channel.residual:.3g} {unit} rms, is {channel.excess:.3g} times what "
+            f"noise, inputs and mesh leave where the model is right (at most {channel.limit:g})"
+        )
+    if not channel.slow_excess <= channel.slow_limit:
+        reasons.append(
+            f"averaged over an eighth of the window its residual, {factor * channel.slow_residual:.3g} "
+            f"{unit} rms, is {channel.slow_excess:.3g} times that (at most {channel.slow_limit:g})"
+        )
+    return f"the model does not explain the {channel.channel}: {'; '.join(reasons)}; do not use the value"
+
+
+def late_clocks(result: Identification) -> Iterator[str]:
+    """Say which recording is late, if it is beyond its uncertainty and putting it right explains the data.
+
+    Where no lag explains the data another input is wrong, and a lag that fits best is no finding.
+    """
+    lag = leading_lag(result.clocks)
+    if lag is not None and lag.significance > LATE and lag.explains:
+        others = {"force": "the motion", "outline": "the flyer", "flyer": "force and outline"}
+        late = "late" if lag.lag > 0.0 else "early"
+        yield (
+            f"the {lag.recording} was recorded {1e6 * abs(lag.lag):.3g} +- {2e6 * lag.sigma:.2g} us (k = 2) "
+            f"too {late} against {others[lag.recording]}: check the times of {lag.file} and {lag.key}"
+        )
+
+
+def leading_lag(clocks: tuple[ClockLag, ...]) -> ClockLag | None:
+    """The lag that explains most of the misfit; None if none was recorded."""
+    return max(clocks, key=lambda lag: lag.evidence, default=None)

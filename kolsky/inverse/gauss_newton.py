@@ -1,0 +1,301 @@
+"""Several parameters on the refined mesh: Gauss-Newton steps with the slopes of the surrogate's mesh.
+
+A coarse mesh is too soft and its waves are too slow, so that it fits the data at other parameters than the
+refined one. At its own optimum, though, its response has the measured oscillations at the measured times,
+and so have its derivatives: they are the refined mesh's at the refined mesh's optimum, up to a share that
+a few steps make good. So the slopes are taken once, from runs about the surrogate mesh's optimum, and every
+step takes one run on the refined mesh (the chord method). A rank-one update of the slopes by what two runs
+differ by was tried and makes it worse: what the steps fall short of comes from the residual times the
+response's curvature as much as from the slopes. Where the response jumps, a run is no measure: then
+`kolsky.inverse.quadratic_fit` searches.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from doe import Box, from_points, latin_hypercube
+from kolsky.base.arrays import FloatArray
+from kolsky.inverse.coarse_search import CoarseOptimum, surrogate_kind
+from kolsky.inverse.objective import Objective
+from kolsky.inverse.observations import Prediction
+from kolsky.inverse.optimum import CorrectedSurrogate
+from kolsky.inverse.refined_search import CONFIRMED, RefinedOptimum, refined_numerics
+from kolsky.inverse.staged_runs import CompletedRuns, StagedRuns
+from kolsky.inverse.surrogate_mesh_search import MeshOptimum
+
+MOVED = "stiffness_factor"
+"""The parameter that is searched where the others are held."""
+MOST_RUNS = 8
+"""Most rounds on the refined mesh."""
+NEIGHBOUR = 0.5
+"""Half the distance of the differences for the slopes, in standard deviations of the optimum."""
+REACH = 8.0
+"""Half the edge of the box about the answer in which its surrogate holds, in standard deviations."""
+RUNS_PER_PARAMETER = 12
+"""Runs of that surrogate for each parameter."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """A Gauss-Newton step from a run on the refined mesh."""
+
+    change: FloatArray
+    """To the optimum of the linear model, inside the box, shape [d]."""
+    sigma: FloatArray
+    """Standard deviation of the optimum from the residuals and the prior, shape [d]."""
+    objective: Objective
+    """With the discrepancies of the run."""
+
+    @property
+    def moved(self) -> float:
+        """The longest of its coordinates over their standard deviations [-]."""
+        return float(np.max(np.abs(self.change) / self.sigma))
+
+
+def gauss_newton_step(
+    objective: Objective, slope: FloatArray, vector: FloatArray, x: FloatArray, box: Box
+) -> Step:
+    """Solve the linear least-squares problem of data and prior inside a box.
+
+    Parameters
+    ----------
+    objective
+        Its discrepancies are replaced by those of the run.
+    slope
+        Jacobian of the data vector, shape [k, d].
+    vector
+        The run's data vector, shape [k].
+    x
+        Where it was run, shape [d].
+    box
+        Where the optimum may lie.
+    """
+    weighed = objective.with_discrepancy(vector)
+    sigma = np.sqrt(np.diag(weighed.covariance(slope, vector)))
+    rows, right = slope / weighed.sigma[:, None], (weighed.data - vector) / weighed.sigma
+    if weighed.prior is not None:
+        rows = np.vstack([rows, weighed.prior.rows()])
+        right = np.concatenate([right, -weighed.prior.residuals(x)])
+    low, high = (np.array(box.lower) - x) / sigma, (np.array(box.upper) - x) / sigma
+    # On a face there is one side; a bound of zero must not meet the other.
+    bounds = np.minimum(low, -1e-12), np.maximum(high, 1e-12)
+    found = lsq_linear(rows * sigma, right, bounds, method="bvls").x
+    return Step(np.clip(found, low, high) * sigma, sigma, weighed)
+
+
+@dataclass(frozen=True)
+class RefinedRun:
+    """A run on the refined mesh and the step it asks for."""
+
+    x: FloatArray
+    """Where, shape [d]."""
+    vector: FloatArray
+    """Its data vector, shape [k]; the measured value where the run does not reach an outline point."""
+    check: CompletedRuns
+    """The run."""
+    step: Step
+    """To where the optimum should be instead."""
+    missed: FloatArray
+    """The run minus what the slopes had foretold, shape [k]."""
+
+    @property
+    def confirmed(self) -> bool:
+        """True if the run leaves the optimum where it is."""
+        return self.step.moved <= CONFIRMED
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A run on the refined mesh at another point than those of the search."""
+
+    x: FloatArray
+    """Where, shape [d]."""
+    prediction: Prediction
+    """What it predicts, one row."""
+
+
+def search_by_gauss_newton(
+    stages: StagedRuns, optima: dict[tuple[int, int], MeshOptimum], beside: FloatArray | None = None
+) -> tuple[CoarseOptimum, RefinedOptimum, Beside | None]:
+    """Move the optimum of the surrogate's mesh to the refined mesh, and build the surrogate about it.
+
+    Parameters
+    ----------
+    stages
+        The identification's simulations.
+    optima
+        As `kolsky.inverse.surrogate_mesh_search.search_meshes` finds them.
+    beside
+        Another point of the surrogate's mesh, shape [d], whose counterpart on the refined mesh is run too,
+        in a batch with the others: a second core has time for it.
+
+    Raises
+    ------
+    ValueError
+        If a run on the refined mesh does not complete, or the data do not depend on a parameter.
+    """
+    numerics = stages.settings.numerics
+    coarse = optima[numerics.mesh]
+    blind = [name for name, s in zip(stages.box.names, coarse.sigma, strict=True) if not np.isfinite(s)]
+    if blind:
+        raise ValueError(f"the data do not depend on {', '.join(blind)}: hold it (--hold {blind[0]})")
+    slope, centre, objective = slopes(stages, coarse)
+    last, other = _on_refined(stages, objective, slope, coarse.x, beside)
+    for mesh, optimum in optima.items():
+        stages.offset(mesh, optimum.x - last.x)
+    return *_with_surrogate(stages, last, slope, centre, coarse), other
+
+
+def slopes(stages: StagedRuns, optimum: MeshOptimum) -> tuple[FloatArray, FloatArray, Objective]:
+    """Jacobian at the surrogate mesh's optimum, [k, d], the data vector there, [k], and the objective.
+
+    Raises
+    ------
+    ValueError
+        If one of the runs does not complete.
+    """
+    box = stages.box
+    lower, upper = np.array(box.lower), np.array(box.upper)
+    h = np.diag(np.minimum(NEIGHBOUR * optimum.sigma, 0.1 * (upper - lower)))
+    up, down = np.minimum(optimum.x + h, upper), np.maximum(optimum.x - h, lower)
+    points = np.concatenate([optimum.x[None], up, down])
+    done = stages.simulate("refinement", from_points(box, points), stages.settings.numerics)
+    if len(done.points) < len(points):
+        raise ValueError(f"the slopes at the optimum need every run beside it to complete: {done.lost}")
+    inside = np.asarray(done.prediction.inside.all(axis=0))
+    objective = Objective(stages.observations, inside, prior=stages.prior)
+    vectors, d = objective.vectors(done.prediction), box.dimension
+    change = (vectors[1 : d + 1] - vectors[d + 1 :]) / (up - down).sum(axis=1)[:, None]
+    return change.T, vectors[0], objective
+
+
+def _on_refined(
+    stages: StagedRuns, objective: Objective, slope: FloatArray, start: FloatArray, beside: FloatArray | None
+) -> tuple[RefinedRun, Beside | None]:
+    """Steps on the refined mesh until a run leaves the optimum where it is."""
+    found, x, other = None, start, None
+    for number in range(MOST_RUNS):
+        points = x[None]
+        if beside is not None and number == 1:
+            # The first step is the meshes' difference, and as good for a point not far away.
+            points = np.stack([_counterpart(stages, beside, x - start), x])
+        check = _completed(stages, points)
+        if len(check) == 2:
+            other = Beside(points[0], check[0].prediction)
+        run = _judged(stages, objective, slope, x, check[-1], found)
+        if run.confirmed and (beside is None or number > 0):
+            return run, other
+        if found is not None and _cost(run) > _cost(found):
+            x = 0.5 * (found.x + run.x)  # the step was too long for a linear model
+        else:
+            found, x = run, run.x + run.step.change
+    assert found is not None
+    return found, other
+
+
+def _counterpart(stages: StagedRuns, point: FloatArray, shift: FloatArray) -> FloatArray:
+    """A point of the surrogate's mesh on the refined one: only what is searched for there is moved."""
+    moved = point.copy()
+    if MOVED in stages.box.names:
+        i = stages.box.names.index(MOVED)
+        moved[i] += shift[i]
+    return moved
+
+
+def _completed(stages: StagedRuns, points: FloatArray) -> list[CompletedRuns]:
+    """Runs on the refined mesh with all nodes, apart; every one of them must complete."""
+    response, rows, prediction = stages.run("check", points, refined_numerics(stages), all_nodes=True)
+    if prediction is None or len(rows) < len(points):
+        first = int(np.argmin(response.completed))
+        values = ", ".join(f"{k} = {v:.4g}" for k, v in stages.box.as_dict(points[first]).items())
+        raise ValueError(
+            f"the check needs every run on the refined mesh to complete: the one at {values} ended "
+            f"{response.describe(first)}"
+        )
+    found = []
+    for row in range(len(points)):
+        parts = {name: getattr(prediction, name)[[row]] for name in Prediction.__dataclass_fields__}
+        found.append(
+            CompletedRuns(points[[row]], np.array([0]), Prediction(**parts), response.select([row]), "")
+        )
+    return found
+
+
+def _judged(
+    stages: StagedRuns,
+    objective: Objective,
+    slope: FloatArray,
+    x: FloatArray,
+    check: CompletedRuns,
+    before: RefinedRun | None,
+) -> RefinedRun:
+    """A run, and the step that it asks for."""
+    seen = objective.vectors(check.prediction)[0]
+    vector = np.where(np.isnan(seen), objective.data, seen)
+    missed = np.zeros(len(vector))
+    if before is not None:
+        missed = vector - before.vector - slope @ (x - before.x)
+    step = gauss_newton_step(objective, slope, vector, x, stages.box)
+    return RefinedRun(x, vector, check, step, missed)
+
+
+def _cost(run: RefinedRun) -> float:
+    """-2 ln of likelihood and prior at a run, up to a constant."""
+    weighed = run.step.objective
+    return float(weighed.deviance(run.vector[None])[0]) + weighed.prior_chi2(run.x)
+
+
+def _with_surrogate(
+    stages: StagedRuns, last: RefinedRun, slope: FloatArray, centre: FloatArray, coarse: MeshOptimum
+) -> tuple[CoarseOptimum, RefinedOptimum]:
+    """A design about the answer on the surrogate's mesh, its surrogate, and what that says of the optimum."""
+    numerics, whole, sigma = stages.settings.numerics, stages.box, last.step.sigma
+    lower = np.maximum(last.x - REACH * sigma, whole.lower)
+    upper = np.minimum(last.x + REACH * sigma, whole.upper)
+    box = replace(whole, lower=tuple(lower.tolist()), upper=tuple(upper.tolist()))
+    design = latin_hypercube(box, RUNS_PER_PARAMETER * box.dimension, rng=stages.rng, optimise=True)
+    runs = stages.simulate("refinement", design, numerics)
+    counted = last.step.objective.counted & last.check.prediction.inside[0]
+    objective = replace(last.step.objective, counted=counted & runs.prediction.inside.all(axis=0))
+    kept = np.concatenate([np.ones(objective.n_force, bool), objective.counted[last.step.objective.counted]])
+    surrogate = surrogate_kind(box, smooth=True).fit(
+        box, runs.points, objective.vectors(runs.prediction), scale=objective.noise
+    )
+    model = CorrectedSurrogate(surrogate).through(last.x, last.vector[kept])
+    plain = CorrectedSurrogate(surrogate)
+    weighed = objective.with_discrepancy(last.vector[kept])
+    x = last.x
+    slope = slope[kept]
+    on_coarse = coarse.x + linear_step(weighed, slope, centre[kept], coarse.x)
+    on_refined = x + linear_step(weighed, slope, last.vector[kept], x)
+    return CoarseOptimum(box, surrogate, weighed, x), RefinedOptimum(
+        x=x,
+        box=box,
+        objective=weighed,
+        model=model.predict,
+        surrogate=plain.predict,
+        jacobian=slope,
+        slopes=(slope,),
+        sigma=np.sqrt(np.diag(weighed.covariance(slope, last.vector[kept]))),
+        check=last.check,
+        moved=last.step.moved,
+        confirmed=last.confirmed,
+        missed=last.missed[kept],
+        mesh_shift=on_refined - on_coarse,
+    )
+
+
+def linear_step(objective: Objective, slope: FloatArray, vector: FloatArray, x: FloatArray) -> FloatArray:
+    """Step to the optimum of the linear model with the objective's own weights, no box, shape [d]."""
+    gain = objective.gain(slope)
+    step: FloatArray = gain @ (objective.data - vector)
+    if objective.prior is None:
+        return step
+    weights = objective.sigma**-2.0
+    normal = slope.T @ (weights[:, None] * slope) + objective.prior.precision
+    pull = objective.prior.precision @ (objective.prior.mean - x)
+    return step + np.linalg.solve(normal, pull)

@@ -1,0 +1,107 @@
+"""Page of an error budget."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kolsky.report import numbers
+from kolsky.report.figures import BUDGETS
+from kolsky.report.nomenclature import name_of
+from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.studies.budget.budget import Budget
+from kolsky.studies.budget.campaign import Campaign
+
+
+def write_page(path: Path, results: Sequence[Budget], campaign: Campaign | None) -> None:
+    """Write the page as a single HTML file without scripts or outside resources.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written; an older one is then unchanged.
+    """
+    write_html(path, render(results, campaign))
+
+
+def render(results: Sequence[Budget], campaign: Campaign | None) -> str:
+    """Return the page as HTML text; see `write_page`."""
+    first, figures = results[0], []
+    for result in results:
+        figures += draw_figures(BUDGETS.values(), result, first=len(figures) + 1)
+    for number, figure in enumerate(figures, start=1):
+        figure["id"] = f"{figure['id']}-{number}"
+    return render_page(
+        "budget.html",
+        kind="Error budget of one impact test",
+        heading=first.name,
+        subject="error budget",
+        warnings=_warnings(first),
+        figures=figures,
+        budgets=[_table(result) for result in results],
+        campaign=[] if campaign is None else _campaign(campaign),
+    )
+
+
+def _table(result: Budget) -> dict[str, Any]:
+    known = name_of(result.parameter)
+    total = result.u_together if np.isfinite(result.u_together) else result.u_sum
+    scale = known.factor
+    rows = [
+        {
+            "source": source.factor.words,
+            "key": source.factor.key,
+            "sigma": numbers.plain(source.factor.sigma) if source.factor.key != "noise" else numbers.NOTHING,
+            "u": _part(scale * source.u, scale * total),
+            "bias": _part(scale * source.bias, scale * total),
+            "share": numbers.percent(result.share(source)) if np.isfinite(source.u) else numbers.NOTHING,
+            "common": "yes" if source.factor.shared else "no",
+            "refused": "; ".join(source.refused),
+        }
+        for source in sorted(result.sources, key=lambda source: -np.nan_to_num(source.u))
+    ]
+    low, high = result.u_together_interval
+    facts = [
+        ("true value", numbers.plain(scale * result.truth)),
+        ("estimate without errors", numbers.plain(scale * result.reference)),
+        ("U (k = 2), sources added in quadrature", numbers.plain(2.0 * scale * result.u_sum, 3)),
+        (
+            f"U (k = 2), all at once, {len(result.together)} draws",
+            f"{numbers.plain(2.0 * scale * result.u_together, 3)} "
+            f"({numbers.plain(2.0 * scale * low, 3)} to {numbers.plain(2.0 * scale * high, 3)})",
+        ),
+    ]
+    unit = "" if known.unit == "1" else f" ({known.unit})"
+    return {"symbol": f"{known.symbol}{unit}", "facts": facts, "rows": rows}
+
+
+def _part(value: float, u: float) -> str:
+    """Return a contribution, rounded as the expanded uncertainty asks; a dash where it is not known."""
+    return numbers.part(value, 2.0 * u) if np.isfinite(value) else numbers.NOTHING
+
+
+def _warnings(result: Budget) -> list[str]:
+    found = []
+    if result.adds_up is False:
+        found.append(
+            "The sources added in quadrature do not give the uncertainty of all at once: they act on each "
+            "other, or the answer is not linear in them. The draws of all at once hold."
+        )
+    if lost := [source.factor.words for source in result.sources if source.refused]:
+        found.append(f"No uncertainty is known of {', '.join(lost)}: tests with that error gave no answer.")
+    if result.refused:
+        drawn = len(result.refused) + len(result.together)
+        found.append(f"{len(result.refused)} of {drawn} tests with all errors at once gave no answer.")
+    return found
+
+
+def _campaign(campaign: Campaign) -> list[tuple[str, str]]:
+    rates = campaign.rates
+    where = "half at either end" if campaign.layout == "ends" else "evenly in the logarithm"
+    return [
+        ("shots", str(campaign.shots)),
+        ("nominal strain rates", f"{rates[0]:.4g} to {rates[-1]:.4g} 1/s, {where}"),
+        ("standard deviation of one shot about the line", numbers.plain(campaign.sigma, 3)),
+        ("expanded uncertainty of the slope per decade", numbers.plain(campaign.half_width, 3)),
+    ]

@@ -1,0 +1,48 @@
+"""Page of a shot before anything is run: what was understood, and what is taken as exact."""
+
+from itertools import groupby
+from pathlib import Path
+
+from kolsky.report.figures import CHECKS
+from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.shot.records import ShotBase
+from kolsky.shot.summary import EXACT, summarise
+
+PAGE = "check.html"
+
+
+def write_page(path: Path, shot: ShotBase) -> None:
+    """Write the page as a single HTML file without scripts or outside resources.
+
+    Parameters
+    ----------
+    path
+        The file, replaced atomically if it exists; its folder must exist.
+    shot
+        The shot as it was loaded.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written; an older one is then unchanged.
+    """
+    write_html(path, render(shot))
+
+
+def render(shot: ShotBase) -> str:
+    """Return the page as HTML text; see `write_page`."""
+    entries = [entry for entry in summarise(shot) if entry.value != EXACT]
+    tables = [
+        (section, [(entry.name.replace("_", " "), entry.written()) for entry in rows])
+        for section, rows in groupby(entries, lambda entry: entry.section)
+    ]
+    return render_page(
+        "check.html",
+        kind="What was understood of a shot",
+        heading=shot.name,
+        subject="check",
+        figures=draw_figures(CHECKS.values(), shot),
+        tables=tables,
+        exact=[entry.name for entry in summarise(shot) if entry.value == EXACT],
+        inputs=list(shot.inputs.items()),
+    )

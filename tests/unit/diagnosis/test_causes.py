@@ -1,0 +1,108 @@
+"""Which inputs are tried, in which order they are named, and what is said of them."""
+
+from math import inf, isfinite, nan
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from kolsky.diagnosis.cause_inputs import CANDIDATES, DENSITY, POISSON, SENSITIVITY
+from kolsky.diagnosis.cause_search import Trial
+from kolsky.diagnosis.causes import CauseAnalysis, _in_groups, cause_warnings, percent, sentence
+from kolsky.inverse.cause_results import CauseFinding
+
+BY_KEY = {c.key: c for c in CANDIDATES}
+
+
+def test_every_candidate_has_a_key_of_its_own_and_a_value_that_leads_back() -> None:
+    assert len(BY_KEY) == len(CANDIDATES)
+    for c in CANDIDATES:
+        for u in [*c.scan, c.coordinate(c.exact) if isfinite(c.exact) and not c.parameter else 1.0]:
+            if c.lowest <= u <= c.highest:
+                assert c.coordinate(c.value(u)) == pytest.approx(u, rel=1e-9, abs=1e-15)
+
+
+def test_a_gain_is_what_the_evaluated_force_is_multiplied_by() -> None:
+    """Where half the sensitivity was declared the force is twice the simulated one: the gain is 1/2."""
+    gain = BY_KEY[SENSITIVITY]
+    assert gain.changed(gain.coordinate(0.5)).alteration.force_factor == pytest.approx(2.0)
+
+
+def test_poisson_s_coordinate_is_the_logarithm_of_what_is_left_to_one_half() -> None:
+    ratio = BY_KEY[POISSON]
+    assert ratio.changed(np.log(0.002)).values["poisson"] == pytest.approx(0.499, rel=1e-12)
+
+
+def trial(key: str, value: float, loss: float) -> Trial:
+    c = BY_KEY[key]
+    # One time a channel: the loss is the logarithm of the misfit.
+    return Trial(c, np.ones(1), c.coordinate(value), np.array([np.exp(loss), 1.0]), np.zeros(2))
+
+
+def search() -> Any:
+    shot = SimpleNamespace(uncertainty={})
+    stages = SimpleNamespace(prepared=SimpleNamespace(forward=SimpleNamespace(shot=shot)))
+    return SimpleNamespace(stages=stages, loss=lambda misfits: float(np.log(misfits[0])))
+
+
+def test_the_least_misfit_comes_first_and_of_equals_the_more_usual_error() -> None:
+    """5 % of a sensitivity is 1.7 of its usual uncertainties of 3 %, 5 % of a density 5 of 1 %."""
+    gain, density, late = (
+        trial(SENSITIVITY, 0.95, 4.0),
+        trial(DENSITY, 1.05, 0.0),
+        trial("force.clock_offset", 2e-5, 30.0),
+    )
+    order = _in_groups(search(), [late, density, gain])
+    assert order == [SENSITIVITY, DENSITY, "force.clock_offset"]
+    apart = _in_groups(search(), [trial(SENSITIVITY, 0.95, 11.0), density])
+    assert apart == [DENSITY, SENSITIVITY]
+
+
+def finding(**changes: Any) -> CauseFinding:
+    filled: dict[str, Any] = {
+        "key": SENSITIVITY,
+        "words": "a force gain",
+        "unit": "1",
+        "exact": 1.0,
+        "value": 0.49762,
+        "sigma": 0.0051,
+        "explained": 0.99814,
+        "evidence": 1100.0,
+        "probability": 0.0,
+        "parameters": {"stiffness_factor": 1.1164},
+        "sigmas": {},
+        "named": True,
+    }
+    return CauseFinding(**{**filled, **changes})
+
+
+def test_a_cause_is_said_with_value_share_and_what_to_check() -> None:
+    said = list(cause_warnings(CauseAnalysis((finding(alike=(DENSITY,)),), np.array([3547.0, 1.06]))))
+    assert said == [
+        "a force gain of 0.498 ± 0.010 (k = 2) explains 99.8 % of the misfit (the data cannot tell it from "
+        "specimen.density): check force.sensitivity; with it stiffness_factor = 1.1164"
+    ]
+
+
+def test_values_are_said_in_their_units() -> None:
+    assert sentence(finding(words="a lag", unit="s", value=2.0117e-5, sigma=1.3e-7)) == (
+        "a lag of 20.12 ± 0.26 us (k = 2)"
+    )
+    assert percent(0.998) == "99.8 %"
+    assert percent(0.62) == "62 %"
+
+
+def test_a_misfit_that_nothing_explains_is_said_and_a_right_shot_is_quiet() -> None:
+    none = finding(named=False)
+    (said,) = cause_warnings(CauseAnalysis((none,), np.array([25.0, 1.0])))
+    assert said.startswith("no single change of an input explains the misfit (the residual is 5 and 1 times")
+    assert not list(cause_warnings(CauseAnalysis((none,), np.array([2.1, 1.1]))))
+    (lost,) = cause_warnings(CauseAnalysis((), np.full(2, nan), "the run ended"))
+    assert lost == "which input may be wrong could not be tried: the run ended"
+
+
+def test_change_is_value_less_what_is_declared() -> None:
+    assert finding().change == pytest.approx(-0.50238)
+    assert np.isnan(finding(exact=nan, value=0.3).change)
+    assert finding(value=inf).change == inf
