@@ -42,6 +42,10 @@ def details(found: Identification) -> dict[str, str]:
         rows.append((f"{symbol}, interval", f"{low} to {high}"))
         rows.append((f"{symbol}, u noise", f"{e.sigma_noise:.2g}"))
         rows.append((f"{symbol}, u mesh and step", f"{e.sigma_numerical:.2g}"))
+        if e.mesh_correction:
+            shown = plain(numbers.part(e.mesh_correction, U))
+            rows.append((f"{symbol}, on the refined mesh", f"{plain(numbers.like(e.on_mesh, U))}"))
+            rows.append((f"{symbol}, corrected for the mesh by", shown))
         if e.sigma_systematic > 0.0:
             rows.append((f"{symbol}, u declared", f"{e.sigma_systematic:.2g}"))
         rows += [(f"{symbol}, data say", p.verdict) for p in found.profiles if p.name == name]
