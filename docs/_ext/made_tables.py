@@ -6,8 +6,8 @@ line, ``<!-- commands kolsky -->`` the commands of the command line,
 ``<!-- parameters kolsky -->`` rows of the parameters of a simulation, ``<!-- law KNOWLES -->`` the material
 law that the tests of the doors make up, ``<!-- table laws -->`` (`contact_laws`, `elements`) the members of a
 registry of the solver, ``<!-- causes kolsky -->`` the inputs that are tried as causes of a misfit,
-``<!-- wrong NAME -->`` the table of a study of wrong inputs, benchmarks/results/NAME.json. Anywhere in a line,
-``<!-- names laws -->`` becomes their names.
+``<!-- wrong NAME -->`` the table of a study of wrong inputs, benchmarks/results/NAME.json. Anywhere in a
+line, ``<!-- names laws -->`` becomes their names.
 """
 
 import ast

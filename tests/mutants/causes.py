@@ -147,4 +147,11 @@ FAULTS = (
         wrong="clock_offset=force.clock_offset + lag",
         tests=("tests/unit/diagnosis/test_corrected.py",),
     ),
+    Fault(
+        name="a clock that stands still once is still no force",
+        file="kolsky/shot/force.py",
+        right="(np.diff(scope.value) > 0.0).all()",
+        wrong="(np.diff(scope.value) >= 0.0).all()",
+        tests=("tests/unit/shot/test_checks.py",),
+    ),
 )
