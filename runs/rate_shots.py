@@ -2,7 +2,7 @@
 
 Each is a simulation with a known stiffness factor and noise like that of open-01 (1 um, 4 um, 0.3 N, 12
 bits), written as the files of open-01. They show what a comparison of rates finds, not that the model is
-right: it is the same solver, with another element and another mesh.
+right: it is the same solver, with another element and a mesh 1.5 times as fine as the answers'.
 """
 
 import json
@@ -15,7 +15,7 @@ import explicit
 import kolsky
 
 ORIGIN = Path(__file__).resolve().parent / "open-01"
-NUMERICS = kolsky.Numerics(mesh=(48, 64), element="fbar")
+NUMERICS = kolsky.Numerics(mesh=(96, 128), element="fbar")
 STATIC, FRAMES, SAMPLES, POINTS, STRAIN = 12, 150, 3000, 14, 0.55
 SIGMA_FLYER, SIGMA_Z, SIGMA_FORCE = 1e-6, 4e-6, 0.3
 REST, RISE, DRAG = 29.2e-6, 60e-6, 0.15

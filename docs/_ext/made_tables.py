@@ -5,18 +5,22 @@ test of imports reads too), ``<!-- public kolsky -->`` the public names of a pac
 line, ``<!-- commands kolsky -->`` the commands of the command line,
 ``<!-- parameters kolsky -->`` rows of the parameters of a simulation, ``<!-- law KNOWLES -->`` the material
 law that the tests of the doors make up, ``<!-- table laws -->`` (`contact_laws`, `elements`) the members of a
-registry of the solver. Anywhere in a line, ``<!-- names laws -->`` becomes their names.
+registry of the solver, ``<!-- causes kolsky -->`` the inputs that are tried as causes of a misfit,
+``<!-- wrong NAME -->`` the table of a study of wrong inputs, benchmarks/results/NAME.json. Anywhere in a
+line, ``<!-- names laws -->`` becomes their names.
 """
 
 import ast
 import importlib
 import inspect
+import json
 import re
+import statistics
 import tomllib
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[1]
-LINE = re.compile(r"^<!-- (rooms|public|commands|law|parameters|table) (\w+) -->$", re.MULTILINE)
+LINE = re.compile(r"^<!-- (rooms|public|commands|law|parameters|table|causes|wrong) (\w+) -->$", re.MULTILINE)
 NAMES = re.compile(r"<!-- names (\w+) -->")
 
 
@@ -102,7 +106,37 @@ def law(name: str) -> str:
     raise ValueError(f"tests/unit/explicit/test_doors.py has no text {name}")
 
 
+def causes(package: str) -> str:
+    """The inputs that are tried as causes of a misfit, a row each."""
+    records = importlib.import_module(f"{package}.diagnosis.cause_inputs").CANDIDATES
+    lines = ["| what is changed | what to do if it is named |", "| --- | --- |"]
+    return "\n".join(lines + [f"| {c.words} (`{c.key}`) | {c.check} |" for c in records])
+
+
+def wrong(name: str) -> str:
+    """The table of a study of wrong inputs; one sentence where it was not run yet."""
+    path = DOCS.parent / "benchmarks" / "results" / f"{name}.json"
+    if not path.exists():
+        return f"There is no `benchmarks/results/{name}.json`: the study was not run yet."
+    lines = [
+        "| wrong input | shots | ended | called identified | error of $m$, median | corrected | evidence |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for row in json.loads(path.read_text("utf-8"))["rows"]:
+        ends = ", ".join(f"{count} {end}" for end, count in row["ends"].items())
+        errors, evidence = row["errors"], [x for x in row["evidence"] if x is not None]
+        error = f"{100.0 * statistics.median(errors):+.2f} %" if errors else ""
+        after = [x for x in row["corrected errors"] if x is not None]
+        corrected = f"{100.0 * statistics.median(after):+.2f} %" if after else ""
+        span = f"{min(evidence):.0f} to {max(evidence):.0f}" if evidence else ""
+        cells = [row["row"], row["shots"], ends, row["identified"], error, corrected, span]
+        lines.append(f"| {' | '.join(map(str, cells))} |")
+    return "\n".join(lines)
+
+
 TABLES = {
+    "causes": causes,
+    "wrong": wrong,
     "rooms": rooms,
     "public": public,
     "commands": commands,

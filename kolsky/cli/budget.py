@@ -26,7 +26,12 @@ def budget(
         ),
     ] = None,
     free: Annotated[
-        str, typer.Option(metavar="NAMES", help="Free parameters.", show_default="as kolsky identify")
+        str,
+        typer.Option(
+            metavar="NAMES",
+            help="Parameters that are free and budgeted.",
+            show_default="the stiffness factor, others free as in identify",
+        ),
     ] = "",
     draws: Annotated[int, typer.Option(min=4, help="Draws of the noise alone.")] = 16,
     together: Annotated[int, typer.Option(min=0, help="Draws of all errors together.")] = 32,

@@ -11,6 +11,7 @@ from kolsky.inverse.result import Estimate, Identification, Route, Verdict
 from kolsky.report import numbers
 from kolsky.report.display_units import estimate_in_display_units, in_display_units
 from kolsky.report.fit_table import printed_fit
+from kolsky.report.held_line import held_line
 from kolsky.report.nomenclature import factor_of
 from kolsky.report.sensitivity_table import printed_sensitivities
 
@@ -41,6 +42,10 @@ def details(found: Identification) -> dict[str, str]:
         rows.append((f"{symbol}, interval", f"{low} to {high}"))
         rows.append((f"{symbol}, u noise", f"{e.sigma_noise:.2g}"))
         rows.append((f"{symbol}, u mesh and step", f"{e.sigma_numerical:.2g}"))
+        if e.mesh_correction:
+            shown = plain(numbers.part(e.mesh_correction, U))
+            rows.append((f"{symbol}, on the refined mesh", f"{plain(numbers.like(e.on_mesh, U))}"))
+            rows.append((f"{symbol}, corrected for the mesh by", shown))
         if e.sigma_systematic > 0.0:
             rows.append((f"{symbol}, u declared", f"{e.sigma_systematic:.2g}"))
         rows += [(f"{symbol}, data say", p.verdict) for p in found.profiles if p.name == name]
@@ -50,6 +55,8 @@ def details(found: Identification) -> dict[str, str]:
             if route.name in ROUTES
         ]
         rows += [(f"{symbol}, {method.name}", _distant(method, name, U)) for method in found.methods[1:]]
+        if found.held_answer is not None and found.held_answer.name == name:
+            rows.append((f"{symbol}, others held", plain(held_line(found.held_answer))))
     symbols = {name: _symbol(name) for name in found.estimates}
     causes = _causes(found)
     return {**dict(rows), **printed_fit(found, symbols), **causes, **printed_sensitivities(found, symbols)}

@@ -7,6 +7,7 @@ beside this one.
 
 from tests.mutants.bars import FAULTS as BARS
 from tests.mutants.budget import FAULTS as BUDGET
+from tests.mutants.causes import FAULTS as CAUSES
 from tests.mutants.cli import FAULTS as CLI
 from tests.mutants.dic import FAULTS as DIC
 from tests.mutants.doe import FAULTS as DOE
@@ -27,6 +28,7 @@ __all__ = ["FAULTS", "Fault"]
 
 FAULTS: tuple[Fault, ...] = (
     *BARS,
+    *CAUSES,
     *BUDGET,
     *CLI,
     *DIC,

@@ -5,6 +5,8 @@ from tests.mutants.fault import Fault
 RATES = ("tests/unit/studies/test_rates_thresholds.py",)
 MIXED = ("tests/unit/studies/test_rates_mixed.py", *RATES)
 
+COMMON = ("tests/unit/studies/test_rates_common.py",)
+
 FAULTS = (
     Fault(
         name="one degree of freedom too many in a mean",
@@ -149,7 +151,7 @@ FAULTS = (
     Fault(
         name="shared parts counted as a shot's own",
         file="kolsky/studies/rates/records.py",
-        right="own = [s for name, s in parts.items() if name not in COMMON_PARTS]",
+        right="own = [s for name, s in estimate.noise_parts.items() if name not in COMMON_PARTS]",
         wrong="own = list(parts.values())",
         tests=RATES,
     ),
@@ -159,5 +161,19 @@ FAULTS = (
         right="self.sigma_rate / (self.nominal_rate * np.log(10.0))",
         wrong="self.sigma_rate / self.nominal_rate",
         tests=RATES,
+    ),
+    Fault(
+        name="a response's roughness in no shot's own part",
+        file="kolsky/studies/rates/records.py",
+        right='own.append(estimate.numerical_parts.get("roughness", 0.0))',
+        wrong="own.append(0.0)",
+        tests=COMMON,
+    ),
+    Fault(
+        name="what the mesh leaves with the sign of the shift",
+        file="kolsky/studies/rates/records.py",
+        right='parts["mesh and step", self.conditions["mesh"]] = mesh',
+        wrong='parts["mesh and step", self.conditions["mesh"]] = mesh * np.sign(estimate.mesh_shift)',
+        tests=COMMON,
     ),
 )

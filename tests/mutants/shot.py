@@ -9,6 +9,18 @@ UNITS = ("tests/unit/base/test_units.py",)
 LAYOUTS = ("tests/unit/shot/test_layouts.py",)
 CONTACT = ("tests/unit/shot/test_contact_door.py",)
 
+NEW = tuple(
+    f"tests/unit/cli/test_new_from_files.py::{name}"
+    for name in (
+        "test_a_blank_says_what_is_allowed",
+        "test_blanks_are_found_in_order",
+        "test_the_next_shot_with_the_same_names_differs_in_its_own_facts_alone",
+        "test_what_could_be_two_things_is_left_open_and_said",
+        "test_two_channels_of_unknown_meaning_are_offered",
+        "test_problems_come_in_the_order_of_the_file",
+    )
+)
+
 FAULTS = (
     Fault(
         name="a sample at full scale is not clipped",
@@ -261,5 +273,40 @@ FAULTS = (
         right="if given and not needing:",
         wrong="if given and needing is None:",
         tests=CONTACT,
+    ),
+    Fault(
+        name="a list half filled in taken for a blank",
+        file="kolsky/shot/schema/blanks.py",
+        right="all(x == BLANK for x in content)",
+        wrong="any(x == BLANK for x in content)",
+        tests=NEW,
+    ),
+    Fault(
+        name="blanks listed in another order than the file's",
+        file="kolsky/shot/schema/reading.py",
+        right="key=lambda p: (p.line is None, p.line)",
+        wrong="key=lambda p: (p.line is None, -(p.line or 0))",
+        tests=NEW,
+    ),
+    Fault(
+        name="the next shot keeps the last one's length",
+        file="kolsky/shot/new_file.py",
+        right='PER_SHOT = ("specimen.diameter", "specimen.length", "frames.static")',
+        wrong='PER_SHOT = ("specimen.diameter", "frames.static")',
+        tests=NEW,
+    ),
+    Fault(
+        name="one of two files that could be the same taken",
+        file="kolsky/shot/survey.py",
+        right="for part, tables in parts.items() if len(tables) == 1}",
+        wrong="for part, tables in parts.items()}",
+        tests=NEW,
+    ),
+    Fault(
+        name="the first of two channels of volts taken for the force",
+        file="kolsky/shot/survey.py",
+        right="return volts[0] if len(volts) == 1 else",
+        wrong="return volts[0] if volts else",
+        tests=NEW,
     ),
 )

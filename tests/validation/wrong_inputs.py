@@ -124,12 +124,13 @@ def table(jobs: list[dict[str, Any]]) -> list[dict[str, Any]]:
         ends = [judged(row, said) for said in mine]
         errors = [said["value"] / said["truth"] - 1.0 for said in mine if not said["refused"]]
         right = [
-            cause
+            (cause, said["truth"])
             for said in mine
             if not said["refused"]
             for cause in said["causes"]
             if cause["key"] == row.key
         ]
+        corrected = [None if cause["m"] is None else cause["m"] / truth - 1.0 for cause, truth in right]
         others = [
             max((c["evidence"] for c in said["causes"]), default=0.0) for said in mine if not said["refused"]
         ]
@@ -140,9 +141,9 @@ def table(jobs: list[dict[str, Any]]) -> list[dict[str, Any]]:
                 "shots": len(mine),
                 "ends": {end: ends.count(end) for end in sorted(set(ends))},
                 "identified": sum(bool(said.get("identified")) for said in mine),
-                "corrected": [cause["m"] for cause in right],
+                "corrected errors": corrected,
                 "errors": errors,
-                "values": [cause["value"] for cause in right],
+                "values": [cause["value"] for cause, _ in right],
                 "evidence": others,
                 "seconds": sum(said["seconds"] for said in mine) / len(mine),
             }

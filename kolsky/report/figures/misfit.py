@@ -58,8 +58,10 @@ def draw_misfit(result: Identification, panels: Panels) -> None:
         for ax in (chi2, phi, routes):
             label_panel(ax, next(letters))
             ax.set_xlabel(axis_label(name, estimate.unit))
-            if np.isfinite(estimate.value):
-                ax.axvline(estimate.value, color=MEASURED, lw=0.6, ls="--")
+            # Curves and runs are of the refined mesh, routes and intervals corrected for its error.
+            at = estimate.value if ax is routes else estimate.on_mesh
+            if np.isfinite(at):
+                ax.axvline(at, color=MEASURED, lw=0.6, ls="--")
             if np.isfinite(estimate.interval).all():
                 ax.axvspan(*estimate.interval, color=BAND, alpha=0.35, lw=0.0)
         chi2.set_ylabel(r"$\chi^2/\chi^2_\mathrm{opt}$ (–)")
@@ -88,7 +90,7 @@ def _draw_chi2(ax: Axes, curve: SurrogateCurve, result: Identification) -> None:
     # Triangles on the lower frame: on this scale the optima lie closer than their names are wide.
     for route in result.routes:
         if route.name in ("force only", "shape only"):
-            x = route.parameters.get(curve.parameter, np.nan)
+            x = route.on_mesh(curve.parameter) if curve.parameter in route.parameters else np.nan
             place: dict[str, Any] = {"transform": ax.get_xaxis_transform()}
             ax.plot(x, 0.03, "^", color=ROUTES[route.name], ms=3.2, mew=0.0, **place)
 
@@ -209,7 +211,7 @@ def _plane(ax: Axes, result: Identification, box: FloatArray) -> None:
     if lost.any():  # an empty line that is not clipped would lie at the figure's corner for the layout
         ax.plot(*design.points[lost].T, "x", ms=3.0, mew=0.7, color=MEASURED, clip_on=False)
     for route in result.routes:
-        at = [route.parameters[name] for name in design.names]
+        at = [route.on_mesh(name) for name in design.names]
         colour = ROUTES.get(route.name, BAND)
         if route.name == "joint":
             style: dict[str, Any] = {"fmt": "none", "ecolor": "white", "elinewidth": 0.8}

@@ -45,7 +45,7 @@ def draw_likelihood(result: Identification, panels: Panels) -> None:
         low, high = (left if np.isnan(low) else low), (right if np.isnan(high) else high)
         ax.axvspan(low, high, color=BAND, alpha=0.35, lw=0.0)
         ax.axhline(THRESHOLD, color=GREY, lw=0.7, ls="--")
-        ax.axvline(result.estimates[profile.name].value, color=MEASURED, lw=0.6, ls=":")
+        ax.axvline(result.estimates[profile.name].on_mesh, color=MEASURED, lw=0.6, ls=":")
         rise = profile.rise / profile.correlation
         side = np.where(np.arange(rise.size) < np.argmin(rise), -1.0, 1.0)
         if rise.min() < 0.0:  # a rough one, on which a lower point than the optimum was found
@@ -101,7 +101,7 @@ def draw_ridge(result: Identification, panels: Panels) -> None:
         ax.contour(ridge.x, ridge.y, ridge.rise, levels=[profile.level], colors=colour, linewidths=0.9)
         ax.plot(*profile.points.T, color=colour, lw=0.8, ls="--", label=f"profile of ${name_of(name).tex}$")
     first, second = (result.estimates[name] for name in ridge.names)
-    ax.plot(first.value, second.value, "*", ms=6, mfc="white", mec=MEASURED, mew=0.5, label="answer")
+    ax.plot(first.on_mesh, second.on_mesh, "*", ms=6, mfc="white", mec=MEASURED, mew=0.5, label="answer")
     ax.set_xlim(ridge.x[0], ridge.x[-1])
     ax.set_ylim(ridge.y[0], ridge.y[-1])
     ax.set_xlabel(axis_label(first.name, first.unit))
@@ -150,7 +150,7 @@ def draw_corner(result: Identification, panels: Panels) -> None:
                 ax.plot(x[::every], y[::every], ".", color=MODEL, ms=2.0, mew=0.0, alpha=0.6)
                 for name, line in ((column, ax.axvline), (row, ax.axhline)):
                     if name in result.estimates:
-                        line(result.estimates[name].value, color=MEASURED, lw=0.5)
+                        line(result.estimates[name].on_mesh, color=MEASURED, lw=0.5)
             if i == len(chains.names) - 1:
                 ax.set_xlabel(_label(column))
             else:

@@ -11,6 +11,7 @@ from kolsky.report import nomenclature, numbers
 from kolsky.report.display_units import in_display_units
 from kolsky.report.figures import RECORDINGS, REGISTRY
 from kolsky.report.fit_table import fit_tables
+from kolsky.report.held_line import held_line
 from kolsky.report.nomenclature import in_words, name_of, route_label
 from kolsky.report.pages.causes import cause_table
 from kolsky.report.pages.identification_tables import (
@@ -82,6 +83,7 @@ def render(identification: Identification, recordings: Recorded | None = None, *
         facts=facts(result),
         fit=fit_tables(result),
         fixed=fixed(result),
+        held=None if result.held_answer is None else held_line(result.held_answer, written=True),
         check=check_run(result),
         runs=runs(result),
         U={name: 2.0 * estimate.sigma for name, estimate in result.estimates.items()},

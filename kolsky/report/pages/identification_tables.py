@@ -98,6 +98,8 @@ def answer(estimate: Estimate) -> dict[str, Any]:
         "value": value,
         "uncertainty": uncertainty,
         "interval": [numbers.like(end, U) for end in estimate.interval],
+        "on_mesh": numbers.like(estimate.on_mesh, U),
+        "mesh_correction": numbers.part(estimate.mesh_correction, U) if estimate.mesh_correction else "",
         "verdict": estimate.outcome.value,
         "good": estimate.outcome is Verdict.IDENTIFIED,
         "meaning": _VERDICTS[estimate.outcome],

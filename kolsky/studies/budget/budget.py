@@ -1,7 +1,7 @@
 """The error budget: each source alone, all together, and the share of each in the answer's uncertainty.
 
-Each factor is set to the nodes of a Gauss-Hermite rule of three points, Eq. (B.1), which gives mean and
-variance of a quadratic response exactly; the noise and all factors together are drawn, Eq. (B.2).
+Each factor is set to the nodes of a Gauss-Hermite rule of three points, Eq. (E.8), which gives mean and
+variance of a quadratic response exactly; the noise and all factors together are drawn, Eq. (E.9).
 """
 
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from doe.ledger import Ledger, Run
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.settings import Settings
 from kolsky.studies.budget.factors import NOISE, Factor
-from kolsky.studies.budget.realisation import Realisations
+from kolsky.studies.budget.realisation import Realisations, names_of
 from kolsky.virtual.schema import Specification
 
 NODES = np.array([-np.sqrt(3.0), 0.0, np.sqrt(3.0)])
@@ -63,7 +63,7 @@ class Budget:
 
     @property
     def u_sum(self) -> float:
-        """Root of the sum of the squares of the sources: Eq. (B.3)."""
+        """Root of the sum of the squares of the sources: Eq. (E.10)."""
         return float(np.sqrt(np.nansum([source.u**2 for source in self.sources])))
 
     @property
@@ -163,7 +163,7 @@ def budget(
     }
     return tuple(
         analysed(quantities.name, name, truths.get(name, float("nan")), factors, runs, column, draws)
-        for column, name in enumerate(settings.free)
+        for column, name in enumerate(names_of(settings))
     )
 
 
@@ -213,7 +213,7 @@ def analysed(
         refused = tuple(text for text in why[at : at + 2] if text)
         shift = np.array([low - reference, 0.0, high - reference])
         bias = float(WEIGHTS @ shift)
-        u = float(np.sqrt(max(float(WEIGHTS @ shift**2) - bias**2, 0.0)))  # Eq. (B.1)
+        u = float(np.sqrt(max(float(WEIGHTS @ shift**2) - bias**2, 0.0)))  # Eq. (E.8)
         slope = float((high - low) / (NODES[2] - NODES[0]) / factor.sigma)
         if refused:
             bias = u = slope = float("nan")

@@ -4,7 +4,7 @@ The stiffness factor of n shots is fitted by a straight line over the decimal lo
 Errors that are the same in all shots move the line as a whole and leave its slope; those of each shot alone
 scatter about it, together with what differs from specimen to specimen. With standard deviation s of one shot,
 
-    u(slope) = s / sqrt(sum_i (x_i - mean x)^2),   U = t_0.975(n - 2) u(slope).                      (B.4)
+    u(slope) = s / sqrt(sum_i (x_i - mean x)^2),   U = t_0.975(n - 2) u(slope).                      (E.11)
 """
 
 from dataclasses import dataclass
@@ -60,7 +60,7 @@ def shot_sigma(budget: Budget, scatter: float) -> float:
 
 
 def slope_half_width(rates: FloatArray, sigma: float) -> float:
-    """Expanded uncertainty of the slope per decade, Eq. (B.4); infinite for fewer than three shots."""
+    """Expanded uncertainty of the slope per decade, Eq. (E.11); infinite for fewer than three shots."""
     x = np.log10(rates)
     spread = float(((x - x.mean()) ** 2).sum())
     if len(x) < 3 or spread <= 0.0:

@@ -12,13 +12,9 @@ import numpy as np
 from doe.ledger import Run
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.inverse.coarse_search import search_coarse
-from kolsky.inverse.parameters import design_box
 from kolsky.inverse.prepared_shot import prepare_shot
-from kolsky.inverse.quadratic_fit import search_by_quadratic
-from kolsky.inverse.refined_search import search_by_single_runs, slides
+from kolsky.inverse.search import search_shot
 from kolsky.inverse.settings import Settings
-from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import Shot
 from kolsky.studies.budget.factors import NOISE, Factor, shifted
@@ -56,7 +52,7 @@ class Realisations:
     """How each realisation is identified."""
 
     def __call__(self, points: FloatArray) -> Sequence[Run]:
-        """Realise the points, shape [n, k]; every run is the estimates, in the order of the free ones."""
+        """Realise the points, shape [n, k]; every run is the estimates, in the order of `names_of`."""
         return [self._one(point) for point in points]
 
     def _one(self, point: FloatArray) -> Run:
@@ -66,7 +62,7 @@ class Realisations:
             if factor.key != NOISE and z != 0.0
         }
         draw = next((int(z) for factor, z in zip(self.factors, point, strict=True) if factor.key == NOISE), 0)
-        nothing = np.full(len(self.settings.free), np.nan)
+        nothing = np.full(len(names_of(self.settings)), np.nan)
         try:
             quantities = shifted(self.quantities, errors)
             truth = self._truth(quantities)
@@ -130,16 +126,18 @@ def _identified(
 
 
 def estimate(shot: Shot, settings: Settings) -> FloatArray:
-    """The optimum of `kolsky.identify` alone, without its uncertainty, shape [n_free].
+    """The optimum of `kolsky.identify` alone, without its uncertainty, in the order of `names_of`.
 
     Raises
     ------
     ValueError
         As `kolsky.identify`.
     """
-    prepared, box = prepare_shot(shot), design_box(settings.free)
-    stages = StagedRuns(prepared, settings, box, lambda stage, done, total: None)
-    coarse = search_coarse(stages)
-    alone = box.dimension == 1 and not slides(stages)
-    fine = search_by_single_runs(stages, coarse) if alone else search_by_quadratic(stages, coarse)
-    return np.asarray(fine.x, dtype=np.float64)
+    found = search_shot(prepare_shot(shot), settings, lambda stage, done, total: None)
+    place = {name: i for i, name in enumerate(found.stages.box.names)}
+    return np.array([found.fine.x[place[name]] for name in names_of(settings)], dtype=np.float64)
+
+
+def names_of(settings: Settings) -> tuple[str, ...]:
+    """Parameters that a budget is made for: those declared free, or the stiffness factor."""
+    return ("stiffness_factor",) if settings.free is None else tuple(settings.free)

@@ -74,8 +74,9 @@ class RatedShot:
     @property
     def sigma_own(self) -> float:
         """The part that is independent from shot to shot [-]."""
-        parts = self.found.estimates[PARAMETER].noise_parts
-        own = [s for name, s in parts.items() if name not in COMMON_PARTS]
+        estimate = self.found.estimates[PARAMETER]
+        own = [s for name, s in estimate.noise_parts.items() if name not in COMMON_PARTS]
+        own.append(estimate.numerical_parts.get("roughness", 0.0))
         own += [shift for key, shift in self._declared().items() if key not in COMMON_DECLARED]
         return float(np.sqrt(sum(s**2 for s in own)))
 
@@ -99,9 +100,10 @@ class RatedShot:
             if estimate.noise_parts.get(name, 0.0) > 0.0
         }
         mesh = estimate.numerical_parts.get("mesh", estimate.sigma_numerical)
-        if mesh > 0.0:  # it errs to the same side in all of them
-            sign = -1.0 if estimate.mesh_shift < 0.0 else 1.0
-            parts["mesh and step", self.conditions["mesh"]] = sign * mesh
+        if mesh > 0.0:
+            # What the correction leaves is mostly the element's, which errs to the same side in all of them,
+            # whatever the side that the mesh had been corrected to.
+            parts["mesh and step", self.conditions["mesh"]] = mesh
         declared = {
             (f"declared {key.replace('_', ' ')}", through[COMMON_DECLARED[key]]): shift
             for key, shift in self._declared().items()

@@ -140,6 +140,15 @@ def test_a_blank_says_what_is_allowed(tmp_path: Path) -> None:
         assert words in said[key]
 
 
+def test_problems_come_in_the_order_of_the_file(tmp_path: Path) -> None:
+    new(tmp_path / "shot")
+    with pytest.raises(InputError) as refused:
+        load_shot(tmp_path / "shot")
+    lines = [problem.line or 0 for problem in refused.value.problems]
+    assert lines == sorted(lines)
+    assert 0 not in lines
+
+
 def test_the_next_shot_of_a_series_keeps_the_apparatus(tmp_path: Path) -> None:
     folder = german(tmp_path / "next")
     text = new(folder, "--from", str(OPEN_01))

@@ -12,7 +12,7 @@ from kolsky.base.errors import InputError
 from kolsky.base.records import CentreLine, FlyerMotion, Recording
 from kolsky.readers.shot_tables import FlyerTable, FrameTimes, UniaxialTable
 from kolsky.shot.curve import check_curve
-from kolsky.shot.force import check_baseline, check_range, check_sign
+from kolsky.shot.force import check_baseline, check_range, check_sign, check_signal
 from kolsky.shot.frames import body_moves, flyer_covers, flyer_moves, frames_agree
 from kolsky.shot.outline import check_outline
 from kolsky.shot.records import ForceChannel
@@ -70,6 +70,16 @@ def test_the_last_codes_of_a_recorder_are_clipped() -> None:
     check_range(recording([0.0, 1.9765]), toml)
     for value in (127 * 2.0 / 128, -128 * 2.0 / 128, 1.9766):
         assert "is clipped" in refused(check_range, recording([0.0, value]), toml)
+
+
+def test_what_rises_from_every_sample_to_the_next_is_a_clock() -> None:
+    """A recorder's time column declared as the voltage; one sample that does not rise makes it a signal."""
+    said = refused(check_signal, recording(1e-6 * np.arange(40)), Toml())
+    assert "rises from each of its 40 samples to the next" in said
+    rising = 1e-6 * np.arange(40)
+    rising[20] = rising[19]
+    check_signal(recording(rising), Toml())
+    check_signal(recording(1e-6 * np.arange(20)), Toml())  # too short to tell
 
 
 # The zero of the force.

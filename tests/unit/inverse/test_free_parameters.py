@@ -1,0 +1,86 @@
+"""What is free by default, what a shot's declarations do to it, and when a parameter is held after all."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from doe import Box
+from kolsky.inverse.free_parameters import ASKED, EXACT, SLIDES, choose
+from kolsky.inverse.search import untold
+from kolsky.inverse.settings import Settings
+
+
+def shot(faces: str = "bonded", side: str = "bonded", **uncertainty: float) -> Any:
+    return SimpleNamespace(
+        interface=SimpleNamespace(faces=faces, side=side, friction=0.3, release_stress=0.0),
+        model=SimpleNamespace(poisson=0.499, damping=25e-6, mass_damping=0.0),
+        uncertainty=uncertainty,
+    )
+
+
+def test_three_are_free_where_the_specimen_keeps_its_hold() -> None:
+    found = choose(Settings(), shot())
+    assert list(found.free) == ["stiffness_factor", "poisson", "damping"]
+    assert found.by_default
+    assert found.prior(shot()) is None  # what nobody stated has no width
+    assert not list(found.said(shot()))
+
+
+@pytest.mark.parametrize("laws", [("coulomb", "bonded"), ("bonded", "coulomb"), ("bonded_release", "bonded")])
+def test_the_stiffness_alone_where_a_surface_slides_or_lets_go(laws: tuple[str, str]) -> None:
+    found = choose(Settings(), shot(*laws))
+    assert list(found.free) == ["stiffness_factor"]
+    assert set(found.reasons.values()) == {SLIDES}
+    # A friction that is held makes everything slide.
+    assert list(choose(Settings(held={"friction": 0.2}), shot()).free) == ["stiffness_factor"]
+
+
+def test_declared_uncertainties_are_priors_and_zero_is_exact() -> None:
+    declared = shot(poisson=2e-4, damping=0.0)
+    found = choose(Settings(), declared)
+    assert list(found.free) == ["stiffness_factor", "poisson"]
+    assert found.reasons == {"damping": EXACT}
+    prior = found.prior(declared)
+    assert prior is not None
+    np.testing.assert_array_equal(prior.mean, [0.0, 0.499])
+    np.testing.assert_array_equal(prior.sigma, [np.inf, 2e-4])
+
+
+def test_what_the_user_says_counts() -> None:
+    held = choose(Settings(hold=("poisson",), held={"damping": 30e-6}), shot())
+    assert list(held.free) == ["stiffness_factor"]
+    assert held.reasons == {"damping": ASKED, "poisson": ASKED}
+    assert held.settings.held == {"damping": 30e-6}
+    named = choose(Settings(free={"stiffness_factor": None}), shot(poisson=2e-4))
+    assert list(named.free) == ["stiffness_factor"]
+    assert not named.by_default
+    # Asked for, a parameter is free though its value is declared exact.
+    assert list(choose(Settings(free={"damping": None}), shot(damping=0.0)).free) == ["damping"]
+    with pytest.raises(ValueError, match="nothing is free: stiffness_factor is held as asked"):
+        choose(Settings(hold=("stiffness_factor", "poisson", "damping")), shot())
+    with pytest.raises(ValueError, match="damping: a parameter is either free or held, at one value"):
+        Settings(hold=("damping",), held={"damping": 1e-5})
+
+
+def test_a_parameter_that_is_held_after_all_is_said() -> None:
+    found = choose(Settings(), shot()).holding({"damping": "held because the data do not tell it"})
+    assert list(found.free) == ["stiffness_factor", "poisson"]
+    (said,) = found.said(shot())
+    assert said == (
+        "damping = 25 µs as declared, held because the data do not tell it: the answer holds if that is right"
+    )
+
+
+def test_what_the_data_do_not_tell() -> None:
+    box = Box.of({"stiffness_factor": (0.5, 1.5), "poisson": (0.49, 0.4999), "damping": (0.0, 1e-4)})
+    x = np.array([1.5, 0.499, 2e-5])
+    seen = np.array([9.0, 1e-5, 2.49e-5])  # four sigma are just the range; the stiffness is never held
+    assert untold(box, x, seen) == {}
+    assert untold(box, x, np.array([9.0, 1e-5, 2.51e-5])) == {
+        "damping": "held because the data do not tell it"
+    }
+    assert "poisson" in untold(box, x, np.array([9.0, np.inf, 1e-6]))
+    at = untold(box, np.array([1.0, 0.4999, 2e-5]), seen)
+    assert at == {"poisson": "held because its optimum lies at the bound 0.4999 of its design"}

@@ -1,0 +1,163 @@
+"""Valleys, meshes and steps of the search with several parameters, on made-up responses that ring."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from test_objective import objective
+
+from doe import Box
+from explicit import Ending, Outcome
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.gauss_newton import _on_refined
+from kolsky.inverse.objective import Objective
+from kolsky.inverse.observations import Prediction
+from kolsky.inverse.refined_search import CONFIRMED
+from kolsky.inverse.run_table import RunTable
+from kolsky.inverse.settings import Settings
+from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.surrogate_mesh_search import (
+    RATIO,
+    from_search,
+    local_minima,
+    search_box,
+    search_meshes,
+    starts,
+    to_search,
+    valley_levels,
+)
+
+BOX = Box.of({"stiffness_factor": (0.75, 1.5), "poisson": (0.49, 0.4999)})
+COARSE, FINE = (16, 22), (64, 86)
+TRUTH = np.array([1.1, 0.4988])
+SHIFT = np.array([0.01, -1e-5])
+TIME = np.linspace(0.0, 1.0, 400)
+NOISE = 0.3
+
+
+def ringing(x: np.ndarray) -> np.ndarray:
+    """A force that rings some ten times, with the period of the pressure waves, shape [n, k]."""
+    m, nu = np.atleast_2d(x)[:, :1], np.atleast_2d(x)[:, 1:]
+    turns = 0.5 * np.sqrt(m / (1.0 - 2.0 * nu))
+    return 20.0 * m * TIME**2 + 4.0 * np.exp(-TIME) * np.sin(2.0 * np.pi * turns * TIME)
+
+
+class MadeUp:
+    """A stand-in for `kolsky.inverse.staged_runs.StagedRuns`; a coarse mesh answers at shifted points."""
+
+    def __init__(self) -> None:
+        self.box, self.prior = BOX, None
+        self.settings = Settings(numerics=Numerics(mesh=COARSE), refined_mesh=FINE)
+        noise = NOISE * np.random.default_rng(3).standard_normal(TIME.size)
+        self.observations = objective(ringing(TRUTH)[0] + noise, np.empty(0)).observations
+        self.points: dict[tuple[int, int], int] = {}
+        self.last: np.ndarray = TRUTH
+
+    def predicted(self, points: np.ndarray, mesh: tuple[int, int]) -> Prediction:
+        self.points[mesh] = self.points.get(mesh, 0) + len(points)
+        at = points - SHIFT if mesh == COARSE else points
+        empty = np.empty((len(points), 0))
+        return Prediction(empty, ringing(at), empty, empty.astype(bool))
+
+    def simulate(self, stage: str, design: Any, numerics: Numerics) -> Any:
+        prediction = self.predicted(design.points, numerics.mesh)
+        return SimpleNamespace(
+            points=design.points, rows=np.arange(len(design.points)), prediction=prediction, lost=""
+        )
+
+    def vectors(self, stage: str, points: np.ndarray, numerics: Numerics, one: Objective) -> np.ndarray:
+        return one.vectors(self.predicted(points, numerics.mesh))
+
+    def run(self, stage: str, points: np.ndarray, numerics: Numerics, *, all_nodes: bool = False) -> Any:
+        self.last = points[-1]
+        response = SimpleNamespace(completed=np.ones(len(points), dtype=bool), select=lambda rows: None)
+        return response, np.arange(len(points)), self.predicted(points, numerics.mesh)
+
+
+def test_levels_of_a_scan_have_equal_ratios() -> None:
+    levels = valley_levels(0.49, 0.4999)
+    ratios = (1.0 - 2.0 * levels[:-1]) / (1.0 - 2.0 * levels[1:])
+    assert levels[[0, -1]] == pytest.approx([0.49, 0.4999], abs=1e-12)
+    np.testing.assert_allclose(ratios, ratios[0], rtol=1e-9)
+    # ln 100 over ln 1.085 is 56.4: 57 steps.
+    assert len(levels) == 58
+    assert ratios[0] <= RATIO
+
+
+def test_local_minima_are_below_both_neighbours() -> None:
+    assert local_minima(np.array([3.0, 5.0, 1.0, 4.0, 2.0])) == [2, 4, 0]
+    assert local_minima(np.array([np.nan, 5.0, 6.0])) == [1]
+    assert local_minima(np.array([2.0, 2.0, 3.0])) == [0] or local_minima(np.array([2.0, 2.0, 3.0])) == [1]
+
+
+def test_coordinates_of_the_search_and_back() -> None:
+    inner = search_box(BOX)
+    assert inner.lower[1] == pytest.approx(1.0 - 2.0 * 0.4999)
+    assert inner.upper[1] == pytest.approx(0.02)
+    assert inner.logarithmic == (False, True)
+    s = to_search(BOX, TRUTH)
+    assert s[1] == pytest.approx(0.0024)
+    np.testing.assert_allclose(from_search(BOX, s), TRUTH, rtol=1e-15)
+    other = Box.of({"damping": (0.0, 1e-4)})
+    assert search_box(other) is other
+
+
+def test_a_scan_finds_the_valley_from_a_bad_start() -> None:
+    made: Any = MadeUp()
+    bad = np.array([1.05, 0.4955])  # 4 oscillations off
+    points, _ = starts(made, bad, made.settings.numerics)
+    # Within half an oscillation of ten: 10 % of 1 - 2 nu, and the stiffness is 5 % off.
+    assert 1.0 - 2.0 * points[0, 1] == pytest.approx(0.0024, rel=0.1)
+    found = search_meshes(made, bad)[COARSE]
+    # The mesh answers at shifted points; its own noise moves it by no more than a few sigma.
+    assert (np.abs(found.x - TRUTH - SHIFT) < 4.0 * found.sigma).all()
+
+
+def test_steps_with_the_coarse_slopes_end_at_the_least_squares_of_the_refined_mesh() -> None:
+    made: Any = MadeUp()
+    one = Objective(made.observations, np.empty(0, dtype=bool))
+    start = search_meshes(made, np.array([1.05, 0.4955]))[COARSE].x
+    h = 1e-6 * np.array([1.0, 0.01])
+    slope = np.column_stack(
+        [(ringing(start - SHIFT + d) - ringing(start - SHIFT - d))[0] / (2.0 * d.sum()) for d in np.diag(h)]
+    )
+    found, other = _on_refined(made, one, slope, start, np.array([1.2, 0.499]))
+    assert found.confirmed
+    assert made.points[FINE] <= 5
+    # The counterpart of the other point has moved with the stiffness, and nothing else of it.
+    assert other is not None
+    assert other.x[0] == pytest.approx(1.2 - 0.01, abs=1e-3)
+    assert other.x[1] == 0.499
+    assert (np.abs(found.x - TRUTH) < 4.0 * found.step.sigma).all()
+    # It stops where a full Gauss-Newton step with the mesh's own slopes is short.
+    own = np.column_stack(
+        [(ringing(found.x + d) - ringing(found.x - d))[0] / (2.0 * d.sum()) for d in np.diag(h)]
+    )
+    full = np.linalg.lstsq(own, one.data - ringing(found.x)[0], rcond=None)[0]
+    assert (np.abs(full) < 1.5 * CONFIRMED * found.step.sigma).all()
+
+
+def test_a_mesh_in_step_with_another_is_run_at_shifted_points() -> None:
+    prepared: Any = SimpleNamespace(observations=None)
+    stages = StagedRuns(prepared, Settings(), BOX, lambda *told: None)
+    points = np.array([[1.0, 0.4998], [1.1, 0.499]])
+    np.testing.assert_array_equal(stages.solver_values(points, (24, 32)), points)
+    stages._coarse = [(points, None)]  # type: ignore[list-item]
+    stages.offset((24, 32), np.array([0.02, 3e-4]))
+    # 0.4998 + 0.0003 is beyond what is allowed: the end of the range.
+    np.testing.assert_allclose(stages.solver_values(points, (24, 32)), [[1.02, 0.4999], [1.12, 0.4993]])
+    np.testing.assert_array_equal(stages.solver_values(points, (16, 22)), points)
+    # The runs that were made stand for the points 0.02 and 0.0003 lower.
+    np.testing.assert_allclose(stages._coarse[0][0], points - [0.02, 3e-4])
+    stages.offset((24, 32), np.array([0.03, 3e-4]))
+    np.testing.assert_allclose(stages._coarse[0][0], points - [0.03, 3e-4])
+
+
+def test_runs_of_another_table_are_taken_with_what_they_held() -> None:
+    whole, part = RunTable(("poisson", "stiffness_factor")), RunTable(("stiffness_factor",))
+    part.points, part.endings = [np.array([1.2])], [Ending(Outcome.COMPLETED, 1e-3)]
+    part.stages, part.terms = ["design"], [None]
+    whole.take(part, {"poisson": 0.499})
+    np.testing.assert_array_equal(whole.points, [[0.499, 1.2]])
+    assert (whole.stages, whole.terms) == (["design"], [None])
