@@ -1,8 +1,8 @@
 """Time of the pictures of a made shot: `python -m benchmarks.made_pictures`.
 
-With `--size 512 --frames 200 --device cuda`: larger ones on a GPU. The surface is that of a barrelled cylinder
-pressed to half its length by formula, so that no simulation is timed: paint, rays, lens, noise and rounding of
-both cameras, and the calibration series beside them. Kernels are compiled before.
+With `--size 512 --frames 200 --device cuda`: larger ones on a GPU. The surface is that of a barrelled
+cylinder pressed to half its length by formula, so that no simulation is timed: paint, rays, lens, noise and
+rounding of both cameras, and the calibration series beside them. Kernels are compiled before.
 """
 
 import argparse
