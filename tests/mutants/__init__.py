@@ -9,6 +9,7 @@ from tests.mutants.bars import FAULTS as BARS
 from tests.mutants.budget import FAULTS as BUDGET
 from tests.mutants.causes import FAULTS as CAUSES
 from tests.mutants.cli import FAULTS as CLI
+from tests.mutants.diagnosis import FAULTS as DIAGNOSIS
 from tests.mutants.dic import FAULTS as DIC
 from tests.mutants.doe import FAULTS as DOE
 from tests.mutants.explicit import FAULTS as EXPLICIT
@@ -31,6 +32,7 @@ FAULTS: tuple[Fault, ...] = (
     *CAUSES,
     *BUDGET,
     *CLI,
+    *DIAGNOSIS,
     *DIC,
     *DOE,
     *EXPLICIT,
