@@ -120,7 +120,7 @@ def _answered(study: Study, name: str, folder: Path, making: float) -> Answer:
     m = found.estimates["stiffness_factor"]
     seconds = time.perf_counter() - started
     said = "\n".join(found.warnings)
-    return Answer(name, truth, m.value, m.sigma, str(m.verdict), m.verdict.identified, said, making, seconds)
+    return Answer(name, truth, m.value, m.sigma, str(m.outcome), m.outcome.identified, said, making, seconds)
 
 
 def table(answers: list[Answer]) -> dict[str, list[Any]]:

@@ -159,10 +159,13 @@ class Objective:
         return 0.0 if self.prior is None or part != "joint" else float(self.prior.chi2(x))
 
     def prior_precision(self, dimension: int, part: Part = "joint") -> FloatArray:
-        """What the prior adds to the normal matrix J^T W J, shape [d, d]."""
-        if self.prior is None or part != "joint":
-            return np.zeros((dimension, dimension))
-        return self.prior.precision
+        """What the prior adds to the normal matrix J^T W J, shape [d, d]; of what comes behind the free
+        parameters (a clock's lag, fitted beside them) it says nothing."""
+        precision = np.zeros((dimension, dimension))
+        if self.prior is not None and part == "joint":
+            free = len(self.prior.precision)
+            precision[:free, :free] = self.prior.precision
+        return precision
 
     def gain(self, jacobian: FloatArray, part: Part = "joint") -> FloatArray:
         """Linear map from a change of the data vector to the change of the optimum, shape [d, k]."""
