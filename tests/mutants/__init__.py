@@ -23,6 +23,7 @@ from tests.mutants.results import FAULTS as RESULTS
 from tests.mutants.shot import FAULTS as SHOT
 from tests.mutants.uncertainty import FAULTS as UNCERTAINTY
 from tests.mutants.virtual import FAULTS as VIRTUAL
+from tests.mutants.virtual_pictures import FAULTS as VIRTUAL_PICTURES
 
 __all__ = ["FAULTS", "Fault"]
 
@@ -44,4 +45,5 @@ FAULTS: tuple[Fault, ...] = (
     *RESULTS,
     *UNCERTAINTY,
     *VIRTUAL,
+    *VIRTUAL_PICTURES,
 )
