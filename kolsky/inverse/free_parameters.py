@@ -15,7 +15,7 @@ stiffness factor alone is free; so it is where no outline was measured, and noth
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from kolsky.inverse.parameters import PARAMETERS, any_slides
@@ -114,9 +114,9 @@ def choose(settings: Settings, shot: Shot) -> Freed:
     return Freed(replace(settings, free=free), by_default=True, reasons=reasons)
 
 
-def rough(shot: Shot, held: Mapping[str, float]) -> bool:
-    """True if a surface slides or lets go: as declared, or because a held parameter makes it so."""
+def rough(shot: Shot, named: Iterable[str]) -> bool:
+    """True if a surface slides or lets go: as declared, or because a named parameter makes it so."""
     from explicit.contact import contact_law
 
     laws = [contact_law(shot.interface.faces), contact_law(shot.interface.side)]
-    return any_slides(held) or any(law.needs_friction or law.needs_release_stress for law in laws)
+    return any_slides(named) or any(law.needs_friction or law.needs_release_stress for law in laws)

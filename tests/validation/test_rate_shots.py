@@ -18,7 +18,6 @@ from kolsky.studies.rates.regression import SlopeVerdict
 
 SCRIPT = Path(__file__).resolve().parents[2] / "runs" / "rate_shots.py"
 COARSE = Settings(
-    free={"stiffness_factor": None},
     free={"stiffness_factor": (0.9, 1.4)},
     numerics=Numerics(mesh=(16, 22)),
     refined_mesh=(24, 32),
