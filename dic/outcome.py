@@ -86,6 +86,7 @@ class FrameOutcome(IntEnum):
     BLACK = 2
     SATURATED = 3
     LOST = 4
+    REPEATED = 5
 
     @property
     def ok(self) -> bool:
@@ -120,6 +121,10 @@ _FRAME_CAUSES = {
     FrameOutcome.LOST: (
         "no point was found in both cameras",
         "look at the frame: a blocked view, another scene, or more motion than the search allows",
+    ),
+    FrameOutcome.REPEATED: (
+        "a camera's picture is the one before, pixel by pixel",
+        "export the pictures again; if it stands in for a lost one, the frame times after it may be late too",
     ),
 }
 

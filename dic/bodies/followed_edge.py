@@ -25,10 +25,17 @@ LARGEST_SPAN = 0.3
 """Travel over which pictures are compared, as a share of their rows."""
 LEAST_ZNCC = 0.85
 """Least correlation of the flyer's rows from frame to frame."""
-RIGID = 3.0
-"""Rows of the flyer vary by less than so many standard deviations of the noise."""
+RIGID = 1.4
+"""Rows of the flyer, held still, vary by less than so many standard deviations of the noise."""
+DEPARTS = 2.0
+"""The first row that varies so many times what the flyer's rows do is at its edge."""
+EDGE_SHARE = 0.3
+"""Share of what the rows beyond it vary by at which the edge is put: on the flyer's side, as the specimen's
+rows next to it move nearly as one with it."""
+WIDTH = 3
+"""Rows beyond it within which the pictures differ as the specimen's speckles do at the edge."""
 CLEAR = 3.0
-"""Rows beyond the flyer's edge vary by so many times what its own rows vary by."""
+"""Rows just beyond the flyer's edge vary by so many times what its own rows vary by."""
 SPANS = 16
 """Travels that are tried, from the longest to the least."""
 MOST_ROWS = 40
@@ -223,18 +230,20 @@ def _last_edge(pictures: FloatArray, travel: FloatArray, noise: float) -> tuple[
     known = np.flatnonzero(np.isfinite(spread))
     if known.size < 2 * FEWEST_ROWS:
         raise ValueError(f"{len(pictures)} frames show too little of it")
-    high = float(np.percentile(spread[known], 75))
-    row = int(known[spread[known] > 0.5 * high][0])
-    if row <= known[0] + FEWEST_ROWS:
-        raise ValueError("no rows at the border move rigidly")
-    within = float(spread[known[0] : row - 1].max())
-    edge = row - 1 + (0.5 * high - spread[row - 1]) / (spread[row] - spread[row - 1])
-    if high < CLEAR * within:
+    level = float(np.median(spread[known[:STRIP]]))
+    if level > RIGID * noise:
         raise ValueError(
-            f"the rows beyond it vary by {high / within:.1f} of those before it, at least {CLEAR:g} is clear"
+            f"the rows at the border vary by {level / noise:.1f} of the noise, at most {RIGID:g} is rigid"
         )
-    if within > RIGID * noise:
+    departs = known[spread[known] > DEPARTS * level]
+    if not departs.size or departs[0] < known[0] + FEWEST_ROWS:
+        raise ValueError("no rows at the border move rigidly, or all that is seen does")
+    first = int(departs[0])
+    high = float(spread[first : first + WIDTH + 1].max())
+    if high < CLEAR * level:
         raise ValueError(
-            f"the rows before it vary by {within / noise:.1f} of the noise, at most {RIGID:g} is rigid"
+            f"the rows beyond it vary by {high / level:.1f} of those before it, at least {CLEAR:g} is clear"
         )
-    return float(edge), high / within
+    row = first + int(np.argmax(spread[first:] >= EDGE_SHARE * high))
+    edge = row - (spread[row] - EDGE_SHARE * high) / max(spread[row] - spread[row - 1], 1e-12)
+    return float(max(edge, first - 1.0)), high / level

@@ -2,9 +2,11 @@
 
 import numpy as np
 
-from dic.bodies.follow import Progress, TrackedBody, follow_body
+from dic.bodies.carried_region import carry_region
+from dic.bodies.follow import Progress, TrackedBody, follow_body, material_frame
 from dic.bodies.region import Region
 from dic.chain.inspect_images import Inputs
+from dic.chain.settings import ChainError
 from dic.outcome import Remark
 from dic.result import Placement
 from dic.rigid_body.axial_displacement import AxialDisplacement, axial_displacement
@@ -37,7 +39,7 @@ def _follow(
     return follow_body(
         inputs.pictures,
         inputs.rig,
-        region,
+        usable_region(inputs, region, name),
         step=settings.step,
         margin=settings.margin,
         tracking=tracking,
@@ -49,6 +51,32 @@ def _follow(
         name=name,
         progress=progress,
     )
+
+
+def usable_region(inputs: Inputs, region: Region, name: str) -> Region:
+    """The region in the nearest frame with a usable picture of both cameras, if it is known to show the same.
+
+    Raises
+    ------
+    ChainError
+        If that is another frame than the region's own, the body does not rest in both, and it cannot be
+        followed from one to the other.
+    ValueError
+        If no frame has a usable picture of both cameras.
+    """
+    frame = material_frame(inputs.health, region.frame)
+    if frame == region.frame or (inputs.static[frame] and inputs.static[region.frame]):
+        return region
+    carried = carry_region(
+        inputs.pictures[0], inputs.health[0], region, frame, direction=inputs.settings.direction
+    )
+    if carried is None:
+        raise ChainError(
+            f"the region of the {name} is declared in frame {region.frame}, of which a camera has no usable "
+            f"picture, and what it shows could not be followed to frame {frame}, the nearest that has both; "
+            f"declare it in frame {frame} or in one between {frame} and the static frames"
+        )
+    return carried
 
 
 def displacement_of(

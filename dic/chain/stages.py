@@ -19,6 +19,7 @@ from dic.chain.outliers import gate_ends, gate_epipolar, gate_surface
 from dic.chain.reduce import outline_of, strains_of, surface_of, surface_of_flyer
 from dic.chain.settings import ChainError, ChainSettings
 from dic.chain.test_frame import fit_test_frame
+from dic.chain.travel_checks import of_travel
 from dic.images import Pictures
 from dic.result import StereoResult
 from dic.stereo.setup_check import check_setup
@@ -143,6 +144,7 @@ def measure(
             *remarks.of_findings(found.values()),
             *remarks.of_edge(rest_state.edges),
             *remarks.of_flyer(flyer is not None, axial),
+            *of_travel(axial, surface),
             *unposed,
             *remarks.of_radius(placement, settings.radius),
             *remarks.of_missing_points(left_out),

@@ -1,4 +1,4 @@
-"""Health of whole frames: unreadable, black, saturated, and where light flashed.
+"""Health of whole frames: unreadable, black, saturated, repeated, and where light flashed.
 
 The limits are shares of pixels or ratios, so that none depends on the grey range, and brightness is compared
 with that of the frames around, so that a flickering lamp is not mistaken for a fault.
@@ -6,6 +6,7 @@ with that of the frames around, so that a flickering lamp is not mistaken for a 
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from hashlib import blake2b
 from types import MappingProxyType
 
 import numpy as np
@@ -17,6 +18,8 @@ from dic.outcome import FrameOutcome
 
 AROUND = 11
 """Frames that a frame's brightness is compared with, itself in the middle."""
+MOST_REPEATS = 0.1
+"""Largest share of pictures that equal the one before, of a series with noise."""
 _LEAST_CORRELATION = 0.2
 _FLASH_ABOVE = 1.2
 """A flash is brighter than the brightest spots of the frames around by this factor."""
@@ -29,7 +32,7 @@ class FrameHealth:
     """Health of each frame of a series; numbers of an unreadable frame are NaN."""
 
     outcome: IntArray
-    """`dic.FrameOutcome`: VALID, UNREADABLE, BLACK or SATURATED, shape [n_frames]."""
+    """`dic.FrameOutcome`: VALID, UNREADABLE, BLACK, SATURATED or REPEATED, shape [n_frames]."""
     mean: FloatArray
     """Mean grey value, shape [n_frames]."""
     gain: FloatArray
@@ -66,7 +69,8 @@ def frame_health(
 
     A frame is SATURATED when more than `most_saturated` of its pixels are at the ceiling. It is BLACK when it
     shows no more than its noise: neighbouring pixels correlate by less than 0.2, or the contrast is below
-    `noise`, or below `least_contrast` of the series' median contrast.
+    `noise`, or below `least_contrast` of the series' median contrast. It is REPEATED when every pixel is as
+    in the frame before: noise alone would differ.
 
     Parameters
     ----------
@@ -106,6 +110,8 @@ def frame_health(
     flash = np.where(usual <= flash_share, np.fmax(above, saturated - usual), np.nan)
 
     outcome = np.full(pictures.n_frames, int(FrameOutcome.VALID))
+    if seen.repeats.sum() <= MOST_REPEATS * pictures.n_frames:  # else the pictures have no noise to differ by
+        outcome[seen.repeats] = int(FrameOutcome.REPEATED)
     typical = float(np.nanmedian(seen.contrast)) if readable.any() else 0.0
     black = seen.correlation < _LEAST_CORRELATION
     black |= seen.contrast < max(noise, least_contrast * typical)
@@ -172,6 +178,8 @@ class _Scan:
     total: IntArray
     """Fine histogram of all frames."""
     unreadable: dict[int, str]
+    repeats: NDArray[np.bool_]
+    """True where every pixel is as in the readable frame before."""
 
 
 def _scan(pictures: Pictures, used: NDArray[np.bool_]) -> _Scan:
@@ -180,6 +188,7 @@ def _scan(pictures: Pictures, used: NDArray[np.bool_]) -> _Scan:
     starts = np.arange(0, len(total), max(len(total) // 1024, 1))
     histograms: list[IntArray | None] = []
     unreadable: dict[int, str] = {}
+    repeats, before = np.zeros(pictures.n_frames, dtype=bool), b""
     for index in range(pictures.n_frames):
         try:
             picture = pictures.frame(index)
@@ -187,6 +196,8 @@ def _scan(pictures: Pictures, used: NDArray[np.bool_]) -> _Scan:
             unreadable[index] = str(error)
             histograms.append(None)
             continue
+        digest = blake2b(picture.tobytes(), digest_size=16).digest()
+        repeats[index], before = digest == before, digest
         values = picture[used]
         counts = np.bincount(values, minlength=len(total))
         total += counts
@@ -196,7 +207,7 @@ def _scan(pictures: Pictures, used: NDArray[np.bool_]) -> _Scan:
         mean[index] = counts @ np.arange(len(counts)) / values.size
         middle[index] = np.searchsorted(np.cumsum(counts), values.size / 2.0)
         contrast[index], correlation[index] = _shared(picture, used)
-    return _Scan(mean, middle, contrast, correlation, top, at_top, histograms, total, unreadable)
+    return _Scan(mean, middle, contrast, correlation, top, at_top, histograms, total, unreadable, repeats)
 
 
 def _brighter(histograms: list[IntArray | None], gain: FloatArray) -> FloatArray:

@@ -47,6 +47,9 @@ class AxialDisplacement:
     from_rim: bool = False
     """True if no static frame shows the body: the place at rest is then that of the specimen's upper end,
     where the rim of the body's face was, and the displacement in the static frames is the declared rest."""
+    rim_disagreement: tuple[float, float] | None = None
+    """Height of the rim of the body's face above the specimen's upper end at rest by its length, and the
+    standard deviation of that [m]; None where the body is not seen at rest, or its rim is not."""
 
 
 def axial_displacement(
@@ -133,13 +136,16 @@ def axial_displacement(
     y = np.array(found)
     at_rest = static[index]
     from_rim = not at_rest.any()
+    rim, disagreement = None, None
+    if geometry is not None and pictures is not None:
+        rim = find_rim(pictures, body, rig, frame, places, moves, geometry)
     if at_rest.any():
         rest = float(np.mean(y[at_rest]))
         rest_sigma = float(np.hypot(_of_mean(np.array(sigma)[at_rest]), common))
+        if rim is not None and geometry is not None:
+            off = rest + rim.y - geometry.length
+            disagreement = (off, float(np.hypot(np.hypot(rim.sigma, geometry.length_sigma), rest_sigma)))
     else:
-        rim = None
-        if geometry is not None and pictures is not None:
-            rim = find_rim(pictures, body, rig, frame, places, moves, geometry)
         if rim is None or geometry is None:
             return None
         # Before contact moves it, the face is the specimen's upper end: no displacement in the static frames.
@@ -158,6 +164,7 @@ def axial_displacement(
         n_points=np.array(counts, dtype=np.int64),
         rest_sigma=rest_sigma,
         from_rim=from_rim,
+        rim_disagreement=disagreement,
     )
 
 

@@ -30,6 +30,10 @@ def rate(
         float, typer.Option(min=0.0, help="Relative standard uncertainty that all m have in common.")
     ] = 0.0,
     identify: Annotated[bool, typer.Option("--identify", help="Identify shots without a result.")] = False,
+    keep_unexplained: Annotated[
+        bool,
+        typer.Option("--keep-unexplained", help="Count shots whose data the model does not explain, too."),
+    ] = False,
     out: OutFolder = Path("rates"),
     figures: Figures = "",
     as_json: AsJson = False,
@@ -37,6 +41,7 @@ def rate(
     """Compare the stiffness of identified shots over their strain rates: mean, scatter, slope.
 
     Writes rates.h5, rates.html and CSV tables. A slope that the rates cannot carry is refused.
+    A shot whose data the model does not explain is left out and named.
     """
     started = perf_counter()
     at = texts.strains("--strains", strains)
@@ -56,6 +61,7 @@ def rate(
                 strains=at,
                 shared=shared,
                 identify=_identified(progress) if identify else None,
+                keep_unexplained=keep_unexplained,
                 progress=progress,
             )
         except ValueError as error:
@@ -101,6 +107,7 @@ def _rows(group: "GroupRates", *, several: bool) -> dict[str, str]:
         value, U = numbers.measured(shot.m, 2.0 * shot.sigma)
         rows[f"{prefix}{shot.name}"] = (
             f"m = {plain(value)} ± {plain(U)} (k = 2) at {shot.history.nominal_rate:.4g} 1/s"
+            f"{'' if shot.counted else ', not counted'}"
         )
     if group.pooled is not None:
         low, high = group.pooled.interval

@@ -231,7 +231,9 @@ def places_of(pictures: PictureSet) -> Places:
     found = None
     if missing:
         static = np.arange(pictures.time.size) < pictures.toml.declared.frames.static
-        usable = frame_health(pictures.series[0]).outcome == FrameOutcome.VALID
+        usable = np.ones(pictures.time.size, dtype=bool)
+        for series in pictures.series:
+            usable &= frame_health(series).outcome == FrameOutcome.VALID
         try:
             found = find_regions(pictures.series[0], static, usable, toward=section.flyer_side)
         except ValueError as error:

@@ -72,6 +72,7 @@ AXIAL_DISPLACEMENT = Record(
         "n_points": Integers("1", "rows"),
         "rest_sigma": Floats("m"),
         "from_rim": Flags("1", since=3),
+        "rim_disagreement": Floats("m", "2", as_tuple=True, optional=True, since=3),
     },
 )
 MOTION = Record(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from explicit import EnergyLedger, Outcome, Response
 from kolsky.base.records import CentreLine, ForceHistory
+from kolsky.inverse.fit_results import ClockLag, FitQuality
 from kolsky.inverse.misfit import Terms
 from kolsky.inverse.result import (
     Comparison,
@@ -154,9 +155,50 @@ def synthetic(
             "shape_discrepancy": TAU_SHAPE,
         },
         warnings=("the made-up specimen does not exist (nominal strain -0.8)", "nor does its flyer"),
+        fit=fit(names),
+        clocks=(
+            ClockLag("force", -0.2e-6, 0.5e-6, 0.2, True, "scope.csv", "force.clock_offset"),
+            ClockLag("outline", 0.1e-6, 0.4e-6, 0.1, True, "outline.csv", "centre_line.frame"),
+            ClockLag("flyer", 0.1e-6, 0.4e-6, 0.1, True, "flyer.csv", "flyer.frame"),
+        ),
         seconds={"design": 8.4, "refinement": 3.2, "check": 11.3, "noise": 4.9},
         provenance=_provenance(seed),
     )
+
+
+def fit(names: tuple[str, ...]) -> tuple[FitQuality, FitQuality]:
+    """The residual of a right model: as large as what is predicted."""
+    force = FitQuality(
+        channel="force",
+        unit="N",
+        values=130,
+        residual=0.2,
+        predicted={"noise": 0.12, "flyer motion": 0.16},
+        peak=70.0,
+        slow_residual=0.03,
+        slow_expected=0.04,
+        chi2=2.78,
+        discrepancy_share=0.64,
+        correlation=0.3,
+        whiteness=0.001,
+        weight=dict.fromkeys(names, 0.7),
+        limit=2.0,
+        slow_limit=2.5,
+    )
+    outline = replace(
+        force,
+        channel="outline",
+        unit="m",
+        values=2588,
+        residual=4.1e-6,
+        predicted={"noise": 4e-6, "mesh": 1e-6},
+        peak=2.4e-3,
+        slow_residual=1e-6,
+        slow_expected=1.1e-6,
+        chi2=1.05,
+        weight=dict.fromkeys(names, 0.3),
+    )
+    return force, outline
 
 
 def failed() -> Identification:
@@ -210,6 +252,8 @@ def failed() -> Identification:
         ),
         curves=(),
         surrogate={},
+        fit=(),
+        clocks=(),
     )
 
 

@@ -9,6 +9,7 @@ from tests.mutants.bars import FAULTS as BARS
 from tests.mutants.budget import FAULTS as BUDGET
 from tests.mutants.causes import FAULTS as CAUSES
 from tests.mutants.cli import FAULTS as CLI
+from tests.mutants.diagnosis import FAULTS as DIAGNOSIS
 from tests.mutants.dic import FAULTS as DIC
 from tests.mutants.doe import FAULTS as DOE
 from tests.mutants.explicit import FAULTS as EXPLICIT
@@ -22,6 +23,7 @@ from tests.mutants.results import FAULTS as RESULTS
 from tests.mutants.shot import FAULTS as SHOT
 from tests.mutants.uncertainty import FAULTS as UNCERTAINTY
 from tests.mutants.virtual import FAULTS as VIRTUAL
+from tests.mutants.virtual_pictures import FAULTS as VIRTUAL_PICTURES
 
 __all__ = ["FAULTS", "Fault"]
 
@@ -30,6 +32,7 @@ FAULTS: tuple[Fault, ...] = (
     *CAUSES,
     *BUDGET,
     *CLI,
+    *DIAGNOSIS,
     *DIC,
     *DOE,
     *EXPLICIT,
@@ -42,4 +45,5 @@ FAULTS: tuple[Fault, ...] = (
     *RESULTS,
     *UNCERTAINTY,
     *VIRTUAL,
+    *VIRTUAL_PICTURES,
 )

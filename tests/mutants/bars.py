@@ -8,6 +8,7 @@ THRESHOLDS = ("tests/unit/bars/test_thresholds.py",)
 BUDGET = ("tests/unit/bars/test_waves_budget.py",)
 REPEATS = ("tests/unit/bars/test_waves_repeats.py",)
 FRONT = ("tests/unit/bars/test_front_path.py::test_noise_and_scale_are_told_apart",)
+UNSEEN = ("tests/unit/bars/test_flyer_unseen.py",)
 CARRIED = "tests/unit/bars/test_carried_uncertainty.py"
 
 QUOTED = "kolsky/bars/reduction/quoted_values.py"
@@ -300,5 +301,33 @@ FAULTS = (
         "min(s, width**0.5",
         "max(s, width**0.5",
         (f"{CARRIED}::test_equilibrium_is_judged_by_the_lesser_of_two_noises",),
+    ),
+    Fault(
+        name="a flyer's path: frames without a displacement tell of the noise",
+        file="kolsky/bars/flyer/jerks.py",
+        right="own = np.where(data, noise, 1.0)",
+        wrong="own = np.where(data, noise, noise)",
+        tests=UNSEEN,
+    ),
+    Fault(
+        name="a flyer's path: one jerk from rest to speed across a gap",
+        file="kolsky/bars/flyer/fit.py",
+        right="LONGEST_STEP = 2.5",
+        wrong="LONGEST_STEP = 250.0",
+        tests=UNSEEN,
+    ),
+    Fault(
+        name="a flyer's path: the zero's sigma taken for its variance",
+        file="kolsky/shot/flyer_path.py",
+        right="motion.zero_sigma**2 * np.outer",
+        wrong="motion.zero_sigma * np.outer",
+        tests=UNSEEN,
+    ),
+    Fault(
+        name="a flyer's path: the places at rest share the zero's error",
+        file="kolsky/shot/flyer_path.py",
+        right="moved = (motion.time > start)",
+        wrong="moved = (motion.time > -np.inf)",
+        tests=UNSEEN,
     ),
 )

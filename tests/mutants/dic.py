@@ -3,6 +3,9 @@
 from tests.mutants.fault import Fault
 
 GATES = ("tests/unit/dic/test_dic_gates.py",)
+REGIONS = "tests/unit/dic/test_dic_found_regions.py"
+RIM = ("tests/unit/dic/test_dic_rest_from_rim.py",)
+TRAVEL = ("tests/unit/dic/test_dic_travel_checks.py",)
 NOISE = ("tests/unit/dic/test_dic_noise_floor.py",)
 
 FAULTS = (
@@ -184,5 +187,113 @@ FAULTS = (
         right="* variance / expected - 1.0, 0.0)",
         wrong="* variance / expected, 0.0)",
         tests=("tests/unit/dic/test_dic_track_parts.py::test_residual_of_noise_alone_has_no_excess",),
+    ),
+    Fault(
+        name="rim: the face seen at a glance counts as the flyer",
+        file="dic/rigid_body/rest_from_rim.py",
+        right="share = np.mean(ndtr((u[:, None] - place - bands) / blur) ** 2, axis=1)",
+        wrong="share = np.mean(ndtr((u[:, None] - place + bands) / blur) ** 2, axis=1)",
+        tests=(f"{RIM[0]}::test_a_rise_of_known_place_is_found",),
+    ),
+    Fault(
+        name="rim: the variance rises as the share, not its square",
+        file="dic/rigid_body/rest_from_rim.py",
+        right="bands) / blur) ** 2, axis=1)",
+        wrong="bands) / blur), axis=1)",
+        tests=(f"{RIM[0]}::test_a_rise_of_known_place_is_found",),
+    ),
+    Fault(
+        name="rim: the face is seen from above too",
+        file="dic/rigid_body/rest_from_rim.py",
+        right="max(y - float(camera[1]), 0.0) / distance",
+        wrong="abs(y - float(camera[1])) / distance",
+        tests=(f"{RIM[0]}::test_the_face_is_seen_at_a_glance_from_below_only",),
+    ),
+    Fault(
+        name="rim: a specimen that keeps its radius",
+        file="dic/rigid_body/rest_from_rim.py",
+        right="specimen = geometry.radius * float(np.sqrt(geometry.length / max(y, 0.2 * geometry.length)))",
+        wrong="specimen = geometry.radius",
+        tests=(f"{RIM[0]}::test_the_face_is_seen_at_a_glance_from_below_only",),
+    ),
+    Fault(
+        name="travel: a step is uneven by its sigma alone",
+        file="dic/chain/travel_checks.py",
+        right="max(STEP_SHARE * abs(usual), SIGMAS * float(noise[k]))",
+        wrong="SIGMAS * float(noise[k])",
+        tests=TRAVEL,
+    ),
+    Fault(
+        name="travel: left-out frames make a step long",
+        file="dic/chain/travel_checks.py",
+        right="speed = np.diff(axial.displacement) / dt",
+        wrong="speed = np.diff(axial.displacement) / dt.min()",
+        tests=TRAVEL,
+    ),
+    Fault(
+        name="travel: the starting flyer is uneven",
+        file="dic/chain/travel_checks.py",
+        right="STEADY = 0.2",
+        wrong="STEADY = 20.0",
+        tests=TRAVEL,
+    ),
+    Fault(
+        name="travel: the slowest points of the specimen",
+        file="dic/chain/travel_checks.py",
+        right="FASTEST = 95.0",
+        wrong="FASTEST = 5.0",
+        tests=TRAVEL,
+    ),
+    Fault(
+        name="travel: a rim below the specimen's end is fine",
+        file="dic/chain/travel_checks.py",
+        right="if abs(off) > SIGMAS * sigma:",
+        wrong="if off > SIGMAS * sigma:",
+        tests=TRAVEL,
+    ),
+    Fault(
+        name="region: used in another frame without proof",
+        file="dic/chain/follow_bodies.py",
+        right="if frame == region.frame or (inputs.static[frame] and inputs.static[region.frame]):",
+        wrong="if frame == region.frame or inputs.static.any():",
+        tests=TRAVEL,
+    ),
+    Fault(
+        name="region: carried by what does not look like it",
+        file="dic/bodies/carried_region.py",
+        right="LEAST_ZNCC = 0.9",
+        wrong="LEAST_ZNCC = -0.9",
+        tests=TRAVEL,
+    ),
+    Fault(
+        name="health: a doubled picture is fine",
+        file="dic/images/health.py",
+        right="outcome[seen.repeats] = int(FrameOutcome.REPEATED)",
+        wrong="outcome[seen.repeats] = int(FrameOutcome.VALID)",
+        tests=TRAVEL,
+    ),
+    Fault(
+        name="edge strip: the row at the region's end is used whatever it errs by",
+        file="dic/rigid_body/edge_registration.py",
+        right="return error if error * self._scale <= LARGEST_EDGE else None",
+        wrong="return error",
+        tests=(
+            "tests/unit/dic/test_dic_edge_registration.py"
+            "::test_the_offset_of_the_last_row_is_found_from_frames_that_show_more",
+        ),
+    ),
+    Fault(
+        name="followed edge: what is not rigid is a flyer",
+        file="dic/bodies/followed_edge.py",
+        right="if high < CLEAR * within:",
+        wrong="if high < 0.0 * within:",
+        tests=(f"{REGIONS}::test_what_does_not_move_rigidly_is_no_flyer",),
+    ),
+    Fault(
+        name="followed edge: the strip may hold specimen",
+        file="dic/bodies/followed_edge.py",
+        right="if edge >= travel[used].max() + STRIP + 1.0:",
+        wrong="if edge >= 0.0:",
+        tests=(f"{REGIONS}::test_a_flyer_that_hardly_comes_in_is_told_by_looks",),
     ),
 )

@@ -113,6 +113,7 @@ def _shot(shot: RatedShot, leverage: float | None) -> dict[str, Any]:
         "phi_force": plain(terms.phi_force, 3),
         "phi_shape": plain(terms.phi_shape, 3),
         "leverage": NOTHING if leverage is None else numbers.rounded(leverage, -2),
+        "fit": ", ".join(plain(shot.excess(c), 2) for c in ("force", "outline")),
         "verdict": shot.verdict.value,
         "counted": shot.counted,
     }

@@ -8,7 +8,14 @@ import numpy as np
 from kolsky.base.arrays import FloatArray
 from kolsky.studies.rates.at_strain import Baselines, equal_strain, stiffness_at
 from kolsky.studies.rates.pooled import FEWEST, Pooled, pool
-from kolsky.studies.rates.records import GroupRates, LongLever, RatedShot, RateReport, StiffnessAtStrain
+from kolsky.studies.rates.records import (
+    WITHHELD,
+    GroupRates,
+    LongLever,
+    RatedShot,
+    RateReport,
+    StiffnessAtStrain,
+)
 from kolsky.studies.rates.regression import slope
 
 STRAINS = (0.1, 0.3, 0.5)
@@ -126,6 +133,17 @@ def _remarks(shots: Sequence[RatedShot], counted: Sequence[RatedShot]) -> list[s
         for shot in shots
         if not shot.counted
     ]
+    found += [
+        f"{shot.name} is counted as asked for, though it is {shot.verdict.value}"
+        for shot in counted
+        if shot.verdict in WITHHELD
+    ]
+    old = [shot.name for shot in counted if not shot.found.fit]
+    if old:
+        found.append(
+            f"whether the model explains the data is not recorded of {', '.join(old)}: an older result; "
+            "identify again"
+        )
     if len(counted) < FEWEST:
         found.append(f"a mean needs {FEWEST} shots that count, there are {len(counted)}")
     for what in dict.fromkeys(key for shot in counted for key in shot.conditions):

@@ -72,6 +72,7 @@ def _group(group: GroupRates) -> dict[str, Any]:
                 "sigma_own": shot.sigma_own,
                 "verdict": shot.verdict.value,
                 "counted": shot.counted,
+                "residual_over_expected": {c: shot.excess(c) for c in ("force", "outline")},
                 "phi_force": shot.found.terms.phi_force,
                 "phi_shape": shot.found.terms.phi_shape,
             }

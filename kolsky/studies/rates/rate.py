@@ -1,6 +1,7 @@
 """Several shots to a report on their rates: collected, grouped, compared."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ def rate(
     strains: Sequence[float] = STRAINS,
     shared: float = 0.0,
     identify: Identify | None = None,
+    keep_unexplained: bool = False,
     progress: Callable[[str, int, int], None] = lambda stage, done, total: None,
 ) -> RateReport:
     """Compare the stiffness of identified shots over their strain rates: mean, scatter, slope.
@@ -42,6 +44,8 @@ def rate(
     identify
         Called as ``identify(path, shot)`` for a shot that has no result yet; without it such a shot is
         refused.
+    keep_unexplained
+        Count shots whose data the model does not explain, too; they are left out otherwise.
     progress
         Told of the shots done, and of the stages of image correlation.
 
@@ -59,7 +63,7 @@ def rate(
     collected: dict[str, RatedShot] = {}
     for number, (path, name) in enumerate(zip(paths, groups, strict=True)):
         progress("rate", number, len(paths))
-        one = _collected(path, name, identify, progress)
+        one = replace(_collected(path, name, identify, progress), keep_unexplained=keep_unexplained)
         if one.name in collected:
             raise InputError(
                 folder_of(path), f"another shot is called {one.name!r} too", cure="give each its own name"

@@ -14,6 +14,8 @@ from kolsky.studies.rates.regression import Slope
 
 COUNTED = tuple(verdict for verdict in Verdict if verdict.identified)
 """Verdicts with which a stiffness factor counts in a mean."""
+WITHHELD = (Verdict.UNEXPLAINED, Verdict.CONTRADICTED)
+"""Verdicts with which it counts only if that is asked for: the model does not explain the data."""
 PARAMETER = "stiffness_factor"
 COMMON_PARTS = {"material curve": "curve", "force scale": "rig", "motion scale": "rig"}
 """Parts of the noise that shots share, and what they share it through."""
@@ -60,6 +62,8 @@ class RatedShot:
     """Diameter and length [m]."""
     conditions: dict[str, str]
     """What must not differ between shots that are compared: damping, mesh, interface, ... in words."""
+    keep_unexplained: bool = False
+    """Whether it counts although the model does not explain its data."""
 
     @property
     def m(self) -> float:
@@ -88,7 +92,12 @@ class RatedShot:
     @property
     def counted(self) -> bool:
         """True if it enters the mean."""
-        return self.verdict in COUNTED and np.isfinite(self.m) and self.sigma_own > 0.0
+        good = COUNTED + (WITHHELD if self.keep_unexplained else ())
+        return self.verdict in good and np.isfinite(self.m) and self.sigma_own > 0.0
+
+    def excess(self, channel: str) -> float:
+        """Residual of a channel over what a right model leaves [-]; NaN if it was not recorded."""
+        return next((fit.excess for fit in self.found.fit if fit.channel == channel), float("nan"))
 
     def common_parts(self) -> dict[tuple[str, str], float]:
         """Shared parts: (part, through what) -> by how much m moves with one standard uncertainty."""

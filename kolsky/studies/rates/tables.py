@@ -90,6 +90,8 @@ def _shot(shot: RatedShot, leverage: float) -> dict[str, Any]:
         "Phi_F (N)": terms.phi_force,
         "Phi_S (1)": terms.phi_shape,
         "Phi (1)": terms.phi,
+        "force residual over expected (1)": shot.excess("force"),
+        "outline residual over expected (1)": shot.excess("outline"),
         "verdict": shot.verdict.value,
         "counted (0/1)": int(shot.counted),
         "leverage (1)": leverage,

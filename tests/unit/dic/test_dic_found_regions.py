@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dic.bodies.followed_edge import follow_edge
 from dic.bodies.found_regions import find_regions, row_correlation
 from dic.images import PictureError
 from dic.synthetic.speckles import render, speckle_pattern
@@ -117,6 +118,48 @@ def test_any_direction(plain, toward, turns):
         x0, x1, y0, y1 = (int(v) for v in extent(getattr(other, name)))
         there[y0 : y1 + 1, x0 : x1 + 1] = 1.0
         np.testing.assert_array_equal(np.rot90(here, turns), there)
+
+
+@pytest.mark.parametrize(("top", "toward", "turns"), [(-4.2, "up", 0), (-4.2, "down", 2), (1.2, "up", 0)])
+def test_a_flyer_of_which_little_or_nothing_is_seen_at_rest_is_found_by_its_motion(top, toward, turns):
+    hidden = Memory(tuple(np.rot90(scene(k, top=top), turns) for k in range(FRAMES)))
+    found = search(hidden, toward)
+    last = top + SPEED * (FRAMES - STATIC)
+    rows = np.array([extent(found.flyer)[2:], extent(found.specimen)[2:]])
+    rows = rows if toward == "up" else SHAPE[0] - 1.0 - rows[:, ::-1]
+    (f0, f1), (s0, s1) = rows
+    assert f0 == 0.0
+    assert last - 3.0 < f1 < last - 0.5
+    assert max(top, 0.0) < s0 <= max(top, 0.0) + 3.0  # at the border, or a pixel clear of the flyer
+    assert s1 in (82.0, 83.0)
+    assert "were followed back to frame" in found.why
+
+
+def test_a_flyer_that_hardly_comes_in_is_told_by_looks(plain):
+    """Within seven frames of motion it fills five rows more: too few to be followed."""
+    usable = np.arange(FRAMES) < STATIC + 4
+    found = search(plain, usable=usable)
+    assert "look like neither" in found.why
+    assert extent(found.specimen)[2] in (7.0, 8.0)
+
+
+def test_what_does_not_move_rigidly_is_no_flyer():
+    """The specimen alone, stretched into view: its rows at the border move, and not as one."""
+    rng = np.random.default_rng(1)
+
+    def stretched(k):
+        share = 1.0 - 0.012 * k
+
+        def material(x):
+            return np.stack([x[..., 0], 90.0 + (x[..., 1] - 90.0) / share], axis=-1)
+
+        rows = render(SIDE, SHAPE, material=material)
+        return (rows + rng.normal(0.0, 1.0, SHAPE))[:, 10:100]
+
+    pictures = np.array([stretched(k) for k in range(12)])
+    even = pictures - pictures.mean(axis=2, keepdims=True)
+    with pytest.raises(ValueError, match=r"not clear|at least 3 px"):
+        follow_edge(even, 1.0)
 
 
 def test_a_missing_last_picture_is_passed_over(plain):

@@ -73,6 +73,7 @@ def test_a_ray_finds_the_nearest_body_and_the_far_half():
     specimen = RevolvedBody(y=y, r=r, along=along, radius=3e-3, texture=grey)
     flyer = cylinder(6e-3, 5e-3, white, place=np.array([[0.0, 0.5e-3, 0.0]]))
     found = picture((specimen, flyer), camera())[0]
+    assert np.array_equal(found, picture((flyer, specimen), camera())[0])
     middle = N // 2
     rim = camera().project(np.array([0.0, 0.5e-3, 6e-3]))[1]
     assert found[int(rim) - 3, middle] == pytest.approx(1.0, abs=1e-5)

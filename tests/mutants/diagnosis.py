@@ -1,0 +1,122 @@
+"""Faults of goodness of fit, clocks and the verdicts that rest on them."""
+
+from tests.mutants.fault import Fault
+
+FIT = ("tests/unit/diagnosis/test_fit_quality.py",)
+CLOCKS = ("tests/unit/diagnosis/test_clocks.py",)
+VERDICTS = ("tests/unit/diagnosis/test_fit_verdicts.py",)
+QUALITY = "kolsky/diagnosis/fit_quality.py"
+VERDICT = "kolsky/diagnosis/verdicts.py"
+CLOCK = "kolsky/diagnosis/clocks.py"
+RECORDS = "kolsky/inverse/fit_results.py"
+
+FAULTS = (
+    Fault(
+        "free parameters absorb nothing",
+        QUALITY,
+        "change - (change @ gain.T)",
+        "change - 0.0 * (change @ gain.T)",
+        FIT,
+    ),
+    Fault(
+        "shares of information from weights not squared",
+        QUALITY,
+        "(gain * sigma) ** 2",
+        "np.abs(gain * sigma)",
+        FIT,
+    ),
+    Fault("Ljung and Box without its factor", QUALITY, "n * (n + 2.0) / (n - 1.0) * r**2", "n * r**2", FIT),
+    Fault("correlation over the number of pairs", QUALITY, "/ (n * square)", "/ ((n - 1) * square)", FIT),
+    Fault("neighbours across frames", QUALITY, "== 0\n    placed", ">= 0\n    placed", FIT),
+    Fault(
+        "noise of a block's mean as of one value",
+        QUALITY,
+        "/ np.bincount(block) ** 2",
+        "/ np.bincount(block)",
+        FIT,
+    ),
+    Fault("half as many blocks", QUALITY, "BLOCKS = 8", "BLOCKS = 4", FIT),
+    Fault("the discrepancy not squared", QUALITY, "float(tau**2 / (", "float(tau / (", FIT),
+    Fault(
+        "limits though the flyer's noise is unknown",
+        QUALITY,
+        "limit=LIMITS[channel] if FLYER in changes else inf,\n                slow",
+        "limit=LIMITS[channel],\n                slow",
+        FIT,
+    ),
+    Fault(
+        "a mesh error of first order in the data",
+        "kolsky/diagnosis/sources.py",
+        "ORDER = 2.0",
+        "ORDER = 1.0",
+        FIT,
+    ),
+    Fault(
+        "declared inputs averaged, not added",
+        "kolsky/diagnosis/sources.py",
+        "np.sqrt(len(rows)) * np.array(rows)",
+        "np.array(rows)",
+        FIT,
+    ),
+    Fault("either limit is enough", RECORDS, "<= self.limit and self", "<= self.limit or self", FIT),
+    Fault(
+        "predicted parts add up linearly",
+        RECORDS,
+        "sum(part**2 for part in self.predicted.values()) ** 0.5",
+        "sum(self.predicted.values())",
+        VERDICTS,
+    ),
+    Fault(
+        "one channel's say from its own share",
+        VERDICT,
+        "1.0 - channel.weight.get(e.name, 0.5) < ALONE",
+        "channel.weight.get(e.name, 0.5) < ALONE",
+        VERDICTS,
+    ),
+    Fault(
+        "a share of a fifth has no say",
+        "kolsky/diagnosis/thresholds.py",
+        "ALONE = 0.1",
+        "ALONE = 0.2",
+        VERDICTS,
+    ),
+    Fault(
+        "contradiction only beyond six sigma",
+        "kolsky/diagnosis/thresholds.py",
+        "CONTRADICTION = 3.0",
+        "CONTRADICTION = 6.0",
+        VERDICTS,
+    ),
+    Fault(
+        "clocks late beyond one sigma", "kolsky/diagnosis/thresholds.py", "LATE = 3.0", "LATE = 1.0", VERDICTS
+    ),
+    Fault(
+        "a negative difference contradicts nothing",
+        VERDICT,
+        "return abs(found.values[name])",
+        "return found.values[name]",
+        VERDICTS,
+    ),
+    Fault(
+        "graver verdicts are overruled",
+        VERDICT,
+        "if e.outcome not in WITHHELD:",
+        "if e.outcome is Verdict.FAILED:",
+        VERDICTS,
+    ),
+    Fault("the lag of least evidence leads", VERDICT, "max(clocks, key", "min(clocks, key", VERDICTS),
+    Fault(
+        "a lag is named though it explains nothing", VERDICT, "> LATE and lag.explains", "> LATE", VERDICTS
+    ),
+    Fault("the flyer late makes the force late", CLOCK, "FLYER: (-1.0, -1.0)", "FLYER: (1.0, 1.0)", CLOCKS),
+    Fault("a late force shows a later time", CLOCK, "at = edges - lag", "at = edges + lag", CLOCKS),
+    Fault("a late outline shows a later time", CLOCK, "late = times - lag", "late = times + lag", CLOCKS),
+    Fault("the slope of a lag twice as steep", CLOCK, "/ (2.0 * h)", "/ h", CLOCKS),
+    Fault(
+        "inputs have no part in a lag's uncertainty",
+        CLOCK,
+        "variance += float((moves**2).mean())",
+        "variance += 0.0 * float((moves**2).mean())",
+        CLOCKS,
+    ),
+)

@@ -1,0 +1,90 @@
+"""A flyer that is seen only some time after its start: the gap of its path, and the sigma of its zero."""
+
+import numpy as np
+import pytest
+
+from kolsky.bars.flyer.fit import _without_gaps, fit_flyer
+from kolsky.bars.flyer.jerks import evidence, hat_functions
+from kolsky.base.records import FlyerMotion
+from kolsky.shot.flyer_path import fit
+
+FRAME, SIGMA, SPEED, START = 1e-5, 1e-7, 2.5, 0.0
+RISE = 5.0 * FRAME
+
+
+def position(t):
+    """At rest until `START`, then 2.5 m/s after a rise of half a cosine."""
+    since = np.maximum(t - START, 0.0)
+    u = np.minimum(since / RISE, 1.0)
+    return SPEED * (0.5 * (u - np.sin(np.pi * u) / np.pi) * RISE + np.maximum(since - RISE, 0.0))
+
+
+def motion(unseen: slice, *, zero_sigma: float = 0.0) -> FlyerMotion:
+    t = FRAME * np.arange(-9, 80)
+    t = np.delete(t, unseen)
+    noise = SIGMA * np.random.default_rng(1).standard_normal(t.size)
+    return FlyerMotion(t, position(t) + noise, np.full(t.size, SIGMA), zero_sigma)
+
+
+def test_only_gaps_of_more_than_a_frame_are_filled():
+    t = np.array([0.0, 1.0, 3.0, 4.0, 8.0])
+    times, seen = _without_gaps(t, 1.0)
+    np.testing.assert_allclose(times, [0.0, 1.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0])
+    assert seen.tolist() == [True] * 4 + [False] * 3 + [True]
+
+
+def test_a_path_crosses_a_gap_without_overshoot():
+    """Eight frames after the start are unseen: the speed there is between none and a tenth above the last."""
+    path = fit_flyer(motion(slice(10, 18)), start=START)
+    t = np.linspace(START, 70 * FRAME, 400)
+    v = path.velocity(t)
+    assert v.min() > -0.1 * SPEED
+    assert v.max() < 1.1 * SPEED
+    later = t > 10 * FRAME
+    np.testing.assert_allclose(path.position(t[later]), position(t[later]), atol=6 * SIGMA)
+    # in the gap nothing but smoothness is known, and the sigma says so
+    assert path.sigma_position(4 * FRAME) > 5.0 * path.sigma_position(20 * FRAME)
+
+
+def test_frames_without_a_displacement_say_nothing():
+    """The likelihood of data with frames between of no weight is that of one long span of the same motion."""
+    spans = np.ones(6)
+    hats = hat_functions(np.arange(6) + 0.5)
+    y, weight = np.array([0.3, -0.2, 0.1, 2.0, 5.0, 9.0, 14.0, 20.0, 27.0]), np.ones(9)
+    value, slope = evidence(np.array([0.2, 0.5, 0.1, -0.3]), y, weight, spans, hats)
+    y[5], weight[5] = 0.0, 0.0
+    without, _ = evidence(np.array([0.2, 0.5, 0.1, -0.3]), y, weight, spans, hats)
+    # dense: the variance of what is seen, y = zero + sum of the kicks of the jerks before
+    G = np.zeros((9, 7))
+    G[:, 0] = 100.0
+    tau = np.exp(hats @ np.array([0.5, 0.1, -0.3]))
+    for k in range(6):
+        after = np.arange(6) - k
+        reach = (after + 1.0) ** 3 / 6.0 - np.maximum(after, 0.0) ** 3 / 6.0
+        G[3:, k + 1] = np.where(after >= 0, reach, 0.0) * tau[k]
+
+    def dense(rows):
+        V = G[rows] @ G[rows].T + np.exp(0.4) * np.eye(len(rows))
+        data = np.array([0.3, -0.2, 0.1, 2.0, 5.0, 9.0, 14.0, 20.0, 27.0])[rows]
+        return np.linalg.slogdet(V)[1] + data @ np.linalg.solve(V, data)
+
+    prior = float(np.sum((np.diff([0.5, 0.1, -0.3]) / 2.0) ** 2))
+    assert value - prior == pytest.approx(dense(list(range(9))))
+    assert without - prior == pytest.approx(dense([0, 1, 2, 3, 4, 6, 7, 8]))
+    step = 1e-6
+    ahead, _ = evidence(np.array([0.2 + step, 0.5, 0.1, -0.3]), y, weight, spans, hats)
+    _, gradient = evidence(np.array([0.2 + 0.5 * step, 0.5, 0.1, -0.3]), y, weight, spans, hats)
+    assert (ahead - without) / step == pytest.approx(gradient[0], rel=1e-4)
+    assert slope.shape == (4,)
+
+
+def test_the_zeros_sigma_is_in_every_place_after_the_rest():
+    """5 µm that all displacements after the rest have in common, beside noise that is averaged over."""
+    plain = fit(motion(slice(10, 18)), start=START)
+    common = fit(motion(slice(10, 18), zero_sigma=5e-6), start=START)
+    np.testing.assert_array_equal(common.jerk, plain.jerk)
+    t = np.array([20.0, 40.0, 70.0]) * FRAME
+    expected = np.hypot(5e-6, plain.sigma_position(t))
+    np.testing.assert_allclose(common.sigma_position(t), expected, rtol=0.02)
+    # a common shift changes no speed once the path has caught up with it
+    np.testing.assert_allclose(common.sigma_velocity(t), plain.sigma_velocity(t), rtol=0.05)

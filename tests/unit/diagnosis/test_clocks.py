@@ -1,0 +1,111 @@
+"""Lags of clocks: planted ones are found, with the standard uncertainty of the normal equations."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from test_fit_quality import objective
+
+from kolsky.diagnosis.clocks import DIRECTIONS, fit_lag, late_prediction, origin
+from kolsky.inverse.objective import Objective
+
+FloatArray = NDArray[np.float64]
+PERIOD = 400e-6
+
+
+def force(t: FloatArray) -> FloatArray:
+    return 20.0 * np.sin(2.0 * np.pi * t / PERIOD) + 1e4 * t
+
+
+def radius(t: FloatArray) -> FloatArray:
+    return 5e-3 + 3e-5 * np.sin(2.0 * np.pi * t / PERIOD)
+
+
+def shifted(one: Objective) -> Any:
+    """Bins taken at their middle, and all points at one radius."""
+    times = one.times
+
+    def predict(lags: FloatArray) -> FloatArray:
+        n = one.n_force
+        return np.concatenate([force(times[:n] - lags[0]), radius(times[n:] - lags[1])])
+
+    return predict
+
+
+def with_data(one: Objective, data: FloatArray) -> Objective:
+    """The objective with other measurements at the same times."""
+    seen, n = one.observations, one.n_force
+    return replace(
+        one,
+        observations=replace(
+            seen,
+            bins=replace(seen.bins, mean=data[:n]),
+            centre_line=replace(seen.centre_line, Z=data[n:]),
+        ),
+    )
+
+
+@pytest.mark.parametrize("name", ["force", "outline", "flyer"])
+@pytest.mark.parametrize("planted", [-23e-6, 1.5e-6])
+def test_a_planted_lag_is_found(name: str, planted: float) -> None:
+    one = objective()
+    predict, rng = shifted(one), np.random.default_rng(3)
+    jacobian = np.concatenate([np.full(one.n_force, 1e3), np.full(len(one.data) - one.n_force, 1e-6)])[
+        :, None
+    ]
+    true = predict(planted * np.array(DIRECTIONS[name])) + 0.01 * jacobian[:, 0]
+    seen = with_data(one, true + one.noise * rng.standard_normal(len(true)))
+    found = fit_lag(seen, predict, jacobian, DIRECTIONS[name], {})
+    assert found.settled
+    assert abs(found.lag - planted) < 3.0 * found.sigma
+    assert found.sigma < 0.7e-6
+    assert found.evidence > 5.0
+
+
+def test_the_uncertainty_of_a_lag_is_that_of_the_normal_equations() -> None:
+    one = objective()
+    predict, h = shifted(one), 1e-9
+    jacobian = np.ones((len(one.data), 1))
+    seen = with_data(one, predict(np.zeros(2)))  # no residual: the noise alone
+    found = fit_lag(seen, predict, jacobian, DIRECTIONS["force"], {})
+    slope = (predict(np.array([h, 0.0])) - predict(np.array([-h, 0.0]))) / (2.0 * h)
+    wide = np.column_stack([jacobian, slope]) / one.noise[:, None]
+    assert found.sigma == pytest.approx(np.linalg.inv(wide.T @ wide)[1, 1] ** 0.5, rel=1e-3)
+    # A source that makes the force late by 2 us adds so much in quadrature.
+    late = predict(np.array([1e-6, 0.0])) - predict(np.array([-1e-6, 0.0]))
+    other = fit_lag(seen, predict, jacobian, DIRECTIONS["force"], {"flyer motion": late[None]})
+    assert other.sigma == pytest.approx(np.hypot(found.sigma, 2e-6), rel=1e-3)
+
+
+def test_a_late_recording_shows_an_earlier_time() -> None:
+    one = objective()
+    t = np.linspace(0.0, 1.6e-3, 1601)
+    nodes = np.linspace(0.0, 6e-3, 13)
+    response: Any = SimpleNamespace(
+        force_times=t,
+        impulse_transmission=np.array([0.5e4 * t**2]),  # a force of 1e4 N/s
+        surface_times=(np.arange(16) + 0.5) * 1e-4,
+        surface_r=np.tile(5e-3 + 2.0 * (np.arange(16) + 0.5)[:, None] * 1e-4, (1, 13))[None],  # 2 m/s outward
+        surface_y=np.tile(nodes, (16, 1))[None],
+    )
+    seen = late_prediction(response, one)
+    before, after = seen(np.zeros(2)), seen(np.array([10e-6, 20e-6]))
+    n = one.n_force
+    np.testing.assert_allclose((before - after)[1:n], 1e4 * 10e-6, rtol=1e-3)
+    moving = one.times[n:] > 1e-4  # the first frame has nothing before it
+    np.testing.assert_allclose((before - after)[n:][moving], 2.0 * 20e-6, rtol=1e-6)
+    # Behind the end of the simulation nothing is known, and the value stays.
+    early = seen(np.array([-60e-6, -60e-6]))
+    assert early[n - 1] == before[n - 1]
+    np.testing.assert_array_equal(early[n:][one.times[n:] > 1.5e-3], before[n:][one.times[n:] > 1.5e-3])
+
+
+def test_a_clock_is_named_by_its_file_and_key() -> None:
+    tables = {"force": {"file": "scope.csv"}, "frames": {"file": "f.csv"}, "flyer": {"file": "flyer.csv"}}
+    shot: Any = SimpleNamespace(file=SimpleNamespace(content=tables))
+    assert origin(shot, "force") == ("scope.csv", "force.clock_offset")
+    assert origin(shot, "flyer") == ("flyer.csv", "flyer.frame")
+    assert origin(SimpleNamespace(file=None), "outline") == ("shot.toml", "pictures")  # type: ignore[arg-type]

@@ -1,0 +1,121 @@
+"""Verdicts that are withheld: each by its own cause, and none on a good fit."""
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from synthetic import synthetic
+
+from kolsky.diagnosis.verdicts import fit_warnings, judged
+from kolsky.inverse.fit_results import ClockLag, FitQuality
+from kolsky.inverse.result import Identification, RouteDifference, Verdict
+
+M = "stiffness_factor"
+
+
+def with_fit(*, force: dict[str, Any] | None = None, outline: dict[str, Any] | None = None) -> Identification:
+    result = synthetic(nodes=False)
+    a, b = result.fit
+    return judged(replace(result, fit=(replace(a, **(force or {})), replace(b, **(outline or {})))))
+
+
+def outcome(result: Identification) -> Verdict:
+    return result.estimates[M].outcome
+
+
+def said(result: Identification) -> str:
+    (text,) = fit_warnings(result)
+    assert not text.endswith(".")
+    return text
+
+
+def test_a_good_fit_is_left_alone() -> None:
+    assert outcome(with_fit()) is Verdict.IDENTIFIED
+    assert list(fit_warnings(with_fit())) == []
+    assert Verdict.IDENTIFIED.identified
+    assert not Verdict.UNEXPLAINED.identified
+
+
+@pytest.mark.parametrize(
+    ("channel", "change", "number"),
+    [
+        # Predicted are 0.12 and 0.16 N: 0.2 N in quadrature, and 0.04 N of the slow part.
+        ("force", {"residual": 0.402}, "2.01 times what"),
+        ("force", {"slow_residual": 0.1004}, "2.51 times that"),
+        ("outline", {"residual": 9e-6}, "9 um rms"),
+    ],
+)
+def test_an_unexplained_channel_withholds(channel: str, change: dict[str, float], number: str) -> None:
+    result = with_fit(**{channel: change})
+    assert outcome(result) is Verdict.UNEXPLAINED
+    text = said(result)
+    assert text.startswith(f"the model does not explain the {channel}: ")
+    assert number in text
+
+
+def test_just_below_both_limits_is_explained() -> None:
+    assert outcome(with_fit(force={"residual": 0.398, "slow_residual": 0.0996})) is Verdict.IDENTIFIED
+
+
+def test_a_graver_verdict_stays() -> None:
+    result = synthetic(nodes=False)
+    e = replace(result.estimates[M], outcome=Verdict.NOT_SEEN)
+    bad = replace(result, estimates={M: e}, fit=(replace(result.fit[0], residual=9.0),))
+    assert outcome(judged(bad)) is Verdict.NOT_SEEN
+
+
+@pytest.mark.parametrize(("share", "verdict"), [(0.101, Verdict.IDENTIFIED), (0.099, Verdict.OUTLINE_ALONE)])
+def test_a_channel_of_a_tenth_of_the_information(share: float, verdict: Verdict) -> None:
+    result = with_fit(force={"weight": {M: share}}, outline={"weight": {M: 1.0 - share}})
+    assert outcome(result) is verdict
+    if verdict is Verdict.OUTLINE_ALONE:
+        assert "the force carries 9.9 % of the information on stiffness_factor" in said(result)
+    other = with_fit(force={"weight": {M: 1.0 - share}}, outline={"weight": {M: share}})
+    assert (outcome(other) is Verdict.FORCE_ALONE) == (share < 0.1)
+
+
+@pytest.mark.parametrize(
+    ("difference", "verdict"), [(0.0299, Verdict.IDENTIFIED), (-0.0301, Verdict.CONTRADICTED)]
+)
+def test_routes_that_contradict_each_other(difference: float, verdict: Verdict) -> None:
+    apart = RouteDifference({M: difference}, {M: 0.01}, ())
+    result = judged(replace(synthetic(nodes=False), route_difference=apart))
+    assert outcome(result) is verdict
+    if verdict is Verdict.CONTRADICTED:
+        assert "further apart than 3 standard uncertainties" in said(result)
+
+
+def test_a_route_at_the_edge_of_what_was_searched_contradicts_nothing() -> None:
+    result = synthetic(nodes=False)
+    curve = result.curves[0]
+    end = float(curve.x[-1])
+    routes = tuple(
+        replace(r, parameters={M: end}, correction={}) if r.name == "shape only" else r for r in result.routes
+    )
+    apart = RouteDifference({M: 1.0}, {M: 0.01}, ())
+    assert outcome(judged(replace(result, routes=routes, route_difference=apart))) is Verdict.IDENTIFIED
+
+
+def lag(recording: str, lag: float, *, evidence: float, explains: bool = True) -> ClockLag:
+    return ClockLag(recording, lag, 1e-6, evidence, explains, f"{recording}.csv", f"{recording}.key")
+
+
+def test_the_leading_lag_beyond_three_sigma_is_named() -> None:
+    result = synthetic(nodes=False)
+    late = lag("force", 3.1e-6, evidence=50.0)
+    text = said(replace(result, clocks=(late, lag("flyer", -9e-6, evidence=40.0))))
+    assert text == (
+        "the force was recorded 3.1 +- 2 us (k = 2) too late against the motion: check the times of force.csv"
+        " and force.key"
+    )
+    assert "too early" in said(replace(result, clocks=(lag("flyer", -3.1e-6, evidence=1.0),)))
+    for quiet in (lag("force", 2.9e-6, evidence=50.0), lag("force", 3.1e-6, evidence=50.0, explains=False)):
+        assert list(fit_warnings(replace(result, clocks=(quiet,)))) == []
+    assert replace(late, sigma=float("nan")).significance == 0.0
+
+
+def test_excess_is_residual_over_the_quadrature_of_what_is_predicted() -> None:
+    fit: FitQuality = synthetic(nodes=False).fit[0]
+    assert fit.expected == pytest.approx(0.2, rel=1e-12)
+    assert fit.excess == pytest.approx(1.0, rel=1e-12)
+    assert fit.slow_excess == pytest.approx(0.75, rel=1e-12)
