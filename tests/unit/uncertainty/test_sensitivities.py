@@ -1,6 +1,7 @@
 """Sensitivities in words and shares: amounts, the largest undeclared input, what leaves no residual."""
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -12,7 +13,7 @@ from kolsky.uncertainty.systematic import UNDECLARED
 ANSWER = {"stiffness_factor": 1.2, "damping": 0.0}
 
 
-def part(key: str, amount: float, move: float, unit: str = "1", **more: object) -> Declaration:
+def part(key: str, amount: float, move: float, unit: str = "1", **more: Any) -> Declaration:
     made = Declaration(
         key, float("nan"), unit, {}, UNDECLARED, amount, {"stiffness_factor": move, "damping": 1e-7}, 0.5
     )
