@@ -70,7 +70,7 @@ def _parameter(name: str, each: Each) -> dict[str, Any]:
             float((error / sigma).mean()),
             float((error / sigma).std(ddof=1)) if len(good) > 1 else None,
         ],
-        "force alone, outline alone, their difference: covered": _routes(name, good),
+        "covered by force alone and outline alone": _routes(name, good),
         "covered by the profile likelihood alone": float(np.mean(within)) if within else None,
         "as wanted": {
             "covered 92 to 98 %": WANTED[0] <= share <= WANTED[1],

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from kolsky.base.errors import InputError
     from kolsky.base.files import write_table
     from kolsky.base.records import FlyerMotion
-    from kolsky.identification import identify
+    from kolsky.identification import diagnose, identify
     from kolsky.inverse.forward import Forward, Numerics, material_law
     from kolsky.inverse.result import Identification
     from kolsky.inverse.settings import Settings
@@ -71,6 +71,7 @@ _HOME = {
     "analyse_sweep": "kolsky.studies.sweep_analysis",
     "check_shot": "kolsky.shot.load",
     "compare_laws": "kolsky.material.fits.compare",
+    "diagnose": "kolsky.identification",
     "dic": "kolsky.shot.dic",
     "figures_of": "kolsky.report.figures",
     "fit_flyer": "kolsky.bars.flyer.fit",

@@ -100,7 +100,7 @@ def find_rim(
     Rim or None
         None if neither camera shows the rim clearly in `FEWEST_FRAMES` frames.
     """
-    known = np.isfinite(places).all(axis=1)
+    known = np.asarray(np.isfinite(places).all(axis=1))
     if known.sum() < 3:
         return None
     radius = float(np.median(np.hypot(places[known, 0], places[known, 2])))

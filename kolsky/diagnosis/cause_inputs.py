@@ -110,7 +110,7 @@ class CandidateInput:
     def here(self, stages: StagedRuns) -> bool:
         """True if it can be tried on this shot: measured, held, and with an effect."""
         shot, settings = stages.prepared.forward.shot, stages.settings
-        slides = any_slides([*settings.free, *settings.held]) or shot.interface.faces == "coulomb"
+        slides = any_slides([*stages.box.names, *settings.held]) or shot.interface.faces == "coulomb"
         if self.parameter in stages.box.names:
             return False
         if self.outline and not stages.observations.has_shape:

@@ -277,7 +277,8 @@ def _alike(keys: Sequence[tuple[object, ...]]) -> list[list[int]]:
 def _unique(points: Sequence[Point]) -> tuple[list[Point], list[int]]:
     """The points whose runs differ, and the place of each point's run among them."""
     places: dict[tuple[object, ...], int] = {}
-    unique, where = [], []
+    unique: list[Point] = []
+    where = []
     for point in points:
         run = (tuple(point.x.tolist()), tuple(sorted(point.changed.values.items())), point.changed.motion)
         if run not in places:

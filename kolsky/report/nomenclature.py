@@ -107,6 +107,7 @@ STAGES = {
     "posterior": "posterior",
     "choices": "other choices",
     "systematic": "declared uncertainties",
+    "inputs": "effect of the inputs",
     "causes": "inputs that may be wrong",
     "simulation": "simulation",
     "sweep": "sweep",

@@ -9,7 +9,7 @@ from kolsky.inverse.result import Identification
 from kolsky.inverse.uncertainty_results import Declaration
 from kolsky.report import numbers
 from kolsky.uncertainty.inputs import INPUTS
-from kolsky.uncertainty.sensitivities import amount_text, relative_moves, taken_as_exact, unseen
+from kolsky.uncertainty.sensitivities import INVISIBLE, amount_text, relative_moves, taken_as_exact, unseen
 
 
 def sensitivity_rows(result: Identification) -> list[dict[str, Any]]:
@@ -59,6 +59,7 @@ def printed_sensitivities(result: Identification, symbol: dict[str, str]) -> dic
             continue
         shares = relative_moves(part, answer)
         told = ", ".join(f"{symbol[name]} {100.0 * share:+.2g} %" for name, share in shares.items())
-        exact = " (taken as exact)" if part.key in open_ else ""
-        rows[f"per {amount_text(part)} of {part.key}"] = told + exact
+        notes = ["leaves no residual"] if part.visible < INVISIBLE else []
+        notes += ["taken as exact"] if part.key in open_ else []
+        rows[f"per {amount_text(part)} of {part.key}"] = f"{told} ({', '.join(notes)})" if notes else told
     return rows

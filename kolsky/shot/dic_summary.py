@@ -120,7 +120,8 @@ def printed(result: StereoResult) -> dict[str, str]:
     found = result.facts.get("regions", {}).get("found", [])
     if found:
         regions = result.facts["regions"]
-        table["found in the pictures"] = "; ".join(_place(key, regions) for key in found)
+        places = "; ".join(_place(key, regions) for key in found)
+        table["found in the pictures"] = places + (f" ({regions['why']})" if regions.get("why") else "")
     for frame, name in list(bad.items())[:SHOWN_FRAMES]:
         outcome = FrameOutcome[name.upper().replace(" ", "_")]
         table[f"frame {frame}"] = f"{name}: {outcome.cause}"

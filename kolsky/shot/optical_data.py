@@ -201,6 +201,8 @@ class Places:
     """Where the specimen ends at the transmission platen [px]."""
     found: tuple[str, ...]
     """Keys of [dic] that were not declared and were found."""
+    why: str = ""
+    """How the flyer was told from the specimen, if anything was found."""
 
     @property
     def words(self) -> dict[str, Any]:
@@ -212,6 +214,7 @@ class Places:
             "flyer_frame": self.flyer.frame,
             "transmission_edge": list(self.edge),
             "found": list(self.found),
+            "why": self.why,
         }
 
 
@@ -248,6 +251,7 @@ def places_of(pictures: PictureSet) -> Places:
         flyer=_region(flyer) if flyer is not None else _known(found).flyer,
         edge=edge if edge is not None else _known(found).edge,
         found=missing,
+        why="" if found is None else found.why,
     )
 
 

@@ -1,9 +1,11 @@
 """The cameras of a shot: from a calibration file, or from its pictures of a target."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from dic.camera import StereoRig
 from dic.images import PictureError, Pictures
@@ -17,6 +19,9 @@ if TYPE_CHECKING:
     from dic.calibration import Calibration
 
 Progress = Callable[[str, int, int], None]
+
+LARGEST_RMS = 1.0
+"""Largest residual of a calibration that is used [px]: a blurred target leaves a tenth of it."""
 
 
 @dataclass(frozen=True)
@@ -128,6 +133,7 @@ def calibration_of(toml: TomlFile, section: CalibrationSection, progress: Progre
         does not determine the cameras.
     """
     from dic.calibration import Undetermined, calibrate, detect_series
+    from dic.calibration.pair_order import find_order
 
     assert section.target is not None  # the schema saw to it
     assert section.distortion is not None
@@ -146,18 +152,45 @@ def calibration_of(toml: TomlFile, section: CalibrationSection, progress: Progre
         )
     views = detect_series(series, targets, progress=lambda done, total: progress("calibration", done, total))
     sensors = [(pictures.shape[1], pictures.shape[0]) for pictures in series]
-    try:
+    names = [str(number) for number in numbers[0]]
+
+    def solved(second: Sequence[Any]) -> "Calibration":
         return calibrate(
             views[0],
-            views[1],
+            second,
             targets[0],
             sensors=(sensors[0], sensors[1]),
-            distortion=section.distortion,
+            distortion=section.distortion or "none",
             square_pixels=section.square_pixels,
-            names=[str(number) for number in numbers[0]],
+            names=names,
         )
+
+    try:
+        found = solved(views[1])
     except (Undetermined, ValueError) as error:
         raise toml.error("calibration", f"does not determine the cameras: {error}") from None
+    if found.rms <= LARGEST_RMS:
+        return found
+    order = find_order((views[0], views[1]), [targets[0]] * counts[0], (sensors[0], sensors[1]))
+    fits = ""
+    if order is not None and order != list(range(counts[1])):
+        try:
+            residual = solved([views[1][k] for k in order]).rms
+        except (Undetermined, ValueError):
+            residual = np.inf
+        if residual <= LARGEST_RMS:
+            fits = (
+                f"; beside {', '.join(names)} of camera 0, {', '.join(names[k] for k in order)} of camera 1 "
+                f"would fit with {residual:.2g} px"
+            )
+    raise toml.error(
+        "calibration",
+        f"has pairs that do not fit two cameras: residual {found.rms:.3g} px rms, at most "
+        f"{LARGEST_RMS:g} px is a calibration{fits}",
+        cure="number the pictures so that pairs were taken at one time"
+        if fits
+        else "check the pairs' order, the target's dimensions and the distortion model",
+    )
 
 
 def _words(found: "Calibration") -> str:

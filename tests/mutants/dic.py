@@ -4,6 +4,7 @@ from tests.mutants.fault import Fault
 
 GATES = ("tests/unit/dic/test_dic_gates.py",)
 REGIONS = "tests/unit/dic/test_dic_found_regions.py"
+ORDER = ("tests/unit/dic/test_dic_pair_order.py",)
 RIM = ("tests/unit/dic/test_dic_rest_from_rim.py",)
 TRAVEL = ("tests/unit/dic/test_dic_travel_checks.py",)
 NOISE = ("tests/unit/dic/test_dic_noise_floor.py",)
@@ -295,5 +296,19 @@ FAULTS = (
         right="if edge >= travel[used].max() + STRIP + 1.0:",
         wrong="if edge >= 0.0:",
         tests=(f"{REGIONS}::test_a_flyer_that_hardly_comes_in_is_told_by_looks",),
+    ),
+    Fault(
+        name="calibration: pairs that do not fit are used",
+        file="kolsky/shot/rig.py",
+        right="LARGEST_RMS = 1.0",
+        wrong="LARGEST_RMS = 100.0",
+        tests=ORDER,
+    ),
+    Fault(
+        name="calibration: an order that few pictures fit",
+        file="dic/calibration/pair_order.py",
+        right="LEAST_SHARE = 0.8",
+        wrong="LEAST_SHARE = 0.1",
+        tests=(f"{ORDER[0]}::test_pictures_of_other_poses_have_no_order",),
     ),
 )

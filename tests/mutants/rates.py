@@ -152,7 +152,7 @@ FAULTS = (
         name="shared parts counted as a shot's own",
         file="kolsky/studies/rates/records.py",
         right="own = [s for name, s in estimate.noise_parts.items() if name not in COMMON_PARTS]",
-        wrong="own = list(parts.values())",
+        wrong="own = list(estimate.noise_parts.values())",
         tests=RATES,
     ),
     Fault(

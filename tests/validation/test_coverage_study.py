@@ -67,7 +67,7 @@ def test_covered_is_counted_by_hand() -> None:
     assert said["scatter"] == pytest.approx(np.std([0.01, -0.019, 0.021, 0.0], ddof=1))
     assert said["covered by the profile likelihood alone"] == pytest.approx(0.5)  # 1.0 and 0.0
     # Errors of 1.9, -3.6, 4 and 0 sigma by the force alone.
-    assert said["force alone, outline alone, their difference: covered"] == {"force only": pytest.approx(0.5)}
+    assert said["covered by force alone and outline alone"] == {"force only": pytest.approx(0.5)}
 
 
 def test_what_is_wanted_is_judged() -> None:

@@ -89,11 +89,11 @@ def test_places_of_the_outline() -> None:
 
 def test_delays_of_a_tilted_face_have_the_density_of_a_semicircle() -> None:
     """Its moments are R^2 / 4 and R^4 / 8; the odd ones vanish."""
-    lags, weights = contact_spread(2e-6)
+    lags, weights = contact_spread(2.0)
     assert weights.sum() == pytest.approx(1.0, rel=1e-12)
-    assert weights @ lags == pytest.approx(0.0, abs=1e-20)
-    assert weights @ lags**2 == pytest.approx((2e-6) ** 2 / 4.0, rel=1e-12)
-    assert weights @ lags**4 == pytest.approx((2e-6) ** 4 / 8.0, rel=1e-12)
+    assert weights @ lags == pytest.approx(0.0, abs=1e-14)
+    assert weights @ lags**2 == pytest.approx(2.0**2 / 4.0, rel=1e-12)
+    assert weights @ lags**4 == pytest.approx(2.0**4 / 8.0, rel=1e-12)
     # A ramp in the mean begins neither earlier nor later.
     force, _ = parts(Alteration(spread=5e-6))
     np.testing.assert_allclose(force[1:-1], SLOPE * CENTRES[1:-1], rtol=1e-9)

@@ -112,6 +112,11 @@ def test_a_route_is_corrected_by_its_own_map() -> None:
         np.testing.assert_allclose(list(said.correction.values()), move, atol=1e-15)
         np.testing.assert_allclose(list(said.parameters.values()), move + np.array([1.0, 2.0]), rtol=1e-12)
         assert said.on_mesh("stiffness_factor") == pytest.approx(1.0, rel=1e-12)
+    pair = [optimum("force", (1.0, 2.0)), optimum("shape", (1.0, 2.0))]
+    found = route_difference(NAMES, pair, sources(mesh))
+    assert found is not None
+    move = gain("force") @ mesh / (2.0**2.5 - 1.0)  # the outline has none
+    np.testing.assert_allclose(list(found.values.values()), move, rtol=1e-12)
 
 
 def test_without_an_outline_there_is_no_difference() -> None:

@@ -1,6 +1,8 @@
 """Sensitivities in words and shares: amounts, the largest undeclared input, what leaves no residual."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -12,7 +14,7 @@ from kolsky.uncertainty.systematic import UNDECLARED
 ANSWER = {"stiffness_factor": 1.2, "damping": 0.0}
 
 
-def part(key: str, amount: float, move: float, unit: str = "1", **more: object) -> Declaration:
+def part(key: str, amount: float, move: float, unit: str = "1", **more: Any) -> Declaration:
     made = Declaration(
         key, float("nan"), unit, {}, UNDECLARED, amount, {"stiffness_factor": move, "damping": 1e-7}, 0.5
     )
@@ -34,7 +36,18 @@ def test_shares_are_of_the_answer_and_of_the_amount() -> None:
     assert elasticity(LENGTH, ANSWER) == pytest.approx({"stiffness_factor": 2.0})
     assert elasticity(CLOCK, ANSWER) == {}
     assert signed_percent(0.0123) == "+1.2 %"
-    assert printed_sensitivities is not None
+
+
+def test_rows_of_a_terminal_say_what_is_exact_and_what_leaves_no_residual() -> None:
+    curve = part("curve_scale", 0.01, -0.012, visible=0.0009)
+    estimates = {name: SimpleNamespace(value=value) for name, value in ANSWER.items()}
+    declared = replace(CLOCK, status="varied")
+    result: Any = SimpleNamespace(estimates=estimates, systematic=(LENGTH, curve, declared))
+    assert printed_sensitivities(result, {"stiffness_factor": "m", "damping": "beta"}) == {
+        "per 1 % of specimen_length": "m +2 % (taken as exact)",
+        "per 1 % of curve_scale": "m -1 % (leaves no residual, taken as exact)",
+        "per 1 us of clock_offset": "m -3 %",
+    }
 
 
 def test_the_caution_names_the_largest_that_is_undeclared() -> None:
