@@ -20,8 +20,8 @@ Rays = Callable[[int, Any, Any], None]
 
 def rays_of_bodies(view: Any, bodies: Any, instants: Instants, device: Any) -> Rays:
     """Rays on bodies of revolution."""
-    begin = wp.array(instants.begin.astype(np.int32), dtype=wp.int32, device=device)
-    weight = wp.array(instants.weight.astype(np.float32), dtype=wp.float32, device=device)
+    begin: Any = wp.array(instants.begin.astype(np.int32), dtype=wp.int32, device=device)
+    weight: Any = wp.array(instants.weight.astype(np.float32), dtype=wp.float32, device=device)
 
     def rays(first: int, grey: Any, depth: Any) -> None:
         inputs = [view, bodies, begin, weight, first, _run(grey, device)]
@@ -72,7 +72,7 @@ def frames(
     fine, pad = view.fine, view.pad
     wide, high = columns + 2 * pad, rows + 2 * pad
     batch = max(1, BATCH // (wide * high * fine * fine)) if device.is_cuda else 1
-    levels = wp.array(weights[0], dtype=wp.float32, device=device)
+    levels: Any = wp.array(weights[0], dtype=wp.float32, device=device)
 
     def some(first: int) -> NDArray[np.float32]:
         n = min(batch, n_frames - first)
