@@ -72,6 +72,20 @@ FAULTS = (
         tests=SEVERAL,
     ),
     Fault(
+        name="a value on a plateau is called identified",
+        file="kolsky/inverse/estimates.py",
+        right='elif computed.get("roughness", 0.0) > total:',
+        wrong='elif computed.get("roughness", 0.0) > 2.0 * total:',
+        tests=("tests/unit/inverse/test_estimates.py",),
+    ),
+    Fault(
+        name="a plateau half as wide",
+        file="kolsky/uncertainty/warnings/answer.py",
+        right="low, high = e.value - 2.0 * rough, e.value + 2.0 * rough",
+        wrong="low, high = e.value - rough, e.value + rough",
+        tests=("tests/unit/uncertainty/test_warnings.py",),
+    ),
+    Fault(
         name="levels of Poisson's ratio evenly spaced",
         file="kolsky/inverse/surrogate_mesh_search.py",
         right="0.5 * (1.0 - np.geomspace(first, last, n))",
