@@ -43,7 +43,9 @@ class Study:
     truth_mesh: tuple[int, int] = (96, 129)
     """The mesh of the truth, of F-bar elements."""
     device: str = "cpu"
-    """Where both are run."""
+    """Where the identifications are run; one process a core on a CPU, each with one thread."""
+    truth_device: str = "cpu"
+    """Where the truths are run, ten of them as one batch."""
     seed: int = 1
     """Of the truths and of all noise."""
 
@@ -133,7 +135,7 @@ def make_truths(study: Study, folder: Path, numbers: list[int]) -> str:
         pairs[0][0],
         [truth for _, truth in pairs],
         mesh=study.truth_mesh,
-        device=study.device,
+        device=study.truth_device,
         interface=study.interface,
     )
     for number, (force, Z) in zip(numbers, seen, strict=True):
@@ -177,6 +179,9 @@ def run(study: Study, folder: Path, numbers: list[int], *, workers: int) -> list
         for number in missing:
             print(answer(study, folder, number), flush=True)
     else:
+        # Processes that each take all cores for their linear algebra would wait for each other.
+        for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+            os.environ.setdefault(name, "1")
         with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
             for done in as_completed([pool.submit(make_truths, study, folder, group) for group in groups]):
                 print(done.result(), flush=True)
@@ -193,7 +198,8 @@ def main() -> None:
     parser.add_argument("--mesh", default=_written(Study.mesh), help="of the surrogate")
     parser.add_argument("--refined-mesh", default=_written(Study.refined_mesh), help="of the answer")
     parser.add_argument("--truth-mesh", default=_written(Study.truth_mesh), help="of the truth, F-bar")
-    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--device", default="cpu", help="of the identifications")
+    parser.add_argument("--truth-device", help="of the truths; that of the identifications if left out")
     parser.add_argument("--workers", type=int, default=1, help="processes that identify")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--rows", help="FIRST:STOP, a part of the experiments")
@@ -205,6 +211,7 @@ def main() -> None:
         refined_mesh=_mesh(given.refined_mesh),
         truth_mesh=_mesh(given.truth_mesh),
         device=given.device,
+        truth_device=given.truth_device or given.device,
         seed=given.seed,
     )
     first, stop = map(int, (given.rows or f"0:{given.experiments}").split(":"))
@@ -224,7 +231,7 @@ def main() -> None:
 def _hold_study(study: Study, folder: Path) -> None:
     """Write what the folder is of, or refuse a folder of something else; the device may change."""
     folder.mkdir(parents=True, exist_ok=True)
-    said = json.loads(json.dumps({key: value for key, value in asdict(study).items() if key != "device"}))
+    said = json.loads(json.dumps({key: value for key, value in asdict(study).items() if "device" not in key}))
     place = folder / "study.json"
     if place.exists() and json.loads(place.read_text()) != said:
         raise ValueError(f"{place} is of another study: {place.read_text().strip()}; give another --out")

@@ -153,7 +153,7 @@ def _places(texture: Texture) -> tuple[FloatArray, FloatArray]:
     rows, columns = texture.grey.shape
     u = texture.origin[0] + texture.pitch * np.arange(columns)
     v = texture.origin[1] + texture.pitch * np.arange(rows)
-    return u[None, :], v[:, None]
+    return np.asarray(u[None, :]), np.asarray(v[:, None])
 
 
 def _bared(texture: Texture, depth: FloatArray, level: float) -> Texture:

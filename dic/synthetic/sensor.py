@@ -58,9 +58,9 @@ class Sensor:
         """Grey values per electron."""
         return self.largest / self.full_well
 
-    def electrons(self, light: FloatArray) -> FloatArray:
+    def electrons(self, light: NDArray[np.floating]) -> FloatArray:
         """Mean electrons of light on a pixel."""
-        return np.asarray(np.asarray(light) * (self.white - self.black) * self.full_well)
+        return np.asarray(light, dtype=np.float64) * (self.white - self.black) * self.full_well
 
     def pattern(self, shape: tuple[int, int], rng: np.random.Generator) -> FloatArray:
         """Gains of the pixels with the lamp's gradient, mean 1, shape [rows, columns]."""

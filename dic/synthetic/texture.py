@@ -61,11 +61,11 @@ class Area:
 
     def grid(self, pitch: float) -> tuple[FloatArray, FloatArray]:
         """Places of texels around and along [m], shapes [columns] and [rows]."""
-        across, along = (
-            low + pitch * np.arange(int(np.ceil((high - low) / pitch)) + 2)
-            for low, high in (self.around, self.along)
-        )
-        return across, along
+
+        def places(low: float, high: float) -> FloatArray:
+            return np.asarray(low + pitch * np.arange(int(np.ceil((high - low) / pitch)) + 2))
+
+        return places(*self.around), places(*self.along)
 
 
 def plain(area: Area, pitch: float, *, level: float, grain: float = 0.0, seed: int = 0) -> Texture:

@@ -6,8 +6,9 @@ line, ``<!-- commands kolsky -->`` the commands of the command line,
 ``<!-- parameters kolsky -->`` rows of the parameters of a simulation, ``<!-- law KNOWLES -->`` the material
 law that the tests of the doors make up, ``<!-- table laws -->`` (`contact_laws`, `elements`) the members of a
 registry of the solver, ``<!-- causes kolsky -->`` the inputs that are tried as causes of a misfit,
-``<!-- wrong NAME -->`` the table of a study of wrong inputs, benchmarks/results/NAME.json. Anywhere in a
-line, ``<!-- names laws -->`` becomes their names.
+``<!-- wrong NAME -->`` the table of a study of wrong inputs, ``<!-- budget NAME -->`` that of an error
+budget, ``<!-- drawn NAME -->`` that of a population of drawn shots: benchmarks/results/NAME.json. Anywhere in
+a line, ``<!-- names laws -->`` becomes their names.
 """
 
 import ast
@@ -20,7 +21,9 @@ import tomllib
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[1]
-LINE = re.compile(r"^<!-- (rooms|public|commands|law|parameters|table|causes|wrong) (\w+) -->$", re.MULTILINE)
+LINE = re.compile(
+    r"^<!-- (rooms|public|commands|law|parameters|table|causes|wrong|budget|drawn) (\w+) -->$", re.MULTILINE
+)
 NAMES = re.compile(r"<!-- names (\w+) -->")
 
 
@@ -134,7 +137,75 @@ def wrong(name: str) -> str:
     return "\n".join(lines)
 
 
+def _results(name: str) -> dict | None:
+    """A study's results; None where it was not run yet."""
+    path = DOCS.parent / "benchmarks" / "results" / f"{name}.json"
+    return json.loads(path.read_text("utf-8")) if path.exists() else None
+
+
+def budget(name: str) -> str:
+    """The sources of an error budget as `kolsky budget --json` prints it, the largest first."""
+    made = _results(name)
+    if made is None:
+        return f"There is no `benchmarks/results/{name}.json`: the budget was not made yet."
+    from kolsky.studies.budget.factors import WORDS
+
+    one = made["budgets"][0]
+    other = made.get("against")
+    head = "| source | its u (SI) | U of the answer (k = 2) | share |"
+    rule = "| --- | --- | --- | --- |"
+    lines = [head, rule] if other is None else [f"{head} {other['words']} |", f"{rule} --- |"]
+    for key, source in one["sources"].items():
+        known = source["u"] is not None
+        size = "" if key == "noise" else f"{source['sigma']:.3g}"
+        u, share = (f"{2.0 * source['u']:.4f}", f"{100.0 * source['share']:.2g} %") if known else ("", "")
+        row = f"| {WORDS.get(key, key)} | {size} | {u} | {share} |"
+        if other is not None:
+            row += f" {_of(source['u'], other['U'])} |" if known else " |"
+        lines.append(row)
+    last = "" if other is None else f" {_of(one['u_sum'], other['U'])} |"
+    lines.append(f"| added in quadrature | | {2.0 * one['u_sum']:.4f} | |{last}")
+    if one["u_together"] is not None:
+        low, high = 2.0 * one["u_together_low"], 2.0 * one["u_together_high"]
+        last = "" if other is None else f" {_of(one['u_together'], other['U'])} |"
+        lines.append(f"| all at once | | {2.0 * one['u_together']:.4f} ({low:.4f} to {high:.4f}) | |{last}")
+    return "\n".join(lines)
+
+
+def _of(u: float, U: float) -> str:
+    """Share of a squared expanded uncertainty that a standard uncertainty explains."""
+    return f"{100.0 * (2.0 * u / U) ** 2:.2g} %"
+
+
+def drawn(name: str) -> str:
+    """The shots of a population: true and found value, uncertainty, error, verdict, time."""
+    made = _results(name)
+    if made is None:
+        return f"There is no `benchmarks/results/{name}.json`: the study was not run yet."
+    lines = [
+        "| shot | true $m$ | $m$ | U (k = 2) | error | verdict | time |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for one in made["answers"]:
+        known = one["value"] is not None
+        value, U = (f"{one['value']:.4f}", f"{2.0 * one['sigma']:.4f}") if known else ("", "")
+        error = f"{100.0 * (one['value'] / one['truth'] - 1.0):+.2f} %" if known else ""
+        cells = [
+            one["name"],
+            f"{one['truth']:.4f}",
+            value,
+            U,
+            error,
+            one["verdict"],
+            f"{one['seconds']:.0f} s",
+        ]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
 TABLES = {
+    "budget": budget,
+    "drawn": drawn,
     "causes": causes,
     "wrong": wrong,
     "rooms": rooms,

@@ -37,7 +37,7 @@ def identify(
     ] = "64x86",
     replicates: Annotated[
         int, typer.Option(min=0, help="Draws of the flyer's and the curve's noise; 0 leaves them out.")
-    ] = 16,
+    ] = 64,
     methods: Annotated[
         str,
         typer.Option(metavar="WHICH", help="surrogate, or all: least squares on the solver too (expensive)."),

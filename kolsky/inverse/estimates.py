@@ -40,6 +40,9 @@ def estimates(
 ) -> dict[str, Estimate]:
     """Every free parameter with its uncertainties and verdict.
 
+    Where the response's roughness moves a parameter by more than all noise does, the misfit is flat to
+    within its own jumps over that width, and a value on it is not identified.
+
     Where one lies at a bound, the data ask for a value beyond it, and the others make up for what it may not
     do: their values hold only if the bound is where that parameter is.
 
@@ -76,6 +79,8 @@ def estimates(
             verdict = Verdict.NOT_SEEN
         elif not confirmed:
             verdict = Verdict.DISAGREEING
+        elif computed.get("roughness", 0.0) > total:
+            verdict = Verdict.PLATEAU
         else:
             verdict = Verdict.CONDITIONAL if any(bounds) else good
         found[name] = Estimate(

@@ -10,12 +10,12 @@ default. What shot.toml declares of them is used for what it says:
   range of its design. A width that nobody stated would be ours, and would pull the answer.
 
 Where surfaces slide or let go the response is rough, contact and damping tell themselves apart badly, and the
-stiffness factor alone is free.
+stiffness factor alone is free; so it is where no outline was measured, and nothing contradicts the force.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from kolsky.inverse.parameters import PARAMETERS, any_slides
@@ -29,8 +29,9 @@ ALONE = ("stiffness_factor",)
 """What is free where a surface slides or lets go."""
 
 ASKED, EXACT = "held as asked", "declared exact in [uncertainty]"
+BLIND = "held because no outline was measured"
 SLIDES = "held because a surface slides or lets go"
-KNOWN = (ASKED, EXACT, SLIDES)
+KNOWN = (ASKED, EXACT, SLIDES, BLIND)
 """Reasons to hold a parameter that are known before any run."""
 
 Bounds = tuple[float, float] | None
@@ -103,15 +104,19 @@ def choose(settings: Settings, shot: Shot) -> Freed:
         for name in DEFAULT:
             if name not in ALONE:
                 reasons.setdefault(name, SLIDES)
+    if shot.centre_line is None:
+        for name in DEFAULT:
+            if name not in ALONE:
+                reasons.setdefault(name, BLIND)
     free = {name: None for name in DEFAULT if name not in reasons}
     if not free:
         raise ValueError(f"nothing is free: {', '.join(f'{name} is {why}' for name, why in reasons.items())}")
     return Freed(replace(settings, free=free), by_default=True, reasons=reasons)
 
 
-def rough(shot: Shot, held: Mapping[str, float]) -> bool:
-    """True if a surface slides or lets go: as declared, or because a held parameter makes it so."""
+def rough(shot: Shot, named: Iterable[str]) -> bool:
+    """True if a surface slides or lets go: as declared, or because a named parameter makes it so."""
     from explicit.contact import contact_law
 
     laws = [contact_law(shot.interface.faces), contact_law(shot.interface.side)]
-    return any_slides(held) or any(law.needs_friction or law.needs_release_stress for law in laws)
+    return any_slides(named) or any(law.needs_friction or law.needs_release_stress for law in laws)

@@ -36,6 +36,7 @@ class Verdict(StrEnum):
     AT_BOUND = "at a bound of the design"
     CONDITIONAL = "only if the parameter at its bound is right"
     NOT_SEEN = "not seen by the data"
+    PLATEAU = "on a plateau of a rough misfit"
     DISAGREEING = "the check run disagrees with the surrogate"
     FAILED = "no simulation of the design completed"
 

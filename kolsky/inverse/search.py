@@ -93,7 +93,7 @@ def search_shot(prepared: PreparedShot, settings: Settings, progress: Progress) 
         stages = StagedRuns(
             prepared, freed.settings, design_box(freed.free), progress, prior=freed.prior(shot)
         )
-        if stages.box.dimension == 1 or rough(shot, {**freed.free, **freed.settings.held}):
+        if stages.box.dimension == 1 or rough(shot, [*freed.free, *freed.settings.held]):
             coarse = search_coarse(stages)
             replicates = stages.replicate(coarse.x) if settings.replicates else None
             coarse = weigh_front_noise(stages, coarse, replicates)

@@ -55,7 +55,7 @@ def record_forces(quantities: Specification, truth: Truth, *, shot: int) -> Scop
     scope, wrong = quantities.scope, quantities.imperfections
     last = truth.surface.time[-1] + max(wrong.trigger, 0.0) + RECORD_AFTER
     count = int(np.floor((last - scope.start) / scope.interval)) + 1
-    times = scope.start + scope.interval * np.arange(count)
+    times = scope.start + scope.interval * np.arange(count, dtype=np.float64)
     incident = signals.with_inertia(truth.incident, quantities.incident.platen_mass, truth.flyer_acceleration)
     transmitted = signals.with_inertia(
         truth.transmitted, quantities.transmitted.platen_mass, -truth.support_acceleration

@@ -173,7 +173,7 @@ def write_shot(
             named = {"flyer displacement toward the specimen (mm)": [f"{d:.6f}" for d in flyer]}
             write_table(partial / "flyer.csv", {"frame": frames, "time (s)": times, **named})
             outline = measure_outline(q, truth, shot=number)
-            columns = {
+            columns: dict[str, Any] = {
                 "frame": outline.frame,
                 "time (s)": [times[k] for k in outline.frame],
                 "y (mm)": [f"{y * 1e3:.6f}" for y in outline.y],

@@ -22,8 +22,10 @@ LONGEST = 0.1
 class Path1D(Protocol):
     """A displacement toward the specimen and its velocity, from a start on."""
 
-    start: float
-    """When it starts, on the shot's clock [s]."""
+    @property
+    def start(self) -> float:
+        """When it starts, on the shot's clock [s]."""
+        ...
 
     def displacement(self, time: FloatArray) -> FloatArray:
         """Displacement toward the specimen [m], of the time's shape; 0 before the start."""

@@ -1,5 +1,7 @@
 """What the cameras of a made shot see: specimen, flyer and transmission platen with their paint."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
@@ -140,12 +142,17 @@ def _covered(
     name: str,
     shot: int,
 ) -> Texture:
-    """Paint or bare material of a rigid body."""
-    area = Area(_around(radius, reach), along)
-    if speckled:
-        return _paint(q, area, stream(q.seed, shot, "speckles", name))
-    seed = int(stream(q.seed, shot, "bare", name).integers(2**32))
-    return plain(area, 0.5 * q.cameras.pixel, level=q.speckle.bare, grain=GRAIN, seed=seed)
+    """Paint or bare material of a rigid body's side; its faces are bare."""
+    rim = 2.0 * q.cameras.pixel
+    area = Area(_around(radius, reach), (along[0] - rim, along[1] + rim))
+    if not speckled:
+        seed = int(stream(q.seed, shot, "bare", name).integers(2**32))
+        return plain(area, 0.5 * q.cameras.pixel, level=q.speckle.bare, grain=GRAIN, seed=seed)
+    texture = _paint(q, area, stream(q.seed, shot, "speckles", name))
+    _, v = area.grid(texture.pitch)
+    face = (v < along[0] - texture.pitch) | (v > along[1] + texture.pitch)
+    grey = np.where(face[:, None], np.float32(q.speckle.bare), texture.grey)
+    return replace(texture, grey=grey)
 
 
 def _paint(q: Specification, area: Area, rng: np.random.Generator) -> Texture:

@@ -173,7 +173,7 @@ def _run(
 
 
 def _force_times(last: float) -> FloatArray:
-    return KNOT * np.arange(int(np.ceil(last / KNOT)) + 1)
+    return KNOT * np.arange(int(np.ceil(last / KNOT)) + 1, dtype=np.float64)
 
 
 def _motion(job: Job, add: FloatArray, times: FloatArray) -> explicit.PlatenMotion:

@@ -20,6 +20,7 @@ from tests.mutants.material import FAULTS as MATERIAL
 from tests.mutants.rates import FAULTS as RATES
 from tests.mutants.report import FAULTS as REPORT
 from tests.mutants.results import FAULTS as RESULTS
+from tests.mutants.several_parameters import FAULTS as SEVERAL
 from tests.mutants.shot import FAULTS as SHOT
 from tests.mutants.uncertainty import FAULTS as UNCERTAINTY
 from tests.mutants.virtual import FAULTS as VIRTUAL
@@ -40,6 +41,7 @@ FAULTS: tuple[Fault, ...] = (
     *INVERSE,
     *MATERIAL,
     *RATES,
+    *SEVERAL,
     *SHOT,
     *REPORT,
     *RESULTS,

@@ -119,4 +119,25 @@ FAULTS = (
         "variance += 0.0 * float((moves**2).mean())",
         CLOCKS,
     ),
+    Fault(
+        "unexplained shots are counted unasked",
+        "kolsky/studies/rates/records.py",
+        "WITHHELD if self.keep_unexplained else ()",
+        "WITHHELD",
+        ("tests/unit/studies/test_rates_unexplained.py",),
+    ),
+    Fault(
+        "thresholds without a margin",
+        "benchmarks/fit_thresholds.py",
+        "MARGIN * np.exp(max(limit, logs.max()))",
+        "np.exp(max(limit, logs.max()))",
+        ("tests/unit/diagnosis/test_fit_thresholds.py",),
+    ),
+    Fault(
+        "tolerance limit of the sample instead of the population",
+        "benchmarks/fit_thresholds.py",
+        "quantile * np.sqrt(n)) / np.sqrt(n)",
+        "0.0) / np.sqrt(n) + quantile",
+        ("tests/unit/diagnosis/test_fit_thresholds.py",),
+    ),
 )

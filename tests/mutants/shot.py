@@ -14,7 +14,7 @@ NEW = tuple(
     for name in (
         "test_a_blank_says_what_is_allowed",
         "test_blanks_are_found_in_order",
-        "test_the_next_shot_with_the_same_names_differs_in_its_own_facts_alone",
+        "test_the_next_shot_of_a_series_keeps_the_apparatus",
         "test_what_could_be_two_things_is_left_open_and_said",
         "test_two_channels_of_unknown_meaning_are_offered",
         "test_problems_come_in_the_order_of_the_file",

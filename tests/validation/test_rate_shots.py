@@ -1,6 +1,7 @@
 """Shots of known stiffness at several flyer velocities, through `identify`, to a mean and a slope."""
 
 import importlib.util
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -87,7 +88,7 @@ def test_a_span_like_the_papers_is_refused(maker, tmp_path):
     for number, speed in enumerate((2.2, 2.4, 2.5, 2.8)):
         folder = tmp_path / f"shot-{number}"
         maker.make(folder, speed, 1.12, seed=number, numerics=Numerics(mesh=(24, 32), element="fbar"))
-        quick = Settings(numerics=Numerics(mesh=(12, 16)), refined_mesh=(16, 22), replicates=0)
+        quick = replace(COARSE, numerics=Numerics(mesh=(12, 16)), refined_mesh=(16, 22), replicates=0)
         shots.append(
             collected_shot(folder, group="gel", identify=lambda shot, quick=quick: identify(shot, quick))
         )

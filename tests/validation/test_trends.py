@@ -23,7 +23,9 @@ COARSE = Numerics(mesh=(16, 22))
 
 @cache
 def held(**values: float) -> Identification:
-    settings = Settings(held=values, numerics=COARSE, refined_mesh=(24, 32), replicates=0)
+    settings = Settings(
+        free={"stiffness_factor": None}, held=values, numerics=COARSE, refined_mesh=(24, 32), replicates=0
+    )
     return identify(load_shot(SHOT), settings)
 
 

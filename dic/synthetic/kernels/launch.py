@@ -8,7 +8,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from dic.synthetic.kernels.cast import across, cast_board, cast_bodies, down
+from dic.synthetic.kernels.cast import cast_board, cast_bodies
+from dic.synthetic.kernels.gather import across, down
 from dic.synthetic.scene import Instants
 
 BATCH = 2**26
@@ -20,8 +21,8 @@ Rays = Callable[[int, Any, Any], None]
 
 def rays_of_bodies(view: Any, bodies: Any, instants: Instants, device: Any) -> Rays:
     """Rays on bodies of revolution."""
-    begin = wp.array(instants.begin.astype(np.int32), dtype=wp.int32, device=device)
-    weight = wp.array(instants.weight.astype(np.float32), dtype=wp.float32, device=device)
+    begin: Any = wp.array(instants.begin.astype(np.int32), dtype=wp.int32, device=device)
+    weight: Any = wp.array(instants.weight.astype(np.float32), dtype=wp.float32, device=device)
 
     def rays(first: int, grey: Any, depth: Any) -> None:
         inputs = [view, bodies, begin, weight, first, _run(grey, device)]
@@ -72,7 +73,7 @@ def frames(
     fine, pad = view.fine, view.pad
     wide, high = columns + 2 * pad, rows + 2 * pad
     batch = max(1, BATCH // (wide * high * fine * fine)) if device.is_cuda else 1
-    levels = wp.array(weights[0], dtype=wp.float32, device=device)
+    levels: Any = wp.array(weights[0], dtype=wp.float32, device=device)
 
     def some(first: int) -> NDArray[np.float32]:
         n = min(batch, n_frames - first)
@@ -91,7 +92,8 @@ def frames(
     if device.is_cuda or threads == 1:
         yield from map(some, firsts)
         return
-    wp.load_module(cast_bodies.module, device=device, block_dim=1)
+    for kernel in (cast_bodies, across):  # before the threads, which would each compile it
+        wp.load_module(kernel.module, device=device, block_dim=1)
     with ThreadPoolExecutor(threads) as pool:
         yield from pool.map(some, firsts)
 

@@ -27,7 +27,8 @@ def write_page(path: Path, results: Sequence[Budget], campaign: Campaign | None)
 
 def render(results: Sequence[Budget], campaign: Campaign | None) -> str:
     """Return the page as HTML text; see `write_page`."""
-    first, figures = results[0], []
+    first = results[0]
+    figures: list[dict[str, Any]] = []
     for result in results:
         figures += draw_figures(BUDGETS.values(), result, first=len(figures) + 1)
     for number, figure in enumerate(figures, start=1):

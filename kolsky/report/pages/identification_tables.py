@@ -33,6 +33,9 @@ _VERDICTS = {
     "parameter at an independent value.",
     Verdict.NOT_SEEN: "The data hardly depend on this parameter: the interval tells which values are "
     "excluded, the value itself is not determined. Hold it fixed at an independent value.",
+    Verdict.PLATEAU: "The simulated response jumps by so much that the misfit is flat, to within its jumps, "
+    "over the width that the warnings name: values on it are not told apart. Refine both meshes, or hold "
+    "another parameter.",
     Verdict.DISAGREEING: "The simulation at the optimum does not confirm the surrogate: do not use the "
     "value. Add runs near the optimum and search again.",
     Verdict.FAILED: "No simulation of the design completed, so there is no estimate. The design table "

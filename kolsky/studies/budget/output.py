@@ -44,6 +44,7 @@ def facts(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
         "u_together_high": high,
         "sources_add_up": result.adds_up,
         "refused_together": len(result.refused),
+        "together": result.together.tolist(),
         "sources": {
             source.factor.key: {
                 "sigma": source.factor.sigma,
@@ -71,6 +72,7 @@ def _planned(campaign: Campaign) -> dict[str, Any]:
 def printed(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
     """The budget for a terminal: a line for each source with its expanded uncertainty and share."""
     said = facts(result, campaign)
+    del said["together"]
     words = {source.factor.key: source.factor.words for source in result.sources}
     lines = {
         f"U from {words[key]}": f"{2.0 * source['u']:.3g} ({100.0 * source['share']:.2g} %)"

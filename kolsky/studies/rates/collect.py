@@ -15,7 +15,7 @@ from kolsky.results.hdf5 import read_identification
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import OpticalData, Shot
 from kolsky.shot.schema import fields as f
-from kolsky.shot.schema.reading import TomlFile, folder_of, parsed
+from kolsky.shot.schema.reading import Source, TomlFile, folder_of, parsed
 from kolsky.shot.schema.section import Section
 from kolsky.studies.rates.motion import strain_history
 from kolsky.studies.rates.records import PARAMETER, QuasiStatic, RatedShot
@@ -52,7 +52,7 @@ class RateShotFile(Section):
         return None if said is None else said.strain_rate
 
 
-def declarations(shot: Path) -> tuple[TomlFile, RateShotFile]:
+def declarations(shot: Source) -> tuple[TomlFile, RateShotFile]:
     """Read material, group, rig and the reference curve's rate from a shot file.
 
     Raises
@@ -102,7 +102,7 @@ def result_of(shot: Path) -> Path:
 
 
 def collected_shot(
-    shot: Path,
+    shot: Source,
     *,
     group: str,
     identify: Callable[[Shot], Identification] | None = None,
@@ -113,7 +113,7 @@ def collected_shot(
     Parameters
     ----------
     shot
-        The shot's folder, or its shot.toml.
+        The shot's folder, its shot.toml, or that file parsed.
     group
         The group it belongs to.
     identify
@@ -128,12 +128,12 @@ def collected_shot(
         factor.
     """
     file, declared = declarations(shot)
-    place = result_of(shot)
+    place = result_of(file.path)
     if identify is None and not place.exists():
         raise InputError(
             place,
             "there is no result of this shot",
-            cure=f"`kolsky identify {folder_of(shot)}` writes one, or give --identify",
+            cure=f"`kolsky identify {file.path.parent}` writes one, or give --identify",
         )
     loaded = load_shot(file, measure=measure)
     if place.exists() or identify is None:

@@ -9,7 +9,7 @@ from kolsky.base.errors import InputError
 from kolsky.inverse.result import Identification
 from kolsky.shot.optical_data import measured
 from kolsky.shot.records import Shot
-from kolsky.shot.schema.reading import folder_of
+from kolsky.shot.schema.reading import TomlFile
 from kolsky.studies.rates.collect import collected_shot, declarations, group_key, group_of
 from kolsky.studies.rates.comparison import STRAINS, compare
 from kolsky.studies.rates.records import RatedShot, RateReport
@@ -61,23 +61,23 @@ def rate(
     key = group_key(files, group or None)
     groups = [group_of(file, key) for file in files]
     collected: dict[str, RatedShot] = {}
-    for number, (path, name) in enumerate(zip(paths, groups, strict=True)):
+    for number, (file, name) in enumerate(zip(files, groups, strict=True)):
         progress("rate", number, len(paths))
-        one = replace(_collected(path, name, identify, progress), keep_unexplained=keep_unexplained)
+        one = replace(_collected(file, name, identify, progress), keep_unexplained=keep_unexplained)
         if one.name in collected:
             raise InputError(
-                folder_of(path), f"another shot is called {one.name!r} too", cure="give each its own name"
+                file.path.parent, f"another shot is called {one.name!r} too", cure="give each its own name"
             )
         collected[one.name] = one
     progress("rate", len(paths), len(paths))
     return compare(list(collected.values()), strains=strains, shared=shared, grouped_by=key)
 
 
-def _collected(path: Path, group: str, identify: Identify | None, progress: Any) -> RatedShot:
+def _collected(file: TomlFile, group: str, identify: Identify | None, progress: Any) -> RatedShot:
     """One shot; what its pictures give is kept among its own results."""
     return collected_shot(
-        path,
+        file,
         group=group,
-        identify=None if identify is None else lambda shot: identify(path, shot),
-        measure=lambda seen: measured(seen, folder_of(path) / "results", progress=progress),
+        identify=None if identify is None else lambda shot: identify(file.path, shot),
+        measure=lambda seen: measured(seen, file.path.parent / "results", progress=progress),
     )

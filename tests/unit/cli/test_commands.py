@@ -318,8 +318,8 @@ OPTIONS: dict[str, tuple[list[str], str]] = {
     "unknown held parameter": (["identify", "-p", "nu=0.49"], "there is no parameter 'nu'"),
     "value outside": (["identify", "-p", "damping=-1"], "must be in [0, 0.01] s"),
     "free and held": (
-        ["identify", "-p", "stiffness_factor=1"],
-        "stiffness_factor is named by both --free and --parameter",
+        ["identify", "--free", "stiffness_factor", "-p", "stiffness_factor=1"],
+        "stiffness_factor is named by both --free and --hold",
     ),
     "mesh not finer": (["identify", "--refined-mesh", "24x64"], "is not finer than --mesh 24x32"),
     "mesh of words": (["identify", "--mesh", "fine"], "elements across the radius x along"),

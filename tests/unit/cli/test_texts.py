@@ -24,6 +24,15 @@ def test_values_are_si_or_carry_a_unit() -> None:
     assert texts.values("-p", ["friction=30 %"]) == pytest.approx({"friction": 0.3})
 
 
+def test_what_is_held_at_the_shots_value_and_at_another() -> None:
+    assert texts.holds("--hold", ["poisson", "damping=25 us"]) == ({"damping": 25e-6}, ("poisson",))
+    for twice in (["poisson", "poisson"], ["poisson=0.49", "poisson"]):
+        with pytest.raises(InputError, match="poisson once"):
+            texts.holds("--hold", twice)
+    with pytest.raises(InputError, match="there is no parameter 'nu'"):
+        texts.holds("--hold", ["nu"])
+
+
 def test_ranges_levels_and_spans() -> None:
     assert texts.ranges("--free", ["stiffness_factor", "damping=0:100 us"]) == {
         "stiffness_factor": None,

@@ -48,15 +48,16 @@ def with_data(one: Objective, data: FloatArray) -> Objective:
     )
 
 
-@pytest.mark.parametrize("name", ["force", "outline", "flyer"])
+# A late flyer makes the model late: force and outline are early beside it.
+@pytest.mark.parametrize(("name", "late"), [("force", (1, 0)), ("outline", (0, 1)), ("flyer", (-1, -1))])
 @pytest.mark.parametrize("planted", [-23e-6, 1.5e-6])
-def test_a_planted_lag_is_found(name: str, planted: float) -> None:
+def test_a_planted_lag_is_found(name: str, late: tuple[int, int], planted: float) -> None:
     one = objective()
     predict, rng = shifted(one), np.random.default_rng(3)
     jacobian = np.concatenate([np.full(one.n_force, 1e3), np.full(len(one.data) - one.n_force, 1e-6)])[
         :, None
     ]
-    true = predict(planted * np.array(DIRECTIONS[name])) + 0.01 * jacobian[:, 0]
+    true = predict(planted * np.array(late)) + 0.01 * jacobian[:, 0]
     seen = with_data(one, true + one.noise * rng.standard_normal(len(true)))
     found = fit_lag(seen, predict, jacobian, DIRECTIONS[name], {})
     assert found.settled

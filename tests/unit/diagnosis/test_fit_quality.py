@@ -65,7 +65,8 @@ def judged(
 def test_a_change_that_a_parameter_makes_leaves_nothing() -> None:
     rng = np.random.default_rng(1)
     jacobian, weight = rng.standard_normal((7, 2)), rng.uniform(0.5, 2.0, 7)
-    gain = np.linalg.solve(jacobian.T @ (weight[:, None] * jacobian), (weight[:, None] * jacobian).T)
+    weighted = (weight[:, None] * jacobian).T
+    gain: FloatArray = np.linalg.solve(weighted @ jacobian, weighted).astype(np.float64)
     np.testing.assert_allclose(left_over(jacobian @ [2.0, -3.0], jacobian, gain), 0.0, atol=1e-12)
     # What no parameter can make is left whole: it is orthogonal to the Jacobian in the weights.
     other = np.linalg.svd(jacobian.T * weight)[2][-1]

@@ -57,6 +57,14 @@ def test_not_seen_where_four_sigma_are_the_whole_design() -> None:
     assert [e.outcome for e in more.values()] == [Verdict.NOT_SEEN] * 2
 
 
+def test_a_value_on_a_plateau_is_not_identified() -> None:
+    noise = {"force and shape": np.array([0.03, 0.03]), "curve": np.array([0.04, 0.04])}
+    rough = {"mesh": np.array([0.1, 0.1]), "roughness": np.array([0.0499, 0.0501])}
+    found = made([1.5, 2.0], noise=noise, numerical=rough)  # all noise is 0.05: 3-4-5
+    assert [e.outcome for e in found.values()] == [Verdict.IDENTIFIED, Verdict.PLATEAU]
+    assert not Verdict.PLATEAU.identified
+
+
 @pytest.mark.parametrize(
     ("x", "options", "expected"),
     [

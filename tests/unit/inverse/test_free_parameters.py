@@ -17,6 +17,7 @@ def shot(faces: str = "bonded", side: str = "bonded", **uncertainty: float) -> A
         interface=SimpleNamespace(faces=faces, side=side, friction=0.3, release_stress=0.0),
         model=SimpleNamespace(poisson=0.499, damping=25e-6, mass_damping=0.0),
         uncertainty=uncertainty,
+        centre_line="seen",
     )
 
 
@@ -33,6 +34,9 @@ def test_the_stiffness_alone_where_a_surface_slides_or_lets_go(laws: tuple[str, 
     found = choose(Settings(), shot(*laws))
     assert list(found.free) == ["stiffness_factor"]
     assert set(found.reasons.values()) == {SLIDES}
+    unseen = shot()
+    unseen.centre_line = None
+    assert list(choose(Settings(), unseen).free) == ["stiffness_factor"]
     # A friction that is held makes everything slide.
     assert list(choose(Settings(held={"friction": 0.2}), shot()).free) == ["stiffness_factor"]
 

@@ -10,7 +10,7 @@ from test_objective import objective
 from doe import Box
 from explicit import Ending, Outcome
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.gauss_newton import _on_refined
+from kolsky.inverse.gauss_newton import RefinedRun, Step, _on_refined
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.refined_search import CONFIRMED
@@ -136,6 +136,13 @@ def test_steps_with_the_coarse_slopes_end_at_the_least_squares_of_the_refined_me
     )
     full = np.linalg.lstsq(own, one.data - ringing(found.x)[0], rcond=None)[0]
     assert (np.abs(full) < 1.5 * CONFIRMED * found.step.sigma).all()
+
+
+def test_a_run_confirms_when_no_step_is_longer_than_a_fifth_of_sigma() -> None:
+    for change, confirmed in (([0.19, -0.38], True), ([0.21, 0.0], False), ([0.0, -0.42], False)):
+        step = Step(np.array(change), np.array([1.0, 2.0]), None)  # type: ignore[arg-type]
+        run = RefinedRun(TRUTH, TIME, None, step, TIME)  # type: ignore[arg-type]
+        assert run.confirmed is confirmed
 
 
 def test_a_mesh_in_step_with_another_is_run_at_shifted_points() -> None:

@@ -12,7 +12,7 @@ from kolsky.cli.commandline import app
 from kolsky.shot import flyer_path
 
 OPEN_01 = Path(__file__).resolve().parents[3] / "runs" / "open-01"
-COARSE = ("--mesh", "6x8", "--refined-mesh", "8x11", "--replicates", "0")
+COARSE = ("--free", "stiffness_factor", "--mesh", "6x8", "--refined-mesh", "8x11", "--replicates", "0")
 
 
 @pytest.fixture

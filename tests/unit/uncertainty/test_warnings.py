@@ -195,6 +195,8 @@ def test_numbers_that_cannot_be_trusted() -> None:
     assert "so rough that it contributes more to the uncertainty of stiffness_factor (0.002)" in said(
         estimate(sigma_numerical=0.002, numerical_parts=rough)
     )
+    flat = said(estimate(value=1.3, sigma_numerical=0.002, numerical_parts=rough))
+    assert "between 1.296 and 1.304 the misfit is flat" in flat  # twice 0.002 to both sides
     text = said(replace(estimate(outcome=Verdict.DISAGREEING), surrogate={"check_shift_sigmas": 0.63}))
     assert "still moved the optimum by 0.63 sigma" in text
     parts = {"force and shape": 0.0019, "flyer motion": 0.001}

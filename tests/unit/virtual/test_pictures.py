@@ -109,6 +109,14 @@ def test_specimen_flyer_and_platen_meet():
     assert rim[1] == pytest.approx(-np.sin(0.01))
 
 
+def test_the_side_of_the_flyer_is_painted_and_its_face_is_bare():
+    q = spec()
+    paint = scene_of(q, surface(), shot=0).bodies[1].texture
+    around = np.linspace(-1e-3, 1e-3, 101)
+    assert paint.at(around, np.full(101, -q.cameras.pixel)) == pytest.approx(q.speckle.bare)
+    assert paint.at(around, np.full(101, 0.0)).std() > 0.1
+
+
 def test_pictures_are_the_same_for_a_seed(tmp_path):
     one, two, other = (tmp_path / name for name in ("one", "two", "other"))
     for folder, seed, threads in ((one, 1, 1), (two, 1, 2), (other, 2, 1)):

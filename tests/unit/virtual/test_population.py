@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from kolsky.base.errors import InputError
+from kolsky.studies.budget.factors import factors_of
 from kolsky.virtual.population import Draw
 from kolsky.virtual.specification import Series, read_specification
 from kolsky.virtual.streams import stream
+from kolsky.virtual.truth import Job
 
 HEAD = "format = 1\n[population]\nshots = {n}\n[population.draw]\n"
 DRAWS = (
@@ -90,3 +92,13 @@ def test_a_draw_is_written_as_a_person_would() -> None:
     assert unit == "mm"
     assert 8.0 <= float(number) <= 12.0
     assert len(number) <= 10
+
+
+@pytest.mark.parametrize("name", ["forty", "small", "paper"])
+def test_committed_specifications_are_valid(name: str) -> None:
+    """Every shot of the committed populations can be asked for: what is drawn is allowed, its motion ends."""
+    found = read_specification(Path(__file__).parents[3] / "runs" / "virtual" / f"{name}.toml")
+    for shot in found:
+        assert Job.of(shot.quantities, shot.folder).end > 0.0
+    if found.declared.budget:
+        assert len(factors_of(found.declared.budget)) > 1

@@ -1,0 +1,144 @@
+"""Faults of the search with several parameters: priors, valleys, steps, what is held, offsets of a mesh."""
+
+from tests.mutants.fault import Fault
+
+PRIOR = ("tests/unit/inverse/test_prior.py",)
+SEVERAL = ("tests/unit/inverse/test_several_parameters.py",)
+FREE = ("tests/unit/inverse/test_free_parameters.py",)
+NUMERICAL = ("tests/unit/uncertainty/test_numerical.py",)
+
+FAULTS = (
+    Fault(
+        name="a prior's precision of sigma, not of its square",
+        file="kolsky/inverse/prior.py",
+        right="return np.diag(self.sigma**-2.0)",
+        wrong="return np.diag(self.sigma**-1.0)",
+        tests=PRIOR,
+    ),
+    Fault(
+        name="a prior's residual with the wrong sign of its mean",
+        file="kolsky/inverse/prior.py",
+        right="((points - self.mean) / self.sigma)",
+        wrong="((points + self.mean) / self.sigma)",
+        tests=PRIOR,
+    ),
+    Fault(
+        name="the prior left out of the normal matrix",
+        file="kolsky/inverse/objective.py",
+        right="normal = jacobian.T @ weighted + self.prior_precision(jacobian.shape[1], part)",
+        wrong="normal = jacobian.T @ weighted",
+        tests=PRIOR,
+    ),
+    Fault(
+        name="the prior's share of the covariance left out",
+        file="kolsky/inverse/objective.py",
+        right="return np.asarray(inverse @ precision @ inverse)",
+        wrong="return np.asarray(0.0 * inverse @ precision @ inverse)",
+        tests=PRIOR,
+    ),
+    Fault(
+        name="a step that pulls away from the prior",
+        file="kolsky/inverse/gauss_newton.py",
+        right="right = np.concatenate([right, -weighed.prior.residuals(x)])",
+        wrong="right = np.concatenate([right, weighed.prior.residuals(x)])",
+        tests=PRIOR,
+    ),
+    Fault(
+        name="a step that is not scaled back to the parameters",
+        file="kolsky/inverse/gauss_newton.py",
+        right="return Step(np.clip(found, low, high) * sigma, sigma, weighed)",
+        wrong="return Step(np.clip(found, low, high), sigma, weighed)",
+        tests=PRIOR,
+    ),
+    Fault(
+        name="a step against the gradient",
+        file="kolsky/inverse/gauss_newton.py",
+        right="(weighed.data - vector) / weighed.sigma",
+        wrong="(vector - weighed.data) / weighed.sigma",
+        tests=PRIOR,
+    ),
+    Fault(
+        name="any step confirms the optimum",
+        file="kolsky/inverse/gauss_newton.py",
+        right="return self.step.moved <= CONFIRMED",
+        wrong="return self.step.moved >= 0.0",
+        tests=SEVERAL,
+    ),
+    Fault(
+        name="the other point moved against the meshes' shift",
+        file="kolsky/inverse/gauss_newton.py",
+        right="moved[i] += shift[i]",
+        wrong="moved[i] -= shift[i]",
+        tests=SEVERAL,
+    ),
+    Fault(
+        name="a value on a plateau is called identified",
+        file="kolsky/inverse/estimates.py",
+        right='elif computed.get("roughness", 0.0) > total:',
+        wrong='elif computed.get("roughness", 0.0) > 2.0 * total:',
+        tests=("tests/unit/inverse/test_estimates.py",),
+    ),
+    Fault(
+        name="a plateau half as wide",
+        file="kolsky/uncertainty/warnings/answer.py",
+        right="low, high = e.value - 2.0 * rough, e.value + 2.0 * rough",
+        wrong="low, high = e.value - rough, e.value + rough",
+        tests=("tests/unit/uncertainty/test_warnings.py",),
+    ),
+    Fault(
+        name="levels of Poisson's ratio evenly spaced",
+        file="kolsky/inverse/surrogate_mesh_search.py",
+        right="0.5 * (1.0 - np.geomspace(first, last, n))",
+        wrong="0.5 * (1.0 - np.linspace(first, last, n))",
+        tests=SEVERAL,
+    ),
+    Fault(
+        name="a minimum that is below one neighbour",
+        file="kolsky/inverse/surrogate_mesh_search.py",
+        right="(padded[1:-1] < padded[:-2]) & (padded",
+        wrong="(padded[1:-1] < padded[:-2]) | (padded",
+        tests=SEVERAL,
+    ),
+    Fault(
+        name="the offset of a mesh taken off",
+        file="kolsky/inverse/staged_runs.py",
+        right="np.clip(points + self.offsets[mesh], low, high)",
+        wrong="np.clip(points - self.offsets[mesh], low, high)",
+        tests=SEVERAL,
+    ),
+    Fault(
+        name="earlier runs left where they were when a mesh is shifted",
+        file="kolsky/inverse/staged_runs.py",
+        right="[(points - change, prediction) for points, prediction in self._coarse]",
+        wrong="[(points, prediction) for points, prediction in self._coarse]",
+        tests=SEVERAL,
+    ),
+    Fault(
+        name="a mesh's shift not taken back along the slopes",
+        file="kolsky/uncertainty/numerical.py",
+        right="- fine.jacobian @ offset",
+        wrong="+ fine.jacobian @ offset",
+        tests=NUMERICAL,
+    ),
+    Fault(
+        name="a width for what nobody declared",
+        file="kolsky/inverse/free_parameters.py",
+        right="shot.uncertainty.get(name, 0.0) > 0.0",
+        wrong="shot.uncertainty.setdefault(name, 1.0) > 0.0",
+        tests=FREE,
+    ),
+    Fault(
+        name="a value that is declared exact is freed",
+        file="kolsky/inverse/free_parameters.py",
+        right="if shot.uncertainty.get(name) == 0.0:",
+        wrong="if shot.uncertainty.get(name) == -1.0:",
+        tests=FREE,
+    ),
+    Fault(
+        name="a parameter counts as told when two sigma fill its range",
+        file="kolsky/inverse/search.py",
+        right="SEEN = 4.0",
+        wrong="SEEN = 2.0",
+        tests=FREE,
+    ),
+)

@@ -1,0 +1,58 @@
+"""Goodness of fit and clocks in a terminal, on a page and in JSON."""
+
+from dataclasses import replace
+
+import pytest
+from synthetic import synthetic
+
+from kolsky.report.fit_table import NOT_RECORDED, fit_line, fit_tables, printed_fit
+from kolsky.results.summary import to_json
+
+RESULT = synthetic(nodes=False)
+FORCE, OUTLINE = RESULT.fit
+
+
+def test_the_line_shows_what_is_nearer_its_limit() -> None:
+    # The force: 1 of 2 and 0.75 of 2.5. The outline: 4.1 over the root of 17, and 1 over 1.1 of 2.5.
+    assert fit_line(RESULT) == "fit: force explained (1 of at most 2), outline explained (0.99 of at most 2)"
+    bad = replace(RESULT, fit=(replace(FORCE, slow_residual=0.4), OUTLINE))
+    assert fit_line(bad).startswith("fit: force NOT EXPLAINED (10 of at most 2.5), ")
+    open_ = replace(RESULT, fit=(replace(FORCE, limit=float("inf"), slow_limit=float("inf")),))
+    assert fit_line(open_) == "fit: force explained (1, no limit)"
+
+
+def test_rows_of_a_terminal() -> None:
+    rows = printed_fit(RESULT, {"stiffness_factor": "m"})
+    assert rows["force, residual"] == "0.2 N rms, 1.7 x noise, 0.29 % of peak"
+    assert rows["force, chi2/n"] == "2.78, tau 64 % of the variance"
+    assert rows["force, over right model"] == "1, at most 2"
+    assert rows["outline, residual"].startswith("4.1 um rms")
+    assert rows["outline, information"] == "30 % of m"
+    assert rows["force, late by"] == "-0.20 ± 1.00 us (k = 2)"
+
+
+def test_tables_of_a_page() -> None:
+    shown = fit_tables(RESULT)
+    assert [c["explained"] for c in shown["channels"]] == [True, True]
+    assert shown["channels"][0]["predicted"] == "noise 0.12 N, flyer motion 0.16 N"
+    assert shown["channels"][0]["weight"] == ["70 %"]
+    assert [state for _, _, state in shown["clocks"]] == ["on time"] * 3
+    late = replace(RESULT.clocks[0], lag=1.51e-6)  # sigma is 0.5 us
+    assert fit_tables(replace(RESULT, clocks=(late,)))["clocks"][0][2] == "late"
+    lost = replace(late, sigma=float("nan"))
+    assert fit_tables(replace(RESULT, clocks=(lost,)))["clocks"][0][2] == "not found"
+
+
+def test_a_file_without_them_says_so() -> None:
+    old = replace(RESULT, fit=(), clocks=())
+    assert fit_line(old) == f"fit: {NOT_RECORDED}"
+    assert printed_fit(old, {}) == {"goodness of fit": NOT_RECORDED}
+    assert (to_json(old)["fit"], to_json(old)["clocks"]) == (None, None)
+
+
+def test_json_has_the_ratios() -> None:
+    said = to_json(RESULT)
+    assert said["fit"]["force"]["excess"] == pytest.approx(1.0, rel=1e-12)
+    assert said["fit"]["force"]["explained"] is True
+    assert said["fit"]["outline"]["weight"] == {"stiffness_factor": 0.3}
+    assert said["clocks"]["force"]["significance"] == pytest.approx(0.4, rel=1e-12)
