@@ -146,7 +146,7 @@ def axial_displacement(
             off = rest + rim.y - geometry.length
             disagreement = (off, float(np.hypot(np.hypot(rim.sigma, geometry.length_sigma), rest_sigma)))
     else:
-        if rim is None or geometry is None:
+        if rim is None or geometry is None or not geometry.known:
             return None
         # Before contact moves it, the face is the specimen's upper end: no displacement in the static frames.
         rest = geometry.length - rim.y

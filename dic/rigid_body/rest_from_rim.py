@@ -41,6 +41,9 @@ COLUMNS = 65
 """Places across the axis."""
 CLEAR = 4.0
 """The specimen varies by so many times what the flyer does."""
+LARGEST_SHARE = 0.002
+"""Largest standard deviation of the upper end, as a share of the length: beyond it the cameras disagree on the
+lower end, or the length was not measured."""
 MOST_APART = 4.0
 """Largest disagreement of the cameras, in standard deviations."""
 LARGEST_MISFIT = 0.1
@@ -69,6 +72,11 @@ class RestGeometry:
     """Standard deviation of the length, and of the lower end's place [m]."""
     radius: float
     """Its radius [m]."""
+
+    @property
+    def known(self) -> bool:
+        """True if the upper end is known well enough to stand for the flyer's place at rest."""
+        return self.length_sigma <= LARGEST_SHARE * self.length
 
 
 def find_rim(

@@ -57,7 +57,7 @@ def unreadable(frame):
 
 
 def test_cameras_that_disagree_give_no_rim():
-    """Two places of sigma 3 and 4 µm may be four times 5 µm apart; half of that is in the sigma of the mean."""
+    """Two places of sigma 3 and 4 µm may be four times 5 µm apart; half of that is in the mean's sigma."""
     near = joined([0.0, 19.9e-6], [3e-6, 4e-6])
     assert near is not None
     assert near.y == pytest.approx(9.95e-6)
@@ -66,6 +66,12 @@ def test_cameras_that_disagree_give_no_rim():
     alone = joined([1e-6], [3e-6])
     assert alone is not None
     assert (alone.y, alone.sigma, alone.cameras) == (1e-6, 3e-6, 1)
+
+
+def test_a_length_that_is_not_known_gives_no_place_at_rest():
+    """One part in five hundred of 6 mm is 12 µm, more than the travel may be off by."""
+    assert RestGeometry(length=6e-3, length_sigma=11.9e-6, radius=5e-3).known
+    assert not RestGeometry(length=6e-3, length_sigma=12.1e-6, radius=5e-3).known
 
 
 LOW = -1.0e-3
