@@ -23,7 +23,7 @@ FAULTS = (
     ),
     Fault(
         name="made pictures: circle of confusion with the variance of a ring",
-        file="dic/synthetic/kernels/cast.py",
+        file="dic/synthetic/kernels/gather.py",
         right="disc * disc / wp.float32(16.0)",
         wrong="disc * disc / wp.float32(8.0)",
         tests=RENDER,

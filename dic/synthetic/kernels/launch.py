@@ -8,7 +8,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from dic.synthetic.kernels.cast import across, cast_board, cast_bodies, down
+from dic.synthetic.kernels.cast import cast_board, cast_bodies
+from dic.synthetic.kernels.gather import across, down
 from dic.synthetic.scene import Instants
 
 BATCH = 2**26
@@ -91,7 +92,8 @@ def frames(
     if device.is_cuda or threads == 1:
         yield from map(some, firsts)
         return
-    wp.load_module(cast_bodies.module, device=device, block_dim=1)
+    for kernel in (cast_bodies, across):  # before the threads, which would each compile it
+        wp.load_module(kernel.module, device=device, block_dim=1)
     with ThreadPoolExecutor(threads) as pool:
         yield from pool.map(some, firsts)
 
