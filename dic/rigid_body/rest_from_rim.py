@@ -41,6 +41,8 @@ COLUMNS = 65
 """Places across the axis."""
 CLEAR = 4.0
 """The specimen varies by so many times what the flyer does."""
+MOST_APART = 4.0
+"""Largest disagreement of the cameras, in standard deviations."""
 LARGEST_MISFIT = 0.1
 """Largest residual of the fit, as a share of the specimen's variation."""
 
@@ -98,7 +100,7 @@ def find_rim(
     Returns
     -------
     Rim or None
-        None if neither camera shows the rim clearly in `FEWEST_FRAMES` frames.
+        None if neither camera shows the rim clearly in `FEWEST_FRAMES` frames, or they disagree.
     """
     known = np.asarray(np.isfinite(places).all(axis=1))
     if known.sum() < 3:
@@ -117,10 +119,31 @@ def find_rim(
             sigmas.append(one[1])
     if not found:
         return None
-    apart = 0.5 * abs(found[0] - found[-1])
+    return joined(found, sigmas)
+
+
+def joined(found: list[float], sigmas: list[float]) -> Rim | None:
+    """The rim from one camera or both.
+
+    Parameters
+    ----------
+    found
+        Its place in each camera that showed it [m].
+    sigmas
+        Standard deviations of these [m].
+
+    Returns
+    -------
+    Rim or None
+        None if the cameras disagree by more than `MOST_APART` standard deviations: what one of them shows is
+        then no rim, and which is not known.
+    """
+    apart = abs(found[0] - found[-1])
+    if apart > MOST_APART * float(np.hypot(sigmas[0], sigmas[-1])):
+        return None
     return Rim(
         y=float(np.mean(found)),
-        sigma=float(np.hypot(np.sqrt(np.mean(np.square(sigmas)) / len(sigmas)), apart)),
+        sigma=float(np.hypot(np.sqrt(np.mean(np.square(sigmas)) / len(sigmas)), 0.5 * apart)),
         cameras=len(found),
     )
 

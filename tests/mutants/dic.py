@@ -311,4 +311,11 @@ FAULTS = (
         wrong="LEAST_SHARE = 0.1",
         tests=(f"{ORDER[0]}::test_pictures_of_other_poses_have_no_order",),
     ),
+    Fault(
+        name="rim: cameras that disagree are averaged",
+        file="dic/rigid_body/rest_from_rim.py",
+        right="MOST_APART = 4.0",
+        wrong="MOST_APART = 400.0",
+        tests=(f"{RIM[0]}::test_cameras_that_disagree_give_no_rim",),
+    ),
 )

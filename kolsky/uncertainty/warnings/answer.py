@@ -147,7 +147,8 @@ def numerical(result: Identification) -> Iterator[str]:
             yield (
                 f"the simulated response is so rough that it contributes more to the uncertainty of {name} "
                 f"({rough:.2g}) than the measured noise ({e.sigma_noise:.2g}): between "
-                f"{low:.5g} and {high:.5g}{_unit(e)} the misfit is flat to within its jumps; refine both meshes, or hold another parameter"
+                f"{low:.5g} and {high:.5g}{_unit(e)} the misfit is flat to within its jumps; refine both "
+                "meshes, or hold another parameter"
             )
 
 

@@ -9,7 +9,7 @@ from scipy.special import ndtr
 from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, rig
 
 from dic.images import PictureError
-from dic.rigid_body.rest_from_rim import RestGeometry, find_rim, fit_rise, glance
+from dic.rigid_body.rest_from_rim import RestGeometry, find_rim, fit_rise, glance, joined
 from dic.surfaces import SpecimenFrame
 from dic.synthetic.cylinder import Speckles
 
@@ -54,6 +54,18 @@ def series_of(frame):
 
 def unreadable(frame):
     raise PictureError(Path("cam1.tif"), "is not there", frame=frame)
+
+
+def test_cameras_that_disagree_give_no_rim():
+    """Two places of sigma 3 and 4 µm may be four times 5 µm apart; half of that is in the sigma of the mean."""
+    near = joined([0.0, 19.9e-6], [3e-6, 4e-6])
+    assert near is not None
+    assert near.y == pytest.approx(9.95e-6)
+    assert near.sigma == pytest.approx(np.hypot(2.5e-6, 9.95e-6))  # hypot(3, 4) / 2, and half the distance
+    assert joined([0.0, 20.1e-6], [3e-6, 4e-6]) is None
+    alone = joined([1e-6], [3e-6])
+    assert alone is not None
+    assert (alone.y, alone.sigma, alone.cameras) == (1e-6, 3e-6, 1)
 
 
 LOW = -1.0e-3
