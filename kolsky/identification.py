@@ -21,7 +21,7 @@ from kolsky.diagnosis.clocks import clock_lags
 from kolsky.diagnosis.corrected import corrected
 from kolsky.diagnosis.fit_quality import fit_quality
 from kolsky.diagnosis.sources import declared_changes, residual_sources
-from kolsky.diagnosis.verdicts import fit_warnings, judged
+from kolsky.diagnosis.verdicts import explained, fit_warnings, judged
 from kolsky.inverse.estimates import (
     comparison,
     curves,
@@ -143,7 +143,12 @@ def identify(
         interface=shot.interface,
         lost_replicates=0 if replicates is None else replicates.lost,
     )
-    said = (*fit_warnings(result), *cause_warnings(causes), *warnings, *known.warnings)
+    said = (
+        *fit_warnings(result),
+        *cause_warnings(causes, explained=explained(result)),
+        *warnings,
+        *known.warnings,
+    )
     return replace(result, warnings=(*said, *found.freed.said(shot)))
 
 

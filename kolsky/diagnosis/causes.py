@@ -250,8 +250,17 @@ def _finding(
     )
 
 
-def cause_warnings(analysis: CauseAnalysis) -> Iterator[str]:
-    """Say which inputs are likely to be wrong, the most likely first, or that none explains the misfit."""
+def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Iterator[str]:
+    """Say which inputs are likely to be wrong, the most likely first, or that none explains the misfit.
+
+    Parameters
+    ----------
+    analysis
+        All inputs that were tried.
+    explained
+        Whether the model explains force and outline on the refined mesh: then there is nothing that no input
+        explains.
+    """
     if analysis.lost:
         yield f"which input may be wrong could not be tried: {analysis.lost}"
     checks = {c.key: c.check for c in CANDIDATES}
@@ -265,7 +274,7 @@ def cause_warnings(analysis: CauseAnalysis) -> Iterator[str]:
             f"{also}{sentence(finding)} explains {percent(finding.explained)} of {whole}{other}: "
             f"{checks.get(finding.key, finding.key)}; with it {told}"
         )
-    if not analysis.named and (analysis.misfits > UNEXPLAINED).any():
+    if not explained and not analysis.named and (analysis.misfits > UNEXPLAINED).any():
         yield (
             "no single change of an input explains the misfit (the residual is "
             f"{' and '.join(f'{x**0.5:.2g}' for x in analysis.misfits)} times what a right model leaves, of "

@@ -6,6 +6,7 @@ other. One that rests on a single channel is named after it.
 
 from collections.abc import Iterator
 from dataclasses import replace
+from math import inf
 
 from kolsky.diagnosis.thresholds import ALONE, CONTRADICTION, LATE
 from kolsky.inverse.fit_results import FORCE, OUTLINE, ClockLag, FitQuality
@@ -40,6 +41,11 @@ def verdict(result: Identification, e: Estimate) -> Verdict:
             if 1.0 - channel.weight.get(e.name, 0.5) < ALONE:
                 return ALONE_BY[channel.channel]
     return e.outcome
+
+
+def explained(result: Identification) -> bool:
+    """True if the model explains every channel, and limits were set."""
+    return bool(result.fit) and all(f.explained and f.limit < inf for f in result.fit)
 
 
 def contradicted(result: Identification, name: str) -> bool:

@@ -140,4 +140,11 @@ FAULTS = (
         wrong="Z=Z +",
         tests=TRUTH,
     ),
+    Fault(
+        name="Yeoh's constants of a curve without their factors",
+        file="kolsky/virtual/from_shot.py",
+        right="np.stack([np.ones_like(x), 2.0 * x, 3.0 * x**2], axis=1)",
+        wrong="np.stack([np.ones_like(x), x, x**2], axis=1)",
+        tests=("tests/unit/virtual/test_from_shot.py",),
+    ),
 )

@@ -7,7 +7,7 @@ import pytest
 
 from kolsky.identification import identify
 from kolsky.inverse.method_comparison import AGREEMENT, LEAST_SQUARES, PROFILE, SIMPLEX
-from kolsky.inverse.result import Identification, Verdict
+from kolsky.inverse.result import Identification
 from kolsky.inverse.settings import Settings
 from kolsky.shot.load import load_shot
 
@@ -40,7 +40,7 @@ def test_three_parameters_in_a_narrow_valley() -> None:
     found = identify(load_shot(OPEN_01), Settings(free=free, replicates=8))
     truth = {"stiffness_factor": TRUTH["m"], "poisson": TRUTH["nu"], "damping": TRUTH["beta_s"]}
     for name, e in found.estimates.items():
-        assert e.outcome is Verdict.IDENTIFIED, name
+        assert e.outcome.identified, name
         assert e.interval[0] <= truth[name] <= e.interval[1], name
         assert all(abs(distance) < AGREEMENT for distance in distances(found, name).values()), name
     # An interval that contains everything would prove nothing; bounds are 67 %, 0.3 % and 100 us apart.

@@ -48,6 +48,7 @@ def draw(result: Budget, panels: Panels) -> None:
             textcoords="offset points",
             va="center",
             fontsize="small",
+            bbox={"fc": "white", "ec": "none", "pad": 0.5},
         )
     ax.set_yticks(place, [label_text(source.factor.words, 44) for source in sources])
     ax.tick_params(axis="y", length=0)

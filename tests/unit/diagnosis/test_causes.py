@@ -98,6 +98,7 @@ def test_a_misfit_that_nothing_explains_is_said_and_a_right_shot_is_quiet() -> N
     (said,) = cause_warnings(CauseAnalysis((none,), np.array([25.0, 1.0])))
     assert said.startswith("no single change of an input explains the misfit (the residual is 5 and 1 times")
     assert not list(cause_warnings(CauseAnalysis((none,), np.array([2.1, 1.1]))))
+    assert not list(cause_warnings(CauseAnalysis((none,), np.array([25.0, 1.0])), explained=True))
     (lost,) = cause_warnings(CauseAnalysis((), np.full(2, nan), "the run ended"))
     assert lost == "which input may be wrong could not be tried: the run ended"
 

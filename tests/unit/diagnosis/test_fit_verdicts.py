@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from synthetic import synthetic
 
-from kolsky.diagnosis.verdicts import fit_warnings, judged
+from kolsky.diagnosis.verdicts import explained, fit_warnings, judged
 from kolsky.inverse.fit_results import ClockLag, FitQuality
 from kolsky.inverse.result import Identification, RouteDifference, Verdict
 
@@ -112,6 +112,13 @@ def test_the_leading_lag_beyond_three_sigma_is_named() -> None:
     for quiet in (lag("force", 2.9e-6, evidence=50.0), lag("force", 3.1e-6, evidence=50.0, explains=False)):
         assert list(fit_warnings(replace(result, clocks=(quiet,)))) == []
     assert replace(late, sigma=float("nan")).significance == 0.0
+
+
+def test_nothing_is_explained_without_limits() -> None:
+    assert explained(with_fit())
+    assert not explained(with_fit(force={"residual": 0.402}))
+    assert not explained(with_fit(force={"limit": float("inf")}))
+    assert not explained(replace(synthetic(nodes=False), fit=()))
 
 
 def test_excess_is_residual_over_the_quadrature_of_what_is_predicted() -> None:

@@ -1,0 +1,29 @@
+"""Page and figure of an error budget."""
+
+from pathlib import Path
+
+import numpy as np
+
+from kolsky.report.pages.budget import write_page
+from kolsky.studies.budget.budget import Budget, Source
+from kolsky.studies.budget.campaign import plan_campaign
+from kolsky.studies.budget.factors import Factor
+
+
+def test_page_says_what_does_not_add_up_and_what_is_not_known(tmp_path: Path) -> None:
+    sources = (
+        Source(Factor("noise", 1.0), np.nan, 0.002, np.nan, ()),
+        Source(Factor("imperfections.length", 0.005), 0.001, 0.01, 2.0, ()),
+        Source(Factor("imperfections.curve", 0.01), np.nan, np.nan, np.nan, ("it was refused",)),
+    )
+    spread = 1.0 + 0.1 * np.array([-1.0, 1.0, -2.0, 2.0, 0.5, -0.5])
+    made = Budget("a test", "stiffness_factor", 1.0, 1.01, sources, spread, ("no answer",))
+    page = tmp_path / "budget.html"
+    write_page(page, [made], plan_campaign(100.0, 1000.0, 0.05, 0.04))
+    text = page.read_text("utf-8")
+    assert "do not give the uncertainty of all at once" in text
+    assert "No uncertainty is known of scale of the quasi-static curve" in text
+    assert "1 of 7 tests with all errors at once gave no answer" in text
+    assert "it was refused" in text
+    assert "Planned campaign" in text
+    assert text.count("<svg") == 1
