@@ -42,8 +42,8 @@ COLUMNS = 65
 CLEAR = 4.0
 """The specimen varies by so many times what the flyer does."""
 LARGEST_SHARE = 0.002
-"""Largest standard deviation of the upper end, as a share of the length: beyond it the cameras disagree on the
-lower end, or the length was not measured."""
+"""Largest standard deviation of the upper end, as a share of the length: beyond it the cameras disagree on
+the lower end, or the length was not measured."""
 MOST_APART = 4.0
 """Largest disagreement of the cameras, in standard deviations."""
 LARGEST_MISFIT = 0.1
