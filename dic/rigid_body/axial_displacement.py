@@ -151,6 +151,8 @@ def axial_displacement(
         # Before contact moves it, the face is the specimen's upper end: no displacement in the static frames.
         rest = geometry.length - rim.y
         rest_sigma = float(np.hypot(rim.sigma, geometry.length_sigma))
+        if not replace(geometry, length_sigma=rest_sigma).known:
+            return None
         still = np.flatnonzero(static)
         index = np.concatenate([still, index])
         y = np.concatenate([np.full(still.size, rest), y])
