@@ -21,7 +21,7 @@ from kolsky.inverse.staged_runs import StagedRuns
 
 LEVEL = 0.01
 """Probability, adjusted for all inputs tried, below which a change is significant."""
-EVIDENCE = 40.0
+EVIDENCE = 100.0
 """Least evidence of a cause that is named; see docs/validation/wrong_inputs."""
 ALIKE = 10.0
 """Inputs whose losses differ by less cannot be told apart: likelihoods within a factor of exp(5)."""
