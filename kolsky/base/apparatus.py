@@ -3,6 +3,11 @@
 from dataclasses import dataclass
 from math import inf, pi, sqrt
 
+HOLDING_LAW = "bonded"
+"""Contact law of faces that neither slide nor let go."""
+SLIDING_LAW = "coulomb"
+"""Contact law of faces that slide."""
+
 
 @dataclass(frozen=True)
 class Specimen:

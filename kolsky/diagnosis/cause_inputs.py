@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from math import expm1, hypot, inf, log, log1p, nan
 from typing import TYPE_CHECKING
 
+from kolsky.base.apparatus import SLIDING_LAW
 from kolsky.diagnosis.alterations import UNALTERED, Alteration
 from kolsky.inverse.parameters import PARAMETERS, any_slides
 from kolsky.shot.records import ForceChannel
@@ -110,7 +111,7 @@ class CandidateInput:
     def here(self, stages: StagedRuns) -> bool:
         """True if it can be tried on this shot: measured, held, and with an effect."""
         shot, settings = stages.prepared.forward.shot, stages.settings
-        slides = any_slides([*stages.box.names, *settings.held]) or shot.interface.faces == "coulomb"
+        slides = any_slides([*stages.box.names, *settings.held]) or shot.interface.faces == SLIDING_LAW
         if self.parameter in stages.box.names:
             return False
         if self.outline and not stages.observations.has_shape:

@@ -11,12 +11,11 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from kolsky.base.apparatus import SLIDING_LAW
+
 if TYPE_CHECKING:
     from doe import Box
     from kolsky.shot.records import Shot
-
-SLIDING_LAW = "coulomb"
-"""Contact law of end faces and side surface once a parameter is named that makes them slide."""
 
 Fields = Mapping[str, Any]
 """Fields of `explicit.Samples` by name: numbers, or arrays of shape [n_samples]."""

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
-from kolsky.inverse.parameters import SLIDING_LAW
+from kolsky.base.apparatus import SLIDING_LAW
 from kolsky.inverse.prepared_shot import PreparedShot
 from kolsky.shot.recorded import recording_facts
 from kolsky.shot.records import Shot

@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from kolsky.base.apparatus import HOLDING_LAW
 from kolsky.shot.schema import fields as f
 from kolsky.shot.schema.apparatus import TransmissionSection
 from kolsky.shot.schema.section import Section
@@ -79,8 +80,8 @@ class QuasiStaticTable(Section):
 class InterfaceTable(Section):
     """[interface]: how the specimen holds to the platens, truly and by the shot file."""
 
-    faces: f.ContactLawName = "bonded"
-    side: f.ContactLawName = "bonded"
+    faces: f.ContactLawName = HOLDING_LAW
+    side: f.ContactLawName = HOLDING_LAW
     friction: f.Friction = 0.3
     """Coulomb coefficient, where a law reads it [-]."""
 

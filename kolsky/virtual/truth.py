@@ -8,7 +8,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 import explicit
-from kolsky.base.apparatus import Bar
+from kolsky.base.apparatus import SLIDING_LAW, Bar
 from kolsky.base.arrays import FloatArray
 from kolsky.virtual.material import law_of, relaxation_of
 from kolsky.virtual.motion import Path1D, path_of
@@ -64,7 +64,7 @@ class Job:
         """True contact laws of faces and side."""
         slips = self.quantities.imperfections.slip_friction > 0.0
         declared = self.quantities.interface
-        return ("coulomb", "coulomb") if slips else (declared.faces, declared.side)
+        return (SLIDING_LAW, SLIDING_LAW) if slips else (declared.faces, declared.side)
 
     @property
     def group(self) -> Hashable:

@@ -286,9 +286,9 @@ FAULTS = (
     Fault(
         name="followed edge: what is not rigid is a flyer",
         file="dic/bodies/followed_edge.py",
-        right="if high < CLEAR * within:",
-        wrong="if high < 0.0 * within:",
-        tests=(f"{REGIONS}::test_what_does_not_move_rigidly_is_no_flyer",),
+        right="if level > RIGID * noise:",
+        wrong="if level > 1e9 * noise:",
+        tests=(f"{REGIONS}::test_rows_that_vary_by_more_than_the_noise_are_not_rigid",),
     ),
     Fault(
         name="followed edge: the strip may hold specimen",

@@ -8,7 +8,8 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from explicit import Ending
-from kolsky.inverse.parameters import PARAMETERS, SLIDING_LAW, has_effect
+from kolsky.base.apparatus import SLIDING_LAW
+from kolsky.inverse.parameters import PARAMETERS, has_effect
 from kolsky.inverse.result import Estimate, Identification, Verdict, worst_imbalance
 from kolsky.report import nomenclature, numbers
 from kolsky.report.nomenclature import name_of

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from explicit import Response
-from kolsky.base.apparatus import Interface
-from kolsky.inverse.parameters import SLIDING_LAW, any_slides
+from kolsky.base.apparatus import SLIDING_LAW, Interface
+from kolsky.inverse.parameters import any_slides
 from kolsky.inverse.run_table import DesignTable
 
 PAST_CURVE = 0.01

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dic.bodies.followed_edge import follow_edge
+from dic.bodies.followed_edge import _last_edge, follow_edge
 from dic.bodies.found_regions import find_regions, row_correlation
 from dic.images import PictureError
 from dic.synthetic.speckles import render, speckle_pattern
@@ -160,6 +160,18 @@ def test_what_does_not_move_rigidly_is_no_flyer():
     even = pictures - pictures.mean(axis=2, keepdims=True)
     with pytest.raises(ValueError, match=r"not clear|at least 3 px"):
         follow_edge(even, 1.0)
+
+
+def test_rows_that_vary_by_more_than_the_noise_are_not_rigid():
+    """Forty rows stand still, speckles change beyond: an edge at row 40, if the noise explains them."""
+    rng = np.random.default_rng(2)
+    still = rng.normal(0.0, 2.0, (8, 40, 60))
+    changing = rng.normal(0.0, 30.0, (8, 40, 60))
+    pictures = np.concatenate([still, changing], axis=1)
+    edge, _ = _last_edge(pictures, np.zeros(8), 2.0)
+    assert edge == pytest.approx(40.0, abs=1.0)  # the rows say it to a row
+    with pytest.raises(ValueError, match=r"vary by 2\.0 of the noise, at most 1\.4 is rigid"):
+        _last_edge(pictures, np.zeros(8), 1.0)
 
 
 def test_a_missing_last_picture_is_passed_over(plain):

@@ -125,6 +125,6 @@ def test_law_names_stand_in_one_place_only() -> None:
         for path in sorted(root.rglob("*.py"))
         if not any(path.relative_to(root).as_posix().startswith(place) for place in quasi_static)
         for number, line in enumerate(path.read_text("utf-8").splitlines(), start=1)
-        if any(f'"{name}"' in line for name in CONTACT_LAWS) and "SLIDING_LAW = " not in line
+        if any(f'"{name}"' in line for name in CONTACT_LAWS) and "ING_LAW = " not in line
     ]
     assert found == []
