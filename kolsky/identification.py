@@ -20,7 +20,7 @@ from kolsky.diagnosis.causes import cause_warnings, find_causes
 from kolsky.diagnosis.clocks import clock_lags
 from kolsky.diagnosis.corrected import corrected
 from kolsky.diagnosis.fit_quality import fit_quality
-from kolsky.diagnosis.sources import declared_changes, residual_sources
+from kolsky.diagnosis.sources import residual_sources
 from kolsky.diagnosis.verdicts import explained, fit_warnings, judged
 from kolsky.inverse.estimates import (
     comparison,
@@ -31,6 +31,7 @@ from kolsky.inverse.estimates import (
     surrogate_quality,
 )
 from kolsky.inverse.gauss_newton import MOVED
+from kolsky.inverse.held_answer import held_answer
 from kolsky.inverse.misfit import terms
 from kolsky.inverse.parameters import any_slides
 from kolsky.inverse.prepared_shot import prepare_shot
@@ -43,7 +44,7 @@ from kolsky.inverse.staged_runs import Progress
 from kolsky.shot.curve import with_pull
 from kolsky.shot.records import Shot
 from kolsky.uncertainty.analyse import analyse
-from kolsky.uncertainty.held_answer import held_answer
+from kolsky.uncertainty.input_directions import declared_changes
 from kolsky.uncertainty.input_noise import input_changes
 from kolsky.uncertainty.numerical import mesh_change, numerical_parts
 from kolsky.uncertainty.profile_likelihood import LinearisedOptimum
@@ -81,10 +82,14 @@ def identify(
     prepared = prepare_shot(shot)
     found = search_shot(prepared, settings, progress or (lambda stage, done, total: None))
     settings, stages, coarse, fine = found.freed.settings, found.stages, found.coarse, found.fine
-    box, replicates = stages.box, stages.replicates
+    box, observations, prediction = stages.box, stages.observations, fine.check.prediction
+    fixed, sliding = held_values(shot, box, settings.held), any_slides([*box.names, *settings.held])
+    paper_route = [found.paper_route()] if observations.has_shape else []
+    origin = provenance(shot, settings, prepared, sliding=sliding)
+    optima = search_routes(fine.box, fine.objective, fine.model)
 
     sources = Sources(
-        inputs=input_changes(fine.objective, replicates),
+        inputs=input_changes(fine.objective, stages.replicates),
         mesh=mesh_change(stages, fine),
         roughness=fine.roughness,
     )
@@ -92,33 +97,34 @@ def identify(
     optimum = LinearisedOptimum.of(
         fine.x, fine.box, fine.objective, fine.model, fine.surrogate, smooth=fine.roughness is None
     )
-    known = analyse(stages, optimum, fine.check.prediction, bayes=settings.bayes)
-
-    optima = search_routes(fine.box, fine.objective, fine.model)
+    known = analyse(stages, optimum, prediction, bayes=settings.bayes)
     if known.directions is not None:
         sources = replace(sources, declared=declared_changes(known.directions, shot.uncertainty))
     by_route = [budgeted(box.names, one, sources) for one in optima]
+    answers = estimates(
+        box,
+        fine.x,
+        noise=noise_parts(fine, sources),
+        numerical=numerical_parts(sources.mesh, gain, roughness=sources.roughness),
+        mesh_shift=sources.mesh.shift(gain),
+        mesh_correction=sources.mesh.correction(gain),
+        confirmed=fine.confirmed,
+        outline=observations.has_shape,
+    )
+    held = None if found.held is None else held_answer(found, answers[MOVED])
 
     stages.progress("causes", 0, 1)
     causes = find_causes(stages, fine.x, fine.check.response.select([0]))
-
-    observations, prediction = stages.observations, fine.check.prediction
+    changes = residual_sources(sources)
     vector = fine.objective.vectors(prediction)[0]
-    changes = residual_sources(sources, known.directions, shot.uncertainty)
+    fit = fit_quality(fine.objective, vector, fine.jacobian, names=box.names, changes=changes)
+    clocks = clock_lags(shot, fine.check.response, fine.objective, fine.jacobian, changes)
+
     result = Identification(
         shot=shot.name,
-        estimates=estimates(
-            box,
-            fine.x,
-            noise=noise_parts(fine, sources),
-            numerical=numerical_parts(sources.mesh, gain, roughness=sources.roughness),
-            mesh_shift=sources.mesh.shift(gain),
-            mesh_correction=sources.mesh.correction(gain),
-            confirmed=fine.confirmed,
-            outline=observations.has_shape,
-        ),
-        fixed=held_values(shot, box, settings.held),
-        routes=(*by_route, *([found.paper_route()] if observations.has_shape else [])),
+        estimates=answers,
+        fixed=fixed,
+        routes=(*by_route, *paper_route),
         route_difference=route_difference(box.names, optima, sources),
         terms=terms(prediction, observations, 0),
         comparison=comparison(prediction, observations),
@@ -129,27 +135,22 @@ def identify(
         curves=curves(fine.box, fine.objective, fine.model, fine.x),
         surrogate=surrogate_quality(stages, coarse, fine),
         seconds=stages.seconds,
-        fit=fit_quality(fine.objective, vector, fine.jacobian, names=box.names, changes=changes),
-        clocks=clock_lags(shot, fine.check.response, fine.objective, fine.jacobian, changes),
+        fit=fit,
+        clocks=clocks,
         causes=causes.findings,
-        provenance=provenance(shot, settings, prepared, sliding=any_slides([*box.names, *settings.held])),
+        held_answer=held,
+        provenance=origin,
     )
     result = judged(add_method_comparison(known.added_to(result), stages, fine.objective))
-    if found.held is not None:
-        result = replace(result, held_answer=held_answer(found, result.estimates[MOVED]))
+    of_fit = (*fit_warnings(result), *cause_warnings(causes, explained=explained(result)))
+    replicates = stages.replicates
     warnings = collect_warnings(
         result,
         checks=prepared.checks,
         interface=shot.interface,
         lost_replicates=0 if replicates is None else replicates.lost,
     )
-    said = (
-        *fit_warnings(result),
-        *cause_warnings(causes, explained=explained(result)),
-        *warnings,
-        *known.warnings,
-    )
-    return replace(result, warnings=(*said, *found.freed.said(shot)))
+    return replace(result, warnings=(*of_fit, *warnings, *known.warnings, *found.freed.said(shot)))
 
 
 LEADING = 2

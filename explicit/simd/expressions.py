@@ -105,13 +105,13 @@ class Expressions(Arithmetic):
 
     def _read(self, dtype: Any, code: str, owner: Struct) -> Value:
         if isinstance(dtype, wp.array):
-            return self.array(dtype, code, owner)
+            return self.struct_array(dtype, code, owner)
         if is_vector(dtype):
             kind = kind_of(dtype._wp_scalar_type_)
             return Vector(tuple(self.temporary(kind, f"{code}.c[{k}]", False) for k in range(dtype._length_)))
         return self.temporary(kind_of(dtype), code, False)
 
-    def array(self, dtype: Any, code: str, owner: Struct) -> Array:
+    def struct_array(self, dtype: Any, code: str, owner: Struct) -> Array:
         """An array that is a field of a struct; provided by the memory."""
         raise NotImplementedError
 

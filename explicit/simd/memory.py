@@ -37,7 +37,7 @@ class Memory(Expressions):
     arrays: dict[str, str]
     written: set[str]
 
-    def array(self, dtype: Any, code: str, owner: Struct) -> Array:
+    def struct_array(self, dtype: Any, code: str, owner: Struct) -> Array:
         """An array that is a field of a struct; its pointer and strides are declared once, at the top."""
         name = code.replace(".", "_")
         scratch = owner.type.cls.__name__ == "State"

@@ -1,12 +1,8 @@
 """What a right model leaves of the data, by source: changes of the predicted data vector."""
 
-from collections.abc import Mapping
-
-import numpy as np
-
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.fit_results import MESH
-from kolsky.uncertainty.input_directions import InputDirections
+from kolsky.uncertainty.input_directions import in_quadrature
 from kolsky.uncertainty.numerical import BETWEEN, ELEMENT_ORDER, MeshChange
 from kolsky.uncertainty.route_budgets import Sources
 
@@ -16,19 +12,13 @@ ORDER = 2.0
 """Order of the mesh error in the data vector: what rings comes in more slowly than the parameters do."""
 
 
-def residual_sources(
-    sources: Sources, directions: InputDirections | None, uncertainty: Mapping[str, float]
-) -> dict[str, FloatArray]:
+def residual_sources(sources: Sources) -> dict[str, FloatArray]:
     """Changes of the predicted data vector by one standard uncertainty of each source.
 
     Parameters
     ----------
     sources
-        Noise and scales of the inputs, mesh and element.
-    directions
-        What each input does to the data vector; None if that is not known.
-    uncertainty
-        Declared standard uncertainties by their keys.
+        Noise and scales of the inputs, what is declared uncertain, mesh and element.
 
     Returns
     -------
@@ -38,10 +28,8 @@ def residual_sources(
     inputs = sources.inputs
     found = {name: change for name, change in inputs.replicates.items() if len(change)}
     found |= {**inputs.scales, MESH: mesh_changes(sources.mesh)}
-    if directions is not None:
-        declared = declared_changes(directions, uncertainty)
-        if len(declared):
-            found[DECLARED] = declared
+    if sources.declared is not None and len(sources.declared):
+        found[DECLARED] = sources.declared
     return found
 
 
@@ -51,14 +39,3 @@ def mesh_changes(mesh: MeshChange) -> FloatArray:
     if mesh.element is not None:
         rows.append(mesh.element / (BETWEEN * mesh.ratio**ELEMENT_ORDER))
     return in_quadrature(rows)
-
-
-def declared_changes(directions: InputDirections, uncertainty: Mapping[str, float]) -> FloatArray:
-    """Changes by the declared standard uncertainties in quadrature, shape [n, k]."""
-    keys = [key for key, sigma in uncertainty.items() if sigma > 0.0 and key in directions.keys]
-    return in_quadrature([uncertainty[key] * directions[key].slope for key in keys])
-
-
-def in_quadrature(rows: list[FloatArray]) -> FloatArray:
-    """Changes as rows whose mean square is the sum of their squares, shape [n, k]."""
-    return np.asarray(np.sqrt(len(rows)) * np.array(rows))

@@ -19,6 +19,22 @@ SMALLEST_MODE = 0.3
 """A mode that moves the whole data vector by less, in units of its noise, is left out."""
 
 
+def replicate_uncertainty(moves: FloatArray) -> FloatArray:
+    """Standard uncertainty from replicates: root mean square of the moves of the optimum.
+
+    Parameters
+    ----------
+    moves
+        Optimum of each replicate minus that of the reference, shape [n, d].
+
+    Returns
+    -------
+    ndarray
+        In the parameters' units, shape [d].
+    """
+    return np.asarray(np.sqrt((moves**2).mean(axis=0)))
+
+
 def data_change(prediction: Prediction) -> FloatArray:
     """Bins and all points of every run less those of the first, shape [n, n_bins + Q].
 

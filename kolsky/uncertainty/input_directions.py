@@ -252,3 +252,14 @@ def declared_value(key: str, shot: Shot, held: Mapping[str, float]) -> float:
     if key in SPECIMEN:
         return float(getattr(shot.specimen, SPECIMEN[key]))
     return float("nan")
+
+
+def declared_changes(directions: InputDirections, uncertainty: Mapping[str, float]) -> FloatArray:
+    """Changes by the declared standard uncertainties in quadrature, shape [n, k]."""
+    keys = [key for key, sigma in uncertainty.items() if sigma > 0.0 and key in directions.keys]
+    return in_quadrature([uncertainty[key] * directions[key].slope for key in keys])
+
+
+def in_quadrature(rows: list[FloatArray]) -> FloatArray:
+    """Changes as rows whose mean square is the sum of their squares, shape [n, k]."""
+    return np.asarray(np.sqrt(len(rows)) * np.array(rows))

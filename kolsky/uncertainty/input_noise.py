@@ -10,24 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from kolsky.base.arrays import FloatArray
+from kolsky.inverse.front_noise import replicate_uncertainty
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.staged_runs import Replicates
-
-
-def replicate_uncertainty(moves: FloatArray) -> FloatArray:
-    """Standard uncertainty from replicates: root mean square of the moves of the optimum.
-
-    Parameters
-    ----------
-    moves
-        Optimum of each replicate minus that of the reference, shape [n, d].
-
-    Returns
-    -------
-    ndarray
-        In the parameters' units, shape [d].
-    """
-    return np.asarray(np.sqrt((moves**2).mean(axis=0)))
 
 
 def scale_uncertainty(change: FloatArray, gains: Sequence[FloatArray]) -> FloatArray:

@@ -12,9 +12,10 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.estimates import RouteOptimum
+from kolsky.inverse.front_noise import replicate_uncertainty
 from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.result import Contribution, Route, RouteDifference
-from kolsky.uncertainty.input_noise import InputChanges, replicate_uncertainty
+from kolsky.uncertainty.input_noise import InputChanges
 from kolsky.uncertainty.numerical import MeshChange, numerical_parts
 
 RESIDUALS = "force and shape"

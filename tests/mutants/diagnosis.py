@@ -53,7 +53,7 @@ FAULTS = (
     ),
     Fault(
         "declared inputs averaged, not added",
-        "kolsky/diagnosis/sources.py",
+        "kolsky/uncertainty/input_directions.py",
         "np.sqrt(len(rows)) * np.array(rows)",
         "np.array(rows)",
         FIT,

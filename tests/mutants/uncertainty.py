@@ -139,7 +139,7 @@ FAULTS = (
     ),
     Fault(
         name="replicates about their own mean",
-        file="kolsky/uncertainty/input_noise.py",
+        file="kolsky/inverse/front_noise.py",
         right="np.sqrt((moves**2).mean(axis=0))",
         wrong="moves.std(axis=0)",
         tests=NOISE,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kolsky.base.arrays import BoolArray, FloatArray
+from kolsky.inverse.front_noise import replicate_uncertainty
 from kolsky.inverse.gauss_newton import MOVED, linear_step
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.optimum import CorrectedSurrogate, jacobian
@@ -13,7 +14,6 @@ from kolsky.inverse.result import Estimate
 from kolsky.inverse.search import HeldSearch, Search
 from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.inverse.uncertainty_results import HeldAnswer
-from kolsky.uncertainty.input_noise import replicate_uncertainty
 
 
 def held_answer(found: Search, estimate: Estimate) -> HeldAnswer | None:
