@@ -63,8 +63,8 @@ FAULTS = (
     Fault(
         name="the refined mesh less the coarser one",
         file="kolsky/uncertainty/numerical.py",
-        right="coarser=np.nan_to_num(coarse - fine.model(fine.x)[0]),",
-        wrong="coarser=np.nan_to_num(fine.model(fine.x)[0] - coarse),",
+        right="coarser=np.nan_to_num(coarse - fine.model(fine.x)[0]) - fine",
+        wrong="coarser=np.nan_to_num(fine.model(fine.x)[0] - coarse) - fine",
         tests=NUMERICAL,
     ),
     Fault(
