@@ -1,6 +1,7 @@
 """`python -m tests.mutants [WORDS]`: plant the faults whose names hold all the words; exit 1 if one
 survives."""
 
+import os
 import sys
 from time import perf_counter
 
@@ -15,7 +16,7 @@ def main(words: list[str]) -> int:
         print(f"no fault has {' and '.join(words)!r} in its name or file; there are {len(FAULTS)}")
         return 2
     started, left = perf_counter(), []
-    for number, (fault, fate) in enumerate(trials(chosen), start=1):
+    for number, (fault, fate) in enumerate(trials(chosen, processes=os.cpu_count() or 1), start=1):
         print(f"{number:3}/{len(chosen)} {fate:9} {fault.file}: {fault.name}", flush=True)
         if fate is not Fate.KILLED:
             left.append(fault)

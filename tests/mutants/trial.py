@@ -9,6 +9,8 @@ import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from enum import StrEnum
+from multiprocessing import get_context
+from multiprocessing.util import Finalize
 from pathlib import Path
 
 from tests.mutants.fault import Fault
@@ -106,10 +108,17 @@ def preload() -> None:
             __import__(name)
 
 
-def trials(faults: Sequence[Fault]) -> Iterator[tuple[Fault, Fate]]:
+def trials(faults: Sequence[Fault], *, processes: int = 1) -> Iterator[tuple[Fault, Fate]]:
     """Plant every fault and say what became of it.
 
     The tests of all faults are run once on sources without any: what fails there kills nothing.
+
+    Parameters
+    ----------
+    faults
+        What to plant.
+    processes
+        Copies of the sources that are tried side by side, each with the faults of some tests.
 
     Raises
     ------
@@ -118,18 +127,51 @@ def trials(faults: Sequence[Fault]) -> Iterator[tuple[Fault, Fate]]:
     RuntimeError
         If pytest cannot run a test that is named.
     """
+    groups: dict[tuple[str, ...], list[Fault]] = {}
+    for fault in faults:
+        groups.setdefault(fault.tests, []).append(fault)
+    if processes == 1:
+        preload()
+        with copied_sources() as copy:
+            for group in groups.values():
+                yield from tried(copy, group)
+        return
+    # What takes longest is begun first: the tests with the most faults.
+    longest = sorted(groups.values(), key=len, reverse=True)
+    with get_context("spawn").Pool(processes, initializer=_own_copy) as pool:
+        for found in pool.imap_unordered(_tried_here, longest):
+            yield from found
+        pool.close()
+        pool.join()
+
+
+def tried(copy: Path, faults: Sequence[Fault]) -> Iterator[tuple[Fault, Fate]]:
+    """Plant faults that have the same tests in a copy of the sources, one after the other."""
+    sound = not tests_fail(copy, faults[0].tests)
+    for fault in faults:
+        if not sound:
+            yield fault, Fate.BROKEN
+            continue
+        place = copy / fault.file
+        source = place.read_text("utf-8")
+        place.write_text(fault.planted(source), "utf-8")
+        try:
+            killed = tests_fail(copy, fault.tests)
+        finally:
+            place.write_text(source, "utf-8")
+        yield fault, Fate.KILLED if killed else Fate.SURVIVED
+
+
+COPIES: list[Path] = []
+"""The copy of the sources of a process that shares the trials."""
+
+
+def _own_copy() -> None:
+    kept = contextlib.ExitStack()
+    COPIES.append(kept.enter_context(copied_sources()))
+    Finalize(None, kept.close, exitpriority=1)  # at the end of a process of a pool
     preload()
-    with copied_sources() as copy:
-        sound = {tests: not tests_fail(copy, tests) for tests in {fault.tests for fault in faults}}
-        for fault in faults:
-            if not sound[fault.tests]:
-                yield fault, Fate.BROKEN
-                continue
-            place = copy / fault.file
-            source = place.read_text("utf-8")
-            place.write_text(fault.planted(source), "utf-8")
-            try:
-                killed = tests_fail(copy, fault.tests)
-            finally:
-                place.write_text(source, "utf-8")
-            yield fault, Fate.KILLED if killed else Fate.SURVIVED
+
+
+def _tried_here(faults: Sequence[Fault]) -> list[tuple[Fault, Fate]]:
+    return list(tried(COPIES[0], faults))
