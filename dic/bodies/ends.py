@@ -1,118 +1,33 @@
-"""Ends of a specimen: the edge of the speckled side in a picture, its place at rest, and subsets that reach
-past an end as the side rolls."""
+"""Ends of a specimen: the place of its lower end at rest, and subsets that reach past an end as the side
+rolls."""
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
-from scipy.special import ndtr
 
 from dic.arrays import FloatArray
+from dic.bodies.edge_fit import HALF, fit_edge, in_view, sampled, strip_places
 from dic.bodies.follow import TrackedBody
 from dic.camera import Camera, StereoRig
 from dic.outcome import PointOutcome
-from dic.surfaces import Cylinder, SpecimenFrame
+from dic.surfaces import Cylinder, SpecimenFrame, on_cylinder, test_frame
 
-FARTHEST = 2.0
-"""Half width of the search for an edge about the declared place [px]."""
-MODEL = 0.1
-"""Standard deviation of an edge for speckle that is no quadratic and a band that hides it [px]."""
-ROWS, COLUMNS = 5, 22
-"""Half height and half width of the window [px]."""
-WIDEST_BAND = 1.5
-"""Widest strip between the side and what lies behind it, as a platen's face seen at a glance [px]."""
-
-
-@dataclass(frozen=True)
-class Edge:
-    """An edge that was found."""
-
-    offset: float
-    """From the declared place toward the inside of the body [px]."""
-    sigma: float
-    """Its standard deviation: residual of the fit, and `MODEL` for what the model leaves out [px]."""
-
-
-def find_edge(picture: FloatArray, place: tuple[float, float], inward: tuple[int, int]) -> Edge | None:
-    """Refine the place of an edge between a speckled side and something even.
-
-    Columns of pixels across the edge are fitted together: each has its own grey values inside, a quadratic of
-    the distance from the edge; outside all share one, and so does a narrow band between. Edge and band are
-    blurred alike, and the edge may be tilted. What a column shows inside differs from column to column, which
-    tells the edge from the band.
-
-    Parameters
-    ----------
-    picture
-        Grey values, best the mean of static pictures, shape [rows, columns].
-    place
-        Where the edge is to a pixel or two (x, y) [px].
-    inward
-        Direction from it into the body, along a row or a column of the picture: (0, -1) is up.
-
-    Returns
-    -------
-    Edge or None
-        None if there is no such edge within two pixels, or the picture ends there.
-    """
-    window, ahead, across = _window(picture, place, inward)
-    if window is None:
-        return None
-
-    def residual(p: FloatArray) -> FloatArray:
-        edge, tilt, band, blur = p
-        u = ahead[:, None] - (edge + tilt * across)[None]
-        inside, rest = ndtr(-u / blur), ndtr((u - band) / blur)
-        return _left_over(window, u, inside, 1.0 - inside - rest, rest)
-
-    low, high = [-FARTHEST, -0.1, 0.0, 0.3], [FARTHEST, 0.1, WIDEST_BAND, 1.5]
-    starts = [(edge, 0.0, band, 0.6) for edge in (-0.5, 0.5) for band in (0.3, 0.8)]
-    fits = [
-        least_squares(residual, start, bounds=(low, high), x_scale=(0.1, 0.01, 0.1, 0.1)) for start in starts
-    ]
-    best = min(fits, key=lambda fit: fit.cost)
-    freedom = window.size - 3 * window.shape[1] - 6
-    variance = 2.0 * best.cost / freedom * np.linalg.pinv(best.jac.T @ best.jac)[0, 0]
-    contrast = float(np.std(window[: ROWS - 1] - np.median(window[-2:])))
-    if abs(best.x[0]) > FARTHEST - 0.05 or np.sqrt(2.0 * best.cost / window.size) > 0.3 * contrast:
-        return None
-    # Rows count outward; inward is the other way.
-    return Edge(offset=-float(best.x[0]), sigma=float(np.hypot(np.sqrt(variance), MODEL)))
-
-
-def _left_over(
-    window: FloatArray, u: FloatArray, inside: FloatArray, band: FloatArray, rest: FloatArray
-) -> FloatArray:
-    """Residual of the least-squares grey values: the columns' own first, then the two that all share."""
-    depth = np.clip(u, -8.0, 0.0)
-    own = np.stack([inside, inside * depth, inside * depth**2], axis=-1).swapaxes(0, 1)  # column, row, term
-    shared = np.stack([band, rest], axis=-1).swapaxes(0, 1)
-    grey = window.T[..., None]
-    q, _ = np.linalg.qr(own)
-    out = np.concatenate([shared, grey], axis=-1)
-    out = out - q @ (q.swapaxes(1, 2) @ out)
-    terms, left = out[..., :2].reshape(-1, 2), out[..., 2].reshape(-1)
-    return np.asarray(left - terms @ np.linalg.lstsq(terms, left, rcond=None)[0])
-
-
-def _window(
-    picture: FloatArray, place: tuple[float, float], inward: tuple[int, int]
-) -> tuple[FloatArray | None, FloatArray, FloatArray]:
-    """Grey values with the body above, and their distances outward and across from the place [px]."""
-    x, y = place
-    turned = np.asarray(picture, dtype=np.float64)
-    if inward[0]:
-        turned, (x, y) = turned.T, (y, x)
-    if inward[0] + inward[1] > 0:
-        turned, y = turned[::-1], turned.shape[0] - 1 - y
-    row, column = round(y), round(x)
-    rows = np.arange(row - ROWS, min(row + ROWS + 1, turned.shape[0]))
-    columns = np.arange(max(column - COLUMNS, 0), min(column + COLUMNS + 1, turned.shape[1]))
-    if rows.size < 2 * ROWS or rows[0] < 0 or columns.size < COLUMNS:
-        return None, np.empty(0), np.empty(0)
-    return turned[np.ix_(rows, columns)], rows - y, columns - x
-
+MODEL = 0.06
+"""Standard deviation of an edge for what the model leaves out [px]."""
+SHARE = 0.4
+"""Half width of the strip across the axis in which an end is looked for, as a share of the radius."""
+FEWEST_COLUMNS = 16
+"""Columns of a strip that must be in view [px]."""
+LEAST_BEYOND = 2.0
+"""Rows beyond the end that must be in view [px]."""
+REACH = 3.5
+"""Largest distance of the end from the declared place [px]."""
+RIM_SIGMA = 0.02
+"""Standard deviation of the platen's radius, as a share of it, where the flyer's stands for it."""
+OPEN_RIM = 0.25
+"""Width of the platen's face beside the specimen as a share of the radius, and its standard deviation, where
+no radius of a platen is known."""
 
 MARGIN = 0.5
 """Distance that a subset keeps from the ends: about the width of an edge in a picture [px]."""
@@ -126,10 +41,16 @@ def refined_end(
     pictures: tuple[FloatArray, FloatArray],
     rig: StereoRig,
     cylinder: Cylinder,
-    declared: FloatArray,
+    declared: tuple[float, float],
     direction: tuple[float, float],
+    *,
+    platen: float | None = None,
 ) -> tuple[FloatArray, float, int]:
-    """The end of a specimen at rest, from its edge in both cameras' pictures.
+    """The lower end of a specimen at rest, from its edge in both cameras' pictures.
+
+    A camera above the plane of the end sees the specimen's own edge, and the platen's face beyond it at a
+    glance. From below that plane the platen's rim stands before the end and hides it: what is seen is the
+    rim, at the platen's radius in the same plane.
 
     Parameters
     ----------
@@ -140,35 +61,113 @@ def refined_end(
     cylinder
         The specimen at rest.
     declared
-        Where its end is thought to be, a point on its surface in the rig's frame [m], shape [3].
+        Where the specimen is seen to end in camera 0's picture (x, y) [px].
     direction
         From there into the specimen in the pictures (right, down).
+    platen
+        Radius of the platen it stands on [m]; None: not known.
 
     Returns
     -------
     point : array
-        The declared point moved along the axis [m], shape [3].
+        A point of the end's plane on the specimen's side [m], shape [3].
     sigma : float
         Its standard deviation along the axis [m].
     found : int
         Cameras in which the edge was found. If in none, the point is the declared one.
+
+    Raises
+    ------
+    ValueError
+        As `on_cylinder` and `test_frame`.
     """
-    inward = (round(direction[0]), round(direction[1]))
-    small = 1e-5 * cylinder.axis
-    moves, sigmas, slopes = [], [], []
-    for camera, picture in zip(rig.cameras, pictures, strict=True):
-        place = camera.project(declared)
-        slope = float((camera.project(declared + small) - place) @ np.asarray(direction)) / 1e-5  # px per m
-        slopes.append(abs(slope))
-        edge = find_edge(picture, (float(place[0]), float(place[1])), inward)
-        if edge is not None:
-            moves.append(edge.offset / slope)
-            sigmas.append(edge.sigma / abs(slope))
-    if not moves:
-        return declared, DECLARED / slopes[0], 0
-    apart = 0.5 * abs(moves[0] - moves[-1])
-    sigma = float(np.hypot(np.mean(sigmas) / np.sqrt(len(sigmas)), apart))
-    return declared + float(np.mean(moves)) * cylinder.axis, sigma, len(moves)
+    rim = (1.0 + OPEN_RIM) * cylinder.radius if platen is None else max(platen, cylinder.radius)
+    rim_sigma = OPEN_RIM * cylinder.radius if platen is None else RIM_SIGMA * rim
+    zero = on_cylinder(rig.cameras[0], declared, cylinder)
+    frame = test_frame(cylinder, rig, toward_flyer=direction, zero=zero)
+    if not _sees_end(rig.cameras[0], frame, 0.0):
+        zero = on_cylinder(rig.cameras[0], declared, replace(cylinder, radius=rim))
+        frame = test_frame(cylinder, rig, toward_flyer=direction, zero=zero)
+    y, sigma, found = 0.0, np.inf, 0
+    for _ in range(2):  # about the declared place, then about what was found
+        places, sigmas = [], []
+        for camera, picture in zip(rig.cameras, pictures, strict=True):
+            one = end_in_camera(camera, picture, frame, y, cylinder.radius, rim, rim_sigma)
+            if one is not None:
+                places.append(one[0])
+                sigmas.append(one[1])
+        found = len(places)
+        if not found:
+            break
+        y, sigma = weighted_mean(np.array(places), np.array(sigmas))
+    if not found:
+        seen = frame.in_rig(np.array([[0.0, 0.0, cylinder.radius], [0.0, 1e-4, cylinder.radius]]))
+        scale = float(np.linalg.norm(np.diff(rig.cameras[0].project(seen), axis=0))) / 1e-4
+        y, sigma = 0.0, float(np.hypot(DECLARED / scale, abs(_slope(rig.cameras[0], frame, 0.0)) * rim_sigma))
+    return frame.in_rig(np.array([[0.0, y, cylinder.radius]]))[0], sigma, found
+
+
+def weighted_mean(values: FloatArray, sigmas: FloatArray) -> tuple[float, float]:
+    """Mean weighted with the inverse variances, and its standard deviation: larger by the root of chi-squared
+    over the degrees of freedom where the values disagree."""
+    w = 1.0 / sigmas**2
+    mean = float(np.sum(w * values) / np.sum(w))
+    chi2 = float(np.sum(w * (values - mean) ** 2)) / max(values.size - 1, 1)
+    return mean, float(np.sqrt(max(1.0, chi2) / np.sum(w)))
+
+
+def _slope(camera: Camera, frame: SpecimenFrame, y: float) -> float:
+    """Rise of the rays to a plane across the axis: a camera above it has a positive one."""
+    x, height, z = frame.positions(camera.centre)
+    return float((height - y) / np.hypot(x, z))
+
+
+def _sees_end(camera: Camera, frame: SpecimenFrame, y: float) -> bool:
+    """True if a camera stands above the plane of the lower end."""
+    return _slope(camera, frame, y) >= 0.0
+
+
+def end_in_camera(
+    camera: Camera,
+    picture: FloatArray,
+    frame: SpecimenFrame,
+    y: float,
+    specimen: float,
+    rim: float,
+    rim_sigma: float,
+) -> tuple[float, float] | None:
+    """Height of the lower end in one camera, and its standard deviation [m]; None if it is not seen there.
+
+    Parameters
+    ----------
+    camera, picture, frame
+        The camera, its mean static picture and the test frame.
+    y
+        About where the end is [m].
+    specimen, rim, rim_sigma
+        Radii of specimen and platen, and the standard deviation of the latter [m].
+    """
+    slope = _slope(camera, frame, y)
+    radius = specimen if slope >= 0.0 else rim
+    ends = camera.project(frame.in_rig(np.array([[0.0, y, radius], [0.0, y + 1e-4, radius]])))
+    scale = float(np.linalg.norm(ends[1] - ends[0])) / 1e-4
+    half = SHARE * specimen
+    x = np.arange(-half, half, 1.0 / scale)
+    u = np.arange(-HALF, HALF + 1.0)
+    places = strip_places(x, y - u / scale, radius)
+    seen = in_view(camera, picture.shape, frame, places)
+    rows, columns = seen.any(axis=1), seen[seen.any(axis=1)].all(axis=0)
+    if u[rows].max(initial=-HALF) < LEAST_BEYOND or u[rows].min(initial=HALF) > -HALF:
+        return None
+    if columns.sum() < FEWEST_COLUMNS:
+        return None
+    strip = sampled(camera, picture, frame, places[np.ix_(rows, columns)])
+    widest = 1.3 * scale * max(slope, 0.0) * (rim - specimen) + 0.3
+    fit = fit_edge(strip[None], u[rows], np.array([[0.0], [widest]]), reach=REACH)
+    if fit is None:
+        return None
+    off = np.hypot(fit.sigma, MODEL) / scale
+    return y - fit.place / scale, float(np.hypot(off, min(slope, 0.0) * rim_sigma))
 
 
 def past_the_ends(

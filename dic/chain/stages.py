@@ -43,7 +43,7 @@ class Clock:
         return result
 
 
-VERSION = 11
+VERSION = 12
 """Raised when the same pictures and settings give other numbers: results kept from before are made
 anew."""
 
@@ -105,12 +105,12 @@ def measure(
             flyer_later = worker.submit(clock, "flyer", partial(follow_flyer, inputs, flyer, progress))
         try:
             tracked = clock("specimen", lambda: follow_specimen(inputs, specimen, progress))
-            rest_state = clock("test frame", lambda: fit_test_frame(inputs, tracked))
+            tracked_flyer = None if flyer_later is None else flyer_later.result()
+            rest_state = clock("test frame", lambda: fit_test_frame(inputs, tracked, tracked_flyer))
         except ChainError as error:
             said = [*(f"{f.what} ({f.cure})" for f in findings), str(error)]
             raise ChainError("; ".join(said)) from error
         placement, rest = rest_state.placement, rest_state.rest
-        tracked_flyer = None if flyer_later is None else flyer_later.result()
         axial_later = worker.submit(
             clock, "flyer's displacement", lambda: displacement_of(inputs, tracked_flyer, placement)
         )

@@ -12,10 +12,13 @@ from dic.chain.settings import ChainError
 from dic.images import Pictures
 from dic.outcome import PointOutcome
 from dic.result import Placement
-from dic.surfaces import fit_cylinder, on_cylinder, overlap_factor, static_mean, test_frame
+from dic.surfaces import Cylinder, fit_cylinder, overlap_factor, static_mean, test_frame
 
 MOST_AVERAGED = 50
 """Static pictures that are averaged to find the specimen's edge."""
+
+FEWEST_POINTS = 10
+"""Points of the flyer that tell its radius."""
 
 
 @dataclass(frozen=True)
@@ -30,8 +33,17 @@ class RestState:
     """Cameras in which its end was found."""
 
 
-def fit_test_frame(inputs: Inputs, body: TrackedBody) -> RestState:
+def fit_test_frame(inputs: Inputs, body: TrackedBody, flyer: TrackedBody | None = None) -> RestState:
     """Fit the test frame to the specimen at rest.
+
+    Parameters
+    ----------
+    inputs
+        The pictures and cameras.
+    body
+        The specimen, followed.
+    flyer
+        The flyer, followed: both platens are taken to have its radius; None: not known.
 
     Raises
     ------
@@ -50,9 +62,10 @@ def fit_test_frame(inputs: Inputs, body: TrackedBody) -> RestState:
             cylinder = fit_cylinder(
                 position[known], covariance[known], overlap=overlap, radius=settings.radius
             )
-        declared = on_cylinder(rig.cameras[0], settings.zero, cylinder)
         means = (_mean_picture(inputs.pictures[0], rest), _mean_picture(inputs.pictures[1], rest))
-        zero, zero_sigma, edges = refined_end(means, rig, cylinder, declared, settings.direction)
+        zero, zero_sigma, edges = refined_end(
+            means, rig, cylinder, settings.zero, settings.direction, platen=_platen(flyer, cylinder)
+        )
         frame = test_frame(cylinder, rig, toward_flyer=settings.direction, zero=zero, zero_sigma=zero_sigma)
     except ValueError as error:
         raise ChainError(f"the specimen at rest gives no test frame: {error}") from error
@@ -65,6 +78,18 @@ def fit_test_frame(inputs: Inputs, body: TrackedBody) -> RestState:
         n_points=int(cylinder.used.sum()),
     )
     return RestState(placement=placement, rest=rest, edges=edges)
+
+
+def _platen(flyer: TrackedBody | None, cylinder: Cylinder) -> float | None:
+    """Radius of the flyer's side, from its points in the frame in which they were chosen [m]."""
+    if flyer is None:
+        return None
+    r = flyer.reconstruction
+    valid = r.outcome[flyer.material] == PointOutcome.VALID
+    if valid.sum() < FEWEST_POINTS:
+        return None
+    across = (r.position[flyer.material, valid] - cylinder.point) @ cylinder.basis[:2].T
+    return float(np.median(np.hypot(*across.T)))
 
 
 def _rest_frames(inputs: Inputs, body: TrackedBody) -> list[int]:

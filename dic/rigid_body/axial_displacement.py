@@ -11,7 +11,7 @@ from dic.camera import StereoRig
 from dic.images import PictureError, Pictures
 from dic.outcome import PointOutcome
 from dic.rigid_body.edge_registration import SEARCH_STEP, EdgeRegistration, RegisteredEdge
-from dic.rigid_body.rest_from_rim import RestGeometry, find_rim
+from dic.rigid_body.rest_from_rim import RestGeometry, find_rim, glance
 from dic.rigid_body.translation import translation_in
 from dic.surfaces import SpecimenFrame
 from dic.surfaces.overlap import overlap_correlation
@@ -24,6 +24,14 @@ MOST_OFFSET_FRAMES = 40
 """Frames at most from which the offsets of the rows at the border of the picture are found."""
 MOST_RECENT = 12
 """Frames from which the error of the row at the region's end is found."""
+MODEL = 0.015
+"""Standard deviation of the mean place at rest for what the static frames share: warm air, interpolation
+[px]."""
+FACE_SHARE, NARROW_FACE = 0.02, 1.0
+"""And this share of the flyer's face beside its rim, where a camera sees more than so much of it [px]: it
+moves with the flyer, but what it hides of the specimen does not."""
+MOST_APART = 4.0
+"""Largest disagreement of two places at rest that are joined, in standard deviations."""
 ROUNDS = 4
 """Alternating estimates of places on the body and translations."""
 
@@ -141,10 +149,16 @@ def axial_displacement(
         rim = find_rim(pictures, body, rig, frame, places, moves, geometry)
     if at_rest.any():
         rest = float(np.mean(y[at_rest]))
-        rest_sigma = float(np.hypot(_of_mean(np.array(sigma)[at_rest]), common))
+        pixel = body_pixel(rig, frame, places, moves)
+        face = 0.0 if geometry is None else _widest_face(rig, frame, places[known], geometry) / pixel
+        rest_sigma = float(
+            np.hypot(np.hypot(_of_mean(np.array(sigma)[at_rest]), common), shared(face) * pixel)
+        )
         if rim is not None and geometry is not None:
-            off = rest + rim.y - geometry.length
-            disagreement = (off, float(np.hypot(np.hypot(rim.sigma, geometry.length_sigma), rest_sigma)))
+            by_end = geometry.length - rim.y
+            sigma_by_end = float(np.hypot(rim.sigma, geometry.length_sigma))
+            disagreement = (rest - by_end, float(np.hypot(sigma_by_end, rest_sigma)))
+            rest, rest_sigma = joined_rest((rest, rest_sigma), (by_end, sigma_by_end))
     else:
         if rim is None or geometry is None or not geometry.known:
             return None
@@ -168,6 +182,45 @@ def axial_displacement(
         from_rim=from_rim,
         rim_disagreement=disagreement,
     )
+
+
+def shared(face: float) -> float:
+    """Standard deviation of the mean place at rest that no number of static frames lowers [px], where the
+    widest strip of the flyer's face that a camera sees is `face` [px]."""
+    return float(np.hypot(MODEL, FACE_SHARE * max(face - NARROW_FACE, 0.0)))
+
+
+def _widest_face(rig: StereoRig, frame: SpecimenFrame, places: FloatArray, geometry: RestGeometry) -> float:
+    """Widest strip of the flyer's face that either camera sees at rest [m]."""
+    radius = float(np.median(np.hypot(places[:, 0], places[:, 2])))
+    return max(
+        glance(frame.positions(camera.centre), geometry.length, radius, geometry)[0] for camera in rig.cameras
+    )
+
+
+def joined_rest(seen: tuple[float, float], by_end: tuple[float, float]) -> tuple[float, float]:
+    """Place at rest and its standard deviation, from what was seen of the body and from the specimen's end.
+
+    By least squares; two that disagree by more than `MOST_APART` standard deviations are not joined, and
+    what was seen counts.
+
+    Parameters
+    ----------
+    seen, by_end
+        Place and standard deviation [m].
+    """
+    apart = seen[0] - by_end[0]
+    if abs(apart) > MOST_APART * float(np.hypot(seen[1], by_end[1])):
+        return seen
+    w = np.array([seen[1], by_end[1]]) ** -2.0
+    return float((w[0] * seen[0] + w[1] * by_end[0]) / w.sum()), float(w.sum() ** -0.5)
+
+
+def body_pixel(rig: StereoRig, frame: SpecimenFrame, places: FloatArray, moves: FloatArray) -> float:
+    """Length along the axis that a pixel of camera 0 shows on the body [m]."""
+    middle = np.nanmedian(places, axis=0) + np.nanmedian(moves, axis=0)
+    ends = rig.cameras[0].project(frame.in_rig(middle + np.array([[0.0, 0.0, 0.0], [0.0, 1e-4, 0.0]])))
+    return 1e-4 / float(np.linalg.norm(ends[1] - ends[0]))
 
 
 def _registered_edges(

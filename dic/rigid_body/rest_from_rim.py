@@ -1,11 +1,9 @@
 """Rest position of the flyer from its rim: before contact moves it, its face is the specimen's upper end.
 
-The flyer is held still: every picture of it is sampled at the same places on its cylinder. Above the rim
-these grey values are those of its speckles in all frames; below it the specimen passes. The standard
-deviation over the frames rises at the rim from that of the noise to that of the specimen's speckles, as the
-integral of the blur, which gives the rim to a few hundredths of a pixel from all frames together. Where the
-rim stands above a camera, the face is seen at a glance between rim and specimen; that band is as wide as the
-geometry says.
+The flyer is held still: every picture of it is sampled at the same places on its cylinder. Its paint ends at
+the rim in all of them, and beyond begins that of the specimen, which is another in each; where the rim
+stands above a camera, the face is seen at a glance between the two, as wide as the geometry says. The rim is
+where rows of pixels cease to correlate (`dic.bodies.edge_fit`), with all frames of a camera together.
 
 With the rim's place on the body, the specimen's declared length and its lower end, the translation at rest
 follows without a picture that shows the flyer there.
@@ -15,39 +13,40 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from scipy import ndimage
-from scipy.optimize import least_squares
-from scipy.special import ndtr
 
 from dic.arrays import BoolArray, FloatArray, IntArray
+from dic.bodies.edge_fit import HALF, fit_edge, in_view, sampled, strip_places
 from dic.bodies.follow import TrackedBody
 from dic.camera import Camera, StereoRig
 from dic.images import PictureError, Pictures
 from dic.surfaces import SpecimenFrame
 
-MODEL = 0.05
-"""Standard deviation of a rim for what the model leaves out: a shadow, a chamfer [px]."""
-BAND_SHARE = 0.3
-"""Standard deviation of the mean width of the face seen at a glance, as a share of it."""
-MOST_FRAMES = 60
+MODEL = 0.06
+"""Standard deviation of a rim for what the model leaves out: a shadow, a chamfer, rows that alias [px]."""
+MOST_FRAMES = 24
 """Frames at most that are compared."""
-FEWEST_FRAMES = 8
+FEWEST_FRAMES = 6
 """Frames that must show the rim."""
-WITHIN, BEYOND = 10, 16
-"""Rows of the search about the region's end, toward the flyer and beyond [px]."""
-FIT_WITHIN, FIT_BEYOND = 6, 4
-"""Rows of the fit about the rim [px]."""
-COLUMNS = 65
-"""Places across the axis."""
+SHARE = 0.4
+"""Half width of the strip across the axis, as a share of the specimen's radius."""
+FEWEST_COLUMNS = 16
+"""Columns of it that must be in view [px]."""
+WITHIN, BEYOND = 16, 10
+"""Rows about the region's end in which the specimen's side is looked for, toward the flyer and beyond
+[px]."""
 CLEAR = 4.0
 """The specimen varies by so many times what the flyer does."""
+REACH = 1.0
+"""Largest distance of the rim from where the first row that varies and the band put it, and half of what the
+band changes on top of it [px]."""
+VARIES = 5.0, 0.12
+"""The first row that varies does so many times as the flyer's rows, and by so much of the specimen's
+variation."""
 LARGEST_SHARE = 0.002
 """Largest standard deviation of the upper end, as a share of the length: beyond it the cameras disagree on
 the lower end, or the length was not measured."""
 MOST_APART = 4.0
 """Largest disagreement of the cameras, in standard deviations."""
-LARGEST_MISFIT = 0.1
-"""Largest residual of the fit, as a share of the specimen's variation."""
 
 
 @dataclass(frozen=True)
@@ -115,13 +114,11 @@ def find_rim(
         return None
     radius = float(np.median(np.hypot(places[known, 0], places[known, 2])))
     start = _end_of_region(body, places, known)
-    x0, x1 = np.percentile(places[known, 0], (10.0, 90.0))
-    x = np.linspace(x0, x1, COLUMNS)
     frames = np.flatnonzero(np.isfinite(moves).all(axis=1))
     frames = frames[:: max(-(-frames.size // MOST_FRAMES), 1)]
     found, sigmas = [], []
     for camera, series in zip(rig.cameras, pictures, strict=True):
-        one = _rim_of(camera, series, frame, radius, x, start, frames, moves, geometry)
+        one = _rim_of(camera, series, frame, radius, start, frames, moves, geometry)
         if one is not None:
             found.append(one[0])
             sigmas.append(one[1])
@@ -172,39 +169,56 @@ def _rim_of(
     pictures: Pictures,
     frame: SpecimenFrame,
     radius: float,
-    x: FloatArray,
     start: float,
     frames: IntArray,
     moves: FloatArray,
     geometry: RestGeometry,
 ) -> tuple[float, float] | None:
     """The rim on the body in one camera [m], and its standard deviation [m]."""
-    middle = np.array([np.median(x), start, radius]) + moves[frames[-1]]
+    middle = np.array([0.0, start, radius]) + moves[frames[-1]]
     ends = camera.project(frame.in_rig(middle + np.array([[0.0, 0.0, 0.0], [0.0, 1e-4, 0.0]])))
     scale = float(np.linalg.norm(ends[1] - ends[0])) / 1e-4  # px per m
+    half = SHARE * geometry.radius
+    x = np.arange(-half, half, 1.0 / scale)
     u = np.arange(-WITHIN, BEYOND + 1.0)
-    for _ in range(2):  # about the region's end, then about what was found
-        stack, shown = _held_still(camera, pictures, frame, radius, x, start - u / scale, frames, moves)
-        if len(stack) < FEWEST_FRAMES:
-            return None
-        spread = np.sqrt(stack.var(axis=0).mean(axis=1))
-        high = float(np.percentile(spread, 75))
-        above = np.flatnonzero(spread > 0.5 * high)
-        if above[0] < 2 or spread[: above[0] - 1].max() * CLEAR > high:
-            return None
-        if u[-1] == FIT_BEYOND:
-            break
-        start -= u[above[0]] / scale
-        u = np.arange(-FIT_WITHIN, FIT_BEYOND + 1.0)
-    bands = scale * np.array(
-        [glance(frame.positions(camera.centre), start + moves[k, 1], radius, geometry) for k in shown]
-    )
-    fit = fit_rise(u, spread, bands)
+    strips, shown = _held_still(camera, pictures, frame, radius, x, start - u / scale, frames, moves)
+    if len(strips) < FEWEST_FRAMES:
+        return None
+    spread = np.sqrt(strips.var(axis=0).mean(axis=1))
+    high = float(np.percentile(spread, 75))
+    above = np.flatnonzero(spread > 0.5 * high)
+    if not above.size or above[0] < 2 or float(np.median(spread[: above[0] - 1])) * CLEAR > high:
+        return None
+    centre = frame.positions(camera.centre)
+    bands = scale * np.array([glance(centre, start + moves[k, 1], radius, geometry) for k in shown])
+    nearest = float(bands[:, 1].min())  # where the specimen's side comes first
+    start -= (u[first_varying(spread, int(above[0]), high)] - nearest) / scale
+    u = np.arange(-HALF, HALF + 1.0)
+    strips, shown = _held_still(camera, pictures, frame, radius, x, start - u / scale, frames, moves)
+    if len(strips) < FEWEST_FRAMES:
+        return None
+    bands = scale * np.array([glance(centre, start + moves[k, 1], radius, geometry) for k in shown])
+    reach = REACH + 0.5 * float(bands[:, 0].max() - bands[:, 1].min())
+    fit = fit_edge(strips, u, np.stack([bands[:, 1], bands[:, 0] - bands[:, 1]]), reach=reach, sure=True)
     if fit is None:
         return None
-    place, own = fit
-    sigma = np.sqrt(own**2 + MODEL**2 + (BAND_SHARE * float(bands.mean())) ** 2)
-    return start - place / scale, float(sigma) / scale
+    return start - fit.place / scale, float(np.hypot(fit.sigma, MODEL)) / scale
+
+
+def first_varying(spread: FloatArray, above: int, high: float) -> int:
+    """First row into which the specimen's side reaches.
+
+    Parameters
+    ----------
+    spread
+        Standard deviation over the frames of every row, the flyer's rows first, shape [n_rows].
+    above
+        A row of the specimen.
+    high
+        What its rows vary by.
+    """
+    low = float(np.median(spread[: max(above - 3, 1)]))
+    return int(np.argmax(spread > max(VARIES[0] * low, VARIES[1] * high)))
 
 
 def _held_still(
@@ -218,29 +232,30 @@ def _held_still(
     moves: FloatArray,
 ) -> tuple[FloatArray, list[int]]:
     """Grey values at places of the body in the frames that show all of them, shape [n, y, x], and the
-    frames."""
-    Y, X = np.meshgrid(y, x, indexing="ij")
-    places = np.stack([X, Y, np.sqrt(np.maximum(radius**2 - X**2, 0.0))], axis=-1)
-    rows, columns = pictures.shape
+    frames; places that the last of the frames does not show are left out."""
+    places = strip_places(x, y, radius)
+    columns = in_view(camera, pictures.shape, frame, places + moves[frames[-1]]).all(axis=0)
+    if columns.sum() < FEWEST_COLUMNS:
+        return np.empty((0, y.size, 0)), []
+    places = places[:, columns]
     kept, shown = [], []
     for k in frames.tolist():
-        at = camera.project(frame.in_rig((places + moves[k]).reshape(-1, 3))).T[::-1]
-        if at.min() < 1.0 or at[0].max() > rows - 2.0 or at[1].max() > columns - 2.0:
+        if not in_view(camera, pictures.shape, frame, places + moves[k]).all():
             continue
         try:
             picture = pictures.frame(k).astype(np.float64)
         except PictureError:
             continue
-        kept.append(ndimage.map_coordinates(picture, at, order=3).reshape(Y.shape))
+        kept.append(sampled(camera, picture, frame, places + moves[k]))
         shown.append(k)
     stack = np.array(kept)
     if len(stack):
-        level = stack[:, : WITHIN // 2].mean(axis=(1, 2), keepdims=True)  # light that flickers
+        level = stack[:, :HALF].mean(axis=(1, 2), keepdims=True)  # light that flickers
         stack = stack * (level.mean() / np.where(level > 0.0, level, 1.0))
     return stack, shown
 
 
-def glance(camera: FloatArray, y: float, radius: float, geometry: RestGeometry) -> float:
+def glance(camera: FloatArray, y: float, radius: float, geometry: RestGeometry) -> tuple[float, float]:
     """Width at which a camera sees the flyer's face between its rim and the specimen [m].
 
     Parameters
@@ -252,45 +267,15 @@ def glance(camera: FloatArray, y: float, radius: float, geometry: RestGeometry) 
     radius
         Of the flyer [m].
     geometry
-        The specimen: its mean radius grows as its volume is kept.
-    """
-    specimen = geometry.radius * float(np.sqrt(geometry.length / max(y, 0.2 * geometry.length)))
-    distance = float(np.hypot(camera[0], camera[2])) - radius
-    return max(radius - specimen, 0.0) * max(y - float(camera[1]), 0.0) / distance
-
-
-def fit_rise(u: FloatArray, spread: FloatArray, bands: FloatArray) -> tuple[float, float] | None:
-    """Where a standard deviation over the frames begins to rise, and its own standard deviation [px].
-
-    ``spread² = n² + V² <Φ((u - s - band)/b)²>``, the mean over the frames, V linear beyond the rim.
-
-    Parameters
-    ----------
-    u
-        Places, toward the specimen [px], shape [n].
-    spread
-        Standard deviations over the frames there [grey], shape [n].
-    bands
-        Widths of what never varies between rim and specimen [px], shape [n_frames].
+        The specimen.
 
     Returns
     -------
-    tuple or None
-        None if there is no such rise, or the fit does not describe it.
+    tuple
+        For a specimen that meets the face with its radius at rest, and for one that has its mean radius
+        there, which grows as its volume is kept.
     """
-    high, low = float(spread.max()), float(spread.min())
-
-    def residual(p: FloatArray) -> FloatArray:
-        place, blur, top, slope, noise = p
-        share = np.mean(ndtr((u[:, None] - place - bands) / blur) ** 2, axis=1)
-        rise = (top + slope * np.maximum(u - place, 0.0)) ** 2 * share
-        return np.asarray((np.sqrt(noise**2 * high**2 + rise * high**2) - spread) / high)
-
-    bound = ([u[1], 0.2, 0.2, -0.2, 0.0], [u[-2], 2.0, 2.0, 0.2, 0.5])
-    fit = least_squares(residual, [0.0, 0.6, 0.9, 0.0, float(np.clip(low / high, 1e-3, 0.4))], bounds=bound)
-    dof = u.size - 5
-    misfit = float(np.sqrt(2.0 * fit.cost / dof))
-    if misfit > LARGEST_MISFIT or not u[1] + 0.1 < fit.x[0] < u[-2] - 0.1:
-        return None
-    variance = misfit**2 * np.linalg.pinv(fit.jac.T @ fit.jac)[0, 0]
-    return float(fit.x[0]), float(np.sqrt(variance))
+    mean = geometry.radius * float(np.sqrt(geometry.length / max(y, 0.2 * geometry.length)))
+    distance = float(np.hypot(camera[0], camera[2])) - radius
+    slope = max(y - float(camera[1]), 0.0) / distance
+    return max(radius - geometry.radius, 0.0) * slope, max(radius - mean, 0.0) * slope

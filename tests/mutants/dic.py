@@ -6,6 +6,7 @@ GATES = ("tests/unit/dic/test_dic_gates.py",)
 REGIONS = "tests/unit/dic/test_dic_found_regions.py"
 ORDER = ("tests/unit/dic/test_dic_pair_order.py",)
 RIM = ("tests/unit/dic/test_dic_rest_from_rim.py",)
+EDGE = "tests/unit/dic/test_dic_edge.py"
 TRAVEL = ("tests/unit/dic/test_dic_travel_checks.py",)
 NOISE = ("tests/unit/dic/test_dic_noise_floor.py",)
 
@@ -190,18 +191,67 @@ FAULTS = (
         tests=("tests/unit/dic/test_dic_track_parts.py::test_residual_of_noise_alone_has_no_excess",),
     ),
     Fault(
-        name="rim: the face seen at a glance counts as the flyer",
-        file="dic/rigid_body/rest_from_rim.py",
-        right="share = np.mean(ndtr((u[:, None] - place - bands) / blur) ** 2, axis=1)",
-        wrong="share = np.mean(ndtr((u[:, None] - place + bands) / blur) ** 2, axis=1)",
-        tests=(f"{RIM[0]}::test_a_rise_of_known_place_is_found",),
+        name="edge: the band lies before the edge",
+        file="dic/bodies/edge_fit.py",
+        right="np.maximum(low, edge + band)",
+        wrong="np.maximum(low, edge - band)",
+        tests=(f"{EDGE}::test_covariance_of_paint_that_ends",),
     ),
     Fault(
-        name="rim: the variance rises as the share, not its square",
+        name="edge: paint adds by its standard deviation",
+        file="dic/bodies/edge_fit.py",
+        right="C = contrast**2 * inside",
+        wrong="C = contrast * inside",
+        tests=(f"{EDGE}::test_covariance_of_paint_that_ends",),
+    ),
+    Fault(
+        name="edge: blocks of columns without their degree of freedom",
+        file="dic/bodies/edge_fit.py",
+        right="* n / (n - 1.0)",
+        wrong="* n / n",
+        tests=(f"{EDGE}::test_sigma_from_the_scatter_of_blocks",),
+    ),
+    Fault(
+        name="edge: shading along it counts as paint",
+        file="dic/bodies/edge_fit.py",
+        right="np.stack([np.ones_like(x), x, x**2], axis=1)",
+        wrong="np.stack([np.ones_like(x), x], axis=1)",
+        tests=(f"{EDGE}::test_shading_along_the_edge_is_taken_out",),
+    ),
+    Fault(
+        name="end: cameras that disagree do not widen its sigma",
+        file="dic/bodies/ends.py",
+        right="np.sqrt(max(1.0, chi2) / np.sum(w))",
+        wrong="np.sqrt(1.0 / np.sum(w))",
+        tests=(f"{EDGE}::test_places_are_weighted_and_disagreement_counts",),
+    ),
+    Fault(
+        name="end: a camera below its plane sees the specimen's own edge",
+        file="dic/bodies/ends.py",
+        right="radius = specimen if slope >= 0.0 else rim",
+        wrong="radius = specimen",
+        tests=(f"{EDGE}::test_a_rim_that_hides_the_end",),
+    ),
+    Fault(
+        name="rim: the first row that varies by its noise alone",
         file="dic/rigid_body/rest_from_rim.py",
-        right="bands) / blur) ** 2, axis=1)",
-        wrong="bands) / blur), axis=1)",
-        tests=(f"{RIM[0]}::test_a_rise_of_known_place_is_found",),
+        right="max(VARIES[0] * low, VARIES[1] * high)",
+        wrong="VARIES[0] * low",
+        tests=(f"{RIM[0]}::test_the_first_row_that_varies",),
+    ),
+    Fault(
+        name="zero: two places at rest are averaged without weights",
+        file="dic/rigid_body/axial_displacement.py",
+        right="w = np.array([seen[1], by_end[1]]) ** -2.0",
+        wrong="w = np.array([seen[1], by_end[1]]) ** 0.0",
+        tests=(f"{RIM[0]}::test_what_was_seen_and_the_end_are_joined",),
+    ),
+    Fault(
+        name="zero: the face beside the rim adds nothing",
+        file="dic/rigid_body/axial_displacement.py",
+        right="FACE_SHARE, NARROW_FACE = 0.02, 1.0",
+        wrong="FACE_SHARE, NARROW_FACE = 0.0, 1.0",
+        tests=(f"{RIM[0]}::test_what_static_frames_share",),
     ),
     Fault(
         name="rim: the face is seen from above too",
@@ -213,8 +263,8 @@ FAULTS = (
     Fault(
         name="rim: a specimen that keeps its radius",
         file="dic/rigid_body/rest_from_rim.py",
-        right="specimen = geometry.radius * float(np.sqrt(geometry.length / max(y, 0.2 * geometry.length)))",
-        wrong="specimen = geometry.radius",
+        right="mean = geometry.radius * float(np.sqrt(geometry.length / max(y, 0.2 * geometry.length)))",
+        wrong="mean = geometry.radius",
         tests=(f"{RIM[0]}::test_the_face_is_seen_at_a_glance_from_below_only",),
     ),
     Fault(

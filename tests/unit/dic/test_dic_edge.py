@@ -1,56 +1,136 @@
-"""The end of a speckled side found in rendered pictures whose edge is known."""
+"""The edge of a speckled body by how rows correlate: rendered strips whose edge is known, and closed
+forms."""
 
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
+from scipy.special import ndtr
 
-from dic.bodies.ends import find_edge
+from dic.bodies.edge_fit import HALF, block_sigma, covariance, fit_edge, paint, without_shading
+from dic.bodies.ends import end_in_camera, weighted_mean
+from dic.camera import Camera
+from dic.surfaces import SpecimenFrame
 
-FINE = 10
+FINE = 8
+U = np.arange(-HALF, HALF + 1.0)
 
 
-def picture(edge: float, *, band: float = 0.5, seed: int = 1) -> np.ndarray:
-    """Rows of speckle above `edge`, a dark band, an even platen below: integrated over pixels, with noise."""
+def strips(
+    edge: float, *, band: float = 0.0, speckled: bool = True, frames: int = 1, seed: int = 1
+) -> np.ndarray:
+    """Speckle up to row `edge`, an even band, then other speckle in each frame or something even: integrated
+    over pixels, with noise."""
     rng = np.random.default_rng(seed)
-    size = 64 * FINE
-    speckle = gaussian_filter(rng.normal(0.0, 1.0, (size, size)), 1.8 * FINE)
-    speckle = 1500.0 + 900.0 * np.tanh(1.5 * speckle / speckle.std())
-    y = (np.arange(size) + 0.5) / FINE - 0.5
-    fine = np.where((y < edge)[:, None], speckle, np.where((y < edge + band)[:, None], 500.0, 1000.0))
-    fine = gaussian_filter(fine, 0.45 * FINE)
-    coarse = fine.reshape(64, FINE, 64, FINE).mean(axis=(1, 3))
-    return coarse + rng.normal(0.0, 8.0, coarse.shape)
+    shape = (U.size * FINE, 96 * FINE)
+
+    def speckle() -> np.ndarray:
+        f = gaussian_filter(rng.normal(0.0, 1.0, shape), 1.6 * FINE)
+        return 1500.0 + 900.0 * np.tanh(1.5 * f / f.std())
+
+    body = speckle()
+    v = ((np.arange(shape[0]) + 0.5) / FINE - 0.5 - HALF)[:, None]
+    found = []
+    for _ in range(frames):
+        beyond = speckle() if speckled else 900.0
+        fine = np.where(v < edge, body, np.where(v < edge + band, 600.0, beyond))
+        fine = gaussian_filter(fine, 0.5 * FINE, mode="nearest")
+        coarse = fine.reshape(U.size, FINE, 96, FINE).mean(axis=(1, 3))
+        found.append(coarse + rng.normal(0.0, 8.0, coarse.shape))
+    return np.array(found)
 
 
-@pytest.mark.parametrize("edge", [39.7, 40.0, 40.45])
-@pytest.mark.parametrize("seed", [1, 2])
-def test_an_edge_is_found_within_its_sigma(edge, seed):
-    found = find_edge(picture(edge, seed=seed), (31.0, 40.6), (0, -1))
+@pytest.mark.parametrize(("edge", "band"), [(0.3, 0.0), (-0.4, 1.5)])
+def test_a_body_that_ends_at_something_even(edge, band):
+    found = fit_edge(strips(edge, band=band, speckled=False), U, np.array([[0.0], [2.0]]))
     assert found is not None
-    # Edge and band are told apart by how columns differ alone; three sigma as stated.
-    assert 40.6 - found.offset == pytest.approx(edge, abs=0.3)
-    assert 0.1 <= found.sigma < 0.2
+    assert abs(found.place - edge) < 3.0 * np.hypot(
+        found.sigma, 0.06
+    )  # the model's share: dic.bodies.ends.MODEL
+    assert found.sigma < 0.15
 
 
-@pytest.mark.parametrize(
-    ("turn", "place", "inward"),
-    [
-        (lambda p: p[::-1], (31.0, 63.0 - 40.2), (0, 1)),
-        (lambda p: p.T, (40.2, 31.0), (-1, 0)),
-        (lambda p: p.T[:, ::-1], (63.0 - 40.2, 31.0), (1, 0)),
-    ],
-)
-def test_every_side_is_alike(turn, place, inward):
-    upright = picture(40.0)
-    one = find_edge(upright, (31.0, 40.2), (0, -1))
-    other = find_edge(turn(upright), place, inward)
-    assert one is not None
-    assert other is not None
-    assert other.offset == pytest.approx(one.offset, abs=1e-6)
+@pytest.mark.parametrize("edge", [0.45, -0.2])
+def test_two_speckled_bodies(edge):
+    """Rows of the body do not change from frame to frame: its own chance is in the sigma, by blocks of
+    columns."""
+    found = fit_edge(strips(edge, frames=6), U, np.zeros((2, 6)), reach=1.0, sure=True)
+    assert found is not None
+    assert abs(found.place - edge) < 3.0 * np.hypot(found.sigma, 0.06)
 
 
-def test_no_edge_is_none():
-    even = picture(200.0)  # speckle all over
-    assert find_edge(even, (31.0, 30.0), (0, -1)) is None
-    assert find_edge(picture(40.0), (31.0, 61.0), (0, -1)) is None  # the picture ends there
-    assert find_edge(picture(40.0), (31.0, 46.0), (0, -1)) is None  # the edge is six pixels away
+def test_fewer_rows_beyond_serve_too():
+    few = U <= 3.0
+    found = fit_edge(strips(0.2, speckled=False)[:, few], U[few], np.array([[0.0], [0.3]]))
+    assert found is not None
+    assert found.place == pytest.approx(0.2, abs=0.25)
+
+
+def test_an_edge_out_of_reach_is_none():
+    assert fit_edge(strips(4.5, speckled=False), U, np.zeros((2, 1)), reach=1.5) is None
+    assert fit_edge(np.full((1, U.size, 40), 7.0), U, np.zeros((2, 1))) is None
+
+
+def test_covariance_of_paint_that_ends():
+    """Paint alike over 1000 px is one number a column: a pixel shows the share of it before the edge,
+    blurred."""
+    p = np.array([0.3, *np.log([0.8, 1e3, 1e3, 2.0, 1.0, 0.1, 20.0]), 0.5])
+    width = np.array([0.5, 1.0])
+    C = covariance(p, U, width, True)
+    inside, outside = ndtr((0.3 - U) / 0.8), ndtr((U - 0.3 - 1.0) / 0.8)  # band: 0.5 + 0.5 * 1
+    wanted = 4.0 * np.outer(inside, inside) + np.outer(outside, outside) + 0.01 * np.eye(U.size)
+    assert np.allclose(C, wanted, atol=2e-3)
+    held = covariance(p, U, width, False)[-1, -1]
+    assert held == pytest.approx(ndtr((6.0 - 0.8) / 0.8) ** 2 + 0.01, abs=2e-3)
+    assert paint(np.array([2.0]), 1.0, 0.5)[0] == pytest.approx(5.0**-0.5)  # (1 + 4 / (2 * 0.5)) ** -0.5
+
+
+def test_shading_along_the_edge_is_taken_out():
+    x = np.linspace(-1.0, 1.0, 40)
+    rows = np.stack([3.0 + 2.0 * x, 1.0 - x**2])[None]
+    assert np.abs(without_shading(rows)).max() < 1e-12
+    assert np.abs(without_shading(rows + x**3)).max() > 0.1
+
+
+def test_sigma_from_the_scatter_of_blocks():
+    """One parameter, the level of a covariance C = q: the mean square of n blocks is known to the standard
+    deviation of the blocks' means over root n."""
+    squares = np.array([1.0, 3.0, 2.0, 6.0])
+    g = 0.5 * (squares - squares.mean()) / squares.mean() ** 2
+    H = np.array([[4 * 0.5 / squares.mean() ** 2]])
+    assert block_sigma(g[:, None], H) == pytest.approx(squares.std(ddof=1) / 2.0)
+
+
+def test_places_are_weighted_and_disagreement_counts():
+    mean, sigma = weighted_mean(np.array([1.0, 1.0]), np.array([3.0, 4.0]))
+    assert (mean, sigma) == (1.0, pytest.approx(2.4))  # 1 / sqrt(1/9 + 1/16)
+    mean, sigma = weighted_mean(np.array([0.0, 10.0]), np.array([1.0, 2.0]))
+    assert mean == pytest.approx(2.0)
+    assert sigma == pytest.approx(np.sqrt(20.0 * 0.8))  # chi2 4 + 16, one degree of freedom; 1/(1 + 1/4)
+
+
+def view(height: float) -> Camera:
+    """A camera 0.3 m from the axis that looks across it at a place `height` above the lower end, its x along
+    x."""
+    return Camera(
+        fx=5000.0, fy=5000.0, cx=63.5, cy=63.5, distortion=(0.0,) * 5,
+        rotation=np.diag([1.0, -1.0, -1.0]), translation=np.array([0.0, height, 0.3]),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("height", [3e-3, -3e-3])
+def test_a_rim_that_hides_the_end(height):
+    """A specimen of 5 mm on a platen of 7.5 mm: from 3 mm below its plane the platen's rim is the edge that
+    is seen, 25 um higher in the picture, a third of a pixel, than the end itself would be; from above, the
+    end."""
+    camera, frame = view(height), SpecimenFrame(np.eye(3), np.zeros(3), np.zeros((6, 6)))
+    radius = 5e-3 if height > 0.0 else 7.5e-3
+    row = float(camera.project(np.array([[0.0, 0.0, radius]]))[0, 1])
+    rng = np.random.default_rng(3)
+    speckle = gaussian_filter(rng.normal(0.0, 1.0, (128 * 4, 128 * 4)), 7.0)
+    v = (np.arange(512) + 0.5)[:, None] / 4 - 0.5
+    fine = np.where(v < row, 1500.0 + 900.0 * np.tanh(1.5 * speckle / speckle.std()), 900.0)
+    picture = gaussian_filter(fine, 2.0).reshape(128, 4, 128, 4).mean(axis=(1, 3))
+    found = end_in_camera(camera, picture + rng.normal(0.0, 8.0, (128, 128)), frame, 20e-6, 5e-3, 7.5e-3, 0.0)
+    assert found is not None
+    assert abs(found[0]) < 2.5 * found[1]
+    assert found[1] < 7e-6  # a tenth of a pixel of 60 um

@@ -5,11 +5,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.special import ndtr
 from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, rig
 
 from dic.images import PictureError
-from dic.rigid_body.rest_from_rim import RestGeometry, find_rim, fit_rise, glance, joined
+from dic.rigid_body.axial_displacement import joined_rest, shared
+from dic.rigid_body.rest_from_rim import RestGeometry, find_rim, first_varying, glance, joined
 from dic.surfaces import SpecimenFrame
 from dic.synthetic.cylinder import Speckles
 
@@ -18,21 +18,24 @@ RIG = rig()
 FRAME = SpecimenFrame(np.eye(3), np.zeros(3), np.zeros((6, 6)))
 
 
-@pytest.mark.parametrize("band", [0.0, 0.4])
-def test_a_rise_of_known_place_is_found(band):
-    u = np.arange(-6.0, 5.0)
-    bands = band * np.linspace(0.0, 1.0, 20)
-    share = np.mean(ndtr((u[:, None] - 0.37 - bands) / 0.7) ** 2, axis=1)
-    spread = np.sqrt(10.0**2 + (500.0 + 20.0 * np.maximum(u - 0.37, 0.0)) ** 2 * share)
-    found = fit_rise(u, spread, bands)
-    assert found is not None
-    assert found[0] == pytest.approx(0.37, abs=1e-3)
-    assert found[1] < 1e-3
+def test_the_first_row_that_varies():
+    """Five times the flyer's 1, and 0.12 of the specimen's 40: 5; the third row from the end is the first
+    above."""
+    spread = np.array([1.0, 1.0, 1.0, 1.0, 4.9, 5.1, 30.0, 40.0])
+    assert first_varying(spread, 6, 40.0) == 5
+    assert first_varying(spread, 6, 45.0) == 6  # 0.12 of it is 5.4
 
 
-def test_no_rise_is_no_rim():
-    u, rng = np.arange(-6.0, 5.0), np.random.default_rng(1)
-    assert fit_rise(u, 300.0 + 60.0 * rng.normal(size=u.size), np.zeros(5)) is None
+def test_what_was_seen_and_the_end_are_joined():
+    place, sigma = joined_rest((0.0, 3e-6), (10e-6, 4e-6))
+    assert place == pytest.approx(10e-6 * 9.0 / 25.0)
+    assert sigma == pytest.approx(2.4e-6)  # 1 / sqrt(1/9 + 1/16)
+    assert joined_rest((0.0, 3e-6), (20.1e-6, 4e-6)) == (0.0, 3e-6)  # more than four times 5 um apart
+
+
+def test_what_static_frames_share():
+    assert shared(0.5) == 0.015
+    assert shared(5.0) == pytest.approx(np.hypot(0.015, 0.08))  # 0.02 of what is more than 1 px
 
 
 def test_the_face_is_seen_at_a_glance_from_below_only():
@@ -40,12 +43,14 @@ def test_the_face_is_seen_at_a_glance_from_below_only():
     behind, meet the plane of the rim 2.5 * 2 / 292.5 mm apart."""
     geometry = RestGeometry(length=6e-3, length_sigma=0.0, radius=5e-3)
     camera = np.array([0.0, 4e-3, 0.3])
-    assert glance(camera, 6e-3, 7.5e-3, geometry) == pytest.approx(2.5e-3 * 2e-3 / 0.2925)
-    assert glance(camera, 3.9e-3, 7.5e-3, geometry) == 0.0
-    # half as long it has twice the cross-section, and hides more of the face
+    assert glance(camera, 6e-3, 7.5e-3, geometry) == pytest.approx([2.5e-3 * 2e-3 / 0.2925] * 2)
+    assert glance(camera, 3.9e-3, 7.5e-3, geometry) == (0.0, 0.0)
+    # half as long it has twice the cross-section, unless its end holds to the face
     low = np.array([0.0, 1e-3, 0.3])
-    assert glance(low, 3e-3, 7.5e-3, geometry) == pytest.approx((7.5 - 5 * 2**0.5) * 1e-3 * 2e-3 / 0.2925)
-    assert glance(low, 3e-3, 5e-3, geometry) == 0.0
+    held, mean = glance(low, 3e-3, 7.5e-3, geometry)
+    assert held == pytest.approx(2.5e-3 * 2e-3 / 0.2925)
+    assert mean == pytest.approx((7.5 - 5 * 2**0.5) * 1e-3 * 2e-3 / 0.2925)
+    assert glance(low, 3e-3, 5e-3, geometry) == (0.0, 0.0)
 
 
 def series_of(frame):

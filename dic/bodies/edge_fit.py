@@ -1,0 +1,281 @@
+"""Edge between two bodies in strips of pictures, by maximum likelihood of how rows of pixels correlate.
+
+Speckles are wider than a pixel, so that rows of one body correlate, and rows of two bodies do not. Rows of a
+strip lie across the edge, its columns along it. A column's grey values are taken for a draw of a Gaussian
+process: each body's paint has a covariance of its own, it ends at the edge, and the optics blur what is
+left. Only how columns differ from each other counts: each row's mean and its shading are taken out, so that
+neither body's brightness matters, nor that of the platen's face which may lie between them as a band.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+from scipy.optimize import minimize
+from scipy.special import ndtr
+
+from dic.arrays import BoolArray, FloatArray, IntArray
+from dic.camera import Camera
+from dic.surfaces import SpecimenFrame
+
+HALF = 6
+"""Rows of a strip on either side of the edge [px]."""
+CELL = 0.5
+"""Distance of the places of paint that a pixel is summed over [px]."""
+BEYOND = 5.0
+"""Paint beyond the strip that the blur brings into it [px]."""
+BLUR = (0.3, 1.6)
+"""Least and largest standard deviation of the blur [px]."""
+LENGTH = (0.4, 10.0)
+"""Least and largest length of the paint's covariance [px]."""
+SHAPE = (0.3, 20.0)
+"""Least and largest shape of the paint's covariance [-]."""
+NOISE = (0.03, 0.5)
+"""Least and largest standard deviation of what is no paint, over the contrast [-]."""
+CONTRAST = (0.01, 3.0)
+"""Least and largest standard deviation of a body's paint, over that of the strip [-]."""
+GRID = 0.5
+"""Distance of the places that are tried [px]."""
+AT_END = 0.05
+"""An edge so near to the end of the search was not found [px]."""
+ROOM = 1.0
+"""Rows between an edge that is looked for and the end of a strip [px]."""
+BLOCK = 8.0
+"""Width of the blocks of columns that count as independent [px]: more than a speckle."""
+BANDS = 6
+"""Groups of frames with like bands that are told apart."""
+ALIKE = 0.05
+"""Bands that differ by less are alike [px]."""
+
+
+@dataclass(frozen=True)
+class EdgeFit:
+    """An edge that was found."""
+
+    place: float
+    """Place, outward from where it was looked for [px]."""
+    sigma: float
+    """Its standard deviation, from how the blocks of columns scatter [px]."""
+    band: float
+    """Parameter of the band's width, from 0 to 1 [-]."""
+    contrast: float
+    """Standard deviation of the body's paint over that of what is no paint [-]."""
+
+
+def strip_places(x: FloatArray, y: FloatArray, radius: float) -> FloatArray:
+    """Places on the cameras' side of a cylinder about the axis [m], shape [n_y, n_x, 3]."""
+    Y, X = np.meshgrid(y, x, indexing="ij")
+    return np.stack([X, Y, np.sqrt(np.maximum(radius**2 - X**2, 0.0))], axis=-1)
+
+
+def in_view(camera: Camera, shape: tuple[int, ...], frame: SpecimenFrame, places: FloatArray) -> BoolArray:
+    """Places of the test frame that lie in the picture, a pixel clear of its border, shape [n_y, n_x]."""
+    at = camera.project(frame.in_rig(places.reshape(-1, 3))).reshape(*places.shape[:2], 2)
+    return np.asarray(np.all((at >= 1.0) & (at <= np.array(shape[::-1]) - 2.0), axis=2))
+
+
+def sampled(camera: Camera, picture: FloatArray, frame: SpecimenFrame, places: FloatArray) -> FloatArray:
+    """Grey values of a picture at places of the test frame that lie in it, shape [n_y, n_x]."""
+    at = camera.project(frame.in_rig(places.reshape(-1, 3))).T[::-1]
+    return np.asarray(ndimage.map_coordinates(picture, at, order=3).reshape(places.shape[:2]))
+
+
+def fit_edge(
+    strips: FloatArray,
+    u: FloatArray,
+    bands: FloatArray,
+    *,
+    reach: float = 2.0,
+    sure: bool = False,
+) -> EdgeFit | None:
+    """Find an edge in strips.
+
+    Parameters
+    ----------
+    strips
+        Grey values, shape [n_frames, n_rows, n_columns].
+    u
+        Places of the rows, outward from the body, from where the edge is looked for [px], shape [n_rows].
+    bands
+        Width of the band in every frame for a parameter p from 0 to 1, as ``first + p second`` [px], shape
+        [2, n_frames].
+    reach
+        Largest distance of the edge from there [px].
+    sure
+        True if other evidence says that there is an edge within `reach`: no other place is tried then. Where
+        frames repeat the body's paint, its own chance may look like an edge.
+
+    Returns
+    -------
+    EdgeFit or None
+        None if the most likely edge of the strip is not within `reach`, or at an end of it.
+    """
+    flat = without_shading(strips)
+    size = float(np.sqrt(np.mean(flat**2)))
+    if not size > 0.0:
+        return None
+    flat = flat / size
+    widths = np.asarray(bands, dtype=np.float64)
+    group = _groups(widths)
+    free = bool(np.any(np.abs(widths[1]) > ALIKE))
+    columns = _blocks(strips.shape[2])
+    n = int(group.max()) + 1
+    width = np.stack([widths[:, group == k].mean(axis=1) for k in range(n)])
+    n_blocks = int(columns.max()) + 1
+    moments = np.zeros((n, n_blocks, u.size, u.size))  # sums of squares, not yet over their number
+    for k in range(n):
+        for b in range(n_blocks):
+            part = flat[group == k][:, :, columns == b]
+            moments[k, b] = np.einsum("frc,fsc->rs", part, part)
+    counts = np.array(
+        [[np.sum(group == k) * np.sum(columns == b) for b in range(columns.max() + 1)] for k in range(n)],
+        dtype=np.float64,
+    )
+    whole = moments.sum(axis=1) / counts.sum(axis=1)[:, None, None]
+    share = counts.sum(axis=1) / counts.sum()
+
+    def cost(p: FloatArray) -> float:
+        total = 0.0
+        for k in range(n):
+            C = covariance(p, u, width[k], free)
+            L = np.linalg.cholesky(C)
+            z = np.linalg.solve(L, whole[k])
+            total += share[k] * (np.sum(np.log(np.diag(L))) + 0.5 * np.trace(np.linalg.solve(L, z.T)))
+        return float(total)
+
+    logs = [np.log(limits) for limits in (BLUR, LENGTH, LENGTH, CONTRAST, CONTRAST, NOISE, SHAPE)]
+    wide = (-reach, reach) if sure else (float(u[0]) + ROOM, float(u[-1]) - ROOM)
+    bound = [wide, *((low, high) for low, high in logs), (0.0, 1.0)]
+    begin = np.log([0.7, 1.8, 1.8, 1.0, 0.5, 0.05, 2.0])
+    tried = np.arange(wide[0] + AT_END, wide[1], GRID)
+    likely = tried[int(np.argmin([cost(np.array([at, *begin, 0.5])) for at in tried]))]
+    fits = [
+        minimize(cost, np.array([at, *begin, 0.5]), method="L-BFGS-B", bounds=bound, options={"maxiter": 60})
+        for at in {0.0, float(likely)}
+    ]
+    best = min(fits, key=lambda fit: fit.fun)
+    if abs(best.x[0]) > reach - AT_END:
+        return None
+    sigma = _sandwich(best.x, u, width, free, moments, counts, bound)
+    return EdgeFit(
+        place=float(best.x[0]),
+        sigma=sigma,
+        band=float(best.x[8]) if free else 0.0,
+        contrast=float(np.exp(best.x[4] - best.x[6])),
+    )
+
+
+def without_shading(strips: FloatArray) -> FloatArray:
+    """Strips without each row's mean, slope and curvature along the edge."""
+    x = np.linspace(-1.0, 1.0, strips.shape[2])
+    q, _ = np.linalg.qr(np.stack([np.ones_like(x), x, x**2], axis=1))
+    return np.asarray(strips - (strips @ q) @ q.T)
+
+
+def paint(lag: FloatArray, length: float, shape: float) -> FloatArray:
+    """Covariance of paint, the rational quadratic ``(1 + lag² / (2 shape length²))^-shape``: Gaussian for a
+    large shape, with the longer tail of spots of many sizes for a small one [-]."""
+    return np.asarray((1.0 + lag**2 / (2.0 * shape * length**2)) ** -shape)
+
+
+def covariance(p: FloatArray, u: FloatArray, width: FloatArray, free: bool) -> FloatArray:
+    """Covariance of the rows of a strip, shape [n_rows, n_rows].
+
+    Parameters
+    ----------
+    p
+        Place of the edge [px]; logarithms of blur, of the lengths of the paint on the body and beyond [px],
+        of the contrasts of body and beyond and of the noise [-], of the shape; the band's parameter.
+    u
+        Places of the rows [px], shape [n_rows].
+    width
+        Band for parameter 0, and what parameter 1 adds [px].
+    free
+        Whether the parameter counts.
+    """
+    edge, (blur, first, other, contrast, second, noise, shape) = p[0], np.exp(p[1:8])
+    band = float(width[0] + (p[8] * width[1] if free else 0.0))
+    v = np.arange(u[0] - BEYOND, u[-1] + BEYOND + CELL, CELL)
+    low, high = v - 0.5 * CELL, v + 0.5 * CELL
+    lag = CELL * np.arange(v.size)
+    apart = np.abs(np.subtract.outer(np.arange(v.size), np.arange(v.size)))
+    inside = _weights(u, low, np.minimum(high, edge), blur)
+    outside = _weights(u, np.maximum(low, edge + band), high, blur)
+    C = contrast**2 * inside @ paint(lag, first, shape)[apart] @ inside.T
+    C += second**2 * outside @ paint(lag, other, shape)[apart] @ outside.T
+    C[np.diag_indices_from(C)] += noise**2
+    return np.asarray(C)
+
+
+def _weights(u: FloatArray, low: FloatArray, high: FloatArray, blur: float) -> FloatArray:
+    """What paint between `low` and `high` gives a pixel at u, shape [n_u, n_v]."""
+    reach = np.maximum(high, low)
+    return np.asarray(ndtr((reach - u[:, None]) / blur) - ndtr((low - u[:, None]) / blur))
+
+
+def _groups(widths: FloatArray) -> IntArray:
+    """Group of every frame, by the width of its band; shape [n_frames]."""
+    typical = widths[0] + 0.5 * widths[1]
+    low, high = float(typical.min()), float(typical.max())
+    if high - low < ALIKE:
+        return np.zeros(typical.size, dtype=np.int64)
+    found = np.minimum(((typical - low) / (high - low) * BANDS).astype(np.int64), BANDS - 1)
+    return np.asarray(np.unique(found, return_inverse=True)[1])
+
+
+def _blocks(n_columns: int) -> IntArray:
+    """Block of every column, shape [n_columns]."""
+    n = max(int(n_columns / BLOCK), 2)
+    return np.minimum((np.arange(n_columns) * n) // n_columns, n - 1)
+
+
+def _sandwich(
+    p: FloatArray,
+    u: FloatArray,
+    width: FloatArray,
+    free: bool,
+    moments: FloatArray,
+    counts: FloatArray,
+    bound: list[tuple[float, float]],
+) -> float:
+    """Standard deviation of the place from the scatter of the blocks' scores: ``H^-1 Σ g gᵀ H^-1 n/(n-1)``
+    with the information H; parameters at a bound are held."""
+    used = [
+        k
+        for k, (low, high) in enumerate(bound)
+        if (k == 0 or min(p[k] - low, high - p[k]) > 1e-3) and (k < 8 or free)
+    ]
+    n_blocks = counts.shape[1]
+    g, H = np.zeros((n_blocks, len(used))), np.zeros((len(used), len(used)))
+    for k in range(len(width)):
+        C = covariance(p, u, width[k], free)
+        inverse = np.linalg.inv(C)
+        slopes = []
+        for j in used:
+            step = np.zeros(p.size)
+            step[j] = 1e-4
+            slopes.append(
+                (covariance(p + step, u, width[k], free) - covariance(p - step, u, width[k], free)) / 2e-4
+            )
+        middle = [inverse @ D @ inverse for D in slopes]
+        for b in range(n_blocks):
+            off = moments[k, b] - counts[k, b] * C
+            g[b] += [0.5 * float(np.sum(M * off)) for M in middle]
+        total = counts[k].sum()
+        H += total * np.array([[0.5 * float(np.sum(M * D)) for D in slopes] for M in middle])
+    return block_sigma(g, H)
+
+
+def block_sigma(g: FloatArray, H: FloatArray) -> float:
+    """Standard deviation of the first parameter: ``H^-1 Σ g gᵀ H^-1 n / (n - 1)``.
+
+    Parameters
+    ----------
+    g
+        Scores of the blocks, shape [n, n_parameters].
+    H
+        Their information, shape [n_parameters, n_parameters].
+    """
+    n, turned = len(g), np.linalg.pinv(H, rcond=1e-10)
+    V = turned @ (g.T @ g) @ turned * n / (n - 1.0)
+    return float(np.sqrt(V[0, 0]))
