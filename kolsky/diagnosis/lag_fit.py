@@ -8,7 +8,7 @@ mesh do to the lag.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -126,14 +126,18 @@ def fit_lag(
 
 
 def _first(objective: Objective, shifted: Shifted, jacobian: FloatArray, way: FloatArray) -> float:
-    """A lag to begin with: the likeliest of a scan over `REACH`, the free parameters refitted."""
+    """A lag to begin with: the likeliest of a scan over `REACH`, the free parameters refitted.
+
+    For a beginning the modes of the front face's noise are left to the discrepancies.
+    """
+    plain = replace(objective, observations=replace(objective.observations, front_noise=None))
 
     def cost(lag: float) -> float:
-        vector, weighted = shifted(lag * way), objective
+        vector, weighted = shifted(lag * way), plain
         for _ in range(2):
             weighted = weighted.with_discrepancy(vector)
-            vector = vector + jacobian @ (weighted.gain(jacobian) @ (objective.data - vector))
-        return float(objective.deviance(vector[None])[0])
+            vector = vector + jacobian @ (weighted.gain(jacobian) @ (plain.data - vector))
+        return float(plain.deviance(vector[None])[0])
 
     steps = round(REACH / SCAN)
     return min((SCAN * step for step in range(-steps, steps + 1)), key=cost)

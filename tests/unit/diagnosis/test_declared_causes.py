@@ -93,6 +93,7 @@ def test_a_finding_is_within_up_to_k_2() -> None:
     assert one.within
     assert replace(one, value=0.99901).within
     assert not replace(one, value=1.00101).within
+    assert not replace(one, value=0.99899).within
     assert not replace(one, declared_sigma=None).within
 
 
@@ -148,6 +149,14 @@ def search(planted: float) -> CauseSearch:
     model: Any = LinearModel(columns, data)
     tried = [candidate("off", "specimen_diameter"), candidate("alike")]
     return CauseSearch(stages(specimen_diameter=1.0), model, expected(), np.ones(K, dtype=bool), tried)
+
+
+def test_an_allowance_is_one_declared_standard_uncertainty_up_to_two_of_them() -> None:
+    one = search(0.0)
+    found = one.allowed()
+    np.testing.assert_allclose(found.columns[:, 0], one.columns["off"], rtol=1e-12)
+    assert (found.lower.tolist(), found.upper.tolist()) == ([-2.0], [2.0])
+    assert one.allowed(one.declared[0]).columns.shape == (K, 0)
 
 
 def test_an_error_within_what_is_declared_is_listed_and_nothing_is_named() -> None:
