@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from dic.output.csv import write_frames
 from kolsky.bars.reduction import output as waves_output
-from kolsky.bars.result import ReducedTest
+from kolsky.bars.reduction.database import write_database
+from kolsky.bars.result import ReducedTest, WavesResult
 from kolsky.base.errors import InputError
 from kolsky.base.files import filling
 from kolsky.inverse.result import Identification
@@ -193,6 +194,8 @@ def write_waves_results(folder: Path, result: ReducedTest, *, formats: Sequence[
     with filling(folder) as partial:
         waves_output.write_hdf5(partial / "waves.h5", result)
         waves_output.write_csv(partial, result)
+        if isinstance(result, WavesResult):
+            write_database(partial / "waves_database.csv", result)
         write_page(partial / "waves.html", result)
         _save_figures(partial, result, formats)
 
