@@ -68,6 +68,10 @@ class WavesResult(ReducedTest):
     """Time windows of the pulses."""
     faces: FaceWaves
     """The waves at the specimen."""
+    valid: tuple[float, float] | None = None
+    """Span in which imbalance and inertia stay within a share of the stress [s]; None if there is none."""
+    validity: str = ""
+    """The same in words, with the share that was allowed."""
 
 
 @dataclass(frozen=True, kw_only=True)

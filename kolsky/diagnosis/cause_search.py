@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kolsky.base.arrays import BoolArray, FloatArray
+from kolsky.diagnosis.candidate_input import DECLARED, CandidateInput
 from kolsky.diagnosis.cause_fit import ExpectedResidual, LinearFit, evidence, fit_linear
-from kolsky.diagnosis.cause_inputs import DECLARED, CandidateInput
 from kolsky.diagnosis.cause_model import CauseModel, Point
 from kolsky.inverse.staged_runs import StagedRuns
 

@@ -12,8 +12,9 @@ from threadpoolctl import threadpool_limits
 
 from explicit import Response
 from kolsky.base.arrays import FloatArray
+from kolsky.diagnosis.candidate_input import DENSITY, SENSITIVITY, CandidateInput
 from kolsky.diagnosis.cause_fit import ExpectedResidual, chance, explained_share, holm
-from kolsky.diagnosis.cause_inputs import CANDIDATES, DENSITY, SENSITIVITY, CandidateInput
+from kolsky.diagnosis.cause_inputs import CANDIDATES
 from kolsky.diagnosis.cause_model import CauseModel, Point
 from kolsky.diagnosis.cause_search import FOLLOWED, UNEXPLAINED, CauseSearch, Trial
 from kolsky.inverse.cause_results import CauseFinding

@@ -102,6 +102,10 @@ def _waves(entry: OpenGroup, result: WavesResult) -> None:
     _text(windows, "source", result.windows.source)
     for name in ("incident", "reflected", "transmitted"):
         put(windows, name, getattr(result.windows, name), "s")
+    window = group(entry, "validity")
+    _text(window, "sentence", result.validity)
+    if result.valid is not None:
+        put(window, "window", result.valid, "s")
     waves = result.faces
     faces = data(entry, "faces", "incident", "time")
     put(faces, "time", waves.time, "s")
@@ -230,7 +234,11 @@ def _own(result: ReducedTest) -> dict[str, Any]:
     if isinstance(result, WavesResult):
         names = ("incident", "reflected", "transmitted")
         spans = {name: list(getattr(result.windows, name)) for name in names}
-        return {"windows": {**spans, "source": result.windows.source}}
+        return {
+            "windows": {**spans, "source": result.windows.source},
+            "valid": None if result.valid is None else list(result.valid),
+            "validity": result.validity,
+        }
     assert isinstance(result, FlyerResult)  # there is no third kind
     keys = ("name", "time", "sigma", "how")
     return {
