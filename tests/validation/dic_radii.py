@@ -30,7 +30,9 @@ def cylinder(size: float, subset: int, shape: Shape, *, seed: int = 3) -> Fitted
     pattern, rng = Speckles(pitch=4.0 * DISTANCE / focal, seed=seed), np.random.default_rng(seed)
     series = []
     for camera in cameras:
-        truth = 20.0 + 200.0 * RenderedCylinder(RADIUS).picture(camera, (ROWS, columns), pattern, oversample=3)
+        truth = 20.0 + 200.0 * RenderedCylinder(RADIUS).picture(
+            camera, (ROWS, columns), pattern, oversample=3
+        )
         noisy = truth + NOISE * rng.standard_normal((2, ROWS, columns))
         series.append(list(np.clip(np.round(noisy), 0, 255).astype(np.uint8)))
     mask = np.zeros((ROWS, columns), dtype=bool)
