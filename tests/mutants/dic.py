@@ -162,11 +162,18 @@ FAULTS = (
     Fault(
         name="overlap: subsets share pixels up to twice their side",
         file="dic/surfaces/overlap.py",
-        right="b[None, :, c]) / subset",
-        wrong="b[None, :, c]) / (2.0 * subset)",
+        right="grid[pairs[:, 1]]) / subset",
+        wrong="grid[pairs[:, 1]]) / (2.0 * subset)",
         tests=(
             "tests/unit/dic/test_dic_cylinder.py::test_overlapping_subsets_promise_less_and_distant_ones_nothing_less",
         ),
+    ),
+    Fault(
+        name="overlap: a pair counts for one of its points",
+        file="dic/surfaces/overlap.py",
+        right="values = np.concatenate([np.ones(len(grid)), value, value])",
+        wrong="values = np.concatenate([np.ones(len(grid)), value, 0.0 * value])",
+        tests=("tests/unit/dic/test_dic_overlap.py",),
     ),
     Fault(
         name="strain gauge: one step too long",
