@@ -14,7 +14,7 @@ from dic.rigid_body.edge_registration import SEARCH_STEP, EdgeRegistration, Regi
 from dic.rigid_body.rest_from_rim import RestGeometry, find_rim
 from dic.rigid_body.translation import translation_in
 from dic.surfaces import SpecimenFrame
-from dic.surfaces.overlap import overlap_correlation
+from dic.surfaces.overlap import overlap_matrix
 
 SEARCH_RANGE = 50e-6
 """Half width of the interval about the prediction in which the edge strip is searched [m]."""
@@ -104,7 +104,7 @@ def axial_displacement(
     known = np.asarray(np.isfinite(places).all(axis=1))
     rows, found, sigma, counts = [], [], [], []
     twice = np.flatnonzero(np.isfinite(moves).all(axis=1))
-    overlap = overlap_correlation(body.points, body.points, subset)
+    overlap = overlap_matrix(body.points, subset)
     for k in range(len(t)):
         near = moves[twice[np.argmin(np.abs(twice - k))]]
         both = bool(np.isfinite(moves[k]).all())

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.bodies.follow import TrackedBody
@@ -66,7 +67,7 @@ def translation_in(
     known: BoolArray,
     near: FloatArray,
     both: bool,
-    overlap: FloatArray,
+    overlap: csr_array,
 ) -> tuple[float, float, int] | None:
     """Translation along y in frame `k` [m], its standard deviation and the number of points; None if not
     seen."""
@@ -87,7 +88,8 @@ def translation_in(
                 continue
             J = projection_slope(points.camera, frame.in_rig(points.places[fine] + move)) @ frame.rotation.T
             rows = points.rows[fine]
-            factor = overlap[np.ix_(rows, rows)].sum(axis=1)
+            together = np.bincount(rows, minlength=len(places)).astype(np.float64)
+            factor = (overlap @ together)[rows]
             weighted = np.linalg.solve(points.covariance[fine] * factor[:, None, None], J)
             H += np.tensordot(J, weighted, axes=([0, 1], [0, 1]))
             g += np.tensordot(weighted, away[fine], axes=([0, 1], [0, 1]))

@@ -26,7 +26,6 @@ _IDENTIFIED_ONLY = {
     "damping",
     "friction",
     "curve_scale",
-    "specimen_density",
     "clock_offset",
     "Z_offset",
     "y_offset",
