@@ -9,6 +9,7 @@ from kolsky.report.figures import (
     checked,
     comparison,
     flyer_test,
+    full_field,
     material,
     misfit,
     plan,
@@ -34,6 +35,7 @@ __all__ = [
     "CALIBRATION",
     "CHECKS",
     "FLYER_TESTS",
+    "FULL_FIELDS",
     "MATERIALS",
     "MODULI",
     "PLANS",
@@ -88,6 +90,8 @@ WAVES = by_name(waves.FIGURES)
 """Reduction of a test between bars."""
 FLYER_TESTS = by_name(flyer_test.FIGURES)
 """Classical reduction of a flyer test."""
+FULL_FIELDS = by_name(full_field.FIGURES)
+"""Measurement by image correlation alone."""
 BARS_TOGETHER = by_name([waves.BARS_TOGETHER])
 """Shot with the bars together."""
 REPEATS = by_name([waves.REPEATED_TESTS])
@@ -121,6 +125,7 @@ SHOWN_BY: dict[str, Registry] = {
     "kolsky.inverse.result.Identification": REGISTRY,
     "kolsky.material.fits.compare.Comparison": MATERIALS,
     "kolsky.material.reference_curve.ReferenceCurve": BASELINES,
+    "kolsky.report.full_field_view.FullFieldView": FULL_FIELDS,
     "kolsky.report.surface_view.SurfaceView": SURFACES,
     "kolsky.shot.recorded.Recorded": RECORDINGS,
     "kolsky.shot.records.PicturedShot": CHECKS,
