@@ -9,13 +9,13 @@ from kolsky.base.errors import InputError
 from kolsky.readers.contents import Channel, Contents
 from kolsky.readers.recordings import read_contents
 from kolsky.readers.signalunits import si_unit
-from kolsky.shot.new_file import filled, microseconds, noted
+from kolsky.shot.new_file import COLUMN, filled, microseconds, noted
 from kolsky.shot.survey import FoundTable, Survey, quoted
 
-_INCIDENT = re.compile(r"inc|input|eingang|entr|einfall|\bin\b", re.IGNORECASE)
-_TRANSMITTED = re.compile(r"tra|out|ausgang|sortie", re.IGNORECASE)
+_INCIDENT = re.compile(r"(?<![a-z])(inc|input|eingang|einfall|entr|in(?![a-z]))", re.IGNORECASE)
+_TRANSMITTED = re.compile(r"(?<![a-z])(tra(?!in|ck|ce)|out|ausgang|sortie)", re.IGNORECASE)
 SIDES = {"incident": _INCIDENT, "transmission": _TRANSMITTED}
-"""How the name of a bar's channel begins or what it holds."""
+"""How a word in the name of a bar's channel begins."""
 REST = 0.05
 """Share of a record's beginning that is taken for rest, to say when a signal leaves it."""
 LEAVES = 8.0

@@ -125,10 +125,10 @@ def test_new_bars_takes_strains_as_they_are(tmp_path):
     t, first, second = strains()
     names = ["time_s", "incident_microstrain", "transmitted_microstrain"]
     write_scope(tmp_path / "a.csv", names, [t, 1e6 * first, 1e6 * second])
-    before, _, after = new_bars(tmp_path).partition("[gauges.transmission]")
-    assert "\nstrain = true" in before
-    assert "# strain_per_volt" in before
-    assert "strain_per_volt" not in after or "strain = true" in after
+    for part, channel in zip(new_bars(tmp_path).split("[gauges.transmission]"), names[1:], strict=True):
+        assert f'channels = ["{channel}"]' in part
+        assert "\nstrain = true" in part
+        assert "\n# strain_per_volt" in part
 
 
 def test_a_file_of_new_bars_that_is_filled_in_is_reduced(tmp_path):
