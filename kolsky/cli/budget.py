@@ -21,8 +21,8 @@ def budget(
         typer.Option(
             "--size",
             metavar="KEY=SIGMA",
-            help='A source of error, e.g. "imperfections.length=0.3 %"; repeat. Without any those of '
-            "[budget], or those that the shot declares, or usual ones.",
+            help='A source of error, e.g. "imperfections.length=0.3 %"; repeat. Without any: those of the '
+            "specification's table budget, those that the shot declares, or usual ones.",
         ),
     ] = None,
     free: Annotated[
