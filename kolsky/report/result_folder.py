@@ -10,7 +10,8 @@ from dic.full_field.result import FullField
 from dic.output.csv import write_frames
 from dic.output.full_field import write_full_field_frames, write_full_field_history
 from kolsky.bars.reduction import output as waves_output
-from kolsky.bars.result import ReducedTest
+from kolsky.bars.reduction.database import write_database
+from kolsky.bars.result import ReducedTest, WavesResult
 from kolsky.base.errors import InputError
 from kolsky.base.files import filling
 from kolsky.inverse.result import Identification
@@ -22,8 +23,8 @@ from kolsky.shot.measurement_file import write_full_field
 from kolsky.shot.optical_data import Surfaces
 from kolsky.shot.recorded import Recorded, recorded
 from kolsky.shot.records import PicturedShot, Shot
-from kolsky.studies.budget.budget import Budget
 from kolsky.studies.budget.campaign import Campaign
+from kolsky.studies.budget.records import Budget
 from kolsky.studies.planning import output as plan_output
 from kolsky.studies.planning.plan import Plan
 from kolsky.studies.rates import output as rates_output
@@ -244,6 +245,8 @@ def write_waves_results(folder: Path, result: ReducedTest, *, formats: Sequence[
     with filling(folder) as partial:
         waves_output.write_hdf5(partial / "waves.h5", result)
         waves_output.write_csv(partial, result)
+        if isinstance(result, WavesResult):
+            write_database(partial / "waves_database.csv", result)
         write_page(partial / "waves.html", result)
         _save_figures(partial, result, formats)
 

@@ -21,12 +21,14 @@ from kolsky.bars.reduction import quoted_values
 from kolsky.bars.reduction.inputs import FAR, NO_PART, SIDES, WavesInput
 from kolsky.bars.reduction.overlap import overlapping_windows
 from kolsky.bars.reduction.specimen_inertia import corrections_that_act, valid_span
+from kolsky.bars.reduction.stress_strain import TRUE, true_curve
 from kolsky.bars.reduction.summary import Summary, summarise
 from kolsky.bars.reduction.validity import Validity
 from kolsky.bars.reduction.varied_test import VariedTest, bar_correlations, budget_quantities, station_of
 from kolsky.bars.reduction.windows import check_windows, find_windows, incident_arrival
 from kolsky.bars.result import WavesResult
 from kolsky.bars.signals.stations import Station
+from kolsky.base.arrays import FloatArray
 
 LARGEST_BEND = 1.0
 """Largest disagreement of the budget's two steps, in combined standard uncertainties. Steep fronts that a
@@ -96,6 +98,7 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
         validity=valid.sentence,
         inputs=given.inputs,
         settings=given.settings,
+        extra=_true_histories(budget, sign),
     )
 
 
@@ -145,6 +148,7 @@ def _budget(
     quantities = budget_quantities(varied.given, best)
     noise: dict[str, ArrayLike] = {
         **{name: history.sigma for name, history in histories(reduction).items()},
+        **{name: history.sigma for name, history in true_curve(reduction, summary.analysis).items()},
         **quoted_values.noise(reduction, summary),
     }
     return propagate(
@@ -154,6 +158,16 @@ def _budget(
         correlations=bar_correlations(varied.given, quantities),
         tolerance=LARGEST_BEND,
     )
+
+
+def _true_histories(budget: Budget, sign: float) -> dict[str, FloatArray]:
+    """True strain and stress with their standard uncertainties; `sign` -1 makes tension positive."""
+    found = {}
+    for name, unit in TRUE.items():
+        history = budget.history(name, unit)
+        found[f"{name} ({unit})"] = sign * history.value
+        found[f"sigma of {name} ({unit})"] = history.sigma
+    return found
 
 
 def _with_bands(reduction: Reduction, budget: Budget) -> Reduction:

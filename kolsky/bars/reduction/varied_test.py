@@ -16,7 +16,7 @@ from kolsky.bars.reduction.inputs import FAR, SIDES, WavesInput
 from kolsky.bars.reduction.overlap import separated
 from kolsky.bars.reduction.punching import correct_punching
 from kolsky.bars.reduction.specimen_inertia import correct_inertia
-from kolsky.bars.reduction.stress_strain import reduce
+from kolsky.bars.reduction.stress_strain import reduce, true_curve
 from kolsky.bars.reduction.summary import Summary
 from kolsky.bars.signals.stations import Station, bar_signal
 from kolsky.base.apparatus import Bar, Specimen
@@ -247,5 +247,6 @@ class VariedTest:
         reduction, _ = self.reduced(faces, values)
         return {
             **{name: history.value for name, history in histories(reduction).items()},
+            **{name: history.value for name, history in true_curve(reduction, summary.analysis).items()},
             **quoted_values.numbers(reduction, summary),
         }

@@ -43,7 +43,7 @@ def _row(result: Identification, cause: CauseFinding) -> dict[str, Any]:
         "words": words,
         "value": f"{value} ± {half} {unit}".rstrip(),
         "declared": f"{declared} {unit}".rstrip(),
-        "explained": numbers.percent(max(cause.explained, 0.0)),
+        "explained": numbers.percent(cause.explained),
         "probability": "< 0.0001" if cause.probability < 1e-4 else numbers.plain(cause.probability, 2),
         "answers": [_answer(name, cause.parameters.get(name)) for name in result.estimates],
         "solved": [

@@ -5,8 +5,9 @@ from pathlib import Path
 
 from kolsky.report.figures import CHECKS
 from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.report.typography import typeset
 from kolsky.shot.records import ShotBase
-from kolsky.shot.summary import EXACT, summarise
+from kolsky.shot.summary import EXACT, Entry, summarise
 
 PAGE = "check.html"
 
@@ -33,7 +34,7 @@ def render(shot: ShotBase) -> str:
     """Return the page as HTML text; see `write_page`."""
     entries = [entry for entry in summarise(shot) if entry.value != EXACT]
     tables = [
-        (section, [(entry.name.replace("_", " "), entry.written()) for entry in rows])
+        (section, [(entry.name.replace("_", " "), _shown(entry)) for entry in rows])
         for section, rows in groupby(entries, lambda entry: entry.section)
     ]
     return render_page(
@@ -46,3 +47,8 @@ def render(shot: ShotBase) -> str:
         exact=[entry.name for entry in summarise(shot) if entry.value == EXACT],
         inputs=list(shot.inputs.items()),
     )
+
+
+def _shown(entry: Entry) -> str:
+    """Return a value as a page writes it; a word of a file stays as it is."""
+    return entry.written() if isinstance(entry.value, str) else typeset(entry.written())

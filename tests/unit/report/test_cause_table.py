@@ -59,7 +59,7 @@ def test_a_row_has_value_share_chance_answer_and_what_to_do() -> None:
     assert row["solved"] == ["1.1204 ± 0.0042"]
     assert row["check"].startswith("check the times")
     assert row["alike"] == "centre_line.time"
-    assert (other["value"], other["explained"]) == ("1.00120 ± 0.00080", "0 %")
+    assert (other["value"], other["explained"]) == ("1.00120 ± 0.00080", "−10 %")
     assert (table["tried"], table["solved"]) == (2, True)
     assert "quasi-static curve" in table["invisible"][0]
 
