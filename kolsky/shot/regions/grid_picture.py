@@ -10,7 +10,7 @@ from kolsky.base.errors import InputError
 from kolsky.base.files import filling
 from kolsky.shot.regions.session import Session
 
-LINES = 10
+LINES = 20
 """Lines of the grid across the longer side, about."""
 LEAST_SIDE = 1000
 """The picture is enlarged by a whole factor until its longer side has so many pixels."""

@@ -266,14 +266,14 @@ def test_the_page_can_end_the_program(session):
 
 
 def test_a_grid_has_its_lines_in_the_middle_of_named_pixels(session, tmp_path):
-    assert [grid_step(n) for n in (9, 11, 60, 128, 512, 1920)] == [1, 2, 10, 20, 100, 200]
+    assert [grid_step(n) for n in (9, 11, 60, 128, 512, 1920)] == [1, 1, 5, 10, 50, 100]
     plain = np.zeros((ROWS, COLUMNS), np.uint8)
     found = with_grid(plain)
     factor = found.shape[1] // COLUMNS
     # away from the numbers: the middle of the lower half of the picture
-    row = found[25 * factor + 3]
+    row = found[27 * factor]
     lines = np.flatnonzero((row == (0, 160, 230)).all(axis=1))
-    assert lines.tolist() == [x * factor + factor // 2 for x in range(0, COLUMNS, 10)]
+    assert lines.tolist() == [x * factor + factor // 2 for x in range(0, COLUMNS, 5)]
     written = write_grids(tmp_path / "grids", session, (0, 2))
     assert [path.name for path in written] == ["grid_0000.png", "grid_0002.png", "regions.toml"]
     assert tomllib.loads(snippet(session).replace("# specimen", "specimen"))["specimen"]["frame"] == 0
