@@ -111,6 +111,23 @@ FAULTS = (
         ),
     ),
     Fault(
+        name="flyer: a lateral motion of a scene of any size",
+        file="dic/rigid_body/translation.py",
+        right="across = 1.0 / (pixel * (",
+        wrong="across = 1.0 / (56e-6 * (",
+        tests=("tests/unit/dic/test_dic_scene_size.py",),
+    ),
+    Fault(
+        name="edge strip: a correction of a scene of any size",
+        file="dic/rigid_body/edge_registration.py",
+        right="abs(y - tried[best]) > LARGEST_CORRECTION * self.pixel:",
+        wrong="abs(y - tried[best]) > LARGEST_CORRECTION * 1e-5:",
+        tests=(
+            "tests/unit/dic/test_dic_edge_registration.py"
+            "::test_the_same_pictures_of_a_scene_of_another_size_give_the_same_places_in_it",
+        ),
+    ),
+    Fault(
         name="material frame: the farthest",
         file="dic/bodies/follow.py",
         right="np.argmin(np.abs(usable - wanted))",
@@ -334,7 +351,7 @@ FAULTS = (
     Fault(
         name="edge strip: the row at the region's end is used whatever it errs by",
         file="dic/rigid_body/edge_registration.py",
-        right="return error if error * self._scale <= LARGEST_EDGE else None",
+        right="return error if error <= LARGEST_EDGE * self.pixel else None",
         wrong="return error",
         tests=(
             "tests/unit/dic/test_dic_edge_registration.py"
