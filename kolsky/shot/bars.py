@@ -63,6 +63,7 @@ def load_waves(source: Source) -> WavesInput:
         },
         load=waves.load,
         windows=windows,
+        analysis=waves.analysis,
         allowance=waves.balance,
         share=waves.share,
         switches=_switches(file, waves.corrections, FAR in stations),

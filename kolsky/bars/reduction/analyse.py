@@ -77,7 +77,7 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
     reduction, corrections = varied.reduced(faces, {})
     log.add(*corrections)
     log.complete(_left_out(given))
-    summary = summarise(reduction, faces, given.specimen)
+    summary = summarise(reduction, faces, given.specimen, analysis=given.analysis)
     progress("waves", 2, 3)
 
     budget = _budget(varied, best, reduction, summary)
@@ -97,6 +97,7 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
         budget=quoted_values.table(budget, sign),
         facts=quoted_values.facts(best, arrival, checks, windows, reduction, summary, given.specimen),
         remarks=(*quoted_values.remarks(reduction, budget, checks, given), *_soft(acts, valid)),
+        analysis=given.analysis,
         valid=valid.window,
         validity=valid.sentence,
         inputs=given.inputs,
