@@ -83,7 +83,7 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
         corrections=log.corrections,
         budget=quoted_values.table(budget, sign),
         facts=quoted_values.facts(best, arrival, checks, windows, reduction, summary, given.specimen),
-        remarks=tuple(quoted_values.remarks(reduction, budget, checks, given)),
+        remarks=(*given.notes, *quoted_values.remarks(reduction, budget, checks, given)),
         inputs=given.inputs,
         settings=given.settings,
     )

@@ -65,5 +65,7 @@ class WavesInput:
     """True if the bars' errors of one property are the same, as of bars cut from one rod."""
     inputs: Mapping[str, str] = field(default_factory=dict)
     """SHA-256 of every file, by name."""
+    notes: tuple[str, ...] = ()
+    """Sentences about the files, each with its cure: units that contradict, samples that were interpolated."""
     settings: Mapping[str, str] = field(default_factory=dict)
     """Declared settings, and the versions."""

@@ -198,6 +198,8 @@ def _modulus(
     size = np.abs(stress.value)
     top = float(size[: last + 1].max())
     begin = int(np.searchsorted(reduction.time, plateau[0]))
+    if begin >= int(size[: last + 1].argmax()):
+        return None, "no modulus: equilibrium begins after the largest stress, when the specimen is unloaded"
     reached = float(size[begin]) / top
     if reached > RISING_SHARE:
         return None, (

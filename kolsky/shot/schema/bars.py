@@ -48,6 +48,7 @@ class WaveBarSection(Section):
     youngs_modulus: f.Modulus | None = None
     wave_speed: f.Velocity | None = None
     prony: PronySection | None = None
+    yield_strength: f.Modulus | None = None
 
     @model_validator(mode="after")
     def _one_stiffness(self) -> "WaveBarSection":
