@@ -12,7 +12,8 @@ from kolsky.readers.signalunits import si_unit, split_unit, time_factor
 from kolsky.readers.timecolumn import column_clock, column_digits
 
 _TIME_NAME = re.compile(
-    r"(time|zeit|temps|tiempo|tempo|t|x_?value|x-axis|x axis|seconds?|secs?)\b.*", re.IGNORECASE
+    r"(elapsed[\s_])?(time|timestamp|zeit|temps|tiempo|tempo|t|x_?value|x-axis|x axis|seconds?|secs?)\b.*",
+    re.IGNORECASE,
 )
 
 

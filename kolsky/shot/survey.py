@@ -21,7 +21,8 @@ from kolsky.readers.table import read_table
 from kolsky.readers.text import ENCODINGS
 
 SUFFIXES = (
-    ".csv", ".txt", ".tsv", ".dat", ".asc", ".prn", ".xlsx", ".tdms", ".mat", ".lvm", ".wfm", ".isf", ".bin",
+    ".csv", ".txt", ".tsv", ".dat", ".asc", ".prn", ".xls", ".xlsx", ".tdms", ".mat", ".lvm", ".wfm", ".isf",
+    ".bin",
 )  # fmt: skip
 """Endings of files that may hold tables or recordings."""
 DIMENSIONS = ("s", "m", "V", "Pa", "N", "1")
