@@ -177,8 +177,8 @@ def _at_uniform_times(
     step = float(time[1] - time[0])
     varies = float(np.abs(np.diff(measured) / step - 1.0).max())
     return np.asarray(CubicSpline(measured, value)(time)), (
-        f"the sampling steps of channel '{name}' vary by up to {100.0 * varies:.2g} %, so that its samples were "
-        f"interpolated to uniform steps of {step:.6g} s (cubic spline); cure: none is needed where the "
+        f"the sampling steps of channel '{name}' vary by up to {100.0 * varies:.2g} %, so that its samples "
+        f"were interpolated to uniform steps of {step:.6g} s (cubic spline); cure: none is needed where the "
         "recorder's clock does vary, else export the times with more digits"
     )
 
@@ -190,7 +190,7 @@ def _unit(contents: Contents, channel: Channel, layout: Layout) -> tuple[str, fl
         raise InputError(
             contents.path,
             f"does not say the unit of channel '{channel.name}'",
-            cure='say it in the layout, in a shot in the recorder\'s table: unit = "V" (or "mV", "microstrain", ...)',
+            cure='say it in the layout (of bars: in the recorder): unit = "V", "mV", "microstrain", ...',
         )
     known = si_unit(text)
     if known is None:

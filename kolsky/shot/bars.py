@@ -64,6 +64,7 @@ def load_waves(source: Source) -> WavesInput:
         load=waves.load,
         windows=windows,
         allowance=waves.balance,
+        plateau=waves.plateau,
         switches=Switches(waves.corrections),
         uncertainty=uncertainty,
         alike=alike,
@@ -178,8 +179,8 @@ def recording_notes(
             if taken == written:
                 continue
             notes.append(
-                f"channel '{recording.channel}' of {recording.path.name} is in '{recording.file_unit}' by the "
-                f"file and in '{stated}' by recorders.{name}.unit, which was taken; cure: remove "
+                f"channel '{recording.channel}' of {recording.path.name} is in '{recording.file_unit}' by "
+                f"the file and in '{stated}' by recorders.{name}.unit, which was taken; cure: remove "
                 f"recorders.{name}.unit unless the file is wrong"
             )
     return tuple(dict.fromkeys(notes))

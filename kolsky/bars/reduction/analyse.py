@@ -1,6 +1,7 @@
 """Reduction of a test between bars: strain, windows, waves at the faces, corrections, budget."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
@@ -64,10 +65,12 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
     faces = varied.faces({}, log)
     reduction, punching = varied.reduced(faces, {})
     log.add(punching)
-    summary = summarise(reduction, faces, given.specimen)
+    summary = summarise(
+        reduction, faces, given.specimen, allowance=given.allowance, share=given.plateau
+    )
     progress("waves", 2, 3)
 
-    budget = _budget(varied, best, reduction, summary)
+    budget, summary = _budget_with_means(varied, best, reduction, summary)
     reduction = _with_bands(reduction, budget)
     progress("waves", 3, 3)
     sign = -1.0 if tension else 1.0
@@ -83,7 +86,7 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
         corrections=log.corrections,
         budget=quoted_values.table(budget, sign),
         facts=quoted_values.facts(best, arrival, checks, windows, reduction, summary, given.specimen),
-        remarks=(*given.notes, *quoted_values.remarks(reduction, budget, checks, given)),
+        remarks=(*given.notes, *quoted_values.remarks(reduction, budget, checks, given, summary.plateau)),
         inputs=given.inputs,
         settings=given.settings,
     )
@@ -112,11 +115,27 @@ def _log_dispersion(log: AuditLog, plain: FaceWaves, carried: FaceWaves, given: 
         )
 
 
+def _budget_with_means(
+    varied: VariedTest, best: Mapping[str, Station], reduction: Reduction, summary: Summary
+) -> tuple[Budget, Summary]:
+    """The budget; means that jump within the inputs' uncertainty are not quoted."""
+    try:
+        return _budget(varied, best, reduction, summary), summary
+    except ValueError as error:
+        name = str(error).partition(":")[0]
+        if name not in ("mean stress", "mean rate"):
+            raise
+        reason = f"no plateau: the {name} jumps within the uncertainty of its inputs"
+        plateau = replace(summary.plateau, span=None, reason=reason, stress_fault=reason, rate_fault=reason)
+        without = replace(summary, plateau=plateau, mean_stress=None, mean_rate=None)
+        return _budget(varied, best, reduction, without), without
+
+
 def _budget(
     varied: VariedTest, best: Mapping[str, Station], reduction: Reduction, summary: Summary
 ) -> Budget:
     """Uncertainties of all histories and quoted numbers."""
-    quantities = budget_quantities(varied.given, best)
+    quantities = [*budget_quantities(varied.given, best), *quoted_values.span_quantities(summary)]
     noise: dict[str, ArrayLike] = {
         **{name: history.sigma for name, history in histories(reduction).items()},
         **quoted_values.noise(reduction, summary),

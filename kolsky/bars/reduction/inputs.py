@@ -7,6 +7,7 @@ from kolsky.bars.audit import Switches
 from kolsky.bars.guides.polymer_waveguide import PronyModulus
 from kolsky.bars.records import Windows
 from kolsky.bars.reduction.equilibrium import ALLOWANCE
+from kolsky.bars.reduction.plateau import SHARE
 from kolsky.bars.signals.bridge import Calibration
 from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.records import Recording
@@ -56,6 +57,8 @@ class WavesInput:
     """Windows given by hand; None to have the pulses found."""
     allowance: float = ALLOWANCE
     """|R| up to which the forces count as balanced [-]."""
+    plateau: float = SHARE
+    """Least balanced length of a plateau as a share of the incident pulse's [-]."""
     switches: Switches = field(default_factory=Switches)
     """Switches of the corrections."""
     uncertainty: Mapping[str, float] = field(default_factory=dict)
@@ -66,6 +69,6 @@ class WavesInput:
     inputs: Mapping[str, str] = field(default_factory=dict)
     """SHA-256 of every file, by name."""
     notes: tuple[str, ...] = ()
-    """Sentences about the files, each with its cure: units that contradict, samples that were interpolated."""
+    """Sentences about the files with their cures: units that contradict, samples that were interpolated."""
     settings: Mapping[str, str] = field(default_factory=dict)
     """Declared settings, and the versions."""

@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 
 from kolsky.bars.budget.budget import Budget, budget_table
-from kolsky.bars.records import Reduction, Windows
+from kolsky.bars.records import Quantity, Reduction, Windows
 from kolsky.bars.reduction.equilibrium import report_equilibrium
 from kolsky.bars.reduction.inputs import WavesInput
-from kolsky.bars.reduction.summary import Summary, mean_over, spread_of
+from kolsky.bars.reduction.plateau import END_SIGMA, ENDS, Plateau, Span, weighted_mean
+from kolsky.bars.reduction.summary import Summary, spread_of
 from kolsky.bars.reduction.windows import PulseCheck
 from kolsky.bars.result import BudgetTable
 from kolsky.bars.signals.arrival import Arrival
@@ -33,14 +34,26 @@ def calibration_sigma(calibration: Calibration, relative: float) -> dict[str, fl
     return {"factor": relative * calibration.factor}
 
 
-def numbers(reduction: Reduction, summary: Summary) -> dict[str, np.ndarray]:
-    """Quoted values: strain and stress of largest magnitude, means over the summary's plateau."""
+def numbers(reduction: Reduction, summary: Summary, span: Span | None) -> dict[str, np.ndarray]:
+    """Quoted values: strain and stress of largest magnitude, means over a span where the summary has them.
+
+    Raises
+    ------
+    ValueError
+        If the summary has means and there is no span.
+    """
     strain, stress = reduction.strain[WAY].value, reduction.stress[WAY].value
     last, peak = _instants(reduction)
     found = {"largest strain": strain[last], "peak stress": stress[peak]}
-    if summary.plateau is not None:
-        for name, history in (("mean stress", reduction.stress[WAY]), ("mean rate", reduction.rate[WAY])):
-            found[name] = mean_over(history, reduction.time, summary.plateau, name).value
+    for name, said, kind in (
+        ("mean stress", summary.mean_stress, reduction.stress),
+        ("mean rate", summary.mean_rate, reduction.rate),
+    ):
+        if said is None:
+            continue
+        if span is None:
+            raise ValueError(f"{name}: nothing is left of the plateau")
+        found[name] = np.float64(weighted_mean(kind[WAY], span)[0])
     return {name: np.asarray(value, dtype=float) for name, value in found.items()}
 
 
@@ -51,9 +64,18 @@ def noise(reduction: Reduction, summary: Summary) -> dict[str, float]:
         "largest strain": float(reduction.strain[WAY].sigma[last]),
         "peak stress": float(reduction.stress[WAY].sigma[peak]),
     }
-    if summary.mean_stress is not None and summary.mean_rate is not None:
-        found |= {"mean stress": summary.mean_stress.sigma, "mean rate": summary.mean_rate.sigma}
+    for name, said in (("mean stress", summary.mean_stress), ("mean rate", summary.mean_rate)):
+        if said is not None:
+            found[name] = said.sigma
     return found
+
+
+def span_quantities(summary: Summary) -> list[Quantity]:
+    """The choice of both ends of the plateau as inputs of the budget: times by which they are moved."""
+    span = summary.plateau.span
+    if span is None:
+        return []
+    return [Quantity(name, 0.0, END_SIGMA * (span.last - span.first), "s", "B") for name in ENDS]
 
 
 def table(budget: Budget, sign: float) -> BudgetTable:
@@ -100,6 +122,11 @@ def facts(
         "work of deformation": (energy.deformation, "J"),
         "spread of the largest strain over the analyses": (spread_of(reduction.strain), "1"),
     }
+    found["incident pulse at half its height"] = (summary.plateau.pulse, "s")
+    found["balanced length of the plateau"] = (summary.plateau.balanced, "s")
+    if summary.plateau.span is not None:
+        found["plateau from"] = (summary.plateau.span.first, "s")
+        found["plateau to"] = (summary.plateau.span.last, "s")
     if summary.modulus is not None:
         found["loading modulus in equilibrium"] = (summary.modulus.value, "Pa")
     balance = report_equilibrium(reduction, specimen_length=specimen.length)
@@ -109,7 +136,11 @@ def facts(
 
 
 def remarks(
-    reduction: Reduction, budget: Budget, checks: tuple[PulseCheck, PulseCheck], given: WavesInput
+    reduction: Reduction,
+    budget: Budget,
+    checks: tuple[PulseCheck, PulseCheck],
+    given: WavesInput,
+    plateau: Plateau,
 ) -> list[str]:
     """Remarks on conditions that limit the use of the values, each with its cure."""
     found = []
@@ -119,6 +150,14 @@ def remarks(
             "no stress-strain curve of the material follows; cure: a shorter specimen, a pulse shaper, or "
             "the inverse method (kolsky identify)"
         )
+    else:
+        cure = "; cure: a longer pulse, a pulse shaper, or waves.plateau where a shorter span is meant"
+        quoted = (("stress", plateau.stress_fault), ("rate", plateau.rate_fault))
+        missing = [(name, fault) for name, fault in quoted if fault is not None]
+        if len(missing) == 2 and missing[0][1] == missing[1][1]:
+            found.append(f"no mean stress and no mean rate are quoted: {missing[0][1]}{cure}")
+        else:
+            found += [f"no mean {name} is quoted: {fault}{cure}" for name, fault in missing]
     reflected = checks[0]
     interval = float(reduction.time[1] - reduction.time[0])
     if reflected.observed is None:

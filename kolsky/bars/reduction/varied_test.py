@@ -14,6 +14,7 @@ from kolsky.bars.reduction import quoted_values
 from kolsky.bars.reduction.faces import face_waves
 from kolsky.bars.reduction.inputs import FAR, SIDES, WavesInput
 from kolsky.bars.reduction.overlap import separated
+from kolsky.bars.reduction.plateau import ENDS, Span, averaging_width, find_span
 from kolsky.bars.reduction.punching import correct_punching
 from kolsky.bars.reduction.stress_strain import reduce
 from kolsky.bars.reduction.summary import Summary
@@ -227,11 +228,21 @@ class VariedTest:
             apply=self.given.switches["punching"],
         )
 
+    def span(self, reduction: Reduction, faces: FaceWaves, values: Mapping[str, float]) -> Span | None:
+        """Span of the means of a varied reduction, its ends moved by the values of the budget's inputs."""
+        return find_span(
+            reduction,
+            analysis=quoted_values.WAY,
+            allowance=self.given.allowance,
+            width=averaging_width(faces),
+            shift=(values.get(ENDS[0], 0.0), values.get(ENDS[1], 0.0)),
+        )
+
     def outputs(self, values: Mapping[str, float], summary: Summary) -> dict[str, np.ndarray]:
         """All histories and quoted numbers, for the budget."""
         faces = self.faces(values, AuditLog(self.given.switches))
         reduction, _ = self.reduced(faces, values)
         return {
             **{name: history.value for name, history in histories(reduction).items()},
-            **quoted_values.numbers(reduction, summary),
+            **quoted_values.numbers(reduction, summary, self.span(reduction, faces, values)),
         }

@@ -233,8 +233,8 @@ def check_elastic(strain: FloatArray, bar: Bar, interval: float, gauge: str) -> 
     if largest > limit:
         raise ValueError(
             f"{gauge}: the largest strain of the bar is {largest:.3g}, a stress of "
-            f"{1e-6 * largest * bar.youngs_modulus:.4g} MPa; it must be below {words}. Cure: check the unit of "
-            "the recording (mV for V, microstrain for strain), strain per volt or the bridge, and the modulus"
+            f"{1e-6 * largest * bar.youngs_modulus:.4g} MPa; it must be below {words}. Cure: check the unit "
+            "of the recording (mV for V, microstrain for strain), strain per volt or the bridge, and the modulus"
         )
 
 

@@ -89,6 +89,7 @@ class WavesSection(Section):
     reflected: f.Interval | None = None
     transmitted: f.Interval | None = None
     balance: f.Share = 0.05
+    plateau: f.Share = 0.3
     share: f.Share = 0.05
     corrections: dict[str, bool] = Field(default_factory=dict)
 
