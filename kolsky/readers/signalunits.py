@@ -24,7 +24,7 @@ _SLASH = re.compile(r"(.*\S)\s*/\s*(\S+)")
 _TAIL = re.compile(r"(.*?[^\s_,])(?:_|\s*,\s*|\s+in\s+)([A-Za-zµμε%]+)")
 """A unit behind a last underscore, a comma or "in": time_s, "CH1, mV", "Zeit in ms"."""
 _TIME_WORDS = re.compile(r"(.*[\s_])?(time|timestamp|zeit|temps|tiempo|tempo|t)", re.IGNORECASE)
-_TAIL_UNITS = re.compile(r"([mµμuk]?V|[mk]?N|[kM]?Pa|(?:micro|milli|[mµμu])?strain|[mµμu]?ε|volts?|millivolts?)")
+_TAIL_UNITS = re.compile(r"([mµμuk]?V|[mk]?N|[kM]?Pa|(?:micro|[mµμu])?strain|[mµμu]?ε|volts?|millivolts?)")
 """Units that a tail may name in any column; of times they are those of time. CH_A is no current."""
 
 

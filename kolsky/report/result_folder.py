@@ -329,7 +329,7 @@ def _save_figures(
     shown: Any,
     formats: Sequence[str],
     *,
-    registry: Mapping[str, FigureKind[Any]] | None = None,
+    registry: "Mapping[str, FigureKind[Any]] | None" = None,
 ) -> None:
     """Save the figures of a result alone, if formats are asked for; Matplotlib is loaded only then."""
     if formats:

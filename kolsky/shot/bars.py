@@ -10,6 +10,7 @@ from typing import Any
 from kolsky.bars.audit import Switches
 from kolsky.bars.guides.polymer_waveguide import PronyModulus
 from kolsky.bars.records import Windows
+from kolsky.bars.reduction.common_clock import on_one_clock
 from kolsky.bars.reduction.inputs import FAR, SIDES, StationInput, WavesInput
 from kolsky.bars.signals.bridge import Bridge, Calibration, Linear
 from kolsky.bars.signals.shunt import Shunt, with_shunt
@@ -146,13 +147,12 @@ def _recordings(
     """
     found, hashes = {}, {}
     for key, gauge in gauges.items():
-        recorder = declared.recorders[gauge.recorder]
         wanted = "1" if gauge.strain else "V"
-        layout = recorder.as_layout(full_scale=gauge.full_scale)
-        names = [str(channel) for channel in gauge.channels]
-        read = read_recordings(folder / recorder.file, names, layout=layout)
-        found[key] = tuple(read[name] for name in names)
-        for recording in found[key]:
+        channels = []
+        for channel, recorder_name in zip(map(str, gauge.channels), gauge.recorders, strict=True):
+            recorder = declared.recorders[recorder_name]
+            layout = recorder.as_layout(full_scale=gauge.full_scale)
+            recording = read_recordings(folder / recorder.file, [channel], layout=layout)[channel]
             hashes[recorder.file] = recording.sha256
             if recording.unit != wanted:
                 raise file.error(
@@ -160,6 +160,8 @@ def _recordings(
                     f"needs a signal in {wanted!r}, channel {recording.channel!r} is in {recording.unit!r}",
                     cure="state the unit of the samples in the recorder's table, or strain = true",
                 )
+            channels.append(recording)
+        found[key] = tuple(channels)
     return found, hashes
 
 
@@ -169,9 +171,9 @@ def recording_notes(
     """Stated units that contradict their file's, and channels that were interpolated to uniform times."""
     notes: list[str] = []
     for key, channels in recordings.items():
-        name = getattr(declared.gauges, key.replace(" ", "_")).recorder
-        stated = declared.recorders[name].unit
-        for recording in channels:
+        gauge = getattr(declared.gauges, key.replace(" ", "_"))
+        for recording, name in zip(channels, gauge.recorders, strict=True):
+            stated = declared.recorders[name].unit
             notes += [recording.note] if recording.note else []
             if stated is None or recording.file_unit is None:
                 continue
@@ -194,13 +196,16 @@ def _table(key: str) -> str:
 def _station(
     gauge: GaugeSection, recordings: tuple[Recording, ...], bar: Bar, declared: BarsShotFile
 ) -> StationInput:
+    offsets = [declared.recorders[name].clock_offset for name in gauge.recorders]
+    if len(set(gauge.recorders)) > 1:
+        recordings = on_one_clock(recordings, offsets)
     return StationInput(
         recordings=recordings,
         calibration=_calibration(gauge, bar),
         position=gauge.distance,
         baseline=gauge.baseline,
-        clock_offset=declared.recorders[gauge.recorder].clock_offset,
-        compression=1 if gauge.compression == "positive" else -1,
+        clock_offset=offsets[0],
+        compression=gauge.signs,
         full_scale=gauge.full_scale,
     )
 
@@ -217,7 +222,7 @@ def _calibration(gauge: GaugeSection, bar: Bar) -> Calibration:
     if gauge.bridge.shunt is None:
         return bridge
     found, check = with_shunt(bridge, Shunt(**gauge.bridge.shunt.model_dump()))
-    if check.compression_sign != (1 if gauge.compression == "positive" else -1):
+    if check.compression_sign not in gauge.signs:
         raise ValueError(
             f"the shunt's step of {gauge.bridge.shunt.step:g} V says that compression gives "
             f"{'positive' if check.compression_sign > 0 else 'negative'} volts, declared is "
@@ -234,10 +239,11 @@ def _all_there(
         file.error(
             f"{_table(key)}.recorder",
             f"names no recorder; there are {', '.join(declared.recorders)}",
-            cure=f"add a table [recorders.{gauge.recorder}], or correct the name",
+            cure=f"add a table [recorders.{name}], or correct the name",
         )
         for key, gauge in gauges.items()
-        if gauge.recorder not in declared.recorders
+        for name in dict.fromkeys(gauge.recorders)
+        if name not in declared.recorders
     ]
     problems += [
         file.error(

@@ -31,8 +31,8 @@ class StationInput:
     """Span of rest on the shot's clock [s]."""
     clock_offset: float
     """Shot's clock minus recorder's clock [s]."""
-    compression: int
-    """+1 if compression gives positive values, -1 otherwise."""
+    compression: int | tuple[int, ...]
+    """+1 if compression gives positive values, -1 otherwise; one for all channels, or one each."""
     full_scale: float | None = None
     """Largest magnitude that the recorder shows; None if it is not known."""
 

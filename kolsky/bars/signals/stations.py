@@ -186,7 +186,8 @@ def _axial(
     if share > 1.0:
         raise ValueError(
             f"{gauge}: the two gauges disagree in sign: half their difference is {share:.3g} times their mean"
-            " (rms after the baseline), it must be below 1; declare the sign of compression of each"
+            " (rms after the baseline), it must be below 1; declare the sign of each: compression ="
+            ' ["positive", "negative"]'
         )
     axial = log.choose(
         f"bending, {gauge}",

@@ -19,9 +19,9 @@ from kolsky.shot.load import load_shot
 from kolsky.shot.records import Shot
 from kolsky.studies.budget.factors import NOISE, Factor, shifted
 from kolsky.studies.sweep import source_hash
-from kolsky.virtual.make import write_shot
 from kolsky.virtual.records import Truth
 from kolsky.virtual.schema import Specification
+from kolsky.virtual.shot_folder import write_shot
 from kolsky.virtual.specification import ShotSpecification
 from kolsky.virtual.truth import TruthError, simulate_truths
 
