@@ -22,7 +22,7 @@ from kolsky.bars.reduction.inputs import FAR, SIDES, WavesInput
 from kolsky.bars.reduction.overlap import overlapping_windows
 from kolsky.bars.reduction.summary import Summary, summarise
 from kolsky.bars.reduction.varied_test import VariedTest, bar_correlations, budget_quantities, station_of
-from kolsky.bars.reduction.windows import check_windows, find_windows, incident_arrival
+from kolsky.bars.reduction.windows import check_baselines, check_windows, find_windows, incident_arrival
 from kolsky.bars.result import WavesResult
 from kolsky.bars.signals.stations import Station
 
@@ -53,7 +53,9 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
     incident, transmission = (best[side].signal for side in SIDES)
     arrival = incident_arrival(incident, tension=tension)
     windows = _windows(given, incident, transmission, tension)
+    check_baselines(given, incident, transmission, tension=tension)
     checks = check_windows(incident, transmission, tension=tension)
+    best = {side: station_of(given, side, windows=windows) for side in SIDES}
     progress("waves", 1, 3)
 
     log = AuditLog(given.switches)
@@ -65,9 +67,7 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
     faces = varied.faces({}, log)
     reduction, punching = varied.reduced(faces, {})
     log.add(punching)
-    summary = summarise(
-        reduction, faces, given.specimen, allowance=given.allowance, share=given.plateau
-    )
+    summary = summarise(reduction, faces, given.specimen, allowance=given.allowance, share=given.plateau)
     progress("waves", 2, 3)
 
     budget, summary = _budget_with_means(varied, best, reduction, summary)

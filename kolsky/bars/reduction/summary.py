@@ -182,9 +182,7 @@ def _balanced_loading(balanced: tuple[float, float] | None, end: float) -> tuple
     return balanced[0], min(balanced[1], end)
 
 
-def _mean(
-    history: History, plateau: Plateau, fault: str | None, name: str, alike: float
-) -> Quantity | None:
+def _mean(history: History, plateau: Plateau, fault: str | None, name: str, alike: float) -> Quantity | None:
     if plateau.span is None or fault is not None:
         return None
     return Quantity(name, *weighted_mean(history, plateau.span, alike=alike), history.unit, "A")

@@ -109,7 +109,13 @@ def varied_position(position: float, side: str, values: Mapping[str, float]) -> 
     return values.get(f"{side} gauge, distance", position)
 
 
-def station_of(given: WavesInput, key: str, values: Mapping[str, float] | None = None) -> Station:
+def station_of(
+    given: WavesInput,
+    key: str,
+    values: Mapping[str, float] | None = None,
+    *,
+    windows: Windows | None = None,
+) -> Station:
     """The strain at one station.
 
     Parameters
@@ -120,6 +126,9 @@ def station_of(given: WavesInput, key: str, values: Mapping[str, float] | None =
         A key of its stations.
     values
         Other values of its quantities, by name; None: all as declared.
+    windows
+        Where the waves lie: until the last of them drift is an input of the budget; None: until the record
+        ends.
 
     Raises
     ------
@@ -143,6 +152,9 @@ def station_of(given: WavesInput, key: str, values: Mapping[str, float] | None =
             station.calibration, given.uncertainty.get("gauge_calibration", 0.0)
         ),
         values=values,
+        drift_until=None
+        if windows is None
+        else (windows.reflected if side == "incident" else windows.transmitted)[1],
     )
 
 
@@ -198,7 +210,9 @@ class VariedTest:
 
     def carried(self, values: Mapping[str, float], *, dispersive: bool) -> FaceWaves:
         """The waves at the specimen by windows, with or without what the bars do to them on the way."""
-        incident, transmission = (station_of(self.given, side, values).signal for side in SIDES)
+        incident, transmission = (
+            station_of(self.given, side, values, windows=self.windows).signal for side in SIDES
+        )
         return face_waves(
             incident,
             transmission,
@@ -212,7 +226,9 @@ class VariedTest:
         found = self.carried(values, dispersive=self.given.switches["dispersion"])
         if FAR not in self.given.stations:
             return found
-        near, far = (station_of(self.given, key, values).signal for key in ("incident", FAR))
+        near, far = (
+            station_of(self.given, key, values, windows=self.windows).signal for key in ("incident", FAR)
+        )
         return separated(found, near, far, self.guides(values)[0], log)
 
     def reduced(self, faces: FaceWaves, values: Mapping[str, float]) -> tuple[Reduction, Correction]:
