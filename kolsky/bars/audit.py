@@ -174,6 +174,19 @@ class AuditLog:
         """
         self._entries.extend([replace(entry, key=known_key(entry.key)) for entry in corrections])
 
+    def complete(self, reasons: Mapping[str, str]) -> None:
+        """Append an entry for each correction that has none: left out, with its reason.
+
+        Raises
+        ------
+        ValueError
+            If a key is unknown.
+        """
+        there = {entry.key for entry in self._entries}
+        self.add(
+            *(Correction(k, k, False, 0.0, 0.0, "1", why) for k, why in reasons.items() if k not in there)
+        )
+
     def compare(self, name: str, key: str, before: ArrayLike, after: ArrayLike, **options: Any) -> Correction:
         """Measure a change as the function `compare` does and append it."""
         entry = compare(name, key, before, after, **options)

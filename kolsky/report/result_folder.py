@@ -6,20 +6,25 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dic.full_field.result import FullField
 from dic.output.csv import write_frames
+from dic.output.full_field import write_full_field_frames, write_full_field_history
 from kolsky.bars.reduction import output as waves_output
-from kolsky.bars.result import ReducedTest
+from kolsky.bars.reduction.database import write_database
+from kolsky.bars.result import ReducedTest, WavesResult
 from kolsky.base.errors import InputError
 from kolsky.base.files import filling
 from kolsky.inverse.result import Identification
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.results.tables import write_csv
 from kolsky.shot.dic_output import write_tables
+from kolsky.shot.measurement import Measurement
+from kolsky.shot.measurement_file import write_full_field
 from kolsky.shot.optical_data import Surfaces
 from kolsky.shot.recorded import Recorded, recorded
 from kolsky.shot.records import PicturedShot, Shot
-from kolsky.studies.budget.budget import Budget
 from kolsky.studies.budget.campaign import Campaign
+from kolsky.studies.budget.records import Budget
 from kolsky.studies.planning import output as plan_output
 from kolsky.studies.planning.plan import Plan
 from kolsky.studies.rates import output as rates_output
@@ -171,6 +176,53 @@ def write_dic_results(
                 write_vtp(partial / "vtp", result.flyer, "flyer")
 
 
+def write_full_field_results(
+    folder: Path,
+    measurement: Measurement,
+    result: FullField,
+    *,
+    formats: Sequence[str] = (),
+    csv: bool = False,
+    vtu: bool = False,
+) -> None:
+    """Write the results of `kolsky dic` for a dic.toml: dic.h5, dic.html, history.csv and figures.
+
+    Parameters
+    ----------
+    folder
+        Folder; created if absent.
+    measurement
+        The measurement, as `kolsky.shot.measurement.read_measurement` gives it.
+    result
+        The result.
+    formats
+        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
+    csv, vtu
+        Also write every frame's points as CSV, and as VTU for ParaView.
+
+    Raises
+    ------
+    InputError
+        If the results cannot be written.
+    """
+    from kolsky.report.canvas import save_figures
+    from kolsky.report.full_field_view import read_full_field_view
+    from kolsky.report.pages.full_field import write_page
+    from kolsky.report.paraview import write_full_field_vtu
+
+    shown = read_full_field_view(measurement.name, result, measurement.series[0])
+    with filling(folder) as partial:
+        write_full_field(partial / "dic.h5", result)
+        write_full_field_history(partial / "history.csv", result)
+        write_page(partial / "dic.html", shown, measurement.inputs)
+        if formats:
+            save_figures(partial / "figures", shown, formats=tuple(formats))
+        if csv:
+            write_full_field_frames(partial / "csv", result)
+        if vtu:
+            write_full_field_vtu(partial / "vtu", result)
+
+
 def write_waves_results(folder: Path, result: ReducedTest, *, formats: Sequence[str] = ()) -> None:
     """Write the results of `kolsky waves`: waves.h5, waves.html, tables and figures.
 
@@ -193,6 +245,8 @@ def write_waves_results(folder: Path, result: ReducedTest, *, formats: Sequence[
     with filling(folder) as partial:
         waves_output.write_hdf5(partial / "waves.h5", result)
         waves_output.write_csv(partial, result)
+        if isinstance(result, WavesResult):
+            write_database(partial / "waves_database.csv", result)
         write_page(partial / "waves.html", result)
         _save_figures(partial, result, formats)
 

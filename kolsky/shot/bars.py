@@ -11,7 +11,7 @@ from kolsky.bars.audit import Switches
 from kolsky.bars.guides.polymer_waveguide import PronyModulus
 from kolsky.bars.records import Windows
 from kolsky.bars.reduction.common_clock import on_one_clock
-from kolsky.bars.reduction.inputs import FAR, SIDES, StationInput, WavesInput
+from kolsky.bars.reduction.inputs import FAR, NO_PART, SIDES, StationInput, WavesInput
 from kolsky.bars.signals.bridge import Bridge, Calibration, Linear
 from kolsky.bars.signals.shunt import Shunt, with_shunt
 from kolsky.base.apparatus import Bar, Specimen
@@ -66,13 +66,30 @@ def load_waves(source: Source) -> WavesInput:
         windows=windows,
         allowance=waves.balance,
         plateau=waves.plateau,
-        switches=Switches(waves.corrections),
+        share=waves.share,
+        switches=_switches(file, waves.corrections, FAR in stations),
         uncertainty=uncertainty,
         alike=alike,
         inputs={file.path.name: file.sha256, **hashes},
         settings=declared_settings(file.content),
         notes=notes,
     )
+
+
+def _switches(file: TomlFile, stated: Mapping[str, bool], two_stations: bool) -> Switches:
+    """The switches; one that is on and cannot act is refused."""
+    switches = Switches(stated)
+    idle = dict(NO_PART)
+    if not two_stations:
+        idle["separation"] = "it needs a second station on the incident bar"
+    for key, why in idle.items():
+        if switches.stated.get(key, False):
+            raise file.error(
+                "waves.corrections",
+                f"switches {key!r} on, which has no part in this test: {why}",
+                cure="remove it" if two_stations or key != "separation" else "add [gauges.incident_far]",
+            )
+    return switches
 
 
 def load_bars(source: Source) -> WavesInput:

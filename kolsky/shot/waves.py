@@ -19,7 +19,7 @@ from kolsky.shot.load import load_shot
 from kolsky.shot.records import ForceChannel, Shot
 from kolsky.shot.schema.bars import WavesSection
 from kolsky.shot.schema.measured import ForceSection
-from kolsky.shot.schema.reading import ShotToml, Source, parsed, shot_toml
+from kolsky.shot.schema.reading import ShotToml, Source, is_bar_driven, parsed, shot_toml
 from kolsky.shot.schema.uncertainty import UncertaintySection
 
 __all__ = ["waves"]
@@ -127,7 +127,7 @@ def waves(
     """
     file = parsed(shot)
     try:
-        if "gauges" in file.content:
+        if "gauges" in file.content or is_bar_driven(file):
             return analyse(load_waves(file), progress=progress)
         from kolsky.shot.optical_data import measured  # brings image correlation: for pictures only
 

@@ -18,13 +18,17 @@ from kolsky.bars.records import (
     with_opposite_sign,
 )
 from kolsky.bars.reduction import quoted_values
-from kolsky.bars.reduction.inputs import FAR, SIDES, WavesInput
+from kolsky.bars.reduction.inputs import FAR, NO_PART, SIDES, WavesInput
 from kolsky.bars.reduction.overlap import overlapping_windows
+from kolsky.bars.reduction.specimen_inertia import corrections_that_act, valid_span
+from kolsky.bars.reduction.stress_strain import TRUE, true_curve
 from kolsky.bars.reduction.summary import Summary, summarise
+from kolsky.bars.reduction.validity import Validity
 from kolsky.bars.reduction.varied_test import VariedTest, bar_correlations, budget_quantities, station_of
 from kolsky.bars.reduction.windows import check_baselines, check_windows, find_windows, incident_arrival
 from kolsky.bars.result import WavesResult
 from kolsky.bars.signals.stations import Station
+from kolsky.base.arrays import FloatArray
 
 LARGEST_BEND = 1.0
 """Largest disagreement of the budget's two steps, in combined standard uncertainties. Steep fronts that a
@@ -65,8 +69,13 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
     plain, carried = varied.carried({}, dispersive=False), varied.carried({}, dispersive=True)
     _log_dispersion(log, plain, carried, given)
     faces = varied.faces({}, log)
-    reduction, punching = varied.reduced(faces, {})
-    log.add(punching)
+    uncorrected, _ = varied.reduced(faces, {})
+    acts = corrections_that_act(uncorrected, given.specimen, given.bars, given.switches, share=given.share)
+    valid = valid_span(uncorrected, given.specimen, given.bars, share=given.share, tension=tension)
+    varied = replace(varied, inertia=acts)
+    reduction, corrections = varied.reduced(faces, {})
+    log.add(*corrections)
+    log.complete(_left_out(given))
     summary = summarise(reduction, faces, given.specimen, allowance=given.allowance, share=given.plateau)
     progress("waves", 2, 3)
 
@@ -86,9 +95,16 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
         corrections=log.corrections,
         budget=quoted_values.table(budget, sign),
         facts=quoted_values.facts(best, arrival, checks, windows, reduction, summary, given.specimen),
-        remarks=(*given.notes, *quoted_values.remarks(reduction, budget, checks, given, summary.plateau)),
+        remarks=(
+            *given.notes,
+            *quoted_values.remarks(reduction, budget, checks, given, summary.plateau),
+            *_soft(acts, valid),
+        ),
+        valid=valid.window,
+        validity=valid.sentence,
         inputs=given.inputs,
         settings=given.settings,
+        extra=_true_histories(budget, sign),
     )
 
 
@@ -97,6 +113,22 @@ def _windows(given: WavesInput, incident: BarSignal, transmission: BarSignal, te
     if given.windows is None and FAR in given.stations and given.switches["separation"]:
         return overlapping_windows(incident, station_of(given, FAR).signal, transmission, tension=tension)
     return find_windows(incident, transmission, tension=tension, manual=given.windows)
+
+
+def _soft(acts: Mapping[str, str], valid: Validity) -> tuple[str, ...]:
+    """The remark on a soft specimen of which hardly a curve can be read."""
+    heavy = acts["radial inertia"].startswith("on: the specimen is soft")
+    return (f"validity of the curve: {valid.sentence}",) if heavy and valid.nearly_empty else ()
+
+
+def _left_out(given: WavesInput) -> dict[str, str]:
+    """Why a correction that has no entry has no part in a test between bars."""
+    return {
+        "bridge nonlinearity": "no bridge is declared: the gauges' calibrations are stated factors",
+        "bending": "one gauge at each station; two opposed ones would tell bending apart",
+        "separation": "one station on the incident bar, whose pulses do not overlap",
+        **NO_PART,
+    }
 
 
 def _log_dispersion(log: AuditLog, plain: FaceWaves, carried: FaceWaves, given: WavesInput) -> None:
@@ -138,6 +170,7 @@ def _budget(
     quantities = [*budget_quantities(varied.given, best), *quoted_values.span_quantities(summary)]
     noise: dict[str, ArrayLike] = {
         **{name: history.sigma for name, history in histories(reduction).items()},
+        **{name: history.sigma for name, history in true_curve(reduction, summary.analysis).items()},
         **quoted_values.noise(reduction, summary),
     }
     return propagate(
@@ -147,6 +180,16 @@ def _budget(
         correlations=bar_correlations(varied.given, quantities),
         tolerance=LARGEST_BEND,
     )
+
+
+def _true_histories(budget: Budget, sign: float) -> dict[str, FloatArray]:
+    """True strain and stress with their standard uncertainties; `sign` -1 makes tension positive."""
+    found = {}
+    for name, unit in TRUE.items():
+        history = budget.history(name, unit)
+        found[f"{name} ({unit})"] = sign * history.value
+        found[f"sigma of {name} ({unit})"] = history.sigma
+    return found
 
 
 def _with_bands(reduction: Reduction, budget: Budget) -> Reduction:

@@ -2,12 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 from kolsky.bars.audit import Switches
 from kolsky.bars.guides.polymer_waveguide import PronyModulus
 from kolsky.bars.records import Windows
 from kolsky.bars.reduction.equilibrium import ALLOWANCE
-from kolsky.bars.reduction.plateau import SHARE
+from kolsky.bars.reduction.plateau import SHARE as PLATEAU
+from kolsky.bars.reduction.validity import SHARE
 from kolsky.bars.signals.bridge import Calibration
 from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.records import Recording
@@ -15,6 +17,14 @@ from kolsky.base.records import Recording
 SIDES = ("incident", "transmission")
 FAR = "incident far"
 """Key of the incident bar's second station."""
+NO_PART: Mapping[str, str] = MappingProxyType(
+    {
+        "droop": "a strain gauge does not discharge; droop is of piezoelectric transducers",
+        "mass": "nothing lies between a bar's face and the specimen: the wave is carried to the face with "
+        "the bar's own inertia; an insert or a cap there is not modelled",
+    }
+)
+"""Corrections that have no part in a test between bars, and why."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +67,10 @@ class WavesInput:
     """Windows given by hand; None to have the pulses found."""
     allowance: float = ALLOWANCE
     """|R| up to which the forces count as balanced [-]."""
-    plateau: float = SHARE
+    plateau: float = PLATEAU
     """Least balanced length of a plateau as a share of the incident pulse's [-]."""
+    share: float = SHARE
+    """Share of the stress that inertia, or the forces' difference, may have where a curve is valid [-]."""
     switches: Switches = field(default_factory=Switches)
     """Switches of the corrections."""
     uncertainty: Mapping[str, float] = field(default_factory=dict)

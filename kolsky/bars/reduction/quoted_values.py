@@ -1,6 +1,7 @@
 """The quoted values of a reduction: their budget, facts of the record, remarks with their cures."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -90,7 +91,11 @@ def table(budget: Budget, sign: float) -> BudgetTable:
     found = budget_table(
         budget, {name: (name, None, unit) for name, unit in UNITS.items() if name in budget.value}
     )
-    rows = sorted(found.contributions, key=lambda row: -max(map(abs, row.shares.values()), default=0.0))
+    turned = [
+        replace(row, sensitivity={name: sign * slope for name, slope in row.sensitivity.items()})
+        for row in found.contributions
+    ]
+    rows = sorted(turned, key=lambda row: -max(map(abs, row.shares.values()), default=0.0))
     return BudgetTable(
         results={name: (sign * value, sigma, unit) for name, (value, sigma, unit) in found.results.items()},
         contributions=tuple(rows),

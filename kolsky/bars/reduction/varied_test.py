@@ -1,7 +1,7 @@
 """A classical test with other values of its quantities: the model that its budget goes through."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,7 +16,8 @@ from kolsky.bars.reduction.inputs import FAR, SIDES, WavesInput
 from kolsky.bars.reduction.overlap import separated
 from kolsky.bars.reduction.plateau import ENDS, Span, averaging_width, find_span
 from kolsky.bars.reduction.punching import correct_punching
-from kolsky.bars.reduction.stress_strain import reduce
+from kolsky.bars.reduction.specimen_inertia import correct_inertia
+from kolsky.bars.reduction.stress_strain import reduce, true_curve
 from kolsky.bars.reduction.summary import Summary
 from kolsky.bars.signals.stations import Station, bar_signal
 from kolsky.base.apparatus import Bar, Specimen
@@ -101,6 +102,7 @@ def varied_specimen(specimen: Specimen, values: Mapping[str, float]) -> Specimen
         specimen,
         diameter=values.get("specimen, diameter", specimen.diameter),
         length=values.get("specimen, length", specimen.length),
+        density=values.get("specimen, density", specimen.density),
     )
 
 
@@ -175,6 +177,9 @@ def budget_quantities(given: WavesInput, stations: Mapping[str, Station]) -> lis
     quantities += length_quantities(
         given.specimen, {key: station.position for key, station in given.stations.items()}, given.uncertainty
     )
+    density = given.specimen.density
+    sigma = density * given.uncertainty.get("specimen_density", 0.0)
+    quantities.append(Quantity("specimen, density", density, sigma, "kg/m^3", "B"))
     return merge_quantities(quantities)
 
 
@@ -195,6 +200,8 @@ class VariedTest:
     """Time windows of its waves."""
     arrival: float
     """Time at which the incident wave arrives at its gauge [s]."""
+    inertia: Mapping[str, str] = field(default_factory=dict)
+    """Corrections of the specimen's inertia that act, with their reasons; none as long as it is empty."""
 
     def guides(self, values: Mapping[str, float]) -> tuple[Waveguide, Waveguide]:
         """Both bars as waveguides."""
@@ -231,18 +238,25 @@ class VariedTest:
         )
         return separated(found, near, far, self.guides(values)[0], log)
 
-    def reduced(self, faces: FaceWaves, values: Mapping[str, float]) -> tuple[Reduction, Correction]:
-        """Reduction with the punching of the faces taken out, if that is on."""
+    def reduced(
+        self, faces: FaceWaves, values: Mapping[str, float]
+    ) -> tuple[Reduction, tuple[Correction, ...]]:
+        """Reduction with the punching of the faces and the specimen's inertia taken out, where that is on."""
         specimen = varied_specimen(self.given.specimen, values)
         dispersive = self.given.switches["dispersion"] or self.given.polymers
         guides = self.guides(values) if dispersive else None
-        return correct_punching(
+        reduction, punching = correct_punching(
             reduce(faces, specimen, guides=guides, allowance=self.given.allowance),
             specimen,
             faces.incident_bar,
             faces.transmission_bar,
             apply=self.given.switches["punching"],
         )
+        bars = {"incident": faces.incident_bar, "transmission": faces.transmission_bar}
+        if not self.inertia:
+            return reduction, (punching,)
+        reduction, inertia = correct_inertia(reduction, specimen, bars, self.inertia)
+        return reduction, (punching, *inertia)
 
     def span(self, reduction: Reduction, faces: FaceWaves, values: Mapping[str, float]) -> Span | None:
         """Span of the means of a varied reduction, its ends moved by the values of the budget's inputs."""
@@ -260,5 +274,6 @@ class VariedTest:
         reduction, _ = self.reduced(faces, values)
         return {
             **{name: history.value for name, history in histories(reduction).items()},
+            **{name: history.value for name, history in true_curve(reduction, summary.analysis).items()},
             **quoted_values.numbers(reduction, summary, self.span(reduction, faces, values)),
         }

@@ -35,6 +35,10 @@ COLUMN, PAGE = 85.0, 170.0
 """Width of a journal's column and page [mm]."""
 
 
+LONG_LABELS = 1e4
+"""Values over their range beyond which a tick's label needs six digits or more."""
+
+
 @dataclass(frozen=True)
 class FigureKind(Generic[Shown]):
     """One figure of a page; a new one is its file and its entry in a registry of `kolsky.report.figures`."""
@@ -75,6 +79,22 @@ def label_panel(ax: Axes, text: str) -> None:
 def note_empty(ax: Axes, text: str) -> None:
     """Write into a panel why it is empty."""
     ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color=GREY)
+
+
+def few_ticks(ax: Axes, most: int) -> None:
+    """Limit the ticks of the x axis; values that differ in their last digits only have long labels.
+
+    Parameters
+    ----------
+    ax
+        Axes whose limits are set.
+    most
+        Most intervals between ticks where the labels are short.
+    """
+    low, high = ax.get_xlim()
+    span = abs(high - low)
+    long = span > 0.0 and max(abs(low), abs(high)) / span > LONG_LABELS
+    ax.locator_params(axis="x", nbins=min(most, 3) if long else most)
 
 
 def label_text(text: str, most: int) -> str:

@@ -106,7 +106,7 @@ def caption_equal_strain(group: GroupRates) -> str:
 
 
 def draw_equal_strain(group: GroupRates, panels: Panels) -> None:
-    """Draw force and shape."""
+    """Draw force and outline."""
     e = group.equal_strain
     assert e is not None  # checked by `applies`
     force, shape = panels["force"], panels["shape"]

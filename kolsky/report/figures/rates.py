@@ -137,7 +137,7 @@ STEP = 0.22
 def caption_forest(group: GroupRates) -> str:
     """Return the caption."""
     return (
-        "Left: stiffness factor of each shot, slowest first, by force and shape together with ±2u of the"
+        "Left: stiffness factor of each shot, slowest first, by force and outline together with ±2u of the"
         " whole budget, and by each alone with ±2 of the standard uncertainty of its residuals; the diamond"
         " is the mean, as wide as its 95 % interval. Right: the mean and its 95 % interval without each shot"
         " in turn. Open circles do not count."

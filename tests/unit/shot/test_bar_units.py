@@ -80,7 +80,7 @@ def test_a_declared_unit_that_contradicts_the_file_is_said(tmp_path):
 
 def test_strain_where_volts_are_needed_is_refused(tmp_path):
     folder = folder_of(tmp_path / "a", ["inc (µε)", "tra (µε)"], 1e6)
-    with pytest.raises(InputError, match="needs a signal in 'V', channel 'inc .*' is in '1'"):
+    with pytest.raises(InputError, match=r"needs a signal in 'V', channel 'inc .*' is in '1'"):
         load_waves(folder)
 
 
