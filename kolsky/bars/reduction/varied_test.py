@@ -11,6 +11,7 @@ from kolsky.bars.guides.polymer_waveguide import ViscoelasticWaveguide
 from kolsky.bars.guides.waveguide import ElasticWaveguide, Waveguide
 from kolsky.bars.records import Correction, FaceWaves, Quantity, Reduction, Windows, histories
 from kolsky.bars.reduction import quoted_values
+from kolsky.bars.reduction.alignment import Alignment, delays
 from kolsky.bars.reduction.faces import face_waves
 from kolsky.bars.reduction.inputs import FAR, SIDES, WavesInput
 from kolsky.bars.reduction.overlap import separated
@@ -203,6 +204,9 @@ class VariedTest:
     inertia: Mapping[str, str] = field(default_factory=dict)
     """Corrections of the specimen's inertia that act, with their reasons; none as long as it is empty."""
 
+    aligned: Mapping[str, Alignment] = field(default_factory=dict)
+    """Alignments that act, by wave."""
+
     def guides(self, values: Mapping[str, float]) -> tuple[Waveguide, Waveguide]:
         """Both bars as waveguides."""
         first, second = (self._guide(side, varied_bar(self.given.bars[side], side, values)) for side in SIDES)
@@ -226,6 +230,7 @@ class VariedTest:
             self.windows,
             guides=self.guides(values) if dispersive or self.given.polymers else None,
             arrival=self.arrival,
+            delays=delays(self.aligned, incident, transmission, values),
         )
 
     def faces(self, values: Mapping[str, float], log: AuditLog) -> FaceWaves:
@@ -262,7 +267,7 @@ class VariedTest:
         """Span of the means of a varied reduction, its ends moved by the values of the budget's inputs."""
         return find_span(
             reduction,
-            analysis=quoted_values.WAY,
+            analysis=self.given.analysis,
             allowance=self.given.allowance,
             width=averaging_width(faces),
             shift=(values.get(ENDS[0], 0.0), values.get(ENDS[1], 0.0)),

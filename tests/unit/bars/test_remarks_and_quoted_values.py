@@ -9,6 +9,7 @@ import pytest
 from kolsky.bars.records import FaceWaves, History, Quantity, Reduction
 from kolsky.bars.reduction import quoted_values
 from kolsky.bars.reduction.plateau import Span
+from kolsky.bars.reduction.signal_remarks import way_sigmas
 from kolsky.bars.reduction.summary import EnergyBalance, Summary, mean_over, spread_of, summarise
 from kolsky.bars.reduction.windows import PulseCheck
 from kolsky.bars.result import BudgetTable, Contribution
@@ -99,11 +100,11 @@ def test_a_delayed_reflected_pulse_is_remarked_beyond_three_sigma_and_two_sample
 def test_a_distance_and_a_wave_speed_have_their_say_in_an_arrival():
     """5000 m/s: 2 x 1 m at 1 % are 4 us, 2 x 5 mm 2 us; half of E's 2 % is the speed's 1 %."""
     given = SimpleNamespace(**GIVEN, uncertainty={"bar_wave_speed": 0.01, "gauge_distance": 5e-3})
-    reflected, transmitted = quoted_values.way_sigmas(given)
+    reflected, transmitted = way_sigmas(given)
     assert reflected == pytest.approx(np.hypot(4e-6, 2e-6))
     assert transmitted == pytest.approx(np.sqrt(2e-6**2 + 1e-6**2 + 2 * 1e-6**2))
     given = SimpleNamespace(**GIVEN, uncertainty={"bar_modulus": 0.016, "bar_density": 0.012})
-    assert quoted_values.way_sigmas(given)[0] == pytest.approx(4e-6)
+    assert way_sigmas(given)[0] == pytest.approx(4e-6)
     wide = {"bar_wave_speed": 0.01}  # 4 us; 3 hypot(4, 1) + 0.2 = 12.57 us
     assert remarks(reflected=check(12.5e-6), uncertainty=wide) == []
     assert len(remarks(reflected=check(12.6e-6), uncertainty=wide)) == 1
