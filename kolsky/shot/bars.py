@@ -63,6 +63,7 @@ def load_waves(source: Source) -> WavesInput:
         },
         load=waves.load,
         windows=windows,
+        analysis=waves.analysis,
         allowance=waves.balance,
         share=waves.share,
         switches=_switches(file, waves.corrections, FAR in stations),
@@ -79,6 +80,8 @@ def _switches(file: TomlFile, stated: Mapping[str, bool], two_stations: bool) ->
     idle = dict(NO_PART)
     if not two_stations:
         idle["separation"] = "it needs a second station on the incident bar"
+    elif switches["separation"]:
+        idle["reflected alignment"] = "two stations give the reflected wave on the incident wave's own clock"
     for key, why in idle.items():
         if switches.stated.get(key, False):
             raise file.error(

@@ -18,6 +18,8 @@ from kolsky.bars.records import (
     with_opposite_sign,
 )
 from kolsky.bars.reduction import quoted_values
+from kolsky.bars.reduction.alignment import KEYS as ALIGNMENT_KEYS
+from kolsky.bars.reduction.alignment import Alignment, alignments
 from kolsky.bars.reduction.inputs import FAR, NO_PART, SIDES, WavesInput
 from kolsky.bars.reduction.overlap import overlapping_windows
 from kolsky.bars.reduction.specimen_inertia import corrections_that_act, valid_span
@@ -66,6 +68,7 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
     varied = VariedTest(given, windows, arrival.time)
     plain, carried = varied.carried({}, dispersive=False), varied.carried({}, dispersive=True)
     _log_dispersion(log, plain, carried, given)
+    varied = _aligned(varied, log, carried, alignments(arrival, checks, given.switches))
     faces = varied.faces({}, log)
     uncorrected, _ = varied.reduced(faces, {})
     acts = corrections_that_act(uncorrected, given.specimen, given.bars, given.switches, share=given.share)
@@ -74,7 +77,7 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
     reduction, corrections = varied.reduced(faces, {})
     log.add(*corrections)
     log.complete(_left_out(given))
-    summary = summarise(reduction, faces, given.specimen)
+    summary = summarise(reduction, faces, given.specimen, analysis=given.analysis)
     progress("waves", 2, 3)
 
     budget = _budget(varied, best, reduction, summary)
@@ -94,6 +97,7 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
         budget=quoted_values.table(budget, sign),
         facts=quoted_values.facts(best, arrival, checks, windows, reduction, summary, given.specimen),
         remarks=(*quoted_values.remarks(reduction, budget, checks, given), *_soft(acts, valid)),
+        analysis=given.analysis,
         valid=valid.window,
         validity=valid.sentence,
         inputs=given.inputs,
@@ -125,6 +129,32 @@ def _left_out(given: WavesInput) -> dict[str, str]:
     }
 
 
+def _aligned(
+    varied: VariedTest,
+    log: AuditLog,
+    carried: FaceWaves,
+    found: tuple[Mapping[str, Alignment], Mapping[str, str]],
+) -> VariedTest:
+    """The test with the alignments that are switched on; each is listed with what it changes."""
+    possible, missing = found
+    both = replace(varied, aligned=possible).carried({}, dispersive=True)
+    for wave, alignment in possible.items():
+        log.choose(
+            f"alignment, {wave} wave",
+            ALIGNMENT_KEYS[wave],
+            getattr(carried, wave),
+            getattr(both, wave),
+            unit="1",
+            reason=(
+                f"observed {1e6 * alignment.late:+.3g} us from its predicted arrival, standard uncertainty "
+                f"{1e6 * alignment.sigma:.2g} us"
+            ),
+        )
+    log.complete({ALIGNMENT_KEYS[wave]: why for wave, why in missing.items()})
+    on = {wave: a for wave, a in possible.items() if varied.given.switches[ALIGNMENT_KEYS[wave]]}
+    return replace(varied, aligned=on)
+
+
 def _log_dispersion(log: AuditLog, plain: FaceWaves, carried: FaceWaves, given: WavesInput) -> None:
     for wave, side in (("incident", "incident"), ("reflected", "incident"), ("transmitted", "transmission")):
         bar, distance = given.bars[side], given.stations[side].position
@@ -146,6 +176,7 @@ def _budget(
 ) -> Budget:
     """Uncertainties of all histories and quoted numbers."""
     quantities = budget_quantities(varied.given, best)
+    quantities += [alignment.quantity for alignment in varied.aligned.values()]
     noise: dict[str, ArrayLike] = {
         **{name: history.sigma for name, history in histories(reduction).items()},
         **{name: history.sigma for name, history in true_curve(reduction, summary.analysis).items()},

@@ -64,6 +64,8 @@ class WavesInput:
     """Complex moduli of the bars that are not elastic, by side."""
     windows: Windows | None = None
     """Windows given by hand; None to have the pulses found."""
+    analysis: str = "three waves"
+    """The analysis whose values are quoted: "one wave", "two waves" or "three waves"."""
     allowance: float = ALLOWANCE
     """|R| up to which the forces count as balanced [-]."""
     share: float = SHARE

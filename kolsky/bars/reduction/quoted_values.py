@@ -19,7 +19,7 @@ from kolsky.bars.signals.stations import Station
 from kolsky.base.apparatus import Specimen
 
 WAY = "three waves"
-"""The analysis whose numbers are quoted."""
+"""The analysis whose numbers are quoted where a shot names none."""
 UNITS = {"largest strain": "1", "peak stress": "Pa", "mean stress": "Pa", "mean rate": "1/s"}
 BEND = 0.2
 """Second-order term over the standard uncertainty above which a value's band is a first estimate [-]."""
@@ -36,21 +36,23 @@ def calibration_sigma(calibration: Calibration, relative: float) -> dict[str, fl
 
 def numbers(reduction: Reduction, summary: Summary) -> dict[str, np.ndarray]:
     """Quoted values: strain and stress of largest magnitude, means over the summary's plateau."""
-    strain, stress = reduction.strain[WAY].value, reduction.stress[WAY].value
-    last, peak = _instants(reduction)
+    way = summary.analysis
+    strain, stress = reduction.strain[way].value, reduction.stress[way].value
+    last, peak = _instants(reduction, way)
     found = {"largest strain": strain[last], "peak stress": stress[peak]}
     if summary.plateau is not None:
-        for name, history in (("mean stress", reduction.stress[WAY]), ("mean rate", reduction.rate[WAY])):
+        for name, history in (("mean stress", reduction.stress[way]), ("mean rate", reduction.rate[way])):
             found[name] = mean_over(history, reduction.time, summary.plateau, name).value
     return {name: np.asarray(value, dtype=float) for name, value in found.items()}
 
 
 def noise(reduction: Reduction, summary: Summary) -> dict[str, float]:
     """Standard uncertainties of the quoted values from the gauges' noise."""
-    last, peak = _instants(reduction)
+    way = summary.analysis
+    last, peak = _instants(reduction, way)
     found = {
-        "largest strain": float(reduction.strain[WAY].sigma[last]),
-        "peak stress": float(reduction.stress[WAY].sigma[peak]),
+        "largest strain": float(reduction.strain[way].sigma[last]),
+        "peak stress": float(reduction.stress[way].sigma[peak]),
     }
     if summary.mean_stress is not None and summary.mean_rate is not None:
         found |= {"mean stress": summary.mean_stress.sigma, "mean rate": summary.mean_rate.sigma}
@@ -149,9 +151,9 @@ def remarks(
     return found
 
 
-def _instants(reduction: Reduction) -> tuple[int, int]:
-    """Samples of the largest strain and of the largest stress."""
-    strain, stress = reduction.strain[WAY].value, reduction.stress[WAY].value
+def _instants(reduction: Reduction, way: str) -> tuple[int, int]:
+    """Samples of the largest strain and of the largest stress by one analysis."""
+    strain, stress = reduction.strain[way].value, reduction.stress[way].value
     return int(np.abs(strain).argmax()), int(np.abs(stress).argmax())
 
 

@@ -11,6 +11,7 @@ from kolsky.bars.guides.polymer_waveguide import ViscoelasticWaveguide
 from kolsky.bars.guides.waveguide import ElasticWaveguide, Waveguide
 from kolsky.bars.records import Correction, FaceWaves, Quantity, Reduction, Windows, histories
 from kolsky.bars.reduction import quoted_values
+from kolsky.bars.reduction.alignment import Alignment, delays
 from kolsky.bars.reduction.faces import face_waves
 from kolsky.bars.reduction.inputs import FAR, SIDES, WavesInput
 from kolsky.bars.reduction.overlap import separated
@@ -190,6 +191,9 @@ class VariedTest:
     inertia: Mapping[str, str] = field(default_factory=dict)
     """Corrections of the specimen's inertia that act, with their reasons; none as long as it is empty."""
 
+    aligned: Mapping[str, Alignment] = field(default_factory=dict)
+    """Alignments that act, by wave."""
+
     def guides(self, values: Mapping[str, float]) -> tuple[Waveguide, Waveguide]:
         """Both bars as waveguides."""
         first, second = (self._guide(side, varied_bar(self.given.bars[side], side, values)) for side in SIDES)
@@ -211,6 +215,7 @@ class VariedTest:
             self.windows,
             guides=self.guides(values) if dispersive or self.given.polymers else None,
             arrival=self.arrival,
+            delays=delays(self.aligned, incident, transmission, values),
         )
 
     def faces(self, values: Mapping[str, float], log: AuditLog) -> FaceWaves:

@@ -50,6 +50,7 @@ def _row(result: Identification, cause: CauseFinding) -> dict[str, Any]:
             _answer(name, cause.solved.get(name), cause.solved_sigmas.get(name)) for name in result.estimates
         ],
         "check": check,
+        "within": cause.within,
         "alike": ", ".join(cause.alike),
     }
 

@@ -87,6 +87,7 @@ class WavesSection(Section):
     incident: f.Interval | None = None
     reflected: f.Interval | None = None
     transmitted: f.Interval | None = None
+    analysis: Literal["one wave", "two waves", "three waves"] = "three waves"
     balance: f.Share = 0.05
     share: f.Share = 0.05
     corrections: dict[str, bool] = Field(default_factory=dict)

@@ -43,6 +43,7 @@ LENGTH = replace(
     alike=(),
     solved={},
     solved_sigmas={},
+    declared_sigma=0.001,
 )
 
 
@@ -53,6 +54,7 @@ def made() -> Identification:
 def test_a_row_has_value_share_chance_answer_and_what_to_do() -> None:
     table = cause_table(made())
     (row,), (other,) = table["named"], table["others"]
+    assert (row["within"], other["within"]) == (False, True)
     assert (row["value"], row["declared"], row["explained"]) == ("20.13 ± 0.28 µs", "0 µs", "98 %")
     assert (row["probability"], other["probability"]) == ("< 0.0001", "0.31")
     assert row["answers"] == ["1.1267"]
