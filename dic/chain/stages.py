@@ -105,7 +105,7 @@ def measure(
             flyer_later = worker.submit(clock, "flyer", partial(follow_flyer, inputs, flyer, progress))
         try:
             body = clock("specimen", lambda: gate_residual(follow_specimen(inputs, specimen, progress)))
-            rest_state = clock("test frame", lambda: fit_test_frame(inputs, body))
+            rest_state = clock("test frame", partial(fit_test_frame, inputs, body))
         except ChainError as error:
             said = [*(f"{f.what} ({f.cure})" for f in findings), str(error)]
             raise ChainError("; ".join(said)) from error
@@ -115,7 +115,7 @@ def measure(
             clock, "flyer's displacement", lambda: displacement_of(inputs, tracked_flyer, placement)
         )
         in_time = clock(
-            "synchronisation of the cameras", lambda: check_setup(rig, *body.reconstruction.pixels)
+            "synchronisation of the cameras", partial(check_setup, rig, *body.reconstruction.pixels)
         )
         body = gate_epipolar(inputs, body, rest_state)
         flyer_surface = surface_of_flyer(inputs, tracked_flyer, placement)
