@@ -6,6 +6,7 @@ beside this one.
 """
 
 from tests.mutants.bars import FAULTS as BARS
+from tests.mutants.bars_quoted import FAULTS as BARS_QUOTED
 from tests.mutants.budget import FAULTS as BUDGET
 from tests.mutants.causes import FAULTS as CAUSES
 from tests.mutants.cli import FAULTS as CLI
@@ -32,6 +33,7 @@ __all__ = ["FAULTS", "Fault"]
 
 FAULTS: tuple[Fault, ...] = (
     *BARS,
+    *BARS_QUOTED,
     *CAUSES,
     *BUDGET,
     *CLI,
