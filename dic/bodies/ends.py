@@ -11,6 +11,7 @@ from dic.bodies.edge_fit import HALF, fit_edge, in_view, sampled, strip_places
 from dic.bodies.follow import TrackedBody
 from dic.camera import Camera, StereoRig
 from dic.outcome import PointOutcome
+from dic.stereo.rays import pixels_per_length
 from dic.surfaces import Cylinder, SpecimenFrame, on_cylinder, test_frame
 
 MODEL = 0.06
@@ -101,8 +102,7 @@ def refined_end(
             break
         y, sigma = weighted_mean(np.array(places), np.array(sigmas))
     if not found:
-        seen = frame.in_rig(np.array([[0.0, 0.0, cylinder.radius], [0.0, 1e-4, cylinder.radius]]))
-        scale = float(np.linalg.norm(np.diff(rig.cameras[0].project(seen), axis=0))) / 1e-4
+        scale = _scale(rig.cameras[0], frame, 0.0, cylinder.radius)
         y, sigma = 0.0, float(np.hypot(DECLARED / scale, abs(_slope(rig.cameras[0], frame, 0.0)) * rim_sigma))
     return frame.in_rig(np.array([[0.0, y, cylinder.radius]]))[0], sigma, found
 
@@ -120,6 +120,12 @@ def _slope(camera: Camera, frame: SpecimenFrame, y: float) -> float:
     """Rise of the rays to a plane across the axis: a camera above it has a positive one."""
     x, height, z = frame.positions(camera.centre)
     return float((height - y) / np.hypot(x, z))
+
+
+def _scale(camera: Camera, frame: SpecimenFrame, y: float, radius: float) -> float:
+    """Pixels of a length along the axis on the cameras' side [px/m]."""
+    place = frame.in_rig(np.array([0.0, y, radius]))
+    return float(np.linalg.norm(pixels_per_length(camera, place, frame.rotation[1])))
 
 
 def _sees_end(camera: Camera, frame: SpecimenFrame, y: float) -> bool:
@@ -149,8 +155,7 @@ def end_in_camera(
     """
     slope = _slope(camera, frame, y)
     radius = specimen if slope >= 0.0 else rim
-    ends = camera.project(frame.in_rig(np.array([[0.0, y, radius], [0.0, y + 1e-4, radius]])))
-    scale = float(np.linalg.norm(ends[1] - ends[0])) / 1e-4
+    scale = _scale(camera, frame, y, radius)
     half = SHARE * specimen
     x = np.arange(-half, half, 1.0 / scale)
     u = np.arange(-HALF, HALF + 1.0)

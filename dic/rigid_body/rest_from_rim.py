@@ -19,6 +19,7 @@ from dic.bodies.edge_fit import HALF, fit_edge, in_view, sampled, strip_places
 from dic.bodies.follow import TrackedBody
 from dic.camera import Camera, StereoRig
 from dic.images import PictureError, Pictures
+from dic.stereo.rays import pixels_per_length
 from dic.surfaces import SpecimenFrame
 
 MODEL = 0.06
@@ -176,8 +177,7 @@ def _rim_of(
 ) -> tuple[float, float] | None:
     """The rim on the body in one camera [m], and its standard deviation [m]."""
     middle = np.array([0.0, start, radius]) + moves[frames[-1]]
-    ends = camera.project(frame.in_rig(middle + np.array([[0.0, 0.0, 0.0], [0.0, 1e-4, 0.0]])))
-    scale = float(np.linalg.norm(ends[1] - ends[0])) / 1e-4  # px per m
+    scale = float(np.linalg.norm(pixels_per_length(camera, frame.in_rig(middle), frame.rotation[1])))
     half = SHARE * geometry.radius
     x = np.arange(-half, half, 1.0 / scale)
     u = np.arange(-WITHIN, BEYOND + 1.0)

@@ -54,7 +54,7 @@ def subsets(
     mask: BoolArray | None,
 ) -> Subsets:
     """Templates of `subset` [px] about `points`; samples outside the mask of the material picture count 0."""
-    stride = max(1, subset // SAMPLES)
+    stride = max(1, round(subset / SAMPLES))
     steps = np.arange(-(subset // 2), subset // 2 + 1, stride, dtype=np.float64)
     xi = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     everywhere = (len(points), len(xi), 2)
@@ -98,20 +98,3 @@ def sample(picture: NDArray[np.float32], x: Array, y: Array) -> NDArray[np.float
             picture, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
         )
     return grey
-
-
-def correlation(g: NDArray[np.float32], t: NDArray[np.float32], weight: NDArray[np.float32]) -> FloatArray:
-    """Zero-normalised cross-correlation of g and t over the samples of weight 1, shape [...]; -1 if flat."""
-    count = np.maximum(np.einsum("...m->...", weight), 1.0)
-
-    def total(a: NDArray[np.float32], b: NDArray[np.float32]) -> FloatArray:
-        return np.asarray(np.einsum("...m,...m->...", a, b), dtype=np.float64)
-
-    tw = t * weight
-    gw = g * weight
-    sg, st = total(g, weight), total(t, weight)
-    gg, tt = total(g, gw), total(t, tw)
-    vg, vt = gg - sg * sg / count, tt - st * st / count
-    flat = (vg <= 1e-6 * gg) | (vt <= 1e-6 * tt)
-    norm = np.sqrt(np.where(flat, 1.0, vg * vt))
-    return np.asarray(np.where(flat, -1.0, (total(g, tw) - sg * st / count) / norm))
