@@ -256,13 +256,29 @@ def main() -> None:
     study = Study(given.out, given.seed, again=given.again, changes=given.changes)
     Path(given.out).mkdir(parents=True, exist_ok=True)
     numbers = texts.whole_numbers("--only", given.only)
+    results: list[Experiment] = []
     if given.workers == 1:
         for number in numbers:
-            print(words(one(study, number)), flush=True)
-        return
-    with ProcessPoolExecutor(given.workers, mp_context=get_context("spawn")) as pool:
-        for result in pool.map(one, [study] * len(numbers), numbers):
-            print(words(result), flush=True)
+            results.append(one(study, number))
+            print(words(results[-1]), flush=True)
+    else:
+        with ProcessPoolExecutor(given.workers, mp_context=get_context("spawn")) as pool:
+            for result in pool.map(one, [study] * len(numbers), numbers):
+                results.append(result)
+                print(words(result), flush=True)
+    print(json.dumps(scatter(results), indent=1))
+
+
+def scatter(results: list[Experiment]) -> dict[str, float | int]:
+    """Root mean square of the errors over their stated standard deviations, 1 if these are right."""
+    zero = [e.error / e.sigma for e in results if e.error is not None and e.sigma]
+    lower = [e.lower_error / e.lower_sigma for e in results if e.lower_error is not None and e.lower_sigma]
+    return {
+        "experiments": len(results),
+        "with a zero": len(zero),
+        "zero over sigma": round(float(np.sqrt(np.mean(np.square(zero)))), 3) if zero else 0.0,
+        "lower end over sigma": round(float(np.sqrt(np.mean(np.square(lower)))), 3) if lower else 0.0,
+    }
 
 
 if __name__ == "__main__":
