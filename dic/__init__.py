@@ -15,6 +15,11 @@ if TYPE_CHECKING:
     from dic.chain.stages import measure
     from dic.correlation.search import correlate
     from dic.correlation.settings import Correlation
+    from dic.full_field.extensometers import Extensometer
+    from dic.full_field.measure import measure_plane
+    from dic.full_field.result import FullField
+    from dic.full_field.settings import FullFieldSettings
+    from dic.full_field.stereo import measure_cylinder, measure_surface
     from dic.images.formats import open_pictures
     from dic.images.series import Pictures
     from dic.outcome import FrameOutcome, PointOutcome
@@ -31,7 +36,10 @@ _HOME = {
     "CentrePoints": "dic.surfaces.surface_history",
     "ChainSettings": "dic.chain.settings",
     "Correlation": "dic.correlation.settings",
+    "Extensometer": "dic.full_field.extensometers",
     "FrameOutcome": "dic.outcome",
+    "FullField": "dic.full_field.result",
+    "FullFieldSettings": "dic.full_field.settings",
     "Pictures": "dic.images.series",
     "PointOutcome": "dic.outcome",
     "Region": "dic.bodies.region",
@@ -46,6 +54,9 @@ _HOME = {
     "detect": "dic.calibration.detect",
     "match_stereo": "dic.stereo.match",
     "measure": "dic.chain.stages",
+    "measure_cylinder": "dic.full_field.stereo",
+    "measure_plane": "dic.full_field.measure",
+    "measure_surface": "dic.full_field.stereo",
     "open_pictures": "dic.images.formats",
     "read_rig": "dic.camera_files.formats",
     "reconstruct": "dic.stereo.reconstruction",

@@ -3,7 +3,8 @@
 A constant `Model` (a `Mesh` such as `cylinder`, materials, contact laws, the motion of the platens and a
 support) and `Samples`, one row of parameters a simulation, go into `run`; a `Response` comes out, with
 forces, outlines, an `EnergyLedger` and the `Outcome` of each. `Sampling` says what is recorded when,
-`Stepping` how time is stepped. Laws are in `explicit.materials` and `explicit.contact`, elements in
+`Stepping` how time is stepped; `run_side_by_side` takes
+batches of different models. Laws are in `explicit.materials` and `explicit.contact`, elements in
 `explicit.elements`, what relaxes in `explicit.relaxation`, elastic bars in `explicit.bars`;
 `explicit.derivatives` and `explicit.adjoint` differentiate a run. Each name is loaded when it is first used.
 """
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from explicit.motion import PlatenMotion
     from explicit.outcome import Ending, Outcome
     from explicit.response import Response
-    from explicit.run_batch import run
+    from explicit.run_batch import Problem, run, run_side_by_side
     from explicit.support import RIGID, CharacteristicBar, MovingSupport
 
 _HOME = {
@@ -32,6 +33,7 @@ _HOME = {
     "NearlyIncompressible": "explicit.incompressible",
     "Outcome": "explicit.outcome",
     "PlatenMotion": "explicit.motion",
+    "Problem": "explicit.run_batch",
     "RIGID": "explicit.support",
     "Response": "explicit.response",
     "Samples": "explicit.model",
@@ -41,6 +43,7 @@ _HOME = {
     "cylinder": "explicit.mesh",
     "run": "explicit.run_batch",
     "run_nearly_incompressible": "explicit.incompressible",
+    "run_side_by_side": "explicit.run_batch",
 }
 """Where each public name is defined. The imports above tell a type checker the same; a test compares both."""
 

@@ -1,6 +1,6 @@
 """Drivers of a batch's time loops: packs of SIMD lanes on the cores of a CPU, thread blocks on a GPU."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from typing import Any
@@ -48,34 +48,56 @@ class PreparedBatch:
     """Whether a GPU keeps the state of a simulation in shared memory."""
 
 
+@dataclass(frozen=True)
+class Launched:
+    """A batch at work on a GPU."""
+
+    batch: PreparedBatch
+    """The batch."""
+    state: Any
+    """Its fields on the device, kept until it is collected."""
+    parts: tuple[tuple[int, int, Any], ...]
+    """First simulation, how many, and the event at the end of each launch."""
+    lanes: tuple[Any, ...]
+    """The streams."""
+
+
 def run_on_gpu(batch: PreparedBatch, progress: Progress | None) -> dict[str, FloatArray]:
     """Run every simulation as a block of threads; of a large batch, histories are copied while others run.
 
     Two streams take turns, so that the next part fills the multiprocessors that the last blocks of the one
     before leave idle.
     """
+    return collect_from_gpu(launch_on_gpu(batch, streams(batch.where.alias)[:2]), progress)
+
+
+def launch_on_gpu(batch: PreparedBatch, lanes: Sequence[Any]) -> Launched:
+    """Launch a batch on streams that take turns, without waiting for it."""
     body = body_of(batch.kernel, batch.model, batch.numbers, batch.where, batch.on_chip)
     state = state_of(batch.kernel, batch.model, batch.numbers, batch.where, batch.n_samples, 1, batch.on_chip)
     block = batch.kernel.block
     part = PART_WAVES * batch.where.sm_count
-    firsts = range(0, batch.n_samples, part)
-    ready, ends = wp.get_stream(batch.where).record_event(), []
-    for k, first in enumerate(firsts):
-        stream = streams(batch.where.alias)[k % 2]
-        if k < 2:
+    ready, parts = wp.get_stream(batch.where).record_event(), []
+    for k, first in enumerate(range(0, batch.n_samples, part)):
+        stream, count = lanes[k % len(lanes)], min(part, batch.n_samples - first)
+        if k < len(lanes):
             stream.wait_event(ready)
         wp.launch(
             batch.kernel.kernel,
-            dim=(min(part, batch.n_samples - first), block),
+            dim=(count, block),
             inputs=[body, batch.parameters, state, batch.output, first],
             stream=stream,
             block_dim=block,
         )
-        ends.append(stream.record_event())
-    transfer = HostTransfer(batch.output, batch.where)
-    transfer.touch_memory(min(part, batch.n_samples))
-    for first, end in zip(firsts, ends, strict=True):
-        count = min(part, batch.n_samples - first)
+        parts.append((first, count, stream.record_event()))
+    return Launched(batch, state, tuple(parts), tuple(lanes))
+
+
+def collect_from_gpu(launched: Launched, progress: Progress | None) -> dict[str, FloatArray]:
+    """Wait for a launched batch and copy its histories to the host."""
+    transfer = HostTransfer(launched.batch.output, launched.batch.where)
+    transfer.touch_memory(launched.parts[0][1])
+    for first, count, end in launched.parts:
         wp.synchronize_event(end)
         if progress:
             progress(count)

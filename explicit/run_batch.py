@@ -1,16 +1,18 @@
 """Run a batch: from a constant `Model` and its `Samples` to a `Response`, on a CPU or a CUDA device."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import warp as wp
 
 from explicit.arguments import batch_of, output_of
 from explicit.arrays import FloatArray
 from explicit.device import select_device
-from explicit.drivers import PreparedBatch, run_in_lanes, run_on_gpu
+from explicit.drivers import PreparedBatch, collect_from_gpu, launch_on_gpu, run_in_lanes, run_on_gpu
 from explicit.energy import EnergyLedger
 from explicit.geometry import element_geometry
 from explicit.host_transfer import HISTORIES
@@ -24,6 +26,20 @@ from explicit.support import MovingSupport
 from explicit.time_loop.kernel import time_loop_kernel
 from explicit.time_loop.lanes import block_for
 from explicit.time_loop.slots import Ending
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A batch to be run beside others, see `run_side_by_side`."""
+
+    model: Model
+    """What to simulate."""
+    samples: Samples
+    """With which parameters."""
+    sampling: Sampling
+    """What to record."""
+    stepping: Stepping = field(default_factory=Stepping)
+    """Numerical choices of the time loop."""
 
 
 def run(
@@ -68,10 +84,62 @@ def run(
         If a requested time is before the model's start, or a sample names a material or motion the
         model does not have, or the folder `modules` does not exist.
     """
-    stepping = stepping or Stepping()
+    problem = Problem(model, samples, sampling, stepping or Stepping())
+    prepared, nodes = _prepared(problem, select_device(device), modules)
+    if prepared.where.is_cuda:
+        histories = run_on_gpu(prepared, progress)
+    else:
+        histories = run_in_lanes(prepared, threads or os.cpu_count() or 1, progress)
+    return _response(model, sampling, prepared.output, histories, nodes)
+
+
+def run_side_by_side(
+    problems: Sequence[Problem],
+    *,
+    device: str = "cpu",
+    threads: int | None = None,
+    modules: Path | str | None = None,
+) -> list[Response]:
+    """Simulate batches of different models: on a GPU at the same time, on a CPU one after the other.
+
+    A simulation is one block of a GPU's threads, so that a batch of one leaves all other multiprocessors
+    idle; batches on streams of their own fill them. A response is the same bits as that of `run`.
+
+    Parameters
+    ----------
+    problems
+        The batches; all of them are in the device's memory at once.
+    device, threads, modules
+        As in `run`.
+
+    Raises
+    ------
+    ValueError
+        As `run`.
+    """
+    where = select_device(device)
+    if not where.is_cuda:
+        return [
+            run(one.model, one.samples, one.sampling, stepping=one.stepping, device=device, threads=threads)
+            for one in problems
+        ]
+    found = [_prepared(problem, where, modules) for problem in problems]
+    for kernel, block in {(one.kernel.kernel, one.kernel.block) for one, _ in found}:
+        # before the launches: loading waits for what runs, and compiling takes longer than most of it
+        wp.load_module(kernel.module, device=where, block_dim=block)
+    wp.synchronize_device(where)
+    launched = [launch_on_gpu(one, [wp.Stream(where)]) for one, _ in found]
+    return [
+        _response(one.batch.model, problem.sampling, one.batch.output, collect_from_gpu(one, None), nodes)
+        for problem, one, (_, nodes) in zip(problems, launched, found, strict=True)
+    ]
+
+
+def _prepared(problem: Problem, where: Any, modules: Path | str | None) -> tuple[PreparedBatch, Any]:
+    """A batch on its device, and the nodes that it records."""
+    model, samples, sampling, stepping = problem.model, problem.samples, problem.sampling, problem.stepping
     _check(model, samples, sampling)
     numbers = precision(stepping.precision)
-    where = select_device(device)
     nodes = np.arange(model.mesh.n_nodes) if sampling.all_nodes else model.mesh.side
     on_chip = where.is_cuda and fits_on_chip(model.mesh, numbers)
     kernel = time_loop_kernel(
@@ -80,13 +148,9 @@ def run(
     )  # fmt: skip
     output = output_of(kernel, model.mesh, len(samples), sampling, nodes, where)
     batch = batch_of(kernel, model, samples, sampling, stepping, numbers, where)
-    prepared = PreparedBatch(kernel, model, numbers, where, batch, output, len(samples), on_chip)
     if where.is_cuda:
         load_module(kernel, where, modules)
-        histories = run_on_gpu(prepared, progress)
-    else:
-        histories = run_in_lanes(prepared, threads or os.cpu_count() or 1, progress)
-    return _response(model, sampling, output, histories, nodes)
+    return PreparedBatch(kernel, model, numbers, where, batch, output, len(samples), on_chip), nodes
 
 
 def _check(model: Model, samples: Samples, sampling: Sampling) -> None:

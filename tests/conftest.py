@@ -21,8 +21,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.hookimpl(tryfirst=True)  # the marks must be there when `-m` chooses by them
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark what the verification manual rests on; deselect slow tests unless `--slow` or `-m` is given."""
+    """Mark what the verification manual rests on, and what asks for a GPU by the fixtures `cuda` or `gpu`;
+    deselect slow tests unless `--slow` or `-m` is given."""
     for item in items:
+        if {"cuda", "gpu"} & set(getattr(item, "fixturenames", ())):
+            item.add_marker("cuda")
         if item.path.is_relative_to(VERIFICATION):
             item.add_marker("verification")
     if config.getoption("--slow") or config.getoption("-m"):

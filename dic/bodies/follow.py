@@ -60,6 +60,7 @@ def follow_body(
     stereo: Correlation,
     noise: tuple[Noise, Noise],
     health: tuple[IntArray, IntArray],
+    mask: BoolArray | None = None,
     rigid: bool = False,
     device: str = "cpu",
     name: str = "specimen",
@@ -88,6 +89,8 @@ def follow_body(
         Of the grey values of the cameras.
     health
         `FrameOutcome` of the pictures of the cameras, each of shape [n_frames].
+    mask
+        Pixels of the body in the region's picture, shape [rows, columns]; None: those within its corners.
     rigid
         True for a body that only translates.
     device
@@ -103,7 +106,8 @@ def follow_body(
         A region outside the picture, or no frame that both cameras saw.
     """
     material = material_frame(health, region.frame)
-    mask = polygon_mask(region.corners, pictures[0].shape)
+    if mask is None:
+        mask = polygon_mask(region.corners, pictures[0].shape)
     points, cell = grid_points(mask, step, margin=margin)
     first, second = (series.frame(material) for series in pictures)
     match = match_stereo(first, second, points, rig, stereo, noise=noise, mask=mask, device=device)
@@ -219,4 +223,8 @@ def _all_points(found: Track, points: FloatArray, match: StereoMatch) -> Track:
         outcome[found.frame_outcome != FrameOutcome.VALID] = int(PointOutcome.NO_PICTURE)
     reference = np.full((n_frames, n), -1)
     reference[:, known] = found.reference
-    return replace(found, points=points, outcome=outcome, reference=reference, **wide)
+    excess = None
+    if found.excess is not None:
+        excess = np.full((n_frames, n), np.nan)
+        excess[:, known] = found.excess
+    return replace(found, points=points, outcome=outcome, reference=reference, excess=excess, **wide)

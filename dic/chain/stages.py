@@ -15,7 +15,7 @@ from dic.chain import remarks
 from dic.chain.facts import facts_of, speckles_of
 from dic.chain.follow_bodies import displacement_of, follow_flyer, follow_specimen, poses_of
 from dic.chain.inspect_images import check_cameras, inspect_images
-from dic.chain.outliers import gate_ends, gate_epipolar, gate_surface
+from dic.chain.outliers import gate_ends, gate_epipolar, gate_residual, gate_surface
 from dic.chain.reduce import outline_of, strains_of, surface_of, surface_of_flyer
 from dic.chain.settings import ChainError, ChainSettings
 from dic.chain.test_frame import fit_test_frame
@@ -43,7 +43,7 @@ class Clock:
         return result
 
 
-VERSION = 11
+VERSION = 12
 """Raised when the same pictures and settings give other numbers: results kept from before are made
 anew."""
 
@@ -104,7 +104,7 @@ def measure(
         if flyer is not None:
             flyer_later = worker.submit(clock, "flyer", partial(follow_flyer, inputs, flyer, progress))
         try:
-            tracked = clock("specimen", lambda: follow_specimen(inputs, specimen, progress))
+            tracked = clock("specimen", lambda: gate_residual(follow_specimen(inputs, specimen, progress)))
             rest_state = clock("test frame", lambda: fit_test_frame(inputs, tracked))
         except ChainError as error:
             said = [*(f"{f.what} ({f.cure})" for f in findings), str(error)]

@@ -11,98 +11,30 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.arrays import BoolArray, FloatArray, IntArray
+from dic.arrays import FloatArray
 from dic.camera import Camera, StereoRig
-from dic.stereo.facet import FacetGeometry, distance_along, facet_geometry, gradient, normals
-from dic.stereo.rays import directions
-from dic.stereo.template import ROWS, Subsets, correlation, sample, smoothed
+from dic.stereo.facet import distance_along, facet_geometry
+from dic.stereo.kernels.launch import Curves
+from dic.stereo.kernels.launch import search as search_kernel
+from dic.stereo.template import Subsets, smoothed
 from dic.stereo.triangulation import midpoint
 
-KNOTS = 65
-"""Places a curve is followed through before it is divided into equal steps."""
-NARROWINGS = 3
-"""Times that the piece of a curve that lies in the picture is cut out anew, a few dozen times finer each."""
+RANGE = 20.0
+"""Nearest and farthest distance that a whole curve is walked through, over that of the crossing axes."""
 
 
-def curve_distances(
-    rig: StereoRig,
-    pixels0: FloatArray,
-    shape1: tuple[int, int],
-    limits: tuple[float, float] | None,
-    step: float,
-) -> FloatArray:
-    """Distances along camera 0's rays that walk the epipolar curves in equal steps of camera 1.
+def fold(camera: Camera) -> float:
+    """Squared radius on the plane z = 1 at which a lens model begins to fold back [-]; inf if it does not.
 
     Parameters
     ----------
-    rig
-        The cameras.
-    pixels0
-        Places in camera 0's picture [px], shape [n, 2].
-    shape1
-        Rows and columns of camera 1's picture.
-    limits
-        Nearest and farthest distance [m]; None: as far as the curves stay in camera 1's picture.
-    step
-        Along the curve [px].
-
-    Returns
-    -------
-    NDArray
-        Distances [m], shape [n, k], increasing; rows end in NaN.
+    camera
+        The camera; the radius is that where r (1 + k1 r² + k2 r⁴ + k3 r⁶) turns.
     """
-    n = len(pixels0)
-    near, far = limits if limits is not None else (_axes_meet(rig) / 20.0, _axes_meet(rig) * 20.0)
-    # equal steps of 1/s are about equal steps along the curve: the disparity goes with 1/s
-    inverse = np.broadcast_to(np.linspace(1.0 / far, 1.0 / near, KNOTS), (n, KNOTS))
-    for _ in range(NARROWINGS):  # down to the piece of the curve that camera 1's picture shows
-        seen = shows(rig.cameras[1], points_along(rig, pixels0, 1.0 / inverse), shape1)
-        first = np.maximum(np.argmax(seen, axis=1) - 1, 0)
-        last = np.minimum(KNOTS - np.argmax(seen[:, ::-1], axis=1), KNOTS - 1)
-        ends = [np.take_along_axis(inverse, k[:, None], axis=1) for k in (first, last)]
-        ends[1] = np.where(seen.any(axis=1, keepdims=True), ends[1], ends[0])
-        inverse = ends[0] + (ends[1] - ends[0]) * np.linspace(0.0, 1.0, KNOTS)
-    curve = rig.cameras[1].project(points_along(rig, pixels0, 1.0 / inverse))
-    pace = np.nan_to_num(np.linalg.norm(np.diff(curve, axis=1), axis=2))
-    length = np.concatenate([np.zeros((n, 1)), np.cumsum(pace, axis=1)], axis=1)
-    most = int(np.max(length[:, -1], initial=0.0) / step) + 1
-    distances = np.full((n, most), np.nan)
-    for row in range(n):
-        s = np.arange(0.0, length[row, -1] + 1e-9, step)[::-1]
-        distances[row, : len(s)] = 1.0 / np.interp(s, length[row], inverse[row])
-    return distances
-
-
-def points_along(rig: StereoRig, pixels0: FloatArray, distances: FloatArray) -> FloatArray:
-    """Points on camera 0's rays at distances of their own [m], shape [n, k, 3]."""
-    first = rig.cameras[0]
-    return np.asarray(first.centre + directions(first, pixels0)[:, None] * distances[..., None])
-
-
-def shows(camera: Camera, X: FloatArray, shape: tuple[int, int]) -> BoolArray:
-    """True where a picture shows these places, shape [...]; what a lens model folds back there is not."""
-    rows, columns = shape
     k1, k2, _, _, k3 = camera.distortion
-    turning = np.roots([7.0 * k3, 5.0 * k2, 3.0 * k1, 1.0])  # squared radii where r (1 + k1 r² + ...) turns
-    folds = min((root.real for root in turning if abs(root.imag) < 1e-12 and root.real > 0.0), default=np.inf)
-    inside = camera.in_camera(X)
-    before = inside[..., 2] > 0.0
-    ideal = inside[..., :2] / np.where(before, inside[..., 2], 1.0)[..., None]
-    at = camera.to_pixels(camera.distort(np.where(before[..., None], ideal, 0.0)))
-    seen = np.all((at >= 0.0) & (at <= (columns - 1.0, rows - 1.0)), axis=-1)
-    return np.asarray(before & seen & (np.sum(ideal * ideal, axis=-1) < folds))
-
-
-def _axes_meet(rig: StereoRig) -> float:
-    """Distance before camera 0 at which the optical axes come nearest to each other [m]."""
-    first, second = rig.cameras
-    centres = np.array([[camera.cx, camera.cy] for camera in rig.cameras])
-    meet = midpoint(rig, centres[0], centres[1])
-    s = float(distance_along(rig, centres[0], meet))
-    if not (np.isfinite(s) and s > 0.0):
-        baseline = float(np.linalg.norm(second.centre - first.centre))
-        s = 3.0 * baseline
-    return s
+    turning = np.roots([7.0 * k3, 5.0 * k2, 3.0 * k1, 1.0])
+    real = (root.real for root in turning if abs(root.imag) < 1e-12 and root.real > 0.0)
+    return float(min(real, default=np.inf))
 
 
 class Candidates(NamedTuple):
@@ -126,6 +58,7 @@ def search(
     limits: tuple[float, float] | None,
     turns: FloatArray | None = None,
     gradients: FloatArray | None = None,
+    device: str = "cpu",
 ) -> Candidates:
     """The best place of each subset on its epipolar curve, and the second peak.
 
@@ -144,119 +77,62 @@ def search(
     gradients
         Instead of `turns`: the gradient of camera 1's pixel by camera 0's, one for each point, shape
         [n, 2, 2], the same all along its curve.
+    device
+        Where the curves are walked, "cpu" or "cuda".
 
     Returns
     -------
     Candidates
         One row a point.
     """
-    n, shape1 = len(wanted.points), (picture1.shape[0], picture1.shape[1])
-    found = Candidates(np.full((n, 12), np.nan), np.full(n, -1.0), np.full(n, -1.0), np.full(n, np.nan))
-    places = wanted.places
-    distances = curve_distances(rig, places, shape1, limits, float(wanted.stride))
-    smooth = smoothed(picture1, wanted.stride)
-    per_point = distances.shape[1] * (len(turns) if turns is not None else 1)
-    batch = max(1, ROWS // max(per_point, 1))
-    for start in range(0, n, batch):
-        rows = np.arange(start, min(start + batch, n))
-        s = distances[rows]
-        step = _gradients(rig, places[rows], s, turns, None if gradients is None else gradients[rows])
-        A = step @ (np.eye(2) + wanted.reference[rows, 2:6].reshape(-1, 1, 1, 2, 2))
-        X = points_along(rig, places[rows], s)
-        centre = rig.cameras[1].project(X)
-        some = wanted.take(rows)
-        zncc = _correlate(some, smooth, centre, A)
-        zncc[~shows(rig.cameras[1], X, shape1)] = -1.0
-        _keep_best(found, rows, some.points, s, centre, A, zncc)
-    return found
+    n, places = len(wanted.points), wanted.places
+    if not n:
+        nothing = np.zeros(0)
+        return Candidates(np.zeros((0, 12)), nothing, nothing, nothing)
+    meet = _axes_meet(rig)
+    near, far = limits if limits is not None else (meet / RANGE, meet * RANGE)
+    seen = facet_geometry(rig, places, np.ones(n))
+    own = np.eye(2) + wanted.reference[:, 2:6].reshape(-1, 2, 2)
+    given = np.zeros((n, 2, 2)) if gradients is None else np.asarray(gradients)
+    angle = np.zeros((1, 2)) if turns is None or gradients is not None else np.asarray(turns)
+    within, out = angle.T
+    curves = Curves(
+        camera=_numbers(rig),
+        picture=np.ascontiguousarray(smoothed(picture1, wanted.stride)),
+        given=np.concatenate([seen.d, *(part.reshape(n, -1) for part in (seen.B, own, given))], axis=1),
+        has_gradient=gradients is not None,
+        turns=np.stack([np.cos(within), np.sin(within), np.cos(out), np.sin(out)], axis=1),
+        inverse=(1.0 / far, 1.0 / near),
+        step=float(wanted.stride),
+        xi=wanted.xi,
+        template=wanted.template,
+        weight=wanted.weight,
+    )
+    found = search_kernel(curves, device)
+    nowhere = found[:, 6] <= -1.0
+    warp = np.zeros((n, 12))
+    warp[:, :2] = found[:, :2] - wanted.points
+    warp[:, 2:6] = found[:, 2:6] - np.eye(2).reshape(-1)
+    warp[nowhere] = np.nan
+    return Candidates(warp, found[:, 6], found[:, 7], np.where(nowhere, np.nan, found[:, 8]))
 
 
-def _gradients(
-    rig: StereoRig, pixels0: FloatArray, s: FloatArray, turns: FloatArray | None, given: FloatArray | None
-) -> FloatArray:
-    """Gradient of camera 1's pixel by camera 0's at every place for every turn, shape [n, k, h, 2, 2]."""
-    if given is not None:
-        return np.broadcast_to(given[:, None, None], (*s.shape, 1, 2, 2))
-    seen = facet_geometry(rig, np.repeat(pixels0[:, None], s.shape[1], axis=1), s)
-    n = normals(rig, seen.X, np.zeros((1, 2)) if turns is None else turns)
-    wide = FacetGeometry(*(np.expand_dims(part, 2) for part in seen))
-    return gradient(wide, s[..., None], n)
+def _numbers(rig: StereoRig) -> FloatArray:
+    """Camera 1 and camera 0's centre as the kernel reads them, shape [29]."""
+    first, second = rig.cameras
+    grid = [second.fx, second.fy, second.cx, second.cy, second.skew, *second.distortion, fold(second)]
+    return np.concatenate(
+        [second.rotation.reshape(-1), second.translation, grid, second.centre, first.centre]
+    )
 
 
-def _correlate(
-    wanted: Subsets, picture: NDArray[np.float32], centre: FloatArray, A: FloatArray
-) -> FloatArray:
-    """ZNCC of every subset at all its places with all gradients, shape [n, k, h]; -1 where there is none."""
-    n, k, h = A.shape[:3]
-    nowhere = ~np.all(np.isfinite(centre), axis=-1)
-    middle = np.where(nowhere[..., None], 0.0, centre).astype(np.float32)[:, :, None]
-    # A product a point: those of its places are no small ones, and one for all would be shared out among
-    # threads that then wait for more by spinning.
-    slope = np.nan_to_num(A).astype(np.float32).reshape(n, k * h, 2, 2)
-    x, y = ((slope[:, :, c] @ wanted.xi.T.astype(np.float32)).reshape(n * k * h, -1) for c in (0, 1))
-    origin = np.repeat(middle, h, axis=2).reshape(-1, 2)
-    x += origin[:, 0, None]
-    y += origin[:, 1, None]
-    grey = sample(picture, x, y).reshape(n, k * h, -1)
-    template, weight = wanted.template[:, None], wanted.weight[:, None]
-    zncc = correlation(grey, template, weight)
-    # what lies beyond the picture's rim does not count, and less than half a subset is none
-    right, bottom = picture.shape[1] - 1.0, picture.shape[0] - 1.0
-    crossing = (x.min(axis=1) < 0.0) | (y.min(axis=1) < 0.0)
-    crossing |= (x.max(axis=1) > right) | (y.max(axis=1) > bottom)
-    i, j = np.nonzero(crossing.reshape(n, k * h))
-    if len(i):
-        x, y = x[crossing], y[crossing]
-        seen = wanted.weight[i] * ~((x < 0.0) | (y < 0.0) | (x > right) | (y > bottom))
-        part = correlation(grey[i, j], wanted.template[i], seen)
-        zncc[i, j] = np.where(2.0 * seen.sum(axis=1) < wanted.weight[i].sum(axis=1), -1.0, part)
-    zncc = zncc.reshape(n, k, h)
-    zncc[nowhere] = -1.0
-    return zncc
-
-
-def _keep_best(
-    found: Candidates,
-    rows: IntArray,
-    points: FloatArray,
-    s: FloatArray,
-    centre: FloatArray,
-    A: FloatArray,
-    zncc: FloatArray,
-) -> None:
-    """Write the best place of each point and the second peak into `found`."""
-    along = zncc.max(axis=2)
-    for i, row in enumerate(rows):
-        k = int(np.argmax(along[i]))
-        if along[i, k] <= -1.0:
-            continue
-        h = int(np.argmax(zncc[i, k]))
-        found.distance[row] = s[i, k]
-        found.warp[row] = 0.0
-        found.warp[row, :2] = centre[i, k] - points[i]
-        found.warp[row, 2:6] = (A[i, k, h] - np.eye(2)).reshape(-1)
-        left, right = _peak(along[i], k)
-        crests = _refined_maxima(along[i])
-        found.zncc[row] = crests[k]
-        found.second_peak[row] = max(crests[:left].max(initial=-1.0), crests[right:].max(initial=-1.0))
-
-
-def _refined_maxima(profile: FloatArray) -> FloatArray:
-    """The profile, its local maxima raised to the crest of the parabola through them and their neighbours."""
-    crests = profile.copy()
-    before, here, after = profile[:-2], profile[1:-1], profile[2:]
-    bend = 2.0 * here - before - after
-    top = (here >= before) & (here >= after) & (bend > 0.0) & (np.minimum(before, after) > -1.0)
-    rise = np.divide((after - before) ** 2, 8.0 * bend, out=np.zeros_like(here), where=top)
-    crests[1:-1] = np.minimum(here + rise, 1.0)
-    return crests
-
-
-def _peak(profile: FloatArray, k: int) -> tuple[int, int]:
-    """The slice of the profile that goes down from its peak at k on both sides."""
-    left, right = k, k + 1
-    while left > 0 and profile[left - 1] < profile[left]:
-        left -= 1
-    while right < len(profile) and profile[right] < profile[right - 1]:
-        right += 1
-    return left, right
+def _axes_meet(rig: StereoRig) -> float:
+    """Distance before camera 0 at which the optical axes come nearest to each other [m]."""
+    first, second = rig.cameras
+    centres = np.array([[camera.cx, camera.cy] for camera in rig.cameras])
+    meet = midpoint(rig, centres[0], centres[1])
+    s = float(distance_along(rig, centres[0], meet))
+    if not (np.isfinite(s) and s > 0.0):
+        baseline = float(np.linalg.norm(second.centre - first.centre))
+        s = 3.0 * baseline
+    return s

@@ -174,10 +174,13 @@ def _looked_for(
 ) -> Candidates:
     """Best places and second peaks of subsets deformed as matched; where a second peak comes near, of any
     slope."""
-    found = search_curves(rig, wanted, picture, limits=limits, gradients=A)
+    device = pair.stacks[0].device
+    found = search_curves(rig, wanted, picture, limits=limits, gradients=A, device=device)
     rows = np.flatnonzero(found.second_peak > SUSPECT)
     if len(rows):
-        again = search_curves(rig, wanted.take(rows), picture, limits=limits, turns=pair.search.turns)
+        again = search_curves(
+            rig, wanted.take(rows), picture, limits=limits, turns=pair.search.turns, device=device
+        )
         apart = np.linalg.norm(again.warp[:, :2] - found.warp[rows, :2], axis=1) > _reach(pair)
         second_peak = np.where(apart, np.maximum(again.zncc, again.second_peak), again.second_peak)
         found.second_peak[rows] = np.maximum(found.second_peak[rows], second_peak)

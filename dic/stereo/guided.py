@@ -135,7 +135,14 @@ def _seed(pair: Pair, match: Match, found: BoolArray) -> None:
     if limits is None and found.any():  # the rest of the surface is near what is known of it
         known = np.flatnonzero(found)
         limits = pair.around(known, match.warp[known])
-    candidates = search_curves(pair.rig, wanted, pair.pictures[1], limits=limits, turns=pair.search.turns)
+    candidates = search_curves(
+        pair.rig,
+        wanted,
+        pair.pictures[1],
+        limits=limits,
+        turns=pair.search.turns,
+        device=pair.stacks[0].device,
+    )
     alone = 1.0 - candidates.zncc < pair.search.distinct * (1.0 - candidates.second_peak)
     good = (candidates.zncc >= pair.search.least_zncc) & alone
     result, accepted = _attempt(pair, rows[good], candidates.warp[good])

@@ -98,20 +98,3 @@ def sample(picture: NDArray[np.float32], x: Array, y: Array) -> NDArray[np.float
             picture, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
         )
     return grey
-
-
-def correlation(g: NDArray[np.float32], t: NDArray[np.float32], weight: NDArray[np.float32]) -> FloatArray:
-    """Zero-normalised cross-correlation of g and t over the samples of weight 1, shape [...]; -1 if flat."""
-    count = np.maximum(np.einsum("...m->...", weight), 1.0)
-
-    def total(a: NDArray[np.float32], b: NDArray[np.float32]) -> FloatArray:
-        return np.asarray(np.einsum("...m,...m->...", a, b), dtype=np.float64)
-
-    tw = t * weight
-    gw = g * weight
-    sg, st = total(g, weight), total(t, weight)
-    gg, tt = total(g, gw), total(t, tw)
-    vg, vt = gg - sg * sg / count, tt - st * st / count
-    flat = (vg <= 1e-6 * gg) | (vt <= 1e-6 * tt)
-    norm = np.sqrt(np.where(flat, 1.0, vg * vt))
-    return np.asarray(np.where(flat, -1.0, (total(g, tw) - sg * st / count) / norm))

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dic.arrays import FloatArray, IntArray
 from dic.outcome import PointOutcome
-from dic.surfaces.overlap import overlap_correlation
+from dic.surfaces.overlap import overlap_matrix
 from dic.surfaces.surface_history import CentrePoints, SurfaceHistory
 
 
@@ -136,9 +136,9 @@ def _means(
         w = s**-2
         w = w / w.sum(axis=1, keepdims=True)
         noise = np.where(here, w * np.where(here, s, 0.0), 0.0)
-        correlation = overlap_correlation(grid[members], grid[members], subset)
+        correlation = overlap_matrix(grid[members], subset)
         means = [
             np.sum(w * np.where(here, value[np.ix_(frame, members)], 0.0), axis=1) for value in (y, radius)
         ]
-        variance = np.einsum("fi,ij,fj->f", noise, correlation, noise)
+        variance = np.sum((noise @ correlation) * noise, axis=1)
         yield frame.astype(np.int64), means[0], means[1], np.sqrt(variance)

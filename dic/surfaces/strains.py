@@ -11,6 +11,7 @@ from enum import IntEnum
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
 from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.surfaces.overlap import overlap_correlation
@@ -138,8 +139,10 @@ def strains(
     outcome = np.where(surface.valid, StrainOutcome.TOO_FEW_NEIGHBOURS, StrainOutcome.POINT_LOST)
     valid, position = surface.valid, surface.position
     reach = (0.5 * (gauge.window - 1) + 1e-6) * gauge.step
+    windows = cKDTree(grid).query_ball_point(grid, reach, p=np.inf, return_sorted=True)
     for i in range(n):
-        near = np.flatnonzero((np.abs(grid - grid[i]) <= reach).all(axis=1) & (label == label[i]))
+        near = np.array(windows[i], dtype=np.int64)
+        near = near[label[near] == label[i]]
         q = (grid[near] - grid[i]) / gauge.step
         used = valid[:, near] & valid[:, i, None]
         k, weights = _slopes(q, used, gauge.order)

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import ArrayLike
+from scipy.sparse import diags_array
 
 from dic.arrays import FloatArray, IntArray
 from dic.outcome import FrameOutcome
-from dic.surfaces.overlap import overlap_correlation
+from dic.surfaces.overlap import overlap_matrix
 from dic.surfaces.surface_history import SurfaceHistory
 
 
@@ -82,7 +83,7 @@ def axisymmetry(
         raise ValueError(
             f"points must be [{surface.n_points}, 2] and subset > 0 px, got {grid.shape} and {subset}"
         )
-    correlation = overlap_correlation(grid, grid, subset)
+    correlation = overlap_matrix(grid, subset)
     position = surface.position
     theta = np.arctan2(position[..., 0], position[..., 2])
     distance = np.hypot(position[..., 0], position[..., 2])
@@ -107,19 +108,19 @@ def axisymmetry(
         sin = np.sin(theta[k, valid])
         lateral = np.column_stack([sin, sin * (y - middle) / half])
         sigma = noise[k, valid]
-        C = correlation[np.ix_(valid, valid)] * np.outer(sigma, sigma)
+        C = diags_array(sigma) @ correlation[valid][:, valid] @ diags_array(sigma)
         G = _estimator(np.column_stack([round_part, lateral]), sigma)[-2:] / np.array([[1.0], [half]])
         numbers[k, [0, 2]] = G @ distance[k, valid]
-        numbers[k, [1, 3]] = np.sqrt(np.diag(G @ C @ G.T))
-        fitted = round_part @ _estimator(round_part, sigma)
+        numbers[k, [1, 3]] = np.sqrt(np.sum((G @ C) * G, axis=1))
+        terms = _estimator(round_part, sigma)
         bin_of = np.clip(np.digitize(theta[k, valid], edges) - 1, 0, bins - 1)
         average = (bin_of == np.arange(bins)[:, None]) / sigma**2
         weight = average.sum(axis=1)
         full = weight > 0.0
         average = average[full] / weight[full, None]
-        average = average - average @ fitted
+        average = average - (average @ round_part) @ terms
         residual[k, full] = average @ distance[k, valid]
-        residual_sigma[k, full] = np.sqrt(np.einsum("bi,ij,bj->b", average, C, average, optimize=True))
+        residual_sigma[k, full] = np.sqrt(np.sum((average @ C) * average, axis=1))
         numbers[k, 4] = np.sqrt(np.mean(residual[k, full] ** 2))
         numbers[k, 5] = np.sqrt(np.mean(residual_sigma[k, full] ** 2))
     return Axisymmetry(

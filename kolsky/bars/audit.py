@@ -20,6 +20,8 @@ CORRECTIONS: Mapping[str, tuple[bool, str]] = MappingProxyType(
         "droop": (True, "discharge of a piezoelectric transducer"),
         "dispersion": (True, "phase velocity of each frequency instead of the bar wave speed"),
         "separation": (True, "overlapping waves separated by two gauges"),
+        "reflected alignment": (False, "reflected wave moved to its observed arrival"),
+        "transmitted alignment": (False, "transmitted wave moved to its observed arrival"),
         "punching": (True, "elastic indentation of the bars' faces by a smaller specimen"),
         "mass": (True, "inertia of what lies between sensor and specimen"),
         "radial inertia": (False, "pressure of the specimen's own radial acceleration"),
@@ -173,6 +175,19 @@ class AuditLog:
             If a key is unknown.
         """
         self._entries.extend([replace(entry, key=known_key(entry.key)) for entry in corrections])
+
+    def complete(self, reasons: Mapping[str, str]) -> None:
+        """Append an entry for each correction that has none: left out, with its reason.
+
+        Raises
+        ------
+        ValueError
+            If a key is unknown.
+        """
+        there = {entry.key for entry in self._entries}
+        self.add(
+            *(Correction(k, k, False, 0.0, 0.0, "1", why) for k, why in reasons.items() if k not in there)
+        )
 
     def compare(self, name: str, key: str, before: ArrayLike, after: ArrayLike, **options: Any) -> Correction:
         """Measure a change as the function `compare` does and append it."""

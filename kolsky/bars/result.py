@@ -16,6 +16,9 @@ class Contribution:
     """The input."""
     shares: Mapping[str, float]
     """Its share of the variance of each result, by the result's name [-]."""
+    sensitivity: Mapping[str, float] = field(default_factory=dict)
+    """Change of each result per unit of the input, with its sign, by the result's name, in the result's unit
+    over the input's. An input that counts as exact is not varied and has none."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,12 @@ class WavesResult(ReducedTest):
     """Time windows of the pulses."""
     faces: FaceWaves
     """The waves at the specimen."""
+    analysis: str = "three waves"
+    """The analysis whose values are quoted."""
+    valid: tuple[float, float] | None = None
+    """Span in which imbalance and inertia stay within a share of the stress [s]; None if there is none."""
+    validity: str = ""
+    """The same in words, with the share that was allowed."""
 
 
 @dataclass(frozen=True, kw_only=True)

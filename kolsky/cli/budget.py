@@ -21,8 +21,8 @@ def budget(
         typer.Option(
             "--size",
             metavar="KEY=SIGMA",
-            help='A source of error, e.g. "imperfections.length=0.3 %"; repeat. Without any those of '
-            "[budget], or those that the shot declares, or usual ones.",
+            help='A source of error, e.g. "imperfections.length=0.3 %"; repeat. Without any: those of the '
+            "specification's table budget, those that the shot declares, or usual ones.",
         ),
     ] = None,
     free: Annotated[
@@ -114,12 +114,19 @@ def budget(
                 executor=executor,
                 progress=progress,
             )
-        campaign = (
-            None if slope is None else plan_campaign(ends[0], ends[1], slope, shot_sigma(found[0], scatter))
-        )
     except (ValueError, LedgerError) as error:
         raise InputError(test, str(error)) from None
+    campaign, unplanned = None, ""
+    if slope is not None:
+        try:
+            campaign = plan_campaign(ends[0], ends[1], slope, shot_sigma(found[0], scatter))
+        except ValueError as error:
+            unplanned = str(error)
     write_budget_results(folder, found, campaign, formats=formats)
+    if unplanned:
+        raise InputError(
+            test, f"no campaign can be planned, and {folder / 'budget.html'} has none: {unplanned}"
+        )
     summary = {**printed(found[0], campaign), "page": str(folder / "budget.html")}
     said = jsonable({"budgets": [facts(one, campaign) for one in found]}, "budget") if as_json else None
     print_result(summary, said, rest={"wall time": since(started)})

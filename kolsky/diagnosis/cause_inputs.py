@@ -1,146 +1,28 @@
 """The inputs that are tried as causes of a misfit: one record each, one entry makes a new one."""
 
-from __future__ import annotations
+from math import expm1, inf, log, log1p, nan
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from math import expm1, hypot, inf, log, log1p, nan
-from typing import TYPE_CHECKING
-
-from kolsky.base.apparatus import SLIDING_LAW
-from kolsky.diagnosis.alterations import UNALTERED, Alteration
-from kolsky.inverse.parameters import PARAMETERS, any_slides
-from kolsky.shot.records import ForceChannel
-
-if TYPE_CHECKING:
-    from kolsky.inverse.staged_runs import StagedRuns
-
-SENSITIVITY, DENSITY, LENGTH, DIAMETER = (
-    "force.sensitivity",
-    "specimen.density",
-    "specimen.length",
-    "specimen.diameter",
+from kolsky.diagnosis.alterations import Alteration
+from kolsky.diagnosis.candidate_input import (
+    BASELINE,
+    DAMPING,
+    DENSITY,
+    DIAMETER,
+    FLYER_CLOCK,
+    FORCE_CLOCK,
+    INTERFACE,
+    KIND,
+    LENGTH,
+    OUTLINE_CLOCK,
+    POISSON,
+    SCALE,
+    SENSITIVITY,
+    SPREAD,
+    Y_OFFSET,
+    Z_OFFSET,
+    CandidateInput,
+    Changed,
 )
-POISSON, DAMPING, KIND = "model.poisson", "model.damping", "model.mass_damping"
-FORCE_CLOCK, OUTLINE_CLOCK, FLYER_CLOCK = "force.clock_offset", "centre_line.time", "flyer.time"
-BASELINE, SCALE, SPREAD = "force.baseline", "flyer.displacement", "flyer tilt"
-Y_OFFSET, Z_OFFSET, INTERFACE = "centre_line.y_offset", "centre_line.Z_offset", "interface.faces"
-
-
-@dataclass(frozen=True)
-class Changed:
-    """An input at another value: what is simulated and what is made of it."""
-
-    values: Mapping[str, float] = field(default_factory=dict)
-    """Parameters of the simulation at other values than the shot's."""
-    specimen: Mapping[str, float] = field(default_factory=dict)
-    """Factors on fields of the specimen."""
-    motion: float = 1.0
-    """Factor on the motion of the front face."""
-    alteration: Alteration = UNALTERED
-    """Change of the predictions."""
-
-
-def together(first: Changed, second: Changed) -> Changed:
-    """Both changes at once; of what both change, the second's value holds, factors multiply."""
-    factors = dict(first.specimen)
-    for name, factor in second.specimen.items():
-        factors[name] = factors.get(name, 1.0) * factor
-    return Changed(
-        values={**first.values, **second.values},
-        specimen=factors,
-        motion=first.motion * second.motion,
-        alteration=first.alteration.then(second.alteration),
-    )
-
-
-DECLARED = Changed()
-"""Everything as the shot declares it."""
-
-
-def _plain(u: float) -> float:
-    return u
-
-
-@dataclass(frozen=True, kw_only=True)
-class CandidateInput:
-    """One input that may be wrong, as a coordinate u in which the response is nearly linear."""
-
-    key: str
-    """Key of shot.toml, or what else is wrong."""
-    words: str
-    """What is changed, as a sentence begins: "a factor on the force"."""
-    unit: str = "1"
-    """Unit of the value."""
-    check: str
-    """What to check, as a sentence ends: "check force.sensitivity"."""
-    scan: tuple[float, ...]
-    """Values of the coordinate that are tried before the search, far from what is declared."""
-    finer: float = 0.0
-    """Distance of the values tried about the best of those, where its basin is narrow; 0 for none."""
-    step: float
-    """Step of the coordinate for differences."""
-    typical: float
-    """Standard uncertainty that is usual where none is declared, in the value's unit; orders what the data
-    cannot tell apart."""
-    changed: Callable[[float], Changed]
-    """The input at a coordinate."""
-    allowance: float = 0.0
-    """Standard uncertainty that is granted beside the declared one: what no laboratory can know better."""
-    declared: str = ""
-    """Its key in [uncertainty]; empty if it has none."""
-    value: Callable[[float], float] = _plain
-    """Value at a coordinate."""
-    coordinate: Callable[[float], float] = _plain
-    """Coordinate of a value."""
-    lowest: float = -inf
-    """Least coordinate."""
-    highest: float = inf
-    """Largest coordinate."""
-    exact: float = 0.0
-    """The value that is right if the input is: 1 for a factor, 0 for an offset."""
-    parameter: str = ""
-    """The parameter of the simulation that it is; then `exact` is what is held."""
-    simulated: bool = False
-    """Whether other runs are needed."""
-    force: bool = False
-    """Whether it acts on the force alone."""
-    outline: bool = False
-    """Whether it acts on the outline alone."""
-
-    def here(self, stages: StagedRuns) -> bool:
-        """True if it can be tried on this shot: measured, held, and with an effect."""
-        shot, settings = stages.prepared.forward.shot, stages.settings
-        slides = any_slides([*stages.box.names, *settings.held]) or shot.interface.faces == SLIDING_LAW
-        if self.parameter in stages.box.names:
-            return False
-        if self.outline and not stages.observations.has_shape:
-            return False
-        if self.key == BASELINE:
-            return isinstance(shot.force, ForceChannel)
-        if self.key == INTERFACE:
-            return not slides
-        return True
-
-    def start(self, stages: StagedRuns) -> float:
-        """Coordinate of what is declared; NaN where that is no value of it."""
-        return nan if self.exact != self.exact else self.coordinate(self.held(stages))
-
-    def held(self, stages: StagedRuns) -> float:
-        """What is declared, in the value's unit."""
-        if not self.parameter:
-            return self.exact
-        shot, held = stages.prepared.forward.shot, stages.settings.held
-        return held.get(self.parameter, PARAMETERS[self.parameter].held(shot))
-
-    def sigma(self, stages: StagedRuns) -> float:
-        """Declared standard uncertainty in the value's unit, with what is granted; 0 if neither is."""
-        declared = stages.prepared.forward.shot.uncertainty.get(self.declared, 0.0)
-        return hypot(declared, self.allowance)
-
-
-def _factor(name: str) -> Callable[[float], Changed]:
-    return lambda u: Changed(specimen={name: 1.0 + u})
 
 
 def _one_more(u: float) -> float:
@@ -149,6 +31,35 @@ def _one_more(u: float) -> float:
 
 def _one_less(value: float) -> float:
     return value - 1.0
+
+
+def _of_specimen(
+    name: str,
+    key: str,
+    *,
+    scan: tuple[float, ...],
+    step: float,
+    typical: float,
+    lowest: float,
+    highest: float,
+) -> CandidateInput:
+    """A factor on a length or the density of the specimen; u is by how much it is not 1."""
+    return CandidateInput(
+        key=key,
+        words=f"a factor on the specimen's {name}",
+        check=f"check {key}",
+        scan=scan,
+        step=step,
+        typical=typical,
+        changed=lambda u: Changed(specimen={name: 1.0 + u}),
+        declared=f"specimen_{name}",
+        value=_one_more,
+        coordinate=_one_less,
+        lowest=lowest,
+        highest=highest,
+        exact=1.0,
+        simulated=True,
+    )
 
 
 _STEPS = tuple(5e-6 * n for n in range(-12, 13) if n)
@@ -279,54 +190,9 @@ CANDIDATES: tuple[CandidateInput, ...] = (
         parameter="mass_damping",
         simulated=True,
     ),
-    CandidateInput(
-        key=LENGTH,
-        words="a factor on the specimen's length",
-        check="check specimen.length",
-        scan=_SHARES,
-        step=2e-3,
-        typical=0.01,
-        changed=_factor("length"),
-        declared="specimen_length",
-        value=_one_more,
-        coordinate=_one_less,
-        lowest=-0.3,
-        highest=0.3,
-        exact=1.0,
-        simulated=True,
-    ),
-    CandidateInput(
-        key=DIAMETER,
-        words="a factor on the specimen's diameter",
-        check="check specimen.diameter",
-        scan=_SHARES,
-        step=2e-3,
-        typical=0.005,
-        changed=_factor("diameter"),
-        declared="specimen_diameter",
-        value=_one_more,
-        coordinate=_one_less,
-        lowest=-0.3,
-        highest=0.3,
-        exact=1.0,
-        simulated=True,
-    ),
-    CandidateInput(
-        key=DENSITY,
-        words="a factor on the specimen's density",
-        check="check specimen.density",
-        scan=(),
-        step=0.01,
-        typical=0.01,
-        changed=_factor("density"),
-        declared="specimen_density",
-        value=_one_more,
-        coordinate=_one_less,
-        lowest=-0.9,
-        highest=9.0,
-        exact=1.0,
-        simulated=True,
-    ),
+    _of_specimen("length", LENGTH, scan=_SHARES, step=2e-3, typical=0.01, lowest=-0.3, highest=0.3),
+    _of_specimen("diameter", DIAMETER, scan=_SHARES, step=2e-3, typical=0.005, lowest=-0.3, highest=0.3),
+    _of_specimen("density", DENSITY, scan=(), step=0.01, typical=0.01, lowest=-0.9, highest=9.0),
     CandidateInput(
         key=Y_OFFSET,
         words="an offset of the outline's height",

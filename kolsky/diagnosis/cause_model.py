@@ -10,8 +10,8 @@ import numpy as np
 from explicit import Response
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.diagnosis.alterations import UNALTERED, Alteration
+from kolsky.diagnosis.candidate_input import DECLARED, CandidateInput, Changed, together
 from kolsky.diagnosis.cause_fit import ExpectedResidual
-from kolsky.diagnosis.cause_inputs import DECLARED, CandidateInput, Changed, together
 from kolsky.inverse.forward import Forward, Numerics
 from kolsky.inverse.observations import Observations
 from kolsky.inverse.parameters import any_slides

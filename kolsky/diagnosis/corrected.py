@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from kolsky.base.records import FlyerMotion
-from kolsky.diagnosis import cause_inputs as inputs
+from kolsky.diagnosis import candidate_input as inputs
 from kolsky.inverse.cause_results import CauseFinding
 from kolsky.inverse.settings import Settings
 from kolsky.shot.records import ForceChannel, Shot

@@ -95,18 +95,18 @@ def search_meshes(stages: StagedRuns, start: FloatArray) -> dict[tuple[int, int]
     surrogate = stages.settings.numerics
     first = surrogate.with_mesh(min(surrogate.mesh, stages.settings.replicate_mesh))
     points, objective = starts(stages, start, first)
-    ends = _searches(stages, objective, first, points, FIRST_STEPS)
+    ends = least_squares_on(stages, objective, first, points, FIRST_STEPS)
     if VALLEY in stages.box.names and len(ends) > 1:
         floors = np.array([end.x for end in ends])
         likely = int(np.argmin(likelihoods(stages, floors, first, objective.counted)))
         ends = [ends[likely]]
-    (best,) = _searches(stages, objective, first, ends[0].x[None], MOST_STEPS)
+    (best,) = least_squares_on(stages, objective, first, ends[0].x[None], MOST_STEPS)
     found = {first.mesh: best}
     if stages.settings.replicates:
         learn_front_noise(stages, stages.replicate(best.x))
         objective = replace(objective, observations=stages.observations)
     if surrogate.mesh not in found:
-        (found[surrogate.mesh],) = _searches(stages, objective, surrogate, best.x[None], MOST_STEPS)
+        (found[surrogate.mesh],) = least_squares_on(stages, objective, surrogate, best.x[None], MOST_STEPS)
     return found
 
 
@@ -149,8 +149,14 @@ def starts(stages: StagedRuns, start: FloatArray, numerics: Numerics) -> tuple[F
     return done.points[order], Objective(stages.observations, inside, prior=stages.prior)
 
 
-def _searches(
-    stages: StagedRuns, objective: Objective, numerics: Numerics, points: FloatArray, steps: int
+def least_squares_on(
+    stages: StagedRuns,
+    objective: Objective,
+    numerics: Numerics,
+    points: FloatArray,
+    steps: int,
+    *,
+    at_rest: float = AT_REST,
 ) -> list[MeshOptimum]:
     """Least squares on a mesh from some points, the most likely end first; the prior is more data."""
     box, prior = stages.box, objective.prior
@@ -175,7 +181,7 @@ def _searches(
         weighting=weighting,
         step=STEP,
         max_steps=steps,
-        at_rest=AT_REST,
+        at_rest=at_rest,
     )
     edges = np.array([0.5 if name == VALLEY else 1.0 for name in box.names])
     return [

@@ -50,7 +50,7 @@ def small_strain_modulus(curve: MaterialCurve) -> float:
     strain = curve.stretch - 1.0
     order = np.argsort(np.abs(strain))
     order = order[strain[order] != 0.0]
-    near = order[: max(3, int((np.abs(strain) <= SMALL_STRAIN).sum()))]
+    near = order[: max(3, int((np.abs(strain[order]) <= SMALL_STRAIN).sum()))]
     return float((strain[near] * curve.stress[near]).sum() / (strain[near] ** 2).sum())
 
 

@@ -13,7 +13,8 @@ from kolsky.readers.text import decode_text, lines_of, read_bytes
 
 BINARY = False
 
-SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".prn", "")
+SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".prn", ".xls", "")
+"""Endings of text; many programs write it with tabs and call it .xls."""
 
 
 def sniff(path: Path) -> bool:

@@ -1,8 +1,14 @@
-"""Excel workbook (.xlsx): the cached values of one sheet, never its formulas."""
+"""Excel workbook (.xlsx): the cached values of one sheet, never its formulas.
+
+Rows come one by one from openpyxl. python-calamine, which reads the old .xls (`kolsky.readers.excel_97`),
+lays out a sheet as a full rectangle before anything can be asked of it: a workbook of 5 kB with a cell at
+XFD1048576 then ends the process.
+"""
 
 import math
 import zipfile
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 
 from kolsky.base.errors import InputError
@@ -22,8 +28,8 @@ _DECLARATIONS = (b"<!DOCTYPE", b"<!ENTITY", "<!DOCTYPE".encode("utf-16-le"), "<!
 
 
 def sniff(path: Path) -> bool:
-    """True if a file ends in .xlsx or .xlsm and is a zip archive."""
-    return path.suffix.lower() in (".xlsx", ".xlsm") and head_of(path, 4) == b"PK\x03\x04"
+    """True if a file ends in .xlsx, .xlsm or, misnamed, .xls and is a zip archive."""
+    return path.suffix.lower() in (".xlsx", ".xlsm", ".xls") and head_of(path, 4) == b"PK\x03\x04"
 
 
 def read(path: Path, layout: Layout) -> Contents:
@@ -38,17 +44,67 @@ def read(path: Path, layout: Layout) -> Contents:
     sha256 = file_hash(path, limit=COMPRESSED_LIMIT)
     _check_archive(path)
     title, rows = _rows(path, layout.sheet)
-    width = max(map(len, rows), default=0)
-    lines = ["\t".join(cells + [""] * (width - len(cells))) for cells in rows]
+    return sheet_contents(path, sha256, "excel", title, rows, layout)
+
+
+def sheet_contents(
+    path: Path, sha256: str, form: str, title: str, rows: Sequence[Sequence[object]], layout: Layout
+) -> Contents:
+    """Channels and metadata of the rows of one sheet.
+
+    Parameters
+    ----------
+    path, sha256
+        The workbook and its hash.
+    form
+        Name of its format.
+    title, rows
+        The sheet: texts, numbers, truth values; at most `COLUMNS_LIMIT` columns are read.
+    layout
+        What has been said of it.
+
+    Raises
+    ------
+    InputError
+        If it is empty or a cell holds an error; and as `kolsky.readers.delimited.read_lines`.
+    """
+    texts = [
+        [_text(path, number, cell) for cell in row[:COLUMNS_LIMIT]]
+        for number, row in enumerate(rows, start=1)
+    ]
+    width = max(map(len, texts), default=0)
+    lines = ["\t".join(cells + [""] * (width - len(cells))) for cells in texts]
     while lines and not lines[-1].strip():
         lines.pop()
     if not lines:
         raise InputError(path, f"sheet '{title}' is empty", cure="name the sheet with the samples")
     stated = Layout(**{**vars(layout), "delimiter": "tab", "decimal": "."})
-    facts = {"format": "excel", "sheet": title}
-    contents = read_lines(path, sha256, lines, stated, facts, word="row")
+    contents = read_lines(path, sha256, lines, stated, {"format": form, "sheet": title}, word="row")
     kept = {key: value for key, value in contents.facts.items() if key not in ("delimiter", "decimal")}
     return Contents(path, sha256, contents.channels, kept, contents.metadata)
+
+
+def chosen_sheet(path: Path, titles: Sequence[str], filled: Sequence[str], wanted: str | None) -> str:
+    """The sheet that is meant: the one named, else the only one with data.
+
+    Raises
+    ------
+    InputError
+        If there is no such sheet, or several have data and none is named.
+    """
+    if wanted is not None and wanted not in titles:
+        raise InputError(
+            path, f"has no sheet '{wanted}'; its sheets are {list(titles)}", cure="correct sheet"
+        )
+    if wanted is not None:
+        return wanted
+    if len(filled) != 1:
+        raise InputError(
+            path,
+            f"has {len(filled)} sheets with data: {list(filled) or list(titles)}",
+            cure='say which: sheet = "NAME"',
+        )
+    return filled[0]
 
 
 def _check_archive(path: Path) -> None:
@@ -75,40 +131,26 @@ def _check_archive(path: Path) -> None:
                             )
                         before = block[-20:]
     except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, OSError, EOFError) as error:
-        raise _damaged(path, error) from None
+        raise damaged(path, error) from None
 
 
-def _rows(path: Path, wanted: str | None) -> tuple[str, list[list[str]]]:
-    """Title and rows of the sheet that is meant, cells as text."""
+def _rows(path: Path, wanted: str | None) -> tuple[str, list[tuple[object, ...]]]:
+    """Title and rows of the sheet that is meant."""
     import openpyxl
 
     try:
         book = openpyxl.load_workbook(path, read_only=True, data_only=True, keep_links=False)
     except Exception as error:  # openpyxl lets its parsers' errors through
-        raise _damaged(path, error) from None
+        raise damaged(path, error) from None
     try:
-        titles = [sheet.title for sheet in book.worksheets]
-        if wanted is not None and wanted not in titles:
-            raise InputError(path, f"has no sheet '{wanted}'; its sheets are {titles}", cure="correct sheet")
-        filled = [
-            sheet
-            for sheet in book.worksheets
-            if sheet.title == wanted or (wanted is None and _has_rows(sheet))
-        ]
-        if len(filled) != 1:
-            raise InputError(
-                path,
-                f"has {len(filled)} sheets with data: {[sheet.title for sheet in filled] or titles}",
-                cure='say which: sheet = "NAME"',
-            )
-        return filled[0].title, [
-            [_text(path, number, cell) for cell in row[:COLUMNS_LIMIT]]
-            for number, row in enumerate(filled[0].iter_rows(values_only=True), start=1)
-        ]
+        sheets = {sheet.title: sheet for sheet in book.worksheets}
+        filled = [title for title, sheet in sheets.items() if wanted is None and _has_rows(sheet)]
+        title = chosen_sheet(path, list(sheets), filled, wanted)
+        return title, [row[:COLUMNS_LIMIT] for row in sheets[title].iter_rows(values_only=True)]
     except InputError:
         raise
     except Exception as error:
-        raise _damaged(path, error) from None
+        raise damaged(path, error) from None
     finally:
         book.close()
 
@@ -132,5 +174,6 @@ def _text(path: Path, row: int, cell: object) -> str:
     return text
 
 
-def _damaged(path: Path, error: Exception) -> InputError:
+def damaged(path: Path, error: Exception | str) -> InputError:
+    """The error of a file that is no workbook, or a broken one."""
     return InputError(path, f"is not a workbook that can be read ({error})", cure="save it again in Excel")

@@ -7,6 +7,7 @@ from typing import Protocol
 from kolsky.readers import (
     delimited,
     excel,
+    excel_97,
     hdf5,
     labview_lvm,
     lanl_raw,
@@ -33,6 +34,7 @@ class RecorderFormat(Protocol):
 
 FORMATS: Mapping[str, RecorderFormat] = {
     "excel": excel,
+    "excel 97": excel_97,
     "tdms": tdms,
     "matlab": matlab,
     "hdf5": hdf5,

@@ -13,13 +13,19 @@ _WORDS = {
     "usec": "us", "µsec": "us", "microsecond": "us", "microseconds": "us",
     "nsec": "ns", "nanosecond": "ns", "nanoseconds": "ns",
     "newton": "N", "newtons": "N", "pascal": "Pa", "ampere": "A", "amp": "A", "amps": "A",
-    "strain": "1", "m/m": "1", "ustrain": "uε", "microstrain": "uε", "µstrain": "uε", "me": "mε",
-    "με": "uε", "µε": "uε", "%": "%",
+    "strain": "1", "m/m": "1", "ustrain": "uε", "microstrain": "uε", "microstrains": "uε", "µstrain": "uε",
+    "μstrain": "uε", "micro strain": "uε", "με": "uε", "µε": "uε", "ue": "uε", "µe": "uε", "μe": "uε",
+    "um/m": "uε", "µm/m": "uε", "μm/m": "uε", "mm/m": "mε", "millistrain": "mε", "me": "mε", "%": "%",
 }  # fmt: skip
 _BASES = {"V": "V", "s": "s", "N": "N", "Pa": "Pa", "A": "A", "C": "C", "ε": "1", "m/s": "m/s"}
 _PLAIN = {"1": ("1", 1.0), "-": ("1", 1.0), "%": ("1", 1e-2), "m/s^2": ("m/s^2", 1.0), "m/s²": ("m/s^2", 1.0)}
 _BRACKETS = re.compile(r"(.*?)\s*[(\[]\s*([^()\[\]]+?)\s*[)\]]\s*")
 _SLASH = re.compile(r"(.*\S)\s*/\s*(\S+)")
+_TAIL = re.compile(r"(.*?[^\s_,])(?:_|\s*,\s*|\s+in\s+)([A-Za-zµμε%]+)")
+"""A unit behind a last underscore, a comma or "in": time_s, "CH1, mV", "Zeit in ms"."""
+_TIME_WORDS = re.compile(r"(.*[\s_])?(time|timestamp|zeit|temps|tiempo|tempo|t)", re.IGNORECASE)
+_TAIL_UNITS = re.compile(r"([mµμuk]?V|[mk]?N|[kM]?Pa|(?:micro|[mµμu])?strain|[mµμu]?ε|volts?|millivolts?)")
+"""Units that a tail may name in any column; of times they are those of time. CH_A is no current."""
 
 
 def si_unit(text: str) -> tuple[str, float] | None:
@@ -39,10 +45,19 @@ def si_unit(text: str) -> tuple[str, float] | None:
 
 
 def split_unit(heading: str) -> tuple[str, str | None]:
-    """Name and unit of a column heading such as "CH1 (mV)", "Time [s]" or "Time/s"; None without a unit."""
+    """Name and unit of a column heading; None without a unit.
+
+    "CH1 (mV)", "Time [s]", "Time/s", and by its last word "time_s", "strain_microstrain", "Zeit in ms".
+    """
     match = _BRACKETS.fullmatch(heading) or _SLASH.fullmatch(heading)
     if match is not None and si_unit(match.group(2)) is not None:
         return match.group(1).strip(), match.group(2)
+    tail = _TAIL.fullmatch(heading.strip())
+    if tail is not None and (known := si_unit(tail.group(2))) is not None:
+        name, unit = tail.groups()
+        of_time = known[0] == "s" and _TIME_WORDS.fullmatch(name) is not None
+        if of_time or _TAIL_UNITS.fullmatch(unit) is not None:
+            return name, unit
     return heading.strip(), None
 
 

@@ -7,10 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.files import replacing
+from dic.full_field.result import FullField
 from dic.result import Body
 from explicit import Response
 
 VTK_QUAD = 9
+VTK_TRIANGLE = 5
 
 
 def write_vtu(
@@ -136,6 +138,58 @@ def write_vtp(folder: Path, body: Body, name: str = "specimen") -> list[Path]:
         )
         written.append(path)
     listing = folder / f"{name}.pvd"
+    with replacing(listing) as partial:
+        ElementTree.ElementTree(root).write(partial, encoding="utf-8", xml_declaration=True)
+    return [*written, listing]
+
+
+def write_full_field_vtu(folder: Path, result: FullField) -> list[Path]:
+    """Write the valid points of every frame of a full-field result, joined to triangles over their grid.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder; created if absent. `field.pvd` lists the series with its times.
+    result : FullField
+        The result. A triangle with a lost corner is left out.
+
+    Returns
+    -------
+    list of Path
+        The VTU files written, then the listing. Points are the current places in the result's unit; their
+        data are displacement and sigma in that unit, the strains xx, yy, xy (NaN where there is none), the
+        lowest correlation and the point's number.
+    """
+    import pyvista  # heavy
+
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    surface, triangles = result.surface, grid_triangles(result.cell)
+    if result.kind == "plane":  # y runs down there: keep the normals toward the camera
+        triangles = triangles[:, ::-1]
+    root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
+    series = ElementTree.SubElement(root, "Collection")
+    written = []
+    for frame in range(surface.n_frames):
+        valid = surface.valid[frame]
+        number = np.cumsum(valid) - 1
+        kept = number[triangles[valid[triangles].all(axis=1)]]
+        cells = np.column_stack([np.full(len(kept), 3), kept]).ravel()
+        kinds = np.full(len(kept), VTK_TRIANGLE, dtype=np.uint8)
+        grid = pyvista.UnstructuredGrid(cells, kinds, surface.position[frame, valid])
+        grid.point_data[f"displacement [{result.unit}]"] = surface.u[frame, valid]
+        grid.point_data[f"sigma [{result.unit}]"] = surface.sigma[frame, valid]
+        grid.point_data["strain xx, yy, xy"] = result.strain.value[frame, valid]
+        grid.point_data["correlation"] = result.zncc[:, frame, valid].min(axis=0)
+        grid.point_data["point"] = np.flatnonzero(valid)
+        path = folder / f"field_{frame:05d}.vtu"
+        with replacing(path) as partial:
+            grid.save(partial)
+        ElementTree.SubElement(
+            series, "DataSet", timestep=repr(float(surface.t[frame])), part="0", file=path.name
+        )
+        written.append(path)
+    listing = folder / "field.pvd"
     with replacing(listing) as partial:
         ElementTree.ElementTree(root).write(partial, encoding="utf-8", xml_declaration=True)
     return [*written, listing]

@@ -4,28 +4,36 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from dic.full_field.result import FullField
 from dic.output.csv import write_frames
+from dic.output.full_field import write_full_field_frames, write_full_field_history
 from kolsky.bars.reduction import output as waves_output
-from kolsky.bars.result import ReducedTest
+from kolsky.bars.reduction.database import write_database
+from kolsky.bars.result import ReducedTest, WavesResult
 from kolsky.base.errors import InputError
 from kolsky.base.files import filling
 from kolsky.inverse.result import Identification
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.results.tables import write_csv
 from kolsky.shot.dic_output import write_tables
+from kolsky.shot.measurement import Measurement
+from kolsky.shot.measurement_file import write_full_field
 from kolsky.shot.optical_data import Surfaces
 from kolsky.shot.recorded import Recorded, recorded
 from kolsky.shot.records import PicturedShot, Shot
-from kolsky.studies.budget.budget import Budget
 from kolsky.studies.budget.campaign import Campaign
+from kolsky.studies.budget.records import Budget
 from kolsky.studies.planning import output as plan_output
 from kolsky.studies.planning.plan import Plan
 from kolsky.studies.rates import output as rates_output
 from kolsky.studies.rates.records import RateReport
 from kolsky.studies.sweep import Sweep, write_sweep
 from kolsky.studies.sweep_analysis import SweepAnalysis
+
+if TYPE_CHECKING:
+    from kolsky.report.figures.base import FigureKind
 
 RESULT_FILE = "identification.h5"
 PAGE = "report.html"
@@ -111,13 +119,11 @@ def write_identify_page(
     from kolsky.report.scene import stills
 
     stills.start_stills(found)  # rendered meanwhile; a rendering that runs already is kept
-    from kolsky.report.canvas import save_figures
     from kolsky.report.pages.identification import write_report
 
     write_report(folder / PAGE, found, recordings, processes=processes)
-    if formats:
-        save_figures(folder / "figures", recordings, formats=tuple(formats))
-        save_figures(folder / "figures", found, formats=tuple(formats))
+    _save_figures(folder, recordings, formats)
+    _save_figures(folder, found, formats)
 
 
 def write_dic_results(
@@ -152,7 +158,6 @@ def write_dic_results(
     InputError
         If the results cannot be written.
     """
-    from kolsky.report.canvas import save_figures
     from kolsky.report.pages.surfaces import write_page
     from kolsky.report.paraview import write_vtp
     from kolsky.report.surface_view import read_surface_view
@@ -162,14 +167,60 @@ def write_dic_results(
     with filling(folder) as partial:
         write_tables(partial, found, shot.pictures.frames.frame)
         write_page(partial / "dic.html", shown, shot.inputs, processes=processes)
-        if formats:
-            save_figures(partial / "figures", shown, formats=tuple(formats))
+        _save_figures(partial, shown, formats)
         if csv:
             write_frames(partial / "surface", result.specimen, strain=result.strain.value)
         if vtp:
             write_vtp(partial / "vtp", result.specimen, "specimen")
             if result.flyer is not None:
                 write_vtp(partial / "vtp", result.flyer, "flyer")
+
+
+def write_full_field_results(
+    folder: Path,
+    measurement: Measurement,
+    result: FullField,
+    *,
+    formats: Sequence[str] = (),
+    csv: bool = False,
+    vtu: bool = False,
+) -> None:
+    """Write the results of `kolsky dic` for a dic.toml: dic.h5, dic.html, history.csv and figures.
+
+    Parameters
+    ----------
+    folder
+        Folder; created if absent.
+    measurement
+        The measurement, as `kolsky.shot.measurement.read_measurement` gives it.
+    result
+        The result.
+    formats
+        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
+    csv, vtu
+        Also write every frame's points as CSV, and as VTU for ParaView.
+
+    Raises
+    ------
+    InputError
+        If the results cannot be written.
+    """
+    from kolsky.report.canvas import save_figures
+    from kolsky.report.full_field_view import read_full_field_view
+    from kolsky.report.pages.full_field import write_page
+    from kolsky.report.paraview import write_full_field_vtu
+
+    shown = read_full_field_view(measurement.name, result, measurement.series[0])
+    with filling(folder) as partial:
+        write_full_field(partial / "dic.h5", result)
+        write_full_field_history(partial / "history.csv", result)
+        write_page(partial / "dic.html", shown, measurement.inputs)
+        if formats:
+            save_figures(partial / "figures", shown, formats=tuple(formats))
+        if csv:
+            write_full_field_frames(partial / "csv", result)
+        if vtu:
+            write_full_field_vtu(partial / "vtu", result)
 
 
 def write_waves_results(folder: Path, result: ReducedTest, *, formats: Sequence[str] = ()) -> None:
@@ -189,15 +240,15 @@ def write_waves_results(folder: Path, result: ReducedTest, *, formats: Sequence[
     InputError
         If the results cannot be written.
     """
-    from kolsky.report.canvas import save_figures
     from kolsky.report.pages.waves import write_page
 
     with filling(folder) as partial:
         waves_output.write_hdf5(partial / "waves.h5", result)
         waves_output.write_csv(partial, result)
+        if isinstance(result, WavesResult):
+            write_database(partial / "waves_database.csv", result)
         write_page(partial / "waves.html", result)
-        if formats:
-            save_figures(partial / "figures", result, formats=tuple(formats))
+        _save_figures(partial, result, formats)
 
 
 def write_rate_results(folder: Path, report: RateReport, *, formats: Sequence[str] = ()) -> None:
@@ -217,17 +268,14 @@ def write_rate_results(folder: Path, report: RateReport, *, formats: Sequence[st
     InputError
         If the results cannot be written.
     """
-    from kolsky.report.canvas import save_figures
     from kolsky.report.pages.rates import figures_of, write_page
 
     with filling(folder) as partial:
         rates_output.write_hdf5(partial / "rates.h5", report)
         rates_output.write_csv(partial, report)
         write_page(partial / "rates.html", report)
-        if formats:
-            for index, group in enumerate(report.groups):
-                registry = figures_of(report, index)
-                save_figures(partial / "figures", group, formats=tuple(formats), registry=registry)
+        for index, group in enumerate(report.groups):
+            _save_figures(partial, group, formats, registry=figures_of(report, index))
 
 
 def write_plan_results(folder: Path, found: Plan, *, formats: Sequence[str] = ()) -> None:
@@ -247,15 +295,13 @@ def write_plan_results(folder: Path, found: Plan, *, formats: Sequence[str] = ()
     InputError
         If the results cannot be written.
     """
-    from kolsky.report.canvas import save_figures
 
     with filling(folder) as partial:
         plan_output.write_hdf5(partial / "plan.h5", found)
         plan_output.write_csv(partial, found)
         text = json.dumps(plan_output.to_json(found), indent=2, allow_nan=False)
         (partial / "plan.json").write_text(text, encoding="utf-8")
-        if formats:
-            save_figures(partial / "figures", found, formats=tuple(formats))
+        _save_figures(partial, found, formats)
 
 
 def write_budget_results(
@@ -283,7 +329,6 @@ def write_budget_results(
     InputError
         If the results cannot be written.
     """
-    from kolsky.report.canvas import save_figures
     from kolsky.report.pages.budget import write_page
     from kolsky.studies.budget.output import write_budget
 
@@ -291,8 +336,7 @@ def write_budget_results(
         for number, result in enumerate(results):
             write_budget(partial / ("budget.csv" if not number else f"budget-{result.parameter}.csv"), result)
         write_page(partial / "budget.html", results, campaign)
-        if formats:
-            save_figures(partial / "figures", results[0], formats=tuple(formats))
+        _save_figures(partial, results[0], formats)
 
 
 def write_sweep_results(
@@ -326,14 +370,26 @@ def write_sweep_results(
     InputError
         If the results cannot be written.
     """
-    from kolsky.report.canvas import save_figures
     from kolsky.report.pages.sweep import write_page
 
     with filling(folder) as partial:
         write_sweep(partial / f"{name}.csv", result)
         write_page(partial / f"{name}.html", analysis, warnings=warnings)
-        if formats:
-            save_figures(partial / "figures", analysis, formats=tuple(formats))
+        _save_figures(partial, analysis, formats)
+
+
+def _save_figures(
+    folder: Path,
+    shown: Any,
+    formats: Sequence[str],
+    *,
+    registry: "Mapping[str, FigureKind[Any]] | None" = None,
+) -> None:
+    """Save the figures of a result alone, if formats are asked for; Matplotlib is loaded only then."""
+    if formats:
+        from kolsky.report.canvas import save_figures
+
+        save_figures(folder / "figures", shown, formats=tuple(formats), registry=registry)
 
 
 def _refuse_other_files(path: Path, then: Any, now: Mapping[str, str]) -> None:

@@ -337,6 +337,7 @@ CAUSE = Record(
         "alike": Text("alike"),
         "beside": Text(),
         "status": Text(),
+        "declared_sigma": Floats(OWN, optional=True),
         "solved": numbers("SI"),
         "solved_sigmas": numbers("SI"),
     },

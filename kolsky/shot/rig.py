@@ -29,7 +29,7 @@ class Calibrated:
     """The cameras, and what speaks for them."""
 
     rig: StereoRig
-    """For pictures with the crop of the shot's series."""
+    """The cameras."""
     words: str
     """One sentence on where it is from and how well it fits."""
 
@@ -45,11 +45,8 @@ def calibrated(pictures: PictureSet, progress: Progress) -> Calibrated:
     """
     toml, section = pictures.toml, pictures.toml.declared.calibration
     assert section is not None  # shots with pictures have it
-    if section.file is not None:
-        rig, words = _from_file(toml, section)
-    else:
-        found = calibration_of(toml, section, progress)
-        rig, words = found.rig, _words(found)
+    found = rig_of(toml, section, progress)
+    rig = found.rig
     for camera, series, name in zip(rig.cameras, pictures.series, CAMERAS, strict=True):
         problem = fits_sensor(series, camera.sensor)
         if problem:
@@ -59,7 +56,21 @@ def calibrated(pictures: PictureSet, progress: Progress) -> Calibrated:
                 cure="declare where the crop lies on the sensor, or calibrate with full pictures",
             )
     offsets = [series.crop_offset for series in pictures.series]
-    return Calibrated(rig=rig.cropped(offsets[0], offsets[1]), words=words)
+    return Calibrated(rig=rig.cropped(offsets[0], offsets[1]), words=found.words)
+
+
+def rig_of(toml: TomlFile, section: CalibrationSection, progress: Progress) -> Calibrated:
+    """The rig that a table [calibration] declares, for pictures of the whole sensors.
+
+    Raises
+    ------
+    InputError
+        If the file holds no two cameras, or as `calibration_of`.
+    """
+    if section.file is not None:
+        return Calibrated(*_from_file(toml, section))
+    found = calibration_of(toml, section, progress)
+    return Calibrated(rig=found.rig, words=_words(found))
 
 
 def target_of(section: TargetSection, toml: TomlFile) -> tuple[Any, Any]:

@@ -36,6 +36,12 @@ SHARE = 0.05
 """The same for the other parameters [-]."""
 
 
+Needs = Literal["nothing", "force channel", "outline"]
+"""What a shot must have for an input to have a part."""
+ActsOn = Literal["data", "model"]
+"""Whether an input changes what was measured, or what is simulated."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Input:
     """One input: what it is, where it is declared, how far it is moved."""
@@ -50,16 +56,12 @@ class Input:
     """SI unit of its step; "1" for a plain number."""
     relative: bool = False
     """Whether its step and its uncertainty are shares of it."""
-    acts_on: Literal["data", "model"]
+    acts_on: ActsOn
     """Whether it changes what was measured, or what is simulated."""
-    needs: Literal["nothing", "force channel", "outline"] = "nothing"
+    needs: Needs = "nothing"
     """What a shot must have for it to have a part."""
     step: Callable[[Shot, Objective], float]
     """By how much it is moved, in its unit or relative."""
-
-
-def _relative(shot: Shot, objective: Objective) -> float:
-    return RELATIVE
 
 
 def _clock(shot: Shot, objective: Objective) -> float:
@@ -94,6 +96,19 @@ def _friction(shot: Shot, objective: Objective) -> float:
     return parameter_step("friction", shot.interface.friction)
 
 
+def _share(key: str, words: str, place: str, *, acts_on: ActsOn, needs: Needs = "nothing") -> Input:
+    """An input whose step and uncertainty are shares of it."""
+    return Input(
+        key=key,
+        words=words,
+        place=place,
+        relative=True,
+        acts_on=acts_on,
+        needs=needs,
+        step=lambda shot, objective: RELATIVE,
+    )
+
+
 INPUTS: dict[str, Input] = {
     one.key: one
     for one in (
@@ -119,46 +134,16 @@ INPUTS: dict[str, Input] = {
             acts_on="model",
             step=_friction,
         ),
-        Input(
-            key="curve_scale",
-            words="scale of the quasi-static stress",
-            place="[curve] stress",
-            relative=True,
-            acts_on="model",
-            step=_relative,
-        ),
-        Input(
-            key="specimen_diameter",
-            words="specimen’s diameter",
-            place="[specimen] diameter",
-            relative=True,
-            acts_on="model",
-            step=_relative,
-        ),
-        Input(
-            key="specimen_length",
-            words="specimen’s length",
-            place="[specimen] length",
-            relative=True,
-            acts_on="model",
-            step=_relative,
-        ),
-        Input(
-            key="specimen_density",
-            words="specimen’s density",
-            place="[specimen] density",
-            relative=True,
-            acts_on="model",
-            step=_relative,
-        ),
-        Input(
-            key="sensitivity",
-            words="sensitivity of the force",
-            place="[force] sensitivity",
-            relative=True,
+        _share("curve_scale", "scale of the quasi-static stress", "[curve] stress", acts_on="model"),
+        _share("specimen_diameter", "specimen’s diameter", "[specimen] diameter", acts_on="model"),
+        _share("specimen_length", "specimen’s length", "[specimen] length", acts_on="model"),
+        _share("specimen_density", "specimen’s density", "[specimen] density", acts_on="model"),
+        _share(
+            "sensitivity",
+            "sensitivity of the force",
+            "[force] sensitivity",
             acts_on="data",
             needs="force channel",
-            step=_relative,
         ),
         Input(
             key="force_zero",

@@ -1,78 +1,25 @@
-"""The truth of made shots: runs of the solver, those on one mesh in one launch, and a flyer that tilts."""
+"""The truth of made shots: runs of the solver, many at a time, and a flyer that tilts."""
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 import explicit
-from kolsky.base.apparatus import SLIDING_LAW, Bar
+from kolsky.base.apparatus import Bar
 from kolsky.base.arrays import FloatArray
 from kolsky.virtual.material import law_of, relaxation_of
-from kolsky.virtual.motion import Path1D, path_of
 from kolsky.virtual.records import SurfaceHistory, Truth
 from kolsky.virtual.schema import Specification
+from kolsky.virtual.truth_job import Job
 
-MARGIN = 15e-6
-"""Time that is simulated beyond the record, and of the record beyond the last frame [s]."""
 KNOT = 2.5e-7
 """Distance of the knots of the platen's motion, and of the force's samples [s]."""
 
 
 class TruthError(Exception):
     """A simulation of a truth that did not reach its end; the message says why."""
-
-
-@dataclass(frozen=True)
-class Job:
-    """One shot's simulation, timed from the flyer's start."""
-
-    quantities: Specification
-    """The specification."""
-    path: Path1D
-    """The flyer's motion."""
-    end: float
-    """Time from start to end of the record [s]."""
-    frames: FloatArray
-    """True times of the frames from the start on, static ones below or at 0 [s], shape [n_frames]."""
-
-    @property
-    def last(self) -> float:
-        """Time from the start that is simulated [s]."""
-        late = abs(self.quantities.imperfections.trigger) + abs(self.quantities.transmitted.delay)
-        return self.end + MARGIN + late
-
-    @classmethod
-    def of(cls, quantities: Specification, folder: Path = Path()) -> "Job":
-        """The simulation that a specification asks for; files that it names are in `folder`.
-
-        Raises
-        ------
-        ValueError
-            If its motion cannot be.
-        """
-        path, end = path_of(quantities, folder)
-        frames = quantities.frames
-        first = -(frames.static - 1 + frames.phase) / frames.rate
-        count = int(np.floor((end - first) * frames.rate * (1.0 + 1e-12))) + 1
-        return cls(quantities, path, end, first + np.arange(count) / frames.rate)
-
-    @property
-    def contact(self) -> tuple[str, str]:
-        """True contact laws of faces and side."""
-        slips = self.quantities.imperfections.slip_friction > 0.0
-        declared = self.quantities.interface
-        return (SLIDING_LAW, SLIDING_LAW) if slips else (declared.faces, declared.side)
-
-    @property
-    def group(self) -> Hashable:
-        """Shots of one group share a model of the solver."""
-        q = self.quantities
-        relaxing = len(q.material.prony_times)
-        support = q.transmission.model_dump_json()
-        return (q.specimen, q.truth, q.material.law, relaxing, self.contact, support)
 
 
 def simulate_truths(
@@ -82,7 +29,39 @@ def simulate_truths(
     device: str = "cpu",
     threads: int | None = None,
 ) -> list[Truth]:
-    """Simulate what several shots truly did.
+    """Simulate what several shots truly did; all of them must reach their end.
+
+    Parameters
+    ----------
+    specifications, folder, device, threads
+        As in `try_truths`.
+
+    Raises
+    ------
+    TruthError
+        If a simulation did not reach its end.
+    ValueError
+        If a specification cannot be simulated.
+    """
+    truths = []
+    for found in try_truths(specifications, folder=folder, device=device, threads=threads):
+        if isinstance(found, TruthError):
+            raise found
+        truths.append(found)
+    return truths
+
+
+def try_truths(
+    specifications: Sequence[Specification],
+    *,
+    folder: Path = Path(),
+    device: str = "cpu",
+    threads: int | None = None,
+) -> list[Truth | TruthError]:
+    """Simulate what several shots truly did; a simulation that ends early leaves the others alone.
+
+    Shots with one mesh and one kind of material are one launch. On a GPU the launches run side by side, so
+    that shots of forty geometries take little longer than one; each is the same bits as alone.
 
     Parameters
     ----------
@@ -95,38 +74,60 @@ def simulate_truths(
 
     Raises
     ------
-    TruthError
-        If a simulation did not reach its end.
     ValueError
         If a specification cannot be simulated.
     """
-    jobs = [Job.of(quantities, folder) for quantities in specifications]
+    all_jobs = [Job.of(quantities, folder) for quantities in specifications]
     groups: dict[Hashable, list[int]] = {}
-    for number, job in enumerate(jobs):
+    for number, job in enumerate(all_jobs):
         groups.setdefault(job.group, []).append(number)
-    truths: dict[int, Truth] = {}
-    for members in groups.values():
-        found = _group([jobs[number] for number in members], device, threads)
-        truths.update(zip(members, found, strict=True))
-    return [truths[number] for number in range(len(jobs))]
+    members = list(groups.values())
+    batches = [[all_jobs[number] for number in numbers] for numbers in members]
+    responses = _run([(batch, [np.zeros(0)] * len(batch)) for batch in batches], device, threads)
+    tilts = [
+        [_tilt(job, response, row) for row, job in enumerate(batch)]
+        for batch, response in zip(batches, responses, strict=True)
+    ]
+    # Where a flyer tilts, the cameras see another run.
+    tilted = [i for i, group in enumerate(tilts) if any(np.any(tilt) for tilt in group)]
+    shifts = [
+        [
+            tilt * 0.5 * job.quantities.specimen.diameter
+            for job, tilt in zip(batches[i], tilts[i], strict=True)
+        ]
+        for i in tilted
+    ]
+    again = _run([(batches[i], shift) for i, shift in zip(tilted, shifts, strict=True)], device, threads)
+    seen = dict(zip(tilted, again, strict=True))
+    truths: dict[int, Truth | TruthError] = {}
+    for i, (batch, response) in enumerate(zip(batches, responses, strict=True)):
+        for row, (job, tilt) in enumerate(zip(batch, tilts[i], strict=True)):
+            looked_at = seen.get(i, response)
+            failed = _failure(job, response, row) or _failure(job, looked_at, row)
+            truths[members[i][row]] = failed or _truth(job, response, looked_at, row, tilt)
+    return [truths[number] for number in range(len(all_jobs))]
 
 
-def _group(jobs: Sequence[Job], device: str, threads: int | None) -> list[Truth]:
-    """Truths of jobs with one model; those whose flyer tilts are run once more for what the cameras see."""
-    shift = [np.zeros(0)] * len(jobs)
-    response = _run(jobs, shift, device, threads)
-    tilts = [_tilt(job, response, row) for row, job in enumerate(jobs)]
-    seen = response
-    if any(np.any(tilt) for tilt in tilts):
-        shift = [tilt * 0.5 * job.quantities.specimen.diameter for job, tilt in zip(jobs, tilts, strict=True)]
-        seen = _run(jobs, shift, device, threads)
-    return [_truth(job, response, seen, row, tilts[row]) for row, job in enumerate(jobs)]
+def _failure(job: Job, response: explicit.Response, row: int) -> TruthError | None:
+    """Why a simulation is no truth; None if it reached its end."""
+    if response.end_times[row] >= job.last * (1.0 - 1e-9):
+        return None
+    return TruthError(
+        f"{job.quantities.name}: the simulation ended {response.describe(row)}: take less "
+        "compression, or a finer mesh"
+    )
 
 
 def _run(
-    jobs: Sequence[Job], shift: Sequence[FloatArray], device: str, threads: int | None
-) -> explicit.Response:
-    """Simulate jobs; `shift` is added to the flyer's displacement, at the times of the force [m]."""
+    batches: Sequence[tuple[Sequence[Job], Sequence[FloatArray]]], device: str, threads: int | None
+) -> list[explicit.Response]:
+    """Simulate jobs of one model each, with what is added to the flyer's displacement of each job [m]."""
+    problems = [_problem(jobs, shift) for jobs, shift in batches]
+    return explicit.run_side_by_side(problems, device=device, threads=threads)
+
+
+def _problem(jobs: Sequence[Job], shift: Sequence[FloatArray]) -> explicit.Problem:
+    """The batch of jobs of one model; `shift` is added at the times of the force [m]."""
     first = jobs[0].quantities
     last = max(job.last for job in jobs)
     times = _force_times(last)
@@ -134,13 +135,7 @@ def _run(
     material = [job.quantities.material for job in jobs]
     relaxation = tuple(s for m in material for s in relaxation_of(m.prony_strengths, m.prony_times))
     model = explicit.Model(
-        mesh=explicit.cylinder(
-            0.5 * first.specimen.diameter,
-            first.specimen.length,
-            n_radial=first.truth.mesh[0],
-            n_axial=first.truth.mesh[1],
-            grading=first.truth.grading,
-        ),
+        mesh=_mesh(first),
         density=first.specimen.density,
         materials=tuple(law_of(m.law, m.parameters, m.shear_modulus) for m in material),
         motions=tuple(_motion(job, add, times) for job, add in zip(jobs, shift, strict=True)),
@@ -162,14 +157,18 @@ def _run(
         relaxation=index if relaxation else 0,
     )
     sampling = explicit.Sampling(force_times=times, surface_times=surface, ledger_every=len(surface))
-    response = explicit.run(model, samples, sampling, device=device, threads=threads)
-    for row, job in enumerate(jobs):
-        if response.end_times[row] < job.last * (1.0 - 1e-9):
-            raise TruthError(
-                f"{job.quantities.name}: the simulation ended {response.describe(row)}: take less "
-                "compression, or a finer mesh"
-            )
-    return response
+    return explicit.Problem(model, samples, sampling)
+
+
+def _mesh(quantities: Specification) -> explicit.Mesh:
+    specimen, truth = quantities.specimen, quantities.truth
+    return explicit.cylinder(
+        0.5 * specimen.diameter,
+        specimen.length,
+        n_radial=truth.mesh[0],
+        n_axial=truth.mesh[1],
+        grading=truth.grading,
+    )
 
 
 def _force_times(last: float) -> FloatArray:
@@ -228,13 +227,7 @@ def _truth(
     times = response.force_times[inside]
     moving = job.frames > 0.0
     rows = np.searchsorted(seen.surface_times, job.frames[moving])
-    mesh = explicit.cylinder(
-        0.5 * q.specimen.diameter,
-        q.specimen.length,
-        n_radial=q.truth.mesh[0],
-        n_axial=q.truth.mesh[1],
-        grading=q.truth.grading,
-    )
+    mesh = _mesh(q)
     rest = np.broadcast_to(mesh.nodes[mesh.side], (int((~moving).sum()), len(mesh.side), 2))
     surface = SurfaceHistory(
         time=job.frames + start,

@@ -9,6 +9,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import openpyxl
+import xlwt
 from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 
@@ -176,6 +177,18 @@ def excel(path: Path) -> Path:
     return path
 
 
+def excel_97(path: Path) -> Path:
+    book = xlwt.Workbook()
+    sheet = book.add_sheet("Record")
+    rows = [["made by", "hand"], ["time_s", "CH1_V", "CH2_V"], *zip(TIME, CH1, CH2, strict=True)]
+    for i, row in enumerate(rows):
+        for j, cell in enumerate(row):
+            sheet.write(i, j, cell if isinstance(cell, str) else float(cell))
+    book.add_sheet("notes")
+    book.save(str(path))
+    return path
+
+
 def mat(path: Path) -> Path:
     savemat(
         path, {"CH1": CH1, "CH2": CH2[:, None], "Tstart": START, "Tinterval": INTERVAL, "note": "by hand"}
@@ -330,6 +343,7 @@ FILES = {
     "lvm": Made(lvm, "a.lvm", ("CH1", "CH2")),
     "lanl": Made(lanl, "a.raw", ("CH1", "CH2")),
     "excel": Made(excel, "a.xlsx", ("CH1/V", "CH2/V")),
+    "excel_97": Made(excel_97, "a.xls", ("CH1_V", "CH2_V")),
     "hdf5": Made(hdf5, "a.h5", ("/scope/CH1", "/scope/CH2")),
     "tdms": Made(tdms, "a.tdms", ("scope/CH1", "scope/CH2")),
     "lecroy_trc": Made(lecroy_trc, "a.trc", ("CH1",)),

@@ -8,6 +8,7 @@ VERDICTS = ("tests/unit/diagnosis/test_fit_verdicts.py",)
 QUALITY = "kolsky/diagnosis/fit_quality.py"
 VERDICT = "kolsky/diagnosis/verdicts.py"
 CLOCK = "kolsky/diagnosis/clocks.py"
+LAG = "kolsky/diagnosis/lag_fit.py"
 RECORDS = "kolsky/inverse/fit_results.py"
 
 FAULTS = (
@@ -109,12 +110,12 @@ FAULTS = (
         "a lag is named though it explains nothing", VERDICT, "> LATE and lag.explains", "> LATE", VERDICTS
     ),
     Fault("the flyer late makes the force late", CLOCK, "FLYER: (-1.0, -1.0)", "FLYER: (1.0, 1.0)", CLOCKS),
-    Fault("a late force shows a later time", CLOCK, "at = edges - lag", "at = edges + lag", CLOCKS),
-    Fault("a late outline shows a later time", CLOCK, "late = times - lag", "late = times + lag", CLOCKS),
-    Fault("the slope of a lag twice as steep", CLOCK, "/ (2.0 * h)", "/ h", CLOCKS),
+    Fault("a late force shows a later time", LAG, "at = edges - lag", "at = edges + lag", CLOCKS),
+    Fault("a late outline shows a later time", LAG, "late = times - lag", "late = times + lag", CLOCKS),
+    Fault("the slope of a lag twice as steep", LAG, "/ (2.0 * h)", "/ h", CLOCKS),
     Fault(
         "inputs have no part in a lag's uncertainty",
-        CLOCK,
+        LAG,
         "variance += float((moves**2).mean())",
         "variance += 0.0 * float((moves**2).mean())",
         CLOCKS,
@@ -139,5 +140,30 @@ FAULTS = (
         "quantile * np.sqrt(n)) / np.sqrt(n)",
         "0.0) / np.sqrt(n) + quantile",
         ("tests/unit/diagnosis/test_fit_thresholds.py",),
+    ),
+    Fault(
+        "the solver is never run again for a lag",
+        CLOCK,
+        "if leading.explains or not leading.significance > LATE:",
+        "if leading.explains or leading.significance > LATE:",
+        CLOCKS,
+    ),
+    Fault(
+        "a lag's runs where the search began", CLOCK, "again.x + fit.move", "again.x + 0.0 * fit.move", CLOCKS
+    ),
+    Fault("one more round of runs is all", CLOCK, "TURNS = 3", "TURNS = 1", CLOCKS),
+    Fault(
+        "runs for a lag outside the box",
+        CLOCK,
+        "np.asarray(np.clip(point, self.lower, self.upper))",
+        "np.asarray(point)",
+        CLOCKS,
+    ),
+    Fault(
+        "runs for a lag begin where a wrong clock led",
+        CLOCK,
+        "np.where(np.isfinite(self.declared), self.declared, moved)",
+        "np.where(np.isfinite(self.declared), moved, moved)",
+        CLOCKS,
     ),
 )

@@ -60,6 +60,74 @@ FAULTS = (
         tests=GATES,
     ),
     Fault(
+        name="off the surface: the bending of a scene of any size",
+        file="dic/surfaces/smoothness.py",
+        right="bending = BENDING * distance",
+        wrong="bending = BENDING * 0.4e-3",
+        tests=GATES,
+    ),
+    Fault(
+        name="off the surface: diagonals count as neighbours' distance",
+        file="dic/surfaces/smoothness.py",
+        right="np.abs(offset).sum(axis=-1) == 1.0",
+        wrong="np.abs(offset).max(axis=-1) == 1.0",
+        tests=GATES,
+    ),
+    Fault(
+        name="residual map: a hundred times the residual",
+        file="dic/surfaces/residual_map.py",
+        right="SEED = 10.0",
+        wrong="SEED = 100.0",
+        tests=GATES,
+    ),
+    Fault(
+        name="residual map: the excess for the residual",
+        file="dic/surfaces/residual_map.py",
+        right="np.where(judged, 1.0 + excess[frame], 0.0)",
+        wrong="np.where(judged, excess[frame], 0.0)",
+        tests=GATES,
+    ),
+    Fault(
+        name="residual map: a patch is its seeds alone",
+        file="dic/surfaces/residual_map.py",
+        right="TOUCHED = 1.5",
+        wrong="TOUCHED = 15.0",
+        tests=GATES,
+    ),
+    Fault(
+        name="residual map: both cameras must see the change",
+        file="dic/chain/outliers.py",
+        right="unlike |= unlike_points(",
+        wrong="unlike &= unlike_points(",
+        tests=GATES,
+    ),
+    Fault(
+        name="tracking: a new reference forgets the residuals before it",
+        file="dic/tracking/update.py",
+        right="largest[rows] = np.maximum(beyond, template.excess)",
+        wrong="largest[rows] = beyond",
+        tests=(
+            "tests/unit/dic/test_dic_track_parts.py::test_a_residual_is_kept_through_changes_of_reference",
+        ),
+    ),
+    Fault(
+        name="flyer: a lateral motion of a scene of any size",
+        file="dic/rigid_body/translation.py",
+        right="across = 1.0 / (pixel * (",
+        wrong="across = 1.0 / (56e-6 * (",
+        tests=("tests/unit/dic/test_dic_scene_size.py",),
+    ),
+    Fault(
+        name="edge strip: a correction of a scene of any size",
+        file="dic/rigid_body/edge_registration.py",
+        right="abs(y - tried[best]) > LARGEST_CORRECTION * self.pixel:",
+        wrong="abs(y - tried[best]) > LARGEST_CORRECTION * 1e-5:",
+        tests=(
+            "tests/unit/dic/test_dic_edge_registration.py"
+            "::test_the_same_pictures_of_a_scene_of_another_size_give_the_same_places_in_it",
+        ),
+    ),
+    Fault(
         name="material frame: the farthest",
         file="dic/bodies/follow.py",
         right="np.argmin(np.abs(usable - wanted))",
@@ -162,11 +230,18 @@ FAULTS = (
     Fault(
         name="overlap: subsets share pixels up to twice their side",
         file="dic/surfaces/overlap.py",
-        right="b[None, :, c]) / subset",
-        wrong="b[None, :, c]) / (2.0 * subset)",
+        right="grid[pairs[:, 1]]) / subset",
+        wrong="grid[pairs[:, 1]]) / (2.0 * subset)",
         tests=(
             "tests/unit/dic/test_dic_cylinder.py::test_overlapping_subsets_promise_less_and_distant_ones_nothing_less",
         ),
+    ),
+    Fault(
+        name="overlap: a pair counts for one of its points",
+        file="dic/surfaces/overlap.py",
+        right="values = np.concatenate([np.ones(len(grid)), value, value])",
+        wrong="values = np.concatenate([np.ones(len(grid)), value, 0.0 * value])",
+        tests=("tests/unit/dic/test_dic_overlap.py",),
     ),
     Fault(
         name="strain gauge: one step too long",
@@ -276,7 +351,7 @@ FAULTS = (
     Fault(
         name="edge strip: the row at the region's end is used whatever it errs by",
         file="dic/rigid_body/edge_registration.py",
-        right="return error if error * self._scale <= LARGEST_EDGE else None",
+        right="return error if error <= LARGEST_EDGE * self.pixel else None",
         wrong="return error",
         tests=(
             "tests/unit/dic/test_dic_edge_registration.py"

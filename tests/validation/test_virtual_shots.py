@@ -1,5 +1,6 @@
 """A virtual shot, from its files to m: the truth is another element on a finer mesh."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,8 @@ from kolsky.inverse.forward import Numerics
 from kolsky.inverse.settings import Settings
 from kolsky.shot.load import load_shot
 from kolsky.studies.budget.factors import factors_of
-from kolsky.studies.budget.realisation import Realisations, estimate
+from kolsky.studies.budget.realisation import Realisations
+from kolsky.studies.budget.refit import RealisationOutcome, refit, same_valley, whole_search
 from kolsky.virtual.make import make
 from kolsky.virtual.schema import Specification
 from kolsky.virtual.specification import read_specification
@@ -34,9 +36,16 @@ def test_right_shot_gives_its_stiffness(tmp_path: Path, material: str) -> None:
     series = read_specification(path)
     make(series, tmp_path / "shot")
     settings = Settings(free=ALONE, numerics=Numerics(mesh=(16, 22)), refined_mesh=(32, 44))
-    found = estimate(load_shot(tmp_path / "shot"), settings)
+    shot = load_shot(tmp_path / "shot")
+    found = whole_search(shot, settings)
     # 32 x 44 elements leave 0.4 % of a mesh's error at most, noise 0.2 %.
-    assert found == pytest.approx(series.declared.material.stiffness_factor, rel=0.01)
+    assert found.values["stiffness_factor"] == pytest.approx(
+        series.declared.material.stiffness_factor, rel=0.01
+    )
+    # Least squares on the refined mesh find the same valley again from 2 % away.
+    near = refit(shot, settings, {"stiffness_factor": 1.02 * found.values["stiffness_factor"]})
+    assert near.outcome is RealisationOutcome.REFITTED
+    assert same_valley(near, found)
 
 
 def test_realisations_of_a_budget() -> None:
@@ -47,9 +56,19 @@ def test_realisations_of_a_budget() -> None:
     factors = factors_of({"imperfections.poisson": 0.001})
     settings = Settings(free=ALONE, numerics=Numerics(mesh=(6, 8)), refined_mesh=(8, 11), replicates=0)
     realise = Realisations(test, Path(), factors, settings)
-    right, wrong = realise(np.array([[0.0, 0.0], [0.0, 2.0]]))
+    right, wrong = realise(np.array([[0.0, 0.0, 1.0], [0.0, 2.0, 0.0]]))
     assert right.completed
-    assert right.results == pytest.approx(1.0, rel=0.1)  # the coarsest meshes that are
+    near, whole = right.results
+    assert np.isnan(near)
+    assert whole == pytest.approx(1.0, rel=0.1)  # the coarsest meshes that are
+    later = replace(realise, start={"stiffness_factor": float(whole)})
+    again, both = later(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+    assert again.outcome == "re-fitted"
+    assert again.results[0] == pytest.approx(whole, rel=2e-3)
+    assert np.isnan(again.results[1])
+    assert both.outcome == "same valley"
+    assert both.results.tolist() == [again.results[0], whole]
+    assert later.model_hash() == realise.model_hash()
     assert not wrong.completed
     assert "declared poisson = 0.501" in wrong.reason
     assert np.isnan(wrong.results).all()

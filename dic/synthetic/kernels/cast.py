@@ -168,6 +168,23 @@ def bodies_ray(
     return light, away
 
 
+@wp.func
+def store(
+    view: View,
+    here: wp.int32,
+    row: wp.int32,
+    column: wp.int32,
+    light: wp.float32,
+    away: wp.float32,
+    grey: wp.array3d(dtype=wp.float32),
+    depth: wp.array3d(dtype=wp.float32),
+):
+    """Write a ray's light, and the depth of the ray in the middle of a pixel."""
+    grey[here, row, column] = light
+    if row % view.fine == view.fine // 2 and column % view.fine == view.fine // 2:
+        depth[here, row // view.fine, column // view.fine] = away
+
+
 @wp.kernel(enable_backward=False)
 def cast_bodies(
     view: View,
@@ -183,9 +200,7 @@ def cast_bodies(
     here, row, column = wp.tid()
     for c in range(column, column + run):
         light, away = bodies_ray(view, bodies, begin, weight, frame + here, row, c)
-        grey[here, row, c] = light
-        if row % view.fine == view.fine // 2 and c % view.fine == view.fine // 2:
-            depth[here, row // view.fine, c // view.fine] = away
+        store(view, here, row, c, light, away, grey, depth)
 
 
 @wp.func
@@ -223,6 +238,4 @@ def cast_board(
     here, row, column = wp.tid()
     for c in range(column, column + run):
         light, away = board_ray(view, bodies, frame + here, row, c)
-        grey[here, row, c] = light
-        if row % view.fine == view.fine // 2 and c % view.fine == view.fine // 2:
-            depth[here, row // view.fine, c // view.fine] = away
+        store(view, here, row, c, light, away, grey, depth)

@@ -185,14 +185,17 @@ def budget_table(budget: Budget, results: Mapping[str, tuple[str, int | None, st
     """
     numbers: dict[str, tuple[float, float, str]] = {}
     shares: list[dict[str, float]] = [{} for _ in budget.quantities]
+    slopes: list[dict[str, float]] = [{} for _ in budget.quantities]
     noises = []
     for name, (output, sample, unit) in results.items():
         rows = {row["quantity"]: row for row in budget.table(output, sample)}
         whole, noise = rows[f"combined, {output}"], rows["noise"]
         numbers[name] = (whole["value"], whole["sigma"], unit)
-        for share, q in zip(shares, budget.quantities, strict=True):
+        for share, slope, q in zip(shares, slopes, budget.quantities, strict=True):
             share[name] = rows[q.name]["share"]
+            if q.sigma > 0.0:
+                slope[name] = rows[q.name]["sensitivity"]
         of_noise = Quantity(f"noise, {name}", 0.0, noise["sigma"], unit, "A")
         noises.append(Contribution(of_noise, {name: noise["share"]}))
-    inputs = [Contribution(q, share) for q, share in zip(budget.quantities, shares, strict=True)]
+    inputs = [Contribution(*row) for row in zip(budget.quantities, shares, slopes, strict=True)]
     return BudgetTable(results=numbers, contributions=(*inputs, *noises))

@@ -1,6 +1,7 @@
 """Reduction of a test between bars: strain, windows, waves at the faces, corrections, budget."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
@@ -17,13 +18,19 @@ from kolsky.bars.records import (
     with_opposite_sign,
 )
 from kolsky.bars.reduction import quoted_values
-from kolsky.bars.reduction.inputs import FAR, SIDES, WavesInput
+from kolsky.bars.reduction.alignment import KEYS as ALIGNMENT_KEYS
+from kolsky.bars.reduction.alignment import Alignment, alignments
+from kolsky.bars.reduction.inputs import FAR, NO_PART, SIDES, WavesInput
 from kolsky.bars.reduction.overlap import overlapping_windows
+from kolsky.bars.reduction.specimen_inertia import corrections_that_act, valid_span
+from kolsky.bars.reduction.stress_strain import TRUE, true_curve
 from kolsky.bars.reduction.summary import Summary, summarise
+from kolsky.bars.reduction.validity import Validity
 from kolsky.bars.reduction.varied_test import VariedTest, bar_correlations, budget_quantities, station_of
-from kolsky.bars.reduction.windows import check_windows, find_windows, incident_arrival
+from kolsky.bars.reduction.windows import check_baselines, check_windows, find_windows, incident_arrival
 from kolsky.bars.result import WavesResult
 from kolsky.bars.signals.stations import Station
+from kolsky.base.arrays import FloatArray
 
 LARGEST_BEND = 1.0
 """Largest disagreement of the budget's two steps, in combined standard uncertainties. Steep fronts that a
@@ -52,7 +59,9 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
     incident, transmission = (best[side].signal for side in SIDES)
     arrival = incident_arrival(incident, tension=tension)
     windows = _windows(given, incident, transmission, tension)
+    check_baselines(given, incident, transmission, tension=tension)
     checks = check_windows(incident, transmission, tension=tension)
+    best = {side: station_of(given, side, windows=windows) for side in SIDES}
     progress("waves", 1, 3)
 
     log = AuditLog(given.switches)
@@ -61,13 +70,26 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
     varied = VariedTest(given, windows, arrival.time)
     plain, carried = varied.carried({}, dispersive=False), varied.carried({}, dispersive=True)
     _log_dispersion(log, plain, carried, given)
+    varied = _aligned(varied, log, carried, alignments(arrival, checks, given.switches))
     faces = varied.faces({}, log)
-    reduction, punching = varied.reduced(faces, {})
-    log.add(punching)
-    summary = summarise(reduction, faces, given.specimen)
+    uncorrected, _ = varied.reduced(faces, {})
+    acts = corrections_that_act(uncorrected, given.specimen, given.bars, given.switches, share=given.share)
+    valid = valid_span(uncorrected, given.specimen, given.bars, share=given.share, tension=tension)
+    varied = replace(varied, inertia=acts)
+    reduction, corrections = varied.reduced(faces, {})
+    log.add(*corrections)
+    log.complete(_left_out(given))
+    summary = summarise(
+        reduction,
+        faces,
+        given.specimen,
+        analysis=given.analysis,
+        allowance=given.allowance,
+        share=given.plateau,
+    )
     progress("waves", 2, 3)
 
-    budget = _budget(varied, best, reduction, summary)
+    budget, summary = _budget_with_means(varied, best, reduction, summary)
     reduction = _with_bands(reduction, budget)
     progress("waves", 3, 3)
     sign = -1.0 if tension else 1.0
@@ -83,9 +105,17 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
         corrections=log.corrections,
         budget=quoted_values.table(budget, sign),
         facts=quoted_values.facts(best, arrival, checks, windows, reduction, summary, given.specimen),
-        remarks=tuple(quoted_values.remarks(reduction, budget, checks, given)),
+        remarks=(
+            *given.notes,
+            *quoted_values.remarks(reduction, budget, checks, given, summary.plateau),
+            *_soft(acts, valid),
+        ),
+        analysis=given.analysis,
+        valid=valid.window,
+        validity=valid.sentence,
         inputs=given.inputs,
         settings=given.settings,
+        extra=_true_histories(budget, sign),
     )
 
 
@@ -94,6 +124,48 @@ def _windows(given: WavesInput, incident: BarSignal, transmission: BarSignal, te
     if given.windows is None and FAR in given.stations and given.switches["separation"]:
         return overlapping_windows(incident, station_of(given, FAR).signal, transmission, tension=tension)
     return find_windows(incident, transmission, tension=tension, manual=given.windows)
+
+
+def _soft(acts: Mapping[str, str], valid: Validity) -> tuple[str, ...]:
+    """The remark on a soft specimen of which hardly a curve can be read."""
+    heavy = acts["radial inertia"].startswith("on: the specimen is soft")
+    return (f"validity of the curve: {valid.sentence}",) if heavy and valid.nearly_empty else ()
+
+
+def _left_out(given: WavesInput) -> dict[str, str]:
+    """Why a correction that has no entry has no part in a test between bars."""
+    return {
+        "bridge nonlinearity": "no bridge is declared: the gauges' calibrations are stated factors",
+        "bending": "one gauge at each station; two opposed ones would tell bending apart",
+        "separation": "one station on the incident bar, whose pulses do not overlap",
+        **NO_PART,
+    }
+
+
+def _aligned(
+    varied: VariedTest,
+    log: AuditLog,
+    carried: FaceWaves,
+    found: tuple[Mapping[str, Alignment], Mapping[str, str]],
+) -> VariedTest:
+    """The test with the alignments that are switched on; each is listed with what it changes."""
+    possible, missing = found
+    both = replace(varied, aligned=possible).carried({}, dispersive=True)
+    for wave, alignment in possible.items():
+        log.choose(
+            f"alignment, {wave} wave",
+            ALIGNMENT_KEYS[wave],
+            getattr(carried, wave),
+            getattr(both, wave),
+            unit="1",
+            reason=(
+                f"observed {1e6 * alignment.late:+.3g} us from its predicted arrival, standard uncertainty "
+                f"{1e6 * alignment.sigma:.2g} us"
+            ),
+        )
+    log.complete({ALIGNMENT_KEYS[wave]: why for wave, why in missing.items()})
+    on = {wave: a for wave, a in possible.items() if varied.given.switches[ALIGNMENT_KEYS[wave]]}
+    return replace(varied, aligned=on)
 
 
 def _log_dispersion(log: AuditLog, plain: FaceWaves, carried: FaceWaves, given: WavesInput) -> None:
@@ -112,13 +184,32 @@ def _log_dispersion(log: AuditLog, plain: FaceWaves, carried: FaceWaves, given: 
         )
 
 
+def _budget_with_means(
+    varied: VariedTest, best: Mapping[str, Station], reduction: Reduction, summary: Summary
+) -> tuple[Budget, Summary]:
+    """The budget; means that jump within the inputs' uncertainty are not quoted."""
+    try:
+        return _budget(varied, best, reduction, summary), summary
+    except ValueError as error:
+        name = str(error).partition(":")[0]
+        if name not in ("mean stress", "mean rate"):
+            raise
+        reason = f"no plateau: the {name} jumps within the uncertainty of its inputs"
+        plateau = replace(summary.plateau, span=None, reason=reason, stress_fault=reason, rate_fault=reason)
+        without = replace(summary, plateau=plateau, mean_stress=None, mean_rate=None)
+        return _budget(varied, best, reduction, without), without
+
+
 def _budget(
     varied: VariedTest, best: Mapping[str, Station], reduction: Reduction, summary: Summary
 ) -> Budget:
     """Uncertainties of all histories and quoted numbers."""
     quantities = budget_quantities(varied.given, best)
+    quantities += [alignment.quantity for alignment in varied.aligned.values()]
+    quantities += quoted_values.span_quantities(summary)
     noise: dict[str, ArrayLike] = {
         **{name: history.sigma for name, history in histories(reduction).items()},
+        **{name: history.sigma for name, history in true_curve(reduction, summary.analysis).items()},
         **quoted_values.noise(reduction, summary),
     }
     return propagate(
@@ -128,6 +219,16 @@ def _budget(
         correlations=bar_correlations(varied.given, quantities),
         tolerance=LARGEST_BEND,
     )
+
+
+def _true_histories(budget: Budget, sign: float) -> dict[str, FloatArray]:
+    """True strain and stress with their standard uncertainties; `sign` -1 makes tension positive."""
+    found = {}
+    for name, unit in TRUE.items():
+        history = budget.history(name, unit)
+        found[f"{name} ({unit})"] = sign * history.value
+        found[f"sigma of {name} ({unit})"] = history.sigma
+    return found
 
 
 def _with_bands(reduction: Reduction, budget: Budget) -> Reduction:

@@ -45,7 +45,10 @@ def radial_pressure(
     """
     e, e1, e2 = (np.asarray(x, dtype=np.float64) for x in (strain, rate, second))
     if e.size and not e.max() < 1.0:
-        raise ValueError(f"a nominal compression must be < 1, got {e.max():.6g}")
+        raise ValueError(
+            f"a nominal compression must be < 1, got {e.max():.6g}: nothing would be left. Cure: "
+            "check the unit of the recordings, the gauges' calibration and the specimen's length"
+        )
     left = 1.0 - e
     return np.asarray(density * radius**2 / 8.0 * (e2 / left**2 + 1.5 * e1**2 / left**3))
 
@@ -127,6 +130,28 @@ def axial_stress(
     """
     e2, a = np.asarray(second, dtype=np.float64), np.asarray(back_acceleration, dtype=np.float64)
     return np.asarray(density * length * (a / 2.0 + length * e2 / 6.0))
+
+
+def axial_by_analysis(second: ArrayLike, specimen: Specimen, back: ArrayLike) -> dict[str, FloatArray]:
+    """Mean nominal stress along a specimen less what each analysis has for it, from axial inertia [Pa].
+
+    One wave has the stress at the back face, two waves that at the front, three waves the mean of both. With
+    `axial_stress` s and the front stress ``rho L (a_b + L e'' / 2)`` above the back one, they lack s,
+    s less that, and s less half of it: ``-rho L^2 e'' / 12`` for three waves.
+
+    Parameters
+    ----------
+    second
+        Second derivative of the nominal compression [1/s^2], shape [n].
+    specimen
+        The specimen before the test.
+    back
+        Acceleration of the back face in the direction of the incident wave [m/s^2], shape [n] or scalar.
+    """
+    rho, length = specimen.density, specimen.length
+    mean = axial_stress(second, density=rho, length=length, back_acceleration=back)
+    across = rho * length * (np.asarray(back, dtype=float) + 0.5 * length * np.asarray(second, dtype=float))
+    return {"one wave": mean, "two waves": mean - across, "three waves": mean - 0.5 * across}
 
 
 def correct_axial_inertia(

@@ -89,6 +89,12 @@ def write_csv(folder: Path, result: ReducedTest) -> None:
                 f"share of variance, {name}": [row.shares.get(name, 0.0) for row in budget.contributions]
                 for name in budget.results
             },
+            **{
+                f"sensitivity, {name} ({unit} per unit of the input)": [
+                    row.sensitivity.get(name, "") for row in budget.contributions
+                ]
+                for name, (_, _, unit) in budget.results.items()
+            },
         },
     )
 
@@ -102,6 +108,11 @@ def _waves(entry: OpenGroup, result: WavesResult) -> None:
     _text(windows, "source", result.windows.source)
     for name in ("incident", "reflected", "transmitted"):
         put(windows, name, getattr(result.windows, name), "s")
+    _text(entry, "analysis", result.analysis)
+    window = group(entry, "validity")
+    _text(window, "sentence", result.validity)
+    if result.valid is not None:
+        put(window, "window", result.valid, "s")
     waves = result.faces
     faces = data(entry, "faces", "incident", "time")
     put(faces, "time", waves.time, "s")
@@ -189,6 +200,9 @@ def _tables(entry: OpenGroup, result: ReducedTest) -> None:
         put(part, "sigma", sigma, unit)
         put(part, "interval", (value - 2.0 * sigma, value + 2.0 * sigma), unit)
         put(part, "share_of_variance", [row.shares.get(name, 0.0) for row in inputs], None)
+        varied = [row for row in inputs if name in row.sensitivity]
+        _text(part, "sensitivity_inputs", [row.quantity.name for row in varied])
+        put(part, "sensitivity", [row.sensitivity[name] for row in varied], None)
     facts = group(entry, "facts")
     for name, (value, unit) in result.facts.items():
         put(facts, name.replace(" ", "_").replace("/", "_"), value, unit)
@@ -218,6 +232,9 @@ def summary(result: ReducedTest) -> Mapping[str, Any]:
             }
             for name, (value, sigma, unit) in result.budget.results.items()
         },
+        "sensitivity": {
+            row.quantity.name: dict(row.sensitivity) for row in result.budget.contributions if row.sensitivity
+        },
         "facts": {name: {"value": value, "unit": unit} for name, (value, unit) in result.facts.items()},
         "corrections": [vars(c) for c in result.corrections],
         "remarks": list(result.remarks),
@@ -230,7 +247,12 @@ def _own(result: ReducedTest) -> dict[str, Any]:
     if isinstance(result, WavesResult):
         names = ("incident", "reflected", "transmitted")
         spans = {name: list(getattr(result.windows, name)) for name in names}
-        return {"windows": {**spans, "source": result.windows.source}}
+        return {
+            "windows": {**spans, "source": result.windows.source},
+            "analysis": result.analysis,
+            "valid": None if result.valid is None else list(result.valid),
+            "validity": result.validity,
+        }
     assert isinstance(result, FlyerResult)  # there is no third kind
     keys = ("name", "time", "sigma", "how")
     return {

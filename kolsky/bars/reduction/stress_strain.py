@@ -156,6 +156,34 @@ def cauchy_stress(stress: History, strain: History) -> History:
     return History(stress.value * left, sigma, stress.unit)
 
 
+TRUE = {"true strain": "1", "true stress": "Pa"}
+"""Histories of `true_curve` and their units."""
+
+
+def true_curve(reduction: Reduction, analysis: str) -> dict[str, History]:
+    """True strain and true stress of one analysis, for a specimen that keeps its volume, Eqs. (R.13), (R.14).
+
+    Parameters
+    ----------
+    reduction
+        The reduction, compression positive.
+    analysis
+        "one wave", "two waves" or "three waves".
+
+    Returns
+    -------
+    dict
+        The histories of `TRUE`, shape [n] each.
+
+    Raises
+    ------
+    ValueError
+        If a nominal strain reaches 1.
+    """
+    strain, stress = reduction.strain[analysis], reduction.stress[analysis]
+    return dict(zip(TRUE, (hencky_strain(strain), cauchy_stress(stress, strain)), strict=True))
+
+
 def _stretch(strain: History) -> FloatArray:
     left = 1.0 - strain.value
     if not (left > 0.0).all():

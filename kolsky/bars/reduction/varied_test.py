@@ -1,7 +1,7 @@
 """A classical test with other values of its quantities: the model that its budget goes through."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,11 +11,14 @@ from kolsky.bars.guides.polymer_waveguide import ViscoelasticWaveguide
 from kolsky.bars.guides.waveguide import ElasticWaveguide, Waveguide
 from kolsky.bars.records import Correction, FaceWaves, Quantity, Reduction, Windows, histories
 from kolsky.bars.reduction import quoted_values
+from kolsky.bars.reduction.alignment import Alignment, delays
 from kolsky.bars.reduction.faces import face_waves
 from kolsky.bars.reduction.inputs import FAR, SIDES, WavesInput
 from kolsky.bars.reduction.overlap import separated
+from kolsky.bars.reduction.plateau import ENDS, Span, averaging_width, find_span
 from kolsky.bars.reduction.punching import correct_punching
-from kolsky.bars.reduction.stress_strain import reduce
+from kolsky.bars.reduction.specimen_inertia import correct_inertia
+from kolsky.bars.reduction.stress_strain import reduce, true_curve
 from kolsky.bars.reduction.summary import Summary
 from kolsky.bars.signals.stations import Station, bar_signal
 from kolsky.base.apparatus import Bar, Specimen
@@ -100,6 +103,7 @@ def varied_specimen(specimen: Specimen, values: Mapping[str, float]) -> Specimen
         specimen,
         diameter=values.get("specimen, diameter", specimen.diameter),
         length=values.get("specimen, length", specimen.length),
+        density=values.get("specimen, density", specimen.density),
     )
 
 
@@ -108,7 +112,13 @@ def varied_position(position: float, side: str, values: Mapping[str, float]) -> 
     return values.get(f"{side} gauge, distance", position)
 
 
-def station_of(given: WavesInput, key: str, values: Mapping[str, float] | None = None) -> Station:
+def station_of(
+    given: WavesInput,
+    key: str,
+    values: Mapping[str, float] | None = None,
+    *,
+    windows: Windows | None = None,
+) -> Station:
     """The strain at one station.
 
     Parameters
@@ -119,6 +129,9 @@ def station_of(given: WavesInput, key: str, values: Mapping[str, float] | None =
         A key of its stations.
     values
         Other values of its quantities, by name; None: all as declared.
+    windows
+        Where the waves lie: until the last of them drift is an input of the budget; None: until the record
+        ends.
 
     Raises
     ------
@@ -142,6 +155,9 @@ def station_of(given: WavesInput, key: str, values: Mapping[str, float] | None =
             station.calibration, given.uncertainty.get("gauge_calibration", 0.0)
         ),
         values=values,
+        drift_until=None
+        if windows is None
+        else (windows.reflected if side == "incident" else windows.transmitted)[1],
     )
 
 
@@ -162,6 +178,9 @@ def budget_quantities(given: WavesInput, stations: Mapping[str, Station]) -> lis
     quantities += length_quantities(
         given.specimen, {key: station.position for key, station in given.stations.items()}, given.uncertainty
     )
+    density = given.specimen.density
+    sigma = density * given.uncertainty.get("specimen_density", 0.0)
+    quantities.append(Quantity("specimen, density", density, sigma, "kg/m^3", "B"))
     return merge_quantities(quantities)
 
 
@@ -182,6 +201,11 @@ class VariedTest:
     """Time windows of its waves."""
     arrival: float
     """Time at which the incident wave arrives at its gauge [s]."""
+    inertia: Mapping[str, str] = field(default_factory=dict)
+    """Corrections of the specimen's inertia that act, with their reasons; none as long as it is empty."""
+
+    aligned: Mapping[str, Alignment] = field(default_factory=dict)
+    """Alignments that act, by wave."""
 
     def guides(self, values: Mapping[str, float]) -> tuple[Waveguide, Waveguide]:
         """Both bars as waveguides."""
@@ -197,13 +221,16 @@ class VariedTest:
 
     def carried(self, values: Mapping[str, float], *, dispersive: bool) -> FaceWaves:
         """The waves at the specimen by windows, with or without what the bars do to them on the way."""
-        incident, transmission = (station_of(self.given, side, values).signal for side in SIDES)
+        incident, transmission = (
+            station_of(self.given, side, values, windows=self.windows).signal for side in SIDES
+        )
         return face_waves(
             incident,
             transmission,
             self.windows,
             guides=self.guides(values) if dispersive or self.given.polymers else None,
             arrival=self.arrival,
+            delays=delays(self.aligned, incident, transmission, values),
         )
 
     def faces(self, values: Mapping[str, float], log: AuditLog) -> FaceWaves:
@@ -211,20 +238,39 @@ class VariedTest:
         found = self.carried(values, dispersive=self.given.switches["dispersion"])
         if FAR not in self.given.stations:
             return found
-        near, far = (station_of(self.given, key, values).signal for key in ("incident", FAR))
+        near, far = (
+            station_of(self.given, key, values, windows=self.windows).signal for key in ("incident", FAR)
+        )
         return separated(found, near, far, self.guides(values)[0], log)
 
-    def reduced(self, faces: FaceWaves, values: Mapping[str, float]) -> tuple[Reduction, Correction]:
-        """Reduction with the punching of the faces taken out, if that is on."""
+    def reduced(
+        self, faces: FaceWaves, values: Mapping[str, float]
+    ) -> tuple[Reduction, tuple[Correction, ...]]:
+        """Reduction with the punching of the faces and the specimen's inertia taken out, where that is on."""
         specimen = varied_specimen(self.given.specimen, values)
         dispersive = self.given.switches["dispersion"] or self.given.polymers
         guides = self.guides(values) if dispersive else None
-        return correct_punching(
+        reduction, punching = correct_punching(
             reduce(faces, specimen, guides=guides, allowance=self.given.allowance),
             specimen,
             faces.incident_bar,
             faces.transmission_bar,
             apply=self.given.switches["punching"],
+        )
+        bars = {"incident": faces.incident_bar, "transmission": faces.transmission_bar}
+        if not self.inertia:
+            return reduction, (punching,)
+        reduction, inertia = correct_inertia(reduction, specimen, bars, self.inertia)
+        return reduction, (punching, *inertia)
+
+    def span(self, reduction: Reduction, faces: FaceWaves, values: Mapping[str, float]) -> Span | None:
+        """Span of the means of a varied reduction, its ends moved by the values of the budget's inputs."""
+        return find_span(
+            reduction,
+            analysis=self.given.analysis,
+            allowance=self.given.allowance,
+            width=averaging_width(faces),
+            shift=(values.get(ENDS[0], 0.0), values.get(ENDS[1], 0.0)),
         )
 
     def outputs(self, values: Mapping[str, float], summary: Summary) -> dict[str, np.ndarray]:
@@ -233,5 +279,6 @@ class VariedTest:
         reduction, _ = self.reduced(faces, values)
         return {
             **{name: history.value for name, history in histories(reduction).items()},
-            **quoted_values.numbers(reduction, summary),
+            **{name: history.value for name, history in true_curve(reduction, summary.analysis).items()},
+            **quoted_values.numbers(reduction, summary, self.span(reduction, faces, values)),
         }

@@ -9,6 +9,7 @@ from kolsky.report.figures import (
     checked,
     comparison,
     flyer_test,
+    full_field,
     material,
     misfit,
     plan,
@@ -29,11 +30,13 @@ from kolsky.report.figures.base import FigureKind
 
 __all__ = [
     "BARS_TOGETHER",
+    "BAR_CHECKS",
     "BASELINES",
     "BUDGETS",
     "CALIBRATION",
     "CHECKS",
     "FLYER_TESTS",
+    "FULL_FIELDS",
     "MATERIALS",
     "MODULI",
     "PLANS",
@@ -82,12 +85,16 @@ CALIBRATION = by_name(calibration.FIGURES)
 """Stereo calibration."""
 CHECKS = by_name(checked.FIGURES)
 """Shot before anything is run."""
+BAR_CHECKS = by_name([waves.CHECKED_BARS])
+"""Test between bars before it is reduced."""
 SPECKLES = by_name([speckles.SPECKLE_FLOOR])
 """Speckle pattern of one camera."""
 WAVES = by_name(waves.FIGURES)
 """Reduction of a test between bars."""
 FLYER_TESTS = by_name(flyer_test.FIGURES)
 """Classical reduction of a flyer test."""
+FULL_FIELDS = by_name(full_field.FIGURES)
+"""Measurement by image correlation alone."""
 BARS_TOGETHER = by_name([waves.BARS_TOGETHER])
 """Shot with the bars together."""
 REPEATS = by_name([waves.REPEATED_TESTS])
@@ -121,8 +128,10 @@ SHOWN_BY: dict[str, Registry] = {
     "kolsky.inverse.result.Identification": REGISTRY,
     "kolsky.material.fits.compare.Comparison": MATERIALS,
     "kolsky.material.reference_curve.ReferenceCurve": BASELINES,
+    "kolsky.report.full_field_view.FullFieldView": FULL_FIELDS,
     "kolsky.report.surface_view.SurfaceView": SURFACES,
     "kolsky.shot.recorded.Recorded": RECORDINGS,
+    "kolsky.shot.bar_check.CheckedBars": BAR_CHECKS,
     "kolsky.shot.records.PicturedShot": CHECKS,
     "kolsky.shot.records.Shot": CHECKS,
     "kolsky.studies.budget.budget.Budget": BUDGETS,

@@ -4,7 +4,7 @@ import numpy as np
 
 from kolsky.report.figures.base import GREY, MEASURED, PAGE, SHAPE, FigureKind, Panels, label_text
 from kolsky.report.nomenclature import name_of
-from kolsky.studies.budget.budget import Budget, Source
+from kolsky.studies.budget.records import Budget, Source
 
 MOST = 24
 """Most sources in the figure."""

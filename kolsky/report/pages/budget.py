@@ -10,8 +10,8 @@ from kolsky.report import numbers
 from kolsky.report.figures import BUDGETS
 from kolsky.report.nomenclature import name_of
 from kolsky.report.pages.rendering import draw_figures, render_page, write_html
-from kolsky.studies.budget.budget import Budget
 from kolsky.studies.budget.campaign import Campaign
+from kolsky.studies.budget.records import Budget
 
 
 def write_page(path: Path, results: Sequence[Budget], campaign: Campaign | None) -> None:
@@ -56,7 +56,8 @@ def _table(result: Budget) -> dict[str, Any]:
             "sigma": numbers.plain(source.factor.sigma) if source.factor.key != "noise" else numbers.NOTHING,
             "u": _part(scale * source.u, scale * total),
             "bias": _part(scale * source.bias, scale * total),
-            "share": numbers.percent(result.share(source)) if np.isfinite(source.u) else numbers.NOTHING,
+            "share": _share(result.share(source) if np.isfinite(source.u) else np.nan, source.share_interval),
+            "joint": _share(source.joint_share, source.joint_interval),
             "common": "yes" if source.factor.shared else "no",
             "refused": "; ".join(source.refused),
         }
@@ -73,8 +74,26 @@ def _table(result: Budget) -> dict[str, Any]:
             f"({numbers.plain(2.0 * scale * low, 3)} to {numbers.plain(2.0 * scale * high, 3)})",
         ),
     ]
+    facts.append(("re-fit less whole search, without errors", _part(scale * result.closure, scale * total)))
+    facts.append(("realisations", ", ".join(f"{n} {how}" for how, n in result.counts.items())))
+    if result.searched:
+        facts.append(
+            ("ended in another valley", f"{len(result.elsewhere)} of {result.searched} whole searches")
+        )
+    if result.joint is not None:
+        share = _share(result.joint.unexplained, result.joint.unexplained_interval)
+        facts.append(("of all at once, no straight line explains", share))
     unit = "" if known.unit == "1" else f" ({known.unit})"
     return {"symbol": f"{known.symbol}{unit}", "facts": facts, "rows": rows}
+
+
+def _share(value: float, interval: tuple[float, float]) -> str:
+    """Return a share with its 95 % interval, where they are known."""
+    if not np.isfinite(value):
+        return numbers.NOTHING
+    known = np.isfinite(interval).all()
+    ends = f" ({numbers.percent(interval[0])} to {numbers.percent(interval[1])})" if known else ""
+    return f"{numbers.percent(value)}{ends}"
 
 
 def _part(value: float, u: float) -> str:
@@ -88,6 +107,15 @@ def _warnings(result: Budget) -> list[str]:
         found.append(
             "The sources added in quadrature do not give the uncertainty of all at once: they act on each "
             "other, or the answer is not linear in them. The draws of all at once hold."
+        )
+    if len(result.elsewhere):
+        places = ", ".join(
+            numbers.plain(value * name_of(result.parameter).factor, 4) for value in result.elsewhere
+        )
+        found.append(
+            f"{len(result.elsewhere)} of {result.searched} whole searches with all errors at once ended in "
+            f"another valley of the misfit, at {places}. The uncertainties here are those within the valley "
+            "of the test without errors; a jump is no part of them."
         )
     if lost := [source.factor.words for source in result.sources if source.refused]:
         found.append(f"No uncertainty is known of {', '.join(lost)}: tests with that error gave no answer.")

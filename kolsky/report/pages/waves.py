@@ -69,9 +69,37 @@ def render(result: ReducedTest) -> str:
             }
             for row in result.budget.contributions
         ],
+        sensitivity=sensitivity_rows(result),
         settings=list(result.settings.items()),
         inputs=list(result.inputs.items()),
     )
+
+
+def sensitivity_rows(result: ReducedTest) -> list[dict[str, Any]]:
+    """Return the change of each quoted value for one standard uncertainty of each input, with its sign.
+
+    The sensitivity coefficient itself stands below it: value's unit per input's unit, in SI.
+    """
+    rows = []
+    for row in result.budget.contributions:
+        if not row.sensitivity:
+            continue
+        q, cells = row.quantity, []
+        for name, (_, _, unit) in result.budget.results.items():
+            slope = row.sensitivity.get(name)
+            change = "" if slope is None else signed(slope * q.sigma, unit)
+            each = "1" if q.unit == "1" else q.unit
+            of = "" if slope is None else f"{slope:+.3g}".replace("-", "−") + f" {unit}/({each})"
+            cells.append({"change": change, "slope": of})
+        rows.append({"name": q.name, "sigma": quantity(q.sigma, q.unit), "cells": cells})
+    return rows
+
+
+def signed(value: float, unit: str) -> str:
+    """Return a change with its sign, three digits, in the unit of the page."""
+    factor, shown = SHOWN.get(unit, (1.0, unit))
+    text = f"{factor * value:+.3g}".replace("-", "−")
+    return text + ("" if shown == "1" else f" {shown}")
 
 
 def answers(result: ReducedTest) -> list[dict[str, Any]]:

@@ -10,7 +10,7 @@ from kolsky.bars.flyer.events import FlyerEvents
 from kolsky.bars.flyer.path import path_strain
 from kolsky.bars.records import Correction, History, Quantity, Reduction, Signal
 from kolsky.bars.reduction.equilibrium import balanced_span, imbalance
-from kolsky.bars.reduction.inertia import correct_axial_inertia, correct_radial_inertia
+from kolsky.bars.reduction.inertia import axial_by_analysis, correct_axial_inertia, correct_radial_inertia
 from kolsky.bars.reduction.mass import compensate_mass, path_acceleration
 from kolsky.bars.reduction.validity import SHARE, Validity, validity
 from kolsky.bars.reduction.varied_test import varied_specimen
@@ -93,10 +93,14 @@ class FlyerTest:
             plain, strain, rate, second, specimen, apply=given.switches["radial inertia"]
         )
         log.add(_keyed(radial, "radial inertia"))
-        _, axial = correct_axial_inertia(
+        stress["one wave"], axial = correct_axial_inertia(
             stress["one wave"], second, specimen, apply=given.switches["axial inertia"]
         )
         log.add(_keyed(axial, "axial inertia"))
+        if axial.applied:  # the other analyses lack other shares of it
+            change = axial_by_analysis(second.value, specimen, 0.0)
+            stress["two waves"] = _raised(stress["two waves"], change["two waves"])
+            corrected = _raised(corrected, change["three waves"])
         everything, _ = correct_radial_inertia(plain, strain, rate, second, specimen, apply=True)
         interval = float(time[1] - time[0])
         width = max(1, round(AVERAGE / interval))
@@ -155,6 +159,10 @@ def channel_force(
 
 def _at(signal: Signal, time: FloatArray) -> History:
     return History(np.interp(time, signal.time, signal.value), np.full(time.size, signal.sigma), "N")
+
+
+def _raised(history: History, change: FloatArray) -> History:
+    return History(history.value + change, history.sigma, history.unit)
 
 
 def _scaled(history: History, factor: float) -> History:

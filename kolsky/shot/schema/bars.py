@@ -48,6 +48,7 @@ class WaveBarSection(Section):
     youngs_modulus: f.Modulus | None = None
     wave_speed: f.Velocity | None = None
     prony: PronySection | None = None
+    yield_strength: f.Modulus | None = None
 
     @model_validator(mode="after")
     def _one_stiffness(self) -> "WaveBarSection":
@@ -87,7 +88,9 @@ class WavesSection(Section):
     incident: f.Interval | None = None
     reflected: f.Interval | None = None
     transmitted: f.Interval | None = None
+    analysis: Literal["one wave", "two waves", "three waves"] = "three waves"
     balance: f.Share = 0.05
+    plateau: f.Share = 0.3
     share: f.Share = 0.05
     corrections: dict[str, bool] = Field(default_factory=dict)
 
@@ -145,18 +148,47 @@ class BridgeSection(Section):
     shunt: ShuntSection | None = None
 
 
+Sign = Literal["positive", "negative"]
+"""Sign of a gauge's signal under compression."""
+
+
 class GaugeSection(Section):
     """[gauges.incident] or [gauges.transmission]: strain gauges at one place; two channels are opposed."""
 
-    recorder: f.Name
+    recorder: f.Name | Annotated[list[f.Name], Field(min_length=2, max_length=2)]
     channels: Annotated[list[f.Name | Annotated[int, Field(ge=1)]], Field(min_length=1, max_length=2)]
     distance: f.Length
-    compression: Literal["positive", "negative"]
+    compression: Sign | Annotated[list[Sign], Field(min_length=2, max_length=2)]
     strain_per_volt: f.StrainPerVolt | None = None
     bridge: BridgeSection | None = None
     strain: Literal[True] | None = None
     baseline: f.Interval
     full_scale: f.Voltage | None = None
+
+    @property
+    def recorders(self) -> list[str]:
+        """The recorder of each channel."""
+        same = [self.recorder] * len(self.channels)
+        return self.recorder if isinstance(self.recorder, list) else [str(name) for name in same]
+
+    @property
+    def signs(self) -> tuple[int, ...]:
+        """+1 for each channel in which compression is positive, -1 for the others."""
+        same = [self.compression] * len(self.channels)
+        stated = self.compression if isinstance(self.compression, list) else same
+        return tuple(1 if sign == "positive" else -1 for sign in stated)
+
+    @model_validator(mode="after")
+    def _as_many_as_channels(self) -> "GaugeSection":
+        for key in ("recorder", "compression"):
+            stated = getattr(self, key)
+            if isinstance(stated, list) and len(stated) != len(self.channels):
+                raise f.problem(
+                    f"has {len(stated)} entries, channels has {len(self.channels)}",
+                    key=key,
+                    cure="give one for both channels, or one for each of two opposed gauges",
+                )
+        return self
 
     @model_validator(mode="after")
     def _one_calibration(self) -> "GaugeSection":

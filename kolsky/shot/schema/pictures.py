@@ -131,6 +131,17 @@ class RegionSection(Section):
         return self.polygon
 
 
+def _flyer_test(value: object) -> object:
+    """The kind of a shot; another belongs into a file of its own."""
+    if value != "flyer test":
+        raise f.problem(
+            "is not allowed",
+            allowed='"flyer test" in a shot.toml',
+            cure="write plane, surface and cylinder into a dic.toml of their own",
+        )
+    return value
+
+
 def _outline(value: object) -> object:
     """None, to be found in the pictures, for "outline"."""
     return None if value == "outline" else value
@@ -139,6 +150,7 @@ def _outline(value: object) -> object:
 class DicSection(Section):
     """[dic]: what is correlated, and how. Regions that are not given are found in the pictures."""
 
+    kind: Annotated[str, BeforeValidator(_flyer_test)] = "flyer test"
     specimen: Annotated[RegionSection | None, BeforeValidator(_outline)] = None
     flyer: Annotated[RegionSection | None, BeforeValidator(_outline)] = None
     flyer_side: Literal["up", "down", "left", "right"]

@@ -1,94 +1,30 @@
 """The error budget: each source alone, all together, and the share of each in the answer's uncertainty.
 
 Each factor is set to the nodes of a Gauss-Hermite rule of three points, Eq. (E.8), which gives mean and
-variance of a quadratic response exactly; the noise and all factors together are drawn, Eq. (E.9).
+variance of a quadratic response exactly; the noise and all factors together are drawn, Eq. (E.9). Every
+realisation is re-fitted from the optimum of the test without errors, and those of all factors together are
+searched whole beside that (`kolsky.studies.budget.refit`).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import chi2, norm, qmc
 
 from doe.executors import ExecutorFactory, Pace, run_chunks
 from doe.ledger import Ledger, Run
+from explicit.contact import contact_law
 from kolsky.base.arrays import FloatArray
+from kolsky.inverse.parameters import any_slides
 from kolsky.inverse.settings import Settings
+from kolsky.studies.budget.design import NODES, WEIGHTS, design, slopes_of
 from kolsky.studies.budget.factors import NOISE, Factor
-from kolsky.studies.budget.realisation import Realisations, names_of
+from kolsky.studies.budget.realisation import Realisations, columns_of, names_of
+from kolsky.studies.budget.records import FEWEST, Budget, Source
+from kolsky.studies.budget.refit import RealisationOutcome
+from kolsky.studies.budget.sampling import JointShares, joint_shares, shares_of_squares
 from kolsky.virtual.schema import Specification
-
-NODES = np.array([-np.sqrt(3.0), 0.0, np.sqrt(3.0)])
-WEIGHTS = np.array([1.0, 4.0, 1.0]) / 6.0
-"""Gauss-Hermite rule of three points for a standard normal variable: exact for polynomials up to degree 5."""
-FEWEST = 4
-"""Fewest realisations that a standard deviation is taken from."""
-
-
-@dataclass(frozen=True)
-class Source:
-    """What one factor alone does to the answer."""
-
-    factor: Factor
-    """The factor."""
-    bias: float
-    """Mean of the answer less that without the error, in the answer's unit; NaN for the noise."""
-    u: float
-    """Standard uncertainty that it gives the answer, in the answer's unit; NaN if realisations failed."""
-    slope: float
-    """Change of the answer per unit of the factor's value; NaN for the noise."""
-    refused: tuple[str, ...]
-    """Why realisations gave no answer, a sentence each."""
-
-
-@dataclass(frozen=True)
-class Budget:
-    """What each source of error does to one parameter, alone and together with the others."""
-
-    name: str
-    """Of the test."""
-    parameter: str
-    """The parameter."""
-    truth: float
-    """Its true value; NaN if it is none of a specification's."""
-    reference: float
-    """Its estimate without errors, with the instruments' noise of the first draw."""
-    sources: tuple[Source, ...]
-    """Each factor alone."""
-    together: FloatArray
-    """Estimates with all errors at once, shape [n]; those that gave an answer."""
-    refused: tuple[str, ...]
-    """Why realisations with all errors at once gave no answer."""
-
-    @property
-    def u_sum(self) -> float:
-        """Root of the sum of the squares of the sources: Eq. (E.10)."""
-        return float(np.sqrt(np.nansum([source.u**2 for source in self.sources])))
-
-    @property
-    def u_together(self) -> float:
-        """Standard deviation with all errors at once; NaN below `FEWEST` answers."""
-        return float(self.together.std(ddof=1)) if len(self.together) >= FEWEST else float("nan")
-
-    @property
-    def u_together_interval(self) -> tuple[float, float]:
-        """95 % interval of that standard deviation, as of normal values; NaN below `FEWEST` answers."""
-        n, u = len(self.together), self.u_together
-        if n < FEWEST:
-            return float("nan"), float("nan")
-        low, high = np.sqrt((n - 1) / chi2.ppf([0.975, 0.025], n - 1))
-        return float(u * low), float(u * high)
-
-    @property
-    def adds_up(self) -> bool | None:
-        """Whether the sources, added in quadrature, explain what all together do; None if nobody knows."""
-        low, high = self.u_together_interval
-        return None if np.isnan(low) else bool(low <= self.u_sum <= high)
-
-    def share(self, source: Source) -> float:
-        """Share of a source in the sum of the squares [-]."""
-        return source.u**2 / self.u_sum**2 if self.u_sum > 0.0 else 0.0
 
 
 def budget(
@@ -144,9 +80,16 @@ def budget(
     points = design(factors, draws=draws, together=together, seed=quantities.seed)
 
     def all_runs(book: Ledger | None) -> list[Run]:
-        return run_chunks(
-            realisations, points, chunk=1, ledger=book, executor=executor, retry=retry, progress=progress
-        )
+        options = {"chunk": 1, "ledger": book, "executor": executor, "retry": retry, "progress": progress}
+        first = run_chunks(realisations, points[:1], **options)
+        if not first[0].completed:
+            raise ValueError(f"the test without errors gives no answer: {first[0].reason}")
+        later = replace(realisations, start=_start(bare, settings, first[0]))
+        alone = run_chunks(later, points[1:-together] if together else points[1:], **options)
+        if not alone[0].completed:
+            raise ValueError(f"the test without errors is not found again by a re-fit: {alone[0].reason}")
+        later = replace(later, slopes=slopes_of(factors, alone, len(columns_of(settings))))
+        return [*first, *alone, *(run_chunks(later, points[-together:], **options) if together else [])]
 
     if ledger is None:
         runs = all_runs(None)
@@ -154,43 +97,27 @@ def budget(
         ledger.parent.mkdir(parents=True, exist_ok=True)
         with Ledger(ledger, realisations.model_hash()) as book:
             runs = all_runs(book)
-    if not runs[0].completed:
-        raise ValueError(f"the test without errors gives no answer: {runs[0].reason}")
     truths = {
         "stiffness_factor": quantities.material.stiffness_factor,
         "poisson": quantities.material.poisson,
         "damping": quantities.material.damping,
     }
     return tuple(
-        analysed(quantities.name, name, truths.get(name, float("nan")), factors, runs, column, draws)
+        analysed(quantities.name, name, truths.get(name, float("nan")), factors, points, runs, column, draws)
         for column, name in enumerate(names_of(settings))
     )
 
 
-def design(factors: tuple[Factor, ...], *, draws: int, together: int, seed: int) -> FloatArray:
-    """Errors of every realisation in standard uncertainties, shape [n, k].
-
-    Row 0 has none; then two nodes of each factor but the noise; then draws of the noise alone, numbered from
-    1; then all together, a Latin hypercube of normal values with noises of their own.
-    """
-    k = len(factors)
-    noise = [i for i, factor in enumerate(factors) if factor.key == NOISE]
-    rows = [np.zeros(k)]
-    for i in range(k):
-        if i not in noise:
-            for node in NODES[[0, 2]]:
-                row = np.zeros(k)
-                row[i] = node
-                rows.append(row)
-    for number in range(1, draws + 1) if noise else ():
-        row = np.zeros(k)
-        row[noise] = number
-        rows.append(row)
-    if together:
-        normal = norm.ppf(qmc.LatinHypercube(k, seed=seed).random(together))
-        normal[:, noise] = draws + 1.0 + np.arange(together)[:, None]
-        rows.extend(normal)
-    return np.array(rows)
+def _start(quantities: Specification, settings: Settings, first: Run) -> dict[str, float] | None:
+    """Where re-fits begin; None where the response is too rough for one: a surface slides or lets go."""
+    interface = quantities.interface
+    laws = {contact_law(interface.faces), contact_law(interface.side)}
+    named = [*(settings.free or ()), *settings.held]
+    if any(law.needs_friction or law.needs_release_stress for law in laws) or any_slides(named):
+        return None
+    names = columns_of(settings)
+    values = dict(zip(names, first.results[len(names) :].tolist(), strict=True))
+    return {name: value for name, value in values.items() if np.isfinite(value)}
 
 
 def analysed(
@@ -198,41 +125,92 @@ def analysed(
     parameter: str,
     truth: float,
     factors: tuple[Factor, ...],
+    points: FloatArray,
     runs: list[Run],
     column: int,
     draws: int,
 ) -> Budget:
-    """The budget of one parameter from the runs of `design`, of which `column` holds its estimates."""
-    values = np.array([run.results[column] for run in runs])
-    why = [run.reason for run in runs]
-    reference, at, sources = float(values[0]), 1, []
+    """The budget of one parameter.
+
+    Parameters
+    ----------
+    name, parameter, truth
+        Of the test; the parameter; its true value.
+    factors
+        Sources of error.
+    points
+        As `design` gives them, shape [n, k + 1].
+    runs
+        One a point; their results are the re-fits' estimates, then the whole searches'.
+    column
+        Of the parameter in either.
+    draws
+        Draws of the noise alone.
+    """
+    near, whole = np.array([run.results.reshape(2, -1)[:, column] for run in runs]).T
+    counted = np.array([run.completed for run in runs])
+    values = np.where(counted, np.where(np.isfinite(near), near, whole), np.nan)
+    why = [f"{run.outcome}: {run.reason}" if not run.completed else "" for run in runs]
+    reference, at, sources = float(values[1]), 2, []
     for factor in factors:
-        if factor.key == NOISE:
-            continue
-        low, high = values[at], values[at + 1]
-        refused = tuple(text for text in why[at : at + 2] if text)
-        shift = np.array([low - reference, 0.0, high - reference])
-        bias = float(WEIGHTS @ shift)
-        u = float(np.sqrt(max(float(WEIGHTS @ shift**2) - bias**2, 0.0)))  # Eq. (E.8)
-        slope = float((high - low) / (NODES[2] - NODES[0]) / factor.sigma)
-        if refused:
-            bias = u = slope = float("nan")
-        sources.append(Source(factor, bias, u, slope, refused))
-        at += 2
+        if factor.key != NOISE:
+            sources.append(_alone(factor, reference, values[at : at + 2], why[at : at + 2]))
+            at += 2
     for factor in factors:
         if factor.key == NOISE:
             drawn, refused = values[at : at + draws], tuple(text for text in why[at : at + draws] if text)
             known = drawn[np.isfinite(drawn)]
-            u = float(known.std(ddof=1)) if len(known) >= FEWEST else float("nan")
+            enough = len(known) >= FEWEST
+            u = float(known.std(ddof=1)) if enough else float("nan")
             sources.insert(0, Source(factor, float("nan"), u, float("nan"), refused))
+            if enough:
+                intervals = shares_of_squares(np.array([source.u for source in sources]), 0, known)
+                sources = [
+                    replace(source, share_interval=(float(low), float(high)))
+                    for source, (low, high) in zip(sources, intervals, strict=True)
+                ]
             at += draws
     rest = values[at:]
+    use = np.isfinite(rest)
+    drawn_keys = [i for i, factor in enumerate(factors) if factor.key != NOISE]
+    joint = joint_shares(points[at:][use][:, drawn_keys], rest[use]) if use.any() else None
+    if joint is not None:
+        place = {factors[i].key: row for row, i in enumerate(drawn_keys)}
+        sources = [_with_joint(source, joint, place.get(source.factor.key)) for source in sources]
+    outcomes = tuple(RealisationOutcome(run.outcome) for run in runs)
+    jumped = [outcome is RealisationOutcome.OTHER_VALLEY for outcome in outcomes[at:]]
     return Budget(
         name=name,
         parameter=parameter,
         truth=truth,
         reference=reference,
+        closure=float(values[1] - whole[0]),
         sources=tuple(sources),
-        together=rest[np.isfinite(rest)],
+        together=rest[use],
         refused=tuple(text for text in why[at:] if text),
+        elsewhere=whole[at:][np.array(jumped, dtype=bool)],
+        searched=int(np.isfinite(whole[at:]).sum()),
+        outcomes=outcomes,
+        joint=joint,
     )
+
+
+def _alone(factor: Factor, reference: float, nodes: FloatArray, why: list[str]) -> Source:
+    """A source from the answers at its two nodes beside the reference."""
+    low, high = nodes
+    refused = tuple(text for text in why if text)
+    shift = np.array([low - reference, 0.0, high - reference])
+    bias = float(WEIGHTS @ shift)
+    u = float(np.sqrt(max(float(WEIGHTS @ shift**2) - bias**2, 0.0)))  # Eq. (E.8)
+    slope = float((high - low) / (NODES[2] - NODES[0]) / factor.sigma)
+    if refused:
+        bias = u = slope = float("nan")
+    return Source(factor, bias, u, slope, refused)
+
+
+def _with_joint(source: Source, joint: JointShares, row: int | None) -> Source:
+    """The source with its share in the draws of all at once; the noise has none of its own there."""
+    if row is None:
+        return source
+    low, high = joint.intervals[row]
+    return replace(source, joint_share=float(joint.shares[row]), joint_interval=(float(low), float(high)))

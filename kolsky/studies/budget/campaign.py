@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from kolsky.base.arrays import FloatArray
-from kolsky.studies.budget.budget import Budget
+from kolsky.studies.budget.records import Budget
 
 FEWEST_SHOTS = 4
 """Fewest shots of a slope, as `kolsky rate` asks for."""

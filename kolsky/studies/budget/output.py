@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from kolsky.base.files import write_table
-from kolsky.studies.budget.budget import Budget
 from kolsky.studies.budget.campaign import Campaign
+from kolsky.studies.budget.records import Budget
 
 
 def write_budget(path: Path, result: Budget) -> Path:
@@ -23,6 +23,11 @@ def write_budget(path: Path, result: Budget) -> Path:
             "bias (SI)": [source.bias for source in sources],
             "u (SI)": [source.u for source in sources],
             "share (1)": [result.share(source) for source in sources],
+            "share, 95 % from (1)": [source.share_interval[0] for source in sources],
+            "share, 95 % to (1)": [source.share_interval[1] for source in sources],
+            "share in all at once (1)": [source.joint_share for source in sources],
+            "in all at once, 95 % from (1)": [source.joint_interval[0] for source in sources],
+            "in all at once, 95 % to (1)": [source.joint_interval[1] for source in sources],
             "common to all shots (0/1)": [int(source.factor.shared) for source in sources],
             "refused": ["; ".join(source.refused) for source in sources],
         },
@@ -45,6 +50,12 @@ def facts(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
         "sources_add_up": result.adds_up,
         "refused_together": len(result.refused),
         "together": result.together.tolist(),
+        "closure": result.closure,
+        "realisations": result.counts,
+        "searched_whole": result.searched,
+        "in_another_valley": result.elsewhere.tolist(),
+        "unexplained": None if result.joint is None else result.joint.unexplained,
+        "unexplained_interval": None if result.joint is None else list(result.joint.unexplained_interval),
         "sources": {
             source.factor.key: {
                 "sigma": source.factor.sigma,
@@ -52,6 +63,9 @@ def facts(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
                 "bias": source.bias,
                 "slope": source.slope,
                 "share": result.share(source),
+                "share_interval": list(source.share_interval),
+                "joint_share": source.joint_share,
+                "joint_interval": list(source.joint_interval),
                 "refused": len(source.refused),
             }
             for source in ordered
@@ -72,7 +86,9 @@ def _planned(campaign: Campaign) -> dict[str, Any]:
 def printed(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
     """The budget for a terminal: a line for each source with its expanded uncertainty and share."""
     said = facts(result, campaign)
-    del said["together"]
+    for name in ("together", "unexplained", "unexplained_interval", "closure", "realisations"):
+        del said[name]
+    elsewhere = said.pop("in_another_valley")
     words = {source.factor.key: source.factor.words for source in result.sources}
     lines = {
         f"U from {words[key]}": f"{2.0 * source['u']:.3g} ({100.0 * source['share']:.2g} %)"
@@ -81,6 +97,9 @@ def printed(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
         for key, source in said.pop("sources").items()
     }
     return {**{key: value for key, value in said.items() if not key.startswith("u_")}, **lines} | {
+        "realisations": ", ".join(f"{n} {how}" for how, n in result.counts.items()),
+        "in another valley": f"{len(elsewhere)} of {result.searched}"
+        + (f", at {', '.join(f'{value:.4g}' for value in elsewhere)}" if elsewhere else ""),
         "U, added in quadrature": f"{2.0 * result.u_sum:.3g}",
         "U, all at once": f"{2.0 * result.u_together:.3g}",
     }

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -12,16 +12,15 @@ import numpy as np
 from doe.ledger import Run
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.inverse.prepared_shot import prepare_shot
-from kolsky.inverse.search import search_shot
+from kolsky.inverse.free_parameters import DEFAULT
 from kolsky.inverse.settings import Settings
 from kolsky.shot.load import load_shot
-from kolsky.shot.records import Shot
 from kolsky.studies.budget.factors import NOISE, Factor, shifted
+from kolsky.studies.budget.refit import Estimate, RealisationOutcome, refit, same_valley, whole_search
 from kolsky.studies.sweep import source_hash
-from kolsky.virtual.make import write_shot
 from kolsky.virtual.records import Truth
 from kolsky.virtual.schema import Specification
+from kolsky.virtual.shot_folder import write_shot
 from kolsky.virtual.specification import ShotSpecification
 from kolsky.virtual.truth import TruthError, simulate_truths
 
@@ -39,7 +38,8 @@ KEPT = 4
 class Realisations:
     """A test as a function of its errors, for `doe.executors.run_chunks`; it can be pickled.
 
-    A point holds, for each factor, its error in standard uncertainties; of the noise, the number of its draw.
+    A point holds, for each factor, its error in standard uncertainties, of the noise the number of its draw;
+    and last whether the whole search is asked for beside the re-fit, 1 or 0.
     """
 
     quantities: Specification
@@ -50,25 +50,73 @@ class Realisations:
     """Sources of error, length k."""
     settings: Settings
     """How each realisation is identified."""
+    start: Mapping[str, float] | None = None
+    """The optimum of the test without errors, where re-fits begin; None: everything is searched whole. It
+    follows from the rest, and is no part of `model_hash`."""
+    slopes: FloatArray | None = None
+    """Changes of the parameters of `columns_of` by one standard uncertainty of each source, which move the
+    start of a realisation of several sources, shape [k, c]; None: not known yet."""
 
     def __call__(self, points: FloatArray) -> Sequence[Run]:
-        """Realise the points, shape [n, k]; every run is the estimates, in the order of `names_of`."""
+        """Realise the points, shape [n, k + 1]; of every run the re-fit's estimates of `columns_of`, then the
+        whole search's, NaN where there is none."""
         return [self._one(point) for point in points]
 
     def _one(self, point: FloatArray) -> Run:
+        *sizes, whole = point
         errors = {
             factor.key: float(z) * factor.sigma
-            for factor, z in zip(self.factors, point, strict=True)
+            for factor, z in zip(self.factors, sizes, strict=True)
             if factor.key != NOISE and z != 0.0
         }
-        draw = next((int(z) for factor, z in zip(self.factors, point, strict=True) if factor.key == NOISE), 0)
-        nothing = np.full(len(names_of(self.settings)), np.nan)
+        draw = next((int(z) for factor, z in zip(self.factors, sizes, strict=True) if factor.key == NOISE), 0)
         try:
             quantities = shifted(self.quantities, errors)
             truth = self._truth(quantities)
-            return Run(True, "identified", _identified(quantities, truth, draw, self.folder, self.settings))
+            start = self._start(np.array(sizes))
+            return self._identified(quantities, truth, draw, start, whole=bool(whole))
         except (InputError, TruthError, ValueError) as error:
-            return Run(False, "refused", nothing, str(error).splitlines()[0][:500])
+            return _run(RealisationOutcome.REFUSED, self.settings, None, None, _first_line(error))
+
+    def _start(self, sizes: FloatArray) -> Mapping[str, float] | None:
+        """Where the re-fit begins: the optimum without errors, moved by what each error moves it, [k]."""
+        if self.start is None or self.slopes is None:
+            return self.start
+        noise = [factor.key == NOISE for factor in self.factors]
+        moved = np.where(noise, 0.0, sizes) @ self.slopes
+        places = dict(zip(columns_of(self.settings), moved.tolist(), strict=True))
+        return {name: value + places[name] for name, value in self.start.items()}
+
+    def _identified(
+        self,
+        quantities: Specification,
+        truth: Truth,
+        draw: int,
+        start: Mapping[str, float] | None,
+        *,
+        whole: bool,
+    ) -> Run:
+        """The estimates of a made shot, through its files."""
+        made = ShotSpecification(draw, quantities.name, {}, quantities, self.folder)
+        with tempfile.TemporaryDirectory(prefix="kolsky-budget-") as place:
+            write_shot(made, truth, Path(place) / "shot")
+            shot = load_shot(Path(place) / "shot")
+            if start is None:
+                found = whole_search(shot, self.settings)
+                return _run(found.outcome, self.settings, None, found)
+            near = refit(shot, self.settings, start)
+            if not near.outcome.counted:
+                return _run(near.outcome, self.settings, near, None, f"the re-fit ended {near.outcome}")
+            if not whole:
+                return _run(near.outcome, self.settings, near, None)
+            try:
+                found = whole_search(shot, self.settings)
+            except (InputError, ValueError) as error:
+                outcome = RealisationOutcome.SEARCH_REFUSED
+                return _run(outcome, self.settings, near, None, _first_line(error))
+            valley = same_valley(near, found)
+            outcome = RealisationOutcome.SAME_VALLEY if valley else RealisationOutcome.OTHER_VALLEY
+            return _run(outcome, self.settings, near, found)
 
     def _truth(self, quantities: Specification) -> Truth:
         numerics = self.settings.numerics
@@ -115,27 +163,28 @@ def _truth(true: Specification, folder: Path, device: str, threads: int | None) 
 _TRUTHS: dict[str, Truth] = {}
 
 
-def _identified(
-    quantities: Specification, truth: Truth, draw: int, folder: Path, settings: Settings
-) -> FloatArray:
-    """The estimates of a made shot, through its files, shape [n_free]."""
-    shot = ShotSpecification(draw, quantities.name, {}, quantities, folder)
-    with tempfile.TemporaryDirectory(prefix="kolsky-budget-") as place:
-        write_shot(shot, truth, Path(place) / "shot")
-        return estimate(load_shot(Path(place) / "shot"), settings)
+def _run(
+    outcome: RealisationOutcome,
+    settings: Settings,
+    near: Estimate | None,
+    whole: Estimate | None,
+    reason: str = "",
+) -> Run:
+    names = columns_of(settings)
+    rows = [
+        [np.nan if one is None else one.values.get(name, np.nan) for name in names] for one in (near, whole)
+    ]
+    return Run(outcome.counted, outcome.value, np.array(rows, dtype=np.float64).ravel(), reason)
 
 
-def estimate(shot: Shot, settings: Settings) -> FloatArray:
-    """The optimum of `kolsky.identify` alone, without its uncertainty, in the order of `names_of`.
+def _first_line(error: Exception) -> str:
+    return str(error).splitlines()[0][:500]
 
-    Raises
-    ------
-    ValueError
-        As `kolsky.identify`.
-    """
-    found = search_shot(prepare_shot(shot), settings, lambda stage, done, total: None)
-    place = {name: i for i, name in enumerate(found.stages.box.names)}
-    return np.array([found.fine.x[place[name]] for name in names_of(settings)], dtype=np.float64)
+
+def columns_of(settings: Settings) -> tuple[str, ...]:
+    """Parameters that a realisation's record has room for: those of `names_of`, then what may be free too."""
+    names = names_of(settings)
+    return names + tuple(name for name in DEFAULT if name not in names and settings.free is None)
 
 
 def names_of(settings: Settings) -> tuple[str, ...]:

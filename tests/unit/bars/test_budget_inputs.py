@@ -114,6 +114,7 @@ def test_every_input_is_in_the_budget():
     assert names == {
         "specimen, diameter",
         "specimen, length",
+        "specimen, density",
         *(
             f"{side} {what}"
             for side in ("incident", "transmission")

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kolsky.diagnosis.cause_inputs import CANDIDATES, DENSITY, POISSON, SENSITIVITY
+from kolsky.diagnosis.candidate_input import DENSITY, POISSON, SENSITIVITY
+from kolsky.diagnosis.cause_inputs import CANDIDATES
 from kolsky.diagnosis.cause_search import Trial
 from kolsky.diagnosis.causes import CauseAnalysis, _in_groups, cause_warnings, percent, sentence
 from kolsky.inverse.cause_results import CauseFinding

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kolsky.base.records import FlyerMotion
-from kolsky.diagnosis import cause_inputs as inputs
+from kolsky.diagnosis import candidate_input as inputs
 from kolsky.diagnosis.corrected import corrected
 from kolsky.inverse.cause_results import CauseFinding
 from kolsky.inverse.settings import Settings

@@ -4,16 +4,15 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from epipolar_numpy import correlation, curve_distances, points_along
 from numpy.typing import NDArray
 from stereo_scene import SHAPE, rig
 
 from dic.correlation.settings import Match
 from dic.stereo import Gate, StereoGates, StereoSearch, epipolar_distance
-from dic.stereo.epipolar_search import curve_distances, points_along
 from dic.stereo.facet import distance_along, facet_geometry, fit_facet, gradient, normals
 from dic.stereo.gates import GateValues, disagreement, failed_gates
 from dic.stereo.guided import neighbourhood, propagate
-from dic.stereo.template import correlation
 from dic.synthetic.cylinder import RenderedCylinder
 
 FloatArray = NDArray[np.float64]

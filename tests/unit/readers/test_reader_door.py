@@ -124,6 +124,6 @@ def test_commands_and_recordings_know_a_new_reader(
 
 def test_every_format_says_whether_it_is_binary() -> None:
     assert {name: form.BINARY for name, form in FORMATS.items()} == {
-        "excel": True, "tdms": True, "matlab": True, "hdf5": True, "lvm": False, "tektronix": False,
-        "lanl": False, "scope": True, "delimited": False,
+        "excel": True, "excel 97": True, "tdms": True, "matlab": True, "hdf5": True, "lvm": False,
+        "tektronix": False, "lanl": False, "scope": True, "delimited": False,
     }  # fmt: skip

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from kolsky.report.pages.budget import write_page
-from kolsky.studies.budget.budget import Budget, Source
 from kolsky.studies.budget.campaign import plan_campaign
 from kolsky.studies.budget.factors import Factor
+from kolsky.studies.budget.records import Budget, Source
 
 
 def test_page_says_what_does_not_add_up_and_what_is_not_known(tmp_path: Path) -> None:

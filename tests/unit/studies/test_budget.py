@@ -1,13 +1,21 @@
 """The error budget: its rule, its design, its shares, and the plan of a campaign."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.stats import t as student
 
 from doe.ledger import Run
-from kolsky.studies.budget.budget import NODES, WEIGHTS, analysed, design
+from kolsky.inverse.settings import Settings
+from kolsky.studies.budget.budget import analysed
 from kolsky.studies.budget.campaign import plan_campaign, shot_sigma, slope_half_width
+from kolsky.studies.budget.design import NODES, WEIGHTS, design, slopes_of
 from kolsky.studies.budget.factors import NOISE, factors_of, shifted
+from kolsky.studies.budget.realisation import Realisations
+from kolsky.studies.budget.refit import Estimate, same_valley
+from kolsky.studies.budget.refit import RealisationOutcome as Outcome
+from kolsky.studies.budget.sampling import joint_shares, shares_of_squares
 from kolsky.virtual.schema import Specification
 
 FACTORS = factors_of(
@@ -17,16 +25,23 @@ LINEAR, CURVED = np.array([0.0, 3.0, -0.5, 0.0]), np.array([0.0, 0.0, 0.2, 0.0])
 """A made-up answer: 1 + sum_i (a_i z_i + b_i z_i^2) + noise of 0.1; the noise is factor 0, z in sigmas."""
 
 
-def made_up(points: np.ndarray, *, lost: int | None = None) -> list[Run]:
+def made_up(points: np.ndarray, *, lost: int | None = None, jumps: tuple[int, ...] = ()) -> list[Run]:
+    """Runs of a made-up answer; `lost` is refused, the whole searches of `jumps` end 0.5 away."""
     rng = np.random.default_rng(4)
     noises = {number: 0.1 * rng.standard_normal() for number in range(1, 2000)} | {0: 0.0}
     runs = []
-    for number, point in enumerate(points):
-        z = point.copy()
-        z[0] = 0.0
-        value = 1.0 + LINEAR @ z + CURVED @ z**2 + noises[int(point[0])]
-        failed = number == lost
-        runs.append(Run(not failed, "x", np.array([np.nan if failed else value]), "why" if failed else ""))
+    for number, (*sizes, whole) in enumerate(points):
+        z = np.array(sizes)
+        draw, z[0] = int(z[0]), 0.0
+        value = 1.0 + LINEAR @ z + CURVED @ z**2 + noises[draw]
+        searched = value + 0.5 * (number in jumps) if whole else np.nan
+        outcome = Outcome.OTHER_VALLEY if number in jumps else Outcome.SAME_VALLEY
+        if number == 0:
+            value, outcome = np.nan, Outcome.SEARCHED
+        if number == lost:
+            value, outcome = 99.0, Outcome.NOT_AT_REST
+        why = "" if outcome.counted else "why"
+        runs.append(Run(outcome.counted, outcome.value, np.array([value, searched]), why))
     return runs
 
 
@@ -62,7 +77,7 @@ def test_rule_has_the_moments_of_a_normal_variable() -> None:
 def test_each_source_alone() -> None:
     """Of a z + b z^2 the mean is b, the variance a^2 + 2 b^2, the slope a / sigma; noise is its scatter."""
     points = design(FACTORS, draws=400, together=2000 - 401, seed=1)
-    found = analysed("made up", "m", 1.0, FACTORS, made_up(points), 0, 400)
+    found = analysed("made up", "m", 1.0, FACTORS, points, made_up(points), 0, 400)
     noise, length, sensitivity, damping = found.sources
     assert length.u == pytest.approx(3.0, rel=1e-12)
     assert length.slope == pytest.approx(3.0 / 0.005, rel=1e-12)
@@ -84,33 +99,121 @@ def test_all_at_once_that_does_not_add_up_is_said() -> None:
     runs = made_up(points)
     for run in runs[-40:]:
         run.results[:] *= 3.0
-    assert analysed("made up", "m", 1.0, FACTORS, runs, 0, 8).adds_up is False
-    none = analysed("made up", "m", 1.0, FACTORS, runs[:-40], 0, 8)
+    assert analysed("made up", "m", 1.0, FACTORS, points, runs, 0, 8).adds_up is False
+    none = analysed("made up", "m", 1.0, FACTORS, points, runs[:-40], 0, 8)
     assert none.adds_up is None
 
 
 def test_a_test_that_gave_no_answer_leaves_its_source_unknown() -> None:
     points = design(FACTORS, draws=8, together=0, seed=1)
-    found = analysed("made up", "m", 1.0, FACTORS, made_up(points, lost=3), 0, 8)
+    found = analysed("made up", "m", 1.0, FACTORS, points, made_up(points, lost=4), 0, 8)
     assert np.isnan(found.sources[2].u)
-    assert found.sources[2].refused == ("why",)
+    assert found.sources[2].refused == ("not at rest: why",)
     assert found.sources[1].u == pytest.approx(3.0)
     assert shot_sigma(found, 0.0) > 3.0  # the sensitivity is common to all shots
 
 
+def test_jumps_are_counted_and_in_no_spread() -> None:
+    """Two draws whose whole search ends 0.5 away: named, and the spread is that of the re-fits."""
+    points = design(FACTORS, draws=8, together=40, seed=1)
+    still = analysed("made up", "m", 1.0, FACTORS, points, made_up(points), 0, 8)
+    jumped = analysed("made up", "m", 1.0, FACTORS, points, made_up(points, jumps=(20, 31)), 0, 8)
+    assert jumped.u_together == still.u_together
+    assert jumped.jumps == 2 / 40
+    assert jumped.elsewhere == pytest.approx(jumped.together[[4, 15]] + 0.5)
+    assert jumped.counts["another valley"] == 2
+    assert still.jumps == 0.0
+    assert still.closure == pytest.approx(0.0)
+    lost = analysed("made up", "m", 1.0, FACTORS, points, made_up(points, lost=30), 0, 8)
+    assert len(lost.together) == 39
+    assert lost.refused == ("not at rest: why",)
+
+
+def test_a_whole_search_is_in_the_valley_within_three_of_its_standard_deviations() -> None:
+    near = Estimate({"m": 1.0, "nu": 0.499}, {"m": 9.0, "nu": 9.0}, Outcome.REFITTED)
+
+    def whole(m: float, nu: float) -> Estimate:
+        return Estimate(
+            {"m": m, "nu": nu, "beta": 1.0}, {"m": 0.01, "nu": 1e-4, "beta": 0.0}, Outcome.SEARCHED
+        )
+
+    assert same_valley(near, whole(1.029, 0.499))
+    assert not same_valley(near, whole(1.031, 0.499))
+    assert not same_valley(near, whole(1.0, 0.49931))
+
+
+def test_the_start_of_a_draw_is_where_its_sources_alone_move_the_answer(tmp_path: Path) -> None:
+    """1 + 3 z1 - 0.5 z2 + 0 z3, whatever the noise's number; a lost node moves nothing."""
+    points = design(FACTORS, draws=4, together=2, seed=1)
+    slopes = slopes_of(FACTORS, made_up(points)[1:], 1)
+    assert slopes[:, 0] == pytest.approx([0.0, 3.0, -0.5, 0.0], abs=1e-12)
+    assert slopes_of(FACTORS, made_up(points, lost=3)[1:], 1)[1, 0] == 0.0
+    settings = Settings(free={"stiffness_factor": None})
+    made = Realisations(Specification(), tmp_path, FACTORS, settings, {"stiffness_factor": 1.0}, slopes)
+    start = made._start(np.array([7.0, 0.1, -2.0, 1.0]))
+    assert start == {"stiffness_factor": pytest.approx(1.0 + 0.3 + 1.0)}
+
+
+def test_shares_of_a_straight_line_are_known_exactly() -> None:
+    """m = 1 + 3 z1 - 4 z2: shares 9/25 and 16/25, nothing unexplained, whatever the draws."""
+    z = np.random.default_rng(3).standard_normal((20, 2))
+    found = joint_shares(z, 1.0 + z @ [3.0, -4.0])
+    assert found is not None
+    assert found.slopes == pytest.approx([3.0, -4.0])
+    assert found.shares == pytest.approx([0.36, 0.64])
+    assert found.intervals == pytest.approx(np.array([[0.36, 0.36], [0.64, 0.64]]))
+    assert found.unexplained == pytest.approx(0.0, abs=1e-20)
+    assert joint_shares(z[:6], z[:6, 0]) is None
+    assert joint_shares(np.column_stack([z[:, 0], z[:, 0]]), z[:, 0]) is None
+
+
+def test_bootstrap_of_a_line_has_the_spread_of_least_squares() -> None:
+    """Noise of 0.5 beside a slope of 1: the share is 1 / 1.25, and its interval has the width that
+    var(b) = s^2 / n and var(s^2) = 2 s^4 / (n - 2) give to first order in b^2 / (b^2 + s^2)."""
+    rng = np.random.default_rng(5)
+    n = 400
+    z = rng.standard_normal((n, 1))
+    z = (z - z.mean()) / z.std()
+    noise = rng.standard_normal(n)
+    noise -= noise.mean() + z[:, 0] * (noise @ z[:, 0]) / n
+    noise *= 0.5 * np.sqrt((n - 2) / (noise @ noise))
+    found = joint_shares(z, z[:, 0] + noise)
+    assert found is not None
+    assert found.shares[0] == pytest.approx(0.8, rel=1e-12)
+    assert found.unexplained == pytest.approx(0.2, rel=1e-12)
+    per_b, per_s = 2 * 0.25 / 1.25**2, 1 / 1.25**2  # derivatives of b^2 / (b^2 + v) by b and by v = s^2
+    sigma = np.hypot(per_b * 0.5 / np.sqrt(n), per_s * 0.25 * np.sqrt(2 / (n - 2)))
+    width = found.intervals[0, 1] - found.intervals[0, 0]
+    assert width == pytest.approx(2 * 1.96 * sigma, rel=0.1)  # 2000 resamples: 4 % of an end
+
+
+def test_interval_of_a_share_from_the_draws_of_the_noise() -> None:
+    """One other source of the noise's size: share = 1 / (1 + s^2), to first order sigma(s^2) / 4."""
+    values = np.random.default_rng(6).standard_normal(500)
+    values *= 1.0 / values.std(ddof=1)
+    found = shares_of_squares(np.array([1.0, 1.0, np.nan]), 0, values)
+    kurtosis = float(((values - values.mean()) ** 4).mean())
+    sigma = np.sqrt((kurtosis - 1.0) / 500) / 4
+    assert found[0, 1] - found[0, 0] == pytest.approx(2 * 1.96 * sigma, rel=0.1)
+    assert found[1] == pytest.approx(1.0 - found[0, ::-1])
+    assert np.isnan(found[2]).all()
+
+
 def test_design_keeps_sources_apart() -> None:
     points = design(FACTORS, draws=5, together=6, seed=1)
-    assert points.shape == (1 + 2 * 3 + 5 + 6, 4)
-    assert not points[0].any()
-    alone = points[1:7]
+    assert points.shape == (2 + 2 * 3 + 5 + 6, 5)
+    assert points[0].tolist() == [0, 0, 0, 0, 1]
+    assert not points[1].any()
+    alone = points[2:8]
     assert (np.count_nonzero(alone, axis=1) == 1).all()
-    assert points[7:12, 0].tolist() == [1, 2, 3, 4, 5]
-    assert not points[7:12, 1:].any()
-    assert points[12:, 0].tolist() == [6, 7, 8, 9, 10, 11]
+    assert points[8:13, 0].tolist() == [1, 2, 3, 4, 5]
+    assert not points[8:13, 1:].any()
+    assert points[13:, 0].tolist() == [6, 7, 8, 9, 10, 11]
+    assert points[13:, 4].tolist() == [1] * 6  # and these are searched whole
     # A Latin hypercube has one value in each sixth of the probability.
     from scipy.stats import norm
 
-    sixths = np.sort(np.floor(6 * norm.cdf(points[12:, 1:])), axis=0)
+    sixths = np.sort(np.floor(6 * norm.cdf(points[13:, 1:4])), axis=0)
     assert (sixths == np.arange(6)[:, None]).all()
 
 

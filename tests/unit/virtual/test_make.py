@@ -121,14 +121,18 @@ baseline = "5 mV"
 
 def test_the_truth_is_read_by_nothing_else() -> None:
     """No module of the package but those of the virtual laboratory knows the name of the truth's files."""
-    named = re.compile(r"truth\.json|truth_surface|virtual\.make import .*TRUTH")
+    named = re.compile(r"truth\.json|truth_surface|shot_folder import .*TRUTH")
     readers = {
         str(path.relative_to(ROOT))
         for package in ("kolsky", "dic", "explicit", "doe")
         for path in (ROOT / package).rglob("*.py")
         if named.search(path.read_text("utf-8"))
     }
-    assert readers <= {"kolsky/virtual/make.py", "kolsky/virtual/shot_file.py"}
+    assert readers <= {
+        "kolsky/virtual/make.py",
+        "kolsky/virtual/shot_file.py",
+        "kolsky/virtual/shot_folder.py",
+    }
 
 
 def test_the_template_is_the_defaults() -> None:

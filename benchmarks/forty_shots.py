@@ -1,0 +1,204 @@
+"""One drawn shot of the study of forty: identified, set beside its truth, tried again if it was refused."""
+
+import json
+import os
+import re
+import shutil
+import time
+import traceback
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from kolsky.base.errors import InputError
+from kolsky.identification import identify
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.settings import Settings
+from kolsky.shot.load import load_shot
+from kolsky.virtual.schema import Specification
+from kolsky.virtual.shot_folder import SURFACE, TRUTH
+
+RIGHT = 0.01
+"""Largest relative error of an answer that counts as right [-]."""
+COVERED = 3.0
+"""An answer further from the truth than so many of its standard uncertainties is confidently wrong."""
+KINDS = ("right", "answered, beyond 1 %", "refused", "confidently wrong", "stopped by a fault")
+CLEAR = 4.0
+"""How far the region of the flyer that a cure declares stays clear of its edge and the picture's [px]."""
+LEAST = 8.0
+"""Least height of such a region [px]."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """What is asked of every shot."""
+
+    spec: str
+    out: str
+    exports: bool = False
+    mesh: tuple[int, int] = (24, 32)
+    refined_mesh: tuple[int, int] = (64, 86)
+    truth_mesh: tuple[int, int] | None = None
+    device: str = "cpu"
+    threads: int | None = None
+    cures: bool = True
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What came of one attempt at a shot; numbers are None where there is no answer."""
+
+    name: str
+    truth: float
+    value: float | None
+    sigma: float | None
+    verdict: str
+    """The verdict on m, "refused", or "fault"."""
+    answered: bool
+    """Whether m is given as identified."""
+    reason: str
+    """Why there is no answer, or the warnings, one a line."""
+    pictures: float
+    """Time from the files to outline and flyer [s]."""
+    seconds: float
+    """Time from the files to m [s]."""
+    cure: str = ""
+    """What was done about a refusal; empty for the unattended attempt."""
+    cured: list["Answer"] = field(default_factory=list)
+    """Attempts with a cure, of a shot that was refused, until one answers."""
+
+    @property
+    def error(self) -> float | None:
+        """Relative error of m [-]."""
+        return None if self.value is None else self.value / self.truth - 1.0
+
+    @property
+    def kind(self) -> str:
+        """What the attempt counts as."""
+        if self.verdict == "fault":
+            return "stopped by a fault"
+        if not self.answered or self.value is None or self.sigma is None:
+            return "refused"
+        if abs(self.value - self.truth) > COVERED * self.sigma:
+            return "confidently wrong"
+        return "right" if abs(self.value / self.truth - 1.0) <= RIGHT else "answered, beyond 1 %"
+
+    @property
+    def end(self) -> "Answer":
+        """The last attempt."""
+        return self.cured[-1] if self.cured else self
+
+    @classmethod
+    def read(cls, path: Path) -> "Answer":
+        """An answer that was kept."""
+        content = json.loads(path.read_text("utf-8"))
+        return cls(**{**content, "cured": [cls(**one) for one in content["cured"]]})
+
+
+def one(study: Study, name: str) -> Answer:
+    """Identify a made shot, and set it beside its truth; found again if it is there."""
+    kept = Path(study.out) / f"{name}.json"
+    if kept.exists():
+        return Answer.read(kept)
+    folder = Path(study.out) / "shots" / name
+    answer = attempt(study, name, folder)
+    if study.cures and answer.kind == "refused":
+        for words, cure in CURES.items():
+            place = Path(study.out) / "cured" / f"{name}-{re.sub('[^a-z]+', '-', words)}"
+            if not cured_copy(folder, place, cure):
+                continue
+            again = attempt(study, name, place, words)
+            answer.cured.append(again)
+            if again.answered:
+                break
+    partial = kept.with_suffix(".partial")
+    partial.write_text(json.dumps(asdict(answer), indent=1), encoding="utf-8")
+    os.replace(partial, kept)
+    return answer
+
+
+def attempt(study: Study, name: str, folder: Path, cure: str = "") -> Answer:
+    """From the files of a folder to m, as `kolsky identify` does it."""
+    truth = float(json.loads((folder / TRUTH).read_text("utf-8"))["m"])
+    started, seen = time.perf_counter(), 0.0
+    numerics = Numerics(mesh=study.mesh, device=study.device, threads=study.threads)
+    try:
+        shot = load_shot(folder)
+        seen = time.perf_counter() - started
+        found = identify(shot, Settings(numerics=numerics, refined_mesh=study.refined_mesh))
+    except (InputError, ValueError, RuntimeError) as error:
+        verdict = "refused" if said_on_purpose(error) else "fault"
+        seconds = time.perf_counter() - started
+        return Answer(name, truth, None, None, verdict, False, str(error), seen or seconds, seconds, cure)
+    m = found.estimates["stiffness_factor"]
+    seconds = time.perf_counter() - started
+    said = "\n".join(found.warnings)
+    return Answer(
+        name, truth, m.value, m.sigma, str(m.outcome), m.outcome.identified, said, seen, seconds, cure
+    )
+
+
+def said_on_purpose(error: Exception) -> bool:
+    """Whether an error is a refusal that a line `raise` made, and no accident inside a computation."""
+    line = traceback.extract_tb(error.__traceback__)[-1].line or ""
+    return isinstance(error, InputError) or line.lstrip().startswith("raise ")
+
+
+def cured_copy(folder: Path, place: Path, cure: Callable[[str, Path], str | None]) -> bool:
+    """Copy a shot with another shot.toml; False if the cure has nothing to change."""
+    text = cure((folder / "shot.toml").read_text("utf-8"), folder)
+    if text is None:
+        return False
+    if place.exists():
+        shutil.rmtree(place)
+    shutil.copytree(folder, place, ignore=shutil.ignore_patterns("results"), copy_function=os.link)
+    (place / "shot.toml").unlink()
+    (place / "shot.toml").write_text(text, encoding="utf-8")
+    return True
+
+
+def flyer_region(text: str, folder: Path) -> str | None:
+    """Declare a region of the flyer in the last frame, as a person would who looks at the picture."""
+    answer = json.loads((folder / TRUTH).read_text("utf-8"))
+    if "cameras" not in answer or "flyer = {" in text:
+        return None
+    camera, q = answer["cameras"][0], Specification.model_validate(answer["specification"])
+    with np.load(folder / SURFACE) as kept:
+        face = q.specimen.length - float(kept["d"][-1])
+    R, t, K = (np.array(camera[name]) for name in ("R", "t", "K"))
+    ahead = R @ [0.0, face, 0.0] + t
+    edge = (K @ (ahead / ahead[2]))[:2] - np.array(camera["crop_offset"])
+    columns, rows = q.cameras.picture
+    side = q.cameras.flyer_side
+    x, y = [CLEAR, columns - 1 - CLEAR], [CLEAR, rows - 1 - CLEAR]
+    along, place = (y, edge[1]) if side in ("up", "down") else (x, edge[0])
+    along[1 if side in ("up", "left") else 0] = place - CLEAR if side in ("up", "left") else place + CLEAR
+    if along[1] - along[0] < LEAST:
+        return None
+    frame = len((folder / "frames.csv").read_text("utf-8").splitlines()) - 2
+    ranges = [", ".join(f"{value:.1f}" for value in pair) for pair in (x, y)]
+    line = f"flyer = {{ x = [{ranges[0]}], y = [{ranges[1]}], frame = {frame} }}"
+    return re.sub(r"^\[dic\]$", f"[dic]\n{line}", text, count=1, flags=re.MULTILINE)
+
+
+def with_subset(share: float) -> Callable[[str, Path], str | None]:
+    """Correlate with subsets of another size, odd and within what a shot file may say."""
+
+    def changed(text: str, folder: Path) -> str | None:
+        found = re.search(r"^subset = (\d+)$", text, re.MULTILINE)
+        if found is None:
+            return None
+        size = int(np.clip(2 * round(0.5 * share * int(found[1])) + 1, 11, 51))
+        return text.replace(found[0], f"subset = {size}", 1)
+
+    return changed
+
+
+CURES: dict[str, Callable[[str, Path], str | None]] = {
+    "a region of the flyer": flyer_region,
+    "larger subsets": with_subset(1.4),
+    "smaller subsets": with_subset(0.7),
+}
+"""What is tried on a refused shot, in this order, each alone."""

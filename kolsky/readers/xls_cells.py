@@ -1,0 +1,38 @@
+"""Cells of an old Excel workbook (.xls) as JSON on standard output: run as a program of its own.
+
+The library that takes the cells from the file lays out every sheet as a full rectangle. A damaged or hostile
+file may name a cell so far out that the memory for it cannot be had, and then the whole process ends. So it
+is not the process that reads a shot: `kolsky.readers.excel_97` starts this one.
+"""
+
+import json
+import sys
+
+MEMORY = 4_000_000_000
+"""Most memory of this process, where the system can limit it [bytes]."""
+
+
+def limit_memory() -> None:
+    """Have an allocation beyond `MEMORY` fail instead of taking the machine's memory."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+
+
+def main(path: str) -> None:
+    """Print the sheets of a workbook: title, and rows of texts, numbers and truth values."""
+    from python_calamine import load_workbook
+
+    with load_workbook(path) as book:
+        sheets = [
+            {"title": title, "rows": book.get_sheet_by_name(title).to_python(skip_empty_area=False)}
+            for title in book.sheet_names
+        ]
+    json.dump(sheets, sys.stdout, default=str)
+
+
+if __name__ == "__main__":
+    limit_memory()
+    main(sys.argv[1])

@@ -1,0 +1,142 @@
+"""The estimate of a test with errors, near that without them: least squares on the solver itself.
+
+The misfit of a force that rings has several valleys, and with errors another one may become the deepest. Then
+two things happen to an answer: it moves within its valley, by what a budget adds up, and it may jump, by what
+no budget of small errors knows. The re-fit starts at the optimum of the test without errors and goes downhill
+by Gauss and Newton's steps, so it follows its valley; the whole search of `kolsky.identify` looks everywhere.
+Where a whole search ends elsewhere than the re-fit, the answer has jumped.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+
+from doe import from_points
+from kolsky.inverse.free_parameters import choose
+from kolsky.inverse.objective import Objective
+from kolsky.inverse.optimum import on_edge
+from kolsky.inverse.parameters import design_box
+from kolsky.inverse.prepared_shot import prepare_shot
+from kolsky.inverse.refined_search import refined_numerics
+from kolsky.inverse.search import search_shot
+from kolsky.inverse.settings import Settings
+from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.surrogate_mesh_search import least_squares_on
+from kolsky.shot.records import Shot
+
+SAME_VALLEY = 3.0
+"""A whole search that ends within so many of its standard deviations of the re-fit is in the same valley."""
+MOST_STEPS = 16
+"""Most steps of a re-fit."""
+AT_REST = 0.1
+"""Length of the next step, in standard deviations from the residuals, at which a re-fit is at rest: its
+differences are what a budget is made of."""
+
+
+class RealisationOutcome(StrEnum):
+    """How one realisation of a test with errors ended."""
+
+    REFITTED = "re-fitted"
+    """By the re-fit alone, which was all that was asked."""
+    SAME_VALLEY = "same valley"
+    """The whole search ends where the re-fit does."""
+    OTHER_VALLEY = "another valley"
+    """The whole search ends elsewhere: an unattended answer jumps."""
+    SEARCHED = "searched"
+    """By the whole search alone: the test without errors, or a response too rough for a re-fit."""
+    SEARCH_REFUSED = "search refused"
+    """The re-fit has an answer, the whole search none."""
+    NOT_AT_REST = "not at rest"
+    """The re-fit did not come to rest."""
+    AT_BOUND = "at a bound"
+    """The re-fit ended at a bound of its parameters."""
+    REFUSED = "refused"
+    """The test gave no answer."""
+
+    @property
+    def counted(self) -> bool:
+        """Whether the realisation's estimate enters a spread."""
+        return self not in (self.NOT_AT_REST, self.AT_BOUND, self.REFUSED)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The estimate of one realisation."""
+
+    values: Mapping[str, float]
+    """Free parameters, SI."""
+    sigma: Mapping[str, float]
+    """Their standard deviations from the residuals."""
+    outcome: RealisationOutcome
+    """How it ended."""
+
+
+def whole_search(shot: Shot, settings: Settings) -> Estimate:
+    """The optimum of `kolsky.identify`, without its uncertainty from other sources.
+
+    Raises
+    ------
+    ValueError
+        As `kolsky.identify`.
+    """
+    found = search_shot(prepare_shot(shot), settings, lambda stage, done, total: None)
+    names = found.stages.box.names
+    return Estimate(
+        dict(zip(names, found.fine.x.tolist(), strict=True)),
+        dict(zip(names, found.fine.sigma.tolist(), strict=True)),
+        RealisationOutcome.SEARCHED,
+    )
+
+
+def refit(shot: Shot, settings: Settings, start: Mapping[str, float]) -> Estimate:
+    """The optimum next to a start, on the refined mesh.
+
+    Parameters
+    ----------
+    shot
+        The test.
+    settings
+        As those of the whole search; what is free is what the start names.
+    start
+        Free parameters and where they begin, SI.
+
+    Raises
+    ------
+    ValueError
+        If no run at the start completes.
+    """
+    free = {name: (settings.free or {}).get(name) for name in start}
+    freed = choose(replace(settings, free=free), shot)
+    box = design_box(freed.free)
+    stages = StagedRuns(
+        prepare_shot(shot),
+        freed.settings,
+        box,
+        lambda stage, done, total: None,
+        prior=freed.prior(shot),
+    )
+    numerics = refined_numerics(stages)
+    x = np.clip([start[name] for name in box.names], box.lower, box.upper)
+    first = stages.simulate("design", from_points(box, x[None]), numerics)
+    objective = Objective(stages.observations, first.prediction.inside[0], prior=stages.prior)
+    (found,) = least_squares_on(stages, objective, numerics, x[None], MOST_STEPS, at_rest=AT_REST)
+    outcome = RealisationOutcome.REFITTED
+    if not found.converged:
+        outcome = RealisationOutcome.NOT_AT_REST
+    elif on_edge(found.x, box).any():
+        outcome = RealisationOutcome.AT_BOUND
+    return Estimate(
+        dict(zip(box.names, found.x.tolist(), strict=True)),
+        dict(zip(box.names, found.sigma.tolist(), strict=True)),
+        outcome,
+    )
+
+
+def same_valley(near: Estimate, whole: Estimate) -> bool:
+    """Whether a whole search ends where the re-fit does, for every parameter that both have free."""
+    common = near.values.keys() & whole.values.keys()
+    return all(
+        abs(near.values[name] - whole.values[name]) <= SAME_VALLEY * whole.sigma[name] for name in common
+    )

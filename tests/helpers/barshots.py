@@ -1,0 +1,120 @@
+"""Shots between bars as a laboratory's folder has them: raw files of recorders, and a shot.toml.
+
+The specimen is soft steel of closed form: a trapezoid of incident strain, a transmitted one in proportion.
+Bars of 20 mm without Poisson's ratio, 5000 m/s; gauges 1000 mm and 500 mm from the specimen, 10 MHz.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+INTERVAL = 1e-7
+STRESS, DIAMETER, LENGTH = 250e6, 10e-3, 5e-3
+INCIDENT, SHARE = 1.5e-3, STRESS * 0.25 / 1.5e-3 / 200e9
+"""Height of the incident strain; the transmitted one over it."""
+RATE = 2.0 * 5000.0 * INCIDENT * (1.0 - SHARE) / LENGTH
+ARRIVAL = 200e-6
+"""On the file's clock, at the incident gauge."""
+TOML = """format = 1
+[specimen]
+diameter = "10 mm"
+length = "5 mm"
+density = "{density} kg/m^3"
+[bars.incident]
+diameter = "20 mm"
+length = "2000 mm"
+density = "8000 kg/m^3"
+wave_speed = "5000 m/s"
+poisson = 0.0
+[bars.transmission]
+diameter = "20 mm"
+length = "2000 mm"
+density = "8000 kg/m^3"
+wave_speed = "5000 m/s"
+poisson = 0.0
+{recorders}
+[gauges.incident]
+{incident}
+distance = "1000 mm"
+baseline = ["0 us", "80 us"]
+[gauges.transmission]
+{transmission}
+distance = "500 mm"
+baseline = ["0 us", "80 us"]
+[waves]
+corrections = {{ {corrections} }}
+{waves}
+[uncertainty]
+specimen_diameter = "1 %"
+{more}
+"""
+ONE = """[recorders.scope]
+file = "scope.csv"
+clock_offset = "0 us"
+"""
+
+
+def ramp(t: np.ndarray, end: float = 150e-6) -> np.ndarray:
+    """A trapezoid from time 0, flanks of 20 us."""
+    return np.clip(t / 20e-6, 0.0, 1.0) * np.clip((end - t) / 20e-6, 0.0, 1.0)
+
+
+def strains(*, noise: float = 1e-6, samples: int = 8000, seed: int = 7) -> tuple[np.ndarray, ...]:
+    """Times [s] and strains at the incident and the transmission gauge, compression positive, shape [n]."""
+    t = INTERVAL * np.arange(samples)
+    first = INCIDENT * (ramp(t - ARRIVAL) - (1.0 - SHARE) * ramp(t - ARRIVAL - 400e-6))
+    second = INCIDENT * SHARE * ramp(t - ARRIVAL - 300e-6)
+    rng = np.random.default_rng(seed)
+    return t, first + noise * rng.standard_normal(samples), second + noise * rng.standard_normal(samples)
+
+
+def write_scope(path: Path, names: list[str], columns: list[np.ndarray], *, preamble: str = "") -> Path:
+    """A CSV of commas and points."""
+    head = preamble + ",".join(names)
+    np.savetxt(path, np.column_stack(columns), delimiter=",", header=head, comments="", fmt="%.9e")
+    return path
+
+
+def bar_shot(
+    folder: Path,
+    *,
+    recorders: str = ONE,
+    incident: str = "",
+    transmission: str = "",
+    corrections: str = "punching = false",
+    waves: str = "",
+    more: str = "",
+    density: float = 1200.0,
+    noise: float = 1e-6,
+) -> Path:
+    """A shot folder with scope.csv in volts, 1000 µm/m a volt, and its shot.toml."""
+    folder.mkdir(exist_ok=True, parents=True)
+    t, first, second = strains(noise=noise)
+    write_scope(folder / "scope.csv", ["t (s)", "inc (V)", "tra (V)"], [t, 1e3 * first, 1e3 * second])
+    write_toml(
+        folder,
+        recorders=recorders,
+        incident=incident or gauge("inc (V)"),
+        transmission=transmission or gauge("tra (V)"),
+        corrections=corrections,
+        waves=waves,
+        more=more,
+        density=density,
+    )
+    return folder
+
+
+def gauge(channel: str, *, recorder: str = "scope") -> str:
+    """A station of one channel."""
+    return (
+        f'recorder = "{recorder}"\nchannels = ["{channel}"]\ncompression = "positive"\n'
+        'strain_per_volt = "0.001 1/V"'
+    )
+
+
+def write_toml(folder: Path, **parts: object) -> Path:
+    """The shot.toml of a folder; what is left out is nothing."""
+    said = dict.fromkeys(("recorders", "incident", "transmission", "corrections", "waves", "more"), "")
+    path = folder / "shot.toml"
+    path.write_text(TOML.format(**{**said, "density": 1200.0, **parts}), encoding="utf-8")
+    return path

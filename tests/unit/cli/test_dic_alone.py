@@ -1,0 +1,158 @@
+"""`kolsky dic` on a dic.toml: made pictures of known displacement to files, tables and page."""
+
+import csv
+import json
+
+import cv2
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from dic.outcome import PointOutcome
+from dic.synthetic.speckles import render, speckle_pattern
+from kolsky.base.errors import InputError
+from kolsky.cli.commandline import app
+from kolsky.report.pages.full_field import summary
+from kolsky.shot.measurement import mask_of, measure_file, measurement_file, read_measurement
+from kolsky.shot.measurement_file import read_full_field
+from kolsky.shot.schema.reading import shot_toml
+
+STRETCH = (1.02, 0.97)
+SIDE, NOISE = 128, 2.0
+TOML = """
+[dic]
+kind = "plane"
+region = {{ x = [16, 111], y = [16, 111] }}
+exclude = [{{ polygon = [[50, 50], [70, 50], [70, 70], [50, 70]] }}]
+step = 8
+{more}
+
+[pictures]
+camera_0.pattern = "cam0_*.png"
+
+[extensometers.axial]
+ends = [[30, 24], [30, 104]]
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Three pictures: two at rest, one stretched about the middle; numbered."""
+    place = tmp_path_factory.mktemp("plane")
+    pattern = speckle_pattern((SIDE, SIDE), seed=3)
+    middle = np.array([63.5, 63.5])
+    motions = (None, None, lambda x: middle + (x - middle) / np.array(STRETCH))
+    for k, motion in enumerate(motions):
+        picture = render(pattern, (SIDE, SIDE), material=motion, noise=NOISE, bits=8, seed=k)
+        cv2.imwrite(str(place / f"cam0_{k:03d}.png"), picture.astype(np.uint8))
+    (place / "dic.toml").write_text(TOML.format(more='scale = "0.01 mm"\nstatic = 2'))
+    return place
+
+
+@pytest.fixture(scope="module")
+def done(folder, tmp_path_factory):
+    out = tmp_path_factory.mktemp("results")
+    said = CliRunner().invoke(app, ["dic", str(folder), "--out", str(out), "--json", "--csv", "--vtp"])
+    assert said.exit_code == 0, said.output
+    return out, json.loads(said.stdout)
+
+
+def test_a_plane_stretch_comes_out_with_its_extensometer(done):
+    said = done[1]
+    xx, yy, xy = said["mean_strain_xx_yy_xy"]
+    # 150 gauges, each known to some 1e-3: their mean to some 1e-4
+    assert (xx, yy) == pytest.approx([0.5 * (s**2 - 1.0) for s in STRETCH], abs=5e-4)
+    assert xy == pytest.approx(0.0, abs=5e-4)
+    axial = said["extensometers"]["axial"]
+    assert axial["elongation_m"] == pytest.approx(80e-5 * (STRETCH[1] - 1.0), abs=4.0 * axial["sigma_m"])
+    assert said["grey_noise"] == pytest.approx([NOISE], rel=0.03)
+    # at the corner of what is excluded a quarter of a subset and a bit is left
+    assert set(said["points_lost"]) <= {"out of view"}
+    assert said["points_found_share"] > 0.97
+
+
+def test_the_errors_of_points_are_those_that_are_stated(done):
+    result = read_full_field(done[0] / "dic.h5")
+    truth = (result.points - 63.5) * (np.array(STRETCH) - 1.0) * 1e-5
+    off = (result.surface.u[2, :, :2] - truth) / result.surface.sigma[2, :, :2]
+    off = off[result.surface.valid[2]]
+    # 139 points, their subsets overlap: some 40 independent ones a component
+    assert np.sqrt(np.mean(off**2)) == pytest.approx(1.0, abs=0.25)
+    assert (result.kind, result.unit, result.timed) == ("plane", "m", False)
+    inside = (np.abs(result.points - 60) <= 10).all(axis=1)
+    assert not inside.any()
+
+
+def test_files_tables_and_page_are_there(done):
+    out, _ = done
+    with (out / "csv" / "frame_0002.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    lost = [row for row in rows if row["outcome"] != "VALID"]
+    assert all(row["U (m)"] == "" for row in lost)
+    assert float(rows[40]["U (m)"]) == pytest.approx((float(rows[40]["x0 (px)"]) - 63.5) * 2e-7, abs=3e-7)
+    assert (out / "vtu" / "field_00002.vtu").stat().st_size > 1000
+    with (out / "history.csv").open() as file:
+        history = list(csv.DictReader(file))
+    assert [row["points"] for row in history] == [str(len(rows) - len(lost))] * 3
+    page = (out / "dic.html").read_text()
+    assert "extensometer axial" in page
+    assert "<script" not in page
+
+
+def test_noise_without_static_frames_comes_from_the_matches(folder, tmp_path):
+    for picture in folder.glob("*.png"):
+        (tmp_path / picture.name).write_bytes(picture.read_bytes())
+    (tmp_path / "dic.toml").write_text(TOML.format(more=""))
+    result = measure_file(read_measurement(tmp_path / "dic.toml"))
+    assert result.unit == "px"
+    assert result.facts["noise_from"] == "residuals of the matches"
+    assert result.noise == pytest.approx([NOISE], rel=0.1)  # interpolation and rounding are in it
+    assert summary(result)["points"] == len(result.points)
+    assert set(result.outcomes()) <= {PointOutcome.VALID, PointOutcome.OUT_OF_VIEW}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (('kind = "plane"', 'kind = "flyer test"'), "shot.toml"),
+        (('kind = "plane"', 'kind = "surface"'), "has no camera_1"),
+        (("step = 8", 'radius = "6 mm"'), "no effect"),
+        (("step = 8", 'mask = "none.png"'), "none.png"),
+        (('"cam0_*.png"', '"cam7_*.png"'), "camera_0"),
+        (("[30, 24]", "[3, 3]"), "place it on the region"),
+        (("step = 8", "reference = 9"), "there are 3 frames"),
+        (("x = [16, 111]", "x = [50, 51]"), "inside it"),
+    ],
+)
+def test_what_cannot_be_measured_is_refused_with_its_cure(folder, tmp_path, wrong, said):
+    for picture in folder.glob("*.png"):
+        (tmp_path / picture.name).write_bytes(picture.read_bytes())
+    text = TOML.format(more="")
+    assert wrong[0] in text
+    (tmp_path / "dic.toml").write_text(text.replace(*wrong))
+    with pytest.raises(InputError, match=said):
+        measure_file(read_measurement(tmp_path / "dic.toml"))
+
+
+def test_a_mask_is_white_where_it_is_measured(folder, tmp_path):
+    for picture in folder.glob("*.png"):
+        (tmp_path / picture.name).write_bytes(picture.read_bytes())
+    white = np.zeros((SIDE, SIDE), np.uint8)
+    white[:40] = 255
+    cv2.imwrite(str(tmp_path / "mask.png"), white)
+    (tmp_path / "dic.toml").write_text(TOML.format(more='mask = "mask.png"'))
+    mask = mask_of(read_measurement(tmp_path / "dic.toml"))
+    assert mask[16:40, 16:112].all()
+    assert not mask[40:].any()
+    assert not mask[:16].any()
+    cv2.imwrite(str(tmp_path / "mask.png"), white[:50])
+    with pytest.raises(InputError, match="128 x 50 px"):
+        mask_of(read_measurement(tmp_path / "dic.toml"))
+
+
+def test_a_shot_is_not_taken_for_a_measurement(folder, tmp_path):
+    assert measurement_file(folder) == folder / "dic.toml"
+    (tmp_path / "shot.toml").write_text('[dic]\nkind = "plane"\n')
+    assert measurement_file(tmp_path) is None
+    with pytest.raises(InputError, match=r"dic\.toml"):
+        shot_toml(tmp_path)

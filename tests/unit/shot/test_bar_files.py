@@ -1,0 +1,166 @@
+"""Files of a shot between bars as recorders write them: opposed gauges in two files, layouts of every CSV."""
+
+import numpy as np
+import pytest
+from barshots import STRESS, bar_shot, strains, write_scope, write_toml
+
+from kolsky.base.errors import InputError
+from kolsky.shot.bars import load_waves
+from kolsky.shot.waves import waves
+
+TWO = """[recorders.left]
+file = "left.csv"
+clock_offset = "0 us"
+[recorders.right]
+file = "right.csv"
+clock_offset = "{offset} us"
+[recorders.behind]
+file = "behind.csv"
+clock_offset = "0 us"
+"""
+OPPOSED = """recorder = ["left", "right"]
+channels = ["CH1 (V)", "CH1 (V)"]
+compression = {sign}
+strain_per_volt = "0.001 1/V"
+"""
+POSITIVE = OPPOSED.format(sign='"positive"')
+BEHIND = 'recorder = "behind"\nchannels = [2]\ncompression = "positive"\nstrain_per_volt = "0.001 1/V"'
+
+
+def two_files(folder, *, shift: float, bending: float = 2e-4, sign: float = 1.0, every: int = 1):
+    """Opposed gauges, each in its own file; the second recorder's clock runs `shift` behind."""
+    folder.mkdir()
+    t, first, second = strains(noise=0.0)
+    rng = np.random.default_rng(3)
+    bent = bending * np.sin(2.0 * np.pi * 3e3 * t) * (t > 200e-6)
+    left, right = (1e3 * (first + s * bent) + 1e-3 * rng.standard_normal(t.size) for s in (1.0, -1.0))
+    write_scope(folder / "left.csv", ["t (s)", "CH1 (V)"], [t, left])
+    # The same instants on another clock, some samples missing at the beginning.
+    rows = slice(137, None, every)
+    write_scope(folder / "right.csv", ["t (s)", "CH1 (V)"], [t[rows] - shift, sign * right[rows]])
+    write_scope(
+        folder / "behind.csv", ["t (s)", "CH1 (V)"], [t, 1e3 * second + 1e-3 * rng.standard_normal(t.size)]
+    )
+    return folder
+
+
+def test_opposed_gauges_in_separate_files_are_averaged(tmp_path):
+    """The bending of 200 um/m is gone from the mean, though the files begin at other times."""
+    folder = two_files(tmp_path / "shot", shift=33e-6)
+    write_toml(
+        folder,
+        recorders=TWO.format(offset=33),
+        incident=POSITIVE,
+        transmission=BEHIND,
+        corrections="punching = false",
+    )
+    given = load_waves(folder)
+    assert {"left.csv", "right.csv", "behind.csv"} < set(given.inputs)
+    result = waves(folder)
+    strain = result.incident.strain
+    _, first, _ = strains(noise=0.0)
+    truth = np.interp(strain.time, strains()[0], first)
+    # Noise of 1/sqrt(2) um/m in 8000 samples, and the zero's.
+    assert np.abs(strain.value - truth).max() < 6e-6
+    assert result.incident.bending is not None
+    assert np.abs(result.incident.bending).max() == pytest.approx(2e-4, rel=0.03)
+    assert result.budget.results["peak stress"][0] == pytest.approx(STRESS, rel=0.03)  # noise, dispersion
+    log = {c.key: c for c in result.corrections}
+    assert log["bending"].applied
+
+
+def test_a_fraction_of_a_sample_between_the_recorders_is_taken_out(tmp_path):
+    folder = two_files(tmp_path / "shot", shift=33.04e-6, bending=0.0)
+    write_toml(
+        folder,
+        recorders=TWO.format(offset=33.04),
+        incident=POSITIVE,
+        transmission=BEHIND,
+    )
+    one, other = load_waves(folder).stations["incident"].recordings
+    np.testing.assert_array_equal(one.time, other.time)
+    # Five sigmas of sqrt(2) mV; 0.04 us of a flank are 3 mV.
+    assert np.abs(one.value - other.value).max() < 8e-3
+
+
+def test_gauges_wired_the_other_way_round_have_signs_of_their_own(tmp_path):
+    folder = two_files(tmp_path / "shot", shift=0.0, sign=-1.0)
+    parts = {"recorders": TWO.format(offset=0), "transmission": BEHIND}
+    write_toml(folder, incident=POSITIVE, **parts)
+    with pytest.raises(InputError, match=r'compression = \["positive", "negative"\]'):
+        waves(folder)
+    write_toml(folder, incident=OPPOSED.format(sign='["positive", "negative"]'), **parts)
+    assert waves(folder).incident.strain.value.max() == pytest.approx(1.5e-3, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("incident", "named"),
+    [
+        (
+            POSITIVE.replace('["left", "right"]', '["left", "wrong"]'),
+            "recorders.wrong",
+        ),
+        (POSITIVE.replace('["CH1 (V)", "CH1 (V)"]', '["CH1 (V)"]'), "has 2 entries"),
+    ],
+)
+def test_recorders_and_channels_go_together(tmp_path, incident, named):
+    folder = two_files(tmp_path / "shot", shift=0.0)
+    write_toml(folder, recorders=TWO.format(offset=0), incident=incident, transmission=BEHIND)
+    with pytest.raises(InputError) as error:
+        load_waves(folder)
+    assert named in str(error.value)
+
+
+def test_recorders_of_two_rates_are_refused(tmp_path):
+    folder = two_files(tmp_path / "shot", shift=0.0, every=2)
+    write_toml(
+        folder,
+        recorders=TWO.format(offset=0),
+        incident=POSITIVE,
+        transmission=BEHIND,
+    )
+    with pytest.raises(InputError, match="sampled every 1e-07 s and every 2e-07 s"):
+        load_waves(folder)
+
+
+def test_records_without_a_common_time_are_refused(tmp_path):
+    folder = two_files(tmp_path / "shot", shift=0.0)
+    write_toml(
+        folder,
+        recorders=TWO.format(offset=5000),
+        incident=POSITIVE,
+        transmission=BEHIND,
+    )
+    with pytest.raises(InputError, match="0 samples in common"):
+        load_waves(folder)
+
+
+GERMAN = """[recorders.scope]
+file = "scope.csv"
+clock_offset = "0 us"
+unit = "mV"
+{layout}
+"""
+
+
+@pytest.mark.parametrize("layout", ["", 'delimiter = ";"\ndecimal = ","\nheader_line = 3\n'])
+def test_semicolons_and_decimal_commas_of_a_bar_shot(tmp_path, layout):
+    """A scope's preamble, names with units on a line of their own, mV."""
+    folder = bar_shot(tmp_path / "shot")
+    t, first, second = strains()
+    rows = [
+        f"{1e6 * a:.1f};{1e6 * b:.5f};{1e6 * c:.5f}".replace(".", ",")
+        for a, b, c in zip(t, first, second, strict=True)
+    ]
+    head = ["Gerät;Modell 7;", "Abtastung;10 MS/s;", "Zeit [µs];Kanal 1 [mV];Kanal 2 [mV]"]
+    (folder / "scope.csv").write_text("\n".join([*head, *rows]), encoding="cp1252")
+    gauge = 'recorder = "scope"\nchannels = ["Kanal {n} [mV]"]\ncompression = "positive"\n'
+    write_toml(
+        folder,
+        recorders=GERMAN.format(layout=layout),
+        incident=gauge.format(n=1) + 'strain_per_volt = "0.001 1/V"',
+        transmission=gauge.format(n=2) + 'strain_per_volt = "0.001 1/V"',
+        corrections="punching = false",
+    )
+    result = waves(folder)
+    assert result.budget.results["peak stress"][0] == pytest.approx(STRESS, rel=0.03)
