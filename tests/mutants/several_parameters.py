@@ -27,8 +27,8 @@ FAULTS = (
     Fault(
         name="the prior left out of the normal matrix",
         file="kolsky/inverse/objective.py",
-        right="normal = jacobian.T @ weighted + self.prior_precision(jacobian.shape[1], part)",
-        wrong="normal = jacobian.T @ weighted",
+        right="self.information(jacobian, part) + self.prior_precision(jacobian.shape[1], part)",
+        wrong="self.information(jacobian, part)",
         tests=PRIOR,
     ),
     Fault(
@@ -55,8 +55,8 @@ FAULTS = (
     Fault(
         name="a step against the gradient",
         file="kolsky/inverse/gauss_newton.py",
-        right="(weighed.data - vector) / weighed.sigma",
-        wrong="(vector - weighed.data) / weighed.sigma",
+        right="weighed.whitened(weighed.data - vector)",
+        wrong="weighed.whitened(vector - weighed.data)",
         tests=PRIOR,
     ),
     Fault(
