@@ -113,11 +113,11 @@ def search_meshes(stages: StagedRuns, start: FloatArray) -> dict[tuple[int, int]
     surrogate = stages.settings.numerics
     first = surrogate.with_mesh(min(surrogate.mesh, stages.settings.replicate_mesh))
     points, objective = starts(stages, start, first)
-    some = least_squares_on(stages, objective, first, points, FIRST_STEPS)
-    (best, *_) = least_squares_on(stages, objective, first, some[0].x[None], MOST_STEPS)
+    some = _searches(stages, objective, first, points, FIRST_STEPS)
+    (best, *_) = _searches(stages, objective, first, some[0].x[None], MOST_STEPS)
     found = {first.mesh: best}
     if surrogate.mesh not in found:
-        (found[surrogate.mesh],) = least_squares_on(stages, objective, surrogate, best.x[None], MOST_STEPS)
+        (found[surrogate.mesh],) = _searches(stages, objective, surrogate, best.x[None], MOST_STEPS)
     return found
 
 
@@ -157,14 +157,8 @@ def starts(stages: StagedRuns, start: FloatArray, numerics: Numerics) -> tuple[F
     return points[best], Objective(stages.observations, inside, prior=stages.prior)
 
 
-def least_squares_on(
-    stages: StagedRuns,
-    objective: Objective,
-    numerics: Numerics,
-    points: FloatArray,
-    steps: int,
-    *,
-    at_rest: float = AT_REST,
+def _searches(
+    stages: StagedRuns, objective: Objective, numerics: Numerics, points: FloatArray, steps: int
 ) -> list[MeshOptimum]:
     """Least squares on a mesh from some points, the most likely end first; the prior is more data."""
     box, prior = stages.box, objective.prior
@@ -188,7 +182,7 @@ def least_squares_on(
         weighting=weighting,
         step=STEP,
         max_steps=steps,
-        at_rest=at_rest,
+        at_rest=AT_REST,
     )
     edges = np.array([0.5 if name == VALLEY else 1.0 for name in box.names])
     return [
