@@ -142,8 +142,10 @@ def attempt(study: Study, name: str, folder: Path, cure: str = "") -> Answer:
 
 def said_on_purpose(error: Exception) -> bool:
     """Whether an error is a refusal that a line `raise` made, and no accident inside a computation."""
-    line = traceback.extract_tb(error.__traceback__)[-1].line or ""
-    return isinstance(error, InputError) or line.lstrip().startswith("raise ")
+    if isinstance(error, InputError):
+        return True
+    lines = traceback.extract_tb(error.__traceback__)
+    return bool(lines) and (lines[-1].line or "").lstrip().startswith("raise ")
 
 
 def cured_copy(folder: Path, place: Path, cure: Callable[[str, Path], str | None]) -> bool:

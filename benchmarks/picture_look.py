@@ -145,7 +145,7 @@ def draw(path: Path, looks: dict[str, list[Look]]) -> None:
     for ax in (histogram, spectrum):
         ax.tick_params(labelsize=6)
     histogram.legend(fontsize=6, frameon=False)
-    fig.savefig(path, dpi=220)
+    fig.savefig(path, dpi=160)
 
 
 def main() -> int:

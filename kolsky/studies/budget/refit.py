@@ -145,7 +145,7 @@ def refit(shot: Shot, settings: Settings, start: Mapping[str, float]) -> Estimat
 def _downhill(stages: StagedRuns, box: Box, x: FloatArray) -> tuple[FloatArray, Step]:
     """Gauss-Newton steps with slopes of their own on the refined mesh, no longer than `LONGEST`."""
     edge = np.array(box.upper) - np.array(box.lower)
-    half, share, before = FIRST_DIFFERENCE * edge, 1.0, np.inf
+    half, share, before = FIRST_DIFFERENCE * edge, 1.0, np.zeros(len(x))
     for _ in range(MOST_STEPS):
         h = np.diag(half)
         up, down = np.minimum(x + h, box.upper), np.maximum(x - h, box.lower)
@@ -158,9 +158,10 @@ def _downhill(stages: StagedRuns, box: Box, x: FloatArray) -> tuple[FloatArray, 
         step = gauss_newton_step(objective, slope, vectors[0], x, box)
         if step.moved <= AT_REST:
             return x + step.change, step
-        if step.moved > 0.7 * before:
+        back = float(before / step.sigma @ (step.change / step.sigma))
+        if back < 0.0:
             share *= 0.5  # it steps to and fro
-        before = step.moved
+        before = step.change
         x = x + np.clip(share * step.change, -LONGEST * edge, LONGEST * edge)
         half = np.clip(0.5 * step.sigma, 0.1 * FIRST_DIFFERENCE * edge, FIRST_DIFFERENCE * edge)
     return x, step
