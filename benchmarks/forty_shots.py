@@ -192,7 +192,7 @@ def with_subset(share: float) -> Callable[[str, Path], str | None]:
         found = re.search(r"^subset = (\d+)$", text, re.MULTILINE)
         if found is None:
             return None
-        size = int(np.clip(2 * round(0.5 * share * int(found[1])) + 1, 11, 51))
+        size = int(np.clip(2 * round(0.5 * (share * int(found[1]) - 1.0)) + 1, 11, 51))
         return text.replace(found[0], f"subset = {size}", 1)
 
     return changed

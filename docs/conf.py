@@ -17,6 +17,7 @@ version = release = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))[
 
 extensions = [
     "made_tables",
+    "model_pages",
     "module_pages",
     "myst_nb",
     "shell_cells",
@@ -65,9 +66,6 @@ nitpick_ignore_regex = [
     # Names of ours for types: arrays, the panels of a figure, any kind of shot.
     ("py:class", r"FloatArray|NDArray|Panels|kolsky\.[a-z0-9_.]+\.(AnyShot|Model|T)"),
     ("py:class", r"(explicit|doe|dic)(\.[a-z_]+)?\.[A-Z]\w*"),  # re-exported: documented where it is defined
-    # What the fields of a specification are annotated with: bounds, and the functions that read them.
-    ("py:class", r"NoneType|FieldInfo|PydanticUndefined|[GL][et]|[0-9.]+|tuple\[str"),
-    ("py:class", r"kolsky\.[a-z_.]+\._[a-z_]+(\.<locals>\.validate)?"),
 ]
 suppress_warnings = ["ref.python"]  # "shape" in a type is a word, not one of several attributes of that name
 

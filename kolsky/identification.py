@@ -17,7 +17,7 @@
 from dataclasses import replace
 
 from kolsky.diagnosis.causes import cause_warnings, find_causes
-from kolsky.diagnosis.clocks import clock_lags
+from kolsky.diagnosis.clocks import Reruns, clock_lags
 from kolsky.diagnosis.corrected import corrected
 from kolsky.diagnosis.fit_quality import fit_quality
 from kolsky.diagnosis.sources import residual_sources
@@ -118,7 +118,8 @@ def identify(
     changes = residual_sources(sources)
     vector = fine.objective.vectors(prediction)[0]
     fit = fit_quality(fine.objective, vector, fine.jacobian, names=box.names, changes=changes)
-    clocks = clock_lags(shot, fine.check.response, fine.objective, fine.jacobian, changes)
+    again = Reruns.of(stages, fine.x)
+    clocks = clock_lags(shot, fine.check.response, fine.objective, fine.jacobian, changes, again=again)
 
     result = Identification(
         shot=shot.name,

@@ -223,4 +223,8 @@ def _all_points(found: Track, points: FloatArray, match: StereoMatch) -> Track:
         outcome[found.frame_outcome != FrameOutcome.VALID] = int(PointOutcome.NO_PICTURE)
     reference = np.full((n_frames, n), -1)
     reference[:, known] = found.reference
-    return replace(found, points=points, outcome=outcome, reference=reference, **wide)
+    excess = None
+    if found.excess is not None:
+        excess = np.full((n_frames, n), np.nan)
+        excess[:, known] = found.excess
+    return replace(found, points=points, outcome=outcome, reference=reference, excess=excess, **wide)

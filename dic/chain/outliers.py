@@ -1,5 +1,5 @@
-"""Removal of outliers from the tracked specimen: false matches, subsets past an end, points off the
-surface."""
+"""Removal of outliers from the tracked specimen: patches that changed their looks, false matches, subsets
+past an end, points off the surface."""
 
 from dataclasses import replace
 
@@ -14,7 +14,8 @@ from dic.outcome import PointOutcome
 from dic.rigid_body.axial_displacement import AxialDisplacement
 from dic.stereo import reconstruct
 from dic.surfaces import static_mean
-from dic.surfaces.smoothness import off_surface
+from dic.surfaces.residual_map import unlike_points
+from dic.surfaces.smoothness import off_surface, spacing
 
 LEAST_GATE = 0.1
 """Smallest gate for epipolar distances [px]."""
@@ -22,6 +23,30 @@ GATE_SIGMAS = 6.0
 """The gate in standard deviations of the epipolar distances at rest."""
 OWN_SIGMAS = 4.0
 """And in standard deviations of the point's own."""
+
+
+def gate_residual(body: TrackedBody) -> TrackedBody:
+    """Remove points of patches that do not look like what was followed, in either camera."""
+    unlike = np.zeros(body.reconstruction.outcome.shape, dtype=bool)
+    for track in body.tracks:
+        if track.excess is not None:
+            found = np.asarray(track.outcome == PointOutcome.VALID)
+            unlike |= unlike_points(track.excess, found, body.cell)
+    if not unlike.any():
+        return body
+    first, second = (
+        replace(
+            track,
+            outcome=np.where(
+                unlike & (track.outcome == PointOutcome.VALID),
+                int(PointOutcome.LOW_CORRELATION),
+                track.outcome,
+            ),
+        )
+        for track in body.tracks
+    )
+    gone = unlike & (body.reconstruction.outcome == PointOutcome.VALID)
+    return replace(_without(body, gone, PointOutcome.LOW_CORRELATION), tracks=(first, second))
 
 
 def gate_epipolar(inputs: Inputs, body: TrackedBody, rest_state: RestState) -> TrackedBody:
@@ -63,16 +88,20 @@ def gate_ends(
 def gate_surface(body: TrackedBody, rest_state: RestState) -> TrackedBody:
     """Remove points that lie off the smooth surface through their neighbours."""
     r, placement = body.reconstruction, rest_state.placement
-    variance = np.einsum("...ii->...i", placement.frame.covariances(r.covariance))
+    variance = placement.frame.variances(r.covariance)
     # Against the cylinder: its own curvature is none of the surface through a few neighbours.
     at_rest = placement.frame.positions(static_mean(r, rest_state.rest)[0])
     depth = np.sqrt(np.maximum(placement.radius**2 - at_rest[:, 0] ** 2, 0.0))
     cylinder = np.stack([at_rest[:, 0], at_rest[:, 1], depth], axis=1)
+    distance = spacing(at_rest, body.cell)
+    if not distance > 0.0:
+        return body  # no two neighbours at rest: nothing that could confirm or deny a point
     off = off_surface(
         placement.frame.positions(r.position) - cylinder,
         np.sqrt(variance),
         np.asarray(r.outcome == PointOutcome.VALID) & np.isfinite(cylinder).all(axis=1),
         body.cell,
+        distance=distance,
     )
     return _without(body, off, PointOutcome.OFF_SURFACE)
 

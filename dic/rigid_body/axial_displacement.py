@@ -13,11 +13,12 @@ from dic.outcome import PointOutcome
 from dic.rigid_body.edge_registration import SEARCH_STEP, EdgeRegistration, RegisteredEdge
 from dic.rigid_body.rest_from_rim import RestGeometry, find_rim
 from dic.rigid_body.translation import translation_in
+from dic.stereo.rays import pixels_per_length
 from dic.surfaces import SpecimenFrame
 from dic.surfaces.overlap import overlap_matrix
 
-SEARCH_RANGE = 50e-6
-"""Half width of the interval about the prediction in which the edge strip is searched [m]."""
+SEARCH_RANGE = 0.9
+"""Half width of the interval about the prediction in which the edge strip is searched [px]."""
 OWN_SHARE = 0.5
 """Share of the variance of a match that is the frame's own; the rest is the reference's, common to all."""
 MOST_OFFSET_FRAMES = 40
@@ -105,16 +106,18 @@ def axial_displacement(
     rows, found, sigma, counts = [], [], [], []
     twice = np.flatnonzero(np.isfinite(moves).all(axis=1))
     overlap = overlap_matrix(body.points, subset)
+    middle = frame.in_rig(np.median(places[known], axis=0) + moves[twice[0]])
+    pixel = 1.0 / float(np.linalg.norm(pixels_per_length(rig.cameras[0], middle, frame.rotation[1])))
     for k in range(len(t)):
         near = moves[twice[np.argmin(np.abs(twice - k))]]
         both = bool(np.isfinite(moves[k]).all())
-        fit = translation_in(body, rig, frame, k, places, known, near, both, overlap)
+        fit = translation_in(body, rig, frame, k, places, known, near, both, overlap, pixel)
         if fit is not None:
             rows.append(k)
             found.append(fit[0])
             sigma.append(fit[1])
             counts.append(fit[2])
-    fine = np.flatnonzero(_consistent_frames(rows, found, counts, static)).tolist()
+    fine = np.flatnonzero(_consistent_frames(rows, found, counts, static, SEARCH_RANGE * pixel)).tolist()
     rows, found = [rows[i] for i in fine], [found[i] for i in fine]
     sigma, counts = [sigma[i] for i in fine], [counts[i] for i in fine]
     if body.material in rows and len(rows) > 1:  # exact there, but not against all others
@@ -208,9 +211,8 @@ def _registered_edges(
         expected = there + speed * (k - last)
         settled = static[k] and static[min(k + 1, len(static) - 1)] and last == k + 1
         around = SEARCH_STEP if settled else SEARCH_RANGE * (last - k)
-        edge = registration.register(
-            pair, near, expected + np.arange(-around, around + 0.5 * SEARCH_STEP, SEARCH_STEP)
-        )
+        tried = np.arange(-around, around + 0.5 * SEARCH_STEP, SEARCH_STEP) * registration.pixel
+        edge = registration.register(pair, near, expected + tried)
         if edge is None:
             continue
         if edge.clear:
@@ -226,12 +228,12 @@ def _registered_edges(
 
 
 def _consistent_frames(
-    rows: list[int], found: list[float], counts: list[int], static: BoolArray
+    rows: list[int], found: list[float], counts: list[int], static: BoolArray, distance: float
 ) -> list[bool]:
     """Frames that agree with the path of those after them.
 
     As a body comes into view a few of its points may agree on a wrong place. From the frame with most points
-    back to rest, a frame farther than `SEARCH_RANGE`, or half a step, from the line through the next is left
+    back to rest, a frame farther than `distance` [m], or half a step, from the line through the next is left
     out.
     """
     fine = [True] * len(rows)
@@ -245,7 +247,7 @@ def _consistent_frames(
             at, y = np.array([rows[k] for k in after]), np.array([found[k] for k in after])
             speed = float(np.median(np.diff(y) / np.diff(at)))
             off = found[i] - float(np.median(y + speed * (rows[i] - at)))
-            fine[i] = abs(off) <= max(SEARCH_RANGE, 0.5 * abs(speed))
+            fine[i] = abs(off) <= max(distance, 0.5 * abs(speed))
         if fine[i]:
             kept.append(i)
     return fine

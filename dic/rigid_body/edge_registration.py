@@ -19,6 +19,7 @@ from scipy import ndimage
 
 from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.camera import Camera, StereoRig
+from dic.stereo.rays import pixels_per_length
 from dic.surfaces import SpecimenFrame
 
 EDGE_ROWS = 12
@@ -32,14 +33,16 @@ FEWEST_ROW = 20
 """Pixels of a row that must show the body before the row's own place is found."""
 FEWEST_FRAMES = 3
 """Frames in which a row must have shown it."""
-SEARCH_STEP = 10e-6
-"""Distance of the translations that are tried [m]: a fraction of a speckle."""
+SEARCH_STEP = 0.18
+"""Distance of the translations that are tried [px]: a fraction of a speckle."""
 LEAST_ZNCC = 0.9
 """Least ZNCC of the translation that is accepted."""
-MOST_STEPS, CONVERGED = 10, 1e-8
-"""Gauss-Newton steps at most, and the step at which they end [m]."""
-LARGEST_CORRECTION = 30e-6
-"""Largest distance of the result from the best of the translations tried [m]."""
+MOST_STEPS, CONVERGED = 10, 2e-4
+"""Gauss-Newton steps at most, and the step at which they end [px]."""
+LARGEST_CORRECTION = 0.54
+"""Largest distance of the result from the best of the translations tried [px]."""
+BESIDE = 0.02
+"""Step of the difference quotient of grey values [px]."""
 
 
 @dataclass(frozen=True)
@@ -114,11 +117,11 @@ class EdgeRegistration:
         self._masks = (mask, ndimage.binary_erosion(mask, border_value=1))
         self._first, self._frame, self._move = rig.cameras[0], frame, move
         middle = np.median(places, axis=0) + move
-        ends = rig.cameras[0].project(frame.in_rig(middle + np.array([[0.0, 0.0, 0.0], [0.0, 1e-4, 0.0]])))
-        self._scale = float(np.linalg.norm(ends[1] - ends[0])) / 1e-4
+        along = pixels_per_length(rig.cameras[0], frame.in_rig(middle), frame.rotation[1])
+        self.pixel = 1.0 / float(np.linalg.norm(along))
+        """Length along the axis that a pixel shows [m]."""
         self._views = [
-            _edge_view(*both, frame, radius, ends[1] - ends[0])
-            for both in zip(rig.cameras, material, strict=True)
+            _edge_view(*both, frame, radius, along) for both in zip(rig.cameras, material, strict=True)
         ]
         self._offset, self._offset_sigma = np.zeros((2, EDGE_ROWS)), np.zeros((2, EDGE_ROWS))
 
@@ -181,7 +184,7 @@ class EdgeRegistration:
         if not is_clear:
             y, fit = self._converged(pictures, near, float(tried[best]), whole)
         zncc, _, variance, offset, n = fit
-        if zncc < LEAST_ZNCC or abs(y - tried[best]) > LARGEST_CORRECTION:
+        if zncc < LEAST_ZNCC or abs(y - tried[best]) > LARGEST_CORRECTION * self.pixel:
             return None
         return RegisteredEdge(
             y=y,
@@ -214,10 +217,10 @@ class EdgeRegistration:
                 continue
             grey = np.concatenate([part.grey for part in parts])
             reference = np.concatenate([part.reference for part in parts])
-            slope = np.concatenate([part.slope(self._frame) for part in parts])
+            slope = np.concatenate([part.slope(self._frame, BESIDE * self.pixel) for part in parts])
             steps.append(_fit(grey, reference, slope)[0])
         error = float(np.sqrt(np.mean(np.square(steps)))) if len(steps) >= FEWEST_FRAMES else np.inf
-        return error if error * self._scale <= LARGEST_EDGE else None
+        return error if error <= LARGEST_EDGE * self.pixel else None
 
     def _converged(
         self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float, mask: BoolArray
@@ -225,8 +228,9 @@ class EdgeRegistration:
         """Gauss-Newton from y to the translation that fits best [m], and `_compare` there."""
         for _ in range(MOST_STEPS):
             fit = self._compare(pictures, near, y, mask)
-            step = float(np.clip(fit[1], -SEARCH_STEP, SEARCH_STEP))
-            if abs(step) < CONVERGED:
+            longest = SEARCH_STEP * self.pixel
+            step = float(np.clip(fit[1], -longest, longest))
+            if abs(step) < CONVERGED * self.pixel:
                 break
             y += step
         return y, fit
@@ -245,7 +249,7 @@ class EdgeRegistration:
                 self._move - move,
                 np.zeros(EDGE_ROWS),
             )
-            slope = visible.slope(self._frame)
+            slope = visible.slope(self._frame, BESIDE * self.pixel)
             for k in range(EDGE_ROWS):
                 of = visible.row == k
                 if of.sum() >= FEWEST_ROW:
@@ -274,7 +278,7 @@ class EdgeRegistration:
             return -1.0, 0.0, np.inf, 0.0, n
         grey = np.concatenate([part.grey for part in parts])
         reference = np.concatenate([part.reference for part in parts])
-        slope = np.concatenate([part.slope(self._frame) for part in parts])
+        slope = np.concatenate([part.slope(self._frame, BESIDE * self.pixel) for part in parts])
         step, variance = _fit(grey, reference, slope)
         weight = slope**2 / float(slope @ slope)
         known = np.concatenate(
@@ -298,10 +302,11 @@ class VisiblePixels:
     row: IntArray
     """The pixels' rows from the border, shape [n]."""
 
-    def slope(self, frame: SpecimenFrame) -> FloatArray:
-        """Derivative of `reference` with respect to the translation along y [grey/m], shape [n]."""
-        beside = self.view.camera.project(frame.in_rig(self.X - [0.0, 1e-6, 0.0]))
-        return (self.view.grey(beside) - self.reference) / 1e-6
+    def slope(self, frame: SpecimenFrame, step: float) -> FloatArray:
+        """Derivative of `reference` with respect to the translation along y [grey/m], shape [n]: a difference
+        quotient over `step` [m]."""
+        beside = self.view.camera.project(frame.in_rig(self.X - [0.0, step, 0.0]))
+        return (self.view.grey(beside) - self.reference) / step
 
 
 def _zncc(parts: list[VisiblePixels]) -> float:

@@ -23,6 +23,7 @@ from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.bodies.follow import TrackedBody
 from dic.camera import Camera, StereoRig
 from dic.images import PictureError, Pictures
+from dic.stereo.rays import pixels_per_length
 from dic.surfaces import SpecimenFrame
 
 MODEL = 0.05
@@ -180,8 +181,7 @@ def _rim_of(
 ) -> tuple[float, float] | None:
     """The rim on the body in one camera [m], and its standard deviation [m]."""
     middle = np.array([np.median(x), start, radius]) + moves[frames[-1]]
-    ends = camera.project(frame.in_rig(middle + np.array([[0.0, 0.0, 0.0], [0.0, 1e-4, 0.0]])))
-    scale = float(np.linalg.norm(ends[1] - ends[0])) / 1e-4  # px per m
+    scale = float(np.linalg.norm(pixels_per_length(camera, frame.in_rig(middle), frame.rotation[1])))
     u = np.arange(-WITHIN, BEYOND + 1.0)
     for _ in range(2):  # about the region's end, then about what was found
         stack, shown = _held_still(camera, pictures, frame, radius, x, start - u / scale, frames, moves)

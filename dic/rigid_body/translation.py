@@ -15,8 +15,9 @@ from dic.stereo.rays import projection_slope
 from dic.surfaces import SpecimenFrame
 from dic.tracking import Track
 
-LATERAL_SIGMA = 50e-6
-"""Prior standard deviation of the lateral motion since the nearest frame that both cameras saw [m]."""
+LATERAL_SIGMA = 0.9
+"""Prior standard deviation of the lateral motion since the nearest frame that both cameras saw, in lengths
+that a pixel shows [-]."""
 GATE = 5.0
 """Outlier threshold: a point this many robust standard deviations off the body's motion is left out [-]."""
 
@@ -68,9 +69,10 @@ def translation_in(
     near: FloatArray,
     both: bool,
     overlap: csr_array,
+    pixel: float,
 ) -> tuple[float, float, int] | None:
     """Translation along y in frame `k` [m], its standard deviation and the number of points; None if not
-    seen."""
+    seen. `pixel` is the length that a pixel shows [m]."""
     seen = [
         ObservedPoints.of(camera, track, k, places, known)
         for camera, track in zip(rig.cameras, body.tracks, strict=True)
@@ -79,7 +81,7 @@ def translation_in(
         return None
     move, keep = near.copy(), [np.ones(len(points.rows), dtype=bool) for points in seen]
     off = [points.off(frame, move) for points in seen]
-    across = 1.0 / (10.0 * LATERAL_SIGMA if both else LATERAL_SIGMA) ** 2
+    across = 1.0 / (pixel * (10.0 * LATERAL_SIGMA if both else LATERAL_SIGMA)) ** 2
     for _ in range(3):
         H = np.diag([across, 0.0, across])
         g = H @ (near - move)

@@ -58,6 +58,21 @@ def towards(camera: Camera, x: FloatArray) -> FloatArray:
     return np.asarray(x @ camera.rotation / np.linalg.norm(x, axis=-1, keepdims=True))
 
 
+def pixels_per_length(camera: Camera, X: FloatArray, direction: FloatArray) -> FloatArray:
+    """Motion of the pixel of a place that moves along a direction [px/m], shape [2].
+
+    Parameters
+    ----------
+    camera
+        The camera.
+    X
+        The place in the rig's frame, in front of the camera [m], shape [3].
+    direction
+        Unit vector in the rig's frame, shape [3].
+    """
+    return np.asarray(projection_slope(camera, np.asarray(X)) @ direction)
+
+
 def pixel_slope(camera: Camera, ideal: FloatArray) -> FloatArray:
     """Derivative of the pixel by the ideal image point on the plane z = 1 [px], shape [..., 2, 2]."""
     grid = np.array([[camera.fx, camera.skew], [0.0, camera.fy]])

@@ -8,8 +8,8 @@ REACH = 2
 """Neighbours are points up to so many cells away."""
 SIGMAS = 5.0
 """Distance from the surface through the neighbours that noise is allowed, in standard deviations [-]."""
-FLOOR = 12e-6
-"""And what its own bending between the points is allowed [m]."""
+BENDING = 0.035
+"""And what its own bending between the points is allowed, over their distance [-]."""
 FEWEST_CONFIRMING = 2
 """A point with fewer neighbours is confirmed by nobody."""
 FEWEST = 4
@@ -19,7 +19,26 @@ BENT = 10
 ROUNDS = 12
 
 
-def off_surface(position: FloatArray, sigma: FloatArray, valid: BoolArray, cell: IntArray) -> BoolArray:
+def spacing(position: FloatArray, cell: IntArray) -> float:
+    """Median distance of points that are next to each other in the grid [m]; NaN if no two of them are known.
+
+    Parameters
+    ----------
+    position
+        Places [m], shape [n_points, 3]; NaN where not known.
+    cell
+        Column and row of each point in the grid, shape [n_points, 2].
+    """
+    near, offset = _neighbours(cell)
+    beside = (near >= 0) & (np.abs(offset).sum(axis=-1) == 1.0)
+    apart = np.linalg.norm(position[near] - position[:, None], axis=-1)[beside]
+    apart = apart[np.isfinite(apart)]
+    return float(np.median(apart)) if apart.size else float("nan")
+
+
+def off_surface(
+    position: FloatArray, sigma: FloatArray, valid: BoolArray, cell: IntArray, *, distance: float
+) -> BoolArray:
     """Valid points that lie off the smooth surface through their neighbours.
 
     In every frame a polynomial of the grid's columns and rows is fitted to the places of a point's
@@ -37,19 +56,29 @@ def off_surface(position: FloatArray, sigma: FloatArray, valid: BoolArray, cell:
         Which are to be judged, shape [n_frames, n_points].
     cell
         Column and row of each point in the grid, shape [n_points, 2].
+    distance
+        Of the points at rest (`spacing`) [m]: `BENDING` of it is what a surface may bend between them.
 
     Returns
     -------
     array of bool
         Shape [n_frames, n_points].
+
+    Raises
+    ------
+    ValueError
+        If `distance` is not a positive length.
     """
+    if not distance > 0.0:
+        raise ValueError(f"distance must be a positive length [m], got {distance}")
     near, offset = _neighbours(cell)
     terms = _terms(offset)
+    bending = BENDING * distance
     off = np.zeros(valid.shape, dtype=bool)
     for frame in range(len(position)):
         kept = valid[frame].copy()
         for _ in range(ROUNDS):
-            score = _scores(position[frame], sigma[frame], kept, near, terms)
+            score = _scores(position[frame], sigma[frame], kept, near, terms, bending)
             around = np.where(near >= 0, score[near], 0.0).max(axis=1, initial=0.0)
             worst = kept & (score > 1.0) & (score >= around)
             if not worst.any():
@@ -77,7 +106,12 @@ def _terms(offset: FloatArray) -> FloatArray:
 
 
 def _scores(
-    position: FloatArray, sigma: FloatArray, kept: BoolArray, near: IntArray, terms: FloatArray
+    position: FloatArray,
+    sigma: FloatArray,
+    kept: BoolArray,
+    near: IntArray,
+    terms: FloatArray,
+    bending: float,
 ) -> FloatArray:
     """Distance from the surface through the neighbours over what is allowed, shape [n_points]."""
     used = (near >= 0) & kept[near] & kept[:, None]
@@ -101,7 +135,7 @@ def _scores(
         spread = np.sqrt(np.einsum("nm,nmk->nk", weights**2, noise**2))
         expected = np.einsum("nm,nmk->nk", weights, x)
         # Weights that extrapolate magnify what the surface does between its points, too.
-        bending = FLOOR * np.maximum(1.0, np.sum(np.abs(weights), axis=1))[:, None]
-        allowed = bending + SIGMAS * np.hypot(spread, sigma[chosen])
+        bent = bending * np.maximum(1.0, np.sum(np.abs(weights), axis=1))[:, None]
+        allowed = bent + SIGMAS * np.hypot(spread, sigma[chosen])
         score[chosen] = np.max(np.abs(position[chosen] - expected) / allowed, axis=1)
     return score

@@ -23,10 +23,6 @@ MATERIAL = -1
 """Frame number under which a material picture of another series is kept."""
 
 
-MATERIAL = -1
-"""Frame number under which a material picture of another series is kept."""
-
-
 def track(
     pictures: Series,
     points: FloatArray,
@@ -162,6 +158,7 @@ class _Run:
         self.updates = ReferenceUpdates(self.references, settings)
         self.last: Last | None = None
         self.frame_outcome = np.full(n_frames, int(FrameOutcome.VALID))
+        self.excess = np.full((n_frames, n), np.nan)
         self.track = Track(
             points=points,
             warp=np.full((n_frames, n, 12), np.nan),
@@ -169,6 +166,7 @@ class _Run:
             zncc=np.full((n_frames, n), np.nan),
             outcome=np.full((n_frames, n), int(PointOutcome.NO_PICTURE)),
             reference=np.full((n_frames, n), MATERIAL),
+            excess=self.excess,
             frame_outcome=self.frame_outcome,
         )
 
@@ -207,6 +205,7 @@ class _Run:
         track = self.track
         track.warp[first], track.zncc[first], track.outcome[first] = warp, match.zncc, match.outcome
         track.covariance[first] = none if start_covariance is None else start_covariance
+        self.excess[first] = 0.0
         track.reference[first] = first
 
     def turn(self, first: int) -> None:
@@ -245,29 +244,30 @@ class _Run:
         )
         self.updates.match_last_frame(here, self.last)
         self.updates.back(here)
-        covariance, carried = composed(here)
-        self._record(frame, here, covariance)
+        covariance, carried, excess = composed(here)
+        self._record(frame, here, covariance, excess)
         self.ended = here.outcome
         self.retries.add(here.valid, self.neighbours)
-        self.updates.forward(here, frame, carried)
+        self.updates.forward(here, frame, carried, excess)
         found = np.flatnonzero(here.valid)
         self.predictor.add(frame, found, here.warp[found])
-        self.last = Last(frame, here.warp, carried, here.valid)
+        self.last = Last(frame, here.warp, carried, here.valid, excess)
         self.references.tidy(keep=frame)
 
     def _root(self, frame: int, warp: FloatArray, before: FloatArray, *, own: bool) -> Template:
         """The first reference of all points; `own` if the noise of its template is part of their sigma."""
         n = len(self.points)
         subset = np.full(n, self.settings.correlation.subset)
-        root = self.matcher.template(np.arange(n), frame, warp, before, subset)
+        root = self.matcher.template(np.arange(n), frame, warp, before, subset, np.zeros(n))
         return replace(root, root=np.full(n, own))
 
     def _prepared(self, picture: Picture) -> PictureStack:
         prefilter = self.settings.correlation.prefilter
         return PictureStack.prepare(picture, noise=self.noise, prefilter=prefilter, device=self.device)
 
-    def _record(self, frame: int, here: FrameMatch, covariance: FloatArray) -> None:
+    def _record(self, frame: int, here: FrameMatch, covariance: FloatArray, excess: FloatArray) -> None:
         track = self.track
+        self.excess[frame] = excess
         track.warp[frame], track.covariance[frame] = here.warp, covariance
         track.zncc[frame], track.outcome[frame] = here.zncc, here.outcome
         track.reference[frame] = here.template.frame

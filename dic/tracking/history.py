@@ -24,3 +24,7 @@ class Track:
     """Frame whose picture served as the reference, shape [n_frames, n_points]."""
     frame_outcome: IntArray | None = None
     """`dic.FrameOutcome` of the pictures, shape [n_frames]; None if nobody judged them."""
+    excess: FloatArray | None = None
+    """Variance of the residual beyond that of the noise, over the latter, the largest of all matches from the
+    material picture on through the references used [-], shape [n_frames, n_points]; NaN where not found, None
+    if nobody asked."""

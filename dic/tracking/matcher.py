@@ -107,9 +107,15 @@ class Matcher:
     noise: Noise
 
     def template(
-        self, rows: IntArray, frame: int, warp: FloatArray, before: FloatArray, subset: IntArray
+        self,
+        rows: IntArray,
+        frame: int,
+        warp: FloatArray,
+        before: FloatArray,
+        subset: IntArray,
+        excess: FloatArray,
     ) -> Template:
-        """A frame as the reference of points `rows`: warps, covariances and subsets there."""
+        """A frame as the reference of points `rows`: warps, covariances, subsets and excess there."""
         picture = self.references.pictures[frame]
         places = apply(self.points[rows], warp)
         return Template(
@@ -119,6 +125,7 @@ class Matcher:
             np.zeros(len(rows), dtype=bool),
             subset,
             local_variance(picture, places, self.settings.subset),
+            excess,
         )
 
     def excess(self, zncc: FloatArray, template: Template) -> FloatArray:

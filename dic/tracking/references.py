@@ -72,6 +72,8 @@ class Template:
     """Side of the subset in the material picture [px], shape [m]."""
     variance: FloatArray
     """Of the grey values around the points in their references [grey²], shape [m]."""
+    excess: FloatArray
+    """Largest excess of the residuals of the matches that led to the references [-], shape [m]."""
 
     def take(self, rows: IntArray) -> "Template":
         """Those of some points."""
@@ -97,6 +99,7 @@ class References:
             np.zeros((DEPTH, n, 2, 2)),
             np.zeros((DEPTH, n), dtype=bool),
             np.zeros((DEPTH, n), dtype=np.int64),
+            np.zeros((DEPTH, n)),
             np.zeros((DEPTH, n)),
         )
         self._stacks: dict[int, PictureStack] = {}

@@ -39,6 +39,8 @@ class Last:
     """Covariance that a chain through this frame carries [px²], shape [n, 2, 2]."""
     valid: BoolArray
     """Points found in it, shape [n]."""
+    excess: FloatArray
+    """Largest excess of the residuals in the chain that ends there [-], shape [n]."""
 
 
 def grown(subset: int, warp: FloatArray, limit: float) -> IntArray:
@@ -78,11 +80,17 @@ class ReferenceUpdates:
         self.steps = 0
 
     def _template(
-        self, matcher: Matcher, rows: IntArray, frame: int, warp: FloatArray, carried: FloatArray
+        self,
+        matcher: Matcher,
+        rows: IntArray,
+        frame: int,
+        warp: FloatArray,
+        carried: FloatArray,
+        excess: FloatArray,
     ) -> Template:
-        """A frame as the reference of points `rows`; warps and covariances of all points."""
+        """A frame as the reference of points `rows`; warps, covariances and excess of all points."""
         subset = grown(self.settings.correlation.subset, warp[rows], self.settings.growth)
-        return matcher.template(rows, frame, warp[rows], carried[rows], subset)
+        return matcher.template(rows, frame, warp[rows], carried[rows], subset, excess[rows])
 
     def match_last_frame(self, here: FrameMatch, last: Last | None) -> None:
         """Match lost points with the frame before as their reference; those found so keep it."""
@@ -92,7 +100,7 @@ class ReferenceUpdates:
         rows = np.flatnonzero(~here.valid & last.valid & (here.template.frame != last.frame) & calm)
         if len(rows) == 0:
             return
-        template = self._template(here.matcher, rows, last.frame, last.warp, last.carried)
+        template = self._template(here.matcher, rows, last.frame, last.warp, last.carried, last.excess)
         guess = here.guess[rows]
         lean = here.neighbours.any(here.valid)[rows]
         guess[lean] = here.neighbours.best(here.warp, here.zncc, here.valid, rows[lean])
@@ -101,7 +109,7 @@ class ReferenceUpdates:
         self.fresh[found], self.hurried[found] = np.nan, self.steps
         here.propagate()
 
-    def forward(self, here: FrameMatch, frame: int, carried: FloatArray) -> None:
+    def forward(self, here: FrameMatch, frame: int, carried: FloatArray, excess: FloatArray) -> None:
         """Give the points that ask for it this frame as their reference."""
         # a reference taken in a hurry that does not last shall not be what the point is searched with later
         failed = np.flatnonzero(~here.valid & (self.steps - self.hurried < PROBATION))
@@ -124,7 +132,7 @@ class ReferenceUpdates:
         if len(rows) == 0:
             self.low = low
             return
-        self.references.renew(rows, self._template(here.matcher, rows, frame, here.warp, carried))
+        self.references.renew(rows, self._template(here.matcher, rows, frame, here.warp, carried, excess))
         self.fresh[rows], low[rows] = np.nan, False
         self.low = low
 
@@ -156,11 +164,14 @@ class ReferenceUpdates:
         self.fresh[rows], self.low[rows] = np.nan, False
 
 
-def composed(here: FrameMatch) -> tuple[FloatArray, FloatArray]:
-    """`compose` for the points found, NaN for the others, each of shape [n, 2, 2]."""
+def composed(here: FrameMatch) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """`compose` for the points found, each of shape [n, 2, 2], and the largest excess of the residuals in
+    their chains, shape [n]; NaN for the others."""
     total, carried = np.full_like(here.covariance, np.nan), np.full_like(here.covariance, np.nan)
     rows = np.flatnonzero(here.valid)
     template, warp = here.template.take(rows), here.warp[rows]
     beyond = here.matcher.excess(here.zncc[rows], template)
     total[rows], carried[rows] = compose(here.covariance[rows], warp, template, beyond)
-    return total, carried
+    largest = np.full(len(total), np.nan)
+    largest[rows] = np.maximum(beyond, template.excess)
+    return total, carried, largest

@@ -8,8 +8,9 @@ from kolsky.cli.options import AsJson, Out, ShotPath
 def check(shot: ShotPath, out: Out = None, as_json: AsJson = False) -> None:
     """Read a shot, refuse what cannot be right, and show what was understood.
 
-    Beside the table stands a page with the signals on one clock, the window and the outline at three times;
-    --json writes none.
+    Of a test between bars these are the files, the strains at the gauges, arrivals and windows; nothing is
+    reduced yet. Beside the table stands a page with the signals on one clock, the window and the outline at
+    three times; --json writes none.
     """
     from kolsky.shot import summary
     from kolsky.shot.load import check_shot

@@ -21,6 +21,20 @@ def dic(
     vtp: Annotated[
         bool, typer.Option("--vtp", help="Also write the surfaces for ParaView (VTU files for a dic.toml).")
     ] = False,
+    regions: Annotated[
+        bool,
+        typer.Option(
+            "--regions",
+            help="Draw the regions by hand in a page on this computer, which saves them into the file.",
+        ),
+    ] = False,
+    grid: Annotated[
+        bool,
+        typer.Option(
+            "--grid",
+            help="Write pictures with a grid and the lines to fill in: regions by hand without a page.",
+        ),
+    ] = False,
     figures: Figures = "",
     as_json: AsJson = False,
 ) -> None:
@@ -35,6 +49,9 @@ def dic(
     formats = texts.figure_formats(figures)
     from kolsky.shot.measurement import measurement_file
 
+    if regions or grid:
+        _draw_regions(shot, out, grid=grid)
+        return
     if (alone := measurement_file(shot)) is not None:
         _measure_alone(alone, out, device, started, formats, csv=csv, vtu=vtp, as_json=as_json)
         return
@@ -100,3 +117,24 @@ def _measure_alone(
         rest={"result": folder / "dic.h5", "page": folder / "dic.html", "wall time": since(started)},
         warnings=said,
     )
+
+
+def _draw_regions(source: Path, out: Path | None, *, grid: bool) -> None:
+    """Regions by hand: with a grid, or in the page."""
+    from kolsky.base.files import usable_folder
+    from kolsky.shot.drawn_regions import frames_to_show, open_session
+    from kolsky.shot.regions.grid_picture import write_grids
+    from kolsky.shot.regions.server import RegionServer
+
+    session = open_session(source)
+    if grid:
+        folder = usable_folder(out or session.path.parent / "results" / "regions")
+        for path in write_grids(folder, session, frames_to_show(session)):
+            typer.echo(path)
+        return
+    server = RegionServer(session)
+    typer.echo(f"Draw the regions at {server.url}")
+    typer.echo("The page is on this computer alone; End on the page, or Ctrl+C here, ends it.", err=True)
+    server.run()
+    saved = ", ".join(session.saved)
+    typer.echo(f"saved into {session.path}: {saved}" if saved else f"{session.path} was left as it is")

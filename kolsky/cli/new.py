@@ -47,12 +47,17 @@ def new(
         ) from None
     except OSError as error:
         raise InputError(folder, f"cannot be written ({error.strerror})") from None
-    for part, table in found.parts.items():
-        typer.echo(f"  {table.path.name}: [{part}]")
+    if bars:
+        for table in found.recordings:
+            typer.echo(f"  {table.path.name}: a recording")
+    else:
+        for part, table in found.parts.items():
+            typer.echo(f"  {table.path.name}: [{part}]")
+    recorded = {table.path.name for table in found.recordings} if bars else set()
     for name, why in found.doubtful.items():
-        typer.echo(f"  {name}: {why}")
-    then = "waves" if bars else "check"
-    typer.echo(f"wrote {path}; fill in what is empty, then: kolsky {then} {folder}")
+        if name not in recorded:
+            typer.echo(f"  {name}: {why}")
+    typer.echo(f"wrote {path}; fill in what is empty, then: kolsky check {folder}")
 
 
 def written(
@@ -65,7 +70,9 @@ def written(
         return noted(next_of_series(last, folder, found), notes_of(found))
     text = template(bars=bars, pictures=pictures)
     if bars:
-        return text
+        from kolsky.shot.new_bars import with_recordings
+
+        return with_recordings(text, found)
     values, notes = values_of(found), notes_of(found)
     if pictures:
         values = {k: v for k, v in values.items() if not k.startswith(("flyer.", "centre_line."))}

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from math import hypot, inf, nan
+from math import hypot, inf, isfinite, nan
 from typing import TYPE_CHECKING
 
 from kolsky.base.apparatus import SLIDING_LAW
 from kolsky.diagnosis.alterations import UNALTERED, Alteration
+from kolsky.inverse.cause_results import COVERAGE
 from kolsky.inverse.parameters import PARAMETERS, any_slides
 from kolsky.shot.records import ForceChannel
 
@@ -137,3 +138,13 @@ class CandidateInput:
         """Declared standard uncertainty in the value's unit, with what is granted; 0 if neither is."""
         declared = stages.prepared.forward.shot.uncertainty.get(self.declared, 0.0)
         return hypot(declared, self.allowance)
+
+    def within(self, stages: StagedRuns) -> tuple[float, float] | None:
+        """Coordinates, the smaller first, within k = 2 of what is declared; None where nothing is."""
+        middle, half = self.held(stages), COVERAGE * self.sigma(stages)
+        if not (half > 0.0 and isfinite(half) and isfinite(middle)):
+            return None
+        ends = sorted(self.value(u) for u in (self.lowest, self.highest))
+        low, high = (min(max(v, ends[0]), ends[1]) for v in (middle - half, middle + half))
+        one, other = sorted((self.coordinate(low), self.coordinate(high)))
+        return (one, other) if one < other else None

@@ -5,12 +5,16 @@ r + A z. A right model leaves noise and the error of the mesh, independent with 
 and what a few patterns V bring whose amplitudes are standard normal (the noise of the flyer's motion, the
 mesh's error as a whole): C = diag(sigma^2 + tau^2) + V V^T. tau, of each channel, is what is left beyond
 that. C is never formed: a Cholesky factor of the patterns' own matrix does (Woodbury).
+
+Other inputs may be off within their declared uncertainty: B a with a standard normal prior on a and bounds
+at k = 2, found together with z.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import lsq_linear
 from scipy.stats import f as f_distribution
 
 from kolsky.base.arrays import FloatArray, IntArray
@@ -93,23 +97,40 @@ class ExpectedResidual:
 
 
 @dataclass(frozen=True)
+class Allowances:
+    """Inputs that may be off within their declared uncertainty."""
+
+    columns: FloatArray
+    """B: change of the prediction by one standard uncertainty of each, shape [k, q]."""
+    lower: FloatArray
+    """Least amplitudes, in standard uncertainties, shape [q]."""
+    upper: FloatArray
+    """Largest amplitudes, in standard uncertainties, shape [q]."""
+
+
+@dataclass(frozen=True)
 class LinearFit:
-    """The least squares of r + A z."""
+    """The least squares of r + A z + B a."""
 
     step: FloatArray
     """The best z, shape [p]."""
     covariance: FloatArray
     """Of z, with residuals correlated in time, shape [p, p]."""
     residual: FloatArray
-    """r + A z, shape [k]."""
+    """r + A z + B a, shape [k]."""
     expected: ExpectedResidual
     """With the tau of that residual."""
     inflation: float
     """Variance of the last entry of z with residuals correlated in time over that without, >= 1 [-]."""
 
 
-def fit_linear(residual: FloatArray, columns: FloatArray, expected: ExpectedResidual) -> LinearFit:
-    """Minimise (r + A z)^T C^-1 (r + A z), tau as the remaining residual asks for.
+def fit_linear(
+    residual: FloatArray,
+    columns: FloatArray,
+    expected: ExpectedResidual,
+    allowed: Allowances | None = None,
+) -> LinearFit:
+    """Minimise (r + A z + B a)^T C^-1 (r + A z + B a) + a^T a, tau as the remaining residual asks for.
 
     Parameters
     ----------
@@ -120,30 +141,50 @@ def fit_linear(residual: FloatArray, columns: FloatArray, expected: ExpectedResi
         gets a step of zero and an infinite variance.
     expected
         What a right model leaves.
+    allowed
+        B and the bounds of a; none if left out.
     """
-    seen = np.abs(columns).max(axis=0, initial=0.0) > 0.0
-    A = columns[:, seen]
-    scale = np.sqrt((A**2 / expected.variance[:, None]).sum(axis=0))
-    A = A / scale
+    q, p = 0 if allowed is None else allowed.columns.shape[1], columns.shape[1]
+    both = columns if allowed is None else np.column_stack([allowed.columns, columns])
+    seen = np.abs(both).max(axis=0, initial=0.0) > 0.0
+    scale = np.sqrt((both[:, seen] ** 2 / expected.variance[:, None]).sum(axis=0))
+    A = both[:, seen] / scale
+    prior = np.append(np.ones(q), np.zeros(p))[seen] / scale**2
+    low, high = np.full(q + p, -np.inf), np.full(q + p, np.inf)
+    if allowed is not None:
+        low[:q], high[:q] = allowed.lower, allowed.upper
+    low, high = low[seen] * scale, high[seen] * scale
     z = np.zeros(A.shape[1])
     left = residual
     weighted = expected.with_tau(residual)
     for _ in range(ROUNDS):
         W = weighted.weighted(A)
-        G = np.linalg.pinv(A.T @ W, rcond=1e-12, hermitian=True)
-        z = -G @ (W.T @ residual)
+        z = _bounded(A.T @ W + np.diag(prior), W.T @ residual, low, high)
         left = residual + A @ z
         weighted = weighted.with_tau(left)
-    W = weighted.weighted(A)
-    G = np.linalg.pinv(A.T @ W, rcond=1e-12, hermitian=True)
-    gain = G @ W.T
-    own, together = _sandwich(gain, left, weighted)
-    step = np.zeros(columns.shape[1])
-    covariance = np.diag(np.where(seen, 0.0, np.inf))
+    inside = (z > low) & (z < high)
+    B, W = A[:, inside], weighted.weighted(A[:, inside])
+    G = np.linalg.pinv(B.T @ W + np.diag(prior[inside]), rcond=1e-12, hermitian=True)
+    own, together = _sandwich(G @ W.T, left, weighted)
+    step = np.zeros(q + p)
     step[seen] = z / scale
-    covariance[np.ix_(seen, seen)] = (G + together - own) / np.outer(scale, scale)
-    last = float(together[-1, -1] / own[-1, -1]) if seen.any() and seen[-1] and own[-1, -1] > 0.0 else 1.0
-    return LinearFit(step, covariance, left, weighted, last)
+    covariance = np.diag(np.where(seen, 0.0, np.inf))
+    free = np.flatnonzero(seen)[inside]
+    covariance[np.ix_(free, free)] = (G + together - own) / np.outer(scale[inside], scale[inside])
+    last = float(together[-1, -1] / own[-1, -1]) if p and seen[-1] and own[-1, -1] > 0.0 else 1.0
+    return LinearFit(step[q:], covariance[q:, q:], left, weighted, last)
+
+
+def _bounded(H: FloatArray, g: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+    """Minimum of z^T H z / 2 + g^T z between bounds, shape [p]; the shortest where H is singular."""
+    z = -np.linalg.pinv(H, rcond=1e-12, hermitian=True) @ g
+    if ((low <= z) & (z <= high)).all():
+        return np.asarray(z)
+    values, vectors = np.linalg.eigh(H)
+    kept = values > 1e-12 * values[-1]
+    root = np.sqrt(values[kept])[:, None] * vectors[:, kept].T
+    aim = -(vectors[:, kept].T @ g) / np.sqrt(values[kept])
+    return np.asarray(lsq_linear(root, aim, bounds=(low, high), method="bvls").x)
 
 
 def _sandwich(
@@ -156,7 +197,7 @@ def _sandwich(
     for length in BLOCKS:
         label = expected.block // length
         n = int(label.max()) + 1
-        if n <= 4 * p:
+        if p == 0 or n <= 4 * p:
             continue
         sums = np.array([np.bincount(label, row, minlength=n) for row in score])
         blocks = sums @ sums.T * n / (n - p)

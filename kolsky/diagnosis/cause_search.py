@@ -14,8 +14,15 @@ import numpy as np
 
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.diagnosis.candidate_input import DECLARED, CandidateInput
-from kolsky.diagnosis.cause_fit import ExpectedResidual, LinearFit, evidence, fit_linear
+from kolsky.diagnosis.cause_fit import (
+    Allowances,
+    ExpectedResidual,
+    LinearFit,
+    evidence,
+    fit_linear,
+)
 from kolsky.diagnosis.cause_model import CauseModel, Point
+from kolsky.inverse.cause_results import COVERAGE
 from kolsky.inverse.staged_runs import StagedRuns
 
 UNEXPLAINED = 2.5
@@ -79,12 +86,17 @@ class Trial:
 class CauseSearch:
     """All candidates of one identification.
 
+    What is declared as uncertain may be off within k = 2 of that, whatever is tried: only what that leaves
+    is a misfit.
+
     Parameters
     ----------
     stages, model, expected
         The identification's simulations, data vectors from them, what a right model leaves.
     use
         Entries of the data vector that are counted, shape [k].
+    candidates
+        Inputs that are tried, or may be off.
     start
         Where the search begins; the model's own point if left out.
     """
@@ -95,17 +107,56 @@ class CauseSearch:
         model: CauseModel,
         expected: ExpectedResidual,
         use: BoolArray,
+        candidates: Sequence[CandidateInput],
         *,
         start: FloatArray | None = None,
     ) -> None:
         self.stages, self.model, self.expected, self.use = stages, model, expected, use
         self.x = x = model.x if start is None else start
-        points = [Point(x), *model.slopes(x, DECLARED)]
-        vectors = model.vectors(points)
+        slopes = model.slopes(x, DECLARED)
+        steps = {c.key: (c, c.start(stages)) for c in candidates if np.isfinite(c.start(stages))}
+        beside = [Point(x, c.changed(_inside(c, u + c.step))) for c, u in steps.values()]
+        vectors = model.vectors([Point(x), *slopes, *beside])
         self.vector = vectors[0]
         self.slope = self._columns(vectors, model.steps(x))
-        self.null = fit_linear(self.residual(self.vector), self.slope, expected)
+        self.columns: dict[str, FloatArray] = {}
+        """Change of the prediction per unit of each candidate's coordinate, shape [k]; of lost runs none."""
+        for (c, u), vector in zip(steps.values(), vectors[1 + len(slopes) :], strict=True):
+            if np.isfinite(vector[: self.n_force]).all():
+                change = np.nan_to_num(vector - self.vector)[use]
+                self.columns[c.key] = change / (_inside(c, u + c.step) - u)
+        self.declared = [c for c in candidates if c.key in self.columns and c.within(stages) is not None]
+        here = self.residual(self.vector)
+        self.bare = expected.misfits(fit_linear(here, self.slope, expected).residual)
+        self.null = fit_linear(here, self.slope, expected, self.allowed())
         self.before = expected.misfits(self.null.residual)
+
+    def allowed(self, tried: CandidateInput | None = None) -> Allowances:
+        """What may be off within its declared uncertainty, without the input that is tried."""
+        columns, lower, upper = [], [], []
+        for c in self.declared:
+            span = c.within(self.stages)
+            if span is None or (tried is not None and c.key == tried.key):
+                continue
+            unit, start = (span[1] - span[0]) / (2.0 * COVERAGE), c.start(self.stages)
+            columns.append(unit * self.columns[c.key])
+            lower.append((span[0] - start) / unit)
+            upper.append((span[1] - start) / unit)
+        B = np.array(columns).T if columns else np.zeros((int(self.use.sum()), 0))
+        return Allowances(B, np.array(lower), np.array(upper))
+
+    def relieved(self, residual: FloatArray, tried: CandidateInput) -> FloatArray:
+        """A residual less what the declared uncertainties explain of it, shape [k]."""
+        none = np.zeros((len(residual), 0))
+        return fit_linear(residual, none, self.expected, self.allowed(tried)).residual
+
+    def alone(self, c: CandidateInput) -> Trial:
+        """A declared input by one linear step with all others as they are declared."""
+        u, own = c.start(self.stages), self.columns[c.key]
+        fit = fit_linear(self.residual(self.vector), np.column_stack([self.slope, own]), self.expected)
+        misfits = self.expected.misfits(fit.residual)
+        x = self._clipped(self.x + fit.step[:-1])
+        return Trial(c, x, u + float(fit.step[-1]), misfits, fit.residual, fit)
 
     def residual(self, vector: FloatArray) -> FloatArray:
         """Prediction minus data at the counted entries; a point that is not reached is as at the answer."""
@@ -127,29 +178,22 @@ class CauseSearch:
 
     def tangents(self, candidates: Sequence[CandidateInput]) -> list[Trial]:
         """Every candidate by one linear step from the answer; none where it has no value there."""
-        starts = [c.start(self.stages) for c in candidates]
-        points = [
-            Point(self.x, c.changed(_inside(c, u + c.step)))
-            for c, u in zip(candidates, starts, strict=True)
-            if np.isfinite(u)
-        ]
-        rows = iter(self.model.vectors(points))
-        found = []
-        for c, u in zip(candidates, starts, strict=True):
+        found, here = [], self.residual(self.vector)
+        for c in candidates:
+            u = c.start(self.stages)
             if not np.isfinite(u):
                 found.append(self._none(c, "no number describes it: other values are tried where needed"))
                 continue
-            vector = next(rows)
-            if not np.isfinite(vector[: self.n_force]).all():
+            if c.key not in self.columns:
                 found.append(self._none(c, "the run with it changed did not complete"))
                 continue
-            own = np.nan_to_num(vector - self.vector)[self.use] / (_inside(c, u + c.step) - u)
-            fit = fit_linear(self.residual(self.vector), np.column_stack([self.slope, own]), self.expected)
+            own, allowed = self.columns[c.key], self.allowed(c)
+            fit = fit_linear(here, np.column_stack([self.slope, own]), self.expected, allowed)
             to = float(np.clip(u + fit.step[-1], c.lowest, c.highest))
             misfits = self.expected.misfits(fit.residual)
             if to != u + fit.step[-1]:
                 # It ends at the edge of what can be: the others follow it there.
-                at = fit_linear(self.residual(self.vector) + own * (to - u), self.slope, self.expected)
+                at = fit_linear(here + own * (to - u), self.slope, self.expected, allowed)
                 misfits = self.expected.misfits(at.residual)
             x = self._clipped(self.x + fit.step[:-1])
             found.append(Trial(c, x, to, misfits, fit.residual, fit))
@@ -171,7 +215,8 @@ class CauseSearch:
         found = self._least([(c, u) for c in candidates for u in c.scan])
         narrow = [t for t in found if t.candidate.finer > 0.0]
         about = [(t.candidate, t.u + n * t.candidate.finer) for t in narrow for n in range(-FINER, FINER + 1)]
-        return [t for t in found if t not in narrow] + (self._least(about) if about else [])
+        wide = [t for t in found if not t.candidate.finer > 0.0]
+        return wide + (self._least(about) if about else [])
 
     def _least(self, tried: Sequence[tuple[CandidateInput, float]]) -> list[Trial]:
         """Of each candidate the two values from which both neighbours are worse, as ringing has several."""
@@ -181,7 +226,7 @@ class CauseSearch:
         for (c, u), vector in zip(pairs, vectors, strict=True):
             if not np.isfinite(vector[: self.n_force]).all():
                 continue
-            fit = fit_linear(self.residual(vector), self.slope, self.expected)
+            fit = fit_linear(self.residual(vector), self.slope, self.expected, self.allowed(c))
             x = self._clipped(self.x + fit.step)
             trials.setdefault(c.key, []).append(
                 Trial(c, x, u, self.expected.misfits(fit.residual), fit.residual)
@@ -214,7 +259,8 @@ class CauseSearch:
             for i, (t, step) in enumerate(zip(trials, counts, strict=True)):
                 rows = vectors[i * size : (i + 1) * size]
                 columns = self._columns(rows, np.append(self.model.steps(t.x), step))
-                fits.append(fit_linear(self.residual(rows[0]), columns, self.expected))
+                allowed = self.allowed(t.candidate)
+                fits.append(fit_linear(self.residual(rows[0]), columns, self.expected, allowed))
             moved = self._better(trials, fits)
             going = [
                 self.loss(old.misfits) - self.loss(new.misfits) > SETTLED
@@ -238,7 +284,7 @@ class CauseSearch:
         found = []
         for t, vector in zip(trials, vectors, strict=True):
             if np.isfinite(vector[: self.n_force]).all():
-                residual = self.residual(vector)
+                residual = self.relieved(self.residual(vector), t.candidate)
                 found.append(replace(t, residual=residual, misfits=self.expected.misfits(residual)))
         return found
 
@@ -257,7 +303,7 @@ class CauseSearch:
             for j in range(i * len(DAMPED), (i + 1) * len(DAMPED)):
                 if not np.isfinite(vectors[j][: self.n_force]).all():
                     continue
-                residual = self.residual(vectors[j])
+                residual = self.relieved(self.residual(vectors[j]), t.candidate)
                 misfits = self.expected.misfits(residual)
                 if self.loss(misfits) < self.loss(best.misfits):
                     best = replace(tried[j], residual=residual, misfits=misfits)

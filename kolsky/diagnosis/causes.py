@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 from explicit import Response
 from kolsky.base.arrays import FloatArray
 from kolsky.diagnosis.candidate_input import DENSITY, SENSITIVITY, CandidateInput
-from kolsky.diagnosis.cause_fit import ExpectedResidual, chance, explained_share, holm
+from kolsky.diagnosis.cause_fit import ExpectedResidual, chance, evidence, explained_share, holm
 from kolsky.diagnosis.cause_inputs import CANDIDATES
 from kolsky.diagnosis.cause_model import CauseModel, Point
 from kolsky.diagnosis.cause_search import FOLLOWED, UNEXPLAINED, CauseSearch, Trial
@@ -74,8 +74,8 @@ def _analysed(stages: StagedRuns, x: FloatArray, refined: Response) -> CauseAnal
     model = CauseModel(stages, x, refined)
     known = np.isfinite(model.vectors([Point(x)])[0])
     expected = _counted(model.expected(settings.numerics.with_mesh(settings.replicate_mesh)), known)
-    search = CauseSearch(stages, model, expected, known)
     candidates = [c for c in CANDIDATES if c.here(stages)]
+    search = CauseSearch(stages, model, expected, known, candidates)
     trials = best_trials(search, candidates)
     findings = ranked(search, trials)
     if findings and findings[0].named:
@@ -100,12 +100,13 @@ def beside(
         if run is None:
             return findings
         at, refined = start, run
-        again = CauseSearch(
-            stages, CauseModel(stages, at, refined, c), search.expected, search.use, start=start
-        )
+        fine = CauseModel(stages, at, refined, c)
+        declared = [one for one in rest if one.within(stages) is not None]
+        again = CauseSearch(stages, fine, search.expected, search.use, declared, start=start)
         first = min([first, *again.followed([first])], key=lambda t: search.loss(t.misfits))
         start = np.append(first.x, first.u)
-    second = CauseSearch(stages, CauseModel(stages, at, refined, c), search.expected, search.use, start=start)
+    fine = CauseModel(stages, at, refined, c)
+    second = CauseSearch(stages, fine, search.expected, search.use, rest, start=start)
     x = np.clip(start + second.null.step, second.model.lower, second.model.upper)
     names = stages.box.names
     renewed = replace(
@@ -158,15 +159,23 @@ def _counted(expected: ExpectedResidual, use: FloatArray) -> ExpectedResidual:
 
 
 def ranked(search: CauseSearch, trials: Sequence[Trial]) -> tuple[CauseFinding, ...]:
-    """The findings in order, with probabilities for all tests together and what cannot be told apart."""
+    """The findings in order, with probabilities for all tests together and what cannot be told apart.
+
+    An input whose preferred value lies within k = 2 of its declared uncertainty is never a likely cause: it
+    is listed with what it explains alone.
+    """
     adjusted = holm([_chance(search, t) for t in trials])
     entries = np.array([(search.expected.channel == c).sum() for c in range(2)])
     rows = []
     for t, probability in zip(trials, adjusted, strict=True):
         gain = search.gain(t.misfits) if not t.lost else 0.0
         share = explained_share(search.before, t.misfits, entries)
-        named = not t.lost and probability < LEVEL and gain >= EVIDENCE and share >= LEAST_SHARE
-        rows.append((t, probability, gain, share, named))
+        strong = not t.lost and probability < LEVEL and gain >= EVIDENCE and share >= LEAST_SHARE
+        alone = None if strong or t.candidate not in search.declared else search.alone(t.candidate)
+        if alone is not None and _within(search, alone):
+            t, gain = alone, evidence(search.bare, alone.misfits, search.expected.times)
+            share = explained_share(search.bare, alone.misfits, entries)
+        rows.append((t, probability, gain, share, strong and not _within(search, t)))
     likely = [row for row in rows if row[-1]]
     order = _in_groups(search, [row[0] for row in likely])
     likely.sort(key=lambda row: order.index(row[0].candidate.key))
@@ -176,6 +185,12 @@ def ranked(search: CauseSearch, trials: Sequence[Trial]) -> tuple[CauseFinding, 
         _finding(search, *row, alike=_alike(search, row[0], groups) if row[-1] else ())
         for row in (*likely, *rest)
     )
+
+
+def _within(search: CauseSearch, t: Trial) -> bool:
+    """True if the value lies within k = 2 of what is declared."""
+    span = t.candidate.within(search.stages)
+    return span is not None and span[0] <= t.u <= span[1]
 
 
 def _in_groups(search: CauseSearch, trials: Sequence[Trial]) -> list[str]:
@@ -248,6 +263,7 @@ def _finding(
         named=named,
         alike=alike,
         status=t.lost,
+        declared_sigma=c.sigma(search.stages) or None,
     )
 
 

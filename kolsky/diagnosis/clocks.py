@@ -1,64 +1,78 @@
 """Lags of the clocks: how late force, outline and flyer were recorded, from the model's own residual.
 
-A force that was recorded late by d is the model's force of the time t - d, and so is an outline; a flyer
-recorded late makes the model late, and force and outline early alike. The lags are fitted to the data by
-Gauss-Newton steps together with the free parameters, whose effect is taken as linear; the discrepancies are
-found anew with every step, since a wrong clock has inflated those of the optimum. A standard uncertainty of a
-lag holds the residual, correlated in time or not, and what noise of the inputs and mesh do to the lag.
+A flyer recorded late makes the model late, and force and outline early alike. Each lag is fitted alone
+(`kolsky.diagnosis.lag_fit`) with the effect of the free parameters taken as linear. Where the lag that leads
+is beyond its uncertainty and yet does not explain the data, the wrong clock may have driven the parameters
+further than that holds: the solver is run again where the fit has moved them, and with the others than the
+stiffness at their declared values, for a wrong clock may have led them into another valley.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from explicit import Response
 from kolsky.base.arrays import FloatArray
-from kolsky.diagnosis.fit_quality import fit_quality
+from kolsky.diagnosis.lag_fit import FittedLag, Shifted, fit_lag, late_prediction
+from kolsky.diagnosis.thresholds import LATE
 from kolsky.inverse.fit_results import ClockLag
 from kolsky.inverse.objective import Objective
-from kolsky.inverse.observations import SAME_TIME
-from kolsky.inverse.side_surface import radius_at
+from kolsky.inverse.parameters import PARAMETERS
+from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.shot.records import Shot
 
-REACH = 60e-6
-"""Largest lag that is looked for, either way [s]: some seven frames."""
-SCAN = 4e-6
-"""Step of the search for a first lag [s]: a small part of the period of what rings."""
-STEP = 0.5e-6
-"""Half the distance of central differences by a lag [s]."""
-ROUNDS = 15
-"""Most Gauss-Newton steps."""
-STILL = 1e-8
-"""A lag that moves by less has come to rest [s]: a fiftieth of what can be told."""
-
-Shifted = Callable[[FloatArray], FloatArray]
-"""Predicted data vector, shape [k], of a force and an outline recorded late by two lags [s], shape [2]."""
 FORCE, OUTLINE, FLYER = "force", "outline", "flyer"
 DIRECTIONS = {FORCE: (1.0, 0.0), OUTLINE: (0.0, 1.0), FLYER: (-1.0, -1.0)}
 """By how much force and outline are late if a recording is late by one."""
+STIFFNESS = "stiffness_factor"
+"""The parameter of which a shot declares nothing."""
+TURNS = 3
+"""Most rounds of runs of their own."""
+RIVAL = 0.5
+"""Lags with at least this share of the leading one's evidence are followed too."""
+STILL = 1e-4
+"""Parameters that all move by less, relative to their size, are run no more."""
 
 
 @dataclass(frozen=True)
-class FittedLag:
-    """The lag that fits the data best, with the free parameters refitted."""
+class Reruns:
+    """The solver, for lags that a linear map does not reach."""
 
-    lag: float
-    """The lag [s]."""
-    sigma: float
-    """Its standard uncertainty [s]."""
-    vector: FloatArray
-    """Data vector with it, shape [k]."""
-    jacobian: FloatArray
-    """Of the data vector by the free parameters and the lag, shape [k, d + 1]."""
-    objective: Objective
-    """With the discrepancies that are left."""
-    evidence: float
-    """Fall of -2 ln L [-]."""
-    settled: bool
-    """Whether the search came to rest inside `REACH`."""
+    x: FloatArray
+    """The optimum, shape [d]."""
+    declared: FloatArray
+    """What the shot declares of the free parameters, NaN where that is to be found, shape [d]."""
+    lower: FloatArray
+    """Lower bounds of the free parameters, shape [d]."""
+    upper: FloatArray
+    """Upper bounds, shape [d]."""
+    run: Callable[[FloatArray], Response]
+    """Runs on the refined mesh at points of shape [n, d]."""
+
+    @classmethod
+    def of(cls, stages: StagedRuns, x: FloatArray) -> "Reruns":
+        """Those of an identification whose optimum is x, shape [d]."""
+        box, settings = stages.box, stages.settings
+        shot, numerics = stages.prepared.forward.shot, settings.numerics.with_mesh(settings.refined_mesh)
+        declared = [np.nan if n == STIFFNESS else PARAMETERS[n].held(shot) for n in box.names]
+        return cls(
+            x=x,
+            declared=np.array(declared),
+            lower=np.array(box.lower),
+            upper=np.array(box.upper),
+            run=lambda points: stages.run("clocks", points, numerics)[0],
+        )
+
+    def starts(self, moved: FloatArray) -> list[FloatArray]:
+        """Where the solver is run first: moved parameters, and the declared ones where they differ."""
+        point = self.inside(moved)
+        other = self.inside(np.where(np.isfinite(self.declared), self.declared, moved))
+        return [point] if np.allclose(point, other, rtol=STILL, atol=0.0) else [point, other]
+
+    def inside(self, point: FloatArray) -> FloatArray:
+        """The point inside the box."""
+        return np.asarray(np.clip(point, self.lower, self.upper))
 
 
 def clock_lags(
@@ -67,6 +81,8 @@ def clock_lags(
     objective: Objective,
     jacobian: FloatArray,
     changes: Mapping[str, FloatArray],
+    *,
+    again: Reruns | None = None,
 ) -> tuple[ClockLag, ...]:
     """Lags of force, outline and flyer, each against the two others.
 
@@ -82,6 +98,8 @@ def clock_lags(
         Of the data vector by the free parameters, shape [k, d].
     changes
         As of `kolsky.diagnosis.fit_quality.fit_quality`.
+    again
+        The solver, for lags that the linear map does not reach; they are left as they are without.
 
     Returns
     -------
@@ -90,9 +108,15 @@ def clock_lags(
     """
     shifted, found = late_prediction(response, objective), []
     recordings = DIRECTIONS if objective.observations.has_shape else (FORCE,)
-    for name in recordings:
-        fit = fit_lag(objective, shifted, jacobian, DIRECTIONS[name], changes)
-        left = fit_quality(fit.objective, fit.vector, fit.jacobian, changes=changes)
+    before = float(objective.deviance(shifted(np.zeros(2))[None])[0])
+
+    def fitted(name: str, seen: Shifted) -> FittedLag:
+        return fit_lag(objective, seen, jacobian, DIRECTIONS[name], changes, before=before)
+
+    fits = {name: fitted(name, shifted) for name in recordings}
+    if again is not None:
+        fits = follow(fits, again, lambda name, run: fitted(name, late_prediction(run, objective)))
+    for name, fit in fits.items():
         file, key = origin(shot, name)
         found.append(
             ClockLag(
@@ -100,7 +124,7 @@ def clock_lags(
                 lag=fit.lag,
                 sigma=fit.sigma if fit.settled else float("nan"),
                 evidence=fit.evidence,
-                explains=all(channel.explained for channel in left),
+                explains=fit.explains,
                 file=file,
                 key=key,
             )
@@ -108,116 +132,53 @@ def clock_lags(
     return tuple(found)
 
 
-def fit_lag(
-    objective: Objective,
-    shifted: Shifted,
-    jacobian: FloatArray,
-    direction: tuple[float, float],
-    changes: Mapping[str, FloatArray],
-) -> FittedLag:
-    """Fit one lag, and the free parameters with it.
+def follow(
+    fits: Mapping[str, FittedLag], again: Reruns, refit: Callable[[str, Response], FittedLag]
+) -> dict[str, FittedLag]:
+    """The lags with runs of their own, where the leading one is significant and explains nothing.
 
     Parameters
     ----------
-    objective
-        Data, noise and first discrepancies.
-    shifted
-        The prediction of late recordings at the optimum.
-    jacobian
-        Of the data vector by the free parameters, shape [k, d].
-    direction
-        Lags of force and outline if this lag is one.
-    changes
-        By source, changes of the prediction by one standard uncertainty, shape [k] or [n, k].
+    fits
+        By recording, the lags from the run at the optimum.
+    again
+        The solver.
+    refit
+        Fits the lag of a recording to a run, a batch of one.
     """
-    way, d, h = np.array(direction), jacobian.shape[1], STEP
-    before = objective.deviance(shifted(0.0 * way)[None])[0]
-    lag, move, settled = _first(objective, shifted, jacobian, way), np.zeros(d), False
-    for _ in range(ROUNDS):
-        vector = shifted(lag * way) + jacobian @ move
-        slope = (shifted((lag + h) * way) - shifted((lag - h) * way)) / (2.0 * h)
-        wide = np.column_stack([jacobian, slope])
-        objective = objective.with_discrepancy(vector)
-        gain = objective.gain(wide)
-        change = gain @ (objective.data - vector)
-        move, lag = move + change[:d], float(np.clip(lag + change[d], -REACH, REACH))
-        if abs(change[d]) < STILL:
-            settled = True
+    leading = max(fits.values(), key=_evidence)
+    if leading.explains or not leading.significance > LATE:
+        return dict(fits)
+    going = [
+        (name, start, point)
+        for name, fit in fits.items()
+        if fit.evidence >= RIVAL * leading.evidence
+        for start, point in enumerate(again.starts(again.x + fit.move))
+    ]
+    found: dict[tuple[str, int], FittedLag] = {}
+    for _ in range(TURNS):
+        response, moved = again.run(np.array([point for *_, point in going])), []
+        for row, (name, start, point) in enumerate(going):
+            if response.outcomes[row].ok:
+                fit = found[name, start] = refit(name, response.select([row]))
+                to = again.inside(point + fit.move)
+                if not np.allclose(to, point, rtol=STILL, atol=0.0):
+                    moved.append((name, start, to))
+        first = max(found, key=lambda key: found[key].evidence, default=None)
+        if first is not None and found[first].explains:
+            moved = [one for one in moved if one[:2] == first]  # its value alone is still to be had
+        going = moved
+        if not going:
             break
-    vector = shifted(lag * way) + jacobian @ move
-    variance = float(objective.residual_covariance(wide, vector)[d, d])
-    for source in changes.values():
-        moves = np.nan_to_num(np.atleast_2d(source)) @ gain[d]
-        variance += float((moves**2).mean())
-    return FittedLag(
-        lag=lag,
-        sigma=variance**0.5,
-        vector=vector,
-        jacobian=wide,
-        objective=objective.with_discrepancy(vector),
-        evidence=float(before - objective.deviance(vector[None])[0]),
-        settled=settled and abs(lag) < REACH,
-    )
+    followed = [(name, fit) for (name, _), fit in found.items()]
+    return {
+        name: max([fit, *(f for other, f in followed if other == name)], key=_evidence)
+        for name, fit in fits.items()
+    }
 
 
-def _first(objective: Objective, shifted: Shifted, jacobian: FloatArray, way: FloatArray) -> float:
-    """A lag to begin with: the likeliest of a scan over `REACH`, the free parameters refitted."""
-
-    def cost(lag: float) -> float:
-        vector, weighted = shifted(lag * way), objective
-        for _ in range(2):
-            weighted = weighted.with_discrepancy(vector)
-            vector = vector + jacobian @ (weighted.gain(jacobian) @ (objective.data - vector))
-        return float(objective.deviance(vector[None])[0])
-
-    steps = round(REACH / SCAN)
-    return min((SCAN * step for step in range(-steps, steps + 1)), key=cost)
-
-
-def late_prediction(response: Response, objective: Objective) -> Shifted:
-    """The prediction of a run as recorders with late clocks would have seen it.
-
-    A bin's mean is the difference of the impulse at its edges; surfaces between the frames are splines in
-    time. Before the simulation begins everything is at rest; where a time lies behind its end the value is
-    that without a lag.
-
-    Parameters
-    ----------
-    response
-        The run at the optimum, a batch of one.
-    objective
-        Bins and points.
-    """
-    observations = objective.observations
-    edges, line = observations.bins.edges, observations.centre_line
-    t, impulse = response.force_times, response.impulse_transmission[0]
-    s = response.surface_times
-    rows = np.flatnonzero(objective.counted)
-    both = np.stack([response.surface_r[0], response.surface_y[0]], axis=-1)
-    surfaces = CubicSpline(s, both) if observations.has_shape else None
-    times, frame = np.unique(line.time[rows], return_inverse=True)
-
-    @cache
-    def force(lag: float) -> FloatArray:
-        at = edges - lag
-        mean = np.diff(np.interp(at, t, impulse)) / np.diff(edges)
-        behind = at[1:] > t[-1] + SAME_TIME
-        return np.where(behind, force(0.0), mean) if behind.any() else mean
-
-    @cache
-    def radii(lag: float) -> FloatArray:
-        if surfaces is None:
-            return np.empty(0)
-        late = times - lag
-        r, y = np.moveaxis(surfaces(np.clip(late, s[0], s[-1])), -1, 0)
-        Z, _ = radius_at(r, y, frame, line.y[rows])
-        unknown = (late > s[-1] + SAME_TIME)[frame] | ~np.isfinite(Z)
-        return np.where(unknown, radii(0.0), Z) if lag != 0.0 and unknown.any() else Z
-
-    def shifted(lags: FloatArray) -> FloatArray:
-        return np.concatenate([force(float(lags[0])), radii(float(lags[1]))])
-
-    return shifted
+def _evidence(fit: FittedLag) -> float:
+    return fit.evidence
 
 
 def origin(shot: Shot, recording: str) -> tuple[str, str]:

@@ -73,7 +73,7 @@ def route_at_edge(result: Identification, name: str) -> bool:
 
 
 def fit_warnings(result: Identification) -> Iterator[str]:
-    """Say why a verdict was withheld, that one channel decides alone, and that a clock is wrong."""
+    """Say why a verdict was withheld, that a clock is wrong, and that one channel decides alone."""
     for channel in result.fit:
         if not channel.explained:
             yield unexplained(channel)
@@ -84,14 +84,26 @@ def fit_warnings(result: Identification) -> Iterator[str]:
                 f"force and outline ask for values of {name} that are further apart than {CONTRADICTION:g} "
                 "standard uncertainties of their difference: at least one input, or the model, is wrong"
             )
-        for channel in result.fit:
-            if len(result.fit) > 1 and channel.weight.get(name, 0.5) < ALONE:
-                other = OUTLINE if channel.channel == FORCE else FORCE
-                share = 100.0 * channel.weight[name]
-                yield (
-                    f"the {channel.channel} carries {share:.2g} % of the information on {name}: the answer "
-                    f"is that of the {other} alone"
-                )
+    yield from without_a_say(result)
+
+
+def without_a_say(result: Identification) -> Iterator[str]:
+    """Say of which values one channel has no say, where the verdict does not say it already."""
+    for channel in result.fit:
+        names = [
+            name
+            for name, e in result.estimates.items()
+            if len(result.fit) > 1
+            and channel.weight.get(name, 0.5) < ALONE
+            and e.outcome not in ALONE_BY.values()
+        ]
+        if names:
+            other = OUTLINE if channel.channel == FORCE else FORCE
+            shares = ", ".join(f"{100.0 * channel.weight[name]:.2g} %" for name in names)
+            yield (
+                f"the {channel.channel} carries {shares} of the information on {', '.join(names)}: the "
+                f"answer is that of the {other} alone"
+            )
 
 
 def unexplained(channel: FitQuality) -> str:

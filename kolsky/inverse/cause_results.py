@@ -4,6 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import nan
 
+COVERAGE = 2.0
+"""An input within so many of its declared standard uncertainties is not wrong."""
+
 
 @dataclass(frozen=True)
 class CauseFinding:
@@ -40,6 +43,8 @@ class CauseFinding:
     """Key of the likelier cause beside which it was found, that one free too; empty if it was tried alone."""
     status: str = ""
     """Why it could not be tried; empty if it was."""
+    declared_sigma: float | None = None
+    """Standard uncertainty that the shot declares of it, in its unit; None if it declares none."""
     solved: Mapping[str, float] = field(default_factory=dict)
     """The free parameters as a whole identification gives them with the input changed; empty if none was
     made."""
@@ -50,3 +55,8 @@ class CauseFinding:
     def change(self) -> float:
         """Value minus what is declared, in its unit."""
         return self.value - self.exact if self.exact == self.exact else nan
+
+    @property
+    def within(self) -> bool:
+        """True if what the data prefer is within k = 2 of the declared uncertainty: no error of the input."""
+        return self.declared_sigma is not None and abs(self.change) <= COVERAGE * self.declared_sigma

@@ -36,10 +36,13 @@ def _known(parameter: str) -> Name | None:
     return _NAMES.get(parameter)
 
 
+NOISE = {"force and shape": "force and outline"}
+"""Words for the sources of noise whose keys are older than the words."""
+
 _ROUTES = {
     "joint": "joint χ²",
     "force only": "force χ² only",
-    "shape only": "shape χ² only",
+    "shape only": "outline χ² only",
     "paper": "cost Φ, Eq. (M.5)",
 }
 
@@ -140,8 +143,9 @@ LABELS = {
     "front_sigma_gain": "front face’s velocity, standard uncertainty of its scale",
     "force_noise_correlation": "force noise, correlation of neighbouring samples",
     "force_baseline_samples": "force noise, samples it is from",
-    "window_end": "end of the window, s",
-    "symmetry_end": "end of symmetry by the flyer’s flight, s",
+    "window_end": "end of the window",
+    "symmetry_end": "end of symmetry by the flyer’s flight",
+    "hold": "held at the shot’s value",
     "curve_last_s": "quasi-static curve, last √(Ī₁ − 3)",
     "curve_last_strain": "quasi-static curve, last nominal strain",
     "numerics.mesh": "mesh of the surrogate",
@@ -184,6 +188,8 @@ UNITS = {
     "specimen.length": (1e3, "mm"),
     "specimen.density": (1.0, "kg/m³"),
     "window_s": (1e3, "ms"),
+    "window_end": (1e3, "ms"),
+    "symmetry_end": (1e3, "ms"),
     "recordings.sampling_interval_s": (1e6, "µs"),
     "recordings.baseline_s": (1e3, "ms"),
     "recordings.baseline_V": (1e3, "mV"),
@@ -212,6 +218,8 @@ DEFAULTS = {"numerics.threads": "all cores", "numerics.compressible": "none, run
 
 DIGITS = {
     "window_s": 4,
+    "window_end": 4,
+    "symmetry_end": 4,
     "flyer_chi2_per_dof": 3,
     "flyer_noise_scale": 3,
     "flyer_static_scatter": 2,

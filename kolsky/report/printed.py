@@ -18,7 +18,7 @@ from kolsky.report.sensitivity_table import printed_sensitivities
 _POWER = re.compile(" × 10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)")
 _LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 
-ROUTES = {"force only": "force only", "shape only": "shape only", "paper": "cost Phi, Eq. (M.5)"}
+ROUTES = {"force only": "force only", "shape only": "outline only", "paper": "cost Phi, Eq. (M.5)"}
 
 
 def answer(e: Estimate) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 from kolsky.inverse.result import Identification
 from kolsky.inverse.uncertainty_results import Declaration
 from kolsky.report import numbers
+from kolsky.report.typography import typeset
 from kolsky.uncertainty.inputs import INPUTS
 from kolsky.uncertainty.sensitivities import INVISIBLE, amount_text, relative_moves, taken_as_exact, unseen
 
@@ -33,7 +34,7 @@ def _row(part: Declaration, answer: dict[str, float], open_: set[str]) -> dict[s
 
 def signed_percent(share: float) -> str:
     """Return a share with its sign in percent: "+1.8 %"."""
-    return f"{100.0 * share:+.2g} %".replace("-", numbers.MINUS)
+    return typeset(f"{100.0 * share:+.2g} %")
 
 
 def unseen_notes(result: Identification) -> list[str]:

@@ -152,5 +152,7 @@ def _findings(result: Identification) -> dict[str, Any]:
         ],
         "posterior": posterior,
         "held_answer": None if result.held_answer is None else vars(result.held_answer),
-        "causes": [{**vars(cause), "change": cause.change} for cause in result.causes],
+        "causes": [
+            {**vars(cause), "change": cause.change, "within": cause.within} for cause in result.causes
+        ],
     }

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.errors import refuse
@@ -17,6 +17,9 @@ from kolsky.shot.picture_set import PictureSet, open_pictures
 from kolsky.shot.records import ForceChannel, ModelSettings, OpticalData, PicturedShot, Shot, ShotBase
 from kolsky.shot.schema.reading import ShotToml, Source, is_bar_driven, parsed, shot_toml
 from kolsky.shot.window import window
+
+if TYPE_CHECKING:
+    from kolsky.shot.bar_check import CheckedBars
 
 
 def load_shot(source: Source, *, measure: Callable[[PictureSet], OpticalData] | None = None) -> Shot:
@@ -82,8 +85,8 @@ def load_pictures(source: Source) -> PicturedShot:
     return _pictured(toml, frames, open_pictures(toml, frames))
 
 
-def check_shot(source: Source) -> ShotBase:
-    """Load a shot as far as it goes without correlating pictures.
+def check_shot(source: Source) -> "ShotBase | CheckedBars":
+    """Load a shot as far as it goes without correlating pictures; between bars, without reducing it.
 
     Raises
     ------
@@ -92,7 +95,11 @@ def check_shot(source: Source) -> ShotBase:
     """
     file = parsed(source)
     if is_bar_driven(file):
-        return load_shot(file)
+        if {"interface", "curve", "law", "model"} & set(file.content):
+            return load_shot(file)
+        from kolsky.shot.bar_check import check_bars
+
+        return check_bars(file)
     toml, _ = _opened(file)
     if toml.declared.flyer is None and toml.declared.surface is None:
         return load_pictures(toml)

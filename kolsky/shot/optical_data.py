@@ -156,7 +156,8 @@ def measured(
         raise pictures.toml.error(
             "dic.flyer",
             "was not followed back to rest, so how far it went is not known",
-            cure="declare a region clear of its edge, in a frame that shows much of it",
+            cure="declare a region clear of its edge, in a frame that shows much of it: "
+            f"`kolsky dic {pictures.toml.path.parent} --regions` draws it",
         )
     line = result.centre
     return OpticalData(
@@ -243,7 +244,8 @@ def places_of(pictures: PictureSet) -> Places:
             raise pictures.toml.error(
                 f"dic.{missing[0]}",
                 f"is not declared and cannot be found: {error}",
-                cure="declare specimen, flyer and transmission_edge from a look at camera 0's pictures",
+                cure="draw them over camera 0's pictures: "
+                f"`kolsky dic {pictures.toml.path.parent} --regions`, or offline with --grid",
             ) from error
     specimen, flyer, edge = section.specimen, section.flyer, section.transmission_edge
     return Places(

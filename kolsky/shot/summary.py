@@ -7,14 +7,15 @@ import numpy as np
 
 from kolsky.bars.flyer.front_path import BarForce
 from kolsky.base.records import CentreLine, FlyerMotion
+from kolsky.shot.bar_check import CheckedBars, bar_rows, undeclared
 from kolsky.shot.picture_set import CAMERAS, readable
 from kolsky.shot.records import PicturedShot, Shot, ShotBase
 from kolsky.shot.schema.apparatus import CONTACT_KEYS, keys_read
-from kolsky.shot.schema.uncertainty import IDENTIFIED, UNITS
+from kolsky.shot.schema.uncertainty import IDENTIFIED, REDUCED, UNITS
 
 EXACT = "not declared: taken as exact"
 """Value of an uncertainty that [uncertainty] does not hold."""
-_WRITTEN = {"m": ("mm", 1e3), "s": ("us", 1e6), "Pa": ("kPa", 1e-3)}
+_WRITTEN = {"1": ("um/m", 1e6), "m": ("mm", 1e3), "s": ("us", 1e6), "Pa": ("kPa", 1e-3)}
 
 
 @dataclass(frozen=True)
@@ -35,11 +36,21 @@ class Entry:
         if isinstance(self.value, str):
             return self.value
         unit, factor = _WRITTEN.get(self.unit, (self.unit, 1.0))
+        if self.unit == "Pa" and abs(self.value) >= 1e9:
+            unit, factor = "GPa", 1e-9
         return f"{self.value * factor:.6g} {unit}".strip()
 
 
-def summarise(shot: ShotBase) -> list[Entry]:
+def summarise(shot: ShotBase | CheckedBars) -> list[Entry]:
     """All entries of a shot's summary, in the order of the shot file."""
+    if isinstance(shot, CheckedBars):
+        entries = [Entry(*row) for row in bar_rows(shot)]
+        entries += [
+            Entry("uncertainty", key, value)
+            for key in REDUCED
+            if (value := shot.given.uncertainty.get(key, 0.0)) > 0.0
+        ]
+        return entries + [Entry("uncertainty", key, EXACT) for key in undeclared(shot)]
     return [
         Entry("specimen", "diameter", shot.specimen.diameter, "m"),
         Entry("specimen", "length", shot.specimen.length, "m"),
@@ -66,7 +77,7 @@ def summarise(shot: ShotBase) -> list[Entry]:
     ]
 
 
-def as_json(shot: ShotBase) -> dict[str, Any]:
+def as_json(shot: ShotBase | CheckedBars) -> dict[str, Any]:
     """The summary as one JSON object: section -> name -> {value, unit}, SI."""
     result: dict[str, Any] = {"shot": shot.name, "folder": str(shot.folder)}
     for entry in summarise(shot):
@@ -251,7 +262,7 @@ def _curve(shot: ShotBase) -> list[Entry]:
     ]
 
 
-def print_table(shot: ShotBase) -> None:
+def print_table(shot: ShotBase | CheckedBars) -> None:
     """Print the summary as a table on stdout, with the first 16 digits of each file's hash."""
     from rich.console import Console
     from rich.table import Table

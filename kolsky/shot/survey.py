@@ -122,12 +122,15 @@ class Survey:
     """ "force", "frames", "flyer", "centre_line", "curve": those that were found, one file each."""
     doubtful: Mapping[str, str]
     """File name -> why it was not taken for anything."""
+    recordings: tuple[FoundTable, ...] = ()
+    """Files with a clock and signals on it: what a recorder of bars may have written."""
 
 
 def survey(folder: Path) -> Survey:
     """Look at the files of a folder; nothing is written, and a file that cannot be read is named."""
     parts: dict[str, list[FoundTable]] = {}
     doubtful: dict[str, str] = {}
+    recordings: list[FoundTable] = []
     files = sorted(p for p in folder.iterdir() if p.is_file() and p.suffix.lower() in SUFFIXES)
     for path in files:
         try:
@@ -135,6 +138,8 @@ def survey(folder: Path) -> Survey:
         except InputError as error:
             doubtful[path.name] = error.message
             continue
+        if is_recording(table):
+            recordings.append(table)
         part = part_of(table)
         if part is None:
             doubtful[path.name] = "its columns are of no part of a shot"
@@ -144,7 +149,18 @@ def survey(folder: Path) -> Survey:
         if len(tables) > 1:
             names = ", ".join(table.path.name for table in tables)
             doubtful |= {t.path.name: f"could be [{part}], and so could each of {names}" for t in tables}
-    return Survey({part: tables[0] for part, tables in parts.items() if len(tables) == 1}, doubtful)
+    found = {part: tables[0] for part, tables in parts.items() if len(tables) == 1}
+    return Survey(found, doubtful, tuple(recordings))
+
+
+def is_recording(table: FoundTable) -> bool:
+    """True for a file with a clock, many samples and a signal that is no length and no frame number."""
+    if table.clock is not None:
+        return table.clock[2] >= _SCOPE_ROWS
+    time = table.time
+    if time is None or time.values.size < _SCOPE_ROWS or table.frame is not None:
+        return False
+    return any(c is not time and c.dimension in ("", "V", "1") for c in table.columns)
 
 
 def part_of(table: FoundTable) -> str | None:

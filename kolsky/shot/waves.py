@@ -19,7 +19,7 @@ from kolsky.shot.load import load_shot
 from kolsky.shot.records import ForceChannel, Shot
 from kolsky.shot.schema.bars import WavesSection
 from kolsky.shot.schema.measured import ForceSection
-from kolsky.shot.schema.reading import ShotToml, Source, parsed, shot_toml
+from kolsky.shot.schema.reading import ShotToml, Source, is_bar_driven, parsed, shot_toml
 from kolsky.shot.schema.uncertainty import UncertaintySection
 
 __all__ = ["waves"]
@@ -46,6 +46,12 @@ def load_flyer_test(source: Source, shot: Shot) -> FlyerInput:
     section = declared.incident_force
     incident = None if section is None else _channel(toml, section.completed(declared.force))
     waves = declared.waves or WavesSection()
+    if "analysis" in waves.model_fields_set:
+        raise toml.error(
+            "waves.analysis",
+            "is for tests between bars; a flyer test quotes the stress at each face",
+            cure="remove it",
+        )
     return FlyerInput(
         shot=shot,
         incident=incident,
@@ -127,7 +133,7 @@ def waves(
     """
     file = parsed(shot)
     try:
-        if "gauges" in file.content:
+        if "gauges" in file.content or is_bar_driven(file):
             return analyse(load_waves(file), progress=progress)
         from kolsky.shot.optical_data import measured  # brings image correlation: for pictures only
 

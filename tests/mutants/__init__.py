@@ -6,6 +6,7 @@ beside this one.
 """
 
 from tests.mutants.bars import FAULTS as BARS
+from tests.mutants.bars_quoted import FAULTS as BARS_QUOTED
 from tests.mutants.budget import FAULTS as BUDGET
 from tests.mutants.causes import FAULTS as CAUSES
 from tests.mutants.cli import FAULTS as CLI
@@ -19,6 +20,7 @@ from tests.mutants.inputs import FAULTS as INPUTS
 from tests.mutants.inverse import FAULTS as INVERSE
 from tests.mutants.material import FAULTS as MATERIAL
 from tests.mutants.rates import FAULTS as RATES
+from tests.mutants.regions import FAULTS as REGIONS
 from tests.mutants.report import FAULTS as REPORT
 from tests.mutants.results import FAULTS as RESULTS
 from tests.mutants.several_parameters import FAULTS as SEVERAL
@@ -31,6 +33,7 @@ __all__ = ["FAULTS", "Fault"]
 
 FAULTS: tuple[Fault, ...] = (
     *BARS,
+    *BARS_QUOTED,
     *CAUSES,
     *BUDGET,
     *CLI,
@@ -45,6 +48,7 @@ FAULTS: tuple[Fault, ...] = (
     *RATES,
     *SEVERAL,
     *SHOT,
+    *REGIONS,
     *REPORT,
     *RESULTS,
     *UNCERTAINTY,

@@ -5,6 +5,7 @@ from tests.mutants.fault import Fault
 FIT = ("tests/unit/diagnosis/test_cause_fit.py",)
 ALTERED = ("tests/unit/diagnosis/test_alterations.py",)
 CAUSES = ("tests/unit/diagnosis/test_causes.py",)
+DECLARED = ("tests/unit/diagnosis/test_declared_causes.py",)
 
 FAULTS = (
     Fault(
@@ -31,8 +32,8 @@ FAULTS = (
     Fault(
         name="the step with the wrong sign",
         file="kolsky/diagnosis/cause_fit.py",
-        right="z = -G @ (W.T @ residual)",
-        wrong="z = G @ (W.T @ residual)",
+        right="z = -np.linalg.pinv(H, rcond=1e-12, hermitian=True) @ g",
+        wrong="z = np.linalg.pinv(H, rcond=1e-12, hermitian=True) @ g",
         tests=FIT,
     ),
     Fault(
@@ -153,5 +154,61 @@ FAULTS = (
         right="(np.diff(scope.value) > 0.0).all()",
         wrong="(np.diff(scope.value) >= 0.0).all()",
         tests=("tests/unit/shot/test_checks.py",),
+    ),
+    Fault(
+        name="declared uncertainties without their prior",
+        file="kolsky/diagnosis/cause_fit.py",
+        right="prior = np.append(np.ones(q), np.zeros(p))[seen]",
+        wrong="prior = np.append(0.1 * np.ones(q), np.zeros(p))[seen]",
+        tests=DECLARED,
+    ),
+    Fault(
+        name="declared uncertainties beyond their bounds",
+        file="kolsky/diagnosis/cause_fit.py",
+        right="low[:q], high[:q] = allowed.lower, allowed.upper",
+        wrong="low[:q], high[:q] = 2.0 * allowed.lower, 2.0 * allowed.upper",
+        tests=DECLARED,
+    ),
+    Fault(
+        name="an input is wrong beyond one standard uncertainty",
+        file="kolsky/inverse/cause_results.py",
+        right="COVERAGE = 2.0",
+        wrong="COVERAGE = 1.0",
+        tests=DECLARED,
+    ),
+    Fault(
+        name="the misfit as if nothing were declared uncertain",
+        file="kolsky/diagnosis/cause_search.py",
+        right="self.null = fit_linear(here, self.slope, expected, self.allowed())",
+        wrong="self.null = fit_linear(here, self.slope, expected)",
+        tests=DECLARED,
+    ),
+    Fault(
+        name="an input's own allowance beside it",
+        file="kolsky/diagnosis/cause_search.py",
+        right="tried is not None and c.key == tried.key",
+        wrong="tried is not None and c.key == 0",
+        tests=DECLARED,
+    ),
+    Fault(
+        name="an allowance of half a standard uncertainty",
+        file="kolsky/diagnosis/cause_search.py",
+        right="(span[1] - span[0]) / (2.0 * COVERAGE)",
+        wrong="(span[1] - span[0]) / (4.0 * COVERAGE)",
+        tests=DECLARED,
+    ),
+    Fault(
+        name="a value within its declared uncertainty by its sign",
+        file="kolsky/inverse/cause_results.py",
+        right="abs(self.change) <= COVERAGE",
+        wrong="self.change <= COVERAGE",
+        tests=DECLARED,
+    ),
+    Fault(
+        name="a declared input listed by what it explains beside the others",
+        file="kolsky/diagnosis/causes.py",
+        right="t, gain = alone, evidence(search.bare, alone.misfits, search.expected.times)",
+        wrong="t, gain = alone, evidence(search.before, alone.misfits, search.expected.times)",
+        tests=DECLARED,
     ),
 )

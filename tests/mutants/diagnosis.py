@@ -5,9 +5,11 @@ from tests.mutants.fault import Fault
 FIT = ("tests/unit/diagnosis/test_fit_quality.py",)
 CLOCKS = ("tests/unit/diagnosis/test_clocks.py",)
 VERDICTS = ("tests/unit/diagnosis/test_fit_verdicts.py",)
+CHOICE = ("tests/unit/diagnosis/test_fit_thresholds.py",)
 QUALITY = "kolsky/diagnosis/fit_quality.py"
 VERDICT = "kolsky/diagnosis/verdicts.py"
 CLOCK = "kolsky/diagnosis/clocks.py"
+LAG = "kolsky/diagnosis/lag_fit.py"
 RECORDS = "kolsky/inverse/fit_results.py"
 
 FAULTS = (
@@ -109,12 +111,12 @@ FAULTS = (
         "a lag is named though it explains nothing", VERDICT, "> LATE and lag.explains", "> LATE", VERDICTS
     ),
     Fault("the flyer late makes the force late", CLOCK, "FLYER: (-1.0, -1.0)", "FLYER: (1.0, 1.0)", CLOCKS),
-    Fault("a late force shows a later time", CLOCK, "at = edges - lag", "at = edges + lag", CLOCKS),
-    Fault("a late outline shows a later time", CLOCK, "late = times - lag", "late = times + lag", CLOCKS),
-    Fault("the slope of a lag twice as steep", CLOCK, "/ (2.0 * h)", "/ h", CLOCKS),
+    Fault("a late force shows a later time", LAG, "at = edges - lag", "at = edges + lag", CLOCKS),
+    Fault("a late outline shows a later time", LAG, "late = times - lag", "late = times + lag", CLOCKS),
+    Fault("the slope of a lag twice as steep", LAG, "/ (2.0 * h)", "/ h", CLOCKS),
     Fault(
         "inputs have no part in a lag's uncertainty",
-        CLOCK,
+        LAG,
         "variance += float((moves**2).mean())",
         "variance += 0.0 * float((moves**2).mean())",
         CLOCKS,
@@ -139,5 +141,58 @@ FAULTS = (
         "quantile * np.sqrt(n)) / np.sqrt(n)",
         "0.0) / np.sqrt(n) + quantile",
         ("tests/unit/diagnosis/test_fit_thresholds.py",),
+    ),
+    Fault(
+        "the solver is never run again for a lag",
+        CLOCK,
+        "if leading.explains or not leading.significance > LATE:",
+        "if leading.explains or leading.significance > LATE:",
+        CLOCKS,
+    ),
+    Fault(
+        "a lag's runs where the search began", CLOCK, "again.x + fit.move", "again.x + 0.0 * fit.move", CLOCKS
+    ),
+    Fault("one more round of runs is all", CLOCK, "TURNS = 3", "TURNS = 1", CLOCKS),
+    Fault(
+        "runs for a lag outside the box",
+        CLOCK,
+        "np.asarray(np.clip(point, self.lower, self.upper))",
+        "np.asarray(point)",
+        CLOCKS,
+    ),
+    Fault(
+        "runs for a lag begin where a wrong clock led",
+        CLOCK,
+        "np.where(np.isfinite(self.declared), self.declared, moved)",
+        "np.where(np.isfinite(self.declared), moved, moved)",
+        CLOCKS,
+    ),
+    Fault(
+        "limits chosen on shots whose search ended elsewhere",
+        "benchmarks/threshold_choice.py",
+        "abs(e.value - self.truth[name]) > ASTRAY * e.sigma",
+        "abs(e.value - self.truth[name]) > 10.0 * ASTRAY * e.sigma",
+        CHOICE,
+    ),
+    Fault(
+        "evidence of what is within its declared uncertainty",
+        "benchmarks/threshold_choice.py",
+        "for cause in result.causes if not cause.within",
+        "for cause in result.causes",
+        CHOICE,
+    ),
+    Fault(
+        "evidence without a margin",
+        "benchmarks/fit_thresholds.py",
+        "return MARGIN * max(values)",
+        "return max(values)",
+        CHOICE,
+    ),
+    Fault(
+        "limits judged on the shots they were chosen on",
+        "benchmarks/threshold_choice.py",
+        "[limited(s.result)[name] for s in judged if",
+        "[limited(s.result)[name] for s in found if",
+        CHOICE,
     ),
 )

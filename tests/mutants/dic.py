@@ -27,8 +27,8 @@ FAULTS = (
     Fault(
         name="epipolar gate: a point's own noise narrows it",
         file="dic/stereo/reconstruction.py",
-        right="allowed = np.maximum(gate,",
-        wrong="allowed = np.minimum(gate,",
+        right="allowed = np.maximum(gates[0],",
+        wrong="allowed = np.minimum(gates[0],",
         tests=GATES,
     ),
     Fault(
@@ -58,6 +58,74 @@ FAULTS = (
         right="FEWEST_CONFIRMING = 2",
         wrong="FEWEST_CONFIRMING = 1",
         tests=GATES,
+    ),
+    Fault(
+        name="off the surface: the bending of a scene of any size",
+        file="dic/surfaces/smoothness.py",
+        right="bending = BENDING * distance",
+        wrong="bending = BENDING * 0.4e-3",
+        tests=GATES,
+    ),
+    Fault(
+        name="off the surface: diagonals count as neighbours' distance",
+        file="dic/surfaces/smoothness.py",
+        right="np.abs(offset).sum(axis=-1) == 1.0",
+        wrong="np.abs(offset).max(axis=-1) == 1.0",
+        tests=GATES,
+    ),
+    Fault(
+        name="residual map: a hundred times the residual",
+        file="dic/surfaces/residual_map.py",
+        right="SEED = 10.0",
+        wrong="SEED = 100.0",
+        tests=GATES,
+    ),
+    Fault(
+        name="residual map: the excess for the residual",
+        file="dic/surfaces/residual_map.py",
+        right="np.where(judged, 1.0 + excess[frame], 0.0)",
+        wrong="np.where(judged, excess[frame], 0.0)",
+        tests=GATES,
+    ),
+    Fault(
+        name="residual map: a patch is its seeds alone",
+        file="dic/surfaces/residual_map.py",
+        right="TOUCHED = 1.5",
+        wrong="TOUCHED = 15.0",
+        tests=GATES,
+    ),
+    Fault(
+        name="residual map: both cameras must see the change",
+        file="dic/chain/outliers.py",
+        right="unlike |= unlike_points(",
+        wrong="unlike &= unlike_points(",
+        tests=GATES,
+    ),
+    Fault(
+        name="tracking: a new reference forgets the residuals before it",
+        file="dic/tracking/update.py",
+        right="largest[rows] = np.maximum(beyond, template.excess)",
+        wrong="largest[rows] = beyond",
+        tests=(
+            "tests/unit/dic/test_dic_track_parts.py::test_a_residual_is_kept_through_changes_of_reference",
+        ),
+    ),
+    Fault(
+        name="flyer: a lateral motion of a scene of any size",
+        file="dic/rigid_body/translation.py",
+        right="across = 1.0 / (pixel * (",
+        wrong="across = 1.0 / (56e-6 * (",
+        tests=("tests/unit/dic/test_dic_scene_size.py",),
+    ),
+    Fault(
+        name="edge strip: a correction of a scene of any size",
+        file="dic/rigid_body/edge_registration.py",
+        right="abs(y - tried[best]) > LARGEST_CORRECTION * self.pixel:",
+        wrong="abs(y - tried[best]) > LARGEST_CORRECTION * 1e-5:",
+        tests=(
+            "tests/unit/dic/test_dic_edge_registration.py"
+            "::test_the_same_pictures_of_a_scene_of_another_size_give_the_same_places_in_it",
+        ),
     ),
     Fault(
         name="material frame: the farthest",
@@ -283,7 +351,7 @@ FAULTS = (
     Fault(
         name="edge strip: the row at the region's end is used whatever it errs by",
         file="dic/rigid_body/edge_registration.py",
-        right="return error if error * self._scale <= LARGEST_EDGE else None",
+        right="return error if error <= LARGEST_EDGE * self.pixel else None",
         wrong="return error",
         tests=(
             "tests/unit/dic/test_dic_edge_registration.py"

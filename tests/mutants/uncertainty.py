@@ -249,4 +249,11 @@ FAULTS = (
         wrong="limit = WHITE / n",
         tests=WARNINGS,
     ),
+    Fault(
+        name="the interval without the mesh's part by a difference, not of squares",
+        file="kolsky/uncertainty/warnings/answer.py",
+        right="sqrt(max(e.sigma**2 - mesh**2, 0.0))",
+        wrong="max(e.sigma - mesh, 0.0)",
+        tests=WARNINGS,
+    ),
 )

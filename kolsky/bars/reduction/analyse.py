@@ -18,6 +18,8 @@ from kolsky.bars.records import (
     with_opposite_sign,
 )
 from kolsky.bars.reduction import quoted_values
+from kolsky.bars.reduction.alignment import KEYS as ALIGNMENT_KEYS
+from kolsky.bars.reduction.alignment import Alignment, alignments
 from kolsky.bars.reduction.inputs import FAR, NO_PART, SIDES, WavesInput
 from kolsky.bars.reduction.overlap import overlapping_windows
 from kolsky.bars.reduction.specimen_inertia import corrections_that_act, valid_span
@@ -25,7 +27,7 @@ from kolsky.bars.reduction.stress_strain import TRUE, true_curve
 from kolsky.bars.reduction.summary import Summary, summarise
 from kolsky.bars.reduction.validity import Validity
 from kolsky.bars.reduction.varied_test import VariedTest, bar_correlations, budget_quantities, station_of
-from kolsky.bars.reduction.windows import check_windows, find_windows, incident_arrival
+from kolsky.bars.reduction.windows import check_baselines, check_windows, find_windows, incident_arrival
 from kolsky.bars.result import WavesResult
 from kolsky.bars.signals.stations import Station
 from kolsky.base.arrays import FloatArray
@@ -57,7 +59,9 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
     incident, transmission = (best[side].signal for side in SIDES)
     arrival = incident_arrival(incident, tension=tension)
     windows = _windows(given, incident, transmission, tension)
+    check_baselines(given, incident, transmission, tension=tension)
     checks = check_windows(incident, transmission, tension=tension)
+    best = {side: station_of(given, side, windows=windows) for side in SIDES}
     progress("waves", 1, 3)
 
     log = AuditLog(given.switches)
@@ -66,6 +70,7 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
     varied = VariedTest(given, windows, arrival.time)
     plain, carried = varied.carried({}, dispersive=False), varied.carried({}, dispersive=True)
     _log_dispersion(log, plain, carried, given)
+    varied = _aligned(varied, log, carried, alignments(arrival, checks, given.switches))
     faces = varied.faces({}, log)
     uncorrected, _ = varied.reduced(faces, {})
     acts = corrections_that_act(uncorrected, given.specimen, given.bars, given.switches, share=given.share)
@@ -74,10 +79,17 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
     reduction, corrections = varied.reduced(faces, {})
     log.add(*corrections)
     log.complete(_left_out(given))
-    summary = summarise(reduction, faces, given.specimen)
+    summary = summarise(
+        reduction,
+        faces,
+        given.specimen,
+        analysis=given.analysis,
+        allowance=given.allowance,
+        share=given.plateau,
+    )
     progress("waves", 2, 3)
 
-    budget = _budget(varied, best, reduction, summary)
+    budget, summary = _budget_with_means(varied, best, reduction, summary)
     reduction = _with_bands(reduction, budget)
     progress("waves", 3, 3)
     sign = -1.0 if tension else 1.0
@@ -93,7 +105,12 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
         corrections=log.corrections,
         budget=quoted_values.table(budget, sign),
         facts=quoted_values.facts(best, arrival, checks, windows, reduction, summary, given.specimen),
-        remarks=(*quoted_values.remarks(reduction, budget, checks, given), *_soft(acts, valid)),
+        remarks=(
+            *given.notes,
+            *quoted_values.remarks(reduction, budget, checks, given, summary.plateau),
+            *_soft(acts, valid),
+        ),
+        analysis=given.analysis,
         valid=valid.window,
         validity=valid.sentence,
         inputs=given.inputs,
@@ -125,6 +142,32 @@ def _left_out(given: WavesInput) -> dict[str, str]:
     }
 
 
+def _aligned(
+    varied: VariedTest,
+    log: AuditLog,
+    carried: FaceWaves,
+    found: tuple[Mapping[str, Alignment], Mapping[str, str]],
+) -> VariedTest:
+    """The test with the alignments that are switched on; each is listed with what it changes."""
+    possible, missing = found
+    both = replace(varied, aligned=possible).carried({}, dispersive=True)
+    for wave, alignment in possible.items():
+        log.choose(
+            f"alignment, {wave} wave",
+            ALIGNMENT_KEYS[wave],
+            getattr(carried, wave),
+            getattr(both, wave),
+            unit="1",
+            reason=(
+                f"observed {1e6 * alignment.late:+.3g} us from its predicted arrival, standard uncertainty "
+                f"{1e6 * alignment.sigma:.2g} us"
+            ),
+        )
+    log.complete({ALIGNMENT_KEYS[wave]: why for wave, why in missing.items()})
+    on = {wave: a for wave, a in possible.items() if varied.given.switches[ALIGNMENT_KEYS[wave]]}
+    return replace(varied, aligned=on)
+
+
 def _log_dispersion(log: AuditLog, plain: FaceWaves, carried: FaceWaves, given: WavesInput) -> None:
     for wave, side in (("incident", "incident"), ("reflected", "incident"), ("transmitted", "transmission")):
         bar, distance = given.bars[side], given.stations[side].position
@@ -141,11 +184,29 @@ def _log_dispersion(log: AuditLog, plain: FaceWaves, carried: FaceWaves, given: 
         )
 
 
+def _budget_with_means(
+    varied: VariedTest, best: Mapping[str, Station], reduction: Reduction, summary: Summary
+) -> tuple[Budget, Summary]:
+    """The budget; means that jump within the inputs' uncertainty are not quoted."""
+    try:
+        return _budget(varied, best, reduction, summary), summary
+    except ValueError as error:
+        name = str(error).partition(":")[0]
+        if name not in ("mean stress", "mean rate"):
+            raise
+        reason = f"no plateau: the {name} jumps within the uncertainty of its inputs"
+        plateau = replace(summary.plateau, span=None, reason=reason, stress_fault=reason, rate_fault=reason)
+        without = replace(summary, plateau=plateau, mean_stress=None, mean_rate=None)
+        return _budget(varied, best, reduction, without), without
+
+
 def _budget(
     varied: VariedTest, best: Mapping[str, Station], reduction: Reduction, summary: Summary
 ) -> Budget:
     """Uncertainties of all histories and quoted numbers."""
     quantities = budget_quantities(varied.given, best)
+    quantities += [alignment.quantity for alignment in varied.aligned.values()]
+    quantities += quoted_values.span_quantities(summary)
     noise: dict[str, ArrayLike] = {
         **{name: history.sigma for name, history in histories(reduction).items()},
         **{name: history.sigma for name, history in true_curve(reduction, summary.analysis).items()},

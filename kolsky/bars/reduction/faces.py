@@ -27,6 +27,7 @@ def face_waves(
     arrival: float | None = None,
     follow_windows: bool = False,
     transit: float = 0.0,
+    delays: tuple[float, float] = (0.0, 0.0),
 ) -> FaceWaves:
     """The three waves at the specimen's faces.
 
@@ -56,6 +57,9 @@ def face_waves(
     transit
         Time by which the transmitted wave is moved forward [s]: the specimen's transit, to compare waves
         that belong together instead of forces of the same instant.
+    delays
+        Times by which the reflected and the transmitted wave are later at their gauges than travel times say
+        [s]: for waves that are aligned by their arrivals.
 
     Returns
     -------
@@ -83,6 +87,7 @@ def face_waves(
     else:
         reflected = first + 2.0 * travel_time(incident)
         transmitted = first + travel_time(incident) + travel_time(transmission) + transit
+    reflected, transmitted = reflected + delays[0], transmitted + delays[1]
     zero = first if arrival is None else arrival
     stations = (incident, incident, transmission)
     pairs_of = zip(

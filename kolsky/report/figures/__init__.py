@@ -30,6 +30,7 @@ from kolsky.report.figures.base import FigureKind
 
 __all__ = [
     "BARS_TOGETHER",
+    "BAR_CHECKS",
     "BASELINES",
     "BUDGETS",
     "CALIBRATION",
@@ -84,6 +85,8 @@ CALIBRATION = by_name(calibration.FIGURES)
 """Stereo calibration."""
 CHECKS = by_name(checked.FIGURES)
 """Shot before anything is run."""
+BAR_CHECKS = by_name([waves.CHECKED_BARS])
+"""Test between bars before it is reduced."""
 SPECKLES = by_name([speckles.SPECKLE_FLOOR])
 """Speckle pattern of one camera."""
 WAVES = by_name(waves.FIGURES)
@@ -128,6 +131,7 @@ SHOWN_BY: dict[str, Registry] = {
     "kolsky.report.full_field_view.FullFieldView": FULL_FIELDS,
     "kolsky.report.surface_view.SurfaceView": SURFACES,
     "kolsky.shot.recorded.Recorded": RECORDINGS,
+    "kolsky.shot.bar_check.CheckedBars": BAR_CHECKS,
     "kolsky.shot.records.PicturedShot": CHECKS,
     "kolsky.shot.records.Shot": CHECKS,
     "kolsky.studies.budget.budget.Budget": BUDGETS,

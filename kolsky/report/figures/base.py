@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colorbar import Colorbar
 from matplotlib.font_manager import findfont, get_font
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
 from kolsky.inverse.result import Identification
@@ -33,6 +34,10 @@ MS, MM, UM, MJ = 1e3, 1e3, 1e6, 1e3
 
 COLUMN, PAGE = 85.0, 170.0
 """Width of a journal's column and page [mm]."""
+
+
+LONG_LABELS = 1e4
+"""Values over their range beyond which a tick's label needs six digits or more."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +80,31 @@ def label_panel(ax: Axes, text: str) -> None:
 def note_empty(ax: Axes, text: str) -> None:
     """Write into a panel why it is empty."""
     ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color=GREY)
+
+
+def few_ticks(ax: Axes, most: int) -> None:
+    """Limit the ticks of the x axis; values that differ in their last digits only have long labels.
+
+    Parameters
+    ----------
+    ax
+        Axes whose limits are set.
+    most
+        Most intervals between ticks where the labels are short.
+    """
+    low, high = ax.get_xlim()
+    span = abs(high - low)
+    long = span > 0.0 and max(abs(low), abs(high)) / span > LONG_LABELS
+    ax.locator_params(axis="x", nbins=min(most, 3) if long else most)
+
+
+def plain_log_ticks(ax: Axes) -> None:
+    """Label a logarithmic x axis with plain numbers; within a factor of five they lie at equal distances."""
+    low, high = ax.get_xlim()
+    far = high > 5.0 * low
+    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)) if far else MaxNLocator(3))
+    ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    ax.xaxis.set_minor_formatter(NullFormatter())
 
 
 def label_text(text: str, most: int) -> str:

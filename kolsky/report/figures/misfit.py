@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from matplotlib.tri import CubicTriInterpolator, Triangulation, UniformTriRefiner
 from numpy.typing import NDArray
 
@@ -23,6 +23,7 @@ from kolsky.report.figures.base import (
     SHAPE,
     FigureKind,
     Panels,
+    few_ticks,
     label_panel,
     note_empty,
     smooth_bar,
@@ -40,7 +41,7 @@ def caption_misfit(result: Identification) -> str:
     return (
         f"Misfit along each free parameter{others}. Left: joint χ² of the surrogate, corrected to the "
         "refined mesh (line), and of the check runs on it (diamonds), over the surrogate’s smallest value; "
-        "the triangles are the force-only and shape-only optima in the colours of the right panel. Centre: "
+        "the triangles are the force-only and outline-only optima in the colours of the right panel. Centre: "
         "Φ_F and Φ_S, Eqs. (M.4) and (M.3), over the surrogate’s smallest values, with every run; those on "
         "the surrogate’s own mesh (circles: design, squares: refinement) lie off the lines by that mesh’s "
         "error. Crosses on the axis: runs that did not complete. Right: the optimum of each route with ±2 of "
@@ -73,6 +74,8 @@ def draw_misfit(result: Identification, panels: Panels) -> None:
             _draw_chi2(chi2, curve, result)
             _draw_phi(phi, curve, result.design)
         _draw_routes(routes, name, estimate, result)
+        for ax in (chi2, phi, routes):
+            few_ticks(ax, 5)
 
 
 def _draw_chi2(ax: Axes, curve: SurrogateCurve, result: Identification) -> None:
@@ -105,16 +108,17 @@ def _label_ratios(ax: Axes) -> None:
 def _draw_phi(ax: Axes, curve: SurrogateCurve, design: DesignTable) -> None:
     ax.set_yscale("log")
     terms = (
-        (r"$\Phi_F$", curve.phi_force, design.phi_force, FORCE),
-        (r"$\Phi_S$", curve.phi_shape, design.phi_shape, SHAPE),
+        (r"$\Phi_F$", curve.phi_force, design.phi_force, FORCE, -18.0),
+        (r"$\Phi_S$", curve.phi_shape, design.phi_shape, SHAPE, 0.0),
     )
-    for label, along, runs, colour in terms:
+    for label, along, runs, colour, aside in terms:
         if not np.isfinite(along).any():  # no outline was measured
             continue
         smallest = np.nanmin(along)
         ax.plot(curve.x, along / smallest, color=colour)
-        start = (curve.x[0], along[0] / smallest)
-        ax.annotate(label, start, xytext=(-11, 2), textcoords="offset points", color=colour)
+        # Above the frame: the runs are everywhere inside.
+        above: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points", "ha": "right"}
+        ax.annotate(label, (1.0, 1.0), xytext=(aside, 2.5), color=colour, annotation_clip=False, **above)
         _draw_runs(ax, design, curve.parameter, runs / smallest, colour)
     ax.margins(x=0.08, y=0.1)
     # On the frame of the panel: a run that did not complete has a place but no misfit.
@@ -152,7 +156,6 @@ def _draw_routes(ax: Axes, parameter: str, estimate: Estimate, result: Identific
         name.set_path_effects([withStroke(linewidth=1.5, foreground="white")])  # lines pass behind it
         name.set_in_layout(False)  # it lies inside, but its place is known only when the layout is
     ax.margins(x=0.2)
-    ax.xaxis.set_major_locator(MaxNLocator(4))
 
 
 def caption_contour(result: Identification) -> str:
@@ -219,6 +222,7 @@ def _plane(ax: Axes, result: Identification, box: FloatArray) -> None:
         ax.plot(*at, "*", ms=6, mfc=colour, mec="white", mew=0.4, label=route_label(route.name))
     ax.set_xlim(*box[0])
     ax.set_ylim(*box[1])
+    few_ticks(ax, 5)
 
 
 def _contours(ax: Axes, points: FloatArray, level: FloatArray, box: FloatArray) -> None:

@@ -114,17 +114,15 @@ def draw_information(plan: Plan, panels: Panels) -> None:
                 top.plot(x, MM * choice.places, ">", color="white", ms=2.4, mew=0.0)
         top.set_xlim(left, right)
         time = MS * grid.times
-        low.plot(time, PER_MS * force[j], color=FORCE, label="together")
+        low.plot(time, PER_MS * force[j], color=FORCE)
         if len(plan.names) > 1:
-            low.plot(time, PER_MS * alone[j], color=GREY, ls="--", lw=0.8, label="others known")
+            low.plot(time, PER_MS * alone[j], color=GREY, ls="--", lw=0.8)
         low.set(xlabel="Time (ms)", xlim=top.get_xlim())
         low.set_ylim(bottom=0.0)
         low.set_ylabel(f"Share on ${symbol}$ (1/ms)")
         label_panel(low, next(letters))
         if j > 0:
             top.set_ylabel("")
-        if j == 0 and len(plan.names) > 1:
-            low.legend(loc="upper left")
 
 
 CHANGE = 0.01
@@ -182,8 +180,8 @@ def caption_choices(plan: Plan) -> str:
     return (
         "Expected standard deviations of the parameters over their scale, all estimated together from force "
         "and outline: (a) if the data end at some time, (b) at other speeds of the flyer on the same path "
-        "(open symbols: if the other parameters were known). (c) Expected correlations of the estimates. The "
-        "scale is the value itself, of Poisson’s ratio its distance from 1/2."
+        "(colours as in (a); open symbols: if the other parameters were known). (c) Expected correlations of "
+        "the estimates. The scale is the value itself, of Poisson’s ratio its distance from 1/2."
     )
 
 
@@ -219,7 +217,7 @@ def draw_choices(plan: Plan, panels: Panels) -> None:
         _speeds(panels[name], speeds)
     for key, ax in zip("abc", panels.values(), strict=True):
         label_panel(ax, key)
-        if ax.get_legend_handles_labels()[0]:
+        if ax.get_legend_handles_labels()[0] and ax is not panels["rate"]:  # its colours are those of (a)
             ax.legend(loc="best")
 
 

@@ -14,6 +14,7 @@ from kolsky.report.figures.base import (
     PAGE,
     FigureKind,
     Panels,
+    few_ticks,
     label_panel,
     note_empty,
     smooth_bar,
@@ -59,7 +60,7 @@ def draw_likelihood(result: Identification, panels: Panels) -> None:
         ax.set_ylim(min(0.0, rise.min()), 2.5 * THRESHOLD)
         ax.set_xlabel(axis_label(profile.name, result.estimates[profile.name].unit))
         ax.set_ylabel(r"Rise of $-2\,\ln L$ (–)")
-        ax.locator_params(axis="x", nbins=5)
+        few_ticks(ax, 5)
 
 
 COLOURS = (MODEL, FORCE)
@@ -106,7 +107,7 @@ def draw_ridge(result: Identification, panels: Panels) -> None:
     ax.set_ylim(ridge.y[0], ridge.y[-1])
     ax.set_xlabel(axis_label(first.name, first.unit))
     ax.set_ylabel(axis_label(second.name, second.unit))
-    ax.locator_params(axis="x", nbins=5)
+    few_ticks(ax, 5)
     figure = ax.get_figure(root=True)
     assert isinstance(figure, Figure)
     smooth_bar(figure.colorbar(drawn, ax=ax, label="Distance from the best fit (σ)", pad=0.02))
@@ -159,8 +160,8 @@ def draw_corner(result: Identification, panels: Panels) -> None:
                 ax.set_ylabel(_label(row))
             elif i != j:
                 ax.tick_params(labelleft=False)
-            ax.locator_params(axis="x", nbins=4)
             ax.set_xlim(np.min(x), np.max(x))
+            few_ticks(ax, 4)
             if i != j:
                 ax.set_ylim(np.min(y), np.max(y))
 

@@ -22,6 +22,7 @@ from kolsky.report.figures.base import (
     largest,
     note_empty,
 )
+from kolsky.shot.bar_check import CheckedBars
 
 US, MICRO = 1e6, 1e6
 """Factors from s to µs and from strain to µm/m."""
@@ -76,7 +77,30 @@ def draw_waves(result: WavesResult, panels: Panels) -> None:
         label_panel(panels[ax], text)
 
 
-def _signals(ax: Axes, result: WavesResult) -> None:
+def caption_checked(shot: CheckedBars) -> str:
+    """Return the caption."""
+    return (
+        f"Strain at the gauges on the shot’s clock, {shot.load} positive, with the windows of the pulses (by "
+        f"{shot.windows.source}), and the baselines (grey), which give zero and noise: no part of a pulse "
+        "may lie in them. Dotted: where the reflected and the transmitted pulse are predicted by the "
+        "distances and wave speeds."
+    )
+
+
+def draw_checked(shot: CheckedBars, panels: Panels) -> None:
+    """Draw the signals with windows, baselines and predicted arrivals."""
+    ax = panels["signals"]
+    _signals(ax, shot)
+    for station in shot.given.stations.values():
+        ax.axvspan(*(US * end for end in station.baseline), color=GREY, alpha=0.2, lw=0.0)
+    for check, name in zip(shot.checks, ("reflected", "transmitted"), strict=True):
+        ax.axvline(US * check.predicted, color=PULSES[name], ls=":", lw=0.9)
+    times = [end for station in shot.given.stations.values() for end in station.baseline]
+    low, high = ax.get_xlim()
+    ax.set_xlim(min(low, US * min(times)), max(high, US * max(times)))
+
+
+def _signals(ax: Axes, result: WavesResult | CheckedBars) -> None:
     for station, dash, label in (
         (result.incident, "-", "incident gauge"),
         (result.transmission, "--", "transmission gauge"),
@@ -251,6 +275,14 @@ BARS_TOGETHER = FigureKind(
     panels=lambda found: [["pulse"], ["residual"]],
     draw=draw_bars_together,
     mosaic={"sharex": True, "height_ratios": [2.0, 1.0]},
+)
+CHECKED_BARS = FigureKind(
+    name="checked-bars",
+    width=PAGE,
+    height=lambda shot: 75.0,
+    caption=caption_checked,
+    panels=lambda shot: [["signals"]],
+    draw=draw_checked,
 )
 REPEATED_TESTS = FigureKind(
     name="repeats",

@@ -43,13 +43,14 @@ def _row(result: Identification, cause: CauseFinding) -> dict[str, Any]:
         "words": words,
         "value": f"{value} ± {half} {unit}".rstrip(),
         "declared": f"{declared} {unit}".rstrip(),
-        "explained": numbers.percent(max(cause.explained, 0.0)),
+        "explained": numbers.percent(cause.explained),
         "probability": "< 0.0001" if cause.probability < 1e-4 else numbers.plain(cause.probability, 2),
         "answers": [_answer(name, cause.parameters.get(name)) for name in result.estimates],
         "solved": [
             _answer(name, cause.solved.get(name), cause.solved_sigmas.get(name)) for name in result.estimates
         ],
         "check": check,
+        "within": cause.within,
         "alike": ", ".join(cause.alike),
     }
 

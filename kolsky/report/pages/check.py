@@ -3,15 +3,17 @@
 from itertools import groupby
 from pathlib import Path
 
-from kolsky.report.figures import CHECKS
+from kolsky.report.figures import figures_of
 from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.report.typography import typeset
+from kolsky.shot.bar_check import CheckedBars
 from kolsky.shot.records import ShotBase
-from kolsky.shot.summary import EXACT, summarise
+from kolsky.shot.summary import EXACT, Entry, summarise
 
 PAGE = "check.html"
 
 
-def write_page(path: Path, shot: ShotBase) -> None:
+def write_page(path: Path, shot: ShotBase | CheckedBars) -> None:
     """Write the page as a single HTML file without scripts or outside resources.
 
     Parameters
@@ -29,11 +31,11 @@ def write_page(path: Path, shot: ShotBase) -> None:
     write_html(path, render(shot))
 
 
-def render(shot: ShotBase) -> str:
+def render(shot: ShotBase | CheckedBars) -> str:
     """Return the page as HTML text; see `write_page`."""
     entries = [entry for entry in summarise(shot) if entry.value != EXACT]
     tables = [
-        (section, [(entry.name.replace("_", " "), entry.written()) for entry in rows])
+        (section, [(entry.name.replace("_", " "), _shown(entry)) for entry in rows])
         for section, rows in groupby(entries, lambda entry: entry.section)
     ]
     return render_page(
@@ -41,8 +43,13 @@ def render(shot: ShotBase) -> str:
         kind="What was understood of a shot",
         heading=shot.name,
         subject="check",
-        figures=draw_figures(CHECKS.values(), shot),
+        figures=draw_figures(figures_of(shot).values(), shot),
         tables=tables,
         exact=[entry.name for entry in summarise(shot) if entry.value == EXACT],
         inputs=list(shot.inputs.items()),
     )
+
+
+def _shown(entry: Entry) -> str:
+    """Return a value as a page writes it; a word of a file stays as it is."""
+    return entry.written() if isinstance(entry.value, str) else typeset(entry.written())

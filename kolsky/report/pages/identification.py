@@ -1,6 +1,5 @@
 """Page of an identification: the answers and their uncertainty, the data, the search, the numerical error."""
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,6 @@ from kolsky.report.pages.identification_tables import (
     quality,
     runs,
     shown_unit,
-    with_subscripts,
 )
 from kolsky.report.pages.rendering import draw_figures, environment, render_page, write_html
 from kolsky.report.pages.uncertainty import changes, choices, likelihood_tables
@@ -116,10 +114,7 @@ def _figures(
     drawn += draw_figures(
         REGISTRY.values(), identification, captioned=result, first=1 + len(drawn), processes=processes
     )
-    return {
-        figure["id"].replace("-", "_"): {**figure, "caption": with_subscripts(figure["caption"])}
-        for figure in drawn
-    }
+    return {figure["id"].replace("-", "_"): figure for figure in drawn}
 
 
 def _templates() -> Environment:
@@ -132,9 +127,6 @@ def _templates() -> Environment:
         "route_label": route_label,
         "in_words": in_words,
         "stage_label": lambda stage: nomenclature.STAGES.get(stage, stage),
-        # A hyphen before a digit is a sign, and a line must not break after it.
-        "minus": lambda text: re.sub(r"(?<!\w)-(?=\d)", numbers.MINUS, text),
-        "upper_first": lambda text: text[:1].upper() + text[1:],
     }
     templates.globals |= {
         "like": numbers.like,

@@ -1,11 +1,9 @@
 """Tables of the identification page: answers with their budgets, data, runs, simulation at the optimum."""
 
-import re
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup, escape
 
 from explicit import Ending
 from kolsky.base.apparatus import SLIDING_LAW
@@ -53,6 +51,7 @@ def flattened(value: Any, prefix: str = "") -> list[tuple[str, str]]:
     factor, unit, between, nothing, digits = nomenclature.written(prefix)
     items = value if isinstance(value, list | tuple) else [value]
     text = between.join(nothing if item is None else _text(item, factor, digits) for item in items)
+    text = text if len(items) else "none"
     return [(nomenclature.label(prefix), f"{text} {unit}" if unit and value is not None else text)]
 
 
@@ -66,11 +65,6 @@ def _ms(time: float) -> str:
     return f"{numbers.rounded(1e3 * float(time), -3)} ms"
 
 
-def with_subscripts(text: str) -> Markup:
-    """Return a caption as HTML, with Φ_F and Φ_S as subscripts."""
-    return Markup(re.sub(r"Φ_([FS])", r"Φ<sub>\1</sub>", str(escape(text))))
-
-
 def shown_unit(unit: str) -> str:
     """Return the unit as shown: nothing for "1"."""
     return "" if unit == "1" else unit
@@ -82,7 +76,10 @@ def answer(estimate: Estimate) -> dict[str, Any]:
     value, uncertainty = numbers.measured(estimate.value, U)
     # A share of a zero or infinite variance is undefined.
     variance = estimate.sigma**2 if 0.0 < estimate.sigma < np.inf else np.nan
-    budget = [(f"noise: {name}", part, "part") for name, part in estimate.noise_parts.items()]
+    budget = [
+        (f"noise: {nomenclature.NOISE.get(name, name)}", part, "part")
+        for name, part in estimate.noise_parts.items()
+    ]
     budget.append(("noise, all sources", estimate.sigma_noise, "sum"))
     computed = estimate.numerical_parts if len(estimate.numerical_parts) > 1 else {}
     budget += [(f"numerics: {_NUMERICS.get(name, name)}", part, "part") for name, part in computed.items()]

@@ -8,7 +8,7 @@ from typing import Any
 from kolsky.report.figures import RATES, FigureKind
 from kolsky.report.numbers import percent
 from kolsky.report.pages.rate_tables import group_tables
-from kolsky.report.pages.rendering import draw_figures, environment, render_page, write_html
+from kolsky.report.pages.rendering import draw_figures, render_page, write_html
 from kolsky.studies.rates.records import RateReport
 
 
@@ -25,8 +25,6 @@ def write_page(path: Path, report: RateReport) -> None:
 
 def render(report: RateReport) -> str:
     """Return the page as HTML text; see `write_page`."""
-    templates = environment()
-    templates.filters["upper_first"] = lambda text: text[:1].upper() + text[1:]
     groups, number = [], 1
     for index, group in enumerate(report.groups):
         shown = group_tables(group, several=len(report.groups) > 1)
@@ -40,7 +38,6 @@ def render(report: RateReport) -> str:
         kind="Stiffness against strain rate",
         heading=f"{total} shots{several}",
         subject="stiffness against strain rate",
-        using=templates,
         report=report,
         groups=groups,
         shared=percent(report.shared),

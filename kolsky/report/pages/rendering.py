@@ -14,6 +14,7 @@ from kolsky.base.process import infrequent_gc
 from kolsky.report.canvas import inline_svg
 from kolsky.report.figures import FigureKind
 from kolsky.report.pages.parallel import draw_in_processes
+from kolsky.report.typography import typeset, upper_first, with_subscripts
 
 _HERE = Path(__file__).parent
 HEADING = 120
@@ -24,7 +25,7 @@ LONGEST = 2000
 
 def environment() -> Environment:
     """Return the templates of this folder: text is escaped and printable, undefined names are errors."""
-    return Environment(
+    made = Environment(
         loader=FileSystemLoader(_HERE),
         autoescape=True,
         undefined=StrictUndefined,
@@ -32,6 +33,8 @@ def environment() -> Environment:
         lstrip_blocks=True,
         finalize=printable_text,
     )
+    made.filters |= {"typeset": typeset, "upper_first": upper_first, "symbol": with_subscripts}
+    return made
 
 
 def printable_text(value: Any) -> Any:
@@ -90,7 +93,7 @@ def draw_figures(
             "id": kind.name,
             "number": number,
             "svg": Markup(svgs[kind.name]),  # serialised as XML: every text is escaped
-            "caption": kind.caption(about),
+            "caption": with_subscripts(kind.caption(about)),
             "width": kind.width,
         }
         for number, kind in enumerate((kind for kind in kinds if kind.name in svgs), start=first)

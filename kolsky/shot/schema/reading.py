@@ -144,8 +144,12 @@ def shot_toml(source: Source) -> ShotToml:
 
 
 def is_bar_driven(file: TomlFile) -> bool:
-    """True if motion and force of a shot come from the gauges of its bars: [gauges] and no cameras."""
-    return "gauges" in file.content and not {"flyer", "pictures", "frames"} & set(file.content)
+    """True if motion and force of a shot come from the gauges of its bars, and from no cameras."""
+    return bool({"gauges", "bars", "recorders"} & set(file.content)) and not {
+        "flyer",
+        "pictures",
+        "frames",
+    } & set(file.content)
 
 
 def key_lines(text: str) -> dict[str, int]:
@@ -240,7 +244,8 @@ def _words(
     if kind == "shot":
         return context["message"], context.get("allowed"), context.get("cure")
     if kind == "missing":
-        return "is missing", None, "add it; `kolsky new FOLDER` writes a file with every key"
+        bars = " --bars" if "gauges" in model.model_fields and "frames" not in model.model_fields else ""
+        return "is missing", None, f"add it; `kolsky new FOLDER{bars}` writes a file with every key"
     if kind == "extra_forbidden":
         valid = _keys_of(model, location[:-1])
         near = _nearest(model, location)
@@ -281,7 +286,12 @@ def find_shot_file(path: Path) -> Path:
     """The shot file of a folder, or the file itself."""
     if path.is_dir():
         if not (path / SHOT_FILE).exists():
-            raise InputError(path, f"has no {SHOT_FILE}", cure=f"`kolsky new {path}` writes one to fill in")
+            raise InputError(
+                path,
+                f"has no {SHOT_FILE}",
+                cure=f"`kolsky new {path}` writes one to fill in, `kolsky new {path} --bars` one for a test "
+                "between bars",
+            )
         return path / SHOT_FILE
     if not path.exists():
         raise InputError(path, "there is no such folder or file", cure="give the folder of a shot")

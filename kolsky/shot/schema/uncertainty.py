@@ -21,6 +21,19 @@ IDENTIFIED = (
 """Keys that `kolsky identify` carries to its answer, in the order of its report."""
 UNITS = {"damping": "s", "clock_offset": "s", "Z_offset": "m", "y_offset": "m"}
 """SI units of the keys in `IDENTIFIED` that are neither relative nor plain numbers."""
+REDUCED = (
+    "bar_wave_speed",
+    "bar_modulus",
+    "bar_density",
+    "bar_diameter",
+    "bar_poisson",
+    "gauge_calibration",
+    "gauge_distance",
+    "specimen_diameter",
+    "specimen_length",
+    "specimen_density",
+)
+"""Keys that `kolsky waves` carries to the values of a test between bars."""
 _IDENTIFIED_ONLY = {
     "poisson",
     "damping",

@@ -2,11 +2,13 @@
 
 import json
 from collections.abc import Mapping
+from math import floor, isfinite, log10
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from kolsky.base.arrays import FloatArray
 from kolsky.base.files import write_table
 from kolsky.base.hdf5 import creating, put
 from kolsky.base.json_types import jsonable
@@ -145,18 +147,22 @@ def write_hdf5(path: Path, plan: Plan) -> Path:
 
 
 def rows(plan: Plan) -> Mapping[str, Any]:
-    """Lines for a terminal: a name and a value each, SI but for times, heights and percentages."""
+    """Lines for a terminal: a name and a value each, parameters in the units in which reports show them."""
     names, slopes, whole = plan.names, plan.information.sensitivity, plan.expected["all"]
     shown: dict[str, Any] = {"shot": plan.shot}
     for j, name in enumerate(names):
         p = PARAMETERS[name]
-        unit = "" if p.unit == "1" else f" {p.unit}"
-        value = f"{slopes.point[j]:.6g} ± {2.0 * whole.deviations[j]:.2g}{unit} (k = 2, expected)"
-        shown[p.symbol] = f"{value}; {2.0 * whole.alone[j]:.2g} if the others were known"
-        parts = [f"{part} {2.0 * e.deviations[j]:.2g}" for part, e in plan.expected.items() if part != "all"]
+        unit, double = _unit(name), 2.0 * p.shown_factor
+        value = _measured(p.shown_factor * slopes.point[j], double * whole.deviations[j])
+        shown[p.symbol] = (
+            f"{value}{unit} (k = 2, expected); {double * whole.alone[j]:.2g} if the others were known"
+        )
+        parts = [
+            f"{part} {double * e.deviations[j]:.2g}" for part, e in plan.expected.items() if part != "all"
+        ]
         shown[f"{p.symbol}, from one kind of data"] = ", ".join(parts)
         if plan.force_scale[j] > 0.0:
-            shown[f"{p.symbol}, apart"] = f"± {2.0 * plan.force_scale[j]:.2g}{unit} by the force's scale"
+            shown[f"{p.symbol}, apart"] = f"± {double * plan.force_scale[j]:.2g}{unit} by the force's scale"
     for pair, r in correlations(whole, names).items():
         symbols = "-".join(PARAMETERS[name].symbol for name in pair.split(", "))
         shown[f"correlation {symbols}"] = "not known" if r is None else f"{r:.2f}"
@@ -164,22 +170,19 @@ def rows(plan: Plan) -> Mapping[str, Any]:
         for choice in choices:
             begin, end = 1e3 * choice.places
             shown[f"{100 * share:g} % of frames, {choice.criterion}-optimal"] = (
-                f"{begin:.2f} to {end:.2f} ms: {_sigmas(choice, names)}"
+                f"{begin:.2f} to {end:.2f} ms: {_sigmas(choice.deviations, names)}"
             )
     for count, choices in plan.heights.items():
         for choice in choices:
             places = ", ".join(f"{1e3 * y:.2f}" for y in choice.places)
             shown[f"{count} height{'s' if count > 1 else ''}, {choice.criterion}-optimal"] = (
-                f"{places} mm: {_sigmas(choice, names)}"
+                f"{places} mm: {_sigmas(choice.deviations, names)}"
             )
     for rate in plan.rates:
         first_pair = next(iter(correlations(rate.expected, names).values()), None)
         shown[f"speed x {rate.factor:g}"] = (
             f"{rate.mean_rate:.0f}/s: "
-            + ", ".join(
-                f"{PARAMETERS[n].symbol} ± {2.0 * s:.2g}"
-                for n, s in zip(names, rate.expected.deviations, strict=True)
-            )
+            + _sigmas(rate.expected.deviations, names)
             + ("" if first_pair is None else f"; first correlation {first_pair:.2f}")
         )
     best = [f"{c}-optimal x {best_rate(plan.rates, c).factor:g}" for c in CRITERIA]
@@ -191,6 +194,23 @@ def rows(plan: Plan) -> Mapping[str, Any]:
     return shown
 
 
-def _sigmas(choice: Choice, names: tuple[str, ...]) -> str:
-    pairs = zip(names, choice.deviations, strict=True)
-    return ", ".join(f"{PARAMETERS[name].symbol} ± {2.0 * s:.2g}" for name, s in pairs)
+def _unit(name: str) -> str:
+    """Unit in which a parameter is shown, after a space and in ASCII; nothing for a plain number."""
+    unit = PARAMETERS[name].shown_unit
+    return "" if unit == "1" else f" {unit.replace('µ', 'u')}"
+
+
+def _measured(value: float, U: float) -> str:
+    """A value and its expanded uncertainty, both to the second significant digit of the uncertainty."""
+    if not (isfinite(U) and U > 0.0):
+        return f"{value:.6g} ± {U:.2g}"
+    digits = max(0, 1 - floor(log10(U)))
+    return f"{value:.{digits}f} ± {U:.{digits}f}"
+
+
+def _sigmas(deviations: FloatArray, names: tuple[str, ...]) -> str:
+    """Expanded uncertainties of all parameters, e.g. "m ± 0.0041, beta ± 0.69 us"."""
+    return ", ".join(
+        f"{PARAMETERS[name].symbol} ± {2.0 * PARAMETERS[name].shown_factor * sigma:.2g}{_unit(name)}"
+        for name, sigma in zip(names, deviations, strict=True)
+    )

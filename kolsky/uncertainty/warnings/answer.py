@@ -1,7 +1,7 @@
 """Warnings from the answer: unconfirmed, force and outline disagree, interval leaves the design."""
 
 from collections.abc import Iterator
-from math import isfinite
+from math import isfinite, sqrt
 
 import numpy as np
 
@@ -12,6 +12,8 @@ from kolsky.uncertainty.warnings.runs import lost_runs
 DISAGREE = 2.5
 """Force and outline disagree beyond so many standard uncertainties of their difference: at two, one right
 shot in twenty with one parameter would be called so, and one in seven with three."""
+HALF = 0.5
+"""A mesh without which the interval would be shorter than this share of it is said."""
 IMBALANCE = 0.01
 """Share of the external work that may be unaccounted for before it is said."""
 
@@ -133,14 +135,16 @@ def outside(result: Identification) -> Iterator[str]:
 
 
 def numerical(result: Identification) -> Iterator[str]:
-    """Say that mesh or roughness contributes more than the noise."""
+    """Say that without the mesh's part the interval would be half as long, or that the misfit is rough."""
     for name, e in result.estimates.items():
         rough = e.numerical_parts.get("roughness", 0.0)
         mesh = e.numerical_parts.get("mesh", e.sigma_numerical)
-        if mesh > e.sigma_noise:
+        without = sqrt(max(e.sigma**2 - mesh**2, 0.0))
+        if without < HALF * e.sigma:
             yield (
-                f"the mesh contributes more to the uncertainty of {name} ({mesh:.2g}) than the "
-                f"measured noise ({e.sigma_noise:.2g}); refine both meshes"
+                f"the mesh makes most of the uncertainty of {name}: U (k = 2) is {2.0 * e.sigma:.2g}"
+                f"{_unit(e)} and would be {2.0 * without:.2g}{_unit(e)} without it; where that matters, "
+                "refine both meshes (--mesh, --refined-mesh)"
             )
         if rough > e.sigma_noise:
             low, high = e.value - 2.0 * rough, e.value + 2.0 * rough

@@ -9,7 +9,8 @@ import pytest
 from numpy.typing import NDArray
 from test_fit_quality import objective
 
-from kolsky.diagnosis.clocks import DIRECTIONS, fit_lag, late_prediction, origin
+from kolsky.diagnosis.clocks import DIRECTIONS, Reruns, clock_lags, origin
+from kolsky.diagnosis.lag_fit import fit_lag, late_prediction
 from kolsky.inverse.objective import Objective
 
 FloatArray = NDArray[np.float64]
@@ -110,3 +111,70 @@ def test_a_clock_is_named_by_its_file_and_key() -> None:
     assert origin(shot, "force") == ("scope.csv", "force.clock_offset")
     assert origin(shot, "flyer") == ("flyer.csv", "flyer.frame")
     assert origin(SimpleNamespace(file=None), "outline") == ("shot.toml", "pictures")  # type: ignore[arg-type]
+
+
+def test_where_the_map_is_not_linear_the_solver_is_run_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A force that goes with the square of a parameter: far off, one linear step does not explain the data,
+    runs where it leads do. A flyer 20 us late is told from an outline by the force."""
+    one = objective()
+    times, n = one.times, one.n_force
+
+    def vector(x: float, lags: FloatArray) -> FloatArray:
+        return np.concatenate([x**2 * force(times[:n] - lags[0]), x**2 * radius(times[n:] - lags[1])])
+
+    def late(response: Any, _: Objective) -> Any:
+        return lambda lags: vector(response.x, lags)
+
+    asked: list[FloatArray] = []
+
+    def run(points: FloatArray) -> Any:
+        asked.append(points[:, 0])
+        ok = SimpleNamespace(ok=True)
+        return SimpleNamespace(
+            outcomes=[ok] * len(points), select=lambda rows: SimpleNamespace(x=float(points[rows[0], 0]))
+        )
+
+    def left(objective: Objective, vector: FloatArray, *_: Any, **__: Any) -> Any:
+        chi2 = float((((objective.data - vector) / objective.noise) ** 2).mean())
+        return (SimpleNamespace(explained=chi2 < 1.5),)
+
+    monkeypatch.setattr("kolsky.diagnosis.clocks.late_prediction", late)
+    monkeypatch.setattr("kolsky.diagnosis.lag_fit.fit_quality", left)
+    rng = np.random.default_rng(5)
+    true = vector(1.0, np.array([-20e-6, -20e-6]))
+    seen = with_data(one, true + one.noise * rng.standard_normal(len(true)))
+    wrong = 1.2
+    slope = 2.0 / wrong * vector(wrong, np.zeros(2))[:, None]
+    shot, here = SimpleNamespace(file=None), SimpleNamespace(x=wrong)
+    again = Reruns(np.array([wrong]), np.array([np.nan]), np.array([0.5]), np.array([2.0]), run)
+    args: Any = (shot, here, seen, slope, {})
+    plain = {lag.recording: lag for lag in clock_lags(*args)}
+    found = {lag.recording: lag for lag in clock_lags(*args, again=again)}
+    assert not any(lag.explains for lag in plain.values())
+    assert {name for name, lag in found.items() if lag.explains} == {"flyer"}
+    flyer = found["flyer"]
+    assert abs(flyer.lag - 20e-6) < 3.0 * flyer.sigma
+    assert flyer.evidence > max(lag.evidence for name, lag in found.items() if name != "flyer")
+    assert asked[-1].min() == pytest.approx(1.0, abs=0.02)
+    assert [len(points) for points in asked] == [3, 1, 1]
+    # An optimum that is explained, or a lag inside its uncertainty, asks for no run.
+    asked.clear()
+    clock_lags(shot, SimpleNamespace(x=1.0), seen, slope, {}, again=again)  # type: ignore[arg-type]
+    assert not asked
+
+
+def test_runs_begin_at_moved_and_at_declared_parameters() -> None:
+    def run(points: FloatArray) -> Any:
+        raise AssertionError
+
+    again = Reruns(
+        x=np.array([1.0, 0.4999]),
+        declared=np.array([np.nan, 0.499]),
+        lower=np.array([0.5, 0.49]),
+        upper=np.array([1.5, 0.4999]),
+        run=run,
+    )
+    moved, declared = again.starts(np.array([1.8, 0.4995]))
+    np.testing.assert_array_equal(moved, [1.5, 0.4995])
+    np.testing.assert_array_equal(declared, [1.5, 0.499])
+    assert len(again.starts(np.array([1.2, 0.499]))) == 1

@@ -1,5 +1,7 @@
 """A body that only shows its edge strip: rendered cylinders that have moved by a known distance."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
@@ -119,6 +121,35 @@ def test_a_wrong_place_agreed_on_by_few_points_is_left_out():
     found = [-19e-6 * k for k in rows]
     wrong = [k + (300e-6 if i < 6 else 0.0) for i, k in enumerate(found)]
     counts = [8 if i < 6 else 30 + i for i in range(len(rows))]
-    assert _consistent_frames(rows, found, counts, static) == [True] * len(rows)
-    assert _consistent_frames(rows, wrong, counts, static) == [False] * 6 + [True] * (len(rows) - 6)
-    assert _consistent_frames([], [], [], static) == []
+    assert _consistent_frames(rows, found, counts, static, 50e-6) == [True] * len(rows)
+    assert _consistent_frames(rows, wrong, counts, static, 50e-6) == [False] * 6 + [True] * (len(rows) - 6)
+    assert _consistent_frames([], [], [], static, 50e-6) == []
+
+
+@pytest.mark.parametrize("scale", [0.1, 10.0])
+def test_the_same_pictures_of_a_scene_of_another_size_give_the_same_places_in_it(scale):
+    edge = TOP - 5.0 / SCALE
+    pictures, tried = scene(13.7e-6, edge, 2), np.arange(-40e-6, 45e-6, 10e-6)
+    usual = search(edge)
+    found = usual.register(pictures, np.zeros(3), tried)
+    cameras = [replace(camera, translation=scale * camera.translation) for camera in RIG.cameras]
+    rows = np.arange(SHAPE[0])[:, None] < (TOP - (edge - TRAVEL)) * SCALE - 2.0
+    angle = np.linspace(-0.3, 0.3, 7)
+    places = np.stack([RADIUS * np.sin(angle), np.full(7, edge), RADIUS * np.cos(angle)], axis=1)
+    other = EdgeRegistration(
+        scene(-TRAVEL, edge, 1),
+        np.broadcast_to(rows, SHAPE),
+        replace(RIG, cameras=(cameras[0], cameras[1])),
+        FRAME,
+        scale * places,
+        scale * np.array([0.0, -TRAVEL, 0.0]),
+    )
+    again = other.register(pictures, np.zeros(3), scale * tried)
+    assert found is not None
+    assert again is not None
+    assert other.pixel == pytest.approx(scale * usual.pixel)
+    assert usual.pixel == pytest.approx(1.0 / SCALE, rel=0.02)  # at mid-height, where the body was
+    assert again.n_pixels == found.n_pixels
+    # both end where a step is below 2e-4 px
+    assert again.y / scale == pytest.approx(found.y, abs=4e-4 / SCALE)
+    assert again.sigma / scale == pytest.approx(found.sigma, rel=1e-3)

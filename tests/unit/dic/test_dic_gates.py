@@ -1,5 +1,6 @@
 """Gates and outlier limits in closed form: points placed one per cent inside and outside of each."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,7 +9,7 @@ from scipy.stats import norm, rayleigh
 from test_dic_reconstruct import RIG, followed
 
 from dic.bodies.follow import TrackedBody, material_frame
-from dic.chain.outliers import gate_epipolar
+from dic.chain.outliers import gate_epipolar, gate_residual
 from dic.chain.remarks import of_radius
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.rigid_body.adjustment import MotionPrior, Observations, adjust
@@ -18,7 +19,8 @@ from dic.rigid_body.translation import ObservedPoints
 from dic.robust import MAD, MEDIAN_LENGTH
 from dic.stereo import reconstruct
 from dic.surfaces import fit_cylinder
-from dic.surfaces.smoothness import off_surface
+from dic.surfaces.residual_map import unlike_points
+from dic.surfaces.smoothness import off_surface, spacing
 
 INSIDE, OUTSIDE = 0.99, 1.01
 
@@ -34,30 +36,37 @@ SIDE = 9
 CELL = np.stack(np.meshgrid(np.arange(SIDE), np.arange(SIDE)), axis=-1).reshape(-1, 2)
 MIDDLE = SIDE * SIDE // 2
 SIGMA = np.array([2e-6, 3e-6, 5e-6])
+DISTANCE = 0.4e-3
+"""Of neighbouring points [m]."""
 
 
 def judged(position: np.ndarray, cell: np.ndarray = CELL) -> np.ndarray:
     """Which of the points are off, in the second of two frames; nothing is off in the first."""
     both = np.stack([np.zeros_like(position), position])
-    found = off_surface(both, np.broadcast_to(SIGMA, both.shape), np.ones(both.shape[:2], dtype=bool), cell)
-    return found[1]
+    return off_surface(
+        both,
+        np.broadcast_to(SIGMA, both.shape),
+        np.ones(both.shape[:2], dtype=bool),
+        cell,
+        distance=DISTANCE,
+    )[1]
 
 
 def allowed(neighbours: np.ndarray, order: int, sigma: float) -> float:
     """Distance that a point may have from the polynomial through neighbours at these offsets [m].
 
-    Twelve micrometres, times the weights' size if they extrapolate, and five standard deviations of the
-    difference between the point and the constant term of the least squares.
+    3.5 % of the points' distance, times the weights' size if they extrapolate, and five standard deviations
+    of the difference between the point and the constant term of the least squares.
     """
     i, j = neighbours.T.astype(float)
     terms = np.stack([np.ones_like(i), i, j, i * i, i * j, j * j][:order], axis=1)
     weights = np.linalg.pinv(terms)[0]
-    return 12e-6 * max(1.0, np.abs(weights).sum()) + 5.0 * sigma * np.sqrt(1.0 + weights @ weights)
+    return 14e-6 * max(1.0, np.abs(weights).sum()) + 5.0 * sigma * np.sqrt(1.0 + weights @ weights)
 
 
 @pytest.mark.parametrize("component", [0, 1, 2])
 @pytest.mark.parametrize(("share", "off"), [(INSIDE, False), (OUTSIDE, True)])
-def test_a_point_is_off_beyond_twelve_micrometres_and_five_sigmas(component, share, off):
+def test_a_point_is_off_beyond_a_share_of_their_distance_and_five_sigmas(component, share, off):
     around = np.array([(i, j) for i in range(-2, 3) for j in range(-2, 3) if (i, j) != (0, 0)])
     position = np.zeros((len(CELL), 3))
     position[MIDDLE, component] = share * allowed(around, 6, SIGMA[component])
@@ -94,6 +103,82 @@ def test_a_point_needs_two_neighbours_and_is_judged_by_four(count, off):
     found = judged(position, np.concatenate([block, lone]))
     assert not found[: len(block)].any()
     assert bool(found[len(block)]) is off
+
+
+@pytest.mark.parametrize("scale", [0.1, 10.0])
+def test_the_smooth_surface_is_judged_alike_at_any_size(scale):
+    rng = np.random.default_rng(0)
+    position = rng.normal(0.0, 1.5 * SIGMA[2], (1, len(CELL), 3)) + np.pad(DISTANCE * CELL, ((0, 0), (0, 1)))
+    sigma, valid = np.broadcast_to(SIGMA, position.shape), np.ones((1, len(CELL)), dtype=bool)
+    position[0, ::7] += 40e-6  # some beyond the limit, some by chance
+    usual = off_surface(position, sigma, valid, CELL, distance=spacing(position[0], CELL))
+    assert 0 < usual.sum() < len(CELL)
+    other = scale * position
+    found = off_surface(other, scale * sigma, valid, CELL, distance=spacing(other[0], CELL))
+    assert found.tolist() == usual.tolist()
+
+
+def test_the_spacing_is_the_distance_of_points_beside_each_other():
+    position = np.pad(CELL * [3e-4, 4e-4], ((0, 0), (0, 1)))
+    # half of the pairs are 0.3 mm apart and half 0.4: their median lies between; diagonals do not count
+    assert spacing(position, CELL) == pytest.approx(3.5e-4)
+    position[1::2] = np.nan  # of an odd row every second point, and its neighbours in the column too
+    assert np.isnan(spacing(position, CELL))
+    with pytest.raises(ValueError, match="distance must be a positive length"):
+        off_surface(np.zeros((1, 81, 3)), np.ones((1, 81, 3)), np.ones((1, 81), bool), CELL, distance=0.0)
+
+
+# --- the residual map -------------------------------------------------------------------------------------
+
+
+def unlike(level: dict[int, float]) -> list[int]:
+    """Points of a grid found unlike what was followed, by their residuals over that of the others."""
+    excess = np.zeros((2, len(CELL)))
+    excess[1] = 3.0  # the whole frame is off by as much: haze, say
+    for point, times in level.items():
+        excess[1, point] = 4.0 * times - 1.0
+    found = unlike_points(excess, np.ones(excess.shape, dtype=bool), CELL)
+    assert not found[0].any()
+    return np.flatnonzero(found[1]).tolist()
+
+
+def test_a_patch_has_a_point_of_ten_times_the_residual_of_the_better_ones():
+    assert unlike({MIDDLE: 10.0 * INSIDE}) == []
+    assert unlike({MIDDLE: 10.0 * OUTSIDE}) == [MIDDLE]
+
+
+def test_a_patch_holds_all_around_it_with_half_as_much_again():
+    beside, farther, apart = MIDDLE + 2, MIDDLE + 4, MIDDLE + 4 * SIDE
+    around = {MIDDLE: 20.0, beside: 1.5 * OUTSIDE, farther: 1.5 * OUTSIDE, apart: 1.5 * OUTSIDE}
+    assert unlike(around) == [MIDDLE, beside, farther]  # from one to the next, two cells at a time
+    assert unlike({MIDDLE: 20.0, beside: 1.5 * INSIDE, farther: 1.5 * OUTSIDE}) == [MIDDLE]
+    assert unlike({beside: 9.0, farther: 9.0}) == []
+
+
+def test_what_is_not_known_is_judged_by_nothing():
+    excess = np.full((1, len(CELL)), np.nan)
+    valid = np.ones(excess.shape, dtype=bool)
+    assert not unlike_points(excess, valid, CELL).any()
+    excess[:] = 0.0
+    excess[0, MIDDLE] = 99.0
+    valid[0, MIDDLE] = False
+    assert not unlike_points(excess, valid, CELL).any()
+
+
+def test_a_point_that_one_camera_sees_changed_is_no_point_of_the_surface():
+    points = body(np.zeros((2, 40)), 1e-4)
+    excess = np.zeros((2, 40))
+    excess[1, 3] = 50.0
+    cell = np.stack([np.arange(40), np.zeros(40, dtype=int)], axis=1)
+    tracks = points.tracks[0], replace(points.tracks[1], excess=excess)
+    found = gate_residual(replace(points, cell=cell, tracks=tracks))
+    expected = np.zeros((2, 40), dtype=int)
+    expected[1, 3] = PointOutcome.LOW_CORRELATION
+    assert found.reconstruction.outcome.tolist() == expected.tolist()
+    assert np.isnan(found.reconstruction.position[1, 3]).all()
+    for track in found.tracks:  # so that a later look at the tracks does not find it again
+        assert track.outcome.tolist() == expected.tolist()
+    assert gate_residual(points) is points  # nobody asked for residuals
 
 
 # --- the epipolar gate of the chain -----------------------------------------------------------------------

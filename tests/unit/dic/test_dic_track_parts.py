@@ -1,5 +1,8 @@
 """Parts of the tracking: prediction, neighbours, usable pictures, seeds, chains of references."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
@@ -21,7 +24,7 @@ from dic.tracking.initial_guesses import (
 from dic.tracking.matcher import ACROSS, ALONG, RESIDUE, compose, enlarged, excess, local_variance
 from dic.tracking.neighbours import Neighbours
 from dic.tracking.references import References, Template, principal, stretch
-from dic.tracking.update import grown
+from dic.tracking.update import composed, grown
 
 SHAPE = (100, 120)
 
@@ -45,7 +48,7 @@ def template(warp: np.ndarray, frame: int = 0, root: bool = True, before: float 
     n = len(warp)
     return Template(
         np.full(n, frame), warp, np.tile(before * np.eye(2), (n, 1, 1)), np.full(n, root),
-        np.full(n, 21), np.ones(n),
+        np.full(n, 21), np.ones(n), np.zeros(n),
     )  # fmt: skip
 
 
@@ -231,7 +234,9 @@ def test_a_chain_of_matches_has_the_sigma_of_one() -> None:
     for frame in range(1, 5):  # at rest, both pictures alike: half of the variance is the root's
         # the noise's share in the gradients of 441 samples is 4e-4, the residue twice that each time
         np.testing.assert_allclose(carried, one / 2.0, rtol=5e-3, atol=1e-20)
-        later = Template(np.full(3, frame), identity(3), carried, np.zeros(3, bool), np.full(3, 21), none)
+        later = Template(
+            np.full(3, frame), identity(3), carried, np.zeros(3, bool), np.full(3, 21), none, none
+        )
         total, carried = compose(one, identity(3), later, none)
         np.testing.assert_allclose(total, one, rtol=5e-3, atol=1e-20)
 
@@ -274,6 +279,18 @@ def test_residual_of_noise_alone_has_no_excess() -> None:
     assert excess(zncc, variance, Noise(2.5), 0.0)[0] == pytest.approx(3.0, abs=0.3)
     assert excess(zncc, variance, Noise(3.0, 0.16), 100.0)[0] < 0.07  # 9 + 16
     assert excess(zncc, variance, Noise(0.0), 0.0)[0] == 0.0
+
+
+def test_a_residual_is_kept_through_changes_of_reference() -> None:
+    here = SimpleNamespace(
+        covariance=np.tile(1e-6 * np.eye(2), (3, 1, 1)),
+        valid=np.array([True, True, False]),
+        template=replace(template(identity(3)), excess=np.array([0.0, 5.0, 2.0])),
+        warp=identity(3),
+        zncc=np.ones(3),
+        matcher=SimpleNamespace(excess=lambda zncc, template: np.array([3.0, 1.0])),
+    )
+    np.testing.assert_array_equal(composed(here)[2], [3.0, 5.0, np.nan])
 
 
 def test_subsets_grow_with_the_flattening_up_to_the_limit() -> None:

@@ -43,6 +43,7 @@ LENGTH = replace(
     alike=(),
     solved={},
     solved_sigmas={},
+    declared_sigma=0.001,
 )
 
 
@@ -53,13 +54,14 @@ def made() -> Identification:
 def test_a_row_has_value_share_chance_answer_and_what_to_do() -> None:
     table = cause_table(made())
     (row,), (other,) = table["named"], table["others"]
+    assert (row["within"], other["within"]) == (False, True)
     assert (row["value"], row["declared"], row["explained"]) == ("20.13 ± 0.28 µs", "0 µs", "98 %")
     assert (row["probability"], other["probability"]) == ("< 0.0001", "0.31")
     assert row["answers"] == ["1.1267"]
     assert row["solved"] == ["1.1204 ± 0.0042"]
     assert row["check"].startswith("check the times")
     assert row["alike"] == "centre_line.time"
-    assert (other["value"], other["explained"]) == ("1.00120 ± 0.00080", "0 %")
+    assert (other["value"], other["explained"]) == ("1.00120 ± 0.00080", "−10 %")
     assert (table["tried"], table["solved"]) == (2, True)
     assert "quasi-static curve" in table["invisible"][0]
 

@@ -39,7 +39,7 @@ def test_what_was_not_varied_is_said() -> None:
     assert rows["Poisson’s ratio ν"]["done"] == "not varied"
     # 0.9 and -1.6 standard uncertainties of 0.0019 from the joint optimum, as the made-up routes are
     assert rows["misfit: force χ² only"]["shifts"] == ["0.00171"]
-    assert rows["misfit: shape χ² only"]["shifts"] == ["−0.00304"]
+    assert rows["misfit: outline χ² only"]["shifts"] == ["−0.00304"]
 
 
 def test_parameters_in_sentences_have_their_words() -> None:

@@ -59,7 +59,7 @@ def test_a_budget_adds_squares_and_gives_shares_of_the_variance() -> None:
     assert shown["interval"] == ["74", "126"]  # 100 ± 2 · 13
     assert shown["relative"] == "26 %"
     assert shown["budget"] == [  # u²/13² of each
-        ("noise: force and shape", "3.0", "5.3 %", "part"),
+        ("noise: force and outline", "3.0", "5.3 %", "part"),
         ("noise: flyer motion", "4.0", "9.5 %", "part"),
         ("noise, all sources", "5.0", "15 %", "sum"),
         ("mesh and step", "12.0", "85 %", "sum"),

@@ -74,7 +74,7 @@ def test_the_answer_says_that_the_force_decides_alone(found):
     assert answer(e).endswith("IDENTIFIED BY THE FORCE ALONE")
     assert any("no outline was measured" in warning for warning in found.warnings)
     assert [route.name for route in found.routes] == ["force only"]
-    assert "shape only" not in " ".join(details(found))
+    assert "outline only" not in " ".join(details(found))
 
 
 def test_shape_terms_are_absent_not_zero(found):

@@ -1,0 +1,210 @@
+"""Drawn scenes for the outlier gates: two cameras before a specimen that is pressed, and what spoils its
+pictures.
+
+A round specimen is shortened evenly while its volume is kept, ray by ray (`dic.synthetic.cylinder`), so that
+the place of every material point is known in closed form. Into the pictures go a highlight that moves over
+the surface, at another place for each camera, and paint that is lost from a frame on.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.arrays import FloatArray
+from dic.bodies.follow import TrackedBody, follow_body
+from dic.bodies.region import Region
+from dic.camera import Camera, StereoRig
+from dic.correlation import Correlation, Noise, Shape
+from dic.outcome import FrameOutcome
+from dic.synthetic.cylinder import RenderedCylinder, Speckles
+from dic.tracking import Tracking
+
+SHAPE = (112, 112)
+RADIUS = 4.75e-3
+DISTANCE = 0.305
+PIXEL = 56e-6
+"""Length that a pixel shows [m]."""
+WHITE = 4095.0
+"""Largest grey value."""
+
+
+@dataclass(frozen=True)
+class Spoiled:
+    """What is wrong with the pictures of a scene; zero is nothing."""
+
+    height: float = 0.0
+    """Of the highlight over white paint [-]."""
+    size: float = 6.0
+    """Its standard deviation [px]."""
+    pace: float = 3.0
+    """How far it moves from frame to frame [px]."""
+    lost: float = 0.0
+    """Radius of the paint that is lost [m]."""
+    lost_from: int = 6
+    """First frame without it."""
+    bare: float = 0.5
+    """Reflectance of what comes out below it [-]."""
+
+
+@dataclass(frozen=True)
+class OutlierScene:
+    """One scene of a population."""
+
+    seed: int
+    spoiled: Spoiled
+    noise: float
+    """Standard deviation of a grey value [grey]."""
+    shortening: float
+    """Of the specimen in the last frame [-]."""
+    angle: float
+    """Between the cameras [rad]."""
+    n_static: int = 4
+    n_frames: int = 14
+
+    def stretch(self, k: int) -> float:
+        """Height of the specimen in frame `k` over that at rest [-]."""
+        moved = max(k - self.n_static + 1, 0) / (self.n_frames - self.n_static)
+        return 1.0 - self.shortening * moved
+
+    def place(self, X: FloatArray, k: int) -> FloatArray:
+        """Where the points that lie at X at rest are in frame `k` [m], shape [n, 3]."""
+        stretch = self.stretch(k)
+        return X * np.array([stretch**-0.5, stretch, stretch**-0.5])
+
+    def pictures(self) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
+        """Grey values of both cameras, each of shape [n_frames, rows, columns]."""
+        rng = np.random.default_rng([self.seed, 1])
+        highlight = _path(self, rng)
+        lost = RADIUS * rng.uniform(-0.5, 0.5), PIXEL * rng.uniform(-30.0, 30.0)
+        speckles = Speckles(4.5 * PIXEL, seed=self.seed)
+        series = []
+        for camera, at in zip(rig(self.angle).cameras, highlight, strict=True):
+            frames = [self._picture(camera, k, at[k], lost, speckles, rng) for k in range(self.n_frames)]
+            series.append(np.array(frames))
+        return series[0], series[1]
+
+    def _picture(
+        self,
+        camera: Camera,
+        k: int,
+        at: FloatArray,
+        lost: tuple[float, float],
+        speckles: Speckles,
+        rng: np.random.Generator,
+    ) -> NDArray[np.uint16]:
+        stretch, spoiled = self.stretch(k), self.spoiled
+        wider = stretch**-0.5
+
+        def pattern(arc: FloatArray, height: FloatArray) -> FloatArray:
+            around, along = arc / wider, height / stretch
+            grey = speckles(around, along)
+            if spoiled.lost > 0.0 and k >= spoiled.lost_from:
+                off = np.hypot(around - lost[0], along - lost[1]) - spoiled.lost
+                grey = np.where(off < 0.0, spoiled.bare, grey)
+            return grey
+
+        light = RenderedCylinder(RADIUS * wider).picture(camera, SHAPE, pattern, oversample=3)
+        x, y = np.meshgrid(np.arange(SHAPE[1]), np.arange(SHAPE[0]))
+        glare = np.exp(-0.5 * ((x - at[0]) ** 2 + ((y - at[1]) / 2.0) ** 2) / spoiled.size**2)
+        grey = 0.6 * WHITE * (light + spoiled.height * glare) + self.noise * rng.standard_normal(SHAPE)
+        return np.clip(np.rint(grey), 0.0, WHITE).astype(np.uint16)
+
+
+def _path(scene: OutlierScene, rng: np.random.Generator) -> list[FloatArray]:
+    """Where the highlight is in both cameras' pictures, each of shape [n_frames, 2]."""
+    begin, way = rng.uniform(25.0, 87.0, 2), rng.uniform(0.0, 2.0 * np.pi)
+    step = scene.spoiled.pace * np.array([np.cos(way), np.sin(way)])
+    first = begin + np.arange(scene.n_frames)[:, None] * step
+    apart = rng.uniform(-12.0, 12.0)  # its place on the surface is not the same for both cameras
+    return [first, first + np.array([apart, 0.0])]
+
+
+def rig(angle: float, scale: float = 1.0) -> StereoRig:
+    """Cameras on both sides of the view toward the axis; with `scale` every length is so many times it."""
+    cameras = []
+    for a in (-0.5 * angle, 0.5 * angle):
+        centre = DISTANCE * np.array([np.sin(a), 0.0, np.cos(a)])
+        z = -centre / DISTANCE
+        x = np.array([np.cos(a), 0.0, -np.sin(a)])
+        R = np.stack([x, np.cross(z, x), z])
+        focal = (DISTANCE - RADIUS) / PIXEL
+        cameras.append(
+            Camera(
+                fx=focal,
+                fy=focal,
+                cx=0.5 * (SHAPE[1] - 1),
+                cy=0.5 * (SHAPE[0] - 1),
+                rotation=R,
+                translation=-R @ centre * scale,
+            )
+        )
+    return StereoRig((cameras[0], cameras[1]))
+
+
+def drawn(population: str, seed: int) -> OutlierScene:
+    """Scene number `seed` of a population, "tuned" or "judged": of each third one has a highlight, lost
+    paint, both."""
+    rng = np.random.default_rng([{"tuned": 1, "judged": 2}[population], seed])
+    kind = seed % 4
+    spoiled = Spoiled(
+        height=float(rng.uniform(0.2, 1.5)) if kind in (0, 2) else 0.0,
+        size=float(rng.uniform(2.5, 9.0)),
+        pace=float(rng.uniform(0.5, 5.0)),
+        lost=float(rng.uniform(3.0, 9.0)) * PIXEL if kind in (1, 2) else 0.0,
+        lost_from=int(rng.integers(4, 10)),
+        bare=float(rng.uniform(0.1, 0.9)),
+    )
+    return OutlierScene(
+        seed=1000 * {"tuned": 1, "judged": 2}[population] + seed,
+        spoiled=spoiled,
+        noise=float(rng.uniform(15.0, 60.0)),
+        shortening=float(rng.uniform(0.1, 0.45)),
+        angle=float(rng.uniform(0.18, 0.5)),
+    )
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Pictures in memory, as a series of files would give them."""
+
+    grey: NDArray[np.uint16]
+    """Shape [n_frames, rows, columns]."""
+    path: Path = Path()
+    bits: int = 12
+    crop_offset: tuple[float, float] = (0.0, 0.0)
+    times: None = None
+
+    @property
+    def n_frames(self) -> int:
+        """Number of pictures."""
+        return len(self.grey)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.grey.shape[1], self.grey.shape[2]
+
+    def frame(self, index: int) -> NDArray[np.uint16]:
+        """Grey values of one picture."""
+        return self.grey[index]
+
+
+def followed(scene: OutlierScene, *, device: str = "cpu") -> TrackedBody:
+    """The specimen of a scene through both series, in the cameras' frame, which is the test frame."""
+    pictures = scene.pictures()
+    corners = ((8.0, 8.0), (103.0, 8.0), (103.0, 103.0), (8.0, 103.0))
+    fine = np.full(scene.n_frames, int(FrameOutcome.VALID), dtype=np.int64)
+    return follow_body(
+        (Frames(pictures[0]), Frames(pictures[1])),
+        rig(scene.angle),
+        Region(corners, 0),
+        step=4,
+        margin=2.0,
+        tracking=Tracking(correlation=Correlation(subset=21)),
+        stereo=Correlation(subset=21, shape=Shape.QUADRATIC),
+        noise=(Noise(scene.noise), Noise(scene.noise)),
+        health=(fine, fine),
+        device=device,
+    )

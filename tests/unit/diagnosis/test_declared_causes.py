@@ -1,0 +1,187 @@
+"""Inputs within their declared uncertainty: what they explain is no misfit, and they are not named."""
+
+from dataclasses import replace
+from math import inf
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from kolsky.diagnosis.candidate_input import (
+    DIAMETER,
+    FORCE_CLOCK,
+    SENSITIVITY,
+    SPREAD,
+    CandidateInput,
+    Changed,
+)
+from kolsky.diagnosis.cause_fit import Allowances, ExpectedResidual, fit_linear
+from kolsky.diagnosis.cause_inputs import CANDIDATES
+from kolsky.diagnosis.cause_search import CauseSearch
+from kolsky.diagnosis.causes import EVIDENCE, best_trials, ranked
+from kolsky.inverse.cause_results import CauseFinding
+
+FloatArray = NDArray[np.float64]
+K = 200
+"""Entries, all of the force, each at a time of its own; their noise is 1."""
+BY_KEY = {c.key: c for c in CANDIDATES}
+
+
+def expected() -> ExpectedResidual:
+    return ExpectedResidual(
+        np.ones(K), np.zeros((K, 0)), np.zeros(K, dtype=np.int64), np.arange(K), np.zeros(2)
+    )
+
+
+def stages(**declared: float) -> Any:
+    shot = SimpleNamespace(uncertainty=declared)
+    prepared = SimpleNamespace(forward=SimpleNamespace(shot=shot))
+    box = SimpleNamespace(names=("stiffness_factor",))
+    return SimpleNamespace(prepared=prepared, settings=SimpleNamespace(held={}), box=box)
+
+
+def test_an_allowance_is_least_squares_with_its_prior_and_ends_at_its_bounds() -> None:
+    """Columns of disjoint entries: a = -b r / (b^2 + 1) each, no further than the bound; z = -r / c."""
+    B, A, r = np.zeros((K, 3)), np.zeros((K, 1)), np.zeros(K)
+    B[0, 0], B[1, 1], B[2, 2], A[3, 0] = 3.0, 3.0, 0.5, 2.0
+    r[:4] = [0.9, -60.0, 0.8, 5.0]
+    fit = fit_linear(r, A, expected(), Allowances(B, np.full(3, -2.0), np.full(3, 2.0)))
+    tau = float(fit.expected.tau[0])
+    weight = 1.0 / (1.0 + tau**2)
+    first, third = -3.0 * 0.9 * weight / (9.0 * weight + 1.0), -0.5 * 0.8 * weight / (0.25 * weight + 1.0)
+    # 60 would take an amplitude of 18 and more: it ends at 2.
+    np.testing.assert_allclose(
+        fit.residual[:4], [0.9 + 3.0 * first, -60.0 + 6.0, 0.8 + 0.5 * third, 0.0], rtol=1e-6, atol=1e-9
+    )
+    assert fit.step == pytest.approx([-2.5], rel=1e-9)
+
+
+def test_an_allowance_widens_the_uncertainty_of_what_it_resembles() -> None:
+    """Input and allowance with the same column b: the variance is 1 / |b|^2, and the prior's 1 beside it."""
+    b = np.random.default_rng(1).standard_normal((K, 1))
+    free = fit_linear(np.zeros(K), b, expected()).covariance[0, 0]
+    wide = fit_linear(np.zeros(K), b, expected(), Allowances(b, np.full(1, -2.0), np.full(1, 2.0)))
+    own = 1.0 / float(b[:, 0] @ b[:, 0])
+    assert free == pytest.approx(own, rel=1e-9)
+    assert wide.covariance[0, 0] == pytest.approx(own + 1.0, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("key", "declared", "wanted"),
+    [
+        (DIAMETER, {"specimen_diameter": 0.0005}, (-0.001, 0.001)),
+        (SENSITIVITY, {"sensitivity": 0.01}, (1.0 / 1.02, 1.0 / 0.98)),
+        (SENSITIVITY, {"sensitivity": 0.8}, (1.0 / 2.6, 100.0)),  # a gain below 0.01 is none
+        (FORCE_CLOCK, {"clock_offset": 1e-6}, (-2e-6, 2e-6)),
+        (FORCE_CLOCK, {}, None),
+        (SPREAD, {}, (0.0, (16e-6) ** 2)),  # granted; its coordinate is the square
+    ],
+)
+def test_what_is_declared_reaches_to_k_2(
+    key: str, declared: dict[str, float], wanted: tuple[float, float] | None
+) -> None:
+    found = BY_KEY[key].within(stages(**declared))
+    assert found == (None if wanted is None else pytest.approx(wanted, rel=1e-12, abs=1e-18))
+
+
+def test_a_finding_is_within_up_to_k_2() -> None:
+    one = CauseFinding(
+        DIAMETER, "", "1", 1.0, 1.00099, 1e-5, 0.9, 150.0, 1.0, {}, {}, False, declared_sigma=0.0005
+    )
+    assert one.within
+    assert replace(one, value=0.99901).within
+    assert not replace(one, value=1.00101).within
+    assert not replace(one, value=0.99899).within
+    assert not replace(one, declared_sigma=None).within
+
+
+class LinearModel:
+    """Predictions that are linear in the parameter and in two inputs, in place of simulations."""
+
+    def __init__(self, columns: dict[str, FloatArray], data: FloatArray) -> None:
+        self.columns, self.data, self.x = columns, data, np.ones(1)
+        self.lower, self.upper = np.zeros(1), np.full(1, 10.0)
+        self.observations = SimpleNamespace(bins=SimpleNamespace(mean=data))
+
+    def steps(self, x: FloatArray) -> FloatArray:
+        return np.full(1, 0.01)
+
+    def slopes(self, x: FloatArray, changed: Changed) -> list[Any]:
+        return [SimpleNamespace(x=x + 0.01, changed=changed)]
+
+    def vectors(self, points: Any) -> FloatArray:
+        return np.array(
+            [
+                self.columns["m"] * (p.x[0] - 1.0)
+                + sum(u * self.columns[name] for name, u in p.changed.values.items())
+                for p in points
+            ]
+        )
+
+
+def candidate(key: str, declared: str = "") -> CandidateInput:
+    return CandidateInput(
+        key=key,
+        words="a change",
+        check="check it",
+        scan=(),
+        step=0.1,
+        typical=1.0,
+        changed=lambda u: Changed(values={key: u}),
+        declared=declared,
+        simulated=False,
+        highest=inf,
+    )
+
+
+def search(planted: float) -> CauseSearch:
+    """An input of standard uncertainty 1, planted off; another that nobody declares resembles it by 0.95."""
+    rng = np.random.default_rng(7)
+    m, off, other = np.linalg.qr(rng.standard_normal((K, 3)))[0].T
+    columns = {
+        "m": 300.0 * m,
+        "off": 12.0 * off,
+        "alike": 12.0 * (0.95 * off + np.sqrt(1.0 - 0.95**2) * other),
+    }
+    data = planted * columns["off"] + rng.standard_normal(K)
+    model: Any = LinearModel(columns, data)
+    tried = [candidate("off", "specimen_diameter"), candidate("alike")]
+    return CauseSearch(stages(specimen_diameter=1.0), model, expected(), np.ones(K, dtype=bool), tried)
+
+
+def test_an_allowance_is_one_declared_standard_uncertainty_up_to_two_of_them() -> None:
+    one = search(0.0)
+    found = one.allowed()
+    np.testing.assert_allclose(found.columns[:, 0], one.columns["off"], rtol=1e-12)
+    assert (found.lower.tolist(), found.upper.tolist()) == ([-2.0], [2.0])
+    assert one.allowed(one.declared[0]).columns.shape == (K, 0)
+
+
+def test_an_error_within_what_is_declared_is_listed_and_nothing_is_named() -> None:
+    one = search(1.9)
+    bare = one.bare[0]
+    assert bare == pytest.approx(1.0 + (1.9 * 12.0) ** 2 / K, abs=0.35)
+    assert one.before[0] == pytest.approx(1.0, abs=0.2)  # nothing is left where it may be off
+    off, alike = ranked(one, best_trials(one, [*one.declared, candidate("alike")]))
+    assert (off.key, off.within, off.named) == ("off", True, False)
+    assert off.value == pytest.approx(1.9, abs=0.25)
+    assert off.evidence == pytest.approx(K * np.log(bare / max(1.0, one.before[0])), rel=0.15)
+    assert off.evidence > EVIDENCE
+    assert off.explained > 0.9
+    assert (alike.named, alike.within) == (False, False)
+    assert alike.evidence < 0.3 * EVIDENCE
+
+
+def test_an_error_beyond_what_is_declared_is_named_by_what_k_2_leaves() -> None:
+    """Of six standard uncertainties two are allowed: the misfit that counts is that of the other four."""
+    one = search(6.0)
+    assert one.before[0] == pytest.approx(1.0 + (4.0 * 12.0) ** 2 / K, rel=0.15)
+    off, alike = ranked(one, best_trials(one, [*one.declared, candidate("alike")]))
+    assert (off.key, off.named, off.within) == ("off", True, False)
+    assert off.value == pytest.approx(6.0, abs=0.3)
+    assert off.evidence == pytest.approx(K * np.log(one.before[0]), rel=0.1)
+    assert off.sigma < 0.2  # 1 / 12, and what correlation adds: its own allowance takes no part
+    assert alike.key == "alike"
+    assert alike.evidence < off.evidence

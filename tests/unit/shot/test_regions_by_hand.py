@@ -1,0 +1,287 @@
+"""Regions by hand: what is refused, the edit of the TOML text, the page's server, the grid."""
+
+import http.client
+import json
+import re
+import threading
+import tomllib
+
+import cv2
+import numpy as np
+import pytest
+
+from dic.images.memory import PicturesInMemory
+from kolsky.base.errors import InputError
+from kolsky.shot.regions.grid_picture import grid_step, snippet, with_grid, write_grids
+from kolsky.shot.regions.server import POLICY, RegionServer
+from kolsky.shot.regions.session import Session
+from kolsky.shot.regions.shapes import SHOT, Drawn, alone, crossing_sides, polygon_area, problems_of
+from kolsky.shot.regions.toml_edit import CannotEdit, value_end, with_values
+
+ROWS, COLUMNS, FRAMES = 40, 60, 3
+SQUARE = [[10, 10], [30, 10], [30, 30], [10, 30]]
+TEXT = """# a shot
+title = "x" # kept
+
+[dic] # kept too
+flyer_side = "up"
+specimen = { x = [1, 2], y = [3, 4] }  # from the sketch
+strip_half_width = "0.5 mm"
+
+[force]
+specimen = 3
+"""
+
+
+def drawn(corners, frame=0):
+    return {"specimen": [Drawn(tuple(map(tuple, corners)), frame)]}
+
+
+def said(corners, frame=0, wanted=SHOT):
+    return problems_of(drawn(corners, frame), wanted, shape=(ROWS, COLUMNS), n_frames=FRAMES)
+
+
+def test_a_square_can_be_saved():
+    assert said(SQUARE) == []
+    assert polygon_area(np.array(SQUARE, dtype=float)) == 400.0
+
+
+@pytest.mark.parametrize(
+    ("corners", "frame", "why"),
+    [
+        ([[10, 10], [70, 10], [30, 30]], 0, r"\(70, 10\) lies outside the picture of 60 x 40 px"),
+        ([[10, 10], [30, -0.5], [30, 30]], 0, "lies outside"),
+        ([[10, 10], [30, 30], [30, 10], [10, 30]], 0, "crosses itself: sides 1 and 3"),
+        ([[10, 10], [30, 10]], 0, "has 2 corners"),
+        ([], 0, "has 0 corners"),
+        ([[10, 10], [30, 10], [20, 10]], 0, "holds 0 px²"),
+        ([[10, 10], [13, 10], [13, 14]], 0, "holds 6 px²"),
+        ([[10, 10], [30, 10], [10, 10], [10, 30]], 0, "one corner twice"),
+        ([[10, 10], [30, 10], [20, 10], [20, 30]], 0, "crosses itself"),
+        ([[float("nan"), 10], [30, 10], [20, 30]], 0, "no number"),
+        (SQUARE, 3, "frame 3 does not exist"),
+    ],
+)
+def test_a_bad_region_is_refused(corners, frame, why):
+    found = said(corners, frame)
+    assert len(found) == 1
+    assert re.search(why, found[0])
+
+
+def test_one_region_where_one_is_wanted_and_each_in_its_frame():
+    two = {"specimen": [Drawn(tuple(map(tuple, SQUARE)), 0)] * 2}
+    assert "may have one" in problems_of(two, SHOT, shape=(ROWS, COLUMNS), n_frames=FRAMES)[0]
+    other = {"region": [Drawn(tuple(map(tuple, SQUARE)), 1)]}
+    assert "belongs into frame 0" in problems_of(other, alone(0), shape=(ROWS, COLUMNS), n_frames=FRAMES)[0]
+    assert problems_of(other, alone(1), shape=(ROWS, COLUMNS), n_frames=FRAMES) == []
+    edge = {"transmission_edge": [Drawn(((1.0, 2.0), (3.0, 4.0)), 0)]}
+    assert "one place" in problems_of(edge, SHOT, shape=(ROWS, COLUMNS), n_frames=FRAMES)[0]
+    assert problems_of({}, SHOT, shape=(ROWS, COLUMNS), n_frames=FRAMES) == ["nothing is drawn"]
+
+
+def test_sides_that_only_share_a_corner_do_not_cross():
+    star = np.array([[20, 2], [24, 14], [38, 14], [27, 22], [31, 36], [20, 27], [9, 36], [13, 22], [2, 14]])
+    assert crossing_sides(star.astype(float)) is None
+    assert crossing_sides(star[[0, 2, 4, 6, 8]].astype(float)) is None
+    assert crossing_sides(star[[0, 4, 8, 2, 6]].astype(float)) is not None
+
+
+def test_only_the_value_changes_in_the_text():
+    new = with_values(TEXT, "dic", {"specimen": "{ polygon = [[1, 2], [3, 4], [5, 6]], frame = 1 }"})
+    expected = TEXT.replace("{ x = [1, 2], y = [3, 4] }", "{ polygon = [[1, 2], [3, 4], [5, 6]], frame = 1 }")
+    assert new == expected
+    added = with_values(TEXT, "dic", {"flyer": "{ x = [1, 2], y = [3, 4] }"})
+    assert added == TEXT.replace('"0.5 mm"\n', '"0.5 mm"\nflyer = { x = [1, 2], y = [3, 4] }\n')
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '[dic]\nspecimen.x = [1, 2] # a\nspecimen.y = [3, 4]\nother = "#[" # b\n[z]\na = 1\n',
+        '[dic]\nother = "#["\n[dic.specimen]\nx = [1, 2]\ny = [3, 4]\n# c\n[z]\na = 1\n',
+        "[dic]\nspecimen = { polygon = [\n  [1, 2], # a ]\n  [3, 4],\n  [5, 6],\n] }\n"
+        "other = '''\n[z]\n'''\n[z]\na = 1",
+        '[dic]\r\nspecimen = "outline"\r\nother = 1\r\n',
+        "[z]\na = 1\n[dic]",
+    ],
+)
+def test_every_way_to_write_a_region_is_replaced(text):
+    content = tomllib.loads(text)
+    new = with_values(text, "dic", {"specimen": "{ x = [7, 8], y = [9, 10] }"})
+    assert tomllib.loads(new) == {
+        **content,
+        "dic": {**content["dic"], "specimen": {"x": [7, 8], "y": [9, 10]}},
+    }
+    assert new.count("[z]") == text.count("[z]")
+
+
+@pytest.mark.parametrize("text", ["dic = { flyer = 1 }\n", "dic.flyer = 1\n", "[other]\n"])
+def test_a_text_that_cannot_be_edited_is_refused(text):
+    with pytest.raises(CannotEdit, match="dic"):
+        with_values(text, "dic", {"specimen": "[1, 2]"})
+
+
+def test_a_value_ends_before_its_comment():
+    for value in ('"a # b"', "[1, [2, 3]]", "'it''s'", '{ x = "]" }', "12.5", '"""two\n"lines" """'):
+        text = f" {value}  # end\nnext = 1"
+        assert text[: value_end(text, 0)] == f" {value}"
+
+
+@pytest.fixture
+def session(tmp_path):
+    path = tmp_path / "shot.toml"
+    path.write_text(TEXT)
+    rng = np.random.default_rng(0)
+    pictures = PicturesInMemory(
+        [rng.integers(0, 255, (ROWS, COLUMNS), dtype=np.uint8) for _ in range(FRAMES)]
+    )
+
+    def valid(place):
+        if "refuse" in place.read_text():
+            raise InputError(place, "is refused")
+
+    return Session(path, pictures, SHOT, valid)
+
+
+@pytest.fixture
+def served(session):
+    server = RegionServer(session)
+    thread = threading.Thread(target=server.run, daemon=True)
+    thread.start()
+    yield server
+    server.closing.set()
+    thread.join(10.0)
+    assert not thread.is_alive()
+
+
+def asked(server, method, place, content=None, **headers):
+    connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=10)
+    body = None if content is None else json.dumps(content)
+    sent = {"Content-Type": "application/json"} if body is not None else {}
+    connection.request(method, place, body, {**sent, **headers})
+    answer = connection.getresponse()
+    found = answer.read()
+    connection.close()
+    return answer, found
+
+
+def test_the_page_and_its_files_come_with_a_strict_policy(served):
+    root = f"/{served.token}/"
+    for name, kind in (("", "text/html"), ("regions.js", "text/javascript"), ("regions.css", "text/css")):
+        answer, found = asked(served, "GET", root + name)
+        assert answer.status == 200
+        assert answer.headers["Content-Type"].startswith(kind)
+        assert answer.headers["Content-Security-Policy"] == POLICY
+        text = found.decode()
+        assert "http://" not in text
+        assert "https://" not in text
+        if not name:  # the policy forbids scripts and styles in the page itself
+            assert "<style" not in text
+            assert "style=" not in text
+            assert " on" + "click" not in text
+    answer, found = asked(served, "GET", root + "frames/1.png")
+    picture = cv2.imdecode(np.frombuffer(found, np.uint8), cv2.IMREAD_UNCHANGED)
+    assert picture.shape == (ROWS, COLUMNS)
+    assert asked(served, "GET", root + "frames/9.png")[0].status == 404
+    assert asked(served, "GET", root + "../shot.toml")[0].status == 404
+    state = json.loads(asked(served, "GET", root + "state.json")[1])
+    assert [one["key"] for one in state["wanted"]] == ["specimen", "flyer", "transmission_edge"]
+
+
+def test_a_region_goes_from_the_page_into_the_file(served, session):
+    root = f"/{served.token}/"
+    content = {
+        "specimen": [{"corners": SQUARE, "frame": 2}],
+        "transmission_edge": [{"corners": [[20, 39]], "frame": 0}],
+    }
+    assert json.loads(asked(served, "POST", root + "check", content)[1]) == {"problems": []}
+    assert session.path.read_text() == TEXT
+    answer, found = asked(served, "POST", root + "save", content)
+    assert (answer.status, json.loads(found)["saved"]) == (200, ["specimen", "transmission_edge"])
+    text = session.path.read_text()
+    dic = tomllib.loads(text)["dic"]
+    assert dic["specimen"] == {"polygon": SQUARE, "frame": 2}
+    assert dic["transmission_edge"] == [20, 39]
+    assert "# kept too" in text
+    assert "# from the sketch" in text
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        {"specimen": [{"corners": [[10, 10], [70, 10], [30, 30]], "frame": 0}]},
+        {"specimen": [{"corners": [[10, 10], [30, 30], [30, 10], [10, 30]], "frame": 0}]},
+        {"specimen": []},
+        {"wheel": [{"corners": SQUARE, "frame": 0}]},
+        {"specimen": [{"corners": [["1", 2]], "frame": 0}]},
+        {"specimen": [{"corners": SQUARE}]},
+        {"specimen": SQUARE},
+        [],
+    ],
+)
+def test_what_is_refused_leaves_the_file_as_it_was(served, session, content):
+    answer, found = asked(served, "POST", f"/{served.token}/save", content)
+    assert answer.status == 409
+    assert json.loads(found)["problems"]
+    assert session.path.read_text() == TEXT
+    assert [path.name for path in session.path.parent.iterdir()] == ["shot.toml"]
+
+
+def test_a_file_that_would_be_wrong_or_was_changed_is_left_alone(session):
+    content = {"specimen": [{"corners": SQUARE, "frame": 0}]}
+    changed = TEXT + "# by another hand\n"
+    session.path.write_text(changed)
+    assert "changed meanwhile" in session.save(content)[0]
+    assert session.path.read_text() == changed
+    session.path.write_text(TEXT + "# refuse\n")
+    again = Session(session.path, session.pictures, SHOT, session.validate)
+    assert "is refused" in again.save(content)[0]
+    assert session.path.read_text() == TEXT + "# refuse\n"
+    assert [path.name for path in session.path.parent.iterdir()] == ["shot.toml"]
+
+
+def test_requests_from_elsewhere_are_refused(served, session):
+    root, content = f"/{served.token}/", {"specimen": [{"corners": SQUARE, "frame": 0}]}
+    for place, headers in (
+        ("/", {}),
+        (f"/{'x' * 32}/state.json", {}),
+        (root + "state.json", {"Host": "evil.example"}),
+        (root + "state.json?x=1", {}),
+    ):
+        assert asked(served, "GET", place, **headers)[0].status == 403
+    assert asked(served, "POST", root + "save", content, Origin="http://evil.example")[0].status == 403
+    assert asked(served, "POST", root + "save", content, **{"Content-Type": "text/plain"})[0].status == 415
+    assert asked(served, "POST", root + "save", {"x": "y" * 1_000_001})[0].status == 413
+    assert session.path.read_text() == TEXT
+    assert served.server_address[0] == "127.0.0.1"
+
+
+def test_the_page_can_end_the_program(session):
+    server = RegionServer(session)
+    thread = threading.Thread(target=server.run, daemon=True)
+    thread.start()
+    assert asked(server, "POST", f"/{server.token}/close", {})[0].status == 200
+    thread.join(10.0)
+    assert not thread.is_alive()
+
+
+def test_a_grid_has_its_lines_in_the_middle_of_named_pixels(session, tmp_path):
+    assert [grid_step(n) for n in (9, 11, 60, 128, 512, 1920)] == [1, 1, 5, 10, 50, 100]
+    plain = np.zeros((ROWS, COLUMNS), np.uint8)
+    found = with_grid(plain)
+    factor = found.shape[1] // COLUMNS
+    # away from the numbers: the middle of the lower half of the picture
+    row = found[27 * factor]
+    lines = np.flatnonzero((row == (0, 160, 230)).all(axis=1))
+    assert lines.tolist() == [x * factor + factor // 2 for x in range(0, COLUMNS, 5)]
+    written = write_grids(tmp_path / "grids", session, (0, 2))
+    assert [path.name for path in written] == ["grid_0000.png", "grid_0002.png", "regions.toml"]
+    assert tomllib.loads(snippet(session).replace("# specimen", "specimen"))["specimen"]["frame"] == 0
+
+
+def test_an_edit_that_says_something_else_is_refused(monkeypatch):
+    from kolsky.shot.regions import toml_edit
+
+    monkeypatch.setattr(toml_edit, "_with_value", lambda text, table, key, value, newline: text)
+    with pytest.raises(CannotEdit, match="value by value"):
+        with_values(TEXT, "dic", {"specimen": "[1, 2]"})
