@@ -25,7 +25,6 @@ from kolsky.inverse.refined_search import refined_numerics
 from kolsky.inverse.search import search_shot
 from kolsky.inverse.settings import Settings
 from kolsky.inverse.staged_runs import StagedRuns
-from kolsky.inverse.surrogate_mesh_search import RATIO
 from kolsky.shot.records import Shot
 
 SAME_VALLEY = 3.0
@@ -37,6 +36,9 @@ AT_REST = 0.1
 differences are what a budget is made of."""
 LONGEST = 0.02
 """Longest step of a coordinate, over the edge of its design: a step must not cross a ridge."""
+OUT_OF_STEP = 0.08
+"""Change of `phase` beyond which a re-fit has left its valley: 8 % of m / (1 - 2 nu) are 4 % of the ringing's
+period, and a third of an oscillation at the end of a test of ten."""
 FIRST_DIFFERENCE = 2e-3
 """Half the distance of the first differences over the edge; later half a standard deviation."""
 
@@ -133,7 +135,7 @@ def refit(shot: Shot, settings: Settings, start: Mapping[str, float]) -> Estimat
         outcome = RealisationOutcome.NOT_AT_REST
     elif on_edge(x, box).any():
         outcome = RealisationOutcome.AT_BOUND
-    elif abs(phase(box.as_dict(x)) - phase(box.as_dict(first))) > np.log(RATIO):
+    elif abs(phase(box.as_dict(x)) - phase(box.as_dict(first))) > OUT_OF_STEP:
         outcome = RealisationOutcome.LEFT_VALLEY
     return Estimate(
         dict(zip(box.names, x.tolist(), strict=True)),
@@ -168,11 +170,7 @@ def _downhill(stages: StagedRuns, box: Box, x: FloatArray) -> tuple[FloatArray, 
 
 
 def phase(values: Mapping[str, float]) -> float:
-    """What sets the period of the ringing, m / (1 - 2 nu), as a logarithm; of what is free alone [-].
-
-    Between neighbours of `kolsky.inverse.surrogate_mesh_search.RATIO` the ringing slips by a third of an
-    oscillation at the end of a test of ten.
-    """
+    """What sets the period of the ringing, m / (1 - 2 nu), as a logarithm; of what is free alone [-]."""
     m, nu = values.get("stiffness_factor", 1.0), values.get("poisson", 0.0)
     return float(np.log(m) - np.log(1.0 - 2.0 * nu))
 
