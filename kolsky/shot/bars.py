@@ -84,6 +84,7 @@ def _switches(file: TomlFile, stated: Mapping[str, bool], two_stations: bool) ->
     if not two_stations:
         idle["separation"] = "it needs a second station on the incident bar"
     elif switches["separation"]:
+        idle["free end"] = "two stations tell the waves of the incident bar apart already"
         idle["reflected alignment"] = "two stations give the reflected wave on the incident wave's own clock"
     for key, why in idle.items():
         if switches.stated.get(key, False):

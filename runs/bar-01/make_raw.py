@@ -49,8 +49,11 @@ def at_gauge(wave: np.ndarray, distance: float) -> np.ndarray:
     return propagate(signal, guide, distance, band=150e3, start=START, samples=SAMPLES).value
 
 
-def main() -> None:
-    """Write the file beside this script."""
+FILE = Path(__file__).with_name("tek0017.csv")
+
+
+def main(path: Path = FILE) -> None:
+    """Write the file, beside this script unless said otherwise."""
     _, incident, reflected, transmitted = waves()
     near = GAUGES["incident"]
     strains = [
@@ -68,7 +71,6 @@ def main() -> None:
     ]
     time = START + INTERVAL * np.arange(SAMPLES)
     rows = [f"{t:.4E},{a:.3f},{b:.3f}" for t, a, b in zip(time, *volts, strict=True)]
-    path = Path(__file__).with_name("tek0017.csv")
     path.write_text("\n".join([*head, *rows]) + "\n", encoding="utf-8")
 
 

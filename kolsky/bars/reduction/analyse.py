@@ -20,6 +20,8 @@ from kolsky.bars.records import (
 from kolsky.bars.reduction import quoted_values
 from kolsky.bars.reduction.alignment import KEYS as ALIGNMENT_KEYS
 from kolsky.bars.reduction.alignment import Alignment, alignments
+from kolsky.bars.reduction.free_end import KEY as FREE_END
+from kolsky.bars.reduction.free_end import check_length, free_end_limits, free_ends
 from kolsky.bars.reduction.inputs import FAR, NO_PART, SIDES, WavesInput
 from kolsky.bars.reduction.overlap import overlapping_windows
 from kolsky.bars.reduction.specimen_inertia import corrections_that_act, valid_span
@@ -67,9 +69,12 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
     log = AuditLog(given.switches)
     for side in SIDES:
         log.add(*best[side].corrections)
-    varied = VariedTest(given, windows, arrival.time)
+    ends = free_ends(incident, arrival.time) if given.switches[FREE_END] else None
+    varied = VariedTest(given, windows, arrival.time, ends=ends)
     plain, carried = varied.carried({}, dispersive=False), varied.carried({}, dispersive=True)
     _log_dispersion(log, plain, carried, given)
+    if ends is not None:
+        _log_free_end(log, replace(varied, ends=None).carried({}, dispersive=True), carried, given)
     varied = _aligned(varied, log, carried, alignments(arrival, checks, given.switches))
     faces = varied.faces({}, log)
     uncorrected, _ = varied.reduced(faces, {})
@@ -123,7 +128,12 @@ def _windows(given: WavesInput, incident: BarSignal, transmission: BarSignal, te
     """Windows given by hand, from travel times or, with two stations on a bar, for overlapping pulses."""
     if given.windows is None and FAR in given.stations and given.switches["separation"]:
         return overlapping_windows(incident, station_of(given, FAR).signal, transmission, tension=tension)
-    return find_windows(incident, transmission, tension=tension, manual=given.windows)
+    if not given.switches[FREE_END]:
+        return find_windows(incident, transmission, tension=tension, manual=given.windows)
+    ends = free_end_limits(incident, transmission)
+    found = find_windows(incident, transmission, tension=tension, manual=given.windows, ends=ends)
+    check_length(found, ends)
+    return found
 
 
 def _soft(acts: Mapping[str, str], valid: Validity) -> tuple[str, ...]:
@@ -136,10 +146,28 @@ def _left_out(given: WavesInput) -> dict[str, str]:
     """Why a correction that has no entry has no part in a test between bars."""
     return {
         "bridge nonlinearity": "no bridge is declared: the gauges' calibrations are stated factors",
+        FREE_END: "off by default: the windows end before an echo from a far end",
         "bending": "one gauge at each station; two opposed ones would tell bending apart",
         "separation": "one station on the incident bar, whose pulses do not overlap",
         **NO_PART,
     }
+
+
+def _log_free_end(log: AuditLog, plain: FaceWaves, carried: FaceWaves, given: WavesInput) -> None:
+    for wave, side in (("reflected", "incident"), ("transmitted", "transmission")):
+        bar, distance = given.bars[side], given.stations[side].position
+        log.compare(
+            f"free end, {wave} wave",
+            FREE_END,
+            getattr(plain, wave),
+            getattr(carried, wave),
+            applied=True,
+            unit="1",
+            reason=(
+                f"echo over twice {1e3 * (bar.length - distance):.4g} mm of the {side} bar, whose far end is "
+                "taken as free: the striker has left it"
+            ),
+        )
 
 
 def _aligned(

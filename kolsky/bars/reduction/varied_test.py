@@ -12,7 +12,8 @@ from kolsky.bars.guides.waveguide import ElasticWaveguide, Waveguide
 from kolsky.bars.records import Correction, FaceWaves, Quantity, Reduction, Windows, histories
 from kolsky.bars.reduction import quoted_values
 from kolsky.bars.reduction.alignment import Alignment, delays
-from kolsky.bars.reduction.faces import face_waves
+from kolsky.bars.reduction.faces import face_waves, largest_band
+from kolsky.bars.reduction.free_end import FreeEnds
 from kolsky.bars.reduction.inputs import FAR, SIDES, WavesInput
 from kolsky.bars.reduction.overlap import separated
 from kolsky.bars.reduction.plateau import ENDS, Span, averaging_width, find_span
@@ -207,6 +208,9 @@ class VariedTest:
     aligned: Mapping[str, Alignment] = field(default_factory=dict)
     """Alignments that act, by wave."""
 
+    ends: FreeEnds | None = None
+    """Echoes from free far ends are taken off; None: the windows end before them."""
+
     def guides(self, values: Mapping[str, float]) -> tuple[Waveguide, Waveguide]:
         """Both bars as waveguides."""
         first, second = (self._guide(side, varied_bar(self.given.bars[side], side, values)) for side in SIDES)
@@ -224,10 +228,15 @@ class VariedTest:
         incident, transmission = (
             station_of(self.given, side, values, windows=self.windows).signal for side in SIDES
         )
+        apart = None
+        if self.ends is not None:
+            band = min(largest_band(signal) for signal in (incident, transmission))
+            apart = self.ends.apart(incident, transmission, self.guides(values), band)
         return face_waves(
             incident,
             transmission,
             self.windows,
+            apart=apart,
             guides=self.guides(values) if dispersive or self.given.polymers else None,
             arrival=self.arrival,
             delays=delays(self.aligned, incident, transmission, values),

@@ -91,6 +91,7 @@ def find_windows(
     transit: float = 0.0,
     tail: float = TAIL,
     manual: Windows | None = None,
+    ends: tuple[Limit, ...] | None = None,
 ) -> Windows:
     """Windows of the incident, reflected and transmitted pulse.
 
@@ -115,6 +116,8 @@ def find_windows(
         Share of the pulse's duration by which the windows outlast it, >= 0.
     manual
         Windows given by hand: they are checked against the records and returned.
+    ends
+        Ends of the windows in place of `usable_limits`, where echoes are taken off.
 
     Returns
     -------
@@ -133,9 +136,10 @@ def find_windows(
         raise ValueError(f"transit = {transit} s and tail = {tail} must be >= 0")
     _check_sides(incident, transmission)
     arrival = incident_arrival(incident, tension=tension)
-    limits = usable_limits(incident, transmission)
+    usable = usable_limits(incident, transmission)
+    limits = usable if ends is None else ends
     duration = arrival.end - arrival.time
-    apart = limits[0]
+    apart = usable[0]
     if duration > apart.time:
         found = f"{duration:.4g} s long" if isfinite(duration) else "not over before the record ends"
         raise ValueError(
