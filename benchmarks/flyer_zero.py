@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.bodies.found_regions import find_regions
+from dic.camera import StereoRig
 from dic.chain.follow_bodies import displacement_of, follow_flyer, follow_specimen
 from dic.chain.inspect_images import inspect_images
 from dic.chain.settings import ChainSettings
@@ -28,7 +29,7 @@ from dic.correlation import Correlation, Shape
 from dic.images import frame_health
 from dic.outcome import FrameOutcome
 from dic.tracking import Tracking
-from kolsky.virtual.cameras_rig import in_rig_frame, rig_of
+from kolsky.virtual.cameras_rig import rig_of
 from kolsky.virtual.pictures import expose_series
 from kolsky.virtual.pictures_scene import scene_of
 from kolsky.virtual.records import SurfaceHistory
@@ -130,8 +131,16 @@ def pictures_of(q: Specification, number: int, surface: SurfaceHistory) -> list[
     rig, scene = rig_of(q, shot=number), scene_of(q, surface, shot=number)
     series = [np.stack(list(expose_series(q, scene, rig.camera(k), k, number, "cpu", 1))) for k in (0, 1)]
     if q.cameras.format == "png":
-        return [pictures >> (q.optics.bits - 8) for pictures in series]
+        return [(pictures >> (q.optics.bits - 8)).astype(np.uint16) for pictures in series]
     return series
+
+
+def in_rig_frame(rig: StereoRig) -> StereoRig:
+    """The rig with poses in the frame of camera 0, as a calibration gives them."""
+    R, t = rig.relative
+    first, second = rig.cameras
+    first = replace(first, rotation=np.eye(3), translation=np.zeros(3))
+    return replace(rig, cameras=(first, replace(second, rotation=R, translation=t)))
 
 
 def prepared(study: Study, number: int) -> tuple[Specification, SurfaceHistory, list[NDArray[np.uint16]]]:
@@ -233,7 +242,11 @@ def words(e: Experiment) -> str:
     """One line on an experiment."""
     um = 1e6
     place = f"{e.number:3d}  {e.share * 100:5.1f} %  {um * e.pixel:4.0f} um/px"
-    lower = "" if e.lower_error is None else f"  lower {um * e.lower_error:6.2f} ({um * e.lower_sigma:.2f})"
+    lower = (
+        ""
+        if e.lower_error is None
+        else f"  lower {um * e.lower_error:6.2f} ({um * (e.lower_sigma or 0.0):.2f})"
+    )
     if e.error is None:
         return f"{place}{lower}  {e.why[:90]}"
     length = f"  L {um * e.length_error:6.2f}"

@@ -197,7 +197,7 @@ def covariance(p: FloatArray, u: FloatArray, width: FloatArray, free: bool) -> F
     band = float(width[0] + (p[8] * width[1] if free else 0.0))
     v = np.arange(u[0] - BEYOND, u[-1] + BEYOND + CELL, CELL)
     low, high = v - 0.5 * CELL, v + 0.5 * CELL
-    lag = CELL * np.arange(v.size)
+    lag = CELL * np.arange(v.size, dtype=np.float64)
     apart = np.abs(np.subtract.outer(np.arange(v.size), np.arange(v.size)))
     inside = _weights(u, low, np.minimum(high, edge), blur)
     outside = _weights(u, np.maximum(low, edge + band), high, blur)
