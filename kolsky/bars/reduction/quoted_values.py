@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -85,8 +84,8 @@ def with_both_sides(budget: Budget) -> Budget:
     """The budget, a quoted value's contribution being the root mean square of its changes to either side.
 
     With the central difference c and the second difference b the value changes by c + b and by b - c over one
-    standard uncertainty, in the mean square by c^2 + b^2: a peak that wanders along the history when two waves
-    are moved against each other has little of the first and much of the second.
+    standard uncertainty, in the mean square by c^2 + b^2: a peak that wanders along the history when two
+    waves are moved against each other has little of the first and much of the second.
     """
     contribution = dict(budget.contribution)
     for name in UNITS:
