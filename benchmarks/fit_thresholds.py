@@ -1,21 +1,24 @@
 """Thresholds of `kolsky.diagnosis.thresholds` from shots that are known to be right.
 
-``python -m benchmarks.fit_thresholds FOLDER`` reads every ``identification.h5`` below a folder: results of
-shots made with independent noise, mesh and element, whose inputs are as declared. With ``--identify`` it
-first identifies every shot below it that has no result yet, so that a study that was cut off goes on.
+``python -m benchmarks.fit_thresholds ONE --judge TWO`` reads every ``identification.h5`` below two folders:
+results of shots made with independent noise, mesh and element, whose inputs are as declared. The limits are
+chosen on the shots of ONE and judged on those of TWO; without ``--judge`` they are chosen only. With
+``--identify`` it first identifies every shot below them that has no result yet, so that a study that was cut
+off goes on.
 
-Printed are the quantiles of what the verdicts are made of, and for each the threshold of a stated rate of
-false alarms: the upper tolerance limit of the logarithm, taken as normal, that holds this share of all right
-shots with 95 % confidence (Howe 1969), or the largest that was seen where that is more, times a margin for
-shots unlike these. It prints also what the thresholds in use say of these shots: of a fresh population that
-is their rate of false alarms.
+The limit of a figure is that of a stated rate of false alarms: the upper tolerance limit of its logarithm,
+taken as normal, that holds this share of all right shots with 95 % confidence (Howe 1969), or the largest
+that was seen where that is more, times a margin for shots unlike these. Evidence, which is zero on many
+right shots, has the largest times that margin. The table has for each limit how many shots of TWO are above
+it, and above the one in use, with the 95 % interval of that share; ``--out`` stores it with the quantiles of
+everything that the verdicts are made of.
 """
 
 import argparse
 import json
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -24,7 +27,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import nct, norm
 
-from kolsky.diagnosis.thresholds import ALONE, CONTRADICTION, LATE, LIMITS, SLOW_LIMITS
+from benchmarks.threshold_choice import STRONGEST, RightShot, chosen, table, truth
+from kolsky.diagnosis.thresholds import ALONE, CONTRADICTION, LATE
 from kolsky.diagnosis.verdicts import leading_lag, routes_apart
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
@@ -88,35 +92,53 @@ def tolerance_factor(n: int) -> float:
     return float(nct.ppf(CONFIDENCE, n - 1, quantile * np.sqrt(n)) / np.sqrt(n))
 
 
-def population(folder: Path) -> dict[str, Identification]:
-    """Results below a folder by the name of their own, which is their shot's.
+def population(folder: Path) -> list[RightShot]:
+    """Results below a folder, named by their places.
 
     Raises
     ------
     ValueError
         If there is none, or one has no goodness of fit.
     """
-    found = {
-        str(path.relative_to(folder)): read_identification(path) for path in sorted(folder.rglob("*.h5"))
-    }
-    if not found:
-        raise ValueError(f"{folder}: no identification.h5 below it")
-    bare = [name for name, result in found.items() if not result.fit]
-    if bare:
-        raise ValueError(f"{folder / bare[0]}: no goodness of fit is recorded in it; identify the shot again")
+    places = sorted(folder.rglob(RESULT))
+    if not places:
+        raise ValueError(f"{folder}: no {RESULT} below it; identify its shots with --identify")
+    found = []
+    for place in places:
+        result = read_identification(place)
+        if not result.fit:
+            raise ValueError(f"{place}: no goodness of fit is recorded in it; identify the shot again")
+        found.append(RightShot(str(place.relative_to(folder)), result, truth(place)))
     return found
+
+
+def limit(name: str, values: list[float]) -> float:
+    """Limit of a figure from its values of right shots; see the head of this module."""
+    if name != STRONGEST:
+        return threshold(values)
+    if len(values) < FEWEST:
+        raise ValueError(f"{len(values)} shots; at least {FEWEST} are needed")
+    return MARGIN * max(values)
 
 
 def identify_missing(folder: Path, *, workers: int, device: str) -> list[str]:
     """Identify the shots below a folder that have no result; returns what was refused, a line a shot."""
     shots = sorted(path.parent for path in folder.rglob("shot.toml"))
     missing = [shot for shot in shots if not (shot / "results" / RESULT).exists()]
-    work = partial(identified, device=device)
+    work, said = partial(identified, device=device), []
+
+    def tell(number: int, line: str) -> None:
+        said.append(line)
+        print(f"{number}/{len(missing)} {line or 'identified'}", flush=True)
+
     if workers == 1:
-        said = list(map(work, missing))
+        for number, shot in enumerate(missing, start=1):
+            tell(number, work(shot))
     else:
         with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-            said = list(pool.map(work, missing))
+            running = as_completed([pool.submit(work, shot) for shot in missing])
+            for number, future in enumerate(running, start=1):
+                tell(number, future.result())
     return [line for line in said if line]
 
 
@@ -132,57 +154,53 @@ def identified(shot: Path, *, device: str) -> str:
     return ""
 
 
-def summary(results: dict[str, Identification]) -> dict[str, Any]:
-    """Quantiles of every figure, thresholds from them, and what today's thresholds say of the population."""
+def summary(shots: list[RightShot]) -> dict[str, Any]:
+    """Quantiles of every figure of the verdicts, and how the shots ended."""
     columns: dict[str, list[float]] = {}
-    for result in results.values():
-        for name, value in figures(result):
+    for shot in shots:
+        for name, value in figures(shot.result):
             columns.setdefault(name, []).append(value)
-    excess = {name: values for name, values in columns.items() if "over expected" in name}
-    outcomes = {
-        name: sorted({e.outcome.value for e in result.estimates.values()}) for name, result in results.items()
-    }
+    outcomes = {s.name: sorted({e.outcome.value for e in s.result.estimates.values()}) for s in shots}
     return {
-        "shots": len(results),
+        "shots": len(shots),
         "quantiles": {
             name: dict(zip(map(str, QUANTILES), np.quantile(values, QUANTILES).tolist(), strict=True))
             for name, values in columns.items()
         },
-        "thresholds from these": {
-            name: threshold(values) for name, values in excess.items() if len(values) > 9
-        },
-        "thresholds in use": {
-            "limits": LIMITS,
-            "slow limits": SLOW_LIMITS,
-            "alone": ALONE,
-            "contradiction": CONTRADICTION,
-            "late": LATE,
-        },
+        "other thresholds in use": {"alone": ALONE, "contradiction": CONTRADICTION, "late": LATE},
         "verdicts": Counter(verdict for said in outcomes.values() for verdict in said),
-        "not identified": {
-            name: said
-            for name, said in outcomes.items()
-            if not all(e.outcome.identified for e in results[name].estimates.values())
-        },
+        "not identified": {s.name: outcomes[s.name] for s in shots if not s.answered},
     }
 
 
 def main() -> None:
-    """Print the summary of a population."""
+    """Choose on one population, judge on the other, print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", type=Path, help="holds the results, one identification.h5 a shot")
+    parser.add_argument("folder", type=Path, help="population one: the limits are chosen on it")
+    parser.add_argument("--judge", type=Path, help="population two: the limits are judged on it")
     parser.add_argument("--out", type=Path, help="JSON file")
     parser.add_argument("--identify", action="store_true", help="identify shots that have no result first")
     parser.add_argument("--workers", type=int, default=1, help="processes that identify")
     parser.add_argument("--device", default="cpu", help="cpu or a CUDA device")
     given = parser.parse_args()
-    if given.identify:
-        for line in identify_missing(given.folder, workers=given.workers, device=given.device):
-            print("refused:", line)
-    text = json.dumps(summary(population(given.folder)), indent=1)
-    print(text)
+    folders = [folder for folder in (given.folder, given.judge) if folder is not None]
+    refused = {}
+    for folder in folders if given.identify else ():
+        refused[str(folder)] = identify_missing(folder, workers=given.workers, device=given.device)
+    one, *rest = (population(folder) for folder in folders)
+    two = rest[0] if rest else []
+    said = {
+        **chosen(one, two, limit),
+        "refused": refused,
+        "figures of one": summary(one),
+        "figures of two": summary(two) if two else None,
+    }
+    print(table(said))
+    for folder, lines in refused.items():
+        for line in lines:
+            print(f"refused in {folder}: {line}")
     if given.out is not None:
-        given.out.write_text(text + "\n", "utf-8")
+        given.out.write_text(json.dumps(said, indent=1) + "\n", "utf-8")
 
 
 if __name__ == "__main__":

@@ -36,10 +36,12 @@ if TYPE_CHECKING:
         read_identify_results,
         write_dic_results,
         write_identify_results,
+        write_waves_results,
+    )
+    from kolsky.report.study_folder import (
         write_plan_results,
         write_rate_results,
         write_sweep_results,
-        write_waves_results,
     )
     from kolsky.results.hdf5 import read_identification, write_identification
     from kolsky.results.tables import write_csv
@@ -104,11 +106,11 @@ _HOME = {
     "write_dic_results": "kolsky.report.result_folder",
     "write_identification": "kolsky.results.hdf5",
     "write_identify_results": "kolsky.report.result_folder",
-    "write_plan_results": "kolsky.report.result_folder",
-    "write_rate_results": "kolsky.report.result_folder",
+    "write_plan_results": "kolsky.report.study_folder",
+    "write_rate_results": "kolsky.report.study_folder",
     "write_report": "kolsky.report.pages.identification",
     "write_simulation": "kolsky.inverse.simulate",
-    "write_sweep_results": "kolsky.report.result_folder",
+    "write_sweep_results": "kolsky.report.study_folder",
     "write_table": "kolsky.base.files",
     "write_waves_results": "kolsky.report.result_folder",
 }

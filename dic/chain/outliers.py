@@ -88,7 +88,7 @@ def gate_ends(
 def gate_surface(body: TrackedBody, rest_state: RestState) -> TrackedBody:
     """Remove points that lie off the smooth surface through their neighbours."""
     r, placement = body.reconstruction, rest_state.placement
-    variance = np.einsum("...ii->...i", placement.frame.covariances(r.covariance))
+    variance = placement.frame.variances(r.covariance)
     # Against the cylinder: its own curvature is none of the surface through a few neighbours.
     at_rest = placement.frame.positions(static_mean(r, rest_state.rest)[0])
     depth = np.sqrt(np.maximum(placement.radius**2 - at_rest[:, 0] ** 2, 0.0))

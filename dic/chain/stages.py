@@ -104,8 +104,8 @@ def measure(
         if flyer is not None:
             flyer_later = worker.submit(clock, "flyer", partial(follow_flyer, inputs, flyer, progress))
         try:
-            tracked = clock("specimen", lambda: gate_residual(follow_specimen(inputs, specimen, progress)))
-            rest_state = clock("test frame", lambda: fit_test_frame(inputs, tracked))
+            body = clock("specimen", lambda: gate_residual(follow_specimen(inputs, specimen, progress)))
+            rest_state = clock("test frame", partial(fit_test_frame, inputs, body))
         except ChainError as error:
             said = [*(f"{f.what} ({f.cure})" for f in findings), str(error)]
             raise ChainError("; ".join(said)) from error
@@ -115,16 +115,19 @@ def measure(
             clock, "flyer's displacement", lambda: displacement_of(inputs, tracked_flyer, placement)
         )
         in_time = clock(
-            "synchronisation of the cameras", lambda: check_setup(rig, *tracked.reconstruction.pixels)
+            "synchronisation of the cameras", partial(check_setup, rig, *body.reconstruction.pixels)
         )
-        body = gate_epipolar(inputs, tracked, rest_state)
+        body = gate_epipolar(inputs, body, rest_state)
         flyer_surface = surface_of_flyer(inputs, tracked_flyer, placement)
         axial = axial_later.result()
         motion_later = worker.submit(
             clock, "flyer's poses", lambda: poses_of(inputs, tracked_flyer, placement, axial)
         )
-        body = gate_surface(gate_ends(inputs, body, rest_state, axial), rest_state)
+        body = gate_ends(inputs, body, rest_state, axial)
+        body = gate_surface(body, rest_state)  # one by one: each holds the places of all points anew
         surface, left_out = surface_of(inputs, body, placement, rest)
+        another_frame = remarks.of_material(body, specimen)
+        del body  # its tracks are as large as all that follows
         centre, uncertain = outline_of(surface, settings)
         strain = clock("strains", lambda: strains_of(surface, settings))
         motion, unposed = motion_later.result()
@@ -150,7 +153,7 @@ def measure(
             *remarks.of_missing_points(left_out),
             *remarks.of_uncertain_rows(uncertain, settings.largest_sigma),
             *remarks.of_frames(inputs.health),
-            *remarks.of_material(tracked, specimen),
+            *another_frame,
         ),
         rig=rig,
         facts={

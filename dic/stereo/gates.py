@@ -189,7 +189,7 @@ def _looked_for(
 
 def _reach(pair: Pair) -> float:
     """Distance up to which places on a curve count as the same [px]: a few of its steps."""
-    return 2.0 + 2.0 * max(1, pair.settings.subset // SAMPLES)
+    return 2.0 + 2.0 * max(1, round(pair.settings.subset / SAMPLES))
 
 
 def _share(candidates: Candidates, home: FloatArray, reach: float) -> FloatArray:

@@ -15,6 +15,8 @@ from dic.tracking.history import Track
 
 MOST_COMMON = 0.9
 """Share of a camera's noise, in any direction, that it may have in common with the other."""
+AT_ONCE = 50_000
+"""Points of some frames that are reconstructed at once, which bounds the memory."""
 TINY = 1e-10
 """Variance that stands for none [px²]: that of triangulation for places that were chosen."""
 
@@ -95,36 +97,53 @@ def reconstruct(
             f"the tracks have {track0.outcome.shape} and {track1.outcome.shape} frames and points, must "
             "have the same: follow one set of points through one set of frames in both cameras"
         )
-    found = [track.outcome == PointOutcome.VALID for track in (track0, track1)]
-    pixels = (_pixels(track0, found[0], 0), _pixels(track1, found[1], 1))
-    both = found[0] & found[1]
-    seen = (pixels[0][both], pixels[1][both])
-    noise = (track0.covariance[both], track1.covariance[both])
-    if common is None:
-        met = triangulate(rig, *seen, *noise)
-    else:
-        slopes = (gradient(track0.warp[both]), gradient(track1.warp[both]))
-        noise, shared = _apart(noise, slopes, common[both])
-        met = triangulate(rig, *seen, *noise)
-        along = _along(rig, met, noise, slopes)
-        met = met._replace(covariance=met.covariance + along @ shared @ np.swapaxes(along, -1, -2))
-    allowed = np.maximum(gate, gate_sigmas * met.epipolar_sigma)
-    fine = np.all(np.isfinite(met.position), axis=-1) & (np.abs(met.epipolar) <= allowed)
-
-    shape = both.shape
-    outcome = np.where(found[0], track1.outcome, track0.outcome).astype(np.int64)
-    outcome[both] = np.where(fine, int(PointOutcome.VALID), int(PointOutcome.STEREO_MISMATCH))
+    shape = track0.outcome.shape
     result = Reconstruction(
         position=np.full((*shape, 3), np.nan),
         covariance=np.full((*shape, 3, 3), np.nan),
         epipolar=np.full(shape, np.nan),
-        pixels=pixels,
-        outcome=outcome,
+        pixels=(np.full((*shape, 2), np.nan), np.full((*shape, 2), np.nan)),
+        outcome=np.zeros(shape, dtype=np.int64),
     )
-    valid = outcome == PointOutcome.VALID
-    result.position[valid], result.covariance[valid] = met.position[fine], met.covariance[fine]
-    result.epipolar[both] = met.epipolar
+    frames = max(1, AT_ONCE // max(shape[1], 1))
+    for first in range(0, shape[0], frames):  # some at a time: what lies between is ten times the result
+        part = slice(first, first + frames)
+        _reconstruct_part(result, part, rig, (track0, track1), (gate, gate_sigmas), common)
     return result
+
+
+def _reconstruct_part(
+    result: Reconstruction,
+    part: slice,
+    rig: StereoRig,
+    tracks: tuple[Track, Track],
+    gates: tuple[float, float],
+    common: FloatArray | None,
+) -> None:
+    """Fill in some frames of a result."""
+    found = [track.outcome[part] == PointOutcome.VALID for track in tracks]
+    for camera, track in enumerate(tracks):
+        result.pixels[camera][part] = _pixels(track, part, found[camera], camera)
+    both = found[0] & found[1]
+    seen = (result.pixels[0][part][both], result.pixels[1][part][both])
+    noise = (tracks[0].covariance[part][both], tracks[1].covariance[part][both])
+    if common is None:
+        met = triangulate(rig, *seen, *noise)
+    else:
+        slopes = (gradient(tracks[0].warp[part][both]), gradient(tracks[1].warp[part][both]))
+        noise, shared = _apart(noise, slopes, common[part][both])
+        met = triangulate(rig, *seen, *noise)
+        along = _along(rig, met, noise, slopes)
+        met = met._replace(covariance=met.covariance + along @ shared @ np.swapaxes(along, -1, -2))
+    allowed = np.maximum(gates[0], gates[1] * met.epipolar_sigma)
+    fine = np.all(np.isfinite(met.position), axis=-1) & (np.abs(met.epipolar) <= allowed)
+
+    outcome = np.where(found[0], tracks[1].outcome[part], tracks[0].outcome[part]).astype(np.int64)
+    outcome[both] = np.where(fine, int(PointOutcome.VALID), int(PointOutcome.STEREO_MISMATCH))
+    result.outcome[part] = outcome
+    valid = outcome == PointOutcome.VALID
+    result.position[part][valid], result.covariance[part][valid] = met.position[fine], met.covariance[fine]
+    result.epipolar[part][both] = met.epipolar
 
 
 Pair = tuple[FloatArray, FloatArray]
@@ -151,14 +170,14 @@ def _along(rig: StereoRig, met: Triangulation, noise: Pair, slopes: Pair) -> Flo
     return total
 
 
-def _pixels(track: Track, found: NDArray[np.bool_], camera: int) -> FloatArray:
-    """Pixels of a camera's points [px], NaN where it lost them, shape [n_frames, n_points, 2]."""
-    where = apply(np.broadcast_to(track.points, (*found.shape, 2)), track.warp)
+def _pixels(track: Track, part: slice, found: NDArray[np.bool_], camera: int) -> FloatArray:
+    """Pixels of a camera's points in some frames [px], NaN where it lost them, shape [n, n_points, 2]."""
+    where = apply(np.broadcast_to(track.points, (*found.shape, 2)), track.warp[part])
     bad = found & ~np.all(np.isfinite(where), axis=-1)
     if np.any(bad):
         frame, point = np.argwhere(bad)[0]
         raise ValueError(
-            f"camera {camera}, frame {frame}, point {point} is VALID but lies at {where[frame, point]} px: "
-            "give it another outcome"
+            f"camera {camera}, frame {part.start + frame}, point {point} is VALID but lies at "
+            f"{where[frame, point]} px: give it another outcome"
         )
     return np.asarray(np.where(found[..., None], where, np.nan))

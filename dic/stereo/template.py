@@ -54,7 +54,7 @@ def subsets(
     mask: BoolArray | None,
 ) -> Subsets:
     """Templates of `subset` [px] about `points`; samples outside the mask of the material picture count 0."""
-    stride = max(1, subset // SAMPLES)
+    stride = max(1, round(subset / SAMPLES))
     steps = np.arange(-(subset // 2), subset // 2 + 1, stride, dtype=np.float64)
     xi = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     everywhere = (len(points), len(xi), 2)

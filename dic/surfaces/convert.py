@@ -103,9 +103,7 @@ def to_surface(
         )
     position = frame.positions(reconstruction.position[:, taken])
     X = frame.positions(static_mean(reconstruction, reference)[0][taken])
-    variance = np.einsum(
-        "ij,...jk,ik->...i", frame.rotation, reconstruction.covariance[:, taken], frame.rotation
-    )
+    variance = frame.variances(reconstruction.covariance[:, taken])
     outcome = reconstruction.outcome[:, taken]
     lost_here = (outcome != PointOutcome.VALID)[..., None]
     with np.errstate(invalid="ignore"):  # a negative variance becomes NaN, which a valid point may not have

@@ -1,7 +1,7 @@
-"""Least-squares fit of a cylinder: first guesses of its axis, and Gauss-Newton steps, each of which turns
-about the axis of the one before."""
+"""Least-squares fit of a cylinder: first guesses of its axis, and the fit from one of them."""
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from dic.arrays import FloatArray
 
@@ -61,7 +61,7 @@ def fit_shape(
     robust: bool = False,
     steps: int = 100,
 ) -> Shape:
-    """Least squares of the distances over their sigmas, by Levenberg and Marquardt's steps.
+    """Least squares of the distances over their sigmas.
 
     Parameters
     ----------
@@ -74,43 +74,34 @@ def fit_shape(
     radius, radius_sigma
         As `dic.surfaces.fit_cylinder`.
     robust
-        Sum √(1 + r²) in place of r², at which single points pull little.
+        Sum 2 (√(1 + r²) - 1) in place of r², at which single points pull little.
     steps
-        Most steps.
+        Most evaluations.
     """
-    shape = start if radius is None or radius_sigma > 0.0 else (start[0], start[1], radius)
+    held = radius is not None and radius_sigma == 0.0
+    begin = (start[0], start[1], float(radius)) if held and radius is not None else start
     size = float(np.sqrt(np.mean(X**2)))
-    unit = np.array([size, size, 1.0, 1.0, size])
+    unit = np.array([size, size, 1.0, 1.0, size])  # shifts, tilts, growth of the radius
 
-    def equations(shape: Shape) -> tuple[FloatArray, FloatArray, float]:
-        off, J = slopes(X, shape)
-        w = 1.0 / sigma
-        cost = float(np.sum(np.sqrt(1.0 + (off * w) ** 2)) if robust else np.sum((off * w) ** 2))
-        if robust:
-            w = w / (1.0 + (off * w) ** 2) ** 0.25
-        J, off = J * w[:, None] * unit, off * w
-        if radius is not None and radius_sigma > 0.0:
-            known = (shape[2] - radius) / radius_sigma
-            J, off = np.vstack([J, np.eye(5)[4] * size / radius_sigma]), np.append(off, known)
-            cost += known**2
-        return (J if radius is None or radius_sigma > 0.0 else J[:, :4]), off, cost
+    def shape(x: FloatArray) -> Shape:
+        return _changed(begin, np.append(x, 0.0) * unit if held else x * unit)
 
-    J, off, cost = equations(shape)
-    damping, least = 1e-4, 1e-12  # what the points leave open is not moved
-    for _ in range(steps):
-        A, b = J.T @ J, J.T @ off
-        step = np.zeros(5)
-        rise = np.diag(A) + least * np.trace(A)
-        step[: len(A)] = -np.linalg.solve(A + damping * np.diag(rise), b)
-        trial = _changed(shape, step * unit)
-        new = equations(trial)
-        if new[2] <= cost:
-            shape, (J, off, cost), damping = trial, new, 0.1 * damping
-        else:
-            damping = 10.0 * damping
-        if float(np.abs(step).max()) < 1e-10 or damping > 1e8:
-            break
-    return shape
+    def residual(x: FloatArray) -> FloatArray:
+        basis, point, R = shape(x)
+        off = (distances(X, point, basis)[0] - R) / sigma
+        return off if held or radius is None else np.append(off, (R - radius) / radius_sigma)
+
+    found = least_squares(
+        residual,
+        np.zeros(4 if held else 5),
+        jac="3-point",
+        loss="soft_l1" if robust else "linear",
+        xtol=1e-10,
+        ftol=1e-14,
+        gtol=1e-14,
+        max_nfev=steps,
+    )
+    return shape(found.x)
 
 
 def slopes(X: FloatArray, shape: Shape) -> tuple[FloatArray, FloatArray]:

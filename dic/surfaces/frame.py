@@ -40,6 +40,10 @@ class SpecimenFrame:
         """Covariances of the rig's frame in this one [m²], shape [..., 3, 3]."""
         return np.asarray(self.rotation @ C @ self.rotation.T)
 
+    def variances(self, C: FloatArray) -> FloatArray:
+        """Diagonals of `covariances` [m²], shape [..., 3]."""
+        return np.einsum("ij,...jk,ik->...i", self.rotation, C, self.rotation)
+
     def sigma(self, x: FloatArray) -> FloatArray:
         """Standard deviation that the frame's own uncertainty adds at points of it, common to all of them.
 

@@ -47,7 +47,9 @@ class StrainHistory:
     @property
     def green_lagrange(self) -> Strain:
         """E = (FᵀF - 1)/2."""
-        return self._isotropic(lambda c: 0.5 * (c - 1.0), lambda c: np.full_like(c, 0.5))
+        C = self._C()
+        value = 0.5 * np.stack([C[..., 0, 0] - 1.0, C[..., 1, 1] - 1.0, C[..., 0, 1]], axis=-1)
+        return Strain(value, 0.5 * np.sqrt(np.einsum("...kk->...k", self.covariance)))
 
     @property
     def hencky(self) -> Strain:

@@ -20,6 +20,7 @@ CORRECTIONS: Mapping[str, tuple[bool, str]] = MappingProxyType(
         "droop": (True, "discharge of a piezoelectric transducer"),
         "dispersion": (True, "phase velocity of each frequency instead of the bar wave speed"),
         "separation": (True, "overlapping waves separated by two gauges"),
+        "free end": (False, "echoes from the bars' free far ends taken off"),
         "reflected alignment": (False, "reflected wave moved to its observed arrival"),
         "transmitted alignment": (False, "transmitted wave moved to its observed arrival"),
         "punching": (True, "elastic indentation of the bars' faces by a smaller specimen"),

@@ -45,6 +45,8 @@ class Bar:
     """Mass density [kg/m^3]."""
     poisson: float = 0.29
     """Poisson's ratio [-]."""
+    yield_strength: float | None = None
+    """Largest stress that it bears elastically [Pa]; None if it is not known."""
 
     @property
     def wave_speed(self) -> float:

@@ -28,6 +28,10 @@ class Recording:
     """The file it came from."""
     sha256: str
     """SHA-256 of that file, hex."""
+    file_unit: str | None = None
+    """Unit of the samples as the file writes it; None if it says none."""
+    note: str = ""
+    """What was done to the samples so that they have uniform times; empty if nothing was."""
 
 
 @dataclass(frozen=True)

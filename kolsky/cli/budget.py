@@ -80,7 +80,7 @@ def budget(
     from kolsky.base.json_types import jsonable
     from kolsky.cli.terminal import print_result, since, sweep_progress
     from kolsky.inverse.settings import Settings
-    from kolsky.report.result_folder import write_budget_results
+    from kolsky.report.study_folder import write_budget_results
     from kolsky.studies.budget.budget import budget as budget_of
     from kolsky.studies.budget.campaign import plan_campaign, shot_sigma
     from kolsky.studies.budget.factors import USUAL, factors_of

@@ -112,7 +112,7 @@ def plan(
 
     loaded, folder = load(shot, out)
     numerics = SolverOptions(precision=precision, device=device, threads=threads).numerics(elements)
-    from kolsky.report.result_folder import write_plan_results
+    from kolsky.report.study_folder import write_plan_results
     from kolsky.studies.planning import output
     from kolsky.studies.planning import plan as planning
     from kolsky.studies.planning.instruments import instruments_of

@@ -48,7 +48,7 @@ def rate(
     formats = texts.figure_formats(figures)
     from kolsky.base.files import usable_folder
     from kolsky.cli.terminal import print_result, progress_bars, since
-    from kolsky.report.result_folder import write_rate_results
+    from kolsky.report.study_folder import write_rate_results
     from kolsky.studies.rates.output import summary
     from kolsky.studies.rates.rate import rate as compared
 

@@ -66,7 +66,11 @@ def _own(result: "ReducedTest") -> dict[str, str]:
     from kolsky.bars.result import FlyerResult, WavesResult
 
     if isinstance(result, WavesResult):
-        return {"windows": f"by {result.windows.source}", "validity": result.validity}
+        return {
+            "analysis": result.analysis,
+            "windows": f"by {result.windows.source}",
+            "validity": result.validity,
+        }
     assert isinstance(result, FlyerResult)  # there is no third kind
     rows = {
         name: "not found: " + how if at is None else f"{1e3 * at:.4f} ms"

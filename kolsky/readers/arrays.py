@@ -121,7 +121,9 @@ def _array_clock(path: Path, array: NamedArray, layout: Layout, interval: float 
 
     clock = array_clock(values, name=array.name, fault=fault, interval=interval, source=source)
     words = clock.source if layout.time_unit or array.unit else f"{clock.source}, taken as seconds"
-    return Clock(clock.start if layout.start is None else layout.start, clock.interval, words)
+    start = clock.start if layout.start is None else layout.start
+    measured = None if clock.measured is None else clock.measured + (start - clock.start)
+    return Clock(start, clock.interval, words, measured)
 
 
 def _interval(

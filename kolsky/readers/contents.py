@@ -95,6 +95,8 @@ class Clock:
     """Time from sample to sample [s]."""
     source: str
     """Where both come from, in words."""
+    measured: FloatArray | None = field(default=None, compare=False)
+    """Times of the samples where the steps between them vary [s], shape [samples]; None if they do not."""
 
     def times(self, samples: int) -> FloatArray:
         """Times of so many samples [s], shape [samples]."""

@@ -152,13 +152,34 @@ def _recording(contents: Contents, channel: Channel, layout: Layout) -> Recordin
     judge.changing(contents.path, channel, raw)
     value = raw * factor
     judge.unclipped(contents.path, channel, value, unit, layout.full_scale)
+    clock = channel.clock()
+    time, note = clock.times(channel.samples), ""
+    if clock.measured is not None:
+        value, note = _at_uniform_times(channel.name, clock.measured, value, time)
     return Recording(
-        time=channel.clock().times(channel.samples),
+        time=time,
         value=value,
         channel=channel.name,
         unit=unit,
         path=contents.path,
         sha256=contents.sha256,
+        file_unit=channel.unit,
+        note=note,
+    )
+
+
+def _at_uniform_times(
+    name: str, measured: FloatArray, value: FloatArray, time: FloatArray
+) -> tuple[FloatArray, str]:
+    """Samples interpolated from times whose steps vary to uniform ones, and a sentence that says so."""
+    from scipy.interpolate import CubicSpline  # for such files only
+
+    step = float(time[1] - time[0])
+    varies = float(np.abs(np.diff(measured) / step - 1.0).max())
+    return np.asarray(CubicSpline(measured, value)(time)), (
+        f"the sampling steps of channel '{name}' vary by up to {100.0 * varies:.2g} %, so that its samples "
+        f"were interpolated to uniform steps of {step:.6g} s (cubic spline); cure: none is needed where the "
+        "recorder's clock does vary, else export the times with more digits"
     )
 
 
@@ -169,7 +190,7 @@ def _unit(contents: Contents, channel: Channel, layout: Layout) -> tuple[str, fl
         raise InputError(
             contents.path,
             f"does not say the unit of channel '{channel.name}'",
-            cure='say it in the layout: unit = "V"',
+            cure='say it in the layout (of bars: in the recorder): unit = "V", "mV", "microstrain", ...',
         )
     known = si_unit(text)
     if known is None:

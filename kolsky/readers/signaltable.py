@@ -15,6 +15,10 @@ _TIME_NAME = re.compile(
     r"(elapsed[\s_])?(time|timestamp|zeit|temps|tiempo|tempo|t|x_?value|x-axis|x axis|seconds?|secs?)\b.*",
     re.IGNORECASE,
 )
+FEWEST_STEPS = 100
+"""Rows that a time column must have for its unit to be told from the header's interval."""
+SAME_STEP = 1e-3
+"""Largest relative difference of the column's mean step from the header's interval [-]."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +126,17 @@ class SignalTable:
         """The unit of a time column: stated, in the header, or its very name ("seconds")."""
         name = self.sheet.names[number]
         named = name if len(name) > 1 and si_unit(name) == ("s", 1.0) else None
-        return self.layout.time_unit or self.sheet.units[number] or named or time_unit(self.sheet.metadata)
+        said = self.layout.time_unit or self.sheet.units[number] or named or time_unit(self.sheet.metadata)
+        return said or self._unit_by_interval(number)
+
+    def _unit_by_interval(self, number: int) -> str | None:
+        """Seconds, where the column's steps are the very interval that the header states in seconds."""
+        header = header_clock(self.sheet.path, self.sheet.metadata)
+        rows = len(self.sheet.rows)
+        if header.interval is None or rows < FEWEST_STEPS:
+            return None
+        first, last = (float(self.sheet.field(number, row)) for row in (0, rows - 1))
+        return "s" if abs((last - first) / (rows - 1) / header.interval - 1.0) < SAME_STEP else None
 
     def _check_count(self) -> None:
         promised = stated_samples(self.sheet.metadata)

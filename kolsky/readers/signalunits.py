@@ -13,8 +13,9 @@ _WORDS = {
     "usec": "us", "µsec": "us", "microsecond": "us", "microseconds": "us",
     "nsec": "ns", "nanosecond": "ns", "nanoseconds": "ns",
     "newton": "N", "newtons": "N", "pascal": "Pa", "ampere": "A", "amp": "A", "amps": "A",
-    "strain": "1", "m/m": "1", "ustrain": "uε", "microstrain": "uε", "µstrain": "uε", "me": "mε",
-    "με": "uε", "µε": "uε", "%": "%",
+    "strain": "1", "m/m": "1", "ustrain": "uε", "microstrain": "uε", "microstrains": "uε", "µstrain": "uε",
+    "μstrain": "uε", "micro strain": "uε", "με": "uε", "µε": "uε", "ue": "uε", "µe": "uε", "μe": "uε",
+    "um/m": "uε", "µm/m": "uε", "μm/m": "uε", "mm/m": "mε", "millistrain": "mε", "me": "mε", "%": "%",
 }  # fmt: skip
 _BASES = {"V": "V", "s": "s", "N": "N", "Pa": "Pa", "A": "A", "C": "C", "ε": "1", "m/s": "m/s"}
 _PLAIN = {"1": ("1", 1.0), "-": ("1", 1.0), "%": ("1", 1e-2), "m/s^2": ("m/s^2", 1.0), "m/s²": ("m/s^2", 1.0)}

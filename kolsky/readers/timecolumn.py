@@ -11,6 +11,8 @@ from kolsky.readers.contents import Clock
 
 LARGEST_JITTER = 0.1
 """Largest spread of the steps of a time column that still gives the interval, as a share of the step [-]."""
+LARGEST_VARIATION = 0.05
+"""Largest variation of single steps, as a share of the step, that is interpolated to uniform times [-]."""
 SAMPLED = 5000
 """Rows of a column whose printed digits are looked at one by one."""
 SINGLE = 2.0**-23
@@ -116,9 +118,10 @@ def column_clock(
     shown = float(time[last] - time[0]) / last
     doubt = 0.5 * float(digit[0] + digit[last]) / last
     if interval is None:
-        _uniform(time, digit, shown, doubt, name, fault)
+        varies = _uniform(time, digit, shown, doubt, name, fault)
         shown = _without_noise(shown, doubt)
-        return Clock(float(time[0]) if start is None else start, shown, f"column '{name}'")
+        first = float(time[0]) if start is None else start
+        return Clock(first, shown, f"column '{name}'", first + (time - time[0]) if varies else None)
     index = np.arange(time.size)
     # Some programs cut digits off where others round: a whole digit instead of half of one.
     for share in (0.5, 1.0):
@@ -169,6 +172,8 @@ def array_clock(
             )
         return Clock(float(time[0]), dt, f"{source}; start from '{name}'")
     worst = int(np.argmax(off))
+    if off[worst] > 0.05 * dt and np.abs(np.diff(time) / dt - 1.0).max() <= LARGEST_VARIATION:
+        return Clock(float(time[0]), dt, f"'{name}'", time)
     if off[worst] > 0.05 * dt:
         raise fault(
             f"'{name}' is not uniform: sample {worst + 1} is {off[worst]:.3g} s off its place; the times are"
@@ -210,8 +215,9 @@ def _sorted(time: FloatArray, name: str, fault: Fault) -> None:
 
 def _uniform(
     time: FloatArray, digit: FloatArray, shown: float, doubt: float, name: str, fault: Fault
-) -> None:
-    """Refuse gaps and rounding that hides the interval."""
+) -> bool:
+    """Whether the steps vary by more than the printed digits; gaps and rounding that hides the interval are
+    refused."""
     steps = np.diff(time)
     printed = 0.5 * (digit[1:] + digit[:-1])
     median = float(np.median(steps))
@@ -224,6 +230,8 @@ def _uniform(
     # A step is off by a digit at most, half a digit for each of its times; so is the one it is held against.
     beyond = excess - 1.001 * (printed + of_step) - 1e-9 * step - 4e-16 * np.abs(time).max()
     row = int(np.argmax(beyond))
+    if beyond[row] > 0.0 and float(excess.max()) <= LARGEST_VARIATION * step:
+        return True
     if beyond[row] > 0.0:
         raise fault(
             f"column '{name}': the step is {steps[row]:.6g} s where the others are {step:.6g} s, and the"
@@ -240,3 +248,4 @@ def _uniform(
             worst + 1,
             "state the recorder's interval in the layout, or export the times with more digits",
         )
+    return False

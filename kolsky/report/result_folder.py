@@ -1,10 +1,9 @@
-"""Result folders of the commands: result, tables, page and figures, all written or none."""
+"""Result folders of the commands on one shot: result, tables, page and figures, all written or none."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from dic.full_field.result import FullField
 from dic.output.csv import write_frames
@@ -15,6 +14,7 @@ from kolsky.bars.result import ReducedTest, WavesResult
 from kolsky.base.errors import InputError
 from kolsky.base.files import filling
 from kolsky.inverse.result import Identification
+from kolsky.report.figures_alone import save_figures_alone
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.results.tables import write_csv
 from kolsky.shot.dic_output import write_tables
@@ -23,17 +23,6 @@ from kolsky.shot.measurement_file import write_full_field
 from kolsky.shot.optical_data import Surfaces
 from kolsky.shot.recorded import Recorded, recorded
 from kolsky.shot.records import PicturedShot, Shot
-from kolsky.studies.budget.campaign import Campaign
-from kolsky.studies.budget.records import Budget
-from kolsky.studies.planning import output as plan_output
-from kolsky.studies.planning.plan import Plan
-from kolsky.studies.rates import output as rates_output
-from kolsky.studies.rates.records import RateReport
-from kolsky.studies.sweep import Sweep, write_sweep
-from kolsky.studies.sweep_analysis import SweepAnalysis
-
-if TYPE_CHECKING:
-    from kolsky.report.figures.base import FigureKind
 
 RESULT_FILE = "identification.h5"
 PAGE = "report.html"
@@ -122,8 +111,8 @@ def write_identify_page(
     from kolsky.report.pages.identification import write_report
 
     write_report(folder / PAGE, found, recordings, processes=processes)
-    _save_figures(folder, recordings, formats)
-    _save_figures(folder, found, formats)
+    save_figures_alone(folder, recordings, formats)
+    save_figures_alone(folder, found, formats)
 
 
 def write_dic_results(
@@ -167,7 +156,7 @@ def write_dic_results(
     with filling(folder) as partial:
         write_tables(partial, found, shot.pictures.frames.frame)
         write_page(partial / "dic.html", shown, shot.inputs, processes=processes)
-        _save_figures(partial, shown, formats)
+        save_figures_alone(partial, shown, formats)
         if csv:
             write_frames(partial / "surface", result.specimen, strain=result.strain.value)
         if vtp:
@@ -248,148 +237,7 @@ def write_waves_results(folder: Path, result: ReducedTest, *, formats: Sequence[
         if isinstance(result, WavesResult):
             write_database(partial / "waves_database.csv", result)
         write_page(partial / "waves.html", result)
-        _save_figures(partial, result, formats)
-
-
-def write_rate_results(folder: Path, report: RateReport, *, formats: Sequence[str] = ()) -> None:
-    """Write the results of `kolsky rate`: rates.h5, rates.html, tables and figures.
-
-    Parameters
-    ----------
-    folder
-        Folder; created if absent.
-    report
-        The comparison of shots.
-    formats
-        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
-
-    Raises
-    ------
-    InputError
-        If the results cannot be written.
-    """
-    from kolsky.report.pages.rates import figures_of, write_page
-
-    with filling(folder) as partial:
-        rates_output.write_hdf5(partial / "rates.h5", report)
-        rates_output.write_csv(partial, report)
-        write_page(partial / "rates.html", report)
-        for index, group in enumerate(report.groups):
-            _save_figures(partial, group, formats, registry=figures_of(report, index))
-
-
-def write_plan_results(folder: Path, found: Plan, *, formats: Sequence[str] = ()) -> None:
-    """Write what `kolsky plan` leaves: plan.h5, plan.json, tables and, if asked for, figures.
-
-    Parameters
-    ----------
-    folder
-        Where to; made if it is not there.
-    found
-        The plan.
-    formats
-        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
-
-    Raises
-    ------
-    InputError
-        If the results cannot be written.
-    """
-
-    with filling(folder) as partial:
-        plan_output.write_hdf5(partial / "plan.h5", found)
-        plan_output.write_csv(partial, found)
-        text = json.dumps(plan_output.to_json(found), indent=2, allow_nan=False)
-        (partial / "plan.json").write_text(text, encoding="utf-8")
-        _save_figures(partial, found, formats)
-
-
-def write_budget_results(
-    folder: Path,
-    results: Sequence[Budget],
-    campaign: Campaign | None,
-    *,
-    formats: Sequence[str] = (),
-) -> None:
-    """Write the results of `kolsky budget` beside its ledger: budget.csv, budget.html and figures.
-
-    Parameters
-    ----------
-    folder
-        Folder; created if absent.
-    results
-        A budget for each free parameter; the first has the name budget.csv, others their parameter's too.
-    campaign
-        A planned campaign, if one was asked for.
-    formats
-        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
-
-    Raises
-    ------
-    InputError
-        If the results cannot be written.
-    """
-    from kolsky.report.pages.budget import write_page
-    from kolsky.studies.budget.output import write_budget
-
-    with filling(folder) as partial:
-        for number, result in enumerate(results):
-            write_budget(partial / ("budget.csv" if not number else f"budget-{result.parameter}.csv"), result)
-        write_page(partial / "budget.html", results, campaign)
-        _save_figures(partial, results[0], formats)
-
-
-def write_sweep_results(
-    folder: Path,
-    result: Sweep,
-    analysis: SweepAnalysis,
-    *,
-    name: str = "sweep",
-    warnings: Sequence[str] = (),
-    formats: Sequence[str] = (),
-) -> None:
-    """Write the results of `kolsky sweep` beside its database: sweep.csv, sweep.html and figures.
-
-    Parameters
-    ----------
-    folder
-        Folder; created if absent.
-    result
-        Every run of the design.
-    analysis
-        Analysis of them by `kolsky.studies.sweep_analysis.analyse_sweep`.
-    name
-        Name of table and page without their endings.
-    warnings
-        Warnings at the top of the page.
-    formats
-        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
-
-    Raises
-    ------
-    InputError
-        If the results cannot be written.
-    """
-    from kolsky.report.pages.sweep import write_page
-
-    with filling(folder) as partial:
-        write_sweep(partial / f"{name}.csv", result)
-        write_page(partial / f"{name}.html", analysis, warnings=warnings)
-        _save_figures(partial, analysis, formats)
-
-
-def _save_figures(
-    folder: Path,
-    shown: Any,
-    formats: Sequence[str],
-    *,
-    registry: "Mapping[str, FigureKind[Any]] | None" = None,
-) -> None:
-    """Save the figures of a result alone, if formats are asked for; Matplotlib is loaded only then."""
-    if formats:
-        from kolsky.report.canvas import save_figures
-
-        save_figures(folder / "figures", shown, formats=tuple(formats), registry=registry)
+        save_figures_alone(partial, result, formats)
 
 
 def _refuse_other_files(path: Path, then: Any, now: Mapping[str, str]) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from kolsky.bars.audit import CORRECTIONS
 from kolsky.bars.records import BarSignal, Windows
-from kolsky.bars.reduction.inputs import FAR, SIDES, StationInput, WavesInput
+from kolsky.bars.reduction.inputs import FAR, NO_PART, SIDES, StationInput, WavesInput
 from kolsky.bars.reduction.overlap import overlapping_windows
 from kolsky.bars.reduction.varied_test import station_of
 from kolsky.bars.reduction.windows import PulseCheck, check_windows, find_windows, incident_arrival
@@ -107,8 +107,17 @@ def bar_rows(shot: CheckedBars) -> list[Row]:
         signal = {"incident": shot.incident, "transmission": shot.transmission}.get(key)
         rows += _gauge(f"gauges.{key.replace(' ', '_')}", station, signal)
     rows += _waves(shot)
-    rows += [("corrections", key, "on" if given.switches[key] else "off", "") for key in CORRECTIONS]
+    rows += [("corrections", key, _switch(given, key), "") for key in CORRECTIONS]
     return rows
+
+
+def _switch(given: WavesInput, key: str) -> str:
+    """How a correction stands, in words."""
+    if key in NO_PART or (key == "separation" and FAR not in given.stations):
+        return "no part in this test"
+    if key == "radial inertia" and key not in given.switches.stated:
+        return "on where the specimen is soft"
+    return "on" if given.switches[key] else "off"
 
 
 def undeclared(shot: CheckedBars) -> list[str]:
@@ -150,8 +159,8 @@ def _gauge(section: str, station: StationInput, signal: BarSignal | None) -> lis
     if signal is not None:
         value = signal.strain.value
         rows += [
-            (section, "largest strain", float(value[np.abs(value).argmax()]), ""),
-            (section, "noise", signal.strain.sigma, ""),
+            (section, "largest strain", float(value[np.abs(value).argmax()]), "1"),
+            (section, "noise of the strain", signal.strain.sigma, "1"),
         ]
     return rows
 

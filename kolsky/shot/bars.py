@@ -18,6 +18,7 @@ from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.errors import InputError, refuse
 from kolsky.base.records import Recording
 from kolsky.readers.recordings import read_recordings
+from kolsky.readers.signalunits import si_unit
 from kolsky.shot.schema.bars import BarsShotFile, GaugeSection, WaveBarSection, WavesShotFile
 from kolsky.shot.schema.reading import Source, TomlFile, parsed
 
@@ -40,7 +41,7 @@ def load_waves(source: Source) -> WavesInput:
     """
     file = parsed(source)
     declared = file.validated(WavesShotFile)
-    bars, stations, hashes = _record(file, declared)
+    bars, stations, hashes, notes = _record(file, declared)
     specimen = Specimen(**declared.specimen.model_dump())
     _narrower(file, bars, specimen)
     waves = declared.waves
@@ -63,13 +64,16 @@ def load_waves(source: Source) -> WavesInput:
         },
         load=waves.load,
         windows=windows,
+        analysis=waves.analysis,
         allowance=waves.balance,
+        plateau=waves.plateau,
         share=waves.share,
         switches=_switches(file, waves.corrections, FAR in stations),
         uncertainty=uncertainty,
         alike=alike,
         inputs={file.path.name: file.sha256, **hashes},
         settings=declared_settings(file.content),
+        notes=notes,
     )
 
 
@@ -80,6 +84,7 @@ def _switches(file: TomlFile, stated: Mapping[str, bool], two_stations: bool) ->
     if not two_stations:
         idle["separation"] = "it needs a second station on the incident bar"
     elif switches["separation"]:
+        idle["free end"] = "two stations tell the waves of the incident bar apart already"
         idle["reflected alignment"] = "two stations give the reflected wave on the incident wave's own clock"
     for key, why in idle.items():
         if switches.stated.get(key, False):
@@ -103,7 +108,7 @@ def load_bars(source: Source) -> WavesInput:
     """
     file = parsed(source)
     declared = file.validated(BarsShotFile)
-    bars, stations, hashes = _record(file, declared)
+    bars, stations, hashes, notes = _record(file, declared)
     return WavesInput(
         name=declared.name or file.path.parent.resolve().name,
         specimen=NOTHING,
@@ -113,13 +118,14 @@ def load_bars(source: Source) -> WavesInput:
         switches=Switches(declared.waves.corrections),
         inputs={file.path.name: file.sha256, **hashes},
         settings=declared_settings(file.content),
+        notes=notes,
     )
 
 
 def _record(
     file: TomlFile, declared: BarsShotFile
-) -> tuple[dict[str, Bar], dict[str, StationInput], dict[str, str]]:
-    """Bars, stations and the hashes of their files."""
+) -> tuple[dict[str, Bar], dict[str, StationInput], dict[str, str], tuple[str, ...]]:
+    """Bars, stations, the hashes of their files and notes about them."""
     folder = file.path.parent
     gauges = _gauges(declared)
     _all_there(file, declared, gauges, folder)
@@ -132,7 +138,7 @@ def _record(
             stations[key] = _station(gauge, recordings[key], bars[key.removesuffix(" far")], declared)
         except ValueError as error:
             raise file.error(f"{_table(key)}.bridge", str(error)) from error
-    return bars, stations, hashes
+    return bars, stations, hashes, recording_notes(declared, recordings)
 
 
 def _gauges(declared: BarsShotFile) -> dict[str, GaugeSection]:
@@ -148,20 +154,25 @@ def _bar(section: WaveBarSection) -> Bar:
         youngs_modulus=section.modulus,
         density=section.density,
         poisson=section.poisson,
+        yield_strength=section.yield_strength,
     )
 
 
 def _recordings(
     file: TomlFile, declared: BarsShotFile, gauges: Mapping[str, GaugeSection], folder: Path
 ) -> tuple[dict[str, tuple[Recording, ...]], dict[str, str]]:
-    """The channels of all stations, and the hashes of their files."""
+    """The channels of all stations, and the hashes of their files.
+
+    A channel's unit is that of its file. One that the shot file states is taken instead; where both are
+    there and differ, `recording_notes` says so.
+    """
     found, hashes = {}, {}
     for key, gauge in gauges.items():
         wanted = "1" if gauge.strain else "V"
         channels = []
         for channel, recorder_name in zip(map(str, gauge.channels), gauge.recorders, strict=True):
             recorder = declared.recorders[recorder_name]
-            layout = recorder.as_layout(full_scale=gauge.full_scale, unit=recorder.unit or wanted)
+            layout = recorder.as_layout(full_scale=gauge.full_scale)
             recording = read_recordings(folder / recorder.file, [channel], layout=layout)[channel]
             hashes[recorder.file] = recording.sha256
             if recording.unit != wanted:
@@ -173,6 +184,29 @@ def _recordings(
             channels.append(recording)
         found[key] = tuple(channels)
     return found, hashes
+
+
+def recording_notes(
+    declared: BarsShotFile, recordings: Mapping[str, tuple[Recording, ...]]
+) -> tuple[str, ...]:
+    """Stated units that contradict their file's, and channels that were interpolated to uniform times."""
+    notes: list[str] = []
+    for key, channels in recordings.items():
+        gauge = getattr(declared.gauges, key.replace(" ", "_"))
+        for recording, name in zip(channels, gauge.recorders, strict=True):
+            stated = declared.recorders[name].unit
+            notes += [recording.note] if recording.note else []
+            if stated is None or recording.file_unit is None:
+                continue
+            taken, written = si_unit(stated), si_unit(recording.file_unit)
+            if taken == written:
+                continue
+            notes.append(
+                f"channel '{recording.channel}' of {recording.path.name} is in '{recording.file_unit}' by "
+                f"the file and in '{stated}' by recorders.{name}.unit, which was taken; cure: remove "
+                f"recorders.{name}.unit unless the file is wrong"
+            )
+    return tuple(dict.fromkeys(notes))
 
 
 def _table(key: str) -> str:

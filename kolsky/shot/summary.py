@@ -15,7 +15,7 @@ from kolsky.shot.schema.uncertainty import IDENTIFIED, REDUCED, UNITS
 
 EXACT = "not declared: taken as exact"
 """Value of an uncertainty that [uncertainty] does not hold."""
-_WRITTEN = {"m": ("mm", 1e3), "s": ("us", 1e6), "Pa": ("kPa", 1e-3)}
+_WRITTEN = {"1": ("um/m", 1e6), "m": ("mm", 1e3), "s": ("us", 1e6), "Pa": ("kPa", 1e-3)}
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,10 @@ class Entry:
         if isinstance(self.value, str):
             return self.value
         unit, factor = _WRITTEN.get(self.unit, (self.unit, 1.0))
+        if self.unit == "m" and 0.0 < abs(self.value) < 1e-4:
+            unit, factor = "um", 1e6
+        if self.unit == "Pa" and abs(self.value) >= 1e9:
+            unit, factor = "GPa", 1e-9
         return f"{self.value * factor:.6g} {unit}".strip()
 
 

@@ -46,6 +46,12 @@ def load_flyer_test(source: Source, shot: Shot) -> FlyerInput:
     section = declared.incident_force
     incident = None if section is None else _channel(toml, section.completed(declared.force))
     waves = declared.waves or WavesSection()
+    if "analysis" in waves.model_fields_set:
+        raise toml.error(
+            "waves.analysis",
+            "is for tests between bars; a flyer test quotes the stress at each face",
+            cure="remove it",
+        )
     return FlyerInput(
         shot=shot,
         incident=incident,

@@ -5,10 +5,13 @@ there; a fault that all of them let pass is a hole in the tests. The faults stan
 beside this one.
 """
 
+from tests.mutants.bar_files import FAULTS as BAR_FILES
 from tests.mutants.bars import FAULTS as BARS
+from tests.mutants.bars_quoted import FAULTS as BARS_QUOTED
 from tests.mutants.budget import FAULTS as BUDGET
 from tests.mutants.causes import FAULTS as CAUSES
 from tests.mutants.cli import FAULTS as CLI
+from tests.mutants.coverage import FAULTS as COVERAGE
 from tests.mutants.diagnosis import FAULTS as DIAGNOSIS
 from tests.mutants.dic import FAULTS as DIC
 from tests.mutants.doe import FAULTS as DOE
@@ -33,9 +36,12 @@ __all__ = ["FAULTS", "Fault"]
 
 FAULTS: tuple[Fault, ...] = (
     *BARS,
+    *BAR_FILES,
+    *BARS_QUOTED,
     *CAUSES,
     *BUDGET,
     *CLI,
+    *COVERAGE,
     *DIAGNOSIS,
     *DIC,
     *DOE,

@@ -12,6 +12,7 @@ UNSEEN = ("tests/unit/bars/test_flyer_unseen.py",)
 CARRIED = "tests/unit/bars/test_carried_uncertainty.py"
 
 QUOTED = "kolsky/bars/reduction/quoted_values.py"
+SIGNALS = "kolsky/bars/reduction/signal_remarks.py"
 SUMMARY = "kolsky/bars/reduction/summary.py"
 VARIED = "kolsky/bars/reduction/varied_test.py"
 WINDOWS = "kolsky/bars/reduction/windows.py"
@@ -24,43 +25,29 @@ VALIDITY = "kolsky/bars/reduction/validity.py"
 FAULTS = (
     Fault(
         "a missing reflected pulse is not remarked",
-        QUOTED,
+        SIGNALS,
         'found.append(f"no reflected pulse is found: {reflected.reason}")',
         "pass",
         REMARKS,
     ),
     Fault(
         "a delayed pulse is remarked ten times too late",
-        QUOTED,
+        SIGNALS,
         "LARGEST_DELAY = 3.0",
         "LARGEST_DELAY = 30.0",
         REMARKS,
     ),
-    Fault("two samples' allowance dropped", QUOTED, " + 2.0 * interval:", ":", REMARKS),
+    Fault("two samples' allowance dropped", SIGNALS, " + 2.0 * interval\n", "\n", REMARKS),
     Fault(
         "an early pulse is not remarked",
-        QUOTED,
-        "elif abs(reflected.delay) >",
-        "elif reflected.delay >",
+        SIGNALS,
+        "if late or check.offset < -allowed:",
+        "if late:",
         REMARKS,
     ),
     Fault("nonlinear values not named", QUOTED, "BEND = 0.2", "BEND = 2.0", REMARKS),
     Fault("undeclared uncertainties not remarked", QUOTED, "if not systematic:", "if systematic:", REMARKS),
     Fault("no equilibrium not remarked", QUOTED, "if reduction.balanced is None:", "if False:", REMARKS),
-    Fault(
-        "the means reach beyond the largest strain",
-        SUMMARY,
-        "return balanced[0], min(balanced[1], end)",
-        "return balanced[0], balanced[1]",
-        REMARKS,
-    ),
-    Fault(
-        "correlated samples counted as independent in a mean",
-        SUMMARY,
-        "sigma = sqrt(alike * float((history.sigma[inside] ** 2).sum())) / n",
-        "sigma = sqrt(float((history.sigma[inside] ** 2).sum())) / n",
-        REMARKS,
-    ),
     Fault(
         "sigma of the modulus without correlation",
         SUMMARY,

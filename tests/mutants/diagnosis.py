@@ -5,6 +5,7 @@ from tests.mutants.fault import Fault
 FIT = ("tests/unit/diagnosis/test_fit_quality.py",)
 CLOCKS = ("tests/unit/diagnosis/test_clocks.py",)
 VERDICTS = ("tests/unit/diagnosis/test_fit_verdicts.py",)
+CHOICE = ("tests/unit/diagnosis/test_fit_thresholds.py",)
 QUALITY = "kolsky/diagnosis/fit_quality.py"
 VERDICT = "kolsky/diagnosis/verdicts.py"
 CLOCK = "kolsky/diagnosis/clocks.py"
@@ -22,8 +23,8 @@ FAULTS = (
     Fault(
         "shares of information from weights not squared",
         QUALITY,
-        "(gain * sigma) ** 2",
-        "np.abs(gain * sigma)",
+        "parts = gain * spread",
+        "parts = np.abs(spread)",
         FIT,
     ),
     Fault("Ljung and Box without its factor", QUALITY, "n * (n + 2.0) / (n - 1.0) * r**2", "n * r**2", FIT),
@@ -165,5 +166,33 @@ FAULTS = (
         "np.where(np.isfinite(self.declared), self.declared, moved)",
         "np.where(np.isfinite(self.declared), moved, moved)",
         CLOCKS,
+    ),
+    Fault(
+        "limits chosen on shots whose search ended elsewhere",
+        "benchmarks/threshold_choice.py",
+        "abs(e.value - self.truth[name]) > ASTRAY * e.sigma",
+        "abs(e.value - self.truth[name]) > 10.0 * ASTRAY * e.sigma",
+        CHOICE,
+    ),
+    Fault(
+        "evidence of what is within its declared uncertainty",
+        "benchmarks/threshold_choice.py",
+        "for cause in result.causes if not cause.within",
+        "for cause in result.causes",
+        CHOICE,
+    ),
+    Fault(
+        "evidence without a margin",
+        "benchmarks/fit_thresholds.py",
+        "return MARGIN * max(values)",
+        "return max(values)",
+        CHOICE,
+    ),
+    Fault(
+        "limits judged on the shots they were chosen on",
+        "benchmarks/threshold_choice.py",
+        "[limited(s.result)[name] for s in judged if",
+        "[limited(s.result)[name] for s in found if",
+        CHOICE,
     ),
 )

@@ -27,8 +27,8 @@ FAULTS = (
     Fault(
         name="epipolar gate: a point's own noise narrows it",
         file="dic/stereo/reconstruction.py",
-        right="allowed = np.maximum(gate,",
-        wrong="allowed = np.minimum(gate,",
+        right="allowed = np.maximum(gates[0],",
+        wrong="allowed = np.minimum(gates[0],",
         tests=GATES,
     ),
     Fault(

@@ -67,6 +67,13 @@ def reduced(signals: tuple[BarSignal, BarSignal], specimen: Specimen, *, dispers
     )
 
 
+def plateau_of(test: Reduced) -> tuple[float, float]:
+    """The plateau's span [s]."""
+    span = test.summary.plateau.span
+    assert span is not None
+    return span.first, span.last
+
+
 EPOXY = Specimen(diameter=0.010, length=0.004, density=1200.0)
 """experiment_details.txt; the density, not given, is an epoxy's and is not used."""
 EPOXY_BARS = (Bar(0.020, 2.1, 210e9, 7800.0), Bar(0.020, 1.8, 210e9, 7800.0))
@@ -129,7 +136,7 @@ def compared(sample: int, *, dispersion: bool = False) -> dict[tuple[str, str], 
         end = min(test.reduction.time[-1], sheet["time"][-1])
         for words, span in (
             ("mean stress, whole test", (0.0, end)),
-            ("mean stress, plateau", test.summary.plateau),
+            ("mean stress, plateau", plateau_of(test)),
         ):
             inside = (sheet["time"] >= span[0]) & (sheet["time"] <= span[1])
             ours = mean_over(stress, test.reduction.time, span, words).value

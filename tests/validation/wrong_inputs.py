@@ -83,6 +83,7 @@ def run(job: Job) -> dict[str, Any]:
                 "evidence": c.evidence,
                 "probability": c.probability,
                 "named": c.named,
+                "within": c.within,
                 "alike": list(c.alike),
                 "m": c.parameters.get("stiffness_factor"),
             }
@@ -132,7 +133,9 @@ def table(jobs: list[dict[str, Any]]) -> list[dict[str, Any]]:
         ]
         corrected = [None if cause["m"] is None else cause["m"] / truth - 1.0 for cause, truth in right]
         others = [
-            max((c["evidence"] for c in said["causes"]), default=0.0) for said in mine if not said["refused"]
+            max((c["evidence"] for c in said["causes"] if not c.get("within", False)), default=0.0)
+            for said in mine
+            if not said["refused"]
         ]
         found.append(
             {

@@ -17,6 +17,8 @@ from dic.stereo.kernels.curve import FOUND, curve_source
 
 SHARE = 64
 """Points a CPU thread takes at a time."""
+THREADS = os.cpu_count() or 1
+"""CPU threads unless a caller says otherwise."""
 LONGEST = 1024
 """Steps of a curve that there is room for at first."""
 
@@ -108,7 +110,7 @@ def search(curves: Curves, device: str, threads: int | None = None) -> NDArray[n
     result = np.zeros((n, FOUND))
     rows, longest = np.arange(n), LONGEST
     while rows.size:  # a curve longer than there is room for is walked again
-        result[rows] = _search(curves, rows, longest, where, threads or os.cpu_count() or 1)
+        result[rows] = _search(curves, rows, longest, where, threads or THREADS)
         rows = rows[result[rows, 9] > longest]
         longest = int(result[rows, 9].max(initial=0.0))
     return result

@@ -20,6 +20,8 @@ from kolsky.bars.records import (
 from kolsky.bars.reduction import quoted_values
 from kolsky.bars.reduction.alignment import KEYS as ALIGNMENT_KEYS
 from kolsky.bars.reduction.alignment import Alignment, alignments
+from kolsky.bars.reduction.free_end import KEY as FREE_END
+from kolsky.bars.reduction.free_end import check_length, free_end_limits, free_ends
 from kolsky.bars.reduction.inputs import FAR, NO_PART, SIDES, WavesInput
 from kolsky.bars.reduction.overlap import overlapping_windows
 from kolsky.bars.reduction.specimen_inertia import corrections_that_act, valid_span
@@ -27,7 +29,7 @@ from kolsky.bars.reduction.stress_strain import TRUE, true_curve
 from kolsky.bars.reduction.summary import Summary, summarise
 from kolsky.bars.reduction.validity import Validity
 from kolsky.bars.reduction.varied_test import VariedTest, bar_correlations, budget_quantities, station_of
-from kolsky.bars.reduction.windows import check_windows, find_windows, incident_arrival
+from kolsky.bars.reduction.windows import check_baselines, check_windows, find_windows, incident_arrival
 from kolsky.bars.result import WavesResult
 from kolsky.bars.signals.stations import Station
 from kolsky.base.arrays import FloatArray
@@ -59,15 +61,20 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
     incident, transmission = (best[side].signal for side in SIDES)
     arrival = incident_arrival(incident, tension=tension)
     windows = _windows(given, incident, transmission, tension)
+    check_baselines(given, incident, transmission, tension=tension)
     checks = check_windows(incident, transmission, tension=tension)
+    best = {side: station_of(given, side, windows=windows) for side in SIDES}
     progress("waves", 1, 3)
 
     log = AuditLog(given.switches)
     for side in SIDES:
         log.add(*best[side].corrections)
-    varied = VariedTest(given, windows, arrival.time)
+    ends = free_ends(incident, arrival.time) if given.switches[FREE_END] else None
+    varied = VariedTest(given, windows, arrival.time, ends=ends)
     plain, carried = varied.carried({}, dispersive=False), varied.carried({}, dispersive=True)
     _log_dispersion(log, plain, carried, given)
+    if ends is not None:
+        _log_free_end(log, replace(varied, ends=None).carried({}, dispersive=True), carried, given)
     varied = _aligned(varied, log, carried, alignments(arrival, checks, given.switches))
     faces = varied.faces({}, log)
     uncorrected, _ = varied.reduced(faces, {})
@@ -77,10 +84,17 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
     reduction, corrections = varied.reduced(faces, {})
     log.add(*corrections)
     log.complete(_left_out(given))
-    summary = summarise(reduction, faces, given.specimen)
+    summary = summarise(
+        reduction,
+        faces,
+        given.specimen,
+        analysis=given.analysis,
+        allowance=given.allowance,
+        share=given.plateau,
+    )
     progress("waves", 2, 3)
 
-    budget = _budget(varied, best, reduction, summary)
+    budget, summary = _budget_with_means(varied, best, reduction, summary)
     reduction = _with_bands(reduction, budget)
     progress("waves", 3, 3)
     sign = -1.0 if tension else 1.0
@@ -96,7 +110,12 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
         corrections=log.corrections,
         budget=quoted_values.table(budget, sign),
         facts=quoted_values.facts(best, arrival, checks, windows, reduction, summary, given.specimen),
-        remarks=(*quoted_values.remarks(reduction, budget, checks, given), *_soft(acts, valid)),
+        remarks=(
+            *given.notes,
+            *quoted_values.remarks(reduction, budget, checks, given, summary.plateau),
+            *_soft(acts, valid),
+        ),
+        analysis=given.analysis,
         valid=valid.window,
         validity=valid.sentence,
         inputs=given.inputs,
@@ -109,7 +128,12 @@ def _windows(given: WavesInput, incident: BarSignal, transmission: BarSignal, te
     """Windows given by hand, from travel times or, with two stations on a bar, for overlapping pulses."""
     if given.windows is None and FAR in given.stations and given.switches["separation"]:
         return overlapping_windows(incident, station_of(given, FAR).signal, transmission, tension=tension)
-    return find_windows(incident, transmission, tension=tension, manual=given.windows)
+    if not given.switches[FREE_END]:
+        return find_windows(incident, transmission, tension=tension, manual=given.windows)
+    ends = free_end_limits(incident, transmission)
+    found = find_windows(incident, transmission, tension=tension, manual=given.windows, ends=ends)
+    check_length(found, ends)
+    return found
 
 
 def _soft(acts: Mapping[str, str], valid: Validity) -> tuple[str, ...]:
@@ -122,10 +146,28 @@ def _left_out(given: WavesInput) -> dict[str, str]:
     """Why a correction that has no entry has no part in a test between bars."""
     return {
         "bridge nonlinearity": "no bridge is declared: the gauges' calibrations are stated factors",
+        FREE_END: "off by default: the windows end before an echo from a far end",
         "bending": "one gauge at each station; two opposed ones would tell bending apart",
         "separation": "one station on the incident bar, whose pulses do not overlap",
         **NO_PART,
     }
+
+
+def _log_free_end(log: AuditLog, plain: FaceWaves, carried: FaceWaves, given: WavesInput) -> None:
+    for wave, side in (("reflected", "incident"), ("transmitted", "transmission")):
+        bar, distance = given.bars[side], given.stations[side].position
+        log.compare(
+            f"free end, {wave} wave",
+            FREE_END,
+            getattr(plain, wave),
+            getattr(carried, wave),
+            applied=True,
+            unit="1",
+            reason=(
+                f"echo over twice {1e3 * (bar.length - distance):.4g} mm of the {side} bar, whose far end is "
+                "taken as free: the striker has left it"
+            ),
+        )
 
 
 def _aligned(
@@ -170,12 +212,29 @@ def _log_dispersion(log: AuditLog, plain: FaceWaves, carried: FaceWaves, given: 
         )
 
 
+def _budget_with_means(
+    varied: VariedTest, best: Mapping[str, Station], reduction: Reduction, summary: Summary
+) -> tuple[Budget, Summary]:
+    """The budget; means that jump within the inputs' uncertainty are not quoted."""
+    try:
+        return _budget(varied, best, reduction, summary), summary
+    except ValueError as error:
+        name = str(error).partition(":")[0]
+        if name not in ("mean stress", "mean rate"):
+            raise
+        reason = f"no plateau: the {name} jumps within the uncertainty of its inputs"
+        plateau = replace(summary.plateau, span=None, reason=reason, stress_fault=reason, rate_fault=reason)
+        without = replace(summary, plateau=plateau, mean_stress=None, mean_rate=None)
+        return _budget(varied, best, reduction, without), without
+
+
 def _budget(
     varied: VariedTest, best: Mapping[str, Station], reduction: Reduction, summary: Summary
 ) -> Budget:
     """Uncertainties of all histories and quoted numbers."""
     quantities = budget_quantities(varied.given, best)
     quantities += [alignment.quantity for alignment in varied.aligned.values()]
+    quantities += quoted_values.span_quantities(summary)
     noise: dict[str, ArrayLike] = {
         **{name: history.sigma for name, history in histories(reduction).items()},
         **{name: history.sigma for name, history in true_curve(reduction, summary.analysis).items()},

@@ -28,6 +28,7 @@ def face_waves(
     follow_windows: bool = False,
     transit: float = 0.0,
     delays: tuple[float, float] = (0.0, 0.0),
+    apart: tuple[BarSignal, BarSignal, BarSignal] | None = None,
 ) -> FaceWaves:
     """The three waves at the specimen's faces.
 
@@ -60,6 +61,9 @@ def face_waves(
     delays
         Times by which the reflected and the transmitted wave are later at their gauges than travel times say
         [s]: for waves that are aligned by their arrivals.
+    apart
+        The incident, reflected and transmitted wave each by itself at its gauge, where they were told apart;
+        the windows then only say which stretch is wanted.
 
     Returns
     -------
@@ -89,16 +93,19 @@ def face_waves(
         transmitted = first + travel_time(incident) + travel_time(transmission) + transit
     reflected, transmitted = reflected + delays[0], transmitted + delays[1]
     zero = first if arrival is None else arrival
-    stations = (incident, incident, transmission)
+    stations = (incident, incident, transmission) if apart is None else apart
+    wide = _widened(pairs, incident, transmission)
+    if apart is not None:
+        wide = tuple((s.strain.start, s.strain.end) for s in apart)
     pairs_of = zip(
         stations,
         (first, reflected, transmitted),
-        pairs if follow_windows else _widened(pairs, incident, transmission),
+        pairs if follow_windows else wide,
         (incident.position, -incident.position, -transmission.position),
         (None, None, None) if guides is None else (guides[0], guides[0], guides[1]),
         strict=True,
     )
-    limit = inf if guides is None else min(_band(s) for s in stations) if band is None else band
+    limit = inf if guides is None else min(largest_band(s) for s in stations) if band is None else band
     waves = [_at_face(s, start, pair, count, way, guide, limit) for s, start, pair, way, guide in pairs_of]
     names = ("incident", "reflected", "transmitted")
     return FaceWaves(
@@ -137,7 +144,8 @@ def _widened(
     return tuple(widened)
 
 
-def _band(signal: BarSignal) -> float:
+def largest_band(signal: BarSignal) -> float:
+    """Frequency up to which waves of a bar are kept under dispersion [Hz]."""
     return BAND * signal.bar.wave_speed / (pi * signal.bar.diameter)
 
 

@@ -45,7 +45,10 @@ def radial_pressure(
     """
     e, e1, e2 = (np.asarray(x, dtype=np.float64) for x in (strain, rate, second))
     if e.size and not e.max() < 1.0:
-        raise ValueError(f"a nominal compression must be < 1, got {e.max():.6g}")
+        raise ValueError(
+            f"a nominal compression must be < 1, got {e.max():.6g}: nothing would be left. Cure: "
+            "check the unit of the recordings, the gauges' calibration and the specimen's length"
+        )
     left = 1.0 - e
     return np.asarray(density * radius**2 / 8.0 * (e2 / left**2 + 1.5 * e1**2 / left**3))
 

@@ -8,6 +8,7 @@ from kolsky.bars.audit import Switches
 from kolsky.bars.guides.polymer_waveguide import PronyModulus
 from kolsky.bars.records import Windows
 from kolsky.bars.reduction.equilibrium import ALLOWANCE
+from kolsky.bars.reduction.plateau import SHARE as PLATEAU
 from kolsky.bars.reduction.validity import SHARE
 from kolsky.bars.signals.bridge import Calibration
 from kolsky.base.apparatus import Bar, Specimen
@@ -64,8 +65,12 @@ class WavesInput:
     """Complex moduli of the bars that are not elastic, by side."""
     windows: Windows | None = None
     """Windows given by hand; None to have the pulses found."""
+    analysis: str = "three waves"
+    """The analysis whose values are quoted: "one wave", "two waves" or "three waves"."""
     allowance: float = ALLOWANCE
     """|R| up to which the forces count as balanced [-]."""
+    plateau: float = PLATEAU
+    """Least balanced length of a plateau as a share of the incident pulse's [-]."""
     share: float = SHARE
     """Share of the stress that inertia, or the forces' difference, may have where a curve is valid [-]."""
     switches: Switches = field(default_factory=Switches)
@@ -77,5 +82,7 @@ class WavesInput:
     """True if the bars' errors of one property are the same, as of bars cut from one rod."""
     inputs: Mapping[str, str] = field(default_factory=dict)
     """SHA-256 of every file, by name."""
+    notes: tuple[str, ...] = ()
+    """Sentences about the files with their cures: units that contradict, samples that were interpolated."""
     settings: Mapping[str, str] = field(default_factory=dict)
     """Declared settings, and the versions."""

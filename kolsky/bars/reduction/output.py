@@ -108,6 +108,7 @@ def _waves(entry: OpenGroup, result: WavesResult) -> None:
     _text(windows, "source", result.windows.source)
     for name in ("incident", "reflected", "transmitted"):
         put(windows, name, getattr(result.windows, name), "s")
+    _text(entry, "analysis", result.analysis)
     window = group(entry, "validity")
     _text(window, "sentence", result.validity)
     if result.valid is not None:
@@ -248,6 +249,7 @@ def _own(result: ReducedTest) -> dict[str, Any]:
         spans = {name: list(getattr(result.windows, name)) for name in names}
         return {
             "windows": {**spans, "source": result.windows.source},
+            "analysis": result.analysis,
             "valid": None if result.valid is None else list(result.valid),
             "validity": result.validity,
         }

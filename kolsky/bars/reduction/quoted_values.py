@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 
 from kolsky.bars.budget.budget import Budget, budget_table
-from kolsky.bars.records import Reduction, Windows
+from kolsky.bars.records import Quantity, Reduction, Windows
 from kolsky.bars.reduction.equilibrium import report_equilibrium
 from kolsky.bars.reduction.inputs import WavesInput
-from kolsky.bars.reduction.summary import Summary, mean_over, spread_of
+from kolsky.bars.reduction.plateau import END_SIGMA, ENDS, Plateau, Span, weighted_mean
+from kolsky.bars.reduction.signal_remarks import SMALL, arrival_remarks, drift_remarks
+from kolsky.bars.reduction.summary import Summary, spread_of
 from kolsky.bars.reduction.windows import PulseCheck
 from kolsky.bars.result import BudgetTable
 from kolsky.bars.signals.arrival import Arrival
@@ -19,12 +21,10 @@ from kolsky.bars.signals.stations import Station
 from kolsky.base.apparatus import Specimen
 
 WAY = "three waves"
-"""The analysis whose numbers are quoted."""
+"""The analysis whose numbers are quoted where a shot names none."""
 UNITS = {"largest strain": "1", "peak stress": "Pa", "mean stress": "Pa", "mean rate": "1/s"}
 BEND = 0.2
 """Second-order term over the standard uncertainty above which a value's band is a first estimate [-]."""
-LARGEST_DELAY = 3.0
-"""Delay of the reflected pulse, in its own sigmas beyond two samples, above which a remark is made."""
 
 
 def calibration_sigma(calibration: Calibration, relative: float) -> dict[str, float]:
@@ -34,27 +34,50 @@ def calibration_sigma(calibration: Calibration, relative: float) -> dict[str, fl
     return {"factor": relative * calibration.factor}
 
 
-def numbers(reduction: Reduction, summary: Summary) -> dict[str, np.ndarray]:
-    """Quoted values: strain and stress of largest magnitude, means over the summary's plateau."""
-    strain, stress = reduction.strain[WAY].value, reduction.stress[WAY].value
-    last, peak = _instants(reduction)
+def numbers(reduction: Reduction, summary: Summary, span: Span | None) -> dict[str, np.ndarray]:
+    """Quoted values: strain and stress of largest magnitude, means over a span where the summary has them.
+
+    Raises
+    ------
+    ValueError
+        If the summary has means and there is no span.
+    """
+    way = summary.analysis
+    strain, stress = reduction.strain[way].value, reduction.stress[way].value
+    last, peak = _instants(reduction, way)
     found = {"largest strain": strain[last], "peak stress": stress[peak]}
-    if summary.plateau is not None:
-        for name, history in (("mean stress", reduction.stress[WAY]), ("mean rate", reduction.rate[WAY])):
-            found[name] = mean_over(history, reduction.time, summary.plateau, name).value
+    for name, said, kind in (
+        ("mean stress", summary.mean_stress, reduction.stress),
+        ("mean rate", summary.mean_rate, reduction.rate),
+    ):
+        if said is None:
+            continue
+        if span is None:
+            raise ValueError(f"{name}: nothing is left of the plateau")
+        found[name] = np.float64(weighted_mean(kind[way], span)[0])
     return {name: np.asarray(value, dtype=float) for name, value in found.items()}
 
 
 def noise(reduction: Reduction, summary: Summary) -> dict[str, float]:
     """Standard uncertainties of the quoted values from the gauges' noise."""
-    last, peak = _instants(reduction)
+    way = summary.analysis
+    last, peak = _instants(reduction, way)
     found = {
-        "largest strain": float(reduction.strain[WAY].sigma[last]),
-        "peak stress": float(reduction.stress[WAY].sigma[peak]),
+        "largest strain": float(reduction.strain[way].sigma[last]),
+        "peak stress": float(reduction.stress[way].sigma[peak]),
     }
-    if summary.mean_stress is not None and summary.mean_rate is not None:
-        found |= {"mean stress": summary.mean_stress.sigma, "mean rate": summary.mean_rate.sigma}
+    for name, said in (("mean stress", summary.mean_stress), ("mean rate", summary.mean_rate)):
+        if said is not None:
+            found[name] = said.sigma
     return found
+
+
+def span_quantities(summary: Summary) -> list[Quantity]:
+    """The choice of both ends of the plateau as inputs of the budget: times by which they are moved."""
+    span = summary.plateau.span
+    if span is None:
+        return []
+    return [Quantity(name, 0.0, END_SIGMA * (span.last - span.first), "s", "B") for name in ENDS]
 
 
 def table(budget: Budget, sign: float) -> BudgetTable:
@@ -105,6 +128,11 @@ def facts(
         "work of deformation": (energy.deformation, "J"),
         "spread of the largest strain over the analyses": (spread_of(reduction.strain), "1"),
     }
+    found["incident pulse at half its height"] = (summary.plateau.pulse, "s")
+    found["balanced length of the plateau"] = (summary.plateau.balanced, "s")
+    if summary.plateau.span is not None:
+        found["plateau from"] = (summary.plateau.span.first, "s")
+        found["plateau to"] = (summary.plateau.span.last, "s")
     if summary.modulus is not None:
         found["loading modulus in equilibrium"] = (summary.modulus.value, "Pa")
     balance = report_equilibrium(reduction, specimen_length=specimen.length)
@@ -114,7 +142,11 @@ def facts(
 
 
 def remarks(
-    reduction: Reduction, budget: Budget, checks: tuple[PulseCheck, PulseCheck], given: WavesInput
+    reduction: Reduction,
+    budget: Budget,
+    checks: tuple[PulseCheck, PulseCheck],
+    given: WavesInput,
+    plateau: Plateau,
 ) -> list[str]:
     """Remarks on conditions that limit the use of the values, each with its cure."""
     found = []
@@ -124,17 +156,17 @@ def remarks(
             "no stress-strain curve of the material follows; cure: a shorter specimen, a pulse shaper, or "
             "the inverse method (kolsky identify)"
         )
-    reflected = checks[0]
-    interval = float(reduction.time[1] - reduction.time[0])
-    if reflected.observed is None:
-        found.append(f"no reflected pulse is found: {reflected.reason}")
-    elif abs(reflected.delay) > LARGEST_DELAY * reflected.observed.sigma + 2.0 * interval:
-        found.append(
-            f"the reflected pulse arrives {1e6 * reflected.delay:+.2f} us from the time that the gauge's "
-            "distance and the wave speed predict; cure: check both, or measure the wave speed (kolsky "
-            "wavespeed)"
-        )
-    bent = [name for name in UNITS if name in budget.value and budget.nonlinearity(name) > BEND]
+    else:
+        cure = "; cure: a longer pulse, a pulse shaper, or waves.plateau where a shorter span is meant"
+        quoted = (("stress", plateau.stress_fault), ("rate", plateau.rate_fault))
+        missing = [(name, fault) for name, fault in quoted if fault is not None]
+        if len(missing) == 2 and missing[0][1] == missing[1][1]:
+            found.append(f"no mean stress and no mean rate are quoted: {missing[0][1]}{cure}")
+        else:
+            found += [f"no mean {name} is quoted: {fault}{cure}" for name, fault in missing]
+    found += arrival_remarks(reduction, checks, given)
+    found += drift_remarks(budget, UNITS)
+    bent = [name for name in UNITS if name in budget.value and _bent(budget, name)]
     if bent:
         found.append(
             f"the {', the '.join(bent)} depends on its inputs nonlinearly within their "
@@ -149,9 +181,15 @@ def remarks(
     return found
 
 
-def _instants(reduction: Reduction) -> tuple[int, int]:
-    """Samples of the largest strain and of the largest stress."""
-    strain, stress = reduction.strain[WAY].value, reduction.stress[WAY].value
+def _bent(budget: Budget, name: str) -> bool:
+    """Whether a quoted value depends on its inputs nonlinearly, and by an amount that matters."""
+    ratio, value = budget.nonlinearity(name), abs(float(budget.value[name]))
+    return ratio > BEND and ratio * float(budget.sigma(name)) > SMALL * value
+
+
+def _instants(reduction: Reduction, way: str) -> tuple[int, int]:
+    """Samples of the largest strain and of the largest stress by one analysis."""
+    strain, stress = reduction.strain[way].value, reduction.stress[way].value
     return int(np.abs(strain).argmax()), int(np.abs(stress).argmax())
 
 

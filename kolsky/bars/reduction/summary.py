@@ -1,4 +1,4 @@
-"""Summary of a test: the values it is quoted by; means and modulus only in equilibrium."""
+"""Summary of a test: the values it is quoted by; means over a plateau and a modulus in equilibrium only."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,6 +8,8 @@ import numpy as np
 
 from kolsky.bars.guides.combine import noise_correlation, stiffness
 from kolsky.bars.records import FaceWaves, History, Quantity, Reduction
+from kolsky.bars.reduction.equilibrium import ALLOWANCE
+from kolsky.bars.reduction.plateau import SHARE, Plateau, judge_plateau, weighted_mean
 from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.arrays import FloatArray
 
@@ -42,12 +44,12 @@ class Summary:
     """The analysis: "one wave", "two waves" or "three waves"."""
     maximum_strain: Quantity
     """Nominal strain of largest magnitude, with its sign [-]."""
-    plateau: tuple[float, float] | None
-    """Span of equilibrium up to the largest strain [s]: what the means are taken over; None without one."""
+    plateau: Plateau
+    """Span that the means are taken over, or why there is none."""
     mean_stress: Quantity | None
-    """Mean nominal stress over the plateau [Pa]."""
+    """Mean nominal stress over the plateau [Pa]; None without one."""
     mean_rate: Quantity | None
-    """Mean nominal strain rate over the plateau [1/s]."""
+    """Mean nominal strain rate over the plateau [1/s]; None without one."""
     absorbed: Quantity
     """Energy per volume up to the largest strain [J/m^3]."""
     modulus: Quantity | None
@@ -59,7 +61,13 @@ class Summary:
 
 
 def summarise(
-    reduction: Reduction, faces: FaceWaves, specimen: Specimen, *, analysis: str = "three waves"
+    reduction: Reduction,
+    faces: FaceWaves,
+    specimen: Specimen,
+    *,
+    analysis: str = "three waves",
+    allowance: float = ALLOWANCE,
+    share: float = SHARE,
 ) -> Summary:
     """Summary of a reduction.
 
@@ -73,6 +81,10 @@ def summarise(
         The specimen before the test.
     analysis
         "one wave", "two waves" or "three waves".
+    allowance
+        |R| up to which the forces count as balanced [-].
+    share
+        Least balanced length of the plateau as a share of the incident pulse's [-].
 
     Returns
     -------
@@ -89,16 +101,17 @@ def summarise(
     time = reduction.time
     last = int(np.abs(strain.value).argmax())
     alike = noise_correlation(faces)
-    plateau = _plateau(reduction.balanced, float(time[last]))
-    modulus, reason = _modulus(reduction, strain, stress, last, plateau, alike)
+    plateau = judge_plateau(reduction, faces, analysis=analysis, allowance=allowance, share=share)
+    loading = _balanced_loading(reduction.balanced, float(time[last]))
+    modulus, reason = _modulus(reduction, strain, stress, last, loading, alike)
     return Summary(
         analysis=analysis,
         maximum_strain=Quantity(
             "largest nominal strain", float(strain.value[last]), float(strain.sigma[last]), "1", "A"
         ),
         plateau=plateau,
-        mean_stress=_mean(stress, time, plateau, "mean nominal stress", alike),
-        mean_rate=_mean(rate, time, plateau, "mean nominal strain rate", alike),
+        mean_stress=_mean(stress, plateau, plateau.stress_fault, "mean nominal stress", alike),
+        mean_rate=_mean(rate, plateau, plateau.rate_fault, "mean nominal strain rate", alike),
         absorbed=_absorbed(time, stress, rate, last, alike),
         modulus=modulus,
         modulus_reason=reason,
@@ -162,16 +175,17 @@ def spread_of(strain: Mapping[str, History]) -> float:
     return float(np.ptp(largest) / abs(largest.mean()))
 
 
-def _plateau(balanced: tuple[float, float] | None, end: float) -> tuple[float, float] | None:
+def _balanced_loading(balanced: tuple[float, float] | None, end: float) -> tuple[float, float] | None:
+    """Span of equilibrium up to the largest strain."""
     if balanced is None or balanced[0] >= end:
         return None
     return balanced[0], min(balanced[1], end)
 
 
-def _mean(
-    history: History, time: FloatArray, plateau: tuple[float, float] | None, name: str, alike: float
-) -> Quantity | None:
-    return None if plateau is None else mean_over(history, time, plateau, name, alike=alike)
+def _mean(history: History, plateau: Plateau, fault: str | None, name: str, alike: float) -> Quantity | None:
+    if plateau.span is None or fault is not None:
+        return None
+    return Quantity(name, *weighted_mean(history, plateau.span, alike=alike), history.unit, "A")
 
 
 def _absorbed(time: FloatArray, stress: History, rate: History, last: int, alike: float) -> Quantity:
@@ -189,15 +203,17 @@ def _modulus(
     strain: History,
     stress: History,
     last: int,
-    plateau: tuple[float, float] | None,
+    loading: tuple[float, float] | None,
     alike: float,
 ) -> tuple[Quantity | None, str]:
     """Slope of the least-squares line through the rising stress in equilibrium."""
-    if plateau is None:
+    if loading is None:
         return None, "no modulus: the specimen is not in equilibrium while it is loaded"
     size = np.abs(stress.value)
     top = float(size[: last + 1].max())
-    begin = int(np.searchsorted(reduction.time, plateau[0]))
+    begin = int(np.searchsorted(reduction.time, loading[0]))
+    if begin >= int(size[: last + 1].argmax()):
+        return None, "no modulus: equilibrium begins after the largest stress, when the specimen is unloaded"
     reached = float(size[begin]) / top
     if reached > RISING_SHARE:
         return None, (

@@ -12,9 +12,11 @@ from kolsky.bars.guides.waveguide import ElasticWaveguide, Waveguide
 from kolsky.bars.records import Correction, FaceWaves, Quantity, Reduction, Windows, histories
 from kolsky.bars.reduction import quoted_values
 from kolsky.bars.reduction.alignment import Alignment, delays
-from kolsky.bars.reduction.faces import face_waves
+from kolsky.bars.reduction.faces import face_waves, largest_band
+from kolsky.bars.reduction.free_end import FreeEnds
 from kolsky.bars.reduction.inputs import FAR, SIDES, WavesInput
 from kolsky.bars.reduction.overlap import separated
+from kolsky.bars.reduction.plateau import ENDS, Span, averaging_width, find_span
 from kolsky.bars.reduction.punching import correct_punching
 from kolsky.bars.reduction.specimen_inertia import correct_inertia
 from kolsky.bars.reduction.stress_strain import reduce, true_curve
@@ -111,7 +113,13 @@ def varied_position(position: float, side: str, values: Mapping[str, float]) -> 
     return values.get(f"{side} gauge, distance", position)
 
 
-def station_of(given: WavesInput, key: str, values: Mapping[str, float] | None = None) -> Station:
+def station_of(
+    given: WavesInput,
+    key: str,
+    values: Mapping[str, float] | None = None,
+    *,
+    windows: Windows | None = None,
+) -> Station:
     """The strain at one station.
 
     Parameters
@@ -122,6 +130,9 @@ def station_of(given: WavesInput, key: str, values: Mapping[str, float] | None =
         A key of its stations.
     values
         Other values of its quantities, by name; None: all as declared.
+    windows
+        Where the waves lie: until the last of them drift is an input of the budget; None: until the record
+        ends.
 
     Raises
     ------
@@ -145,6 +156,9 @@ def station_of(given: WavesInput, key: str, values: Mapping[str, float] | None =
             station.calibration, given.uncertainty.get("gauge_calibration", 0.0)
         ),
         values=values,
+        drift_until=None
+        if windows is None
+        else (windows.reflected if side == "incident" else windows.transmitted)[1],
     )
 
 
@@ -194,6 +208,9 @@ class VariedTest:
     aligned: Mapping[str, Alignment] = field(default_factory=dict)
     """Alignments that act, by wave."""
 
+    ends: FreeEnds | None = None
+    """Echoes from free far ends are taken off; None: the windows end before them."""
+
     def guides(self, values: Mapping[str, float]) -> tuple[Waveguide, Waveguide]:
         """Both bars as waveguides."""
         first, second = (self._guide(side, varied_bar(self.given.bars[side], side, values)) for side in SIDES)
@@ -208,11 +225,18 @@ class VariedTest:
 
     def carried(self, values: Mapping[str, float], *, dispersive: bool) -> FaceWaves:
         """The waves at the specimen by windows, with or without what the bars do to them on the way."""
-        incident, transmission = (station_of(self.given, side, values).signal for side in SIDES)
+        incident, transmission = (
+            station_of(self.given, side, values, windows=self.windows).signal for side in SIDES
+        )
+        apart = None
+        if self.ends is not None:
+            band = min(largest_band(signal) for signal in (incident, transmission))
+            apart = self.ends.apart(incident, transmission, self.guides(values), band)
         return face_waves(
             incident,
             transmission,
             self.windows,
+            apart=apart,
             guides=self.guides(values) if dispersive or self.given.polymers else None,
             arrival=self.arrival,
             delays=delays(self.aligned, incident, transmission, values),
@@ -223,7 +247,9 @@ class VariedTest:
         found = self.carried(values, dispersive=self.given.switches["dispersion"])
         if FAR not in self.given.stations:
             return found
-        near, far = (station_of(self.given, key, values).signal for key in ("incident", FAR))
+        near, far = (
+            station_of(self.given, key, values, windows=self.windows).signal for key in ("incident", FAR)
+        )
         return separated(found, near, far, self.guides(values)[0], log)
 
     def reduced(
@@ -246,6 +272,16 @@ class VariedTest:
         reduction, inertia = correct_inertia(reduction, specimen, bars, self.inertia)
         return reduction, (punching, *inertia)
 
+    def span(self, reduction: Reduction, faces: FaceWaves, values: Mapping[str, float]) -> Span | None:
+        """Span of the means of a varied reduction, its ends moved by the values of the budget's inputs."""
+        return find_span(
+            reduction,
+            analysis=self.given.analysis,
+            allowance=self.given.allowance,
+            width=averaging_width(faces),
+            shift=(values.get(ENDS[0], 0.0), values.get(ENDS[1], 0.0)),
+        )
+
     def outputs(self, values: Mapping[str, float], summary: Summary) -> dict[str, np.ndarray]:
         """All histories and quoted numbers, for the budget."""
         faces = self.faces(values, AuditLog(self.given.switches))
@@ -253,5 +289,5 @@ class VariedTest:
         return {
             **{name: history.value for name, history in histories(reduction).items()},
             **{name: history.value for name, history in true_curve(reduction, summary.analysis).items()},
-            **quoted_values.numbers(reduction, summary),
+            **quoted_values.numbers(reduction, summary, self.span(reduction, faces, values)),
         }

@@ -110,6 +110,10 @@ def _spectrum(rho: FloatArray, size: int) -> FloatArray:
 
 FEWEST_SAMPLES = 20
 """With 20 samples the noise is known to 16 %."""
+REST = 8.0
+"""Deviation of a part of the baseline from the median part, in scaled median deviations, that is no rest."""
+FEWEST_BLOCKS = 8
+"""Fewest parts of a baseline that are compared with each other."""
 SIGNIFICANCE = 0.01
 """Probability with which a baseline without drift is said to have one."""
 
@@ -212,6 +216,49 @@ def measure_signal_zero(
         noise=noise,
         step=step,
         longest_run=int(_runs(v)[1].max()),
+    )
+
+
+def check_rest(value: FloatArray, width: int, *, name: str, times: tuple[float, float]) -> None:
+    """Refuse a baseline that holds part of a pulse.
+
+    Means over `width` samples are compared with their median: two in a row, or the last one, that are off by
+    more than `REST` times their median deviation are no rest. Noise, hum and a steady drift are: the median
+    deviation has them in it.
+
+    Parameters
+    ----------
+    value
+        Samples of the baseline, shape [n].
+    width
+        Samples that are averaged, the fastest rise of a pulse, >= 1.
+    name
+        Whose baseline it is, for messages.
+    times
+        First and last time of the baseline [s], for messages.
+
+    Raises
+    ------
+    ValueError
+        With the time at which the rest ends.
+    """
+    count = value.size // width
+    if count < FEWEST_BLOCKS:
+        return  # too short for a median of its parts; the arrivals are checked against its end
+    first = value.size - count * width
+    mean = value[first:].reshape(count, width).mean(axis=1)
+    off = np.abs(mean - np.median(mean))
+    floor = max(quantisation_step(value), 1e-9 * float(np.abs(value).max())) / np.sqrt(12.0)
+    beyond = off > REST * max(1.4826 * float(np.median(off)), floor)
+    bad = np.flatnonzero(beyond & (np.append(beyond[1:], True)))
+    if not bad.size:
+        return
+    step = (times[1] - times[0]) / max(value.size - 1, 1)
+    at = times[0] + step * (first + width * int(bad[0]))
+    raise ValueError(
+        f"{name}: the baseline {times[0]:.6g} to {times[1]:.6g} s is not at rest: from {at:.6g} s on it is "
+        f"off its median by {off[bad[0]]:.3g}, more than {REST:g} times the scatter of its parts, so that it "
+        "holds part of the pulse or a disturbance. Cure: end the baseline before, or begin it behind"
     )
 
 

@@ -7,8 +7,10 @@ import numpy as np
 
 from kolsky.bars.audit import AuditLog, Switches
 from kolsky.bars.records import BarSignal, Correction, Quantity, Signal
+from kolsky.bars.signals.arrival import moving_mean
 from kolsky.bars.signals.bridge import Bridge, Calibration
-from kolsky.bars.signals.signal_zero import SignalZero, check_clipping, measure_signal_zero
+from kolsky.bars.signals.drift import diffusion, drift_at, drift_quantities
+from kolsky.bars.signals.signal_zero import SignalZero, check_clipping, check_rest, measure_signal_zero
 from kolsky.base.apparatus import Bar
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.records import Recording
@@ -16,6 +18,11 @@ from kolsky.base.records import Recording
 T = TypeVar("T")
 
 SIDES = ("incident", "transmission")
+LARGEST_STRAIN = {"metal": 0.02, "polymer": 0.1}
+"""Strain that no elastic bar bears [-]: maraging steel yields at 1.3 %, titanium and aluminium alloys below
+1 %, glassy polymers at 3 to 8 %. The signal's unit or sensitivity is wrong there, unless the bar yielded."""
+POLYMER = 20e9
+"""Young's modulus below which a bar counts as one of a polymer [Pa]."""
 LARGEST_JITTER = 0.01
 """Share of the interval by which a sample time may be off an even division."""
 
@@ -45,6 +52,7 @@ def bar_signal(
     switches: Switches | None = None,
     uncertainty: Mapping[str, float] | None = None,
     values: Mapping[str, float] | None = None,
+    drift_until: float | None = None,
 ) -> Station:
     """Strain of a bar at a gauge station, compression positive, on the shot's clock.
 
@@ -75,12 +83,16 @@ def bar_signal(
     values
         Values to take instead of the estimates of `quantities`, by name, as
         `kolsky.bars.budget.propagation.propagate` hands them out.
+    drift_until
+        Last time that is used of the signal, up to which its drift is an input of the budget, on the shot's
+        clock [s]; the record's last time if it is left out.
 
     Raises
     ------
     ValueError
-        If a recording has the wrong unit, is not finite, not uniform, constant or clipped, the baseline is
-        too short, opposed gauges differ in their times or in sign, or an option is impossible.
+        If a recording has the wrong unit, is not finite, not uniform, constant or clipped, strains more than
+        the bar bears, the baseline is too short or not at rest, opposed gauges differ in their times or in
+        sign, or an option is impossible.
     """
     if side not in SIDES:
         raise ValueError(f"side must be 'incident' or 'transmission', got {side!r}")
@@ -118,7 +130,18 @@ def bar_signal(
         check_clipping(recording.value, rest, name=name, full_scale=full_scale)
         strains.append(_strain(recording, known, rest, sign, name=name, log=log, after=after))
     axial, bending = _axial(strains, gauge, log, after)
-    axial, zero = _zeroed(axial, time, baseline, gauge, log, after, given)
+    if not given:
+        rest_time = time[(time >= baseline[0]) & (time <= baseline[1])]
+        check_rest(
+            axial[(time >= baseline[0]) & (time <= baseline[1])],
+            max(1, round(bar.diameter / bar.wave_speed / interval)),
+            name=gauge,
+            times=(float(rest_time[0]), float(rest_time[-1])),
+        )
+    until = float(time[-1]) if drift_until is None else max(drift_until, baseline[1] + interval)
+    axial, zero = _zeroed(axial, time, baseline, gauge, log, after, given, until)
+    if not given:
+        check_elastic(axial[after], bar, interval, gauge)
     return Station(
         signal=BarSignal(
             strain=Signal(
@@ -193,6 +216,45 @@ def _axial(
     return axial, bending
 
 
+def check_elastic(strain: FloatArray, bar: Bar, interval: float, gauge: str) -> None:
+    """Refuse strains that the bar cannot have borne elastically.
+
+    Means over the time a wave needs across the bar's diameter must stay below the yield strength over the
+    modulus or, where none is declared, below `LARGEST_STRAIN`.
+
+    Parameters
+    ----------
+    strain
+        Strain of the bar after the baseline [-], shape [n].
+    bar
+        The bar.
+    interval
+        Sampling interval [s].
+    gauge
+        Whose strain it is, for the message.
+
+    Raises
+    ------
+    ValueError
+        With the largest strain, its stress and the limit.
+    """
+    kind = "polymer" if bar.youngs_modulus < POLYMER else "metal"
+    limit = LARGEST_STRAIN[kind]
+    words = f"{100.0 * limit:g} %, more than any bar of {kind} bears elastically"
+    if bar.yield_strength is not None:
+        limit = bar.yield_strength / bar.youngs_modulus
+        words = f"{limit:.3g}, of its yield strength of {1e-6 * bar.yield_strength:.4g} MPa"
+    width = max(1, min(strain.size, round(bar.diameter / bar.wave_speed / interval)))
+    largest = float(np.abs(moving_mean(strain, width)).max())
+    if largest > limit:
+        raise ValueError(
+            f"{gauge}: the largest strain of the bar is {largest:.3g}, a stress of "
+            f"{1e-6 * largest * bar.youngs_modulus:.4g} MPa; it must be below {words}. Cure: check the unit "
+            "of the recording (mV for V, microstrain for strain), strain per volt or the bridge, and the "
+            "modulus"
+        )
+
+
 def _zeroed(
     axial: FloatArray,
     time: FloatArray,
@@ -201,8 +263,13 @@ def _zeroed(
     log: AuditLog,
     after: BoolArray,
     values: Mapping[str, float],
+    until: float,
 ) -> tuple[FloatArray, tuple[SignalZero, list[Quantity]]]:
-    """Drift taken out or reported; zero and drift as quantities of the budget, at their values."""
+    """Drift taken out or reported; zero and drift as quantities of the budget, at their values.
+
+    The zero is the baseline's mean. Its error at the baseline's end is that of the mean and, of a random walk
+    of the strength D over the baseline T, D T / 3; from there the walk goes on in its modes.
+    """
     rest = measure_signal_zero(time, axial, baseline, name=gauge)
     verdict = "significant" if rest.drifts else "not significant"
     fixed = log.choose(
@@ -213,21 +280,28 @@ def _zeroed(
         unit="1",
         reason=(
             f"slope {rest.slope:.3g} +- {rest.slope_sigma:.2g} 1/s over {rest.count} samples, {verdict}"
-            f" at 1 %; noise correlated over {rest.noise.memory:.3g} samples, step {rest.step:.3g}"
+            f" at 1 %; left in, it is carried as a random walk; noise correlated over {rest.noise.memory:.3g}"
+            f" samples, step {rest.step:.3g}"
         ),
         over=after,
     )
-    zero = Quantity(f"{gauge}, zero", 0.0, rest.mean_sigma, "1", "A", rest.freedom)
-    quantities = [zero]
+    resting = (time >= baseline[0]) & (time <= baseline[1])
+    interval = (rest.last - rest.first) / (rest.count - 1)
+    memory = max(rest.noise.memory, 1.0)
+    strength = diffusion(fixed[resting], interval, sigma=rest.noise.sigma, memory=memory)
+    walked = strength * (rest.last - rest.first) / 3.0
+    sigma = float(np.sqrt(rest.mean_sigma**2 + walked))
+    zero = Quantity(f"{gauge}, zero", 0.0, sigma, "1", "A", rest.freedom)
+    modes = drift_quantities(gauge, strength, until - rest.last)
+    quantities = [zero, *modes]
     fixed = fixed + values.get(zero.name, 0.0)
-    if rest.drifts or log.switches["baseline drift"]:
-        # GUM F.2.4.5: what is known and left in is an uncertainty as large as itself.
-        left = 0.0 if log.switches["baseline drift"] else rest.slope
-        sigma = float(np.hypot(left, rest.slope_sigma))
-        drift = Quantity(f"{gauge}, drift", 0.0, sigma, "1/s", "A", rest.freedom)
-        quantities.append(drift)
-        middle = 0.5 * (rest.first + rest.last)
-        fixed = fixed + values.get(drift.name, 0.0) * (time - middle)
+    amplitudes = np.array([values.get(mode.name, 0.0) for mode in modes])
+    if amplitudes.any():
+        fixed = fixed + drift_at(time, rest.last, until - rest.last, amplitudes)
+    if log.switches["baseline drift"]:
+        slope = Quantity(f"{gauge}, drift's slope", 0.0, rest.slope_sigma, "1/s", "A", rest.freedom)
+        quantities.append(slope)
+        fixed = fixed + values.get(slope.name, 0.0) * (time - 0.5 * (rest.first + rest.last))
     return fixed, (rest, quantities)
 
 

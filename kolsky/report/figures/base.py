@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colorbar import Colorbar
 from matplotlib.font_manager import findfont, get_font
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
 from kolsky.inverse.result import Identification
@@ -95,6 +96,15 @@ def few_ticks(ax: Axes, most: int) -> None:
     span = abs(high - low)
     long = span > 0.0 and max(abs(low), abs(high)) / span > LONG_LABELS
     ax.locator_params(axis="x", nbins=min(most, 3) if long else most)
+
+
+def plain_log_ticks(ax: Axes) -> None:
+    """Label a logarithmic x axis with plain numbers; within a factor of five they lie at equal distances."""
+    low, high = ax.get_xlim()
+    far = high > 5.0 * low
+    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)) if far else MaxNLocator(3))
+    ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    ax.xaxis.set_minor_formatter(NullFormatter())
 
 
 def label_text(text: str, most: int) -> str:

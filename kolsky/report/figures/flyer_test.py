@@ -29,7 +29,8 @@ def caption(result: FlyerResult) -> str:
     return (
         "Flyer test; compression is positive, bands are k = 2. (a) Forces at the transducers, with the "
         "events found. (b) Forces on the specimen's faces after mass compensation, and the shares of the "
-        f"mean stress that inertia and the faces' difference have; {valid}. (c) Nominal strain and strain "
+        "mean stress that inertia and the faces' difference have; beyond the axes lie forces while the flyer "
+        f"is accelerated, and shares above 1000 % are left out; {valid}. (c) Nominal strain and strain "
         "rate from the flyer's motion. (d) Nominal stress against nominal strain by either force."
     )
 
@@ -76,7 +77,7 @@ def _forces(ax: Axes, low: Axes, result: FlyerResult) -> None:
     top = 1.6 * float(np.abs(r.back_force.value).max())
     ax.set_ylim(-top, 1.3 * top)
     ax.set_ylabel("Force (N)")
-    ax.legend(loc="upper left")
+    ax.legend(loc="upper center", ncols=2)
     ax.sharex(low)
     ax.tick_params(labelbottom=False)
     at = MS * result.inertia["time"]
@@ -86,7 +87,7 @@ def _forces(ax: Axes, low: Axes, result: FlyerResult) -> None:
     low.set_yscale("log")
     low.set_ylim(0.1, 1000.0)
     low.set(xlabel="Time (ms)", ylabel="Share (%)")
-    low.legend(loc="lower left", ncols=2)
+    low.legend(loc="lower center", ncols=2)
     if result.valid is not None:
         for axis in (ax, low):
             axis.axvspan(MS * result.valid[0], MS * result.valid[1], color=GREY, alpha=0.25, lw=0.0)

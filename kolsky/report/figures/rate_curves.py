@@ -21,6 +21,7 @@ from kolsky.report.figures.base import (
     label_panel,
     label_text,
     note_empty,
+    plain_log_ticks,
 )
 from kolsky.studies.rates.records import GroupRates
 
@@ -83,6 +84,8 @@ def draw_stiffness(group: GroupRates, panels: Panels) -> None:
         ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         ax.yaxis.set_minor_formatter(NullFormatter())
         ax.margins(x=0.2, y=0.1)
+        if not slow:
+            plain_log_ticks(ax)
 
 
 def _slow(group: GroupRates) -> float | None:

@@ -2,7 +2,6 @@
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from kolsky.report.figures.base import (
     BAND,
@@ -16,7 +15,10 @@ from kolsky.report.figures.base import (
     Panels,
     label_panel,
     label_text,
+    note_empty,
+    plain_log_ticks,
 )
+from kolsky.report.nomenclature import route_label
 from kolsky.studies.rates.records import GroupRates
 from kolsky.studies.rates.regression import SlopeVerdict
 
@@ -64,9 +66,9 @@ def draw_slope(group: GroupRates, panels: Panels) -> None:
     slowest = min([low, *rates])
     wide.set_xlim(slowest / 3.0, high * 3.0)
     near.set_xlim(low / 1.3, high * 1.3)
-    near.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    near.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    near.xaxis.set_minor_formatter(NullFormatter())
+    if not rates:  # from quasi-static to impact there are decades, and powers of ten read better
+        plain_log_ticks(wide)
+    plain_log_ticks(near)
     near.margins(y=0.25)
     _lever(wide, group)
     if group.pooled is not None:
@@ -168,7 +170,7 @@ def draw_forest(group: GroupRates, panels: Panels) -> None:
                     ms=3,
                     color=ROUTES[name],
                     mfc=ROUTES[name] if shot.counted else "white",
-                    label=name if row == rows[0] else "",
+                    label=route_label(name) if row == rows[0] else "",
                 )
     names = [label_text(shot.name, 24) for shot in group.shots]
     left.set_yticks([*rows, 0], [*names, "mean"])
@@ -184,6 +186,8 @@ def draw_forest(group: GroupRates, panels: Panels) -> None:
             ax.axvspan(low, high, color=BAND, alpha=0.25, lw=0.0)
         left.fill([low, p.mean, high, p.mean], [0, 0.25, 0, -0.25], color=MEASURED, lw=0.0)
         right.fill([low, p.mean, high, p.mean], [0, 0.25, 0, -0.25], color=MEASURED, lw=0.0)
+        if all(fit is None for fit in p.leave_one_out):
+            note_empty(right, "needs three shots")
         place = {shot.name: row for shot, row in zip(group.shots, rows, strict=True)}
         for shot, fit in zip(group.counted, p.leave_one_out, strict=True):
             if fit is None:

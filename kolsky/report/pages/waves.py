@@ -7,6 +7,7 @@ from kolsky.bars.result import FlyerResult, ReducedTest
 from kolsky.report import numbers
 from kolsky.report.figures import figures_of
 from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.report.typography import typeset
 
 SHOWN = {"Pa": (1e-6, "MPa"), "s": (1e6, "µs"), "m": (1e3, "mm"), "1/V": (1e6, "µm/m/V")}
 """Factor and unit of the page by SI unit; other units are shown unchanged."""
@@ -33,7 +34,7 @@ def render(result: ReducedTest) -> str:
         result=result,
         figures=draw_figures(figures_of(result).values(), result),
         answers=answers(result),
-        facts=[(name, quantity(value, unit)) for name, (value, unit) in result.facts.items()],
+        facts=[(name, typeset(quantity(value, unit))) for name, (value, unit) in result.facts.items()],
         corrections=[
             {
                 "name": c.name,

@@ -48,6 +48,7 @@ class WaveBarSection(Section):
     youngs_modulus: f.Modulus | None = None
     wave_speed: f.Velocity | None = None
     prony: PronySection | None = None
+    yield_strength: f.Modulus | None = None
 
     @model_validator(mode="after")
     def _one_stiffness(self) -> "WaveBarSection":
@@ -87,7 +88,9 @@ class WavesSection(Section):
     incident: f.Interval | None = None
     reflected: f.Interval | None = None
     transmitted: f.Interval | None = None
+    analysis: Literal["one wave", "two waves", "three waves"] = "three waves"
     balance: f.Share = 0.05
+    plateau: f.Share = 0.3
     share: f.Share = 0.05
     corrections: dict[str, bool] = Field(default_factory=dict)
 

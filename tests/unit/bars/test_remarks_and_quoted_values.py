@@ -1,5 +1,6 @@
 """Remarks on both sides of their thresholds; quoted values and their noise by hand."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,6 +8,8 @@ import pytest
 
 from kolsky.bars.records import FaceWaves, History, Quantity, Reduction
 from kolsky.bars.reduction import quoted_values
+from kolsky.bars.reduction.plateau import Span
+from kolsky.bars.reduction.signal_remarks import way_sigmas
 from kolsky.bars.reduction.summary import EnergyBalance, Summary, mean_over, spread_of, summarise
 from kolsky.bars.reduction.windows import PulseCheck
 from kolsky.bars.result import BudgetTable, Contribution
@@ -24,18 +27,50 @@ DECLARED = {"bar_modulus": 0.01}
 
 def check(delay, sigma=1e-6):
     """A pulse predicted at 1 ms and observed later."""
-    return PulseCheck(1e-3, Arrival(1e-3 + delay, sigma, 1e-3, 1e-5, 2e-3, -1.0), "observed")
+    arrival = Arrival(1e-3 + delay, sigma, 1e-3, 1e-5, 2e-3, -1.0)
+    return PulseCheck(1e-3, arrival, "observed", delay, sigma)
 
 
-def remarks(*, balanced=(0.0, 1e-4), reflected=None, curvature=0.0, uncertainty=None):
+GIVEN = {
+    "allowance": 0.05,
+    "stations": {"incident": SimpleNamespace(position=1.0), "transmission": SimpleNamespace(position=0.5)},
+    "bars": {"incident": BAR, "transmission": BAR},
+}
+
+
+def made_budget(*, curvature=0.0, sigma=0.1, zero=0.0):
+    """Of two values, 1 each: the first bends, and `zero` of its variance is the incident gauge's drift."""
     names = ("largest strain", "peak stress")
+    quantities = [Quantity(name, 1.0, 1.0, "1", "A") for name in ("incident gauge, drift 1", "specimen, x")]
+    parts = sigma * np.sqrt([zero, 1.0 - zero])
+    return SimpleNamespace(
+        quantities=quantities,
+        value=dict.fromkeys(names, np.float64(1.0)),
+        contribution={names[0]: parts, names[1]: np.array([0.0, sigma])},
+        sigma=lambda name: np.float64(sigma),
+        nonlinearity={names[0]: curvature, names[1]: 0.0}.get,
+    )
+
+
+def remarks(
+    *,
+    balanced=(0.0, 1e-4),
+    reflected=None,
+    transmitted=None,
+    uncertainty=None,
+    toe=0.0,
+    faults=(None, None),
+    **budget,
+):
+    strain = {"three waves": SimpleNamespace(value=toe * np.arange(5) / 4)}
     return quoted_values.remarks(
-        SimpleNamespace(balanced=balanced, time=0.1 * STEP * np.arange(5)),
-        SimpleNamespace(value=dict.fromkeys(names), nonlinearity={names[0]: curvature, names[1]: 0.0}.get),
-        (reflected or check(0.0), check(1e-3)),
+        SimpleNamespace(balanced=balanced, time=0.1 * STEP * np.arange(5), strain=strain),
+        made_budget(**budget),
+        (reflected or check(0.0), transmitted or check(0.0)),
         SimpleNamespace(
-            allowance=0.05, uncertainty={"bar_modulus": 0.01} if uncertainty is None else uncertainty
+            **GIVEN, uncertainty={"specimen_length": 0.01} if uncertainty is None else uncertainty
         ),
+        SimpleNamespace(stress_fault=faults[0], rate_fault=faults[1]),
     )
 
 
@@ -60,6 +95,51 @@ def test_a_delayed_reflected_pulse_is_remarked_beyond_three_sigma_and_two_sample
     said = remarks(reflected=check(delay))
     assert len(said) == remarked
     assert all(f"{1e6 * delay:+.2f} us" in line for line in said)
+
+
+def test_a_distance_and_a_wave_speed_have_their_say_in_an_arrival():
+    """5000 m/s: 2 x 1 m at 1 % are 4 us, 2 x 5 mm 2 us; half of E's 2 % is the speed's 1 %."""
+    given = SimpleNamespace(**GIVEN, uncertainty={"bar_wave_speed": 0.01, "gauge_distance": 5e-3})
+    reflected, transmitted = way_sigmas(given)
+    assert reflected == pytest.approx(np.hypot(4e-6, 2e-6))
+    assert transmitted == pytest.approx(np.sqrt(2e-6**2 + 1e-6**2 + 2 * 1e-6**2))
+    given = SimpleNamespace(**GIVEN, uncertainty={"bar_modulus": 0.016, "bar_density": 0.012})
+    assert way_sigmas(given)[0] == pytest.approx(4e-6)
+    wide = {"bar_wave_speed": 0.01}  # 4 us; 3 hypot(4, 1) + 0.2 = 12.57 us
+    assert remarks(reflected=check(12.5e-6), uncertainty=wide) == []
+    assert len(remarks(reflected=check(12.6e-6), uncertainty=wide)) == 1
+
+
+@pytest.mark.parametrize(("delay", "remarked"), [(-3.19e-6, 0), (-3.21e-6, 1), (50e-6, 0)])
+def test_a_transmitted_pulse_must_not_come_before_its_time(delay, remarked):
+    said = remarks(transmitted=check(delay))
+    assert len(said) == remarked
+    assert all(line.startswith("the transmitted pulse arrives -3.21 us") for line in said)
+
+
+@pytest.mark.parametrize(("toe", "remarked"), [(0.0199, 0), (0.0201, 1)])
+def test_a_late_transmitted_pulse_is_judged_by_the_strain_before_it(toe, remarked):
+    """0.2 us late, half of the record: half of its strain."""
+    said = remarks(transmitted=check(0.2e-6), toe=toe)
+    assert len(said) == remarked
+    assert all("0.2 us late, when the specimen is shortened by 1 %" in line for line in said)
+
+
+@pytest.mark.parametrize(("share", "remarked"), [(0.49, 0), (0.51, 1)])
+def test_a_drift_that_decides_is_remarked(share, remarked):
+    said = remarks(zero=share)
+    assert len(said) == remarked
+    assert all("decide the uncertainty of the largest strain (51 % of" in line for line in said)
+    assert remarks(zero=0.9, sigma=9e-4) == []  # of less than a thousandth nobody needs to know
+
+
+def test_a_mean_that_is_not_quoted_is_said_with_its_reason():
+    assert remarks(faults=("no plateau: short", "no plateau: short"))[0].startswith(
+        "no mean stress and no mean rate are quoted: no plateau: short; cure"
+    )
+    said = remarks(faults=(None, "no plateau: the rate falls"))
+    assert len(said) == 1
+    assert said[0].startswith("no mean rate is quoted: no plateau: the rate falls; cure")
 
 
 @pytest.mark.parametrize(("curvature", "remarked"), [(0.2, 0), (0.201, 1)])
@@ -104,34 +184,28 @@ def reduction(strain, rate, stress, *, balanced, sigma=(0.0, 0.0, 0.0)):
 
 
 def faces(n, *, sigma=1.0, white=None):
-    zero = np.zeros(n)
+    zero, pulse = np.zeros(n), np.ones(n)
     names = ("incident", "reflected", "transmitted")
     return FaceWaves(
-        STEP * np.arange(n), zero, zero, zero, dict.fromkeys(names, sigma), BAR, BAR,
+        STEP * np.arange(n), pulse, zero, zero, dict.fromkeys(names, sigma), BAR, BAR,
         white=None if white is None else dict.fromkeys(names, white),
     )  # fmt: skip
 
 
-def test_means_are_taken_over_equilibrium_up_to_the_largest_strain():
-    """Strain 0, 1, ... 6, 5, 4 %: largest at 6 us; equilibrium from 2 us to the end."""
+def test_energy_and_strain_are_taken_up_to_the_largest_strain():
+    """Strain 0, 1, ... 6, 5, 4 %: largest at 6 us."""
     strain = 0.01 * np.array([0, 1, 2, 3, 4, 5, 6, 5, 4.0])
     stress, rate = 10.0 * np.arange(9.0), 100.0 + np.arange(9.0)
     r = reduction(strain, rate, stress, balanced=(2e-6, 8e-6), sigma=(1e-3, 2.0, 3.0))
     found = summarise(r, faces(9, sigma=1.0, white=2.0), SPECIMEN)  # white / sigma = 2: four samples one
-    assert found.plateau == (2e-6, pytest.approx(6e-6))
-    assert found.mean_stress.value == pytest.approx(40.0)  # of 20, 30, ... 60
-    assert found.mean_stress.sigma == pytest.approx(np.sqrt(4.0 * 5 * 3.0**2) / 5)
-    assert found.mean_rate.value == pytest.approx(104.0)
-    assert found.mean_rate.sigma == pytest.approx(np.sqrt(4.0 * 5 * 2.0**2) / 5)
     assert (found.maximum_strain.value, found.maximum_strain.sigma) == (pytest.approx(0.06), 1e-3)
     s, dot = stress[:7], rate[:7]
     assert found.absorbed.value == pytest.approx(STEP * np.sum(0.5 * ((s * dot)[1:] + (s * dot)[:-1])))
     assert found.absorbed.sigma == pytest.approx(
         STEP * np.sqrt(4.0 * np.sum((dot * 3.0) ** 2 + (s * 2.0) ** 2))
     )
-    late = summarise(reduction(strain, rate, stress, balanced=(6e-6, 8e-6)), faces(9), SPECIMEN)
-    assert late.plateau is None
-    assert late.mean_stress is None
+    assert found.mean_stress is None  # it rises all the way
+    assert found.plateau.stress_fault is not None
 
 
 def test_a_loading_modulus_is_a_line_up_to_half_the_stress():
@@ -153,6 +227,16 @@ def test_a_loading_modulus_is_a_line_up_to_half_the_stress():
     assert ten.modulus_reason.startswith("10 samples")
 
 
+def test_no_modulus_where_equilibrium_begins_when_the_stress_has_fallen():
+    """Stress up to 4 and down to 0.4 of it while the strain still grows; balanced from there on."""
+    strain = 1e-3 * np.arange(41.0)
+    stress = 1e8 * np.interp(np.arange(41), [0, 20, 40], [0.0, 1.0, 0.2])
+    r = reduction(strain, np.ones(41), stress, balanced=(36e-6, 40e-6))
+    found = summarise(r, faces(41), SPECIMEN)
+    assert found.modulus is None
+    assert "begins after the largest stress" in found.modulus_reason
+
+
 def test_a_mean_needs_a_sample():
     with pytest.raises(ValueError, match="no sample between 3 s and 4 s"):
         mean_over(history([1.0, 2.0], 0.1), np.array([0.0, 1.0]), (3.0, 4.0), "x")
@@ -164,19 +248,28 @@ def test_spread_of_the_largest_strains():
     assert spread_of({k: History(-h.value, h.sigma, "1") for k, h in strains.items()}) == pytest.approx(0.2)
 
 
-def test_quoted_values_of_largest_magnitude_and_over_equilibrium():
+def test_quoted_values_of_largest_magnitude_and_over_a_span():
     strain, stress = [0.0, 0.1, 0.3, 0.2], [0.0, -5.0, 4.0, 3.0]
     r = reduction(strain, [1.0, 2.0, 3.0, 4.0], stress, balanced=(1e-6, 3e-6),
                   sigma=([1, 2, 3, 4.0], 0.5, [5, 6, 7, 8.0]))  # fmt: skip
-    summary = summarise(r, faces(4), SPECIMEN)
-    found = quoted_values.numbers(r, summary)
+    mean = Quantity("mean", 0.0, 7.0, "Pa", "A")
+    summary = replace(summarise(r, faces(4), SPECIMEN), mean_stress=mean, mean_rate=None)
+    span = Span(1e-6, 3e-6, np.array([0.0, 1.0, 1.0, 0.5]))
+    found = quoted_values.numbers(r, summary, span)
     assert {k: float(v) for k, v in found.items()} == pytest.approx(
-        {"largest strain": 0.3, "peak stress": -5.0, "mean stress": -0.5, "mean rate": 2.5}
+        {"largest strain": 0.3, "peak stress": -5.0, "mean stress": 0.5 / 2.5}
     )
     assert quoted_values.noise(r, summary) == pytest.approx(
-        {"largest strain": 3.0, "peak stress": 6.0,
-         "mean stress": np.hypot(6.0, 7.0) / 2, "mean rate": 0.5 * np.sqrt(2) / 2}
-    )  # fmt: skip
+        {"largest strain": 3.0, "peak stress": 6.0, "mean stress": 7.0}
+    )
+    with pytest.raises(ValueError, match="mean stress: nothing is left of the plateau"):
+        quoted_values.numbers(r, summary, None)
+    assert quoted_values.span_quantities(summary) == []
+    standing = replace(summary, plateau=replace(summary.plateau, span=Span(1e-6, 41e-6, span.weight)))
+    assert [(q.name, q.sigma) for q in quoted_values.span_quantities(standing)] == [
+        ("plateau, beginning", pytest.approx(2e-6)),  # 5 % of 40 us
+        ("plateau, end", pytest.approx(2e-6)),
+    ]
 
 
 def test_the_table_of_a_test_in_tension_has_its_sign_and_the_largest_share_first(monkeypatch):
@@ -194,7 +287,9 @@ def test_the_table_of_a_test_in_tension_has_its_sign_and_the_largest_share_first
 def test_facts_of_a_record():
     r = reduction([0.0, 0.1, 0.2], [0.0, 1.0, 1.0], [0.0, 1.0, 2.0], balanced=(1e-6, 2e-6))
     summary = summarise(r, faces(3), SPECIMEN)
-    assert summary.energy == EnergyBalance(0.0, 0.0, 0.0, 0.0, summary.energy.deformation)
+    assert summary.energy == EnergyBalance(
+        summary.energy.incident, 0.0, 0.0, summary.energy.incident, summary.energy.deformation
+    )
     assert summary.energy.deformation == pytest.approx(
         SPECIMEN.area * 4e-3 * 2e-6
     )  # 0, 1, 2 W/m^3: 0.5 + 1.5

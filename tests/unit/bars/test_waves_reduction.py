@@ -220,9 +220,8 @@ def test_modulus_of_an_elastic_specimen_with_slow_loading():
     # Specimen inertia: the mean force and the shortening of a ringing bar differ by the waves' rest, 1 %.
     assert summary.modulus.value == pytest.approx(scene.modulus, rel=0.01)
     assert summary.modulus.sigma < 0.01 * scene.modulus
-    first, last = summary.plateau
-    held = (r.time >= first) & (r.time <= last)
-    assert summary.mean_rate.value == pytest.approx(r.rate["three waves"].value[held].mean())
+    # A triangle of strain in an elastic specimen: neither stress nor rate stands.
+    assert summary.mean_rate is None
     assert summary.maximum_strain.value == pytest.approx(scene.strain(r.time).max(), rel=1e-3)
     assert spread_of(r.strain) < 0.05
 

@@ -109,3 +109,34 @@ def test_the_database_file_says_what_it_holds(reduced):
     first, last = said["balanced"]
     inside = columns["time_s"][columns["force_equilibrium"] == 1.0]
     assert (inside[0], inside[-1]) == (pytest.approx(first, abs=1e-9), pytest.approx(last, abs=1e-9))
+
+
+@pytest.mark.parametrize(("way", "factor"), [("one wave", 1.0), ("two waves", 1.1)])
+def test_the_quoted_analysis_is_the_chosen_one(tmp_path, way, factor):
+    """An incident gauge 10 % too sensitive in the declaration moves the front force only."""
+    folder = bar_shot(tmp_path / "shot", waves=f'analysis = "{way}"', more=MORE)
+    path = folder / "shot.toml"
+    text = path.read_text()
+    assert text.count("0.001 1/V") == 2
+    path.write_text(text.replace("0.001 1/V", "0.0011 1/V", 1))
+    said = reduce(folder)
+    assert said["analysis"] == way
+    assert said["results"]["peak stress"]["value"] == pytest.approx(factor * STRESS, rel=0.03)
+    own = said["sensitivity"]["transmission gauge, strain per volt"].get("peak stress", 0.0)
+    assert own == pytest.approx((STRESS / 1e-3) * (way == "one wave"), rel=0.03, abs=1e7)
+    head = dict(
+        line[2:].split(": ", 1) for line in lines(folder / "results" / "waves_database.csv") if ": " in line
+    )
+    assert head["analysis"] == way
+    columns, rows = (table(folder / "results" / name) for name in ("waves_database.csv", "waves.csv"))
+    stress = rows[f"stress, {way} (Pa)"]
+    np.testing.assert_allclose(columns["engineering_stress_MPa"], 1e-6 * stress, rtol=1e-7)
+    stretch = 1.0 - rows[f"strain, {way} (1)"]
+    np.testing.assert_allclose(rows["true stress (Pa)"], stress * stretch, rtol=1e-6, atol=1.0)
+
+
+def test_an_analysis_that_is_none_is_refused(tmp_path):
+    folder = bar_shot(tmp_path / "shot", waves='analysis = "four waves"')
+    done = CliRunner().invoke(app, ["waves", str(folder)])
+    assert done.exit_code == 2
+    assert "waves.analysis" in done.stderr

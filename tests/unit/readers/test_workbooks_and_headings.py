@@ -107,3 +107,17 @@ def test_a_time_column_by_its_last_word(tmp_path, time):
     path.write_text("\n".join([f"{time},CH1 (V)", *(f"{1e-6 * k:.9f},{0.1 * k}" for k in range(20))]))
     (found,) = list_channels(path)
     assert (found.name, found.interval) == ("CH1 (V)", pytest.approx(1e-6, rel=1e-12))
+
+
+@pytest.mark.parametrize(("step", "known"), [(1e-7, True), (1.002e-7, False), (0.1, False)])
+def test_the_headers_interval_tells_the_unit_of_a_time_column(tmp_path, step, known):
+    """A scope's TIME has no unit, its Sample Interval has: equal steps are in seconds, others are refused."""
+    path = tmp_path / "a.csv"
+    head = ["Model,MSO44", "Sample Interval,1.0E-07,s", "TIME,CH1 (mV)"]
+    path.write_text("\n".join([*head, *(f"{step * k:.9e},{k % 7}" for k in range(200))]))
+    (found,) = list_channels(path)
+    if known:
+        assert found.interval == pytest.approx(1e-7, rel=1e-9)
+    else:
+        assert found.interval is None
+        assert "has no unit" in found.time

@@ -35,7 +35,8 @@ def bars(bar, *, length: float = 1500.0) -> str:
     )
     return (
         f"[bars.incident]\n{one}[bars.transmission]\n{one}"
-        '[recorders.scope]\nfile = "scope.csv"\nclock_offset = "0 us"\ntime = "t"\ntime_unit = "s"\n'
+        '[recorders.scope]\nfile = "scope.csv"\nclock_offset = "0 us"\n'
+        'time = "t"\ntime_unit = "s"\nunit = "V"\n'
     )
 
 

@@ -166,7 +166,9 @@ def test_every_pose_is_in_both_views(kind):
     g = target_of(q).geometry()
     corners = np.array([[0.0, 0.0], *g.points[[-1], :2]])
     box = np.array([corners.min(0), [corners[1, 0], 0.0], corners.max(0), [0.0, corners[1, 1]]])
-    for R, t in poses_of(q, rig, box, shot=0):
+    poses = poses_of(q, rig, box, shot=0)
+    assert len(poses) == 12
+    for R, t in poses:
         for camera in rig.stereo.cameras:
             at = camera.project(g.points @ R.T + t)
             assert 0 < at.min() <= at.max() < 159

@@ -1,0 +1,189 @@
+"""Large pictures, many points: `python -m benchmarks.dic_large --side 2000 --points 30000 --frames 200`.
+
+A speckled plane before two cameras is shortened evenly. Its points are matched between the cameras, followed
+through both series and reconstructed, and gated by the residual map, as `kolsky dic` does it. Printed are the
+wall time, less the time in which the pictures were made (they stand for files), the points of all frames and
+cameras a second, the launches of kernels, and the largest memory of the process. `--curves` instead times the
+search along epipolar curves alone, on one core or a GPU.
+"""
+
+import argparse
+import json
+import resource
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter, process_time
+from typing import Any
+
+import cv2
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from dic.arrays import FloatArray
+from dic.bodies.follow import follow_body
+from dic.bodies.region import Region
+from dic.camera import Camera, StereoRig
+from dic.chain.outliers import gate_residual
+from dic.correlation import Correlation, Noise, Shape
+from dic.correlation.warp import identity
+from dic.outcome import FrameOutcome, PointOutcome
+from dic.stereo.epipolar_search import search
+from dic.stereo.kernels import launch as curve_launch
+from dic.stereo.template import subsets
+from dic.tracking import Tracking
+
+PIXEL, DISTANCE, ANGLE = 50e-6, 0.4, np.radians(15.0)
+NOISE, SUBSET, SHORTENING = 2.0, 21, 0.2
+
+
+def cameras(side: int) -> StereoRig:
+    """Two cameras that look at the middle of the plane z = 0."""
+    found = []
+    for a in (-0.5 * ANGLE, 0.5 * ANGLE):
+        centre = DISTANCE * np.array([np.sin(a), 0.0, np.cos(a)])
+        z = -centre / DISTANCE
+        x = np.array([np.cos(a), 0.0, -np.sin(a)])
+        R = np.stack([x, np.cross(z, x), z])
+        middle = 0.5 * (side - 1)
+        focal = DISTANCE / PIXEL
+        found.append(Camera(focal, focal, middle, middle, rotation=R, translation=-R @ centre))
+    return StereoRig((found[0], found[1]))
+
+
+@dataclass
+class PlaneSeries:
+    """Pictures that one camera takes of the plane, made when they are asked for."""
+
+    camera: Camera
+    side: int
+    n_frames: int
+    path: Path = Path()
+    bits: int = 8
+    crop_offset: tuple[float, float] = (0.0, 0.0)
+    times: None = None
+    seconds: float = 0.0
+    """Time in which pictures were made [s]."""
+    texture: NDArray[np.float32] = field(init=False)
+
+    def __post_init__(self) -> None:
+        rng = np.random.default_rng(0)
+        self.texture = cv2.GaussianBlur(rng.standard_normal((4096, 4096)).astype(np.float32), (0, 0), 2.2)
+        self.texture = 120.0 + 45.0 * self.texture / float(self.texture.std())
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.side, self.side
+
+    def frame(self, index: int) -> NDArray[np.uint8]:
+        """The picture of one frame."""
+        started = perf_counter()
+        stretch = 1.0 - SHORTENING * index / max(self.n_frames - 1, 1)
+        R, t = self.camera.rotation, self.camera.translation
+        # from the plane's (x, y, 1) to the picture, and from the texture to the plane: 1 texel is a pixel
+        plane = self.camera.matrix @ np.column_stack([R[:, 0], R[:, 1], t])
+        size = PIXEL * np.diag([1.0, stretch, 1.0 / PIXEL])
+        size[:2, 2] = -2048.0 * PIXEL * np.array([1.0, stretch])
+        grey = cv2.warpPerspective(
+            self.texture, plane @ size, (self.side, self.side), flags=cv2.INTER_CUBIC,
+            borderMode=cv2.BORDER_WRAP,
+        )  # fmt: skip
+        noise = np.random.default_rng([index, 7]).standard_normal(self.shape, dtype=np.float32)
+        found = np.clip(np.rint(grey + NOISE * noise), 0, 255).astype(np.uint8)
+        self.seconds += perf_counter() - started
+        return found
+
+
+def whole(side: int, points: int, frames: int, device: str) -> dict[str, Any]:
+    """Match, follow, reconstruct and gate; times, launches and memory."""
+    rig = cameras(side)
+    series = PlaneSeries(rig.cameras[0], side, frames), PlaneSeries(rig.cameras[1], side, frames)
+    rim = 0.08 * side
+    step = max(1, int((side - 2.0 * rim) / np.sqrt(points)))
+    corners = ((rim, rim), (side - rim, rim), (side - rim, side - rim), (rim, side - rim))
+    fine = np.full(frames, int(FrameOutcome.VALID), dtype=np.int64)
+    launches, launch = [0], wp.launch
+
+    def counted(*given: Any, **options: Any) -> Any:
+        launches[0] += 1
+        return launch(*given, **options)
+
+    wp.launch = counted
+    started = perf_counter()
+    try:
+        body = follow_body(
+            series,
+            rig,
+            Region(corners, 0),
+            step=step,
+            margin=0.5 * SUBSET,
+            tracking=Tracking(correlation=Correlation(subset=SUBSET)),
+            stereo=Correlation(subset=SUBSET, shape=Shape.AFFINE),
+            noise=(Noise(NOISE), Noise(NOISE)),
+            health=(fine, fine),
+            device=device,
+        )
+        body = gate_residual(body)
+    finally:
+        wp.launch = launch
+    made = max(one.seconds for one in series)  # the cameras' pictures are made side by side
+    seconds = perf_counter() - started - made
+    n = len(body.points)
+    return {
+        "picture": [side, side],
+        "frames": frames,
+        "points": n,
+        "device": device,
+        "valid": float(np.mean(body.reconstruction.outcome == PointOutcome.VALID)),
+        "seconds": round(seconds, 2),
+        "seconds_of_making_pictures": round(made, 2),
+        "points_per_second": round(2 * n * frames / seconds),
+        "launches": launches[0],
+        "largest_memory_GB": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20, 2),
+    }
+
+
+def curves(side: int, points: int, device: str) -> dict[str, Any]:
+    """Points a second of the search along epipolar curves, on one core or a GPU."""
+    rig = cameras(side)
+    first, second = (PlaneSeries(camera, side, 1).frame(0).astype(np.float32) for camera in rig.cameras)
+    rng = np.random.default_rng(1)
+    places: FloatArray = np.rint(rng.uniform(0.1 * side, 0.9 * side, (points, 2)))
+    wanted = subsets(first, places, identity(points), SUBSET, None)
+    A = np.broadcast_to(np.diag([1.0, 1.0]), (points, 2, 2))
+    reach = 60.0 * PIXEL / np.sin(ANGLE)  # 60 px of the curve
+    limits = (DISTANCE - reach, DISTANCE + reach)
+    best = np.inf
+    all_cores, curve_launch.THREADS = curve_launch.THREADS, 1
+    clock = process_time if device == "cpu" else perf_counter
+    try:
+        for _ in range(4):  # the first compiles
+            started = clock()
+            found = search(rig, wanted, second, limits=limits, gradients=A, device=device)
+            best = min(best, clock() - started)
+    finally:
+        curve_launch.THREADS = all_cores
+    return {
+        "points": points,
+        "device": device,
+        "points_per_second": round(points / best),
+        "zncc": round(float(np.median(found.zncc)), 3),
+    }
+
+
+def main() -> None:
+    """Time it and print the result."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--side", type=int, default=1000, help="rows and columns of a picture [px]")
+    parser.add_argument("--points", type=int, default=20_000)
+    parser.add_argument("--frames", type=int, default=200)
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--curves", action="store_true", help="the search along epipolar curves alone")
+    o = parser.parse_args()
+    found = curves(o.side, o.points, o.device) if o.curves else whole(o.side, o.points, o.frames, o.device)
+    print(json.dumps(found))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,164 @@
+"""Limits chosen on one population of right shots, and judged once on another: numbers and table.
+
+A shot whose search ended elsewhere (an estimate more than `ASTRAY` of its standard uncertainties from the
+truth in its `truth.json`) says nothing of what a right answer leaves: no limit is chosen on it, and it is
+counted apart.
+"""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from scipy.stats import binomtest
+
+from kolsky.diagnosis.causes import EVIDENCE
+from kolsky.diagnosis.thresholds import LIMITS, SLOW_LIMITS
+from kolsky.inverse.result import Identification
+
+ASTRAY = 6.0
+"""Standard uncertainties from the truth beyond which a search has ended elsewhere."""
+TRUE = {"stiffness_factor": "m", "poisson": "nu", "damping": "beta_s"}
+"""Keys of truth.json by parameter."""
+STRONGEST = "strongest evidence of a cause"
+IN_USE = {
+    **{f"{channel}: residual over expected": limit for channel, limit in LIMITS.items()},
+    **{f"{channel}: slow residual over expected": limit for channel, limit in SLOW_LIMITS.items()},
+    STRONGEST: EVIDENCE,
+}
+"""Limits in use, by figure."""
+
+
+@dataclass(frozen=True)
+class RightShot:
+    """One right shot and what was found of it."""
+
+    name: str
+    result: Identification
+    truth: Mapping[str, float]
+    """The true values by parameter; empty where they are not known."""
+
+    @property
+    def astray(self) -> bool:
+        """True if the search ended elsewhere than at the truth."""
+        return any(
+            abs(e.value - self.truth[name]) > ASTRAY * e.sigma
+            for name, e in self.result.estimates.items()
+            if name in self.truth
+        )
+
+    @property
+    def answered(self) -> bool:
+        """True if every parameter is called identified."""
+        return all(e.outcome.identified for e in self.result.estimates.values())
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """The causes that are named though there is none."""
+        return tuple(cause.key for cause in self.result.causes if cause.named)
+
+
+def strongest(result: Identification) -> float:
+    """Evidence of the strongest cause that is not within its declared uncertainty [-]; 0 if there is none."""
+    return max((cause.evidence for cause in result.causes if not cause.within), default=0.0)
+
+
+def limited(result: Identification) -> dict[str, float]:
+    """The figures that have a limit, by name."""
+    found = {STRONGEST: strongest(result)}
+    for channel in result.fit:
+        found[f"{channel.channel}: residual over expected"] = channel.excess
+        found[f"{channel.channel}: slow residual over expected"] = channel.slow_excess
+    return found
+
+
+def truth(result: Path) -> dict[str, float]:
+    """True values beside a result of SHOT/results, by parameter; none where there is no truth.json."""
+    place = result.parent.parent / "truth.json"
+    if not place.exists():
+        return {}
+    said = json.loads(place.read_text("utf-8"))
+    return {name: float(said[key]) for name, key in TRUE.items() if said.get(key) is not None}
+
+
+def chosen(
+    one: list[RightShot], two: list[RightShot], limit: Callable[[str, list[float]], float]
+) -> dict[str, Any]:
+    """Limits from population one, and what they and those in use say of population two.
+
+    Parameters
+    ----------
+    one, two
+        The populations; two may be empty.
+    limit
+        Limit of a figure, by its name, from the values of right shots.
+    """
+    found, judged = [s for s in one if not s.astray], [s for s in two if not s.astray]
+    rows = {}
+    for name, used in IN_USE.items():
+        first = [limited(s.result)[name] for s in found if name in limited(s.result)]
+        second = [limited(s.result)[name] for s in judged if name in limited(s.result)]
+        new = limit(name, first)
+        rows[name] = {
+            "in use": used,
+            "chosen": new,
+            "shots of one": len(first),
+            "largest of one": max(first),
+            "shots of two": len(second),
+            "largest of two": max(second, default=None),
+            "of two above chosen": alarms(sum(value > new for value in second), len(second)),
+            "of two above in use": alarms(sum(value > used for value in second), len(second)),
+        }
+    return {
+        "limits": rows,
+        "population one": counted(one),
+        "population two": counted(two),
+    }
+
+
+def alarms(count: int, of: int) -> dict[str, float | int]:
+    """A count with the 95 % interval of its share (Clopper and Pearson 1934)."""
+    if not of:
+        return {"count": 0, "of": 0, "low": 0.0, "high": 1.0}
+    band = binomtest(count, of).proportion_ci(0.95, method="exact")
+    return {"count": count, "of": of, "low": float(band.low), "high": float(band.high)}
+
+
+def counted(shots: list[RightShot]) -> dict[str, Any]:
+    """How a population's shots ended, with the limits that were in use when they were identified."""
+    right = [s for s in shots if not s.astray]
+    return {
+        "shots": len(shots),
+        "search ended elsewhere": sorted(s.name for s in shots if s.astray),
+        "not identified": alarms(sum(not s.answered for s in right), len(right)),
+        "causes named": {s.name: list(s.named) for s in right if s.named},
+    }
+
+
+def table(said: dict[str, Any]) -> str:
+    """The choice as a Markdown table, and the counts in two sentences."""
+    heads = ("figure", "in use", "chosen on one", "largest of one", "largest of two")
+    heads = (*heads, "of two above in use", "of two above chosen")
+    lines = [f"| {' | '.join(heads)} |", "| --- |" * 1 + " --- |" * (len(heads) - 1)]
+    for name, row in said["limits"].items():
+        cells = [f"{row['in use']:.3g}", f"{row['chosen']:.3g}", f"{row['largest of one']:.3g}"]
+        cells.append("–" if row["largest of two"] is None else f"{row['largest of two']:.3g}")
+        cells += [_share(row[key]) for key in ("of two above in use", "of two above chosen")]
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    for which in ("population one", "population two"):
+        one = said[which]
+        if one["shots"]:
+            elsewhere = one["search ended elsewhere"]
+            lines.append(
+                f"\n{which}: {one['shots']} shots; the search of {len(elsewhere)} ended elsewhere"
+                f"{' (' + ', '.join(elsewhere) + ')' if elsewhere else ''}; of the others not identified "
+                f"{_share(one['not identified'])}, a cause named on {len(one['causes named'])}"
+            )
+    return "\n".join(lines)
+
+
+def _share(one: dict[str, float]) -> str:
+    if not one["of"]:
+        return "–"
+    return f"{one['count']} of {one['of']} ({100.0 * one['low']:.1f} to {100.0 * one['high']:.1f} %)"

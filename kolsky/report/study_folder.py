@@ -1,0 +1,143 @@
+"""Result folders of the commands on many runs or shots: rates, plans, budgets, sweeps."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from kolsky.base.files import filling
+from kolsky.report.figures_alone import save_figures_alone
+from kolsky.studies.budget.campaign import Campaign
+from kolsky.studies.budget.records import Budget
+from kolsky.studies.planning import output as plan_output
+from kolsky.studies.planning.plan import Plan
+from kolsky.studies.rates import output as rates_output
+from kolsky.studies.rates.records import RateReport
+from kolsky.studies.sweep import Sweep, write_sweep
+from kolsky.studies.sweep_analysis import SweepAnalysis
+
+
+def write_rate_results(folder: Path, report: RateReport, *, formats: Sequence[str] = ()) -> None:
+    """Write the results of `kolsky rate`: rates.h5, rates.html, tables and figures.
+
+    Parameters
+    ----------
+    folder
+        Folder; created if absent.
+    report
+        The comparison of shots.
+    formats
+        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
+
+    Raises
+    ------
+    InputError
+        If the results cannot be written.
+    """
+    from kolsky.report.pages.rates import figures_of, write_page
+
+    with filling(folder) as partial:
+        rates_output.write_hdf5(partial / "rates.h5", report)
+        rates_output.write_csv(partial, report)
+        write_page(partial / "rates.html", report)
+        for index, group in enumerate(report.groups):
+            save_figures_alone(partial, group, formats, registry=figures_of(report, index))
+
+
+def write_plan_results(folder: Path, found: Plan, *, formats: Sequence[str] = ()) -> None:
+    """Write what `kolsky plan` leaves: plan.h5, plan.json, tables and, if asked for, figures.
+
+    Parameters
+    ----------
+    folder
+        Where to; made if it is not there.
+    found
+        The plan.
+    formats
+        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
+
+    Raises
+    ------
+    InputError
+        If the results cannot be written.
+    """
+
+    with filling(folder) as partial:
+        plan_output.write_hdf5(partial / "plan.h5", found)
+        plan_output.write_csv(partial, found)
+        text = json.dumps(plan_output.to_json(found), indent=2, allow_nan=False)
+        (partial / "plan.json").write_text(text, encoding="utf-8")
+        save_figures_alone(partial, found, formats)
+
+
+def write_budget_results(
+    folder: Path,
+    results: Sequence[Budget],
+    campaign: Campaign | None,
+    *,
+    formats: Sequence[str] = (),
+) -> None:
+    """Write the results of `kolsky budget` beside its ledger: budget.csv, budget.html and figures.
+
+    Parameters
+    ----------
+    folder
+        Folder; created if absent.
+    results
+        A budget for each free parameter; the first has the name budget.csv, others their parameter's too.
+    campaign
+        A planned campaign, if one was asked for.
+    formats
+        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
+
+    Raises
+    ------
+    InputError
+        If the results cannot be written.
+    """
+    from kolsky.report.pages.budget import write_page
+    from kolsky.studies.budget.output import write_budget
+
+    with filling(folder) as partial:
+        for number, result in enumerate(results):
+            write_budget(partial / ("budget.csv" if not number else f"budget-{result.parameter}.csv"), result)
+        write_page(partial / "budget.html", results, campaign)
+        save_figures_alone(partial, results[0], formats)
+
+
+def write_sweep_results(
+    folder: Path,
+    result: Sweep,
+    analysis: SweepAnalysis,
+    *,
+    name: str = "sweep",
+    warnings: Sequence[str] = (),
+    formats: Sequence[str] = (),
+) -> None:
+    """Write the results of `kolsky sweep` beside its database: sweep.csv, sweep.html and figures.
+
+    Parameters
+    ----------
+    folder
+        Folder; created if absent.
+    result
+        Every run of the design.
+    analysis
+        Analysis of them by `kolsky.studies.sweep_analysis.analyse_sweep`.
+    name
+        Name of table and page without their endings.
+    warnings
+        Warnings at the top of the page.
+    formats
+        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
+
+    Raises
+    ------
+    InputError
+        If the results cannot be written.
+    """
+    from kolsky.report.pages.sweep import write_page
+
+    with filling(folder) as partial:
+        write_sweep(partial / f"{name}.csv", result)
+        write_page(partial / f"{name}.html", analysis, warnings=warnings)
+        save_figures_alone(partial, analysis, formats)

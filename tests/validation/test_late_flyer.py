@@ -1,0 +1,40 @@
+"""open-01 with its flyer's record 20 us late: the clock is named with file and key, whatever is free."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from kolsky.diagnosis.verdicts import late_clocks, leading_lag
+from kolsky.identification import identify
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.result import Verdict
+from kolsky.inverse.settings import Settings
+from kolsky.shot.load import load_shot
+
+OPEN = Path(__file__).resolve().parents[2] / "runs" / "open-01"
+LATE = 20e-6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hold", [("poisson", "damping"), ()])
+def test_a_late_flyer_is_named(hold: tuple[str, ...]) -> None:
+    shot = load_shot(OPEN)
+    late = replace(shot.flyer, time=shot.flyer.time + LATE)
+    wrong = replace(shot, flyer=late, window=(shot.window[0], min(shot.window[1], float(late.time[-1]))))
+    coarse = Settings(hold=hold, numerics=Numerics(mesh=(16, 22)), refined_mesh=(32, 44), replicates=16)
+    found = identify(wrong, coarse)
+    # The answer is withheld, and the clock is what is said to be wrong.
+    assert found.estimates["stiffness_factor"].outcome is Verdict.UNEXPLAINED
+    lag = leading_lag(found.clocks)
+    assert lag is not None
+    assert (lag.recording, lag.file, lag.key) == ("flyer", "flyer.csv", "flyer.frame")
+    assert abs(lag.lag - LATE) < 2.0 * lag.sigma
+    assert lag.sigma < 1e-6
+    (said,) = late_clocks(found)
+    assert said in found.warnings
+    assert (
+        "us (k = 2) too late against force and outline: check the times of flyer.csv and flyer.frame" in said
+    )
+    others = [one for one in found.clocks if one.recording != "flyer"]
+    assert not any(one.explains for one in others)
