@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from test_dic_cylinder import RADIUS, patch, rig
+from test_dic_cylinder import patch, rig
 
 from dic.calibration.refine import LEAST_GAIN, Refinement, across, moved, prior_root, refine
-from dic.stereo.triangulation import triangulate
 
 NOISE = 0.02
 
@@ -101,17 +100,15 @@ def test_the_prior_is_the_calibrations_covariance_of_turns_and_tilts():
     np.testing.assert_allclose(prior_root(cameras, 2e-3), np.eye(5) / 2e-3)
 
 
-def test_a_tight_prior_holds_what_the_points_do_not_tell():
+def test_what_the_points_do_not_tell_stays_as_small_as_the_fault():
+    """Over a small specimen some turns and tilts are hardly seen; with noise alone they would run away."""
     true = rig()
-    _, pixels, sigma = seen(true)
-    V = np.diag(np.concatenate([np.full(20, 1e-12), np.full(3, 1e-10), np.full(3, 1e-14)]))
-    loose = refine(turned(true, np.array([3e-4, 0, 0, 0, 0])), *pixels, sigma)
-    tight = refine(replace(turned(true, np.array([3e-4, 0, 0, 0, 0])), covariance=V), *pixels, sigma)
-    assert np.all(np.diag(tight.covariance) < np.diag(loose.covariance))
-    assert np.linalg.norm(tight.tilt) < np.linalg.norm(loose.tilt) + 1e-9
-    X, _, _ = seen(true)
-    off = triangulate(tight.rig, *pixels, np.eye(2), np.eye(2)).position - X
-    assert np.sqrt(np.mean(off**2)) < 0.05 * RADIUS
+    for seed in range(3):
+        _, pixels, sigma = seen(true, seed)
+        found = refine(turned(true, np.array([2e-4, 0.0, 0.0, 0.0, 0.0])), *pixels, sigma)
+        fault = found.before / 0.6745 / 5400.0  # the turn that the distances amount to [rad]
+        assert np.linalg.norm([*found.turn, *found.tilt]) < 3.0 * fault
+        assert np.all(np.sqrt(np.diag(found.covariance)) < 1.01 * fault)
 
 
 @pytest.mark.parametrize("n", [39, 5])
