@@ -16,11 +16,12 @@ from scipy.optimize import lsq_linear
 
 from doe.arrays import FloatArray
 from doe.box import Box
+from doe.whitening import Whitening
 
 BatchRun = Callable[[FloatArray], FloatArray]
 """Responses of points in parameter units, [n, d] -> [n, k]; the row of a run that failed holds NaN."""
-Weighting = Callable[[FloatArray], FloatArray]
-"""Standard deviation of every entry, shape [k], given the residual there, shape [k]."""
+Weighting = Callable[[FloatArray], Whitening]
+"""Weights of the entries given the residual there, shape [k]."""
 
 STEP = 5e-3
 """Half the distance of central differences in the unit box."""
@@ -41,7 +42,7 @@ class LeastSquaresResult:
     x: FloatArray
     """The point, in parameter units, shape [d]."""
     deviance: float
-    """Sum over the entries of (residual / sigma)^2 + ln sigma^2 there [-]."""
+    """Chi-square plus the logarithm of the covariance's determinant there [-]."""
     sigma: FloatArray
     """Standard deviations from (J^T J)^-1 there, in parameter units, shape [d]; infinite where no entry
     varies."""
@@ -65,7 +66,7 @@ class _Search:
     ) -> None:
         self.box, self.data, self.weighting, self.step, self.at_rest = box, data, weighting, step, at_rest
         self.u, self.trial = u, u
-        self.residual = self.jacobian = self.weights = np.empty(0)
+        self.residual = self.jacobian = np.empty(0)
         self.deviance, self.damping = np.inf, DAMPING
         self.runs = self.steps = 0
         self.converged, self.ended = False, ""
@@ -87,14 +88,15 @@ class _Search:
         if np.isfinite(responses).all():
             residual = responses[0] - self.data
             weights = self.weighting(residual)
-            deviance = float(((residual / weights) ** 2).sum() + 2.0 * np.log(weights).sum())
+            weighed = weights.apply(residual)
+            deviance = float((weighed**2).sum()) + weights.log_determinant
         else:
             deviance = np.inf  # a run that failed is no better point; the next step is shorter
         if deviance < self.deviance:
             up, down = self.neighbours
             slope = (responses[1 : d + 1] - responses[d + 1 :]) / (up - down).sum(axis=1)[:, None]
-            self.u, self.deviance, self.weights = self.trial, deviance, weights
-            self.residual, self.jacobian = residual / weights, (slope / weights).T
+            self.u, self.deviance = self.trial, deviance
+            self.residual, self.jacobian = weighed, weights.apply(slope).T
             self.damping = max(0.2 * self.damping, LEAST_DAMPING)
         elif not np.isfinite(self.deviance):
             self.ended = "the run at the start, or one beside it, failed"
@@ -153,8 +155,8 @@ def least_squares(
 ) -> tuple[LeastSquaresResult, ...]:
     """Search a box for the response that is nearest to the data, from several starts side by side.
 
-    The deviance, the sum over the entries of (r / s)^2 + ln s^2 with s(r) from `weighting`, never rises.
-    With a constant s this is least squares; with s the most likely one given r, the most likely point.
+    The deviance, r' C^-1 r + ln det C with the covariance C(r) from `weighting`, never rises. With a constant
+    C this is least squares; with C the most likely one given r, the most likely point.
 
     Parameters
     ----------
@@ -167,7 +169,7 @@ def least_squares(
     data
         Shape [k].
     weighting
-        Standard deviations of the entries, given a residual.
+        Weights of the entries, given a residual.
     step
         Half the distance of the differences in the unit box, in (0, 0.1].
     max_steps

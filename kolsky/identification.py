@@ -30,10 +30,9 @@ from kolsky.inverse.estimates import (
     search_routes,
     surrogate_quality,
 )
-from kolsky.inverse.gauss_newton import MOVED
 from kolsky.inverse.held_answer import held_answer
 from kolsky.inverse.misfit import terms
-from kolsky.inverse.parameters import any_slides
+from kolsky.inverse.parameters import MOVED, any_slides
 from kolsky.inverse.prepared_shot import prepare_shot
 from kolsky.inverse.provenance import provenance
 from kolsky.inverse.result import Identification

@@ -58,7 +58,8 @@ def fit_quality(
     """
     gain = objective.gain(jacobian)
     left = {source: left_over(change, jacobian, gain) for source, change in changes.items()}
-    weights = information_shares(gain, objective.sigma, {c: _mask(objective, c) for c in (FORCE, OUTLINE)})
+    spread = objective.spread(gain)
+    weights = information_shares(gain, spread, {c: _mask(objective, c) for c in (FORCE, OUTLINE)})
     residual = objective.data - vector
     found = []
     for channel, unit in ((FORCE, "N"), (OUTLINE, "m")):
@@ -102,19 +103,20 @@ def left_over(change: FloatArray, jacobian: FloatArray, gain: FloatArray) -> Flo
 
 
 def information_shares(
-    gain: FloatArray, sigma: FloatArray, masks: Mapping[str, BoolArray]
+    gain: FloatArray, spread: FloatArray, masks: Mapping[str, BoolArray]
 ) -> dict[str, FloatArray]:
     """Share of the information on each parameter that comes from each channel, the others being fitted too.
 
-    With independent data the information on parameter i, the others marginalised, is the sum over the data of
-    ``(g_ik sigma_k)^2 / var_i^2``, g the gain: each datum has its share, and the shares sum up to one.
+    The variance of parameter i is the sum over the data of ``g_ik (C g_i)_k`` with the gain g and the data's
+    covariance C: each datum has its share, and the shares sum up to one. With independent data it is
+    ``(g_ik sigma_k)^2``. A datum that serves to take a common error off the others can have a negative share.
 
     Parameters
     ----------
     gain
         Linear map from a change of the data vector to the move of the optimum, shape [d, k].
-    sigma
-        Standard deviations that weigh the data, shape [k].
+    spread
+        The gain times the covariance that weighs the data, shape [d, k].
     masks
         Entries of each channel, shape [k].
 
@@ -123,7 +125,7 @@ def information_shares(
     dict
         Channel -> shares, shape [d].
     """
-    parts = (gain * sigma) ** 2
+    parts = gain * spread
     return {channel: parts[:, use].sum(axis=1) / parts.sum(axis=1) for channel, use in masks.items()}
 
 

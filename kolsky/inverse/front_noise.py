@@ -66,9 +66,9 @@ def noise_of(observations: Observations) -> FloatArray:
 
 def learn_front_noise(stages: StagedRuns, replicates: Replicates | None) -> bool:
     """Give the observations of `stages` the modes of some replicates; False if there are none."""
-    if replicates is None or not replicates.flyer.any():
+    if replicates is None or not replicates.lesson.any():
         return False
-    change = data_change(replicates.prediction)[replicates.flyer]
+    change = data_change(replicates.prediction)[replicates.lesson]
     stages.know_front_noise(front_modes(change, noise_of(stages.observations)))
     return True
 

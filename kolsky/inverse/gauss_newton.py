@@ -23,12 +23,13 @@ from kolsky.inverse.coarse_search import CoarseOptimum, surrogate_kind
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.optimum import CorrectedSurrogate
+from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.refined_search import CONFIRMED, RefinedOptimum, refined_numerics
 from kolsky.inverse.staged_runs import CompletedRuns, StagedRuns
 from kolsky.inverse.surrogate_mesh_search import MeshOptimum
 
-MOVED = "stiffness_factor"
-"""The parameter that is searched where the others are held."""
+LONGEST = 2.5
+"""Most by which a step is lengthened."""
 MOST_RUNS = 8
 """Most rounds on the refined mesh."""
 NEIGHBOUR = 0.5
@@ -76,7 +77,7 @@ def gauss_newton_step(
     """
     weighed = objective.with_discrepancy(vector)
     sigma = np.sqrt(np.diag(weighed.covariance(slope, vector)))
-    rows, right = slope / weighed.sigma[:, None], (weighed.data - vector) / weighed.sigma
+    rows, right = weighed.whitened(slope.T).T, weighed.whitened(weighed.data - vector)
     if weighed.prior is not None:
         rows = np.vstack([rows, weighed.prior.rows()])
         right = np.concatenate([right, -weighed.prior.residuals(x)])
@@ -192,9 +193,31 @@ def _on_refined(
         if found is not None and _cost(run) > _cost(found):
             x = 0.5 * (found.x + run.x)  # the step was too long for a linear model
         else:
-            found, x = run, run.x + run.step.change
+            factor = 1.0
+            if found is not None:
+                sigma = run.step.sigma
+                steps = found.step.change / sigma, run.step.change / sigma, (run.x - found.x) / sigma
+                factor = lengthening(*steps)
+            found, x = run, np.clip(run.x + factor * run.step.change, stages.box.lower, stages.box.upper)
     assert found is not None
     return found, other
+
+
+def lengthening(before: FloatArray, now: FloatArray, taken: FloatArray) -> float:
+    """By how much to lengthen a step of the chord method, 1 to `LONGEST` [-].
+
+    Along the last move the slopes of the coarser mesh fall short by a share that the steps asked for before
+    and after it tell: with ``now = before - s taken`` the step ``now / s`` would ask for no more along it.
+
+    Parameters
+    ----------
+    before, now
+        Steps asked for at the run before and at this one, in comparable units, shape [d].
+    taken
+        This run's point less that of the run before, shape [d].
+    """
+    share = float((before - now) @ taken) / max(float(taken @ taken), np.finfo(float).tiny)
+    return 1.0 / min(max(share, 1.0 / LONGEST), 1.0)
 
 
 def _counterpart(stages: StagedRuns, point: FloatArray, shift: FloatArray) -> FloatArray:
@@ -295,7 +318,6 @@ def linear_step(objective: Objective, slope: FloatArray, vector: FloatArray, x: 
     step: FloatArray = gain @ (objective.data - vector)
     if objective.prior is None:
         return step
-    weights = objective.sigma**-2.0
-    normal = slope.T @ (weights[:, None] * slope) + objective.prior.precision
+    normal = objective.information(slope) + objective.prior.precision
     pull = objective.prior.precision @ (objective.prior.mean - x)
     return step + np.linalg.solve(normal, pull)

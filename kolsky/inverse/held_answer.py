@@ -6,9 +6,10 @@ import numpy as np
 
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.inverse.front_noise import replicate_uncertainty
-from kolsky.inverse.gauss_newton import MOVED, linear_step
+from kolsky.inverse.gauss_newton import linear_step
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.optimum import CorrectedSurrogate, jacobian
+from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.result import Estimate
 from kolsky.inverse.search import HeldSearch, Search

@@ -1,11 +1,15 @@
 """The joint least-squares objective and what its curvature says about uncertainty.
 
-The data of a shot are one vector: the force's bin means, then the counted outline points. Each entry is
-weighted by its measured noise, by what the noise of the front face's motion does to the prediction there,
-*and* by a discrepancy tau of its channel that is estimated from what those two leave of the residual at the
-optimum: sigma_eff^2 = sigma^2 + sigma_front^2 + tau^2. Without tau a channel whose residual is dominated by
-what the model leaves out would be trusted as if only its noise were wrong; without the front face's part tau
-would take the ringing that a noisy onset causes for a fault of the model, and weigh down the whole channel.
+The data of a shot are one vector: the force's bin means, then the counted outline points. Its covariance is
+
+    C = diag(sigma^2 + tau^2) + M' M,
+
+with the measured noise sigma, a discrepancy tau of each channel, estimated from the residual at the optimum,
+and the patterns M in which the noise of the front face's motion moves all predictions together. Without tau a
+channel whose residual is dominated by what the model leaves out would be trusted as if only its noise were
+wrong. Without M tau would take the ringing that a noisy onset causes for a fault of the model, and weigh down
+the whole channel; with the patterns' variances alone, as if each entry had a draw of its own, the force would
+be weighed down as much where it rings with the front face as where it does not.
 """
 
 from dataclasses import dataclass, replace
@@ -15,6 +19,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from doe.whitening import Whitening
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.observations import Observations, Prediction
 from kolsky.inverse.prior import Prior
@@ -68,6 +73,12 @@ class Objective:
         return np.asarray(modes[:, np.concatenate([np.ones(self.n_force, dtype=bool), self.counted])])
 
     @cached_property
+    def points_per_frame(self) -> float:
+        """Mean number of counted outline points of a frame [-]; 1 if there are none."""
+        frames = self.observations.centre_line.frame[self.counted]
+        return len(frames) / len(np.unique(frames)) if len(frames) else 1.0
+
+    @cached_property
     def own_sigma(self) -> FloatArray:
         """Noise and discrepancy in quadrature: what is independent from entry to entry, shape [k]."""
         tau = np.full(len(self.data), self.shape_discrepancy)
@@ -76,8 +87,23 @@ class Objective:
 
     @cached_property
     def sigma(self) -> FloatArray:
-        """Noise, discrepancy and the front face's noise in quadrature: the weights, shape [k]."""
+        """Standard deviation of each entry by itself: noise, discrepancy, front face, shape [k]."""
         return np.sqrt(self.own_sigma**2 + (self.front_noise**2).sum(axis=0))
+
+    @cached_property
+    def _whitenings(self) -> dict[Part, Whitening]:
+        return {}
+
+    def whitening(self, part: Part = "joint") -> Whitening:
+        """The weights of a part of the data, for rows of its entries, see `mask`."""
+        if part not in self._whitenings:
+            use = self.mask(part)
+            self._whitenings[part] = Whitening(self.own_sigma[use], self.front_noise[:, use])
+        return self._whitenings[part]
+
+    def whitened(self, rows: FloatArray, part: Part = "joint") -> FloatArray:
+        """Rows of shape [..., k] such that least squares of them weigh the part's data, shape [..., p]."""
+        return self.whitening(part).apply(rows[..., self.mask(part)])
 
     @property
     def times(self) -> FloatArray:
@@ -98,8 +124,7 @@ class Objective:
 
     def chi2(self, vectors: FloatArray, part: Part = "joint") -> FloatArray:
         """Sum of squared weighted residuals of each vector, shape [...]."""
-        use = self.mask(part)
-        return (((vectors - self.data) / self.sigma)[..., use] ** 2).sum(axis=-1)
+        return np.asarray((self.whitened(vectors - self.data, part) ** 2).sum(axis=-1))
 
     def with_discrepancy(self, vector: FloatArray) -> "Objective":
         """The objective whose discrepancies explain this vector's residual beyond noise and front face.
@@ -147,19 +172,30 @@ class Objective:
 
         Up to a constant; unlike `chi2` it can be compared between points whose discrepancies differ.
         """
-        use = self.mask(part)
         found = []
         for vector in vectors:
-            variance = self.with_discrepancy(vector).sigma[use] ** 2
-            found.append(float(((vector - self.data)[use] ** 2 / variance + np.log(variance)).sum()))
+            weighed = self.with_discrepancy(vector)
+            chi2 = float(weighed.chi2(vector, part))
+            found.append(chi2 + weighed.whitening(part).log_determinant)
         return np.array(found)
+
+    def balanced_deviance(self, vectors: FloatArray) -> FloatArray:
+        """`deviance` in which a frame's outline counts as one entry, shape [n].
+
+        For vectors from a mesh that is too coarse for the outline's noise: their residuals are smooth fields,
+        of which a frame's points are no independent witnesses, and by number alone the outline's points would
+        outvote the force.
+        """
+        if not self.observations.has_shape:
+            return self.deviance(vectors)
+        return self.deviance(vectors, "force") + self.deviance(vectors, "shape") / self.points_per_frame
 
     def prior_chi2(self, x: FloatArray, part: Part = "joint") -> float:
         """What the prior adds to `chi2` at a point, shape [d]; nothing for a part of the data alone."""
         return 0.0 if self.prior is None or part != "joint" else float(self.prior.chi2(x))
 
     def prior_precision(self, dimension: int, part: Part = "joint") -> FloatArray:
-        """What the prior adds to the normal matrix J^T W J, shape [d, d]; of what comes behind the free
+        """What the prior adds to the normal matrix J^T C^-1 J, shape [d, d]; of what comes behind the free
         parameters (a clock's lag, fitted beside them) it says nothing."""
         precision = np.zeros((dimension, dimension))
         if self.prior is not None and part == "joint":
@@ -169,18 +205,27 @@ class Objective:
 
     def gain(self, jacobian: FloatArray, part: Part = "joint") -> FloatArray:
         """Linear map from a change of the data vector to the change of the optimum, shape [d, k]."""
-        weighted = np.where(self.mask(part), 1.0 / self.sigma**2, 0.0)[:, None] * jacobian
-        normal = jacobian.T @ weighted + self.prior_precision(jacobian.shape[1], part)
-        change: FloatArray = np.linalg.solve(normal, weighted.T).astype(np.float64)
-        return change
+        use = self.mask(part)
+        found = np.zeros(jacobian.T.shape)
+        normal = self.information(jacobian, part) + self.prior_precision(jacobian.shape[1], part)
+        found[:, use] = np.linalg.solve(normal, self.whitening(part).precision(jacobian[use].T))
+        return found
+
+    def information(self, jacobian: FloatArray, part: Part = "joint") -> FloatArray:
+        """The data's part of the normal matrix, J^T C^-1 J, shape [d, d]."""
+        slopes = self.whitened(jacobian.T, part)
+        return np.asarray(slopes @ slopes.T)
+
+    def spread(self, gain: FloatArray) -> FloatArray:
+        """A linear map of the data times their covariance C, shape [d, k]."""
+        return np.asarray(gain * self.own_sigma**2 + (gain @ self.front_noise.T) @ self.front_noise)
 
     def spread_of_prior(self, jacobian: FloatArray, part: Part = "joint") -> FloatArray:
-        """The prior's part of the covariance, N^-1 P N^-1 with N = J^T W J + P, shape [d, d]."""
+        """The prior's part of the covariance, N^-1 P N^-1 with N = J^T C^-1 J + P, shape [d, d]."""
         precision = self.prior_precision(jacobian.shape[1], part)
         if not precision.any():
             return precision
-        weights = np.where(self.mask(part), 1.0 / self.sigma**2, 0.0)
-        inverse = np.linalg.inv(jacobian.T @ (weights[:, None] * jacobian) + precision)
+        inverse = np.linalg.inv(self.information(jacobian, part) + precision)
         return np.asarray(inverse @ precision @ inverse)
 
     @property

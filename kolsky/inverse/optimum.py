@@ -81,11 +81,10 @@ def _by_simplex(
 def _by_least_squares(
     box: Box, objective: Objective, model: Model, part: Part, start: FloatArray | None
 ) -> FloatArray:
-    use = objective.mask(part)
     prior = objective.prior if part == "joint" else None
 
     def residuals(points: FloatArray) -> FloatArray:
-        weighted = ((model(points) - objective.data) / objective.sigma)[:, use]
+        weighted = objective.whitened(model(points) - objective.data, part)
         return weighted if prior is None else np.hstack([weighted, prior.residuals(points)])
 
     middle = 0.5 * (np.array(box.lower) + np.array(box.upper))

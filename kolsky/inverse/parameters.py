@@ -70,6 +70,9 @@ class Parameter:
         return {**fields, self.name: value} if self.enters is None else self.enters(fields, value)
 
 
+MOVED = "stiffness_factor"
+"""The parameter that every search of a shot moves, alone where the others are held."""
+
 PARAMETERS: dict[str, Parameter] = {
     p.name: p
     for p in (
@@ -79,8 +82,8 @@ PARAMETERS: dict[str, Parameter] = {
             symbol="m",
             written="m",
             tex="m",
-            lower=0.75,
-            upper=1.5,
+            lower=0.5,
+            upper=2.5,
             allowed=(1e-3, 1e3),
             held=lambda shot: 1.0,
         ),

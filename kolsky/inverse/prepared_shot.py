@@ -38,17 +38,18 @@ class PreparedShot:
         """The fitted flyer path."""
         return self.forward.paths[0]
 
-    def with_replicates(self, n: int, rng: np.random.Generator) -> Forward:
-        """The forward model with `n` more flyer paths and `n` more curves, drawn from their noise.
+    def with_replicates(self, n: int, rng: np.random.Generator, *, curves: int | None = None) -> Forward:
+        """The forward model with `n` more flyer paths, `n` or `curves` more curves, drawn from their noise.
 
         Where the scale of the motion is uncertain the last path is the first one, larger by its sigma: one
         number needs no draws.
         """
         scaled = (self.path.scaled(1.0 + self.motion_sigma_gain),) if self.motion_sigma_gain > 0.0 else ()
+        drawn = curve_replicates(self.forward.shot.curve, n if curves is None else curves, rng)
         return replace(
             self.forward,
             paths=(self.path, *self.path.replicates(n, rng), *scaled),
-            laws=(self.forward.laws[0], *curve_replicates(self.forward.shot.curve, n, rng)),
+            laws=(self.forward.laws[0], *drawn),
         )
 
 

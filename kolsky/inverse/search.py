@@ -17,10 +17,10 @@ from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import CoarseOptimum, search_coarse
 from kolsky.inverse.estimates import paper_route
 from kolsky.inverse.free_parameters import Freed, choose, rough
-from kolsky.inverse.front_noise import learn_front_noise, weigh_front_noise
-from kolsky.inverse.gauss_newton import MOVED, Beside, search_by_gauss_newton
+from kolsky.inverse.front_noise import weigh_front_noise
+from kolsky.inverse.gauss_newton import Beside, search_by_gauss_newton
 from kolsky.inverse.optimum import on_edge
-from kolsky.inverse.parameters import PARAMETERS, design_box
+from kolsky.inverse.parameters import MOVED, PARAMETERS, design_box
 from kolsky.inverse.prepared_shot import PreparedShot
 from kolsky.inverse.quadratic_fit import search_by_quadratic
 from kolsky.inverse.refined_search import RefinedOptimum, search_by_single_runs, slides
@@ -118,9 +118,6 @@ def _several(freed: Freed, stages: StagedRuns) -> Search | dict[str, str]:
     lost = untold(box, coarse.x, coarse.sigma)
     if freed.by_default and lost:
         return lost
-    if stages.settings.replicates:
-        near = optima.get(stages.settings.replicate_mesh, coarse)
-        learn_front_noise(stages, stages.replicate(near.x))
     found = search_by_gauss_newton(stages, optima, None if held is None else start)
     lost = untold(box, found[1].x, found[1].sigma)
     if freed.by_default and lost:

@@ -101,7 +101,7 @@ def _least_squares(
         stages.box,
         starts,
         data=objective.data,
-        weighting=lambda residual: objective.with_discrepancy(objective.data + residual).sigma,
+        weighting=lambda residual: objective.with_discrepancy(objective.data + residual).whitening(),
     )
 
 

@@ -47,6 +47,8 @@ class Replicates:
     """Row 0 is the reference, with the fitted motion and curve."""
     flyer: NDArray[np.bool_]
     """Which rows have another motion."""
+    lesson: NDArray[np.bool_]
+    """Which rows have still other motions: the weights learn from these, so that `flyer` judges them."""
     curve: NDArray[np.bool_]
     """Which rows have another curve."""
     scale: NDArray[np.bool_]
@@ -199,6 +201,8 @@ class StagedRuns:
     def replicate(self, point: FloatArray) -> Replicates:
         """Run the point again under `settings.replicates` other motions, and as many other curves.
 
+        The weights learn from as many motions more: they are not judged by what taught them.
+
         One more run has the motion larger by the standard uncertainty of its scale, if that is known.
 
         Raises
@@ -207,14 +211,10 @@ class StagedRuns:
             If the reference among them did not complete.
         """
         n = self.settings.replicates
-        forward = self.prepared.with_replicates(n, self.rng)
-        scaled = len(forward.paths) - n - 1
-        motion = np.concatenate(
-            [[0], np.arange(1, n + 1), np.zeros(n, dtype=int), np.full(scaled, n + 1, dtype=int)]
-        )
-        material = np.concatenate(
-            [[0], np.zeros(n, dtype=int), np.arange(1, n + 1), np.zeros(scaled, dtype=int)]
-        )
+        forward = self.prepared.with_replicates(2 * n, self.rng, curves=n)
+        scaled = len(forward.paths) - 2 * n - 1
+        motion = np.concatenate([np.arange(2 * n + 1), np.zeros(n, int), np.full(scaled, 2 * n + 1)])
+        material = np.concatenate([np.zeros(2 * n + 1, int), np.arange(1, n + 1), np.zeros(scaled, int)])
         started, report = time.perf_counter(), self._counter("noise", len(motion))
         at = self.solver_values(point[None], self.settings.replicate_mesh)[0]
         response = forward.run(
@@ -231,11 +231,31 @@ class StagedRuns:
         self.replicates = Replicates(
             prediction=predict(response.select(rows), self.observations),
             flyer=(rows > 0) & (rows <= n),
-            curve=(rows > n) & (rows <= 2 * n),
-            scale=rows > 2 * n,
+            lesson=(rows > n) & (rows <= 2 * n),
+            curve=(rows > 2 * n) & (rows <= 3 * n),
+            scale=rows > 3 * n,
             lost=response.n_samples - len(rows),
         )
         return self.replicates
+
+    def under_other_motions(self, points: FloatArray, n: int, numerics: Numerics) -> list[Prediction | None]:
+        """Run each point under the fitted motion and `n` others: row 0 is the fitted one's.
+
+        None for a point whose run under the fitted motion did not complete.
+        """
+        forward = self.prepared.with_replicates(n, np.random.default_rng(self.settings.seed), curves=0)
+        motion = np.tile(np.arange(n + 1), len(points))
+        started, report = time.perf_counter(), self._counter("noise", len(motion))
+        at = np.repeat(self.solver_values(points, numerics.mesh), n + 1, axis=0)
+        values = {name: at[:, i] for i, name in enumerate(self.box.names)}
+        response = forward.run({**self.settings.held, **values}, numerics, motion=motion, progress=report)
+        self._clock("noise", started)
+        found: list[Prediction | None] = []
+        for first in range(0, len(motion), n + 1):
+            rows = first + np.flatnonzero(response.completed[first : first + n + 1])
+            whole = len(rows) > 0 and rows[0] == first
+            found.append(predict(response.select(rows), self.observations) if whole else None)
+        return found
 
     def _counter(self, stage: str, total: int) -> Callable[[int], None]:
         done = 0

@@ -1,35 +1,31 @@
 """Several parameters on the coarse meshes: the right valley first, then least squares on the solver.
 
-The force rings at the period of the pressure waves, some ten times in a test. Poisson's ratio sets that
-period through K / G = 2 (1 + nu) / (3 (1 - 2 nu)), so that the misfit has a valley wherever the model's
-oscillations match the measured ones in step, or one whole oscillation off. A valley is a few percent of
-1 - 2 nu wide, whatever nu is: so the logarithm of 1 - 2 nu is the coordinate of the search, and a scan in
-steps of that size finds all valleys. On a coarse mesh that is some tens of runs. Searches from the deepest
-of them, side by side, are least squares on the solver itself (`doe.least_squares`): its steps need no
-surrogate.
+A scan of Poisson's ratio on the mesh of the replicates finds the valleys of the misfit
+(`kolsky.inverse.valleys`). Searches from the floors of the likeliest, side by side, are least squares on the
+solver itself (`doe.least_squares`): its steps need no surrogate. Of their ends the likeliest one goes on, and
+the search on the surrogate's mesh begins there. The logarithm of 1 - 2 nu is the coordinate of Poisson's
+ratio: a valley is a few percent of 1 - 2 nu wide, whatever nu is.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import ceil, log
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from doe import Box, from_points, latin_hypercube
 from doe.least_squares import least_squares
+from doe.whitening import Whitening
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.inverse.forward import Numerics
+from kolsky.inverse.front_noise import learn_front_noise
 from kolsky.inverse.objective import Objective
+from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.valleys import VALLEY, likelihoods, likely_valleys, valley_levels
 
-VALLEY = "poisson"
-"""The parameter whose misfit has many valleys."""
-RATIO = 1.085
-"""Ratio of neighbouring values of 1 - 2 nu in the scan: 4 % of a period, a third of an oscillation at the
-end of a test of ten."""
-VALLEYS = 3
-"""Valleys that are searched, the deepest first."""
+BEST = 3
+"""Starts where Poisson's ratio is held, the best of a design."""
 FIRST_STEPS, MOST_STEPS = 4, 8
 """Trial points of each search before the best of them goes on alone, and of that one on each mesh."""
 AT_REST = 0.5
@@ -81,20 +77,6 @@ def from_search(box: Box, points: FloatArray) -> FloatArray:
     return x
 
 
-def valley_levels(low: float, high: float) -> FloatArray:
-    """Values of Poisson's ratio from `low` to `high` whose 1 - 2 nu have equal ratios of at most `RATIO`."""
-    first, last = 1.0 - 2.0 * low, 1.0 - 2.0 * high
-    n = ceil(log(first / last) / log(RATIO)) + 1
-    return np.asarray(0.5 * (1.0 - np.geomspace(first, last, n)))
-
-
-def local_minima(values: FloatArray) -> list[int]:
-    """Places of the values that are below both neighbours, the lowest first; NaN is no minimum."""
-    padded = np.concatenate([[np.inf], np.where(np.isnan(values), np.inf, values), [np.inf]])
-    found = np.flatnonzero((padded[1:-1] < padded[:-2]) & (padded[1:-1] <= padded[2:]))
-    return sorted(found.tolist(), key=lambda i: float(values[i]))
-
-
 def search_meshes(stages: StagedRuns, start: FloatArray) -> dict[tuple[int, int], MeshOptimum]:
     """Optima on the mesh of the replicates and on the surrogate's, the second from the first.
 
@@ -113,9 +95,16 @@ def search_meshes(stages: StagedRuns, start: FloatArray) -> dict[tuple[int, int]
     surrogate = stages.settings.numerics
     first = surrogate.with_mesh(min(surrogate.mesh, stages.settings.replicate_mesh))
     points, objective = starts(stages, start, first)
-    some = least_squares_on(stages, objective, first, points, FIRST_STEPS)
-    (best, *_) = least_squares_on(stages, objective, first, some[0].x[None], MOST_STEPS)
+    ends = least_squares_on(stages, objective, first, points, FIRST_STEPS)
+    if VALLEY in stages.box.names and len(ends) > 1:
+        floors = np.array([end.x for end in ends])
+        likely = int(np.argmin(likelihoods(stages, floors, first, objective.counted)))
+        ends = [ends[likely]]
+    (best,) = least_squares_on(stages, objective, first, ends[0].x[None], MOST_STEPS)
     found = {first.mesh: best}
+    if stages.settings.replicates:
+        learn_front_noise(stages, stages.replicate(best.x))
+        objective = replace(objective, observations=stages.observations)
     if surrogate.mesh not in found:
         (found[surrogate.mesh],) = least_squares_on(stages, objective, surrogate, best.x[None], MOST_STEPS)
     return found
@@ -141,7 +130,8 @@ def starts(stages: StagedRuns, start: FloatArray, numerics: Numerics) -> tuple[F
     box = stages.box
     if VALLEY in box.names:
         i = box.names.index(VALLEY)
-        levels = valley_levels(box.lower[i], box.upper[i])
+        factor = start[box.names.index(MOVED)] if MOVED in box.names else 1.0
+        levels = valley_levels(stages, float(factor), (box.lower[i], box.upper[i]))
         points = np.tile(start, (len(levels), 1))
         points[:, i] = levels
     else:
@@ -149,12 +139,14 @@ def starts(stages: StagedRuns, start: FloatArray, numerics: Numerics) -> tuple[F
         points = np.concatenate([start[None], spread])
     done = stages.simulate("design", from_points(box, points), numerics)
     every = Objective(stages.observations, np.asarray(done.prediction.inside.all(axis=0)))
-    deviance = np.full(len(points), np.nan)
-    deviance[done.rows] = every.deviance(every.vectors(done.prediction))
-    order = local_minima(deviance) if VALLEY in box.names else np.argsort(deviance).tolist()
-    best = order[:VALLEYS]
-    inside = done.prediction.inside[np.searchsorted(done.rows, best[0])]
-    return points[best], Objective(stages.observations, inside, prior=stages.prior)
+    vectors = every.vectors(done.prediction)
+    if VALLEY in box.names:
+        seen = to_search(box, done.points)[:, i]
+        order = likely_valleys(every, vectors, np.abs(np.log(seen / to_search(box, start)[i])))
+    else:
+        order = np.argsort(every.deviance(vectors)).tolist()[:BEST]
+    inside = done.prediction.inside[order[0]]
+    return done.points[order], Objective(stages.observations, inside, prior=stages.prior)
 
 
 def least_squares_on(
@@ -176,9 +168,10 @@ def least_squares_on(
         vectors = stages.vectors("refinement", x, numerics, objective)
         return vectors if prior is None else np.hstack([vectors, prior.residuals(x)])
 
-    def weighting(residual: FloatArray) -> FloatArray:
-        sigma = objective.with_discrepancy(objective.data + residual[:k]).sigma
-        return np.concatenate([sigma, np.ones(len(known))])
+    def weighting(residual: FloatArray) -> Whitening:
+        weighed = objective.with_discrepancy(objective.data + residual[:k])
+        patterns = np.pad(weighed.front_noise, ((0, 0), (0, len(known))))
+        return Whitening(np.concatenate([weighed.own_sigma, np.ones(len(known))]), patterns)
 
     found = least_squares(
         run,

@@ -105,17 +105,16 @@ class InputDirections:
 
     def visible(self, key: str) -> float:
         """Share of the direction that stays in the residual, 0 to 1, in weighted squares [-]."""
-        sigma = self.objective.sigma
-        whole = float(np.sum((self[key].change / sigma) ** 2))
-        return float(np.sum((self.rest(key) / sigma) ** 2)) / whole if whole > 0.0 else 0.0
+        whitened = self.objective.whitened
+        whole = float(np.sum(whitened(self[key].change) ** 2))
+        return float(np.sum(whitened(self.rest(key)) ** 2)) / whole if whole > 0.0 else 0.0
 
     def likeness(self, one: str, other: str) -> float:
         """Cosine between what two inputs leave in the residual, -1 to 1; near +-1 none tells them apart.
 
         Zero where one of them leaves nothing.
         """
-        sigma = self.objective.sigma
-        a, b = self.rest(one) / sigma, self.rest(other) / sigma
+        a, b = self.objective.whitened(self.rest(one)), self.objective.whitened(self.rest(other))
         size = float(np.linalg.norm(a) * np.linalg.norm(b))
         return float(a @ b) / size if size > 0.0 else 0.0
 

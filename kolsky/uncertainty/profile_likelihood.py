@@ -74,7 +74,7 @@ class LinearisedOptimum:
     @property
     def correlation(self) -> FloatArray:
         """Variance with residuals correlated in time over that without, of each parameter, >= 1."""
-        information = self.slope.T @ (self.slope / self.objective.sigma[:, None] ** 2)
+        information = self.objective.information(self.slope)
         alone = np.linalg.inv(information + self.objective.prior_precision(len(self.x)))
         together = self.objective.covariance(self.slope, self.vector)
         return np.asarray(np.maximum(np.diag(together) / np.diag(alone), 1.0))

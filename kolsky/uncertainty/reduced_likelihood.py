@@ -54,7 +54,7 @@ def reduce_residuals(model: CorrectedSurrogate, objective: Objective) -> Reduced
 
     zero = surrogate.components.expand(np.zeros((1, q)))[0] + model.shift - objective.data
     columns = np.column_stack([surrogate.components.deviation(np.eye(q)).T, slope, zero])
-    _, triangle = np.linalg.qr(columns / objective.sigma[:, None])
+    _, triangle = np.linalg.qr(objective.whitened(columns.T).T)
     return ReducedResiduals(coordinates, triangle)
 
 

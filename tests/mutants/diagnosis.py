@@ -23,8 +23,8 @@ FAULTS = (
     Fault(
         "shares of information from weights not squared",
         QUALITY,
-        "(gain * sigma) ** 2",
-        "np.abs(gain * sigma)",
+        "parts = gain * spread",
+        "parts = np.abs(spread)",
         FIT,
     ),
     Fault("Ljung and Box without its factor", QUALITY, "n * (n + 2.0) / (n - 1.0) * r**2", "n * r**2", FIT),

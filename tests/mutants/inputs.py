@@ -58,15 +58,15 @@ FAULTS = (
     Fault(
         name="a visible share of sizes, not of squares",
         file="kolsky/uncertainty/input_directions.py",
-        right="float(np.sum((self.rest(key) / sigma) ** 2)) / whole",
-        wrong="float(np.sum(np.abs(self.rest(key) / sigma))) / whole",
+        right="float(np.sum(whitened(self.rest(key)) ** 2)) / whole",
+        wrong="float(np.sum(np.abs(whitened(self.rest(key))))) / whole",
         tests=DIRECTIONS,
     ),
     Fault(
         name="inputs likened before the parameters have followed",
         file="kolsky/uncertainty/input_directions.py",
-        right="a, b = self.rest(one) / sigma, self.rest(other) / sigma",
-        wrong="a, b = self[one].change / sigma, self[other].change / sigma",
+        right="a, b = self.objective.whitened(self.rest(one)), self.objective.whitened(self.rest(other))",
+        wrong="a, b = self.objective.whitened(self[one].change), self.objective.whitened(self[other].change)",
         tests=DIRECTIONS,
     ),
     Fault(

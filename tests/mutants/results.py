@@ -125,8 +125,8 @@ FAULTS = (
     Fault(
         "a planned interval of one sigma, in lines",
         "kolsky/studies/planning/output.py",
-        "± {2.0 * whole.deviations[j]:.2g}",
-        "± {whole.deviations[j]:.2g}",
+        "double * whole.deviations[j])",
+        "0.5 * double * whole.deviations[j])",
         STUDIES,
     ),
     Fault(

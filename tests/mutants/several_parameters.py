@@ -4,6 +4,8 @@ from tests.mutants.fault import Fault
 
 PRIOR = ("tests/unit/inverse/test_prior.py",)
 SEVERAL = ("tests/unit/inverse/test_several_parameters.py",)
+VALLEYS = ("tests/unit/inverse/test_valleys.py",)
+WHITENING = ("tests/unit/doe/test_whitening.py",)
 FREE = ("tests/unit/inverse/test_free_parameters.py",)
 NUMERICAL = ("tests/unit/uncertainty/test_numerical.py",)
 
@@ -25,8 +27,8 @@ FAULTS = (
     Fault(
         name="the prior left out of the normal matrix",
         file="kolsky/inverse/objective.py",
-        right="normal = jacobian.T @ weighted + self.prior_precision(jacobian.shape[1], part)",
-        wrong="normal = jacobian.T @ weighted",
+        right="self.information(jacobian, part) + self.prior_precision(jacobian.shape[1], part)",
+        wrong="self.information(jacobian, part)",
         tests=PRIOR,
     ),
     Fault(
@@ -53,8 +55,8 @@ FAULTS = (
     Fault(
         name="a step against the gradient",
         file="kolsky/inverse/gauss_newton.py",
-        right="(weighed.data - vector) / weighed.sigma",
-        wrong="(vector - weighed.data) / weighed.sigma",
+        right="weighed.whitened(weighed.data - vector)",
+        wrong="weighed.whitened(vector - weighed.data)",
         tests=PRIOR,
     ),
     Fault(
@@ -87,17 +89,80 @@ FAULTS = (
     ),
     Fault(
         name="levels of Poisson's ratio evenly spaced",
-        file="kolsky/inverse/surrogate_mesh_search.py",
-        right="0.5 * (1.0 - np.geomspace(first, last, n))",
-        wrong="0.5 * (1.0 - np.linspace(first, last, n))",
-        tests=SEVERAL,
+        file="kolsky/inverse/valleys.py",
+        right="np.interp(np.linspace(number[0], number[-1], n), number, values)",
+        wrong="np.linspace(values[0], values[-1], n)",
+        tests=VALLEYS,
     ),
     Fault(
         name="a minimum that is below one neighbour",
-        file="kolsky/inverse/surrogate_mesh_search.py",
+        file="kolsky/inverse/valleys.py",
         right="(padded[1:-1] < padded[:-2]) & (padded",
         wrong="(padded[1:-1] < padded[:-2]) | (padded",
+        tests=VALLEYS,
+    ),
+    Fault(
+        name="the wave's passage one way",
+        file="kolsky/inverse/valleys.py",
+        right="/ density) / (2.0 * length)",
+        wrong="/ density) / length",
+        tests=VALLEYS,
+    ),
+    Fault(
+        name="every outline point a witness where valleys are compared",
+        file="kolsky/inverse/objective.py",
+        right='self.deviance(vectors, "shape") / self.points_per_frame',
+        wrong='self.deviance(vectors, "shape")',
+        tests=VALLEYS,
+    ),
+    Fault(
+        name="the flyer's noise left out where valleys are compared",
+        file="kolsky/inverse/valleys.py",
+        right="seen = replace(stages.observations, front_noise=modes)",
+        wrong="seen = stages.observations",
+        tests=VALLEYS,
+    ),
+    Fault(
+        name="the prior left out where valleys are compared",
+        file="kolsky/inverse/valleys.py",
+        right="objective.balanced_deviance(vector)[0] + objective.prior_chi2(points[row])",
+        wrong="objective.balanced_deviance(vector)[0]",
+        tests=VALLEYS,
+    ),
+    Fault(
+        name="a short step lengthened by its whole share",
+        file="kolsky/inverse/gauss_newton.py",
+        right="share = float((before - now) @ taken)",
+        wrong="share = float(before @ taken)",
         tests=SEVERAL,
+    ),
+    Fault(
+        name="the root of a common error forgotten",
+        file="doe/whitening.py",
+        right="1.0 / np.sqrt(1.0 + size**2) - 1.0",
+        wrong="1.0 / (1.0 + size**2) - 1.0",
+        tests=WHITENING,
+    ),
+    Fault(
+        name="a common error's precision as its square",
+        file="doe/whitening.py",
+        right="size**2 / (1.0 + size**2)",
+        wrong="size / (1.0 + size)",
+        tests=WHITENING,
+    ),
+    Fault(
+        name="the determinant without common errors",
+        file="doe/whitening.py",
+        right=" + np.log1p(size**2).sum())",
+        wrong=")",
+        tests=WHITENING,
+    ),
+    Fault(
+        name="a common error left out of the spread",
+        file="kolsky/inverse/objective.py",
+        right=" + (gain @ self.front_noise.T) @ self.front_noise)",
+        wrong=")",
+        tests=("tests/unit/inverse/test_objective.py",),
     ),
     Fault(
         name="the offset of a mesh taken off",

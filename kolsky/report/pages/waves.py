@@ -34,7 +34,7 @@ def render(result: ReducedTest) -> str:
         result=result,
         figures=draw_figures(figures_of(result).values(), result),
         answers=answers(result),
-        facts=[(name, quantity(value, unit)) for name, (value, unit) in result.facts.items()],
+        facts=[(name, typeset(quantity(value, unit))) for name, (value, unit) in result.facts.items()],
         corrections=[
             {
                 "name": c.name,

@@ -84,9 +84,17 @@ def test_shares_of_information_are_those_of_the_fisher_matrix() -> None:
     # The information on the first parameter, the other fitted: its column less its projection on the other's.
     a, b = weighted.T
     alone = a - b * (a @ b) / (b @ b)
-    shares = information_shares(gain, sigma, {"force": force, "outline": ~force})
+    shares = information_shares(gain, gain * sigma**2, {"force": force, "outline": ~force})
     assert shares["force"][0] == pytest.approx((alone[force] ** 2).sum() / (alone**2).sum(), rel=1e-12)
     np.testing.assert_allclose(shares["force"] + shares["outline"], 1.0, rtol=1e-12)
+
+
+def test_an_error_in_common_takes_its_share_of_the_information() -> None:
+    """Two data of one quantity, the first with a common error of 3 beside its own of 1: weights 0.1, 1."""
+    gain = np.array([[1.0, 10.0]]) / 11.0
+    covariance = np.diag([10.0, 1.0])
+    found = information_shares(gain, gain @ covariance, {"a": np.array([True, False])})
+    assert found["a"][0] == pytest.approx(1.0 / 11.0, rel=1e-12)
 
 
 def test_correlation_of_neighbours_is_ljung_and_boxs() -> None:

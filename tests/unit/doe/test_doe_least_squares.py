@@ -7,6 +7,7 @@ from scipy import optimize
 
 from doe import Box
 from doe.least_squares import STEP, least_squares
+from doe.whitening import Whitening
 
 FloatArray = NDArray[np.float64]
 BOX = Box(("a", "b"), (0.1, 1e-6), (3.0, 1e-3), (False, True))
@@ -20,8 +21,8 @@ def decay(points: FloatArray) -> FloatArray:
     return a * np.exp(-TIME / a) + 0.3 * np.sin((2.0 + b) * TIME)
 
 
-def constant(residual: FloatArray) -> FloatArray:
-    return np.full_like(residual, 0.01)
+def constant(residual: FloatArray) -> Whitening:
+    return Whitening(np.full_like(residual, 0.01))
 
 
 NOISY = decay(TRUTH[None])[0] + 0.01 * np.random.default_rng(4).standard_normal(60)
@@ -74,8 +75,8 @@ def test_sigma_is_that_of_the_normal_equations() -> None:
 def test_weights_of_the_residual_give_the_most_likely_point() -> None:
     """With an unknown noise the most likely point minimises n ln(sum of squares)."""
 
-    def unknown(residual: FloatArray) -> FloatArray:
-        return np.full_like(residual, np.sqrt(np.mean(residual**2)))
+    def unknown(residual: FloatArray) -> Whitening:
+        return Whitening(np.full_like(residual, np.sqrt(np.mean(residual**2))))
 
     result = least_squares(decay, BOX, [[0.5, 3e-6]], data=NOISY, weighting=unknown)[0]
     square = np.sum((decay(result.x[None])[0] - NOISY) ** 2)
@@ -134,7 +135,7 @@ def test_two_valleys_are_told_apart() -> None:
         return np.column_stack([points[:, 0] ** 2, 0.05 * points[:, 0]])
 
     found = least_squares(
-        fold, box, [[-1.5], [1.5]], data=[1.0, 0.05], weighting=lambda r: np.full_like(r, 0.01)
+        fold, box, [[-1.5], [1.5]], data=[1.0, 0.05], weighting=lambda r: Whitening(np.full_like(r, 0.01))
     )
     # One valley fits exactly, at 1; the other minimises (x^2 - 1)^2 + (0.05 x - 0.05)^2 near -1.
     other = min(np.roots([4.0, 0.0, -4.0 + 2.0 * 0.0025, -2.0 * 0.0025]).real)

@@ -118,6 +118,32 @@ def test_covariance_of_an_exact_fit_is_gauss_newton() -> None:
         np.testing.assert_allclose(one.covariance(J, one.data, part), expected, rtol=1e-8)
 
 
+@pytest.mark.parametrize("part", ["joint", "force", "shape"])
+def test_a_common_error_weighs_as_the_dense_covariance(part) -> None:
+    """Generalised least squares with the patterns of the front face."""
+    rng = np.random.default_rng(7)
+    J, noise = linear(20, 40, rng)
+    plain = objective(np.zeros(20), np.zeros(40))
+    patterns = rng.standard_normal((3, 60)) * noise * 4.0
+    one = replace(plain, observations=replace(plain.observations, front_noise=patterns))
+    use = one.mask(part)
+    C = (np.diag(noise**2) + patterns.T @ patterns)[np.ix_(use, use)]
+    W = np.linalg.inv(C)
+    N = J[use].T @ W @ J[use]
+    gain = np.linalg.solve(N, J[use].T @ W)
+    np.testing.assert_allclose(one.gain(J, part)[:, use], gain, rtol=1e-8, atol=1e-12 * np.abs(gain).max())
+    assert not one.gain(J, part)[:, ~use].any()
+    np.testing.assert_allclose(one.information(J, part), N, rtol=1e-10)
+    residual = noise * rng.standard_normal(60)
+    assert one.chi2(residual, part) == pytest.approx(residual[use] @ W @ residual[use], rel=1e-10)
+    spread = gain @ C
+    found = one.spread(one.gain(J, part))[:, use]
+    np.testing.assert_allclose(found, spread, rtol=1e-7, atol=1e-9 * np.abs(spread).max())
+    # The variances of the optimum are those of the covariance that weighs; the residuals are none.
+    found = one.covariance(J, one.data, part)
+    np.testing.assert_allclose(found, np.linalg.inv(N), rtol=1e-7)
+
+
 def fits(
     correlated: float, n_sets: int, n_force: int, n_shape: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -66,4 +66,4 @@ def test_unknown_names_and_reversed_bounds_are_refused() -> None:
 def test_a_box_keeps_the_order_of_the_names() -> None:
     box = design_box({"friction": (0.0, 1.0), "stiffness_factor": None})
     assert box.names == ("friction", "stiffness_factor")
-    assert box.upper == (1.0, 1.5)
+    assert box.upper == (1.0, 2.5)

@@ -9,8 +9,9 @@ from test_objective import objective
 
 from doe import Box
 from explicit import Ending, Outcome
+from kolsky.base.records import MaterialCurve
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.gauss_newton import RefinedRun, Step, _on_refined
+from kolsky.inverse.gauss_newton import LONGEST, RefinedRun, Step, _on_refined, lengthening
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.refined_search import CONFIRMED
@@ -18,14 +19,11 @@ from kolsky.inverse.run_table import RunTable
 from kolsky.inverse.settings import Settings
 from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.inverse.surrogate_mesh_search import (
-    RATIO,
     from_search,
-    local_minima,
     search_box,
     search_meshes,
     starts,
     to_search,
-    valley_levels,
 )
 
 BOX = Box.of({"stiffness_factor": (0.75, 1.5), "poisson": (0.49, 0.4999)})
@@ -48,9 +46,17 @@ class MadeUp:
 
     def __init__(self) -> None:
         self.box, self.prior = BOX, None
-        self.settings = Settings(numerics=Numerics(mesh=COARSE), refined_mesh=FINE)
+        self.settings = Settings(numerics=Numerics(mesh=COARSE), refined_mesh=FINE, replicates=0)
         noise = NOISE * np.random.default_rng(3).standard_normal(TIME.size)
         self.observations = objective(ringing(TRUTH)[0] + noise, np.empty(0)).observations
+        # A wave whose number of passages is 0.5 sqrt(m / (1 - 2 nu)): G = m, unit density, T = L.
+        stretch = np.linspace(0.9, 1.1, 11)
+        edges = self.observations.bins.edges
+        shot = SimpleNamespace(
+            curve=MaterialCurve(stretch, 3.0 * (stretch - 1.0), np.ones(11)),
+            specimen=SimpleNamespace(density=1.0, length=float(edges[-1] - edges[0])),
+        )
+        self.prepared = SimpleNamespace(forward=SimpleNamespace(shot=shot))
         self.points: dict[tuple[int, int], int] = {}
         self.last: np.ndarray = TRUTH
 
@@ -66,6 +72,9 @@ class MadeUp:
             points=design.points, rows=np.arange(len(design.points)), prediction=prediction, lost=""
         )
 
+    def under_other_motions(self, points: np.ndarray, n: int, numerics: Numerics) -> list[Prediction]:
+        return [self.predicted(np.repeat(x[None], n + 1, axis=0), numerics.mesh) for x in points]
+
     def vectors(self, stage: str, points: np.ndarray, numerics: Numerics, one: Objective) -> np.ndarray:
         return one.vectors(self.predicted(points, numerics.mesh))
 
@@ -73,22 +82,6 @@ class MadeUp:
         self.last = points[-1]
         response = SimpleNamespace(completed=np.ones(len(points), dtype=bool), select=lambda rows: None)
         return response, np.arange(len(points)), self.predicted(points, numerics.mesh)
-
-
-def test_levels_of_a_scan_have_equal_ratios() -> None:
-    levels = valley_levels(0.49, 0.4999)
-    ratios = (1.0 - 2.0 * levels[:-1]) / (1.0 - 2.0 * levels[1:])
-    assert levels[[0, -1]] == pytest.approx([0.49, 0.4999], abs=1e-12)
-    np.testing.assert_allclose(ratios, ratios[0], rtol=1e-9)
-    # ln 100 over ln 1.085 is 56.4: 57 steps.
-    assert len(levels) == 58
-    assert ratios[0] <= RATIO
-
-
-def test_local_minima_are_below_both_neighbours() -> None:
-    assert local_minima(np.array([3.0, 5.0, 1.0, 4.0, 2.0])) == [2, 4, 0]
-    assert local_minima(np.array([np.nan, 5.0, 6.0])) == [1]
-    assert local_minima(np.array([2.0, 2.0, 3.0])) == [0]  # of equals the first
 
 
 def test_coordinates_of_the_search_and_back() -> None:
@@ -136,6 +129,16 @@ def test_steps_with_the_coarse_slopes_end_at_the_least_squares_of_the_refined_me
     )
     full = np.linalg.lstsq(own, one.data - ringing(found.x)[0], rcond=None)[0]
     assert (np.abs(full) < 1.5 * CONFIRMED * found.step.sigma).all()
+
+
+def test_a_step_is_lengthened_by_what_the_last_one_fell_short_of() -> None:
+    # Of a step of 4 the run takes off 3, a share of 0.75; what it still asks for is a third too short.
+    move = np.array([4.0, 0.0])
+    assert lengthening(move, np.array([1.0, 0.5]), move) == pytest.approx(4.0 / 3.0)
+    assert lengthening(move, np.array([3.9, 0.0]), move) == LONGEST
+    assert lengthening(move, np.array([-1.0, 0.0]), move) == 1.0  # too long already: left as it is
+    # After a lengthened move of 6 for a step asked of 4 a rest of 1 is a share of one half.
+    assert lengthening(move, np.array([1.0, 0.0]), np.array([6.0, 0.0])) == pytest.approx(2.0)
 
 
 def test_a_run_confirms_when_no_step_is_longer_than_a_fifth_of_sigma() -> None:

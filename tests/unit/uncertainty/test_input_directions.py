@@ -166,7 +166,7 @@ def test_friction_that_is_not_named_is_changed_in_the_shot(monkeypatch: pytest.M
 def linear(**changes: list[float]) -> InputDirections:
     """Four data of sigma 2 and one parameter, Jacobian (1, 1, 0, 0)."""
     one: Any = SimpleNamespace(
-        sigma=np.full(4, 2.0), gain=lambda J: np.linalg.solve(J.T @ J / 4.0, J.T / 4.0)
+        whitened=lambda rows: rows / 2.0, gain=lambda J: np.linalg.solve(J.T @ J / 4.0, J.T / 4.0)
     )
     return InputDirections(
         names=("stiffness_factor",),

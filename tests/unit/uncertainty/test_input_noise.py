@@ -54,7 +54,7 @@ def made_up(force_sigma_gain: float) -> tuple[Any, Replicates]:
         vectors=lambda prediction: prediction,
     )
     prediction: Any = vectors
-    return objective, Replicates(prediction, row == 1, row == 2, row == 3, lost=2)
+    return objective, Replicates(prediction, row == 1, row < 0, row == 2, row == 3, lost=2)
 
 
 def test_sources_are_those_that_are_there() -> None:
