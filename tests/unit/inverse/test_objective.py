@@ -9,7 +9,7 @@ from scipy.stats import norm
 
 from kolsky.bars.signals.transducers import ForceBins
 from kolsky.base.records import CentreLine, ForceHistory
-from kolsky.inverse.objective import Objective
+from kolsky.inverse.objective import PATTERN_ERROR, Objective
 from kolsky.inverse.observations import Observations, Prediction
 
 FloatArray = NDArray[np.float64]
@@ -127,7 +127,8 @@ def test_a_common_error_weighs_as_the_dense_covariance(part) -> None:
     patterns = rng.standard_normal((3, 60)) * noise * 4.0
     one = replace(plain, observations=replace(plain.observations, front_noise=patterns))
     use = one.mask(part)
-    C = (np.diag(noise**2) + patterns.T @ patterns)[np.ix_(use, use)]
+    own = noise**2 + PATTERN_ERROR**2 * (patterns**2).sum(axis=0)
+    C = (np.diag(own) + patterns.T @ patterns)[np.ix_(use, use)]
     W = np.linalg.inv(C)
     N = J[use].T @ W @ J[use]
     gain = np.linalg.solve(N, J[use].T @ W)
