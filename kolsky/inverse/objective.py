@@ -279,9 +279,8 @@ class Objective:
             sandwich = sums @ sums.T * n_blocks / (n_blocks - d) + known
             if np.trace(sandwich / np.diag(best)) > np.trace(best / np.diag(best)):
                 best = sandwich
-        moves = gain @ self.front_noise.T
-        alone = self._variance_without_patterns(jacobian, part)
-        short = alone / (np.diag(best) + (moves**2).sum(axis=1))
+        together = ((gain @ self.front_noise.T) ** 2).sum(axis=1)
+        short = (self._variance_without_patterns(jacobian, part) - together) / np.diag(best)
         scale = np.sqrt(np.maximum(short, 1.0))
         return np.asarray(scale[:, None] * best * scale)
 
