@@ -25,7 +25,13 @@ from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.settings import Settings
 
-NAMES = {"m": "stiffness_factor", "f": "friction", "beta": "damping", "nu": "poisson"}
+NAMES = {
+    "m": "stiffness_factor",
+    "f": "friction",
+    "beta": "damping",
+    "nu": "poisson",
+    **{name: name for name in ("stiffness_factor", "friction", "damping", "poisson")},
+}
 USUAL = Settings()
 """Meshes and replicates of a laboratory that changes nothing."""
 
@@ -193,7 +199,7 @@ def run(study: Study, folder: Path, numbers: list[int], *, workers: int) -> list
 def main() -> None:
     """Run a study, or what is left of it, and sum it up."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--free", default="m", help="m, or m,beta or m,nu,beta or m,f,beta")
+    parser.add_argument("--free", default="m", help="m, or m,beta or m,poisson,beta or m,f,beta")
     parser.add_argument("--experiments", type=int, default=200)
     parser.add_argument("--mesh", default=_written(Study.mesh), help="of the surrogate")
     parser.add_argument("--refined-mesh", default=_written(Study.refined_mesh), help="of the answer")
@@ -206,7 +212,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder; a study that it holds is continued")
     given = parser.parse_args()
     study = Study(
-        free=tuple(NAMES[name] for name in given.free.split(",")),
+        free=_free(given.free),
         mesh=_mesh(given.mesh),
         refined_mesh=_mesh(given.refined_mesh),
         truth_mesh=_mesh(given.truth_mesh),
@@ -226,6 +232,21 @@ def main() -> None:
     whole = {**said, **summary(each)}
     print(json.dumps(whole, indent=2))
     (given.out / "summary.json").write_text(json.dumps({**whole, "each": each}, indent=1) + "\n")
+
+
+def _free(text: str) -> tuple[str, ...]:
+    """Parameters by their names or symbols.
+
+    Raises
+    ------
+    SystemExit
+        If there is no such parameter, or one is named twice.
+    """
+    unknown = [name for name in text.split(",") if name not in NAMES]
+    found = tuple(NAMES[name] for name in text.split(",") if name in NAMES)
+    if unknown or len(set(found)) < len(found):
+        raise SystemExit(f"--free {text}: each of {', '.join(NAMES)} at most once, with commas between")
+    return found
 
 
 def _hold_study(study: Study, folder: Path) -> None:

@@ -5,12 +5,17 @@ from typing import Any
 import numpy as np
 from scipy.stats import binom, binomtest
 
+from kolsky.inverse.result import Verdict
+
 NOMINAL = 0.9545
 """Share that an interval of k = 2 holds of a normal distribution."""
 WANTED = (0.92, 0.98)
 """Range of the share that a study of 200 should find."""
 LARGEST_MEAN = 0.25
 """Largest mean error over the mean standard uncertainty that is wanted."""
+
+ANSWERS = frozenset(verdict.value for verdict in Verdict if verdict.identified)
+"""Verdicts that give a value as an answer."""
 
 Each = list[dict[str, Any]]
 """Experiments, each the fields of `benchmarks.coverage.Found`."""
@@ -34,8 +39,14 @@ def summary(each: Each) -> dict[str, Any]:
         "with a warning that force and outline disagree": sum(
             any("outline disagree" in text for text in one.get("warnings", [])) for one in each
         ),
+        "called identified": sum(called_identified(one) for one in each),
         **{name: _parameter(name, each) for name in each[0]["truth"]},
     }
+
+
+def called_identified(one: dict[str, Any]) -> bool:
+    """True if every verdict of an experiment is an answer, be it of one channel alone."""
+    return all(text in ANSWERS for text in one["outcome"].split("; "))
 
 
 def _parameter(name: str, each: Each) -> dict[str, Any]:
@@ -55,8 +66,15 @@ def _parameter(name: str, each: Each) -> dict[str, Any]:
         for one in good
         if name in one["profile"]
     ]
+    answered = [one for one in good if called_identified(one)]
+    inside = sum(abs(one["value"][name] - one["truth"][name]) <= 2.0 * one["sigma"][name] for one in answered)
+    low, high = binom.interval(0.95, len(answered), NOMINAL) if answered else (0, 0)
     return {
         "covered": share,
+        "covered of those called identified": inside / len(answered) if answered else None,
+        "exact interval of those, 95 % of studies": (
+            [low / len(answered), high / len(answered)] if answered else None
+        ),
         "answers": len(good),
         "misses, value too high and too low": misses,
         "mean error": mean,

@@ -22,6 +22,10 @@ def table(said: dict[str, Any]) -> str:
             "what an exact interval does in 95 % of studies",
             [exact] * len(names),
         ),
+        (
+            f"of the {said.get('called identified', '–')} that are called identified",
+            [_answered(said[p]) for p in names],
+        ),
         ("misses: too high, too low", [_misses(said[p]) for p in names]),
     ]
     rows += [
@@ -45,6 +49,15 @@ def table(said: dict[str, Any]) -> str:
     ]
     lines = [f"| | {' | '.join(heads)} |", "| --- |" + " --- |" * len(names)]
     return "\n".join([*lines, *(f"| {words} | {' | '.join(cells)} |" for words, cells in rows)])
+
+
+def _answered(one: dict[str, Any]) -> str:
+    """Share of the answers that hold the truth, with what an exact interval does in 95 % of studies."""
+    share = one.get("covered of those called identified")
+    if share is None:
+        return "–"
+    low, high = one["exact interval of those, 95 % of studies"]
+    return f"{100 * share:.1f} % ({100 * low:.1f} to {100 * high:.1f} %)"
 
 
 def _misses(one: dict[str, Any]) -> str:

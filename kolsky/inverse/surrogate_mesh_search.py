@@ -160,8 +160,6 @@ def least_squares_on(
     numerics: Numerics,
     points: FloatArray,
     steps: int,
-    *,
-    at_rest: float = AT_REST,
 ) -> list[MeshOptimum]:
     """Least squares on a mesh from some points, the most likely end first; the prior is more data."""
     box, prior = stages.box, objective.prior
@@ -186,7 +184,7 @@ def least_squares_on(
         weighting=weighting,
         step=STEP,
         max_steps=steps,
-        at_rest=at_rest,
+        at_rest=AT_REST,
     )
     edges = np.array([0.5 if name == VALLEY else 1.0 for name in box.names])
     return [

@@ -11,6 +11,7 @@ from tests.mutants.bars_quoted import FAULTS as BARS_QUOTED
 from tests.mutants.budget import FAULTS as BUDGET
 from tests.mutants.causes import FAULTS as CAUSES
 from tests.mutants.cli import FAULTS as CLI
+from tests.mutants.coverage import FAULTS as COVERAGE
 from tests.mutants.diagnosis import FAULTS as DIAGNOSIS
 from tests.mutants.dic import FAULTS as DIC
 from tests.mutants.doe import FAULTS as DOE
@@ -21,6 +22,7 @@ from tests.mutants.inputs import FAULTS as INPUTS
 from tests.mutants.inverse import FAULTS as INVERSE
 from tests.mutants.material import FAULTS as MATERIAL
 from tests.mutants.rates import FAULTS as RATES
+from tests.mutants.refine import FAULTS as REFINE
 from tests.mutants.regions import FAULTS as REGIONS
 from tests.mutants.report import FAULTS as REPORT
 from tests.mutants.results import FAULTS as RESULTS
@@ -39,6 +41,7 @@ FAULTS: tuple[Fault, ...] = (
     *CAUSES,
     *BUDGET,
     *CLI,
+    *COVERAGE,
     *DIAGNOSIS,
     *DIC,
     *DOE,
@@ -50,6 +53,7 @@ FAULTS: tuple[Fault, ...] = (
     *RATES,
     *SEVERAL,
     *SHOT,
+    *REFINE,
     *REGIONS,
     *REPORT,
     *RESULTS,

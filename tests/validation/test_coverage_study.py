@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parent.parent.parent
 if str(ROOT) not in sys.path:
     sys.path.append(str(ROOT))  # the benchmarks are not installed
 
-from benchmarks.coverage import Found, Study, run  # noqa: E402
+from benchmarks.coverage import Found, Study, _free, run  # noqa: E402
 from benchmarks.coverage_counts import NOMINAL, summary  # noqa: E402
 from benchmarks.coverage_problem import (  # noqa: E402
     FORCE_SIGMA,
@@ -26,6 +26,7 @@ from benchmarks.coverage_problem import (  # noqa: E402
     template,
     velocity,
 )
+from benchmarks.coverage_table import table  # noqa: E402
 
 M = "stiffness_factor"
 
@@ -68,6 +69,28 @@ def test_covered_is_counted_by_hand() -> None:
     assert said["covered by the profile likelihood alone"] == pytest.approx(0.5)  # 1.0 and 0.0
     # Errors of 1.9, -3.6, 4 and 0 sigma by the force alone.
     assert said["covered by force alone and outline alone"] == {"force only": pytest.approx(0.5)}
+
+
+def test_what_is_refused_is_counted_apart() -> None:
+    """Of five two miss, one of them refused: of the four that are called identified three hold the truth."""
+    each = [_found(e * 0.01, 0.01) for e in (1.0, 2.1, 0.0, 0.5, 9.0)]
+    each[0]["outcome"] = "identified by the outline alone; identified"
+    each[4]["outcome"] = "identified; not explained by the model"
+    said = summary(each)
+    assert said["called identified"] == 4
+    assert said[M]["covered"] == pytest.approx(0.6)
+    assert said[M]["covered of those called identified"] == pytest.approx(0.75)
+    low, high = said[M]["exact interval of those, 95 % of studies"]
+    assert (low, high) == tuple(binom.interval(0.95, 4, NOMINAL) / np.array(4.0))
+    whole = {"study": {"free": [M]}, **said}
+    assert "| of the 4 that are called identified | 75.0 % (75.0 to 100.0 %) |" in table(whole)
+
+
+def test_parameters_are_named_or_written_as_symbols() -> None:
+    assert _free("m,nu,beta") == _free("m,poisson,damping") == (M, "poisson", "damping")
+    for wrong in ("m,gamma", "m,nu,poisson"):
+        with pytest.raises(SystemExit, match="at most once"):
+            _free(wrong)
 
 
 def test_what_is_wanted_is_judged() -> None:
