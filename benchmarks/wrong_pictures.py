@@ -16,9 +16,11 @@ from benchmarks.made_pictures import surface
 from kolsky.virtual.cameras_rig import rig_of
 from kolsky.virtual.pictures import expose_series
 from kolsky.virtual.pictures_scene import scene_of
+from kolsky.virtual.records import SurfaceHistory
 from kolsky.virtual.schema import Specification
 
-FRAMES = 14
+FRAMES, SHOWN = 16, [0, 11, 14, 15]
+"""Frames of the motion, and those that are made: the first and the last are shown."""
 WRONG: dict[str, dict[str, Any]] = {
     "nothing wrong": {},
     "motion blur": {"optics": {"exposure": "150 us"}},
@@ -59,7 +61,9 @@ def pictures(tables: dict[str, Any], *, device: str = "cpu", threads: int = 1) -
     """Frames of camera 0 over the largest grey value, shape [n_frames, rows, columns]."""
     merged = {**tables, "cameras": {"write": True, **tables.get("cameras", {})}}
     q = Specification.model_validate(merged)
-    shown = surface(FRAMES, q)
+    whole = surface(FRAMES, q)
+    parts = (getattr(whole, name)[SHOWN] for name in ("time", "r", "y", "displacement", "tilt"))
+    shown = SurfaceHistory(*parts)
     if q.imperfections.tilt:
         d = shown.displacement
         shown.tilt[:] = q.imperfections.tilt * d / d.max()
