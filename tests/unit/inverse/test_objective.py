@@ -302,7 +302,7 @@ def test_covariance_with_front_noise() -> None:
 
 
 def test_the_most_likely_discrepancy_where_variances_differ() -> None:
-    """The patterns' error makes some bins far less certain than others: they say little of the discrepancy."""
+    """The patterns' error makes some bins far less certain than others: they say little of tau."""
     rng = np.random.default_rng(12)
     patterns = np.zeros((1, 400))
     patterns[0, :200] = 40.0 * NOISE_FORCE
