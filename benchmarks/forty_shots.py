@@ -142,8 +142,10 @@ def attempt(study: Study, name: str, folder: Path, cure: str = "") -> Answer:
 
 def said_on_purpose(error: Exception) -> bool:
     """Whether an error is a refusal that a line `raise` made, and no accident inside a computation."""
-    line = traceback.extract_tb(error.__traceback__)[-1].line or ""
-    return isinstance(error, InputError) or line.lstrip().startswith("raise ")
+    if isinstance(error, InputError):
+        return True
+    lines = traceback.extract_tb(error.__traceback__)
+    return bool(lines) and (lines[-1].line or "").lstrip().startswith("raise ")
 
 
 def cured_copy(folder: Path, place: Path, cure: Callable[[str, Path], str | None]) -> bool:
@@ -190,7 +192,7 @@ def with_subset(share: float) -> Callable[[str, Path], str | None]:
         found = re.search(r"^subset = (\d+)$", text, re.MULTILINE)
         if found is None:
             return None
-        size = int(np.clip(2 * round(0.5 * share * int(found[1])) + 1, 11, 51))
+        size = int(np.clip(2 * round(0.5 * (share * int(found[1]) - 1.0)) + 1, 11, 51))
         return text.replace(found[0], f"subset = {size}", 1)
 
     return changed

@@ -144,8 +144,8 @@ def rig(angle: float, scale: float = 1.0) -> StereoRig:
 
 
 def drawn(population: str, seed: int) -> OutlierScene:
-    """Scene number `seed` of a population, "tuned" or "judged": of each third one has a highlight, lost
-    paint, both."""
+    """Scene number `seed` of a population, "tuned" or "judged": of four one has a highlight, one lost paint,
+    one both, one neither."""
     rng = np.random.default_rng([{"tuned": 1, "judged": 2}[population], seed])
     kind = seed % 4
     spoiled = Spoiled(

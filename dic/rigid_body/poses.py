@@ -18,6 +18,9 @@ LATERAL_SHARE = 0.05
 that time: the change of direction of the velocity [rad]."""
 MOST_FRAMES = 400
 """Frames whose poses are solved for together; of more, evenly chosen ones."""
+MOST_POINTS = 2000
+"""Points from which they are solved for; of more, evenly chosen ones. The memory grows with frames times
+points, and beyond so many subsets overlap and tell little more."""
 WIDE = 0.25
 """Share of the points of the best frame that a frame must see.
 
@@ -64,6 +67,7 @@ def flyer_poses(
     remarks : list of Remark
         Why there are none.
     """
+    body = thinned(body, MOST_POINTS)
     r = body.reconstruction
     seen = np.logical_or(*(track.outcome == PointOutcome.VALID for track in body.tracks))
     kept = np.zeros(len(static), dtype=bool)
@@ -100,6 +104,38 @@ def flyer_poses(
             )
         ]
     return motion, []
+
+
+def thinned(body: TrackedBody, most: int) -> TrackedBody:
+    """A body with at most so many of its points, evenly chosen; itself if it has no more."""
+    n = len(body.points)
+    if n <= most:
+        return body
+    kept, r = slice(None, None, -(-n // most)), body.reconstruction
+    first, second = (
+        replace(
+            track,
+            points=track.points[kept],
+            excess=None if track.excess is None else track.excess[:, kept],
+            **{
+                name: getattr(track, name)[:, kept]
+                for name in ("warp", "covariance", "zncc", "outcome", "reference")
+            },
+        )
+        for track in body.tracks
+    )
+    return replace(
+        body,
+        points=body.points[kept],
+        cell=body.cell[kept],
+        tracks=(first, second),
+        reconstruction=replace(
+            r,
+            pixels=(r.pixels[0][:, kept], r.pixels[1][:, kept]),
+            **{name: getattr(r, name)[:, kept] for name in ("position", "covariance", "epipolar", "outcome")},
+        ),
+        common=None if body.common is None else body.common[:, kept],
+    )
 
 
 def _kept(track: Track, kept: BoolArray) -> Track:

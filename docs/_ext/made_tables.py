@@ -159,6 +159,8 @@ def budget(name: str) -> str:
         known = source["u"] is not None
         size = "" if key == "noise" else f"{source['sigma']:.3g}"
         u, share = (f"{2.0 * source['u']:.4f}", f"{100.0 * source['share']:.2g} %") if known else ("", "")
+        if known and None not in (ends := source.get("share_interval", [None])):
+            share += f" ({100.0 * ends[0]:.2g} to {100.0 * ends[1]:.2g} %)"
         row = f"| {WORDS.get(key, key)} | {size} | {u} | {share} |"
         if other is not None:
             row += f" {_of(source['u'], other['U'])} |" if known else " |"
@@ -169,6 +171,12 @@ def budget(name: str) -> str:
         low, high = 2.0 * one["u_together_low"], 2.0 * one["u_together_high"]
         last = "" if other is None else f" {_of(one['u_together'], other['U'])} |"
         lines.append(f"| all at once | | {2.0 * one['u_together']:.4f} ({low:.4f} to {high:.4f}) | |{last}")
+    if "realisations" in one:
+        counts = ", ".join(f"{n} {how}" for how, n in one["realisations"].items())
+        jumps = one["in_another_valley"]
+        where = f", at {', '.join(f'{value:.3f}' for value in jumps)}" if jumps else ""
+        lines += ["", f"Realisations: {counts}. Whole searches in another valley: {len(jumps)} of "]
+        lines[-1] += f"{one['searched_whole']}{where}."
     return "\n".join(lines)
 
 
@@ -182,14 +190,19 @@ def drawn(name: str) -> str:
     made = _results(name)
     if made is None:
         return f"There is no `benchmarks/results/{name}.json`: the study was not run yet."
+    kinds = ("right", "answered, beyond 1 %", "refused", "confidently wrong", "stopped by a fault")
     lines = [
-        "| shot | true $m$ | $m$ | U (k = 2) | error | verdict | time |",
-        "| --- | --- | --- | --- | --- | --- | --- |",
+        f"Of {made['shots']} shots: {', '.join(f'{made[kind]} {kind}' for kind in kinds if kind in made)}.",
+        "",
+        "| shot | true $m$ | $m$ | U (k = 2) | error | verdict | counts as | time | with a cure |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
     for one in made["answers"]:
         known = one["value"] is not None
         value, U = (f"{one['value']:.4f}", f"{2.0 * one['sigma']:.4f}") if known else ("", "")
         error = f"{100.0 * (one['value'] / one['truth'] - 1.0):+.2f} %" if known else ""
+        cured = [again for again in one.get("cured", []) if again["answered"]]
+        off = [f"{100.0 * abs(again['value'] / again['truth'] - 1.0):.2f} %" for again in cured]
         cells = [
             one["name"],
             f"{one['truth']:.4f}",
@@ -197,7 +210,9 @@ def drawn(name: str) -> str:
             U,
             error,
             one["verdict"],
+            one.get("kind", ""),
             f"{one['seconds']:.0f} s",
+            f"{cured[0]['cure']}: off by {off[0]}" if cured else ("none" if one.get("cured") else ""),
         ]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)

@@ -2,14 +2,16 @@
 
 The data of a shot are one vector: the force's bin means, then the counted outline points. Its covariance is
 
-    C = diag(sigma^2 + tau^2) + M' M,
+    C = diag(sigma^2 + tau^2 + PATTERN_ERROR^2 M^2) + M' M,
 
 with the measured noise sigma, a discrepancy tau of each channel, estimated from the residual at the optimum,
 and the patterns M in which the noise of the front face's motion moves all predictions together. Without tau a
 channel whose residual is dominated by what the model leaves out would be trusted as if only its noise were
 wrong. Without M tau would take the ringing that a noisy onset causes for a fault of the model, and weigh down
 the whole channel; with the patterns' variances alone, as if each entry had a draw of its own, the force would
-be weighed down as much where it rings with the front face as where it does not.
+be weighed down as much where it rings with the front face as where it does not. The patterns themselves come
+from runs on a coarse mesh, whose ringing is that much off in height and phase; without a part of their own
+for that the answer would rest on the phase of every oscillation.
 """
 
 from dataclasses import dataclass, replace
@@ -26,6 +28,8 @@ from kolsky.inverse.prior import Prior
 
 Part = Literal["joint", "force", "shape"]
 
+PATTERN_ERROR = 0.2
+"""Standard uncertainty of the front face's patterns over their size [-], independent from entry to entry."""
 BLOCKS = (2, 4, 8, 16)
 """Block lengths, in force bins, over which residuals may be correlated in time."""
 ROUNDS = 6
@@ -80,10 +84,15 @@ class Objective:
 
     @cached_property
     def own_sigma(self) -> FloatArray:
-        """Noise and discrepancy in quadrature: what is independent from entry to entry, shape [k]."""
+        """Noise, discrepancy and error of the patterns in quadrature: what is independent, shape [k]."""
         tau = np.full(len(self.data), self.shape_discrepancy)
         tau[: self.n_force] = self.force_discrepancy
-        return np.sqrt(self.noise**2 + tau**2)
+        return np.sqrt(self.noise**2 + tau**2 + self.pattern_variance)
+
+    @cached_property
+    def pattern_variance(self) -> FloatArray:
+        """Variance of each entry by what the front face's patterns are off, shape [k]."""
+        return np.asarray(PATTERN_ERROR**2 * (self.front_noise**2).sum(axis=0))
 
     @cached_property
     def sigma(self) -> FloatArray:
@@ -141,7 +150,7 @@ class Objective:
             if turn:
                 left, variance = found._without_front(residual)
                 square = left**2 + variance
-            excess = square - self.noise**2
+            excess = square - self.noise**2 - self.pattern_variance
             force, shape = excess[:n], excess[n:]
             found = replace(
                 self,
@@ -249,7 +258,9 @@ class Objective:
         What the front face's noise explains of the residuals is not in it. It is the Gauss-Newton covariance
         for independent residuals, or the block "sandwich" in which the residuals of a block of time may be
         correlated in any way; of the block lengths in `BLOCKS` the one with the largest variances counts. A
-        smaller estimate is never preferred.
+        smaller estimate is never preferred. Nor is one below that of weights by each entry's whole variance,
+        as if the front face's noise had nothing in common: the patterns serve the answer, its interval does
+        not rest on them.
         """
         use = self.mask(part)
         gain = self.gain(jacobian, part)
@@ -268,4 +279,12 @@ class Objective:
             sandwich = sums @ sums.T * n_blocks / (n_blocks - d) + known
             if np.trace(sandwich / np.diag(best)) > np.trace(best / np.diag(best)):
                 best = sandwich
-        return best
+        together = ((gain @ self.front_noise.T) ** 2).sum(axis=1)
+        short = (self._variance_without_patterns(jacobian, part) - together) / np.diag(best)
+        scale = np.sqrt(np.maximum(short, 1.0))
+        return np.asarray(scale[:, None] * best * scale)
+
+    def _variance_without_patterns(self, jacobian: FloatArray, part: Part) -> FloatArray:
+        """Variances of the optimum if each entry's whole variance were its own, shape [d]."""
+        rows = (jacobian / self.sigma[:, None])[self.mask(part)]
+        return np.diag(np.linalg.inv(rows.T @ rows + self.prior_precision(jacobian.shape[1], part)))

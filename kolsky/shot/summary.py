@@ -36,6 +36,8 @@ class Entry:
         if isinstance(self.value, str):
             return self.value
         unit, factor = _WRITTEN.get(self.unit, (self.unit, 1.0))
+        if self.unit == "m" and 0.0 < abs(self.value) < 1e-4:
+            unit, factor = "um", 1e6
         if self.unit == "Pa" and abs(self.value) >= 1e9:
             unit, factor = "GPa", 1e-9
         return f"{self.value * factor:.6g} {unit}".strip()

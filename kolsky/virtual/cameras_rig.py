@@ -3,7 +3,7 @@
 Its y runs along the axis from the transmission platen to the flyer, its z toward the cameras.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -67,19 +67,6 @@ def rig_of(q: Specification, *, shot: int) -> Rig:
         cameras.append(camera)
         crops.append(_crop(camera.project(middle), c.picture, c.sensor, k))
     return Rig(StereoRig((cameras[0], cameras[1])), (crops[0], crops[1]), middle)
-
-
-def in_rig_frame(rig: StereoRig) -> StereoRig:
-    """The rig with poses in the frame of camera 0, as a calibration gives them."""
-    R, t = rig.relative
-    first, second = rig.cameras
-    return replace(
-        rig,
-        cameras=(
-            replace(first, rotation=np.eye(3), translation=np.zeros(3)),
-            replace(second, rotation=R, translation=t),
-        ),
-    )
 
 
 def _crop(at: FloatArray, picture: tuple[int, int], sensor: tuple[int, int], camera: int) -> tuple[int, int]:

@@ -78,8 +78,8 @@ FAULTS = (
     Fault(
         name="a re-fit that did not come to rest in the spread",
         file="kolsky/studies/budget/refit.py",
-        right="return self not in (self.NOT_AT_REST, self.AT_BOUND, self.REFUSED)",
-        wrong="return self not in (self.AT_BOUND, self.REFUSED)",
+        right="return self not in (self.LEFT_VALLEY, self.NOT_AT_REST, self.AT_BOUND, self.REFUSED)",
+        wrong="return self not in (self.LEFT_VALLEY, self.AT_BOUND, self.REFUSED)",
         tests=BUDGET,
     ),
     Fault(
@@ -129,6 +129,13 @@ FAULTS = (
         file="kolsky/studies/budget/design.py",
         right="(high.results[:columns] - low.results[:columns]) / (NODES[2] - NODES[0])",
         wrong="(high.results[:columns] - low.results[:columns]) / NODES[2]",
+        tests=BUDGET,
+    ),
+    Fault(
+        name="a phase of the ringing by the square of its period",
+        file="kolsky/studies/budget/refit.py",
+        right="np.log(m) - np.log(1.0 - 2.0 * nu)",
+        wrong="np.log(m) + np.log(1.0 - 2.0 * nu)",
         tests=BUDGET,
     ),
 )

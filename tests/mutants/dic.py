@@ -128,6 +128,13 @@ FAULTS = (
         ),
     ),
     Fault(
+        name="curve: the slopes of the best peak count as other places",
+        file="dic/stereo/kernels/curve.py",
+        right="while (left > 0 && profile[left - 1] < profile[left]) --left;",
+        wrong="left = peak;",
+        tests=("tests/unit/dic/test_dic_epipolar_search.py",),
+    ),
+    Fault(
         name="material frame: the farthest",
         file="dic/bodies/follow.py",
         right="np.argmin(np.abs(usable - wanted))",

@@ -147,4 +147,25 @@ FAULTS = (
         wrong="np.stack([np.ones_like(x), x, x**2], axis=1)",
         tests=("tests/unit/virtual/test_from_shot.py",),
     ),
+    Fault(
+        name="confidently wrong counted by the expanded uncertainty",
+        file="benchmarks/forty_shots.py",
+        right="abs(self.value - self.truth) > COVERED * self.sigma",
+        wrong="abs(self.value - self.truth) > 2.0 * COVERED * self.sigma",
+        tests=("tests/unit/virtual/test_forty.py",),
+    ),
+    Fault(
+        name="an answer judged over itself, not over the truth",
+        file="benchmarks/forty_shots.py",
+        right='return "right" if abs(self.value / self.truth - 1.0) <= RIGHT',
+        wrong='return "right" if abs(self.value - self.truth) <= RIGHT',
+        tests=("tests/unit/virtual/test_forty.py",),
+    ),
+    Fault(
+        name="a region of the flyer on the specimen's side of the edge",
+        file="benchmarks/forty_shots.py",
+        right='place - CLEAR if side in ("up", "left") else place + CLEAR',
+        wrong='place + CLEAR if side in ("up", "left") else place - CLEAR',
+        tests=("tests/unit/virtual/test_forty.py",),
+    ),
 )

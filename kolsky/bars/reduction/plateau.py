@@ -14,7 +14,7 @@ LEVEL = 0.8
 ends [-]."""
 SHARE = 0.3
 """Least balanced length of a plateau as a share of the incident pulse's, at half its height [-]."""
-LARGEST_CHANGE = 0.3
+LARGEST_CHANGE = 0.2
 """Largest change of a history along the plateau, by its best line, over its mean [-]."""
 LARGEST_SCATTER = 0.1
 """Largest root mean square of what that line leaves, over the mean [-]."""

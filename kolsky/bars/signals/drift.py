@@ -9,7 +9,7 @@ from kolsky.base.arrays import FloatArray
 
 CONTRASTS = 3
 """Slowest parts of the baseline that the drift's strength is estimated from."""
-WEAKEST = 0.1
+WEAKEST = 1.0
 """Strength D0 beyond which the prior density (1 + D / D0)^-1 falls, as a share of that whose slowest part
 is as strong as the noise's [-]; with `CONTRASTS` so chosen that steady drifts are covered too."""
 MODES = 4

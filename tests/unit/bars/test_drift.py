@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kolsky.bars.signals.drift import CONTRASTS, DRIFTING, WEAKEST, diffusion, drift_at, drift_quantities
+from kolsky.bars.signals.drift import CONTRASTS, DRIFTING, diffusion, drift_at, drift_quantities
 from kolsky.bars.signals.signal_zero import check_rest
 
 N, STEP = 400, 1e-6
@@ -29,7 +29,7 @@ def test_with_noise_alone_the_strength_is_that_of_the_prior():
     sigma, memory = 2.0, 5.0
     s2 = sigma**2 * memory / N
     gain = T / (np.arange(1, 4) * np.pi) ** 2
-    weakest = WEAKEST * s2 / gain[0]
+    weakest = s2 / gain[0]
 
     def density(x, power):
         D = weakest * np.exp(x)

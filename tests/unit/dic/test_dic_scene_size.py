@@ -7,8 +7,10 @@ import pytest
 from test_dic_reconstruct import RIG, followed
 
 from dic.bodies.follow import TrackedBody
+from dic.camera import StereoRig
 from dic.outcome import PointOutcome
 from dic.rigid_body.axial_displacement import AxialDisplacement, axial_displacement
+from dic.rigid_body.poses import thinned
 from dic.stereo import reconstruct
 from dic.surfaces import SpecimenFrame
 
@@ -16,8 +18,8 @@ STATIC, FRAMES = 4, 16
 FRAME = SpecimenFrame(np.eye(3), np.zeros(3), np.zeros((6, 6)))
 
 
-def displacement(scale: float) -> AxialDisplacement:
-    """Of a body that moves along y, out of camera 1's sight in some frames, two of its points false."""
+def moving(scale: float) -> tuple[TrackedBody, StereoRig]:
+    """A body that moves along y, out of camera 1's sight in some frames, two of its points false."""
     cameras = [replace(camera, translation=scale * camera.translation) for camera in RIG.cameras]
     rig = replace(RIG, cameras=(cameras[0], cameras[1]))
     x, y = np.meshgrid(np.linspace(-6e-4, 6e-4, 5), np.linspace(-6e-4, 6e-4, 4))
@@ -41,6 +43,12 @@ def displacement(scale: float) -> AxialDisplacement:
         reconstruction=reconstruct(rig, tracks[0], tracks[1]),
         common=None,
     )
+    return body, rig
+
+
+def displacement(scale: float) -> AxialDisplacement:
+    """Of that body."""
+    body, rig = moving(scale)
     static = np.arange(FRAMES) < STATIC
     found = axial_displacement(body, rig, FRAME, np.arange(FRAMES) * 1e-5, static, subset=5)
     assert found is not None
@@ -58,3 +66,17 @@ def test_the_flyers_displacement_is_in_proportion(scale: float) -> None:
     np.testing.assert_allclose(found.displacement / scale, usual.displacement, rtol=0, atol=1e-10)
     np.testing.assert_allclose(found.sigma / scale, usual.sigma, rtol=1e-4)
     assert found.rest_sigma / scale == pytest.approx(usual.rest_sigma, rel=1e-4)
+
+
+def test_a_body_of_many_points_is_thinned_evenly_and_all_that_is_known_of_them_with_it() -> None:
+    body, rig = moving(1.0)
+    assert thinned(body, len(body.points)) is body
+    few = thinned(body, 7)  # of 20: every third
+    assert few.points.tolist() == body.points[::3].tolist()
+    assert len(few.points) == len(few.cell) == 7
+    for track in few.tracks:
+        assert track.warp.shape == (FRAMES, 7, 12)
+    again = reconstruct(rig, *few.tracks)
+    np.testing.assert_allclose(few.reconstruction.position, again.position, rtol=1e-9)
+    np.testing.assert_array_equal(few.reconstruction.outcome, again.outcome)
+    np.testing.assert_array_equal(few.reconstruction.pixels[1], again.pixels[1])

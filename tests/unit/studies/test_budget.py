@@ -13,7 +13,7 @@ from kolsky.studies.budget.campaign import plan_campaign, shot_sigma, slope_half
 from kolsky.studies.budget.design import NODES, WEIGHTS, design, slopes_of
 from kolsky.studies.budget.factors import NOISE, factors_of, shifted
 from kolsky.studies.budget.realisation import Realisations
-from kolsky.studies.budget.refit import Estimate, same_valley
+from kolsky.studies.budget.refit import Estimate, phase, same_valley
 from kolsky.studies.budget.refit import RealisationOutcome as Outcome
 from kolsky.studies.budget.sampling import joint_shares, shares_of_squares
 from kolsky.virtual.schema import Specification
@@ -152,6 +152,13 @@ def test_the_start_of_a_draw_is_where_its_sources_alone_move_the_answer(tmp_path
     made = Realisations(Specification(), tmp_path, FACTORS, settings, {"stiffness_factor": 1.0}, slopes)
     start = made._start(np.array([7.0, 0.1, -2.0, 1.0]))
     assert start == {"stiffness_factor": pytest.approx(1.0 + 0.3 + 1.0)}
+
+
+def test_the_phase_of_the_ringing_is_that_of_the_bulk_modulus() -> None:
+    """K of nearly incompressible rubber is proportional to m / (1 - 2 nu)."""
+    one, other = {"stiffness_factor": 1.1, "poisson": 0.49}, {"stiffness_factor": 1.0, "poisson": 0.48}
+    assert phase(one) - phase(other) == pytest.approx(np.log(2.2))
+    assert phase({"stiffness_factor": 2.0, "damping": 1e-5}) == pytest.approx(np.log(2.0))
 
 
 def test_shares_of_a_straight_line_are_known_exactly() -> None:

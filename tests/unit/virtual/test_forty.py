@@ -1,0 +1,72 @@
+"""The study of drawn shots: what an answer counts as, cures, and answers that are kept."""
+
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.forty_shots import Answer, Study, cured_copy, flyer_region, one, said_on_purpose, with_subset
+from kolsky.base.errors import InputError
+
+RIGHT = Answer("a", 1.2, 1.2 * 1.009, 0.005, "identified", True, "", 1.0, 2.0)
+
+
+def test_what_an_answer_counts_as() -> None:
+    """1 % of the truth is right, beyond three standard uncertainties it is confidently wrong."""
+    assert RIGHT.kind == "right"
+    assert replace(RIGHT, value=1.2 * 0.989).kind == "answered, beyond 1 %"
+    assert replace(RIGHT, sigma=0.0037).kind == "right"  # 0.0108 off: 2.92 of them
+    assert replace(RIGHT, sigma=0.0035).kind == "confidently wrong"  # 3.09 of them
+    assert replace(RIGHT, answered=False).kind == "refused"
+    assert (
+        replace(RIGHT, value=None, sigma=None, answered=False, verdict="fault").kind == "stopped by a fault"
+    )
+    refused = replace(RIGHT, answered=False)
+    assert refused.end is refused
+    assert replace(refused, cured=[RIGHT]).end is RIGHT
+
+
+def test_a_fault_is_no_refusal() -> None:
+    with pytest.raises(ValueError, match="no hold") as meant:
+        raise ValueError("no hold")
+    with pytest.raises(ValueError, match="invalid literal") as accident:
+        int("x")
+    assert said_on_purpose(meant.value)
+    assert not said_on_purpose(accident.value)
+    assert said_on_purpose(InputError("shot.toml", "is missing"))
+
+
+def test_an_answer_is_kept_and_read_back(tmp_path: Path) -> None:
+    kept = replace(RIGHT, answered=False, cured=[replace(RIGHT, cure="larger subsets")])
+    (tmp_path / "a.json").write_text(json.dumps(asdict(kept)), encoding="utf-8")
+    assert one(Study("no.toml", str(tmp_path)), "a") == kept
+
+
+def test_cures_change_the_shot_file_alone(tmp_path: Path) -> None:
+    """A flyer that comes from above ends 3 mm under the specimen's face at rest, seen head-on at 10 px/mm."""
+    shot = tmp_path / "shot"
+    (shot / "results").mkdir(parents=True)
+    (shot / "shot.toml").write_text("[dic]\nsubset = 21\n", encoding="utf-8")
+    (shot / "frames.csv").write_text("frame\n0\n1\n2\n", encoding="utf-8")
+    camera = {
+        "K": [[1000.0, 0.0, 64.0], [0.0, 1000.0, 64.0], [0.0, 0.0, 1.0]],
+        "R": [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]],
+        "t": [0.0, 0.0, 0.1],
+        "crop_offset": [10, 20],
+    }
+    answer = {"m": 1.0, "cameras": [camera], "specification": {"cameras": {"flyer_side": "up"}}}
+    (shot / "truth.json").write_text(json.dumps(answer), encoding="utf-8")
+    np.savez(shot / "truth_surface.npz", d=[0.0, 3e-3])
+    text = flyer_region("[dic]\nsubset = 21\n", shot)
+    # Face at y = 3.5 mm: row 64 - 35 - 20 = 9, and 4 px clear of it; 1 px is less than 8 px of height.
+    assert text is None
+    camera["crop_offset"] = [10, 0]
+    (shot / "truth.json").write_text(json.dumps(answer), encoding="utf-8")
+    text = flyer_region("[dic]\nsubset = 21\n", shot)
+    assert text == "[dic]\nflyer = { x = [4.0, 123.0], y = [4.0, 25.0], frame = 2 }\nsubset = 21\n"
+    assert cured_copy(shot, tmp_path / "copy", with_subset(1.4))
+    assert "subset = 29" in (tmp_path / "copy" / "shot.toml").read_text("utf-8")
+    assert "subset = 21" in (shot / "shot.toml").read_text("utf-8")
+    assert not (tmp_path / "copy" / "results").exists()
