@@ -34,6 +34,7 @@ def render(result: ReducedTest) -> str:
         result=result,
         figures=draw_figures(figures_of(result).values(), result),
         answers=answers(result),
+        means_over=typeset(means_over(result)),
         facts=[(name, typeset(quantity(value, unit))) for name, (value, unit) in result.facts.items()],
         corrections=[
             {
@@ -106,6 +107,23 @@ def per(slope: float, unit: str, of: str) -> str:
     text = f"{slope:+.3g}" if slope else "0"
     each = "" if of == "1" else f" per {of}"
     return typeset(text + ("" if unit == "1" else f" {unit}") + each)
+
+
+def means_over(result: ReducedTest) -> str:
+    """Return over which span the means are taken, and how long the forces are balanced; empty if unknown."""
+    named = (
+        "plateau from",
+        "plateau to",
+        "balanced length of the plateau",
+        "incident pulse at half its height",
+    )
+    if any(name not in result.facts for name in named):
+        return ""
+    first, last, balanced, whole = (result.facts[name][0] for name in named)
+    return (
+        f"Means over {1e6 * first:.4g} to {1e6 * last:.4g} µs; on the plateau the forces are balanced over "
+        f"{1e6 * balanced:.3g} µs, {100.0 * balanced / whole:.0f} % of the incident pulse."
+    )
 
 
 def answers(result: ReducedTest) -> list[dict[str, Any]]:
