@@ -31,8 +31,8 @@ from kolsky.inverse.surrogate_mesh_search import MeshOptimum
 LONGEST = 2.5
 """Most by which a step is lengthened."""
 WORSE = 4.0
-"""Rise of -2 ln L by a step that makes it too long [-]: two standard deviations. The slopes of the coarser mesh
-lead to a point that is not quite the least misfit, and near it a good step may rise by less."""
+"""Rise of -2 ln L by a step that makes it too long [-]: two standard deviations. The slopes of the coarser
+mesh lead to a point that is not quite the least misfit, and near it a good step may rise by less."""
 MOST_RUNS = 8
 """Most rounds on the refined mesh."""
 NEIGHBOUR = 0.5

@@ -139,23 +139,24 @@ class Objective:
         """The objective whose discrepancies explain this vector's residual beyond noise and front face.
 
         Of a residual r = e + M' a, with a of the front face's modes M standard normal, e is estimated with
-        its uncertainty, and its mean square beyond the noise is the discrepancy, on which the estimate
-        depends (expectation maximisation). Without modes e is r.
+        its uncertainty, on which the discrepancy depends in turn (expectation maximisation). Its mean square
+        beyond the noise and the patterns' own error is the discrepancy: a mean with weights D^-2, D the
+        variance of e, which is the most likely one where variances differ (Fisher scoring). Without modes e
+        is r, and the mean is plain.
         """
         residual, n = vector - self.data, self.n_force
         found = replace(self, force_discrepancy=0.0, shape_discrepancy=0.0)
         known = len(self.front_noise) > 0
+        square, weight = residual**2, np.ones(len(residual))
         for turn in range(ROUNDS if known else 1):
-            square = residual**2
             if turn:
                 left, variance = found._without_front(residual)
-                square = left**2 + variance
+                square, weight = left**2 + variance, found.own_sigma**-4
             excess = square - self.noise**2 - self.pattern_variance
-            force, shape = excess[:n], excess[n:]
             found = replace(
                 self,
-                force_discrepancy=float(np.sqrt(max(force.mean(), 0.0))),
-                shape_discrepancy=float(np.sqrt(max(shape.mean(), 0.0))) if shape.size else 0.0,
+                force_discrepancy=_root_of_mean(excess[:n], weight[:n]),
+                shape_discrepancy=_root_of_mean(excess[n:], weight[n:]),
             )
         return found
 
@@ -288,3 +289,8 @@ class Objective:
         """Variances of the optimum if each entry's whole variance were its own, shape [d]."""
         rows = (jacobian / self.sigma[:, None])[self.mask(part)]
         return np.diag(np.linalg.inv(rows.T @ rows + self.prior_precision(jacobian.shape[1], part)))
+
+
+def _root_of_mean(excess: FloatArray, weight: FloatArray) -> float:
+    """Root of a weighted mean; zero where that is negative, or of nothing."""
+    return float(np.sqrt(max(np.average(excess, weights=weight), 0.0))) if excess.size else 0.0

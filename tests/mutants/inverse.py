@@ -47,6 +47,13 @@ FAULTS = (
         tests=OBJECTIVE,
     ),
     Fault(
+        name="a discrepancy that the most uncertain entries rule",
+        file="kolsky/inverse/objective.py",
+        right="left**2 + variance, found.own_sigma**-4",
+        wrong="left**2 + variance, found.own_sigma**4",
+        tests=OBJECTIVE,
+    ),
+    Fault(
         name="the deviance without the logarithm of the variance",
         file="kolsky/inverse/objective.py",
         right="chi2 + weighed.whitening(part).log_determinant",
