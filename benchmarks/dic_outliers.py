@@ -60,7 +60,7 @@ def counted(population: str, seed: int, device: str = "cpu") -> Count:
         rest=list(range(scene.n_static)), placement=SimpleNamespace(frame=frame, radius=RADIUS)
     )
     inputs: Any = SimpleNamespace(rig=rig(scene.angle))
-    gated = gate_surface(gate_epipolar(inputs, gate_residual(body), rest), rest)
+    gated = gate_surface(gate_residual(gate_epipolar(inputs, body, rest)), rest)
     tracked, before, _ = _off(body, truth)
     valid, beyond, worst = _off(gated, truth)
     return Count(seed, KINDS[seed % 4], tracked, before, valid, beyond, worst)

@@ -242,11 +242,9 @@ def words(e: Experiment) -> str:
     """One line on an experiment."""
     um = 1e6
     place = f"{e.number:3d}  {e.share * 100:5.1f} %  {um * e.pixel:4.0f} um/px"
-    lower = (
-        ""
-        if e.lower_error is None
-        else f"  lower {um * e.lower_error:6.2f} ({um * (e.lower_sigma or 0.0):.2f})"
-    )
+    lower = ""
+    if e.lower_error is not None:
+        lower = f"  lower {um * e.lower_error:6.2f} ({um * (e.lower_sigma or 0.0):.2f})"
     if e.error is None:
         return f"{place}{lower}  {e.why[:90]}"
     length = f"  L {um * e.length_error:6.2f}"

@@ -16,9 +16,11 @@ from benchmarks.made_pictures import surface
 from kolsky.virtual.cameras_rig import rig_of
 from kolsky.virtual.pictures import expose_series
 from kolsky.virtual.pictures_scene import scene_of
+from kolsky.virtual.records import SurfaceHistory
 from kolsky.virtual.schema import Specification
 
-FRAMES = 14
+FRAMES, SHOWN = 16, [0, 11, 15]
+"""Frames of the motion, and those that are made: the first and the last are shown."""
 WRONG: dict[str, dict[str, Any]] = {
     "nothing wrong": {},
     "motion blur": {"optics": {"exposure": "150 us"}},
@@ -35,7 +37,7 @@ WRONG: dict[str, dict[str, Any]] = {
     "heat haze": {"optics": {"haze": 1.5}},
     "scratch": {"speckle": {"scratch": "0.3 mm"}},
     "flake": {"speckle": {"flake": "0.8 mm"}},
-    "loose paint": {"speckle": {"loose": "1.2 mm", "loose_slip": "0.5 mm"}},
+    "loose paint": {"speckle": {"loose": "4 mm", "loose_slip": "0.5 mm"}},
     "printed": {"speckle": {"kind": "printed"}},
     "too coarse": {"speckle": {"size": 14}},
     "too fine": {"speckle": {"size": 1.5}},
@@ -57,9 +59,16 @@ WRONG: dict[str, dict[str, Any]] = {
 
 def pictures(tables: dict[str, Any], *, device: str = "cpu", threads: int = 1) -> NDArray[np.floating]:
     """Frames of camera 0 over the largest grey value, shape [n_frames, rows, columns]."""
-    merged = {**tables, "cameras": {"write": True, **tables.get("cameras", {})}}
+    cameras, optics = {"write": True, "picture": [96, 96]}, {"rays": 2}
+    merged = {
+        **tables,
+        "cameras": {**cameras, **tables.get("cameras", {})},
+        "optics": {**optics, **tables.get("optics", {})},
+    }
     q = Specification.model_validate(merged)
-    shown = surface(FRAMES, q)
+    whole = surface(FRAMES, q)
+    parts = (getattr(whole, name)[SHOWN] for name in ("time", "r", "y", "displacement", "tilt"))
+    shown = SurfaceHistory(*parts)
     if q.imperfections.tilt:
         d = shown.displacement
         shown.tilt[:] = q.imperfections.tilt * d / d.max()

@@ -39,7 +39,7 @@ def detect_series(
     targets: Sequence[Target],
     *,
     progress: Callable[[int, int], None] | None = None,
-) -> tuple[list[Detection | TargetNotFound | None], ...]:
+) -> tuple[list[Detection | TargetNotFound | PictureError], ...]:
     """Points of a target in all pictures of several cameras, as `calibrate` takes them.
 
     Parameters
@@ -54,8 +54,8 @@ def detect_series(
     Returns
     -------
     tuple
-        Of each camera a list, one entry a picture: what was detected, why nothing was, or None for a picture
-        that cannot be read. It does not depend on the number of threads.
+        Of each camera a list, one entry a picture: what was detected, why nothing was, or why the picture
+        cannot be used. It does not depend on the number of threads.
 
     Raises
     ------
@@ -69,16 +69,14 @@ def detect_series(
         if index < pictures.n_frames
     ]
 
-    def one(job: tuple[int, int]) -> Detection | TargetNotFound | None:
+    def one(job: tuple[int, int]) -> Detection | TargetNotFound | PictureError:
         camera, index = job
         try:
             return detect(series[camera].frame(index), targets[camera])
-        except TargetNotFound as error:
+        except (TargetNotFound, PictureError) as error:
             return error
-        except PictureError:
-            return None
 
-    found: tuple[list[Detection | TargetNotFound | None], ...] = tuple([] for _ in series)
+    found: tuple[list[Detection | TargetNotFound | PictureError], ...] = tuple([] for _ in series)
     with ThreadPoolExecutor(THREADS) as pool:  # OpenCV and NumPy release the interpreter
         for done, ((camera, _), view) in enumerate(zip(jobs, pool.map(one, jobs), strict=True)):
             found[camera].append(view)

@@ -92,6 +92,8 @@ class Pair:
     """From the target's frame to the rig's, shape [3, 3]; None if the target was not recognised."""
     translation: FloatArray | None
     """From the target's frame to the rig's [m], shape [3]."""
+    unusable: bool = False
+    """True if a picture of it could not be read or is of another size: `reason` names it."""
 
     @property
     def rms(self) -> float:
@@ -153,6 +155,11 @@ class Calibration:
     def rejected(self) -> tuple[Pair, ...]:
         """Pairs that were left out."""
         return tuple(pair for pair in self.pairs if not pair.outcome.used)
+
+    @property
+    def unusable(self) -> tuple[Pair, ...]:
+        """Pairs that took part with one picture, as the other could not be used."""
+        return tuple(pair for pair in self.pairs if pair.outcome.used and pair.unusable)
 
     @property
     def sigma(self) -> dict[str, float]:

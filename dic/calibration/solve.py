@@ -14,8 +14,9 @@ from dic.calibration.start import start
 from dic.calibration.targets.base import Detection, Target, TargetNotFound
 from dic.calibration.views import all_views, finished_view
 from dic.camera import PARAMETERS, StereoRig
+from dic.images import PictureError
 
-Seen = Detection | TargetNotFound | None
+Seen = Detection | TargetNotFound | PictureError | None
 Size = tuple[int, int]
 
 MODELS: dict[str, tuple[str, ...]] = {
@@ -53,7 +54,7 @@ def calibrate(
     ----------
     views0, views1
         What camera 0 and camera 1 saw, one entry a pair: a `Detection`; the `TargetNotFound` that
-        detecting raised; or None where there is no picture.
+        detecting raised; the `PictureError` of a picture that cannot be used; or None where there is none.
     target
         What was shown: one target, or one for each pair.
     sensors
@@ -122,6 +123,13 @@ def calibrate(
     )
 
 
+def _said(view: TargetNotFound | PictureError | None) -> str:
+    """Why there is no detection."""
+    if view is None:
+        return "no picture"
+    return f"the picture cannot be used: {view}" if isinstance(view, PictureError) else str(view)
+
+
 def _pair(
     k: int,
     name: str,
@@ -132,13 +140,14 @@ def _pair(
 ) -> Pair:
     """The record of one pair."""
     missing = [
-        f"camera {camera}: {'no picture' if view is None else view}"
+        f"camera {camera}: {_said(view)}"
         for camera, view in enumerate(views)
         if not isinstance(view, Detection)
     ]
+    unusable = any(isinstance(view, PictureError) for view in views)
     if k not in fit.rig.poses:
         said = "; ".join(missing) or "no pose of the target explains what is seen"
-        return Pair(name, PairOutcome.NOT_FOUND, said, (None, None), None, None)
+        return Pair(name, PairOutcome.NOT_FOUND, said, (None, None), None, None, unusable)
     parts: list[PairView | None] = []
     for camera in (0, 1):
         view = chosen.get((k, camera))
@@ -153,4 +162,4 @@ def _pair(
         outcome, reason = PairOutcome.INCONSISTENT, verdicts.bad[k]
     elif missing:
         outcome, reason = PairOutcome.ONE_CAMERA, "; ".join(missing)
-    return Pair(name, outcome, reason, (parts[0], parts[1]), R, t)
+    return Pair(name, outcome, reason, (parts[0], parts[1]), R, t, unusable)

@@ -26,27 +26,17 @@ OWN_SIGMAS = 4.0
 
 
 def gate_residual(body: TrackedBody) -> TrackedBody:
-    """Remove points of patches that do not look like what was followed, in either camera."""
-    unlike = np.zeros(body.reconstruction.outcome.shape, dtype=bool)
+    """Remove points of patches that do not look like what was followed, in either camera.
+
+    Points that another gate has removed neither judge nor begin a patch: a subset that hangs over an end has
+    a large residual too, and says nothing of its neighbours.
+    """
+    valid = np.asarray(body.reconstruction.outcome == PointOutcome.VALID)
+    unlike = np.zeros(valid.shape, dtype=bool)
     for track in body.tracks:
         if track.excess is not None:
-            found = np.asarray(track.outcome == PointOutcome.VALID)
-            unlike |= unlike_points(track.excess, found, body.cell)
-    if not unlike.any():
-        return body
-    first, second = (
-        replace(
-            track,
-            outcome=np.where(
-                unlike & (track.outcome == PointOutcome.VALID),
-                int(PointOutcome.LOW_CORRELATION),
-                track.outcome,
-            ),
-        )
-        for track in body.tracks
-    )
-    gone = unlike & (body.reconstruction.outcome == PointOutcome.VALID)
-    return replace(_without(body, gone, PointOutcome.LOW_CORRELATION), tracks=(first, second))
+            unlike |= unlike_points(track.excess, valid, body.cell)
+    return _without(body, unlike, PointOutcome.LOW_CORRELATION) if unlike.any() else body
 
 
 def gate_epipolar(inputs: Inputs, body: TrackedBody, rest_state: RestState) -> TrackedBody:

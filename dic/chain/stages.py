@@ -104,7 +104,7 @@ def measure(
         if flyer is not None:
             flyer_later = worker.submit(clock, "flyer", partial(follow_flyer, inputs, flyer, progress))
         try:
-            body = clock("specimen", lambda: gate_residual(follow_specimen(inputs, specimen, progress)))
+            body = clock("specimen", lambda: follow_specimen(inputs, specimen, progress))
             tracked_flyer = None if flyer_later is None else flyer_later.result()
             rest_state = clock("test frame", partial(fit_test_frame, inputs, body, tracked_flyer))
         except ChainError as error:
@@ -124,7 +124,8 @@ def measure(
             clock, "flyer's poses", lambda: poses_of(inputs, tracked_flyer, placement, axial)
         )
         body = gate_ends(inputs, body, rest_state, axial)
-        body = gate_surface(body, rest_state)  # one by one: each holds the places of all points anew
+        body = gate_residual(body)  # one by one: each holds the places of all points anew
+        body = gate_surface(body, rest_state)
         surface, left_out = surface_of(inputs, body, placement, rest)
         another_frame = remarks.of_material(body, specimen)
         del body  # its tracks are as large as all that follows

@@ -21,6 +21,10 @@ class PictureError(ValueError):
         self.path, self.frame, self.what, self.cure = Path(path), frame, what, cure
 
 
+class PictureSizeError(PictureError):
+    """A picture of another size than those of its series."""
+
+
 @runtime_checkable
 class Pictures(Protocol):
     """Protocol of a picture series. Opening reads the headers; a frame is read when it is asked for."""
@@ -150,7 +154,7 @@ def checked_frame(
     """
     if picture.shape != shape:
         size = " x ".join(str(side) for side in picture.shape)
-        raise PictureError(
+        raise PictureSizeError(
             path, f"is {size}, the series {shape[0]} x {shape[1]} (rows x columns)", frame=index
         )
     if picture.dtype not in (np.uint8, np.uint16):

@@ -44,7 +44,7 @@ def waves(shot: ShotPath, out: Out = None, figures: Figures = "", as_json: AsJso
 
 def _rows(result: "ReducedTest") -> dict[str, str]:
     """The lines that a terminal gets."""
-    from kolsky.report.pages.waves import answers, quantity
+    from kolsky.report.pages.waves import answers, means_over, quantity
 
     balanced = result.reduction.balanced
     return {
@@ -56,6 +56,7 @@ def _rows(result: "ReducedTest") -> dict[str, str]:
         "balanced": "never"
         if balanced is None
         else "{:.4g} to {:.4g} µs".format(*(1e6 * t for t in balanced)),
+        **({"means": said} if (said := means_over(result)) else {}),
         **_own(result),
         **{name: quantity(value, unit) for name, (value, unit) in result.facts.items()},
     }

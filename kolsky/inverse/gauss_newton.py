@@ -30,6 +30,9 @@ from kolsky.inverse.surrogate_mesh_search import MeshOptimum
 
 LONGEST = 2.5
 """Most by which a step is lengthened."""
+WORSE = 4.0
+"""Rise of -2 ln L by a step that makes it too long [-]: two standard deviations. The slopes of the coarser
+mesh lead to a point that is not quite the least misfit, and near it a good step may rise by less."""
 MOST_RUNS = 8
 """Most rounds on the refined mesh."""
 NEIGHBOUR = 0.5
@@ -190,7 +193,7 @@ def _on_refined(
         run = _judged(stages, objective, slope, x, check[-1], found)
         if run.confirmed and (beside is None or number > 0):
             return run, other
-        if found is not None and _cost(run) > _cost(found):
+        if found is not None and _cost(run) > _cost(found) + WORSE:
             x = 0.5 * (found.x + run.x)  # the step was too long for a linear model
         else:
             factor = 1.0

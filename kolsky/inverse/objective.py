@@ -2,14 +2,16 @@
 
 The data of a shot are one vector: the force's bin means, then the counted outline points. Its covariance is
 
-    C = diag(sigma^2 + tau^2) + M' M,
+    C = diag(sigma^2 + tau^2 + PATTERN_ERROR^2 M^2) + M' M,
 
 with the measured noise sigma, a discrepancy tau of each channel, estimated from the residual at the optimum,
 and the patterns M in which the noise of the front face's motion moves all predictions together. Without tau a
 channel whose residual is dominated by what the model leaves out would be trusted as if only its noise were
 wrong. Without M tau would take the ringing that a noisy onset causes for a fault of the model, and weigh down
 the whole channel; with the patterns' variances alone, as if each entry had a draw of its own, the force would
-be weighed down as much where it rings with the front face as where it does not.
+be weighed down as much where it rings with the front face as where it does not. The patterns themselves come
+from runs on a coarse mesh, whose ringing is that much off in height and phase; without a part of their own
+for that the answer would rest on the phase of every oscillation.
 """
 
 from dataclasses import dataclass, replace
@@ -26,6 +28,8 @@ from kolsky.inverse.prior import Prior
 
 Part = Literal["joint", "force", "shape"]
 
+PATTERN_ERROR = 0.2
+"""Standard uncertainty of the front face's patterns over their size [-], independent from entry to entry."""
 BLOCKS = (2, 4, 8, 16)
 """Block lengths, in force bins, over which residuals may be correlated in time."""
 ROUNDS = 6
@@ -80,10 +84,15 @@ class Objective:
 
     @cached_property
     def own_sigma(self) -> FloatArray:
-        """Noise and discrepancy in quadrature: what is independent from entry to entry, shape [k]."""
+        """Noise, discrepancy and error of the patterns in quadrature: what is independent, shape [k]."""
         tau = np.full(len(self.data), self.shape_discrepancy)
         tau[: self.n_force] = self.force_discrepancy
-        return np.sqrt(self.noise**2 + tau**2)
+        return np.sqrt(self.noise**2 + tau**2 + self.pattern_variance)
+
+    @cached_property
+    def pattern_variance(self) -> FloatArray:
+        """Variance of each entry by what the front face's patterns are off, shape [k]."""
+        return np.asarray(PATTERN_ERROR**2 * (self.front_noise**2).sum(axis=0))
 
     @cached_property
     def sigma(self) -> FloatArray:
@@ -130,23 +139,24 @@ class Objective:
         """The objective whose discrepancies explain this vector's residual beyond noise and front face.
 
         Of a residual r = e + M' a, with a of the front face's modes M standard normal, e is estimated with
-        its uncertainty, and its mean square beyond the noise is the discrepancy, on which the estimate
-        depends (expectation maximisation). Without modes e is r.
+        its uncertainty, on which the discrepancy depends in turn (expectation maximisation). Its mean square
+        beyond the noise and the patterns' own error is the discrepancy: a mean with weights D^-2, D the
+        variance of e, which is the most likely one where variances differ (Fisher scoring). Without modes e
+        is r, and the mean is plain.
         """
         residual, n = vector - self.data, self.n_force
         found = replace(self, force_discrepancy=0.0, shape_discrepancy=0.0)
         known = len(self.front_noise) > 0
+        square, weight = residual**2, np.ones(len(residual))
         for turn in range(ROUNDS if known else 1):
-            square = residual**2
             if turn:
                 left, variance = found._without_front(residual)
-                square = left**2 + variance
-            excess = square - self.noise**2
-            force, shape = excess[:n], excess[n:]
+                square, weight = left**2 + variance, found.own_sigma**-4
+            excess = square - self.noise**2 - self.pattern_variance
             found = replace(
                 self,
-                force_discrepancy=float(np.sqrt(max(force.mean(), 0.0))),
-                shape_discrepancy=float(np.sqrt(max(shape.mean(), 0.0))) if shape.size else 0.0,
+                force_discrepancy=_root_of_mean(excess[:n], weight[:n]),
+                shape_discrepancy=_root_of_mean(excess[n:], weight[n:]),
             )
         return found
 
@@ -249,7 +259,9 @@ class Objective:
         What the front face's noise explains of the residuals is not in it. It is the Gauss-Newton covariance
         for independent residuals, or the block "sandwich" in which the residuals of a block of time may be
         correlated in any way; of the block lengths in `BLOCKS` the one with the largest variances counts. A
-        smaller estimate is never preferred.
+        smaller estimate is never preferred. Nor is one below that of weights by each entry's whole variance,
+        as if the front face's noise had nothing in common: the patterns serve the answer, its interval does
+        not rest on them.
         """
         use = self.mask(part)
         gain = self.gain(jacobian, part)
@@ -268,4 +280,17 @@ class Objective:
             sandwich = sums @ sums.T * n_blocks / (n_blocks - d) + known
             if np.trace(sandwich / np.diag(best)) > np.trace(best / np.diag(best)):
                 best = sandwich
-        return best
+        together = ((gain @ self.front_noise.T) ** 2).sum(axis=1)
+        short = (self._variance_without_patterns(jacobian, part) - together) / np.diag(best)
+        scale = np.sqrt(np.maximum(short, 1.0))
+        return np.asarray(scale[:, None] * best * scale)
+
+    def _variance_without_patterns(self, jacobian: FloatArray, part: Part) -> FloatArray:
+        """Variances of the optimum if each entry's whole variance were its own, shape [d]."""
+        rows = (jacobian / self.sigma[:, None])[self.mask(part)]
+        return np.diag(np.linalg.inv(rows.T @ rows + self.prior_precision(jacobian.shape[1], part)))
+
+
+def _root_of_mean(excess: FloatArray, weight: FloatArray) -> float:
+    """Root of a weighted mean; zero where that is negative, or of nothing."""
+    return float(np.sqrt(max(np.average(excess, weights=weight), 0.0))) if excess.size else 0.0

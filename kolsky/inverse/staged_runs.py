@@ -243,7 +243,7 @@ class StagedRuns:
 
         None for a point whose run under the fitted motion did not complete.
         """
-        forward = self.prepared.with_replicates(n, np.random.default_rng(self.settings.seed), curves=0)
+        forward = self.prepared.with_replicates(n, np.random.default_rng([self.settings.seed, 1]), curves=0)
         motion = np.tile(np.arange(n + 1), len(points))
         started, report = time.perf_counter(), self._counter("noise", len(motion))
         at = np.repeat(self.solver_values(points, numerics.mesh), n + 1, axis=0)

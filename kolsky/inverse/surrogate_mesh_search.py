@@ -18,7 +18,7 @@ from doe.least_squares import least_squares
 from doe.whitening import Whitening
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.front_noise import learn_front_noise
+from kolsky.inverse.front_noise import data_change, front_modes, learn_front_noise, noise_of
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.staged_runs import StagedRuns
@@ -106,7 +106,13 @@ def search_meshes(stages: StagedRuns, start: FloatArray) -> dict[tuple[int, int]
         learn_front_noise(stages, stages.replicate(best.x))
         objective = replace(objective, observations=stages.observations)
     if surrogate.mesh not in found:
-        (found[surrogate.mesh],) = least_squares_on(stages, objective, surrogate, best.x[None], MOST_STEPS)
+        (best,) = least_squares_on(stages, objective, surrogate, best.x[None], MOST_STEPS)
+        found[surrogate.mesh] = best
+        # There the ringing is nearer to the refined mesh's, and so are the patterns of its noise.
+        n = stages.settings.replicates
+        again = stages.under_other_motions(best.x[None], n, surrogate)[0] if n else None
+        if again is not None:
+            stages.know_front_noise(front_modes(data_change(again)[1:], noise_of(stages.observations)))
     return found
 
 

@@ -178,14 +178,12 @@ def write_full_field_results(
 
     Parameters
     ----------
-    folder
-        Folder; created if absent.
+    folder, formats
+        As of `write_identify_results`.
     measurement
         The measurement, as `kolsky.shot.measurement.read_measurement` gives it.
     result
         The result.
-    formats
-        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
     csv, vtu
         Also write every frame's points as CSV, and as VTU for ParaView.
 
@@ -217,12 +215,10 @@ def write_waves_results(folder: Path, result: ReducedTest, *, formats: Sequence[
 
     Parameters
     ----------
-    folder
-        Folder; created if absent.
+    folder, formats
+        As of `write_identify_results`.
     result
         The reduced test.
-    formats
-        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
 
     Raises
     ------

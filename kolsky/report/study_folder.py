@@ -2,7 +2,9 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from kolsky.base.files import filling
 from kolsky.report.figures_alone import save_figures_alone
@@ -15,18 +17,19 @@ from kolsky.studies.rates.records import RateReport
 from kolsky.studies.sweep import Sweep, write_sweep
 from kolsky.studies.sweep_analysis import SweepAnalysis
 
+if TYPE_CHECKING:
+    from kolsky.report.figures.base import FigureKind
+
 
 def write_rate_results(folder: Path, report: RateReport, *, formats: Sequence[str] = ()) -> None:
     """Write the results of `kolsky rate`: rates.h5, rates.html, tables and figures.
 
     Parameters
     ----------
-    folder
-        Folder; created if absent.
+    folder, formats
+        As of `kolsky.report.result_folder.write_identify_results`.
     report
         The comparison of shots.
-    formats
-        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
 
     Raises
     ------
@@ -48,19 +51,16 @@ def write_plan_results(folder: Path, found: Plan, *, formats: Sequence[str] = ()
 
     Parameters
     ----------
-    folder
-        Where to; made if it is not there.
+    folder, formats
+        As of `kolsky.report.result_folder.write_identify_results`.
     found
         The plan.
-    formats
-        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
 
     Raises
     ------
     InputError
         If the results cannot be written.
     """
-
     with filling(folder) as partial:
         plan_output.write_hdf5(partial / "plan.h5", found)
         plan_output.write_csv(partial, found)
@@ -80,14 +80,13 @@ def write_budget_results(
 
     Parameters
     ----------
-    folder
-        Folder; created if absent.
+    folder, formats
+        As of `kolsky.report.result_folder.write_identify_results`.
     results
-        A budget for each free parameter; the first has the name budget.csv, others their parameter's too.
+        A budget for each free parameter; files and figures of the first are named budget, of others
+        budget and the parameter.
     campaign
         A planned campaign, if one was asked for.
-    formats
-        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
 
     Raises
     ------
@@ -101,7 +100,16 @@ def write_budget_results(
         for number, result in enumerate(results):
             write_budget(partial / ("budget.csv" if not number else f"budget-{result.parameter}.csv"), result)
         write_page(partial / "budget.html", results, campaign)
-        save_figures_alone(partial, results[0], formats)
+        for number, result in enumerate(results):
+            registry = None if number == 0 else _named_after(result.parameter)
+            save_figures_alone(partial, result, formats, registry=registry)
+
+
+def _named_after(parameter: str) -> "dict[str, FigureKind[Budget]]":
+    """The figures of a budget under names that end with a parameter."""
+    from kolsky.report.figures import BUDGETS
+
+    return {key: replace(kind, name=f"{kind.name}-{parameter}") for key, kind in BUDGETS.items()}
 
 
 def write_sweep_results(
@@ -117,8 +125,8 @@ def write_sweep_results(
 
     Parameters
     ----------
-    folder
-        Folder; created if absent.
+    folder, formats
+        As of `kolsky.report.result_folder.write_identify_results`.
     result
         Every run of the design.
     analysis
@@ -127,8 +135,6 @@ def write_sweep_results(
         Name of table and page without their endings.
     warnings
         Warnings at the top of the page.
-    formats
-        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
 
     Raises
     ------

@@ -7,6 +7,7 @@ import numpy as np
 
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.result import Body, StereoResult
+from kolsky.shot.refined_rig import refinement_words
 
 SHOWN_FRAMES = 12
 """Frames that are listed one by one; of more, the first and how many."""
@@ -117,6 +118,8 @@ def printed(result: StereoResult) -> dict[str, str]:
             f"{um * rows['flyer_sigma_m']:.2f} µm, at rest "
             f"{um * rows['flyer_rest_sigma_m']:.2f} µm"
         )
+    if said := refinement_words(result.facts.get("refinement", {})):
+        table["pose refined from the speckles"] = said
     found = result.facts.get("regions", {}).get("found", [])
     if found:
         regions = result.facts["regions"]

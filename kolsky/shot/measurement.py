@@ -19,6 +19,7 @@ from dic.tracking import Tracking
 from kolsky.base.errors import InputError, refuse
 from kolsky.base.process import infrequent_gc, single_threaded_libraries
 from kolsky.shot.picture_set import CAMERAS, digest, fits_sensor, matching
+from kolsky.shot.refined_rig import refined
 from kolsky.shot.rig import rig_of
 from kolsky.shot.schema.full_field import MeasuredSeries, MeasurementFile
 from kolsky.shot.schema.reading import TomlFile, parse_toml
@@ -171,7 +172,18 @@ def measure_file(
             if section.kind == "plane":
                 return measure_plane(measurement.series[0], settings, scale=section.scale, **shared)
             pair = (measurement.series[0], measurement.series[1])
-            shared["facts"] = {"calibration": words}
+            rig, refinement = refined(
+                measurement.declared.calibration,
+                rig,
+                pair,
+                settings.reference,
+                shared["mask"],
+                settings.stereo,
+                step=settings.step,
+                noise=settings.noise,
+                device=device,
+            )
+            shared["facts"] = {"calibration": words, "refinement": refinement}
             if section.kind == "surface":
                 return measure_surface(pair, rig, settings, **shared)
             return measure_cylinder(pair, rig, settings, radius=section.radius, **shared)

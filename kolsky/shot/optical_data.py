@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from dic.bodies.found_regions import FoundRegions, find_regions
-from dic.bodies.region import Region
+from dic.bodies.region import Region, polygon_mask
 from dic.chain import VERSION, ChainError, ChainSettings, measure
 from dic.correlation import Correlation, Shape
 from dic.images import frame_health
@@ -27,6 +27,7 @@ from kolsky.base.process import infrequent_gc, single_threaded_libraries
 from kolsky.base.records import CentreLine, FlyerMotion
 from kolsky.shot.picture_set import PictureSet
 from kolsky.shot.records import OpticalData
+from kolsky.shot.refined_rig import refined
 from kolsky.shot.rig import calibrated
 from kolsky.shot.schema.apparatus import SpecimenSection
 from kolsky.shot.schema.pictures import DicSection, RegionSection
@@ -313,13 +314,25 @@ def _correlated(pictures: PictureSet, device: str, progress: Progress) -> Stereo
     calibrating = perf_counter() - started
     places = places_of(pictures)
     static = np.arange(pictures.time.size) < declared.frames.static
+    settings = chain_settings(section, declared.specimen, places.edge, device, _length_sigma(toml))
     reporting = {} if declared.reporting is None else declared.reporting.model_dump(exclude_none=True)
     try:
         started = perf_counter()
+        assert declared.calibration is not None  # shots with pictures have it
+        rig, refinement = refined(
+            declared.calibration,
+            cameras.rig,
+            pictures.series,
+            places.specimen.frame,
+            polygon_mask(places.specimen.corners, pictures.series[0].shape),
+            settings.stereo,
+            step=section.step,
+            device=device,
+        )
         result = measure(
             pictures.series,
-            cameras.rig,
-            chain_settings(section, declared.specimen, places.edge, device, _length_sigma(toml)),
+            rig,
+            settings,
             t=pictures.time,
             static=static,
             specimen=places.specimen,
@@ -329,6 +342,7 @@ def _correlated(pictures: PictureSet, device: str, progress: Progress) -> Stereo
                 "calibration": cameras.words,
                 "software": _software(),
                 "regions": places.words,
+                **({"refinement": refinement} if refinement else {}),
             },
             progress=progress,
         )

@@ -9,6 +9,7 @@ import numpy as np
 
 from dic.camera import StereoRig
 from dic.images import PictureError, Pictures
+from dic.images.series import PictureSizeError
 from kolsky.base.errors import InputError
 from kolsky.shot.picture_set import CAMERAS, PictureSet, fits_sensor
 from kolsky.shot.schema.pictures import CalibrationSection, TargetSection
@@ -158,10 +159,12 @@ def calibration_of(toml: TomlFile, section: CalibrationSection, progress: Progre
         spans = [f"{n} pictures numbered {of[0]} to {of[-1]}" for n, of in zip(counts, numbers, strict=True)]
         raise toml.error(
             "calibration",
-            f"has {spans[0]} of camera 0 and {spans[1]} of camera 1, so it is not known which are pairs",
+            f"has {spans[0]} of camera 0 and {spans[1]} of camera 1, so it is not known which are pairs"
+            f"{_alone(numbers)}",
             cure="export the pairs with one number each",
         )
     views = detect_series(series, targets, progress=lambda done, total: progress("calibration", done, total))
+    _refuse_odd_size(toml, series, views)
     sensors = [(pictures.shape[1], pictures.shape[0]) for pictures in series]
     names = [str(number) for number in numbers[0]]
 
@@ -204,10 +207,38 @@ def calibration_of(toml: TomlFile, section: CalibrationSection, progress: Progre
     )
 
 
+def _alone(numbers: Sequence[Sequence[int]]) -> str:
+    """Which pictures have no partner, if that says more than the spans do."""
+    said = [
+        f"camera {1 - camera} has none numbered {', '.join(map(str, alone[:6]))}"
+        + (f" and {len(alone) - 6} more" if len(alone) > 6 else "")
+        for camera in (0, 1)
+        if (alone := sorted(set(numbers[camera]) - set(numbers[1 - camera])))
+    ]
+    return f": {'; '.join(said)}" if set(numbers[0]) & set(numbers[1]) else ""
+
+
+def _refuse_odd_size(toml: TomlFile, series: Sequence[Pictures], views: Sequence[Sequence[Any]]) -> None:
+    """Refuse a series whose first picture, which gives its size, is of another size than most others."""
+    for name, pictures, own in zip(CAMERAS, series, views, strict=True):
+        other = sum(isinstance(view, PictureSizeError) for view in own)
+        same = sum(not isinstance(view, PictureError) for view in own)
+        if other > same:
+            rows, columns = pictures.shape
+            raise toml.error(
+                f"calibration.{name}",
+                f"begins with a picture of {columns} x {rows} px, {other} of the others have another size",
+                cure="export the first picture with the size of the others",
+            )
+
+
 def _words(found: "Calibration") -> str:
     used = sum(pair.outcome.used for pair in found.pairs)
     rejected = "".join(f"; pair {pair.name} left out: {pair.reason}" for pair in found.rejected)
-    return f"{used} of {len(found.pairs)} pairs of pictures, residual {found.rms:.3g} px rms{rejected}"
+    missing = "".join(f"; pair {pair.name}: {pair.reason}" for pair in found.unusable)
+    return (
+        f"{used} of {len(found.pairs)} pairs of pictures, residual {found.rms:.3g} px rms{rejected}{missing}"
+    )
 
 
 def _series(toml: TomlFile, name: str, pattern: str) -> Pictures:

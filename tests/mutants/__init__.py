@@ -22,6 +22,7 @@ from tests.mutants.inputs import FAULTS as INPUTS
 from tests.mutants.inverse import FAULTS as INVERSE
 from tests.mutants.material import FAULTS as MATERIAL
 from tests.mutants.rates import FAULTS as RATES
+from tests.mutants.refine import FAULTS as REFINE
 from tests.mutants.regions import FAULTS as REGIONS
 from tests.mutants.report import FAULTS as REPORT
 from tests.mutants.results import FAULTS as RESULTS
@@ -52,6 +53,7 @@ FAULTS: tuple[Fault, ...] = (
     *RATES,
     *SEVERAL,
     *SHOT,
+    *REFINE,
     *REGIONS,
     *REPORT,
     *RESULTS,

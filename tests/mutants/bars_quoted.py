@@ -112,6 +112,13 @@ FAULTS = (
     Fault("gaps before the stress not said", SIGNALS, "LARGEST_TOE = 0.01", "LARGEST_TOE = 0.1", REMARKS),
     Fault("a drift that decides not said", SIGNALS, "DOMINATES = 0.5", "DOMINATES = 0.95", REMARKS),
     Fault("small second orders said", SIGNALS, "SMALL = 1e-3", "SMALL = 1e-9", REMARKS),
+    Fault(
+        "bends of quoted values dropped",
+        QUOTED,
+        "np.hypot(straight, budget.curvature[name])",
+        "np.hypot(straight, 0.0)",
+        REMARKS,
+    ),
     Fault("means without a reason", QUOTED, "if fault is not None]", "if fault is None]", REMARKS),
     Fault("slow parts halved", DRIFT, "a = sqrt(2.0) * cosine", "a = cosine", DRIFTS),
     Fault("a weak prior of drift", DRIFT, "WEAKEST = 1.0", "WEAKEST = 0.1", DRIFTS),

@@ -14,8 +14,8 @@ FAULTS = (
     Fault(
         name="noise and discrepancy added, not their squares",
         file="kolsky/inverse/objective.py",
-        right="return np.sqrt(self.noise**2 + tau**2)",
-        wrong="return self.noise + tau",
+        right="np.sqrt(self.noise**2 + tau**2 + self.pattern_variance)",
+        wrong="self.noise + tau + self.pattern_variance",
         tests=OBJECTIVE,
     ),
     Fault(
@@ -42,8 +42,15 @@ FAULTS = (
     Fault(
         name="the noise taken off the discrepancy once, not squared",
         file="kolsky/inverse/objective.py",
-        right="excess = square - self.noise**2",
-        wrong="excess = square - self.noise",
+        right="excess = square - self.noise**2 - self.pattern_variance",
+        wrong="excess = square - self.noise - self.pattern_variance",
+        tests=OBJECTIVE,
+    ),
+    Fault(
+        name="a discrepancy that the most uncertain entries rule",
+        file="kolsky/inverse/objective.py",
+        right="left**2 + variance, found.own_sigma**-4",
+        wrong="left**2 + variance, found.own_sigma**4",
         tests=OBJECTIVE,
     ),
     Fault(

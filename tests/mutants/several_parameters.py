@@ -158,6 +158,20 @@ FAULTS = (
         tests=WHITENING,
     ),
     Fault(
+        name="patterns of the front face without an error",
+        file="kolsky/inverse/objective.py",
+        right="return np.asarray(PATTERN_ERROR**2 * (self.front_noise**2).sum(axis=0))",
+        wrong="return np.asarray(0.0 * (self.front_noise**2).sum(axis=0))",
+        tests=("tests/unit/inverse/test_objective.py",),
+    ),
+    Fault(
+        name="an interval that rests on the patterns",
+        file="kolsky/inverse/objective.py",
+        right="scale = np.sqrt(np.maximum(short, 1.0))",
+        wrong="scale = np.ones(d)",
+        tests=("tests/unit/inverse/test_objective.py",),
+    ),
+    Fault(
         name="a common error left out of the spread",
         file="kolsky/inverse/objective.py",
         right=" + (gain @ self.front_noise.T) @ self.front_noise)",

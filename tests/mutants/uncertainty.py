@@ -112,8 +112,8 @@ FAULTS = (
     Fault(
         name="the front face's ringing counted as discrepancy",
         file="kolsky/inverse/objective.py",
-        right="square = left**2 + variance",
-        wrong="square = residual**2",
+        right="square, weight = left**2 + variance, found",
+        wrong="square, weight = residual**2, found",
         tests=OBJECTIVE,
     ),
     Fault(

@@ -278,7 +278,8 @@ def made_text() -> str:
 
 `python -m benchmarks.bar_signals` draws two populations of {first["tests"]:.0f} tests each: bars of
 steel, aluminium or titanium, incident pulses with straight or rounded flanks of 8 to 40 µs, dispersed on
-their way, and specimens that are elastic and then flow or harden, with noise from 0.2 % to 2 % of the pulse. The limits
+their way, and specimens that are elastic and then flow or harden, with noise from 0.2 % to 2 % of the
+pulse. The limits
 (scatter of a first rise, change along a plateau, strength of a drift) were fixed on the first; the second was
 then drawn once. A distance "far" or "near" is declared 60 mm too far or too near.
 

@@ -240,13 +240,14 @@ def _budget(
         **{name: history.sigma for name, history in true_curve(reduction, summary.analysis).items()},
         **quoted_values.noise(reduction, summary),
     }
-    return propagate(
+    found = propagate(
         lambda values: varied.outputs(values, summary),
         quantities,
         noise=noise,
         correlations=bar_correlations(varied.given, quantities),
         tolerance=LARGEST_BEND,
     )
+    return quoted_values.with_both_sides(found)
 
 
 def _true_histories(budget: Budget, sign: float) -> dict[str, FloatArray]:

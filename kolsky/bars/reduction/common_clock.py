@@ -8,6 +8,7 @@ import numpy as np
 from kolsky.bars.records import Signal
 from kolsky.bars.reduction.faces import sampled_from
 from kolsky.bars.signals.stations import LARGEST_JITTER, uniform_clock
+from kolsky.base.arrays import FloatArray
 from kolsky.base.records import Recording
 
 LEAST = 50
@@ -56,7 +57,7 @@ def on_one_clock(recordings: Sequence[Recording], offsets: Sequence[float]) -> t
             f"the opposed gauges' records have {max(count, 0)} samples in common ({spans}), need {LEAST}. "
             "Cure: correct the recorders' clock_offset"
         )
-    time = start + interval * np.arange(low, high + 1)
+    time: FloatArray = start + interval * np.arange(low, high + 1, dtype=np.float64)
     begin = start + low * interval
     return tuple(
         replace(recording, time=time, value=sampled_from(signal, begin, count))

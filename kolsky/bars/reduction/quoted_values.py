@@ -80,6 +80,21 @@ def span_quantities(summary: Summary) -> list[Quantity]:
     return [Quantity(name, 0.0, END_SIGMA * (span.last - span.first), "s", "B") for name in ENDS]
 
 
+def with_both_sides(budget: Budget) -> Budget:
+    """The budget, a quoted value's contribution being the root mean square of its changes to either side.
+
+    With the central difference c and the second difference b the value changes by c + b and by b - c over one
+    standard uncertainty, in the mean square by c^2 + b^2: a peak that wanders along the history when two
+    waves are moved against each other has little of the first and much of the second.
+    """
+    contribution = dict(budget.contribution)
+    for name in UNITS:
+        if name in contribution:
+            straight = contribution[name]
+            contribution[name] = np.copysign(np.hypot(straight, budget.curvature[name]), straight)
+    return replace(budget, contribution=contribution)
+
+
 def table(budget: Budget, sign: float) -> BudgetTable:
     """Quoted values with the share of every input, largest first; `sign` -1 makes tension positive."""
     found = budget_table(

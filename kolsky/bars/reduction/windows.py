@@ -301,7 +301,8 @@ def _pulse_check(
     delay = observed.time - predicted
     word = "later" if delay > 0.0 else "earlier"
     reason = (
-        f"observed {abs(delay):.3g} s {word} than predicted (sigma of the observed: {observed.sigma:.2g} s)"
+        f"observed {1e6 * abs(delay):.3g} us {word} than predicted "
+        f"(sigma of the observed: {1e6 * observed.sigma:.2g} us)"
     )
     return PulseCheck(predicted, observed, reason, offset, offset_sigma)
 

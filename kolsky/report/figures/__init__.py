@@ -134,7 +134,7 @@ SHOWN_BY: dict[str, Registry] = {
     "kolsky.shot.bar_check.CheckedBars": BAR_CHECKS,
     "kolsky.shot.records.PicturedShot": CHECKS,
     "kolsky.shot.records.Shot": CHECKS,
-    "kolsky.studies.budget.budget.Budget": BUDGETS,
+    "kolsky.studies.budget.records.Budget": BUDGETS,
     "kolsky.studies.global_sensitivity.GlobalSensitivity": SENSITIVITY,
     "kolsky.studies.planning.plan.Plan": PLANS,
     "kolsky.studies.rates.records.GroupRates": RATES,

@@ -97,6 +97,7 @@ def summary(found: Calibration) -> dict[str, str]:
 def warnings(found: Calibration) -> list[str]:
     """Return the warnings about a calibration."""
     said = [f"pair {pair.name} was left out: {pair.reason}. {pair.outcome.cure}" for pair in found.rejected]
+    said += [f"pair {pair.name}: {pair.reason}; export it again" for pair in found.unusable]
     if found.clustering > 2.0:
         said.append(
             "residuals within a picture are correlated "

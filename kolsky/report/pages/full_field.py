@@ -11,6 +11,7 @@ from dic.outcome import FrameOutcome, PointOutcome
 from kolsky.report.figures import FULL_FIELDS
 from kolsky.report.full_field_view import FullFieldView
 from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.shot.refined_rig import refinement_words
 
 AXES = {
     "plane": "x to the right and y down, as in the picture.",
@@ -62,7 +63,11 @@ def render(shown: FullFieldView, inputs: Mapping[str, str]) -> str:
             (str(frame), _words(outcome), outcome.cause, outcome.cure)
             for frame, outcome in result.bad_frames().items()
         ],
-        settings=[(name.replace("_", " "), str(value)) for name, value in result.facts.items()],
+        settings=[
+            (name.replace("_", " "), str(value))
+            for name, value in result.facts.items()
+            if name != "refinement"
+        ],
         inputs=list(inputs.items()),
         axes=AXES[result.kind],
     )  # fmt: skip
@@ -114,6 +119,8 @@ def summary(result: FullField) -> dict[str, Any]:
             }
             for one in result.extensions
         }
+    if refinement := result.facts.get("refinement"):
+        rows["refinement"] = refinement
     if result.cylinder is not None:
         k, c = int(result.facts.get("reference", 0)), result.cylinder
         rows["radius_m"], rows["radius_sigma_m"] = _finite(c.radius[k]), _finite(c.sigma[k])
@@ -140,6 +147,8 @@ def printed(result: FullField) -> dict[str, str]:
         table["sigma of a strain"] = f"{1e6 * rows['strain_sigma']:.3g} µm/m"
     if "epipolar_median_px" in rows:
         table["epipolar distance, median"] = f"{rows['epipolar_median_px']:.4f} px"
+    if said := refinement_words(result.facts.get("refinement", {})):
+        table["pose refined from the speckles"] = said
     if "last_frame" in rows:
         strain = ", ".join("-" if v is None else f"{100.0 * v:.4f}" for v in rows["mean_strain_xx_yy_xy"])
         table[f"mean strain xx, yy, xy in frame {rows['last_frame']}"] = f"{strain} %"

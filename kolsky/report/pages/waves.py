@@ -34,6 +34,7 @@ def render(result: ReducedTest) -> str:
         result=result,
         figures=draw_figures(figures_of(result).values(), result),
         answers=answers(result),
+        means_over=typeset(means_over(result)),
         facts=[(name, typeset(quantity(value, unit))) for name, (value, unit) in result.facts.items()],
         corrections=[
             {
@@ -89,18 +90,40 @@ def sensitivity_rows(result: ReducedTest) -> list[dict[str, Any]]:
         for name, (_, _, unit) in result.budget.results.items():
             slope = row.sensitivity.get(name)
             change = "" if slope is None else signed(slope * q.sigma, unit)
-            each = "1" if q.unit == "1" else q.unit
-            of = "" if slope is None else f"{slope:+.3g}".replace("-", "−") + f" {unit}/({each})"
-            cells.append({"change": change, "slope": of})
-        rows.append({"name": q.name, "sigma": quantity(q.sigma, q.unit), "cells": cells})
+            cells.append({"change": change, "slope": "" if slope is None else per(slope, unit, q.unit)})
+        rows.append({"name": q.name, "sigma": typeset(quantity(q.sigma, q.unit)), "cells": cells})
     return rows
 
 
 def signed(value: float, unit: str) -> str:
     """Return a change with its sign, three digits, in the unit of the page."""
     factor, shown = SHOWN.get(unit, (1.0, unit))
-    text = f"{factor * value:+.3g}".replace("-", "−")
-    return text + ("" if shown == "1" else f" {shown}")
+    text = f"{factor * value:+.3g}" if value else "0"
+    return typeset(text + ("" if shown == "1" else f" {shown}"))
+
+
+def per(slope: float, unit: str, of: str) -> str:
+    """Return a sensitivity coefficient with its sign, in SI: value's unit per input's unit."""
+    text = f"{slope:+.3g}" if slope else "0"
+    each = "" if of == "1" else f" per {of}"
+    return typeset(text + ("" if unit == "1" else f" {unit}") + each)
+
+
+def means_over(result: ReducedTest) -> str:
+    """Return over which span the means are taken, and how long the forces are balanced; empty if unknown."""
+    named = (
+        "plateau from",
+        "plateau to",
+        "balanced length of the plateau",
+        "incident pulse at half its height",
+    )
+    if any(name not in result.facts for name in named):
+        return ""
+    first, last, balanced, whole = (result.facts[name][0] for name in named)
+    return (
+        f"Means over {1e6 * first:.4g} to {1e6 * last:.4g} µs; on the plateau the forces are balanced over "
+        f"{1e6 * balanced:.3g} µs, {100.0 * balanced / whole:.0f} % of the incident pulse."
+    )
 
 
 def answers(result: ReducedTest) -> list[dict[str, Any]]:

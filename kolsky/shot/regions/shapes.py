@@ -83,7 +83,9 @@ def read_drawn(content: Any, wanted: Sequence[Drawable]) -> dict[str, list[Drawn
             raise ValueError(f"{key!r} is not one of {', '.join(known)}, or no list")
         drawn = []
         for shape in shapes:
-            corners, frame = (shape.get("corners"), shape.get("frame")) if isinstance(shape, dict) else (0, 0)
+            given: dict[str, Any] = shape if isinstance(shape, dict) else {}
+            corners: Any = given.get("corners")
+            frame: Any = given.get("frame")
             fine = isinstance(corners, list) and len(corners) <= MOST_CORNERS
             fine = fine and all(isinstance(c, list) and len(c) == 2 for c in corners)
             fine = fine and all(type(v) in (int, float) for c in corners for v in c)

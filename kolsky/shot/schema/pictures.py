@@ -79,6 +79,7 @@ class CalibrationSection(Section):
         Literal["none", "k1", "k1 k2", "k1 k2 k3", "k1 p1 p2", "k1 k2 p1 p2", "k1 k2 p1 p2 k3"] | None
     ) = None
     square_pixels: bool = False
+    refine: bool | Literal["auto"] = False
 
     @model_validator(mode="after")
     def _one_source(self) -> "CalibrationSection":

@@ -8,6 +8,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from wavesmaker import made_result
 
 from kolsky.bars.records import (
     BarSignal,
@@ -22,6 +23,7 @@ from kolsky.bars.records import (
 from kolsky.bars.reduction.output import summary, write_csv, write_hdf5
 from kolsky.bars.result import BudgetTable, Contribution, FlyerResult, WavesResult
 from kolsky.base.apparatus import Bar, Specimen
+from kolsky.report.pages.waves import means_over, render
 
 TIME = np.linspace(0.0, 1e-4, 5)
 BAR = Bar(diameter=20e-3, length=2.0, youngs_modulus=200e9, density=8000.0)
@@ -179,3 +181,18 @@ def test_tables_have_units_in_their_headings(tmp_path: Path) -> None:
     assert float(last["mean force (N)"]) == 4.0
     assert [row["applied"] for row in tables["waves_corrections"]] == ["yes", "no"]
     assert [float(row["share of variance, peak stress"]) for row in tables["waves_budget"]] == [0.75, 0.25]
+
+
+def test_the_balanced_length_stands_beside_the_means():
+    """60 us of balance in a pulse of 150 us are 40 % of it."""
+    facts = {
+        "plateau from": (50e-6, "s"),
+        "plateau to": (120e-6, "s"),
+        "balanced length of the plateau": (60e-6, "s"),
+        "incident pulse at half its height": (150e-6, "s"),
+    }
+    said = means_over(replace(made_result(), facts=facts))
+    assert said.startswith("Means over 50 to 120 µs")
+    assert "balanced over 60 µs, 40 % of the incident pulse" in said
+    assert said in render(replace(made_result(), facts=facts))
+    assert means_over(made_result()) == ""

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from kolsky.bars.budget.propagation import propagate
 from kolsky.bars.records import FaceWaves, History, Quantity, Reduction
 from kolsky.bars.reduction import quoted_values
 from kolsky.bars.reduction.plateau import Span
@@ -270,6 +271,21 @@ def test_quoted_values_of_largest_magnitude_and_over_a_span():
         ("plateau, beginning", pytest.approx(2e-6)),  # 5 % of 40 us
         ("plateau, end", pytest.approx(2e-6)),
     ]
+
+
+def test_a_quoted_value_that_bends_has_the_mean_square_of_its_two_changes():
+    """y = 3 x + 4 x^2 over x = 0 +- 1: changes of 7 and of 1, whose mean square is 25. A history stays."""
+    budget = propagate(
+        lambda values: {
+            name: 3.0 * values["x"] + 4.0 * values["x"] ** 2 for name in ("peak stress", "stress")
+        },
+        [Quantity("x", 0.0, 1.0, "1", "B")],
+        tolerance=10.0,
+    )
+    assert quoted_values.with_both_sides(budget).contribution["peak stress"][0] == pytest.approx(
+        np.sqrt(25.0)
+    )
+    assert quoted_values.with_both_sides(budget).contribution["stress"][0] == pytest.approx(3.0)
 
 
 def test_the_table_of_a_test_in_tension_has_its_sign_and_the_largest_share_first(monkeypatch):

@@ -106,7 +106,9 @@ def test_new_bars_takes_a_file_a_bar(tmp_path):
         (tmp_path / f"{name}.csv").write_text("\n".join([*head, *rows]))
     text = new_bars(tmp_path)
     assert '[recorders.incident_bar]\nfile = "incident_bar.csv"\n' in text
-    assert text.count('time_unit = ""') == text.count('\nunit = ""') == 2  # neither is in the files
+    assert text.count('\nunit = ""') == 2  # the files do not say it
+    assert "time_unit" not in text  # the steps are the header's interval, in seconds
+    assert text.count("every 0.1 us, on the file's clock: header: Sample Interval") == 2
     assert 'recorder = "incident_bar"' in text
     assert 'recorder = "transmitted_bar"' in text
     assert text.count('channels = ["CH1"]') == 2

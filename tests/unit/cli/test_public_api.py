@@ -127,6 +127,8 @@ def test_every_result_with_figures_is_a_class_that_exists() -> None:
 
     for name in SHOWN_BY:
         module, _, kind = name.rpartition(".")
-        assert inspect.isclass(getattr(import_module(module), kind))
+        shown = getattr(import_module(module), kind)
+        assert inspect.isclass(shown)
+        assert shown.__module__ == module  # where it is defined: its figures are looked up by that name
     with pytest.raises(TypeError, match=r"no figure shows a int; there are figures of .*Identification"):
         figures_of(3)

@@ -176,9 +176,20 @@ def test_a_point_that_one_camera_sees_changed_is_no_point_of_the_surface():
     expected[1, 3] = PointOutcome.LOW_CORRELATION
     assert found.reconstruction.outcome.tolist() == expected.tolist()
     assert np.isnan(found.reconstruction.position[1, 3]).all()
-    for track in found.tracks:  # so that a later look at the tracks does not find it again
-        assert track.outcome.tolist() == expected.tolist()
     assert gate_residual(points) is points  # nobody asked for residuals
+
+
+def test_a_point_past_an_end_begins_no_patch():
+    points = body(np.zeros((2, 40)), 1e-4)
+    excess = np.zeros((2, 40))
+    excess[1, 3:6] = [50.0, 3.0, 3.0]
+    cell = np.stack([np.arange(40), np.zeros(40, dtype=int)], axis=1)
+    points = replace(points, cell=cell, tracks=(replace(points.tracks[0], excess=excess), points.tracks[1]))
+    assert (gate_residual(points).reconstruction.outcome[1] != PointOutcome.VALID).sum() == 3
+    outcome = points.reconstruction.outcome.copy()
+    outcome[1, 3] = PointOutcome.AT_END
+    ended = replace(points, reconstruction=replace(points.reconstruction, outcome=outcome))
+    assert gate_residual(ended) is ended
 
 
 # --- the epipolar gate of the chain -----------------------------------------------------------------------

@@ -206,7 +206,7 @@ def test_series_are_detected_as_picture_by_picture():
     found = detect_series(series, (GRID, GRID), progress=lambda done, total: told.append((done, total)))
     assert [len(views) for views in found] == [3, 2]
     assert isinstance(found[0][1], TargetNotFound)
-    assert found[1][1] is None
+    assert isinstance(found[1][1], PictureError)
     assert told == [(k, 5) for k in range(1, 6)]
     for view, picture in ((found[0][2], series[0].frames[2]), (found[1][0], series[1].frames[0])):
         alone = detect(picture, GRID)

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from kolsky.report.pages.budget import write_page
+from kolsky.report.study_folder import write_budget_results
 from kolsky.studies.budget.campaign import plan_campaign
 from kolsky.studies.budget.factors import Factor
 from kolsky.studies.budget.records import Budget, Source
@@ -27,3 +28,15 @@ def test_page_says_what_does_not_add_up_and_what_is_not_known(tmp_path: Path) ->
     assert "it was refused" in text
     assert "Planned campaign" in text
     assert text.count("<svg") == 1
+
+
+def test_every_parameter_has_its_own_table_and_figure(tmp_path: Path) -> None:
+    sources = (Source(Factor("imperfections.length", 0.005), 0.001, 0.01, 2.0, ()),)
+    made = [
+        Budget("a test", name, 1.0, 1.01, sources, np.array([0.9, 1.0, 1.1]), ())
+        for name in ("stiffness_factor", "damping")
+    ]
+    write_budget_results(tmp_path, made, None, formats=("csv",))
+    for place in (tmp_path, tmp_path / "figures"):
+        found = sorted(path.name for path in place.glob("*.csv"))
+        assert found == ["budget-damping.csv", "budget.csv"]

@@ -5,7 +5,11 @@ import pytest
 from barshots import STRESS, bar_shot, strains, write_scope, write_toml
 
 from kolsky.base.errors import InputError
+from kolsky.shot.bar_driven import BarDrivenShotFile
 from kolsky.shot.bars import load_waves
+from kolsky.shot.curve import read_curve
+from kolsky.shot.schema.curve import chosen_baseline
+from kolsky.shot.schema.reading import parsed
 from kolsky.shot.waves import waves
 
 TWO = """[recorders.left]
@@ -164,3 +168,38 @@ def test_semicolons_and_decimal_commas_of_a_bar_shot(tmp_path, layout):
     )
     result = waves(folder)
     assert result.budget.results["peak stress"][0] == pytest.approx(STRESS, rel=0.03)
+
+
+def test_the_curve_of_a_bar_shot_takes_a_layout(tmp_path):
+    """[curve] of a shot that identifies from bars alone: semicolons and decimal commas."""
+    rows = ["Dehnung;Spannung", *(f"-{0.01 * k:.2f};-{10.0 * k:.1f}".replace(".", ",") for k in range(1, 12))]
+    (tmp_path / "curve.csv").write_text("\n".join(rows))
+    (tmp_path / "shot.toml").write_text(CURVE)
+    declared = parsed(tmp_path).validated(BarDrivenShotFile)
+    curve, _ = read_curve(tmp_path, chosen_baseline(declared.curve, declared.law))
+    assert curve.stress.min() == pytest.approx(-110e3)
+    assert curve.stretch.min() == pytest.approx(0.89)
+
+
+CURVE = """format = 1
+[specimen]
+diameter = "10 mm"
+length = "5 mm"
+density = "1200 kg/m^3"
+[interface]
+faces = "rough"
+side = "rough"
+[curve]
+file = "curve.csv"
+layout = { delimiter = ";", decimal = "," }
+strain = { column = "Dehnung", unit = "1" }
+stress = { column = "Spannung", unit = "kPa" }
+convention = "tension positive"
+branch = "compression"
+relative_sigma = "0.2 %"
+sigma_floor = "1 Pa"
+[model]
+poisson = 0.49
+damping = "1 us"
+damping_kind = "deviatoric"
+"""

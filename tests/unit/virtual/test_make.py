@@ -11,9 +11,11 @@ import pytest
 from kolsky.base.errors import InputError
 from kolsky.cli.virtual_new import template
 from kolsky.shot.load import load_shot
+from kolsky.virtual import make as make_module
 from kolsky.virtual.make import make
 from kolsky.virtual.schema import Specification
 from kolsky.virtual.specification import read_specification
+from kolsky.virtual.truth import TruthError
 
 ROOT = Path(__file__).parents[3]
 TINY = """
@@ -63,6 +65,29 @@ def test_one_seed_one_shot(tmp_path: Path) -> None:
         assert (few / name).read_bytes() == (all_of_them / name).read_bytes(), name
     first = all_of_them.parent / "virtual-1"
     assert (first / "scope.csv").read_bytes() != (few / "scope.csv").read_bytes()
+
+
+def test_a_shot_that_cannot_be_made_leaves_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The third simulation folds: the other folders are there, and the refusal names it and why."""
+    whole = make_module.try_truths
+
+    def folding(specifications: list[Specification], **options: object) -> list[object]:
+        truths: list[object] = list(whole(specifications, **options))  # type: ignore[arg-type]
+        long = [q.specimen.length > 6.9e-3 for q in specifications]
+        return [TruthError("it folds") if far else truth for far, truth in zip(long, truths, strict=True)]
+
+    monkeypatch.setattr(make_module, "try_truths", folding)
+    draws = (
+        '[population]\nshots = 3\n[population.draw]\n"specimen.length" = { choose = ["6.5 mm", "7 mm"] }\n'
+    )
+    with pytest.raises(InputError, match=r"virtual-\d cannot be made: it folds"):
+        made(tmp_path, draws)
+    lengths = {shot.name: shot.quantities.specimen.length for shot in read_specification(tmp_path)}
+    there = {path.name for path in (tmp_path / "out").iterdir()}
+    assert 0 < len(there) < 3
+    assert there == {name for name, length in lengths.items() if length < 6.9e-3}
 
 
 def test_what_is_there_is_kept_and_another_shot_refused(tmp_path: Path) -> None:

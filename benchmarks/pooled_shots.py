@@ -1,0 +1,152 @@
+"""Five shots of known m = 1.12, pooled: `python -m benchmarks.pooled_shots --out FOLDER`.
+
+The shots are those of `runs/rate_shots.py`: one material, flyers of 0.7 to 4.5 m/s, F-bar elements on a mesh
+1.5 times as fine as the answers'. Asked is whether the 95 % interval of their mean holds 1.12. What the
+folder holds is not made again.
+"""
+
+import argparse
+import importlib.util
+import json
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from kolsky.cli import texts
+from kolsky.identification import identify
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.settings import Settings
+from kolsky.results.hdf5 import write_identification
+from kolsky.shot.load import load_shot
+from kolsky.studies.rates.collect import collected_shot
+from kolsky.studies.rates.comparison import compare
+
+SCRIPT = Path(__file__).resolve().parents[1] / "runs" / "rate_shots.py"
+SPEEDS = (0.7, 0.8, 1.4, 2.6, 4.5)
+"""Of the flyers [m/s], those of the script."""
+TRUE = 1.12
+"""The stiffness factor of all of them."""
+M = "stiffness_factor"
+
+
+@dataclass(frozen=True)
+class Study:
+    """What is asked of every shot."""
+
+    mesh: tuple[int, int]
+    refined_mesh: tuple[int, int]
+    truth_mesh: tuple[int, int]
+    device: str
+    threads: int | None
+
+
+def maker() -> ModuleType:
+    """The script that makes the shots."""
+    spec = importlib.util.spec_from_file_location("rate_shots", SCRIPT)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def done(number: int, *, study: Study, folder: Path) -> str:
+    """Make and identify a shot that the folder does not hold; returns what was done."""
+    shot = folder / f"rate-{number:02d}"
+    result = shot / "results" / "identification.h5"
+    if not (shot / "truth.json").exists():  # the last that is written
+        numerics = Numerics(mesh=study.truth_mesh, element="fbar", device=study.device, threads=study.threads)
+        maker().make(shot, SPEEDS[number - 1], TRUE, seed=number, numerics=numerics)
+    if result.exists():
+        return f"{shot.name} is there"
+    numerics = Numerics(mesh=study.mesh, device=study.device, threads=study.threads)
+    found = identify(load_shot(shot), Settings(numerics=numerics, refined_mesh=study.refined_mesh))
+    result.parent.mkdir(exist_ok=True)
+    write_identification(result, found)
+    m = found.estimates[M]
+    return f"{shot.name}: m = {m.value:.4f} ± {2.0 * m.sigma:.4f} (k = 2), {m.outcome}"
+
+
+def pooled(folder: Path) -> dict[str, Any]:
+    """The shots' values and their mean, from the results in the folder.
+
+    Raises
+    ------
+    ValueError
+        If fewer than two shots count.
+    """
+    names = [f"rate-{number:02d}" for number in range(1, len(SPEEDS) + 1)]
+    (group,) = compare([collected_shot(folder / name, group="gel") for name in names]).groups
+    if group.pooled is None:
+        raise ValueError(f"{folder}: {len(group.counted)} of {len(names)} shots count, a mean needs two")
+    low, high = group.pooled.interval
+    counted = {shot.name for shot in group.counted}
+    return {
+        "shots": [
+            {
+                "shot": shot.name,
+                "speed": speed,
+                "value": shot.found.estimates[M].value,
+                "U": 2.0 * shot.found.estimates[M].sigma,
+                "counts": shot.name in counted,
+            }
+            for shot, speed in zip(group.shots, SPEEDS, strict=True)
+        ],
+        "true": TRUE,
+        "mean": group.pooled.mean,
+        "sigma": group.pooled.sigma,
+        "95 % interval": [low, high],
+        "holds the truth": bool(low <= TRUE <= high),
+        "scatter between shots": group.pooled.scatter,
+    }
+
+
+def table(said: dict[str, Any]) -> str:
+    """The shots as a Markdown table, the mean below it."""
+    lines = ["| flyer (m/s) | $m$ | U (k = 2) | counts |", "| --- | --- | --- | --- |"]
+    for shot in said["shots"]:
+        counts = "yes" if shot["counts"] else "no"
+        lines.append(f"| {shot['speed']:g} | {shot['value']:.4f} | {shot['U']:.4f} | {counts} |")
+    low, high = said["95 % interval"]
+    held = "holds" if said["holds the truth"] else "does not hold"
+    lines.append(f"\nmean {said['mean']:.4f}, 95 % {low:.4f} to {high:.4f}: {held} {said['true']:g}")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Do what the folder does not hold, and print the table."""
+    usual = Settings()
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--mesh", default="{}x{}".format(*usual.numerics.mesh))
+    parser.add_argument("--refined-mesh", default="{}x{}".format(*usual.refined_mesh))
+    parser.add_argument("--truth-mesh", default="96x128")
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--workers", type=int, default=1)
+    given = parser.parse_args()
+    study = Study(
+        mesh=texts.mesh("--mesh", given.mesh),
+        refined_mesh=texts.mesh("--refined-mesh", given.refined_mesh),
+        truth_mesh=texts.mesh("--truth-mesh", given.truth_mesh),
+        device=given.device,
+        threads=1 if given.workers > 1 and given.device == "cpu" else None,
+    )
+    if study.truth_mesh[0] < 1.5 * study.refined_mesh[0]:
+        parser.error(f"--truth-mesh {given.truth_mesh}: at least 1.5 times as fine as --refined-mesh")
+    given.out.mkdir(parents=True, exist_ok=True)
+    work = partial(done, study=study, folder=given.out)
+    with ProcessPoolExecutor(given.workers, mp_context=get_context("spawn")) as pool:
+        for future in as_completed([pool.submit(work, n) for n in range(1, len(SPEEDS) + 1)]):
+            print(future.result(), flush=True)
+    said = pooled(given.out)
+    print(table(said))
+    text = json.dumps({**said, "study": asdict(study)}, indent=1)
+    (given.out / "pooled.json").write_text(text + "\n", "utf-8")
+
+
+if __name__ == "__main__":
+    main()

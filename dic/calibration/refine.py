@@ -1,0 +1,240 @@
+"""Refinement of the cameras' relative pose from matched points of the specimen itself.
+
+The rays of a matched point must meet, whatever the surface. For the epipolar distances d_i of n points with
+their standard deviations s_i the pose is moved to
+
+    min Σ ρ((d_i(x) / s_i)²) + xᵀ C⁻¹ x                                                             (C.5)
+
+x three turns and two tilts of the baseline, ρ(z) = 2 (√(1 + z) - 1) so that single false matches pull little.
+The prior C is the calibration's covariance of x and, for what has moved since, (D / f)² in each direction, D
+the standard deviation of the distances as they are and f the focal length: over a small specimen some
+combinations of turns and tilts are hardly seen, and without a prior of the size of the fault they follow the
+noise. The length of the baseline, and with it the scale, is not seen at all and stays; so do the cameras' own
+parameters.
+
+Whether it helps is judged on points that it was not fitted to (`Refinement.helps`).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from dic.arrays import BoolArray, FloatArray
+from dic.calibration.projection import exponential
+from dic.camera import StereoRig
+from dic.correlation import Correlation, Noise
+from dic.stereo import match_stereo
+from dic.stereo.epipolar import Rays, epipolar_sigma, slopes_between
+from dic.stereo.settings import StereoGates
+
+LEAST_POINTS = 40
+"""Points that a refinement needs."""
+MOST_POINTS = 400
+"""Points that are matched for it."""
+GATE = 5.0
+"""Epipolar distance that a match may have here [px]."""
+LEAST_GAIN = 0.2
+"""Share by which the median distance of points left out must fall."""
+SHARE = 0.6745
+"""Median of the size of a normal deviate, in its standard deviations."""
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """A relative pose that fits the matched points, and what speaks for it."""
+
+    rig: StereoRig
+    """The cameras with the refined pose; camera 0's pose and the cameras' own parameters are as before."""
+    turn: FloatArray
+    """Rotation of camera 1 against the calibration [rad], shape [3]."""
+    tilt: FloatArray
+    """Change of the direction of the baseline, along two axes across it [rad], shape [2]."""
+    covariance: FloatArray
+    """Of turn and tilt [rad²], shape [5, 5]."""
+    before: float
+    """Median size of the epipolar distances with the calibration [px]."""
+    after: float
+    """The same with the refined pose [px]."""
+    held_out_before: float
+    """Median size over points in turn left out of the fit, with the calibration [px]."""
+    held_out_after: float
+    """The same with poses fitted to the other points [px]."""
+    n_points: int
+    """Points that it rests on."""
+
+    @property
+    def helps(self) -> bool:
+        """True if distances of points that were left out fall by `LEAST_GAIN` or more."""
+        return self.held_out_after <= (1.0 - LEAST_GAIN) * self.held_out_before
+
+    @property
+    def words(self) -> dict[str, object]:
+        """The numbers as JSON can hold them."""
+        return {
+            "points": self.n_points,
+            "epipolar_median_before_px": self.before,
+            "epipolar_median_after_px": self.after,
+            "held_out_before_px": self.held_out_before,
+            "held_out_after_px": self.held_out_after,
+            "turn_mrad": (1e3 * self.turn).tolist(),
+            "baseline_tilt_mrad": (1e3 * self.tilt).tolist(),
+            "helps": self.helps,
+        }
+
+
+def refine(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, sigma: FloatArray) -> Refinement:
+    """Refine the relative pose from matched points.
+
+    Parameters
+    ----------
+    rig
+        The cameras; their covariance, if it is known, is the prior.
+    pixels0, pixels1
+        The same points in both pictures [px], shape [n, 2].
+    sigma
+        Standard deviations of their epipolar distances [px], shape [n].
+
+    Raises
+    ------
+    ValueError
+        Fewer than `LEAST_POINTS` points, shapes that do not fit, a sigma that is not positive.
+    """
+    n = len(pixels0)
+    if n < LEAST_POINTS or pixels1.shape != pixels0.shape or np.shape(sigma) != (n,):
+        raise ValueError(
+            f"a refinement needs {LEAST_POINTS} pairs of points and a sigma each, got shapes "
+            f"{pixels0.shape}, {pixels1.shape} and {np.shape(sigma)}"
+        )
+    if not np.all(sigma > 0.0):
+        raise ValueError("every sigma must be positive")
+    aims = [  # the pose is all that changes: what a lens does to a pixel is undone once
+        Rays.of(camera, seen) for camera, seen in zip(rig.cameras, (pixels0, pixels1), strict=True)
+    ]
+
+    def signed(x: FloatArray, rows: NDArray[np.int64]) -> FloatArray:
+        """Epipolar distances of some of the points [px]."""
+        first, second = (Rays(aim.x[rows], aim.slope[rows]) for aim in aims)
+        return slopes_between(moved(rig, x), first, second)[0]
+
+    def fitted(rows: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
+        """Turn and tilt for some of the points, and their covariance."""
+
+        def residuals(x: FloatArray) -> FloatArray:
+            d = signed(x, rows) / sigma[rows]
+            robust = np.sign(d) * np.sqrt(2.0 * (np.sqrt(1.0 + d * d) - 1.0))
+            return np.concatenate([robust, prior @ x])
+
+        found = least_squares(residuals, np.zeros(5), x_scale=1e-4, method="lm")
+        return found.x, np.linalg.inv(found.jac.T @ found.jac)
+
+    def distances(x: FloatArray, rows: NDArray[np.int64]) -> FloatArray:
+        return np.abs(signed(x, rows))
+
+    every = np.arange(n)
+    first, second = rig.cameras
+    now = float(np.median(np.abs(signed(np.zeros(5), every))))
+    prior = prior_root(rig, now / SHARE / (0.5 * (first.fx + second.fx)))
+    parts = [every[k::2] for k in (0, 1)]
+    held = [(distances(np.zeros(5), b), distances(fitted(a)[0], b)) for a, b in (parts, parts[::-1])]
+    x, covariance = fitted(every)
+    return Refinement(
+        rig=moved(rig, x),
+        turn=x[:3],
+        tilt=x[3:],
+        covariance=covariance,
+        before=float(np.median(distances(np.zeros(5), every))),
+        after=float(np.median(distances(x, every))),
+        held_out_before=float(np.median(np.concatenate([one[0] for one in held]))),
+        held_out_after=float(np.median(np.concatenate([one[1] for one in held]))),
+        n_points=n,
+    )
+
+
+def moved(rig: StereoRig, x: FloatArray) -> StereoRig:
+    """The rig with camera 1 turned by x[:3] and the baseline tilted by x[3:], its length as it was."""
+    R, t = rig.relative
+    length = float(np.linalg.norm(t))
+    direction = t / length + across(t) @ x[3:]
+    R, t = exponential(x[:3]) @ R, length * direction / np.linalg.norm(direction)
+    first, second = rig.cameras
+    u, _, v = np.linalg.svd(R @ first.rotation)  # rounding must not leave a rotation that is none
+    second = replace(second, rotation=u @ v, translation=t + R @ first.translation)
+    return replace(rig, cameras=(first, second))
+
+
+def across(t: FloatArray) -> FloatArray:
+    """Two unit vectors across a baseline, as columns, shape [3, 2]."""
+    return np.asarray(np.linalg.svd(t[None])[2][1:].T)
+
+
+def prior_root(rig: StereoRig, since: float) -> FloatArray:
+    """A root A of the prior: AᵀA is the inverse covariance of turns and tilts, shape [5, 5].
+
+    Parameters
+    ----------
+    rig
+        The cameras with their covariance, if it is known.
+    since
+        Standard deviation of each turn and tilt for what has moved since the calibration [rad].
+    """
+    C = max(since, 1e-9) ** 2 * np.eye(5)
+    if rig.covariance is not None:
+        _, t = rig.relative
+        J = np.zeros((5, 6))
+        J[:3, :3] = np.eye(3)
+        J[3:, 3:] = across(t).T / np.linalg.norm(t)
+        C = C + J @ rig.covariance[-6:, -6:] @ J.T
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(C)))
+
+
+def refine_from_pictures(
+    pictures: tuple[NDArray[np.generic], NDArray[np.generic]],
+    rig: StereoRig,
+    points: FloatArray,
+    settings: Correlation,
+    *,
+    noise: tuple[Noise, Noise],
+    mask: BoolArray | None = None,
+    device: str = "cpu",
+) -> Refinement:
+    """Match points of one pair of pictures with a wide epipolar gate, and refine the pose from them.
+
+    Parameters
+    ----------
+    pictures
+        One instant, camera 0 and camera 1, each of shape [rows, columns].
+    rig
+        The cameras, for these pictures.
+    points
+        Places in camera 0's picture [px], shape [n, 2]; some `MOST_POINTS` of them are matched.
+    settings
+        Of the match.
+    noise
+        Of the grey values of the cameras.
+    mask
+        Pixels of the body in camera 0's picture.
+    device
+        Where pictures are correlated.
+
+    Raises
+    ------
+    ValueError
+        As `refine`, if too few points are matched.
+    """
+    rows = np.unique(np.linspace(0, len(points) - 1, MOST_POINTS).astype(int))
+    match = match_stereo(
+        *pictures,
+        points[rows],
+        rig,
+        settings,
+        noise=noise,
+        mask=mask,
+        gates=StereoGates(epipolar=GATE),
+        device=device,
+    )
+    valid = match.valid
+    seen = (points[rows][valid], points[rows][valid] + match.warp[valid, :2])
+    sigma = epipolar_sigma(rig, *seen, np.zeros((2, 2)), match.covariance[valid])
+    return refine(rig, *seen, sigma)
