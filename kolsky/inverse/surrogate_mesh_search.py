@@ -109,8 +109,9 @@ def search_meshes(stages: StagedRuns, start: FloatArray) -> dict[tuple[int, int]
         (best,) = least_squares_on(stages, objective, surrogate, best.x[None], MOST_STEPS)
         found[surrogate.mesh] = best
         # There the ringing is nearer to the refined mesh's, and so are the patterns of its noise.
-        (again,) = stages.under_other_motions(best.x[None], stages.settings.replicates, surrogate)
-        if stages.settings.replicates and again is not None:
+        n = stages.settings.replicates
+        again = stages.under_other_motions(best.x[None], n, surrogate)[0] if n else None
+        if again is not None:
             stages.know_front_noise(front_modes(data_change(again)[1:], noise_of(stages.observations)))
     return found
 
