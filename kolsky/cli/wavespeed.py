@@ -16,7 +16,7 @@ def wavespeed(shot: ShotPath, out: Out = None, figures: Figures = "", as_json: A
     from kolsky.shot.bars_together import summary, wave_speed_of, write_residual
     from kolsky.shot.schema.reading import folder_of
 
-    name, found = wave_speed_of(shot)
+    name, found, notes = wave_speed_of(shot)
     folder = usable_folder(out or folder_of(shot) / "results")
     with filling(folder) as partial:
         write_residual(partial / "wavespeed.csv", found)
@@ -35,6 +35,7 @@ def wavespeed(shot: ShotPath, out: Out = None, figures: Figures = "", as_json: A
             "by Poisson's ratio": f"{found.by_poisson:.3g} m/s per unit",
             "by distance": f"{found.wave_speed / found.distance * 1e-3:.3g} m/s per mm",
         },
-        {"shot": name, **summary(found)} if as_json else None,
+        {"shot": name, **summary(found), "remarks": list(notes)} if as_json else None,
         rest={"residual": folder / "wavespeed.csv"},
+        warnings=notes,
     )

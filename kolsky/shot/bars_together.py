@@ -13,8 +13,8 @@ from kolsky.shot.bars import load_bars
 from kolsky.shot.schema.reading import folder_of
 
 
-def wave_speed_of(shot: str | Path) -> tuple[str, BarsTogether]:
-    """Name of a shot with the bars together, and the wave speed and relative gain that it gives.
+def wave_speed_of(shot: str | Path) -> tuple[str, BarsTogether, tuple[str, ...]]:
+    """Name, wave speed and relative gain of a shot with the bars together, and notes on its files.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def wave_speed_of(shot: str | Path) -> tuple[str, BarsTogether]:
         found = fit_first_pulse(incident, transmission, tension=given.load == "tension")
     except ValueError as error:
         raise InputError(folder_of(Path(shot)), str(error)) from error
-    return given.name, found
+    return given.name, found, given.notes
 
 
 def fit_first_pulse(incident: BarSignal, transmission: BarSignal, *, tension: bool) -> BarsTogether:

@@ -176,6 +176,7 @@ def test_bars_together_give_speed_and_gain(tmp_path):
     text += GAUGE.format(name="transmission", channel="behind", distance=500)
     (folder / "shot.toml").write_text(text)
     said = run("wavespeed", str(folder), "--figures", "svg")
+    assert said["remarks"] == []
     speed, found = said["wave_speed"], said["gain"]
     # Four sigmas: one draw in 16 000 is farther off.
     assert abs(speed["value"] - BAR.wave_speed) < 4.0 * speed["sigma"] + 0.05
