@@ -125,7 +125,8 @@ def identify_missing(folder: Path, *, workers: int, device: str) -> list[str]:
     """Identify the shots below a folder that have no result; returns what was refused, a line a shot."""
     shots = sorted(path.parent for path in folder.rglob("shot.toml"))
     missing = [shot for shot in shots if not (shot / "results" / RESULT).exists()]
-    work, said = partial(identified, device=device), []
+    work = partial(identified, device=device)
+    said: list[str] = []
 
     def tell(number: int, line: str) -> None:
         said.append(line)

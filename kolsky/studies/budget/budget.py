@@ -8,6 +8,7 @@ searched whole beside that (`kolsky.studies.budget.refit`).
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -80,16 +81,16 @@ def budget(
     points = design(factors, draws=draws, together=together, seed=quantities.seed)
 
     def all_runs(book: Ledger | None) -> list[Run]:
-        options = {"chunk": 1, "ledger": book, "executor": executor, "retry": retry, "progress": progress}
-        first = run_chunks(realisations, points[:1], **options)
+        run = partial(run_chunks, chunk=1, ledger=book, executor=executor, retry=retry, progress=progress)
+        first = run(realisations, points[:1])
         if not first[0].completed:
             raise ValueError(f"the test without errors gives no answer: {first[0].reason}")
         later = replace(realisations, start=_start(bare, settings, first[0]))
-        alone = run_chunks(later, points[1:-together] if together else points[1:], **options)
+        alone = run(later, points[1:-together] if together else points[1:])
         if not alone[0].completed:
             raise ValueError(f"the test without errors is not found again by a re-fit: {alone[0].reason}")
         later = replace(later, slopes=slopes_of(factors, alone, len(columns_of(settings))))
-        return [*first, *alone, *(run_chunks(later, points[-together:], **options) if together else [])]
+        return [*first, *alone, *(run(later, points[-together:]) if together else [])]
 
     if ledger is None:
         runs = all_runs(None)

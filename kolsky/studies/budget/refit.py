@@ -154,7 +154,9 @@ def _downhill(stages: StagedRuns, box: Box, x: FloatArray) -> tuple[FloatArray, 
         _, rows, prediction = stages.run("check", np.vstack([x, up, down]), refined_numerics(stages))
         if prediction is None or len(rows) < 2 * len(x) + 1:
             raise ValueError("the re-fit needs every run beside its point to complete")
-        objective = Objective(stages.observations, prediction.inside.all(axis=0), prior=stages.prior)
+        objective = Objective(
+            stages.observations, np.asarray(prediction.inside.all(axis=0)), prior=stages.prior
+        )
         vectors, d = objective.vectors(prediction), len(x)
         slope = (vectors[1 : d + 1] - vectors[d + 1 :]).T / (up - down).sum(axis=1)
         step = gauss_newton_step(objective, slope, vectors[0], x, box)
