@@ -47,7 +47,7 @@ def polynomial_bias(field: FloatArray, shape: Shape) -> FloatArray:
     x, y = subset_nodes(2.0).T  # from -1 to 1: the result has no length in it
     terms = [np.ones_like(x), x, y] + ([x * x, x * y, y * y] if shape == Shape.QUADRATIC else [])
     T = np.stack(terms, axis=1)
-    known = np.isfinite(field).all(axis=2)
+    known = np.asarray(np.isfinite(field).all(axis=2))
     middle = field[:, NODES**2 // 2]
     fine = (known.mean(axis=1) >= LEAST_SEEN) & np.isfinite(middle).all(axis=1)
     bias = np.full(middle.shape, np.nan)

@@ -104,7 +104,7 @@ class FullField:
     @property
     def mean_strain(self) -> FloatArray:
         """Mean strain of the valid points, NaN in frames without any [-], shape [n_frames, 3]."""
-        valid = np.isfinite(self.strain.value).all(axis=2)
+        valid = np.asarray(np.isfinite(self.strain.value).all(axis=2))
         count = valid.sum(axis=1)[:, None]
         total = np.where(valid[..., None], self.strain.value, 0.0).sum(axis=1)
         return np.where(count > 0, total / np.maximum(count, 1), np.nan)

@@ -93,7 +93,8 @@ def read_measurement(path: Path) -> Measurement:
     if len({own.n_frames for own in series}) > 1:
         counts = " and ".join(str(own.n_frames) for own in series)
         raise toml.error("pictures", f"has {counts} pictures", cure="export both series frame by frame")
-    folder, inputs = path.parent, {}
+    folder = path.parent
+    inputs: dict[str, str] = {}
     sources: list[tuple[str, Any]] = [section.source for _, section, _ in opened]
     if declared.calibration is not None and declared.calibration.file is not None:
         sources.append(("file", declared.calibration.file))
@@ -172,8 +173,10 @@ def measure_file(
             if section.kind == "plane":
                 return measure_plane(measurement.series[0], settings, scale=section.scale, **shared)
             pair = (measurement.series[0], measurement.series[1])
+            calibration = measurement.declared.calibration
+            assert calibration is not None  # the schema saw to it
             rig, refinement = refined(
-                measurement.declared.calibration,
+                calibration,
                 rig,
                 pair,
                 settings.reference,

@@ -72,8 +72,8 @@ def draw_fields(view: FullFieldView, panels: Panels) -> None:
             low, high = low - 0.5, high + 0.5
         size = 72.0 / 25.4 * 0.36 * PAGE * result.facts.get("step", 5) / max(x1 - x0, 1.0)
         points = ax.scatter(
-            *at[shown].T, c=values[shown], s=max(0.5 * size, 0.8) ** 2, cmap="viridis", vmin=low, vmax=high,
-            linewidths=0, rasterized=True,
+            at[shown, 0], at[shown, 1], c=values[shown], s=max(0.5 * size, 0.8) ** 2, cmap="viridis",
+            vmin=low, vmax=high, linewidths=0, rasterized=True,
         )  # fmt: skip
         bar = ax.figure.colorbar(points, ax=ax, fraction=0.05, pad=0.02)
         bar.set_label(f"displacement ({_unit(view)[1]})" if name == "motion" else label)

@@ -49,7 +49,9 @@ def write_grids(folder: Path, session: Session, frames: tuple[int, ...]) -> list
             picture = cv2.imdecode(np.frombuffer(found, np.uint8), cv2.IMREAD_GRAYSCALE)
             assert picture is not None  # it was encoded a line before
             name = f"grid_{frame:04d}.png"
-            (partial / name).write_bytes(cv2.imencode(".png", with_grid(picture))[1].tobytes())
+            (partial / name).write_bytes(
+                cv2.imencode(".png", with_grid(np.asarray(picture, dtype=np.uint8)))[1].tobytes()
+            )
             names.append(name)
         if not names:
             raise InputError(session.path, f"has no frame that can be shown: {said}")
@@ -79,8 +81,10 @@ def with_grid(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
     for axis, most in ((0, columns), (1, rows)):
         for value in range(0, most, step):
             at = value * factor + factor // 2
-            ends = ((at, 0), (at, drawn.shape[0] - 1)) if axis == 0 else ((0, at), (drawn.shape[1] - 1, at))
-            cv2.line(drawn, *ends, (0, 160, 230), 1)
+            first, last = (at, 0), (at, int(drawn.shape[0]) - 1)
+            if axis == 1:
+                first, last = (0, at), (int(drawn.shape[1]) - 1, at)
+            cv2.line(drawn, first, last, (0, 160, 230), 1)
             place = (at + 3, 14) if axis == 0 else (3, at - 3 if at > 20 else at + 30)
             for colour, width in (((0, 0, 0), 3), ((0, 220, 255), 1)):
                 cv2.putText(

@@ -74,8 +74,8 @@ def test_a_plan_in_json() -> None:
 def test_a_plan_in_lines() -> None:
     said = rows(plan())
     text = " | ".join(f"{name}: {value}" for name, value in said.items())
-    assert "m: 1.2 ± 0.04 (k = 2, expected); 0.02 if the others were known" in text
-    assert "± 2e-06 s (k = 2, expected); 1e-06 if the others were known" in text
+    assert "m: 1.200 ± 0.040 (k = 2, expected); 0.02 if the others were known" in text
+    assert "beta: 20.0 ± 2.0 us (k = 2, expected); 1 if the others were known" in text
     assert "m, from one kind of data: force 0.06" in text
     assert "m, apart: ± 0.01 by the force's scale" in text
     assert "50 % of frames, D-optimal: 0.20 to 0.70 ms: m ± 0.08" in text
