@@ -1,12 +1,12 @@
 """Thresholds of the verdicts on a fit, in one place."""
 
-LIMITS = {"force": 2.0, "outline": 2.0}
+LIMITS = {"force": 3.0, "outline": 2.0}
 """Largest residual over what a right model leaves, by channel [-]."""
-SLOW_LIMITS = {"force": 2.5, "outline": 2.5}
+SLOW_LIMITS = {"force": 3.0, "outline": 3.0}
 """The same of the means over blocks [-]."""
 ALONE = 0.1
 """A channel with less than this share of the information on a parameter has no say in its value."""
-CONTRADICTION = 3.0
+CONTRADICTION = 4.0
 """Force and outline contradict each other beyond so many standard uncertainties of their difference."""
 LATE = 3.0
 """A clock is wrong beyond so many standard uncertainties of its lag."""

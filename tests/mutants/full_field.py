@@ -66,8 +66,8 @@ FAULTS = (
     Fault(
         name="curvature: pixels beside the mask counted",
         file=CURVATURE,
-        right="known = np.isfinite(field).all(axis=2)",
-        wrong="known = np.isfinite(field).all(axis=2) | True",
+        right="known = np.asarray(np.isfinite(field).all(axis=2))",
+        wrong="known = np.asarray(np.isfinite(field).all(axis=2)) | True",
         tests=PARTS,
     ),
 )
