@@ -85,7 +85,7 @@ FAULTS = (
     Fault(
         "contradiction only beyond six sigma",
         "kolsky/diagnosis/thresholds.py",
-        "CONTRADICTION = 3.0",
+        "CONTRADICTION = 4.0",
         "CONTRADICTION = 6.0",
         VERDICTS,
     ),
