@@ -196,7 +196,7 @@ def made(args: argparse.Namespace) -> list[Path]:
         numbers=list(series.numbers)[:many],
         device=args.device,
         threads=args.threads,
-        workers=args.workers if args.device == "cpu" else 1,
+        workers=args.workers,
         progress=lambda one: print(one.folder, flush=True),
     )
     return [one.folder for one in found]
