@@ -191,9 +191,9 @@ def drawn(name: str) -> str:
     if made is None:
         return f"There is no `benchmarks/results/{name}.json`: the study was not run yet."
     kinds = ("right", "answered, beyond 1 %", "refused", "confidently wrong", "stopped by a fault")
+    counts = ", ".join(f"{made[kind]} {kind}" for kind in kinds if kind in made)
     lines = [
-        f"Of {made['shots']} shots: {', '.join(f'{made[kind]} {kind}' for kind in kinds if kind in made)}.",
-        "",
+        *([f"Of {len(made['answers'])} shots: {counts}.", ""] if counts else []),
         "| shot | true $m$ | $m$ | U (k = 2) | error | verdict | counts as | time | with a cure |",
         "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
