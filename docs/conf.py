@@ -61,10 +61,11 @@ nitpick_ignore_regex = [
     ("py:.*", rf"({_OTHERS})\..*"),
     (
         "py:class",
-        r"Path|tuple\[int|dict\[str|[a-z][a-z_ -]*",
+        r"Path|tuple\[(int|str)|dict\[str|[a-z][a-z_ -]*",
     ),  # words in a type: "array", "callable, optional"
     # Names of ours for types: arrays, the panels of a figure, any kind of shot.
     ("py:class", r"FloatArray|NDArray|Panels|kolsky\.[a-z0-9_.]+\.(AnyShot|Model|T)"),
+    ("py:class", r"kolsky\.shot\.schema\.fields\._physical\.<locals>\.validate"),  # what reads a quantity
     ("py:class", r"(explicit|doe|dic)(\.[a-z_]+)?\.[A-Z]\w*"),  # re-exported: documented where it is defined
 ]
 suppress_warnings = ["ref.python"]  # "shape" in a type is a word, not one of several attributes of that name
