@@ -27,7 +27,7 @@ from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.arrays import FloatArray
 
 RESULT = Path(__file__).parent / "results" / "bar_signals.json"
-POPULATIONS = {"chosen on": 21_000, "judged on": 87_000}
+POPULATIONS = {"chosen on": 21_000, "judged on": 143_000}
 """First seeds: the thresholds were fixed before the second population was drawn."""
 STEP = 0.2e-6
 BARS = {
