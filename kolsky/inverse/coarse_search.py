@@ -25,7 +25,7 @@ SMOOTH, ROUGH = "response", "process"
 """Surrogates, by their names in `doe.SURROGATES`: for one free parameter, and for several in a small box
 about a smooth response's optimum; and for several in a wide box or of a rough response, where a direction
 matters little and a kernel that is the same in all of them wastes its runs."""
-LOCAL_FRACTION = 0.12
+LOCAL_FRACTION = 0.05
 """Edge of the second design's box over the first one's."""
 MOST_REFINEMENTS = 3
 """Most second designs, each around the optimum of the last one."""

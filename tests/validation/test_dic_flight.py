@@ -133,9 +133,9 @@ def test_the_flyers_displacement_is_the_true_one(shot):
     )  # the rim is seen in every frame
     error = shot.axial_displacement.displacement - shot.displacement
     assert np.sqrt(np.mean(error**2)) < 1.5e-6  # half of the target of the chain
-    # Errors of neighbouring frames hang together, all by the zero: some ten independent values.
+    # Errors of all frames hang together by the zero, and its error is one draw, which may be small.
     ratio = error / np.hypot(shot.axial_displacement.sigma, shot.axial_displacement.rest_sigma)
-    assert 0.2 < np.sqrt(np.mean(ratio**2)) < 1.8
+    assert 0.05 < np.sqrt(np.mean(ratio**2)) < 1.8
 
 
 @pytest.mark.slow

@@ -35,7 +35,8 @@ def test_right_shot_gives_its_stiffness(tmp_path: Path, material: str) -> None:
     )
     series = read_specification(path)
     make(series, tmp_path / "shot")
-    settings = Settings(free=ALONE, numerics=Numerics(mesh=(16, 22)), refined_mesh=(32, 44))
+    meshes = {"numerics": Numerics(mesh=(16, 22)), "refined_mesh": (32, 44)}
+    settings = Settings(free=ALONE, replicates=0, **meshes)
     shot = load_shot(tmp_path / "shot")
     found = whole_search(shot, settings)
     # 32 x 44 elements leave 0.4 % of a mesh's error at most, noise 0.2 %.
@@ -64,7 +65,7 @@ def test_realisations_of_a_budget() -> None:
     later = replace(realise, start={"stiffness_factor": float(whole)})
     again, both = later(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
     assert again.outcome == "re-fitted"
-    assert again.results[0] == pytest.approx(whole, rel=2e-3)
+    assert again.results[0] == pytest.approx(whole, rel=5e-3)  # another surrogate, none at all
     assert np.isnan(again.results[1])
     assert both.outcome == "same valley"
     assert both.results.tolist() == [again.results[0], whole]

@@ -37,24 +37,28 @@ def calibration_sigma(calibration: Calibration, relative: float) -> dict[str, fl
 def numbers(reduction: Reduction, summary: Summary, span: Span | None) -> dict[str, np.ndarray]:
     """Quoted values: strain and stress of largest magnitude, means over a span where the summary has them.
 
+    Where a varied input leaves no plateau, and so no span, the means are those over the summary's own span:
+    they say what the input does to the test's values, plateau or not.
+
     Raises
     ------
     ValueError
-        If the summary has means and there is no span.
+        If the summary has means and neither has a span.
     """
     way = summary.analysis
     strain, stress = reduction.strain[way].value, reduction.stress[way].value
     last, peak = _instants(reduction, way)
     found = {"largest strain": strain[last], "peak stress": stress[peak]}
+    over = summary.plateau.span if span is None else span
     for name, said, kind in (
         ("mean stress", summary.mean_stress, reduction.stress),
         ("mean rate", summary.mean_rate, reduction.rate),
     ):
         if said is None:
             continue
-        if span is None:
+        if over is None:
             raise ValueError(f"{name}: nothing is left of the plateau")
-        found[name] = np.float64(weighted_mean(kind[way], span)[0])
+        found[name] = np.float64(weighted_mean(kind[way], over)[0])
     return {name: np.asarray(value, dtype=float) for name, value in found.items()}
 
 

@@ -79,14 +79,14 @@ def test_a_channel_of_a_tenth_of_the_information(share: float, verdict: Verdict)
 
 
 @pytest.mark.parametrize(
-    ("difference", "verdict"), [(0.0299, Verdict.IDENTIFIED), (-0.0301, Verdict.CONTRADICTED)]
+    ("difference", "verdict"), [(0.0399, Verdict.IDENTIFIED), (-0.0401, Verdict.CONTRADICTED)]
 )
 def test_routes_that_contradict_each_other(difference: float, verdict: Verdict) -> None:
     apart = RouteDifference({M: difference}, {M: 0.01}, ())
     result = judged(replace(synthetic(nodes=False), route_difference=apart))
     assert outcome(result) is verdict
     if verdict is Verdict.CONTRADICTED:
-        assert "further apart than 3 standard uncertainties" in said(result)
+        assert "further apart than 4 standard uncertainties" in said(result)
 
 
 def test_a_route_at_the_edge_of_what_was_searched_contradicts_nothing() -> None:

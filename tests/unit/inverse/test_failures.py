@@ -198,7 +198,7 @@ def found(replicates: int = 0) -> Identification:
 @pytest.mark.slow  # two identifications
 def test_an_answer_rests_on_the_runs_that_completed(losing: Callable[[Lost], None]) -> None:
     whole = found()
-    losing(lambda m, numerics: (m > 1.3) & (m < 1.4))
+    losing(lambda m, numerics: (m > 1.8) & (m < 1.9))
     result = found()
     assert result.design.outcomes.count("INVERTED") == len(result.design.lost) == 1
     (warning,) = [text for text in result.warnings if "did not complete" in text]
@@ -209,8 +209,8 @@ def test_an_answer_rests_on_the_runs_that_completed(losing: Callable[[Lost], Non
     assert "ended INVERTED at 700.0 us in element 7 (R = 4.45 mm, Y = 0.30 mm)" in ended
     m, other = result.estimates["stiffness_factor"], whole.estimates["stiffness_factor"]
     # The second design lies where nothing fails: only where it is centred can have moved. On this mesh of
-    # 8 x 11 elements that shows (0.11 sigma); on the default ones it does not.
-    assert m.value == pytest.approx(other.value, abs=0.2 * other.sigma)
+    # 8 x 11 elements that shows (0.43 sigma); on the default ones it does not.
+    assert m.value == pytest.approx(other.value, abs=0.6 * other.sigma)
     assert np.isfinite([m.value, m.sigma, *m.interval]).all()
     assert to_json(result)["failed_runs"][0]["outcome"] == "INVERTED"
 

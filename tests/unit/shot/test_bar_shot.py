@@ -58,8 +58,9 @@ def test_from_gauge_signals_to_a_stiffness():
     """The whole way: strains at two gauges, the chain of `kolsky waves`, the inverse method."""
     reduced = analyse(gauges(1))
     force = bar_force(reduced.reduction, reduced.faces)
-    # The budget's one input is the calibration; what is beyond the noise is its scale.
-    assert force.sigma_gain == pytest.approx(SCALE, rel=0.05)
+    # The budget's declared input is the calibration; what is beyond the noise is its scale, and a drift of
+    # the gauges' zeros that the baseline cannot exclude, of its size at most.
+    assert 0.95 * SCALE < force.sigma_gain < 1.5 * SCALE
     shot = driven_by_waves(
         replace(base(), force=force), reduced.reduction, reduced.faces, end=ARRIVAL + 0.97 * END
     )
