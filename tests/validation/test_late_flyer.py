@@ -1,4 +1,4 @@
-"""open-01 with its flyer's record 20 us late: the clock is named with file and key, whatever is free."""
+"""open-01 with its flyer's record 20 us late: nothing is called identified, the clock is named."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -29,6 +29,10 @@ def test_a_late_flyer_is_named(hold: tuple[str, ...]) -> None:
     lag = leading_lag(found.clocks)
     assert lag is not None
     assert (lag.recording, lag.file, lag.key) == ("flyer", "flyer.csv", "flyer.frame")
+    if not hold:
+        # No valley of Poisson's ratio fits: the search ends where nothing rings, and no lag settles there.
+        assert "flyer.time" in [cause.key for cause in found.causes[:2]]
+        return
     assert abs(lag.lag - LATE) < 2.0 * lag.sigma
     assert lag.sigma < 1e-6
     (said,) = late_clocks(found)

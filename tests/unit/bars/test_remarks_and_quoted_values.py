@@ -267,6 +267,9 @@ def test_quoted_values_of_largest_magnitude_and_over_a_span():
         quoted_values.numbers(r, summary, None)
     assert quoted_values.span_quantities(summary) == []
     standing = replace(summary, plateau=replace(summary.plateau, span=Span(1e-6, 41e-6, span.weight)))
+    # A varied input that leaves no plateau is judged over the test's own.
+    kept = replace(summary, plateau=replace(summary.plateau, span=span))
+    assert quoted_values.numbers(r, kept, None)["mean stress"] == pytest.approx(0.5 / 2.5)
     assert [(q.name, q.sigma) for q in quoted_values.span_quantities(standing)] == [
         ("plateau, beginning", pytest.approx(2e-6)),  # 5 % of 40 us
         ("plateau, end", pytest.approx(2e-6)),
