@@ -97,8 +97,8 @@ def test_profile_agrees_with_curvature_and_answer(found: Identification) -> None
     low, high = profile.interval
     e = found.estimates["stiffness_factor"]
     # 1.96 sigma to both sides, the front face's noise among them, but for what curvature of the response adds
-    # to Gauss and Newton's: residuals on so coarse a mesh are large. The stated sigma is no smaller than if all
-    # noise were each entry's own; the profile, which knows what is common, is narrower by that.
+    # to Gauss and Newton's: residuals on so coarse a mesh are large. The stated sigma is no smaller than if
+    # all noise were each entry's own; the profile, which knows what is common, is narrower by that.
     own = np.hypot(e.noise_parts["force and shape"], e.noise_parts.get("flyer motion", 0.0))
     assert 0.7 < 0.5 * (high - low) / (1.96 * own) < 1.2
     assert profile.verdict == "identified"
