@@ -110,8 +110,8 @@ def dog_bone(
     straight: float,
     kind: str = "hex27",
 ) -> Mesh:
-    """A bar along x whose width (along y) falls by a cosine from ``size[1]`` at the ends to ``waist`` [m] over
-    the middle length ``straight`` [m]."""
+    """A bar along x whose width (along y) falls by a cosine from that of the ends to ``waist`` [m] over the
+    middle length ``straight`` [m]."""
     if not 0.0 < waist <= size[1]:
         raise ValueError(f"waist must be in (0, {size[1]}] m, got {waist}")
     if not 0.0 <= straight < size[0]:

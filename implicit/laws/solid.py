@@ -2,8 +2,8 @@
 
 Two solids are offered: any law of `explicit.materials.laws` with a volumetric energy (`Isotropic`), and the
 neo-Hookean energy whose shear part is not isochoric (`CompressibleNeoHookean`), as in Schumacher and others
-(2020). Both take their functions from one definition of the energy; `tests/unit/implicit/test_solids.py` holds
-stress and tangent to finite differences of it.
+(2020). Both take their functions from one definition of the energy; `tests/unit/implicit/test_solids.py`
+holds stress and tangent to finite differences of it.
 """
 
 from dataclasses import dataclass, replace
