@@ -81,9 +81,7 @@ def solid_of(law: str, values: Mapping[str, float]) -> Solid:
     kind = LAWS["yeoh" if law == YEOH_D else law]
     made = kind.of([values[spec.name] for spec in kind.PARAMETERS])
     modulus = float(bulk_modulus(made.shear_modulus, nu))
-    volumetric = (
-        polynomial(0.5 * modulus, values["D2"], values["D3"]) if law == YEOH_D else bulk(modulus)
-    )
+    volumetric = polynomial(0.5 * modulus, values["D2"], values["D3"]) if law == YEOH_D else bulk(modulus)
     return Isotropic(made, volumetric)
 
 

@@ -52,7 +52,9 @@ class SpecimenModel:
             axis=-1,
         )
 
-    def linearised(self, constants: Constants, free: FloatArray, displacement: FloatArray) -> Linearised | str:
+    def linearised(
+        self, constants: Constants, free: FloatArray, displacement: FloatArray
+    ) -> Linearised | str:
         """Forces and slopes at the displacements, or why there are none.
 
         Parameters

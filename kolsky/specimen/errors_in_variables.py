@@ -198,8 +198,7 @@ def search(
         step = _step(problem, p, bounds, size, damping)
         trial = np.clip(p + step, *bounds)
         moved = tuple(
-            best_displacement(own, at, f, trial - p)
-            for own, at, f in zip(samples, x, there, strict=True)
+            best_displacement(own, at, f, trial - p) for own, at, f in zip(samples, x, there, strict=True)
         )
         found = respond(trial, moved)
         runs += 1

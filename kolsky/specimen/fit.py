@@ -208,9 +208,7 @@ def remote_starts(constants: Constants, count: int, seed: int) -> list[FloatArra
     return [first, *np.clip(drawn, low, high)]
 
 
-def _beside(
-    test: SlowTest, x: FloatArray, there: Linearised, said: Intervals, *, fitted: bool
-) -> TestFit:
+def _beside(test: SlowTest, x: FloatArray, there: Linearised, said: Intervals, *, fitted: bool) -> TestFit:
     moved = x - test.samples.displacement
     force = there.force - np.einsum("nij,nj->ni", there.by_displacement, moved)
     slopes = there.by_constants

@@ -95,7 +95,11 @@ class Shape:
             mesh = cross(self.size, n, corner, kind=self.element)
         elif self.kind == "dog_bone":
             mesh = dog_bone(
-                self.size, n, waist=self.waist, straight=self.straight, kind=self.element  # type: ignore[arg-type]
+                self.size,
+                n,
+                waist=self.waist,
+                straight=self.straight,
+                kind=self.element,  # type: ignore[arg-type]
             )
         else:
             mesh = box(self.size, n, kind=self.element)
@@ -143,7 +147,9 @@ class Shape:
         return np.asarray((np.abs(middle[:, : self.ends]) < 0.5 * free).all(axis=1))
 
 
-def shape_of(section: TestSection, *, element: str, gauss: int | None, symmetry: bool, density: float | None) -> Shape:
+def shape_of(
+    section: TestSection, *, element: str, gauss: int | None, symmetry: bool, density: float | None
+) -> Shape:
     """The shape that a test's table describes."""
     length, width, thickness = section.size
     nx, ny, nz = section.elements

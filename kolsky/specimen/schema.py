@@ -38,7 +38,9 @@ class MaterialSection(Section):
         names = [spec.name for spec in specs]
         for name in self.free:
             if name not in names:
-                raise f.problem(f"names {name!r}, which the law does not have", key="free", allowed=", ".join(names))
+                raise f.problem(
+                    f"names {name!r}, which the law does not have", key="free", allowed=", ".join(names)
+                )
         return self
 
 
@@ -78,13 +80,17 @@ class TestSection(Section):
                 said = "is missing" if self.shape == shape else f'has no effect on a "{self.shape}"'
                 raise f.problem(said, key=key, cure=f'it belongs to shape = "{shape}"')
         if self.file is None and self.stroke is None:
-            raise f.problem("is missing", key="file", cure='add the file of the test, or stroke = "60 mm" to plan one')
+            raise f.problem(
+                "is missing", key="file", cure='add the file of the test, or stroke = "60 mm" to plan one'
+            )
         if self.file is not None:
             for key in ("displacement", "force"):
                 if getattr(self, key) is None:
                     raise f.problem("is missing", key=key, cure='write e.g. { column = "force", unit = "N" }')
                 if len(self.columns(key)) != self.ends:
-                    raise f.problem(f"must name {self.ends} column(s)", key=key, cure="a cross has one an axis")
+                    raise f.problem(
+                        f"must name {self.ends} column(s)", key=key, cure="a cross has one an axis"
+                    )
         if 2.0 * self.bond >= self.size[0]:
             raise f.problem("leaves no free length", key="bond", allowed=f"below {0.5 * self.size[0]:g} m")
         return self
