@@ -137,6 +137,27 @@ FAULTS = (
         tests=("tests/unit/dic/test_dic_epipolar_search.py",),
     ),
     Fault(
+        name="curve: its piece in the picture shut on the nearer side",
+        file="dic/stereo/visible.py",
+        right="high = np.minimum(high, -b / a)",
+        wrong="high = np.minimum(high, b / a)",
+        tests=("tests/unit/dic/test_dic_visible.py",),
+    ),
+    Fault(
+        name="curve: its piece in the picture open on the farther side",
+        file="dic/stereo/visible.py",
+        right="low = np.maximum(low, -b / a)",
+        wrong="low = np.maximum(low, b / a)",
+        tests=("tests/unit/dic/test_dic_visible.py",),
+    ),
+    Fault(
+        name="curve: a place behind camera 1 counts as seen",
+        file="dic/stereo/visible.py",
+        right="sides = [(e[2], v[:, 2])]",
+        wrong="sides = [(0.0, v[:, 2])]",
+        tests=("tests/unit/dic/test_dic_visible.py",),
+    ),
+    Fault(
         name="material frame: the farthest",
         file="dic/bodies/follow.py",
         right="np.argmin(np.abs(usable - wanted))",
