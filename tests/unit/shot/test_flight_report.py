@@ -113,3 +113,22 @@ def test_the_window_ends_with_symmetry(result, tmp_path):
     assert "where the flyer leaves" in next(symmetry({"symmetry_end": t[30], "window_end": ended[1]}))
     assert "end the window there" in next(symmetry({"symmetry_end": t[30], "window_end": t[-1]}))
     assert not list(symmetry({"symmetry_end": np.inf, "window_end": t[-1]}))
+
+
+def test_a_short_swing_to_and_fro_is_no_end_of_symmetry(result):
+    """A swing of 20 % of the speed across, for less than a tenth of the length travelled."""
+    speed = np.gradient(displacement(np.maximum(result.t, 0.0)), result.t)
+    over = 0.1 * LENGTH / speed.max()
+    swing = 0.5 * over
+    amplitude = 0.2 * speed[20] * swing / np.pi
+    phase = np.clip((result.t - result.t[20]) / swing, 0.0, 1.0)
+    u = result.motion.displacement + amplitude * np.sin(2.0 * np.pi * phase)[:, None] * [1.0, 0.0, 0.0]
+    found = flight_of(replace(result, motion=replace(result.motion, displacement=u)), LENGTH)
+    assert found.end is None
+
+
+def test_another_direction_must_last_as_long_as_the_first_took():
+    time = 10e-6 * np.arange(50)
+    assert flight_report.frames_in(100e-6, time) == 11  # eleven frames, ten steps
+    assert flight_report.frames_in(95e-6, time) == 11
+    assert flight_report.frames_in(1e-6, time) == 3
