@@ -111,7 +111,7 @@ def sweep(
     from kolsky.report.study_folder import write_sweep_results
     from kolsky.results.summary import failed_runs
     from kolsky.studies import sweep as sweeping
-    from kolsky.studies.sweep_analysis import analyse_sweep
+    from kolsky.studies.sweep_analysis import analyse_sweep, surface_optimum
     from kolsky.uncertainty.warnings.runs import lost_runs, sliding
 
     with usable(loaded), records.usable(), workers.executor() as executor, sweep_progress() as progress:
@@ -134,6 +134,7 @@ def sweep(
         **sweeping.counts(result),
         **({"left_out_by_constraints": chosen.settings["refused"]} if where else {}),
         **sweeping.least_misfit(result),
+        **surface_optimum(analysis),
         "file": str(folder / f"{records.stem}.csv"),
         "page": str(folder / f"{records.stem}.html"),
         **({} if place is None else {"ledger": str(place)}),

@@ -230,6 +230,16 @@ def counts(result: Sweep) -> dict[str, int]:
     return {"runs": len(table.outcomes), "completed": len(table.outcomes) - len(table.lost)}
 
 
+def costs(table: DesignTable) -> FloatArray:
+    """Phi of every run, Eq. (M.5) [-]; its force term alone where no outline was measured.
+
+    NaN where a run did not complete, shape [n_runs].
+    """
+    force = table.phi_force / SCALE_FORCE
+    phi = force + table.phi_shape / SCALE_SHAPE
+    return phi if np.isfinite(phi).any() else force
+
+
 def least_misfit(result: Sweep) -> dict[str, Any]:
     """The completed run with the smallest Phi, and its parameters in SI; by Phi_F alone without an outline.
 
