@@ -12,6 +12,7 @@ from kolsky.report.full_field_view import FullFieldView
 from kolsky.report.pages import outcome_rows
 from kolsky.report.pages.rendering import draw_figures, render_page, write_html
 from kolsky.shot.dic_summary import words
+from kolsky.shot.refined_rig import refinement_words
 
 AXES = {
     "plane": "x to the right and y down, as in the picture.",
