@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dic.bodies.followed_edge import _last_edge, follow_edge
-from dic.bodies.found_regions import find_regions, row_correlation
+from dic.bodies.found_regions import find_regions, row_correlation, speckled_contrast
 from dic.images import PictureError
 from dic.synthetic.speckles import render, speckle_pattern
 
@@ -192,3 +192,18 @@ def test_what_is_not_clear_is_refused_with_a_cure(plain):
         search(plain, "north")
     with pytest.raises(ValueError, match=r"needs? a usable static picture"):
         search(plain, usable=np.zeros(FRAMES, dtype=bool))
+
+
+def test_an_even_platen_may_fill_most_of_the_picture(plain):
+    rng = np.random.default_rng(5)
+    wide = Memory(tuple(np.vstack([p, rng.normal(60.0, 1.0, (110, SHAPE[1]))]) for p in plain.frames))
+    few, many = search(plain), search(wide)
+    assert few.edge[1] == pytest.approx(BOTTOM, abs=1.0)
+    assert many.edge[1] == pytest.approx(few.edge[1], abs=0.2)
+    assert extent(many.specimen) == pytest.approx(extent(few.specimen), abs=1.0)
+    assert extent(many.flyer) == pytest.approx(extent(few.flyer), abs=1.0)
+
+
+def test_contrast_of_speckles_is_told_from_that_of_bare_rows():
+    assert speckled_contrast(np.repeat([1.0, 20.0, 22.0], [70, 15, 15])) == pytest.approx(21.0, abs=1.0)
+    assert speckled_contrast(np.repeat([20.0, 22.0], [50, 50])) == pytest.approx(21.0, abs=1.0)
