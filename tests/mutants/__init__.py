@@ -5,6 +5,8 @@ there; a fault that all of them let pass is a hole in the tests. The faults stan
 beside this one.
 """
 
+from tests.mutants.prediction import FAULTS as PREDICTION
+
 from tests.mutants.bar_files import FAULTS as BAR_FILES
 from tests.mutants.bars import FAULTS as BARS
 from tests.mutants.bars_quoted import FAULTS as BARS_QUOTED
@@ -21,6 +23,7 @@ from tests.mutants.full_field import FAULTS as FULL_FIELD
 from tests.mutants.inputs import FAULTS as INPUTS
 from tests.mutants.inverse import FAULTS as INVERSE
 from tests.mutants.material import FAULTS as MATERIAL
+from tests.mutants.paper_method import FAULTS as PAPER_METHOD
 from tests.mutants.rates import FAULTS as RATES
 from tests.mutants.refine import FAULTS as REFINE
 from tests.mutants.regions import FAULTS as REGIONS
@@ -50,6 +53,8 @@ FAULTS: tuple[Fault, ...] = (
     *INPUTS,
     *INVERSE,
     *MATERIAL,
+    *PAPER_METHOD,
+    *PREDICTION,
     *RATES,
     *SEVERAL,
     *SHOT,
