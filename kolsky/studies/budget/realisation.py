@@ -24,7 +24,7 @@ from kolsky.virtual.shot_folder import write_shot
 from kolsky.virtual.specification import ShotSpecification
 from kolsky.virtual.truth import TruthError, simulate_truths
 
-TRUE_TABLES = ("specimen", "material", "interface", "transmission", "motion", "frames", "truth")
+TRUE_TABLES = ("specimen", "material", "relaxation", "interface", "transmission", "motion", "frames", "truth")
 """Tables that change what the test truly did."""
 TRUE_KEYS = ("tilt", "off_centre", "slip_friction", "trigger")
 """Imperfections that do."""
