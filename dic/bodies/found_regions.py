@@ -206,17 +206,24 @@ def _lower_end(mean: FloatArray) -> tuple[int, float]:
     """Last row of the specimen at rest, and where it ends at the transmission platen [px]."""
     likeness = row_correlation(mean)
     contrast = np.std(mean - gaussian_filter1d(mean, EVEN, axis=1), axis=1)
-    typical = float(np.median(contrast))
+    typical = _painted(contrast)
     middle = len(mean) // 2
     pairs = 0.5 * (likeness[:-1] + likeness[1:])  # an edge lies between two rows: both span it
-    dull = np.flatnonzero(contrast[middle:] < BAND * typical)
-    if dull.size and np.all(contrast[middle + dull[0] :] < BAND * typical):
-        first = middle + int(dull[0])  # an even platen: where the contrast has fallen to half
+    first = int(np.flatnonzero(contrast >= BAND * typical)[-1]) + 1
+    if first < len(mean):  # an even platen: where the contrast has fallen to half
         before, after = contrast[first - 1], contrast[first]
         edge = first - 1 + float((before - BAND * typical) / (before - after))
     else:
         edge = middle + _dip(pairs[middle:], likeness, "where the specimen meets the platen") + 0.5
     return int(np.floor(edge - 1.0)), edge
+
+
+def _painted(contrast: FloatArray) -> float:
+    """Contrast of the rows that show speckles: the median over those with half that of the best tenth.
+
+    An even platen may fill more rows than the specimen.
+    """
+    return float(np.median(contrast[contrast >= BAND * np.percentile(contrast, 90.0)]))
 
 
 def _dip(pairs: FloatArray, likeness: FloatArray, where: str) -> int:

@@ -107,6 +107,15 @@ def test_edges_are_found_and_kept_clear_of(plain, platen):
     assert last - 3.0 < extent(found.flyer)[3] < last - 0.5
 
 
+def test_an_even_platen_may_fill_most_of_the_picture(plain):
+    """A short specimen: its rows are fewer than those of the platen, which alone are the usual ones."""
+    rng = np.random.default_rng(9)
+    below = 60.0 + 8.0 * np.sin(np.arange(SHAPE[1])) + rng.normal(0.0, 1.0, (110, SHAPE[1]))
+    found = search(Memory(tuple(np.vstack([picture, below]) for picture in plain.frames)))
+    assert extent(found.specimen)[3] in (82.0, 83.0)
+    assert found.edge[1] == pytest.approx(BOTTOM, abs=1.0)
+
+
 @pytest.mark.parametrize(("toward", "turns"), [("right", -1), ("down", 2), ("left", 1)])
 def test_any_direction(plain, toward, turns):
     turned = Memory(tuple(np.rot90(frame, turns) for frame in plain.frames))
