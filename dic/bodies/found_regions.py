@@ -206,28 +206,24 @@ def _lower_end(mean: FloatArray) -> tuple[int, float]:
     """Last row of the specimen at rest, and where it ends at the transmission platen [px]."""
     likeness = row_correlation(mean)
     contrast = np.std(mean - gaussian_filter1d(mean, EVEN, axis=1), axis=1)
-    limit = BAND * speckled_contrast(contrast)
-    last = int(np.flatnonzero(contrast >= limit)[-1])
-    if last < len(mean) - 1:  # an even platen: where the contrast has fallen to half
-        before, after = contrast[last], contrast[last + 1]
-        edge = last + float((before - limit) / (before - after))
+    typical = _painted(contrast)
+    middle = len(mean) // 2
+    pairs = 0.5 * (likeness[:-1] + likeness[1:])  # an edge lies between two rows: both span it
+    first = int(np.flatnonzero(contrast >= BAND * typical)[-1]) + 1
+    if first < len(mean):  # an even platen: where the contrast has fallen to half
+        before, after = contrast[first - 1], contrast[first]
+        edge = first - 1 + float((before - BAND * typical) / (before - after))
     else:
-        middle = len(mean) // 2
-        pairs = 0.5 * (likeness[:-1] + likeness[1:])  # an edge lies between two rows: both span it
         edge = middle + _dip(pairs[middle:], likeness, "where the specimen meets the platen") + 0.5
     return int(np.floor(edge - 1.0)), edge
 
 
-def speckled_contrast(contrast: FloatArray) -> float:
-    """Typical contrast of the rows that have speckles, however many have none.
+def _painted(contrast: FloatArray) -> float:
+    """Contrast of the rows that show speckles: the median over those with half that of the best tenth.
 
-    Parameters
-    ----------
-    contrast
-        Standard deviation along every row, shape [rows].
+    An even platen may fill more rows than the specimen.
     """
-    high = float(np.percentile(contrast, 90.0))
-    return float(np.median(contrast[contrast >= BAND * high]))
+    return float(np.median(contrast[contrast >= BAND * np.percentile(contrast, 90.0)]))
 
 
 def _dip(pairs: FloatArray, likeness: FloatArray, where: str) -> int:

@@ -14,6 +14,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
+from kolsky.base.files import regular
 from kolsky.base.units import UnitError, unit_factor
 from kolsky.readers.contents import Contents, Layout
 from kolsky.readers.recordings import read_contents
@@ -272,7 +273,7 @@ def _units_below(path: Path, split, layout: Mapping[str, str | int]) -> list[str
     """The units of the columns where they stand on a line of their own."""
     if "units_line" not in layout:
         return []
-    text = path.read_text(encoding=str(layout.get("encoding", "utf-8-sig")))
+    text = regular(path).read_text(encoding=str(layout.get("encoding", "utf-8-sig")))
     return [cell.strip("()[] ") for cell in split(text.split("\n")[int(layout["units_line"]) - 1].strip())]
 
 
