@@ -22,6 +22,7 @@ DIMENSIONS = {
     "kg": ("a mass", "7.1 g"),
     "N": ("a force", "12 N"),
     "m/N": ("a compliance", "0.2 um/N"),
+    "N/m": ("a stiffness", "5e8 N/m"),
     "Pa/m": ("a stress per length", "1e13 Pa/m"),
     "rad": ("an angle", "0.2 deg"),
     "V/s": ("a drift", "0.5 V/s"),

@@ -22,6 +22,7 @@ from kolsky.cli.material_fit import material_fit
 from kolsky.cli.new import new
 from kolsky.cli.options import with_solver_options
 from kolsky.cli.plan import plan
+from kolsky.cli.predict import predict
 from kolsky.cli.rate import rate
 from kolsky.cli.reference_curve import reference_curve
 from kolsky.cli.repeats import repeats
@@ -49,6 +50,7 @@ COMMANDS: dict[str, Command] = {
     "report": report,
     "simulate": simulate,
     "plan": plan,
+    "predict": predict,
     "sweep": sweep,
     "budget": budget,
     "film": film,
