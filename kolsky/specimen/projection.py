@@ -119,6 +119,18 @@ def outliers(points: FloatArray, values: FloatArray, *, gate: float = GATE) -> N
     return bad
 
 
+def point_noise(points: FloatArray, values: FloatArray) -> float:
+    """Standard deviation of a value from what its neighbours predict, all fields together [unit of values].
+
+    Of what is smooth over `GATE_NEIGHBOURS` points nothing is left; a rough field counts as noise too.
+    """
+    distance, near = cKDTree(points).query(points, k=GATE_NEIGHBOURS + 1)
+    weights, _ = _weights(points[near[:, 1:]] - points[:, None], distance[:, 1:])
+    expected = np.einsum("nk,nkf->nf", weights, values[near[:, 1:]])
+    deviation = np.abs(values - expected) / np.sqrt(1.0 + (weights**2).sum(axis=1))[:, None]
+    return float(MAD * np.median(deviation))
+
+
 def _weights(offsets: FloatArray, distance: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Weights c of the local fit, whose value at the target is sum c_k f_k, [n, k]; and where it is the
     mean."""
