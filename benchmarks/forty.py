@@ -12,15 +12,15 @@ import json
 import statistics
 import time
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import asdict, replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 from benchmarks.forty_shots import KINDS, Answer, Study, one
 from kolsky.base.errors import InputError
 from kolsky.base.files import write_table
+from kolsky.base.process import process_pool
 from kolsky.virtual.make import make
 from kolsky.virtual.shot_folder import TRUTH
 from kolsky.virtual.specification import Series, SpecificationFile, read_specification
@@ -71,7 +71,7 @@ def answers_of(study: Study, names: list[str], workers: int) -> Iterator[Answer]
     if workers == 1:
         yield from (one(study, name) for name in names)
         return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    with process_pool(workers) as pool:
         for future in as_completed([pool.submit(one, study, name) for name in names]):
             yield future.result()
 

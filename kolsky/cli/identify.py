@@ -62,6 +62,14 @@ def identify(
         bool,
         typer.Option("--diagnose", help="Identify anew with each of the two likeliest causes put right."),
     ] = False,
+    relaxation: Annotated[
+        str,
+        typer.Option(
+            metavar="KIND",
+            help="What relaxes beside the curve, its constants free: prony, prony:2 or bergstrom_boyce.",
+            show_default="as [relaxation] of shot.toml says",
+        ),
+    ] = "",
     pull: Annotated[str, typer.Option(help="The curve m refers to: first pull or conditioned.")] = "first",
     seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 1,
     out: Out = None,
@@ -91,6 +99,10 @@ def identify(
     from kolsky.cli.terminal import print_result, progress_bars, since
 
     loaded, folder = load(shot, out)
+    if relaxation:
+        from kolsky.inverse.relaxing import with_relaxation
+
+        loaded = with_relaxation(loaded, *texts.relaxation("--relaxation", relaxation))
     numerics = solver.numerics(coarse)
     from kolsky import identification
     from kolsky.inverse.settings import Settings
