@@ -49,7 +49,8 @@ def draw_histories(view: SheetView, panels: Panels) -> None:
 def caption_histories(view: SheetView) -> str:
     """Return the caption."""
     return (
-        "(a) Force on the pad. (b) Root mean square of simulated less measured displacements over the measured "
+        "(a) Force on the pad. (b) Root mean square of simulated less measured displacements over the "
+        "measured "
         "ones in the measured region, and what the noise of the points would make of it."
     )
 
@@ -84,8 +85,10 @@ def draw_steps(view: SheetView, panels: Panels) -> None:
 def caption_steps(view: SheetView) -> str:
     """Return the caption."""
     return (
-        "Upper row: constants fitted to each step alone and to all together; a drift shows that the law is not the "
-        "material's. Lower row: standard deviation of each constant over its value from noise of the displacement "
+        "Upper row: constants fitted to each step alone and to all together; a drift shows that the law "
+        "is not the "
+        "material's. Lower row: standard deviation of each constant over its value from noise of the "
+        "displacement "
         "of every node (1 µm) and of the force (1 mN) in one step, Eqs. (20) to (25) of Sutula et al. (2020)."
     )
 
@@ -149,9 +152,11 @@ def caption_fields(view: SheetView) -> str:
     else:
         of = names[-1]
     return (
-        "Last step. (a) Simulated displacement. (b) Simulated less measured displacement in the measured region. "
+        "Last step. (a) Simulated displacement. (b) Simulated less measured displacement in the "
+        "measured region. "
         "(c) Relative change of the constant that displacements move most, as a field over the measured "
-        "displacements, Eqs. (26) and (27) of Sutula et al. (2020). (d) The same for a measurement of the whole "
+        "displacements, Eqs. (26) and (27) of Sutula et al. (2020). (d) The same for a measurement of "
+        "the whole "
         f"sheet, before it is made, for {of}, Eqs. (28) to (36)."
     )
 

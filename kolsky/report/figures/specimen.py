@@ -24,6 +24,8 @@ COLOURS = (MODEL, SHAPE, FORCE, BAND, GREY)
 """Colours of the fits, in turn."""
 MOST_TESTS = 6
 """Tests that have a panel of their own; the CSV file has all."""
+LEAST_SHARE = 1e-4
+"""Smallest share of the volume on the axis."""
 
 
 def _panels(view: SpecimenView) -> list[list[str]]:
@@ -45,12 +47,11 @@ def draw_forces(view: SpecimenView, panels: Panels) -> None:
                 for end in range(samples.force.shape[1]):
                     x, f = MM * samples.displacement[:, end], one.force[:, end]
                     marker = "o" if end == 0 else "s"
-                    if not drawn or end:
+                    if not drawn:
                         above.plot(
                             x, samples.force[:, end], marker, color=MEASURED, ms=3, mfc="none",
                             label="measured" if end == 0 else "measured, y",
                         )  # fmt: skip
-                    drawn = True
                     role = "" if one.fitted else ", predicted"
                     above.plot(
                         x, f, "-" if end == 0 else "--", color=colour, lw=1.0,
@@ -60,6 +61,7 @@ def draw_forces(view: SpecimenView, panels: Panels) -> None:
                         x, f - one.band[:, end], f + one.band[:, end], color=colour, alpha=0.25, lw=0
                     )
                     below.plot(x, f - samples.force[:, end], marker + "-", color=colour, ms=2, lw=0.7)
+                drawn = True
         above.set_title(label_text(name, 24), fontsize="medium")
         above.set_ylabel("force (N)")
         above.legend(frameon=False, fontsize="small")
@@ -74,7 +76,8 @@ def draw_forces(view: SpecimenView, panels: Panels) -> None:
 def caption_forces(view: SpecimenView) -> str:
     """Return the caption."""
     return (
-        "Force over displacement, measured and simulated with the constants of each fit (bands: 95 % from the "
+        "Force over displacement, measured and simulated with the constants of each fit (bands: 95 % "
+        "from the "
         "constants alone), and what is left of it over ± 2 standard deviations of the declared noise (grey)."
     )
 
@@ -105,23 +108,28 @@ def draw_correlations(view: SpecimenView, panels: Panels) -> None:
 def caption_correlations(view: SpecimenView) -> str:
     """Return the caption."""
     return (
-        "Correlations of the fitted constants. Near ± 1 a test knows a combination of two constants and not each: "
+        "Correlations of the fitted constants. Near ± 1 a test knows a combination of two constants and "
+        "not each: "
         "another kind of test tells them apart."
     )
 
 
 def draw_strains(view: SpecimenView, panels: Panels) -> None:
     """Draw the distribution of strains by volume."""
-    middle = 0.5 * (BINS[1:] + BINS[:-1])
     for number, share in enumerate(view.shares[:MOST_TESTS]):
         for name, values, letter in (("whole", share.whole, 0), ("middle", share.middle, 1)):
             ax = panels[f"{share.name} {name}"]
             label_panel(ax, "abcdefghijkl"[2 * number + letter])
             for axis, colour in zip(range(3), (MODEL, SHAPE, MEASURED), strict=True):
-                shown = np.where(values[axis] > 0.0, values[axis], np.nan)
-                ax.step(middle, shown, where="mid", color=colour, label="xyz"[axis], lw=1.0)
+                style = "--" if axis == 1 else "-"
+                ax.stairs(
+                    np.maximum(values[axis], LEAST_SHARE), BINS, baseline=LEAST_SHARE, color=colour, ls=style,
+                    label="xyz"[axis],
+                )  # fmt: skip
             ax.set_yscale("log")
-            ax.set_ylim(1e-4, 1.5)
+            ax.set_ylim(LEAST_SHARE, 1.5)
+            seen = np.flatnonzero(share.whole.max(axis=0))
+            ax.set_xlim(BINS[max(seen[0] - 1, 0)], BINS[min(seen[-1] + 2, len(BINS) - 1)])
             ax.set_xlabel("strain (–)")
             ax.set_ylabel("share of the volume")
             words = "whole specimen" if name == "whole" else "mid-region"
@@ -132,7 +140,8 @@ def draw_strains(view: SpecimenView, panels: Panels) -> None:
 def caption_strains(view: SpecimenView) -> str:
     """Return the caption."""
     return (
-        "Strains along the axes at the last sample, by volume: left the whole specimen with its ends, right the "
+        "Strains along the axes at the last sample, by volume: left the whole specimen with its ends, "
+        "right the "
         "uniform middle alone, which a fit of the mid-region sees."
     )
 
@@ -165,7 +174,8 @@ def draw_mesh(view: SpecimenView, panels: Panels) -> None:
 def caption_mesh(view: SpecimenView) -> str:
     """Return the caption."""
     return (
-        "Largest stretch of the element faces on the bonded surface at the last sample, in the deformed state; "
+        "Largest stretch of the element faces on the bonded surface at the last sample, in the deformed "
+        "state; "
         "where symmetry allows an eighth of the specimen is simulated."
     )
 

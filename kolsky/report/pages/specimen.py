@@ -110,6 +110,7 @@ def printed(shown: SpecimenView | SheetView) -> dict[str, str]:
         said = found.intervals
         rows[found.name] = (
             f"{found.constants.law}, {' + '.join(found.fitted)}; χ² / degrees of freedom "
-            f"{found.found.chi2 / said.degrees:.3g}, {found.found.simulations} simulations, {found.found.ended}"
+            f"{found.found.chi2 / said.degrees:.3g}, {found.found.simulations} simulations, "
+            f"{found.found.ended}"
         )
     return rows
