@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import warp as wp
@@ -67,3 +68,15 @@ def _without(expected: str) -> Iterator[None]:
             for line in caught:
                 if expected not in line:
                     os.write(2, line.encode())
+
+
+def available() -> tuple[str, ...]:
+    """Names of the devices that a run may be given, the CPU first, each with what it is."""
+    _start()
+    return tuple(f"{device.alias} ({device.name})" for device in wp.get_devices())
+
+
+def kernel_cache() -> Path:
+    """The folder of compiled kernels."""
+    _start()
+    return Path(wp.config.kernel_cache_dir)

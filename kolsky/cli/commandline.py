@@ -16,6 +16,7 @@ from kolsky.cli.calibrate import calibrate
 from kolsky.cli.channels import channels
 from kolsky.cli.check import check
 from kolsky.cli.dic import dic
+from kolsky.cli.doctor import doctor
 from kolsky.cli.film import film
 from kolsky.cli.identify import identify
 from kolsky.cli.material_fit import material_fit
@@ -57,6 +58,7 @@ COMMANDS: dict[str, Command] = {
     "sweep": sweep,
     "budget": budget,
     "film": film,
+    "doctor": doctor,
     "material reference-curve": reference_curve,
     "material fit": material_fit,
     "specimen fit": specimen_fit,
@@ -108,7 +110,6 @@ def program(commands: Mapping[str, Command]) -> typer.Typer:
     made = typer.Typer(
         name="kolsky",
         no_args_is_help=True,
-        add_completion=False,
         pretty_exceptions_enable=False,
         help="One impact test on a soft material, in; its dynamic stiffness with its uncertainty, out.",
     )
@@ -152,7 +153,9 @@ def _show_version(wanted: bool) -> None:
 def _kolsky(
     version: Annotated[
         bool,
-        typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version and exit."),
+        typer.Option(
+            "--version", "-V", callback=_show_version, is_eager=True, help="Print the version and exit."
+        ),
     ] = False,
 ) -> None:
     pass
