@@ -29,6 +29,9 @@ from kolsky.cli.reference_curve import reference_curve
 from kolsky.cli.repeats import repeats
 from kolsky.cli.report import report
 from kolsky.cli.simulate import simulate
+from kolsky.cli.specimen_fit import specimen_fit
+from kolsky.cli.specimen_plan import specimen_plan
+from kolsky.cli.specimen_simulate import specimen_simulate
 from kolsky.cli.sweep import sweep
 from kolsky.cli.virtual_make import virtual_make
 from kolsky.cli.virtual_new import virtual_new
@@ -58,6 +61,9 @@ COMMANDS: dict[str, Command] = {
     "doctor": doctor,
     "material reference-curve": reference_curve,
     "material fit": material_fit,
+    "specimen fit": specimen_fit,
+    "specimen simulate": specimen_simulate,
+    "specimen plan": specimen_plan,
     "virtual new": virtual_new,
     "virtual make": virtual_make,
 }
@@ -65,6 +71,7 @@ COMMANDS: dict[str, Command] = {
 
 GROUPS = {
     "material": "The quasi-static tests of the material behind a shot.",
+    "specimen": "Whole specimens in slow tests, simulated and fitted.",
     "virtual": "The virtual laboratory: shots whose answer is known.",
 }
 """Groups of commands and their line of `--help`."""
