@@ -5,8 +5,6 @@ there; a fault that all of them let pass is a hole in the tests. The faults stan
 beside this one.
 """
 
-from tests.mutants.prediction import FAULTS as PREDICTION
-
 from tests.mutants.bar_files import FAULTS as BAR_FILES
 from tests.mutants.bars import FAULTS as BARS
 from tests.mutants.bars_quoted import FAULTS as BARS_QUOTED
@@ -19,11 +17,13 @@ from tests.mutants.dic import FAULTS as DIC
 from tests.mutants.doe import FAULTS as DOE
 from tests.mutants.explicit import FAULTS as EXPLICIT
 from tests.mutants.fault import Fault
+from tests.mutants.folding import FAULTS as FOLDING
 from tests.mutants.full_field import FAULTS as FULL_FIELD
 from tests.mutants.inputs import FAULTS as INPUTS
 from tests.mutants.inverse import FAULTS as INVERSE
 from tests.mutants.material import FAULTS as MATERIAL
 from tests.mutants.paper_method import FAULTS as PAPER_METHOD
+from tests.mutants.prediction import FAULTS as PREDICTION
 from tests.mutants.rates import FAULTS as RATES
 from tests.mutants.refine import FAULTS as REFINE
 from tests.mutants.regions import FAULTS as REGIONS
@@ -49,6 +49,7 @@ FAULTS: tuple[Fault, ...] = (
     *DIC,
     *DOE,
     *EXPLICIT,
+    *FOLDING,
     *FULL_FIELD,
     *INPUTS,
     *INVERSE,
