@@ -125,6 +125,41 @@ class Forward:
             If a name is unknown, a value is outside its allowed range, also that of `Numerics.compressible`,
             or a parameter would have no effect.
         """
+        problem = self.problem(points, numerics, motion=motion, material=material, all_nodes=all_nodes)
+        device, threads = numerics.device, numerics.threads
+        if numerics.compressible is None:
+            return explicit.run(
+                problem.model,
+                problem.samples,
+                problem.sampling,
+                stepping=problem.stepping,
+                device=device,
+                threads=threads,
+                progress=progress,
+            )
+        half, less = numerics.coarser()
+        return explicit.run_nearly_incompressible(
+            problem.model,
+            (self.mesh(half), self.mesh(less)),
+            problem.samples,
+            replace(problem.sampling, all_nodes=False),
+            compressible=numerics.compressible,
+            stepping=problem.stepping,
+            device=device,
+            threads=threads,
+            progress=progress,
+        ).response
+
+    def problem(
+        self,
+        points: Mapping[str, ArrayLike],
+        numerics: Numerics,
+        *,
+        motion: ArrayLike = 0,
+        material: ArrayLike = 0,
+        all_nodes: bool = False,
+    ) -> explicit.Problem:
+        """What `run` gives the solver; arguments and errors are those of `run`."""
         interface = self.shot.interface
         require_effect(points, interface.faces, interface.side)
         values = {name: np.asarray(value, dtype=float) for name, value in points.items()}
@@ -140,32 +175,14 @@ class Forward:
             motion=np.asarray(motion, dtype=np.int64),
             material=np.asarray(material, dtype=np.int64),
         )
-        model = self.model(numerics, sliding=any_slides(points))
-        sampling = replace(self.sampling, ledger_every=1 if all_nodes else LEDGER_EVERY)
-        stepping = explicit.Stepping(safety=numerics.safety, precision=numerics.precision)
-        device, threads = numerics.device, numerics.threads
-        if numerics.compressible is None:
-            return explicit.run(
-                model,
-                samples,
-                replace(sampling, all_nodes=all_nodes),
-                stepping=stepping,
-                device=device,
-                threads=threads,
-                progress=progress,
-            )
-        half, less = numerics.coarser()
-        return explicit.run_nearly_incompressible(
-            model,
-            (self.mesh(half), self.mesh(less)),
-            samples,
-            sampling,
-            compressible=numerics.compressible,
-            stepping=stepping,
-            device=device,
-            threads=threads,
-            progress=progress,
-        ).response
+        return explicit.Problem(
+            model=self.model(numerics, sliding=any_slides(points)),
+            samples=samples,
+            sampling=replace(
+                self.sampling, ledger_every=1 if all_nodes else LEDGER_EVERY, all_nodes=all_nodes
+            ),
+            stepping=explicit.Stepping(safety=numerics.safety, precision=numerics.precision),
+        )
 
     def model(self, numerics: Numerics, *, sliding: bool = False) -> explicit.Model:
         """The solver's model of the shot; `sliding` replaces the declared interface by Coulomb's law."""

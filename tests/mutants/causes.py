@@ -115,21 +115,21 @@ FAULTS = (
     ),
     Fault(
         name="the unusual error first",
-        file="kolsky/diagnosis/causes.py",
+        file="kolsky/diagnosis/cause_ranking.py",
         right="sorted(group, key=lambda t: _unusual(search, t))",
         wrong="sorted(group, key=lambda t: -_unusual(search, t))",
         tests=CAUSES,
     ),
     Fault(
         name="a cause said at one sigma as k = 2",
-        file="kolsky/diagnosis/causes.py",
+        file="kolsky/diagnosis/cause_words.py",
         right="half = 2.0 * factor * finding.sigma",
         wrong="half = factor * finding.sigma",
         tests=CAUSES,
     ),
     Fault(
         name="inputs told apart by any difference",
-        file="kolsky/diagnosis/causes.py",
+        file="kolsky/diagnosis/cause_ranking.py",
         right="ALIKE = 10.0",
         wrong="ALIKE = 0.0",
         tests=CAUSES,
@@ -206,7 +206,7 @@ FAULTS = (
     ),
     Fault(
         name="a declared input listed by what it explains beside the others",
-        file="kolsky/diagnosis/causes.py",
+        file="kolsky/diagnosis/cause_ranking.py",
         right="t, gain = alone, evidence(search.bare, alone.misfits, search.expected.times)",
         wrong="t, gain = alone, evidence(search.before, alone.misfits, search.expected.times)",
         tests=DECLARED,

@@ -131,7 +131,7 @@ FAULTS = (
     ),
     Fault(
         name="a short step lengthened by its whole share",
-        file="kolsky/inverse/gauss_newton.py",
+        file="kolsky/inverse/refined_steps.py",
         right="share = float((before - now) @ taken)",
         wrong="share = float(before @ taken)",
         tests=SEVERAL,
@@ -219,5 +219,33 @@ FAULTS = (
         right="SEEN = 4.0",
         wrong="SEEN = 2.0",
         tests=FREE,
+    ),
+    Fault(
+        name="a start foretold with errors of first order",
+        file="kolsky/inverse/refined_steps.py",
+        right="START_ORDER = 2.0",
+        wrong="START_ORDER = 1.0",
+        tests=SEVERAL,
+    ),
+    Fault(
+        name="a start foretold towards the coarser mesh",
+        file="kolsky/inverse/refined_steps.py",
+        right="(fine.x - optima[others[0]].x) * (here",
+        wrong="(optima[others[0]].x - fine.x) * (here",
+        tests=SEVERAL,
+    ),
+    Fault(
+        name="a start foretold from a search that is not at rest",
+        file="kolsky/inverse/refined_steps.py",
+        right="if not others or not (fine.converged and optima[others[0]].converged):",
+        wrong="if not others:",
+        tests=SEVERAL,
+    ),
+    Fault(
+        name="the other point without the foretold shift",
+        file="kolsky/inverse/gauss_newton.py",
+        right="points, moved = x[None], x - start + shift",
+        wrong="points, moved = x[None], x - start",
+        tests=SEVERAL,
     ),
 )
