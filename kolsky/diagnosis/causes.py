@@ -164,7 +164,8 @@ def beside(
     """The findings with the first renewed on the refined mesh, and with what else is wrong beside it.
 
     A change that needs other runs has left the correction by the refined mesh behind: one run there renews
-    it. Then the first input is free as the parameters are, and the others are tried beside it.
+    it. Then the first input is free as the parameters are, and the others are tried beside it: with the first
+    put right, what they explained alone says nothing more of them.
     """
     c, stages = first.candidate, search.stages
     at, refined = np.append(search.model.x, c.start(stages)), search.model.refined
@@ -188,9 +189,26 @@ def beside(
         value=c.value(float(x[-1])),
         parameters=dict(zip(names, x[: len(names)].tolist(), strict=True)),
     )
-    more = [replace(f, beside=c.key) for f in ranked(second, best_trials(second, rest)) if f.named]
-    keys = {f.key for f in more}
-    return (renewed, *more, *(f for f in findings[1:] if f.key not in keys))
+    more = tuple(replace(f, beside=c.key) for f in ranked(second, best_trials(second, rest)))
+    return (renewed, *listed_beside(more, findings[1:]))
+
+
+def listed_beside(more: Sequence[CauseFinding], alone: Sequence[CauseFinding]) -> tuple[CauseFinding, ...]:
+    """What follows the first cause: likely ones beside it, likely ones in its place, the rest.
+
+    Parameters
+    ----------
+    more
+        Findings beside the first cause, in their order.
+    alone
+        The same inputs, each as the only cause, in their order; inputs that were not tried beside it too.
+    """
+    likely = [f for f in more if f.named]
+    likely += [f for f in alone if f.named and f.key not in {one.key for one in likely}]
+    known = {f.key for f in likely}
+    rest = [f for f in more if f.key not in known and not f.status]
+    known |= {f.key for f in rest}
+    return (*likely, *rest, *(f for f in alone if f.key not in known))
 
 
 def best_trials(search: CauseSearch, candidates: Sequence[CandidateInput]) -> list[Trial]:

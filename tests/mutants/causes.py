@@ -2,6 +2,7 @@
 
 from tests.mutants.fault import Fault
 
+OTHER = ("tests/unit/diagnosis/test_other_start.py",)
 FIT = ("tests/unit/diagnosis/test_cause_fit.py",)
 ALTERED = ("tests/unit/diagnosis/test_alterations.py",)
 CAUSES = ("tests/unit/diagnosis/test_causes.py",)
@@ -210,5 +211,33 @@ FAULTS = (
         right="t, gain = alone, evidence(search.bare, alone.misfits, search.expected.times)",
         wrong="t, gain = alone, evidence(search.before, alone.misfits, search.expected.times)",
         tests=DECLARED,
+    ),
+    Fault(
+        name="evidence against the other start's own misfit",
+        file="kolsky/diagnosis/cause_search.py",
+        right="if self.loss(known) < self.loss(self.before):",
+        wrong="if self.loss(known) > self.loss(self.before):",
+        tests=OTHER,
+    ),
+    Fault(
+        name="trials of the answer with entries that do not count",
+        file="kolsky/diagnosis/cause_search.py",
+        right="residual = t.residual[kept]",
+        wrong="residual = t.residual",
+        tests=OTHER,
+    ),
+    Fault(
+        name="the worse of two trials of an input",
+        file="kolsky/diagnosis/causes.py",
+        right="_badness(one.seen, judge) < _badness(best[key].seen, judge)",
+        wrong="_badness(one.seen, judge) > _badness(best[key].seen, judge)",
+        tests=OTHER,
+    ),
+    Fault(
+        name="what was likely in the first cause's place left out",
+        file="kolsky/diagnosis/causes.py",
+        right="likely += [f for f in alone if f.named and",
+        wrong="likely += [f for f in alone if not f.named and",
+        tests=OTHER,
     ),
 )

@@ -165,6 +165,37 @@ def test_the_refined_optimum_is_foretold_by_richardson() -> None:
     np.testing.assert_array_equal(foretold({(20, 26): optimum(20)}, (20, 26), (40, 52)), optimum(20).x)
 
 
+class Chord:
+    """Ten bins of force that are the parameter x, of data that are zero: exact at x = 0."""
+
+    def __init__(self) -> None:
+        self.box, self.prior = Box.of({"damping": (-1e4, 1e4)}), None
+        self.settings = Settings(refined_mesh=FINE)
+        self.visited: list[float] = []
+
+    def run(self, stage: str, points: np.ndarray, numerics: Numerics, *, all_nodes: bool = False) -> Any:
+        self.visited += points[:, 0].tolist()
+        empty = np.empty((len(points), 0))
+        seen = Prediction(empty, points * np.ones((1, 10)), empty, empty.astype(bool))
+        response = SimpleNamespace(completed=np.ones(len(points), dtype=bool), select=lambda rows: None)
+        return response, np.arange(len(points)), seen
+
+
+@pytest.mark.parametrize(("rise", "taken_back"), [(3.0, False), (3.9, False), (4.1, True), (6.0, True)])
+def test_a_step_that_makes_the_misfit_worse_by_more_than_four_is_halved(
+    rise: float, taken_back: bool
+) -> None:
+    """With the discrepancy |x| of each of n = 10 bins -2 ln L is n ln x^2 + n. A slope of 1 / (1 + q) leads
+    from -10 to 10 q, where it is higher by 20 ln q; from there to -10 q^2, if that is not too much."""
+    made: Any = Chord()
+    q = np.exp(rise / 20.0)
+    slope = np.full((10, 1), 1.0 / (1.0 + q))
+    one = objective(np.zeros(10), np.empty(0))
+    _on_refined(made, one, slope, np.array([-10.0]), None, shift=np.zeros(1))
+    third = 0.5 * (-10.0 + 10.0 * q) if taken_back else -10.0 * q**2
+    assert made.visited[:3] == pytest.approx([-10.0, 10.0 * q, third], rel=1e-6)
+
+
 def test_a_step_is_lengthened_by_what_the_last_one_fell_short_of() -> None:
     # Of a step of 4 the run takes off 3, a share of 0.75; what it still asks for is a third too short.
     move = np.array([4.0, 0.0])
