@@ -1,9 +1,11 @@
 """The commands of `kolsky` in the order of `--help`, and what the program does before any of them."""
 
+import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from io import TextIOWrapper
+from types import FrameType
 from typing import Annotated
 
 import typer
@@ -20,6 +22,7 @@ from kolsky.cli.material_fit import material_fit
 from kolsky.cli.new import new
 from kolsky.cli.options import with_solver_options
 from kolsky.cli.plan import plan
+from kolsky.cli.predict import predict
 from kolsky.cli.rate import rate
 from kolsky.cli.reference_curve import reference_curve
 from kolsky.cli.repeats import repeats
@@ -47,6 +50,7 @@ COMMANDS: dict[str, Command] = {
     "report": report,
     "simulate": simulate,
     "plan": plan,
+    "predict": predict,
     "sweep": sweep,
     "budget": budget,
     "film": film,
@@ -67,12 +71,22 @@ FORMER_NAMES: dict[str, str] = {"material baseline": "material reference-curve"}
 """Words that commands had once: they still work, and `--help` does not show them."""
 
 
+TERMINATED = 128 + signal.SIGTERM
+"""Exit code of a command that was told to end, as shells give it."""
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    """Told to end: by an exception, so that every block removes what it left half-made."""
+    raise SystemExit(TERMINATED)
+
+
 def main() -> None:
     """Entry point of the `kolsky` command."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             # A terminal without a character (± in an old code page) gets its escape, not a traceback.
             stream.reconfigure(errors="backslashreplace")
+    signal.signal(signal.SIGTERM, _end)
     app()
 
 

@@ -1,13 +1,19 @@
 """`kolsky identify`: load, identify, write, print."""
 
+from pathlib import Path
 from time import perf_counter
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from kolsky.cli import texts
 from kolsky.cli.options import SOLVER_DEFAULTS, AsJson, Figures, Mesh, Out, ShotPath, SolverOptions
 from kolsky.inverse.parameters import PARAMETERS
+
+if TYPE_CHECKING:
+    from kolsky.inverse.settings import Settings
+    from kolsky.inverse.staged_runs import Progress
+    from kolsky.shot.records import Shot
 
 
 def identify(
@@ -42,12 +48,28 @@ def identify(
         str,
         typer.Option(metavar="WHICH", help="surrogate, or all: least squares on the solver too (expensive)."),
     ] = "surrogate",
+    method: Annotated[
+        str,
+        typer.Option(
+            metavar="WHICH",
+            help="least-squares, or paper: beside it that of Mates et al., a factorial over friction and m, "
+            "a surface through Phi, a simplex; bounds by --free.",
+        ),
+    ] = "least-squares",
     solver: SolverOptions = SOLVER_DEFAULTS,
     bayes: Annotated[bool, typer.Option("--bayes", help="Sample the posterior too; needs emcee.")] = False,
     diagnose: Annotated[
         bool,
         typer.Option("--diagnose", help="Identify anew with each of the two likeliest causes put right."),
     ] = False,
+    relaxation: Annotated[
+        str,
+        typer.Option(
+            metavar="KIND",
+            help="What relaxes beside the curve, its constants free: prony, prony:2 or bergstrom_boyce.",
+            show_default="as [relaxation] of shot.toml says",
+        ),
+    ] = "",
     pull: Annotated[str, typer.Option(help="The curve m refers to: first pull or conditioned.")] = "first",
     seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 1,
     out: Out = None,
@@ -68,6 +90,7 @@ def identify(
     texts.finer("--refined-mesh", refined, "--mesh", coarse)
     formats = texts.figure_formats(figures)
     texts.one_of("--methods", methods, ("surrogate", "all"))
+    texts.one_of("--method", method, ("least-squares", "paper"))
     texts.one_of("--pull", pull, ("first", "conditioned"))
     texts.apart("--free", ranges or {}, "--hold", [*held, *kept])
     if bayes:
@@ -76,6 +99,10 @@ def identify(
     from kolsky.cli.terminal import print_result, progress_bars, since
 
     loaded, folder = load(shot, out)
+    if relaxation:
+        from kolsky.inverse.relaxing import with_relaxation
+
+        loaded = with_relaxation(loaded, *texts.relaxation("--relaxation", relaxation))
     numerics = solver.numerics(coarse)
     from kolsky import identification
     from kolsky.inverse.settings import Settings
@@ -100,11 +127,39 @@ def identify(
         found = identification.identify(loaded, settings, progress=progress)
         if diagnose:
             found = identification.diagnose(found, loaded, settings, progress=progress)
+        paper = _paper_method(loaded, settings, folder, progress) if method == "paper" else None
     write_identify_results(folder, found, loaded, formats=formats)
+    beside, said, doubts = paper or ({}, {}, [])
     print_result(
-        printed.details(found),
-        to_json(found) if as_json else None,
+        {**printed.details(found), **beside},
+        {**to_json(found), **said} if as_json else None,
         answers=[*(printed.answer(e) for e in found.estimates.values()), fit_line(found)],
         rest={"report": folder / PAGE, "wall time": since(started)},
-        warnings=found.warnings,
+        warnings=[*found.warnings, *doubts],
+    )
+
+
+def _paper_method(
+    shot: "Shot", settings: "Settings", folder: Path, progress: "Progress"
+) -> tuple[dict[str, str], dict[str, Any], list[str]]:
+    """The paper's answer: rows to print, keys of the JSON object, warnings. Its files are written."""
+    from kolsky.shot.curve import with_pull
+    from kolsky.studies import paper_output
+    from kolsky.studies.paper_method import BOUNDS, paper_method
+
+    given = {name: span for name, span in (settings.free or {}).items() if span and name in BOUNDS}
+    found = paper_method(
+        with_pull(shot, settings.pull),
+        bounds=given,
+        held=settings.held,
+        numerics=settings.numerics,
+        refined_mesh=settings.refined_mesh,
+        ledger=folder / f"{paper_output.STEM}.sqlite",
+        progress=progress,
+    )
+    paper_output.write_paper_method(folder, found)
+    return (
+        paper_output.rows(found),
+        {paper_output.STEM: paper_output.to_json(found)},
+        paper_output.warnings(found),
     )

@@ -17,8 +17,10 @@ from kolsky.inverse.parameters import (
     Fields,
     any_slides,
     checked_value,
+    require_declared,
     require_effect,
 )
+from kolsky.inverse.relaxing import what_relaxes
 from kolsky.shot.records import Shot
 
 MOTION_KNOTS = 2049
@@ -159,34 +161,48 @@ class Forward:
         material: ArrayLike = 0,
         all_nodes: bool = False,
     ) -> explicit.Problem:
-        """What `run` gives the solver; arguments and errors are those of `run`."""
+        """The batch that `run` simulates, for batches of several shots side by side.
+
+        Parameters
+        ----------
+        points, numerics, motion, material, all_nodes
+            As of `run`.
+
+        Raises
+        ------
+        ValueError
+            As `run`.
+        """
         interface = self.shot.interface
         require_effect(points, interface.faces, interface.side)
+        require_declared(points, self.shot)
         values = {name: np.asarray(value, dtype=float) for name, value in points.items()}
         for name, value in values.items():
             for x in value.ravel():
                 checked_value(name, float(x))
         fields: Fields = {}
         for name, p in PARAMETERS.items():
-            fields = p.entered(fields, values.get(name, p.held(self.shot)))
+            if p.belongs_to(self.shot):
+                fields = p.entered(fields, values.get(name, p.held(self.shot)))
+        fields, relaxing = what_relaxes(fields, self.shot.relaxation)
         samples = explicit.Samples.of(
             **fields,
             contact_stiffness=interface.contact_stiffness,
             motion=np.asarray(motion, dtype=np.int64),
             material=np.asarray(material, dtype=np.int64),
         )
-        return explicit.Problem(
-            model=self.model(numerics, sliding=any_slides(points)),
-            samples=samples,
-            sampling=replace(
-                self.sampling, ledger_every=1 if all_nodes else LEDGER_EVERY, all_nodes=all_nodes
-            ),
-            stepping=explicit.Stepping(safety=numerics.safety, precision=numerics.precision),
-        )
+        model = replace(self.model(numerics, sliding=any_slides(points)), relaxation=relaxing)
+        sampling = replace(self.sampling, ledger_every=1 if all_nodes else LEDGER_EVERY)
+        stepping = explicit.Stepping(safety=numerics.safety, precision=numerics.precision)
+        return explicit.Problem(model, samples, replace(sampling, all_nodes=all_nodes), stepping)
 
     def model(self, numerics: Numerics, *, sliding: bool = False) -> explicit.Model:
-        """The solver's model of the shot; `sliding` replaces the declared interface by Coulomb's law."""
+        """The solver's model of the shot; `sliding` replaces the declared interface by Coulomb's law.
+
+        What relaxes is as the shot declares it; samples that vary it bring their own, see `run`.
+        """
         shot = self.shot
+        relaxing = () if shot.relaxation is None else what_relaxes(shot.relaxation.values, shot.relaxation)[1]
         faces, side = (SLIDING_LAW, SLIDING_LAW) if sliding else (shot.interface.faces, shot.interface.side)
         return explicit.Model(
             mesh=self.mesh(numerics),
@@ -200,6 +216,7 @@ class Forward:
             past_data=numerics.past_data,
             element=numerics.element,
             hourglass_form=numerics.hourglass_form,
+            relaxation=relaxing,
         )
 
     def mesh(self, numerics: Numerics) -> explicit.Mesh:

@@ -58,7 +58,11 @@ class ShotEvidence:
     def of(cls, prepared: PreparedShot, numerics: Numerics) -> "ShotEvidence":
         """The evidence of a prepared shot, with its own values of everything but rate and stiffness."""
         shot, bins = prepared.forward.shot, prepared.observations.bins
-        held = {name: float(p.held(shot)) for name, p in PARAMETERS.items() if name != "stiffness_factor"}
+        held = {
+            name: float(p.held(shot))
+            for name, p in PARAMETERS.items()
+            if name != "stiffness_factor" and not p.relaxes
+        }
         return cls(
             model=prepared.forward.model(numerics),
             edges=bins.edges,

@@ -91,7 +91,7 @@ def fit_bergstrom_boyce(
         rows = []
         for test, wanted in zip(tests, known, strict=True):
             # Only the law scales: the resistance is a stress of its own.
-            scaled = _Scaled(law, factor)
+            scaled = ScaledLaw(law, factor)
             stress = bergstrom_boyce_stress(scaled, network, test.time, test.stretch)[0]
             rows.append(((stress - test.stress) / test.sigma)[wanted])
         return np.concatenate(rows)
@@ -123,7 +123,7 @@ def fit_bergstrom_boyce(
 
 
 @dataclass(frozen=True)
-class _Scaled:
+class ScaledLaw:
     """A law times a factor, as far as a homogeneous test asks."""
 
     law: Any

@@ -13,6 +13,7 @@ from kolsky.report.figures import (
     material,
     misfit,
     plan,
+    prediction,
     rate_curves,
     rates,
     recordings,
@@ -40,10 +41,12 @@ __all__ = [
     "MATERIALS",
     "MODULI",
     "PLANS",
+    "PREDICTIONS",
     "RATES",
     "RECORDINGS",
     "REGISTRY",
     "REPEATS",
+    "SCANS",
     "SENSITIVITY",
     "SHOWN_BY",
     "SPECKLES",
@@ -101,6 +104,10 @@ REPEATS = by_name([waves.REPEATED_TESTS])
 """Repeated tests."""
 PLANS = by_name(plan.FIGURES)
 """Plan of an experiment."""
+PREDICTIONS = by_name(prediction.FIGURES)
+"""Planned test."""
+SCANS = by_name(prediction.SCAN_FIGURES)
+"""Scan of a planned test."""
 RATES = by_name(rates.FIGURES, rate_curves.FIGURES)
 """Group of shots compared over their strain rates."""
 TRENDS = by_name(trends.FIGURES)
@@ -130,6 +137,7 @@ SHOWN_BY: dict[str, Registry] = {
     "kolsky.material.reference_curve.ReferenceCurve": BASELINES,
     "kolsky.report.full_field_view.FullFieldView": FULL_FIELDS,
     "kolsky.report.surface_view.SurfaceView": SURFACES,
+    "kolsky.prediction.predict.Prediction": PREDICTIONS,
     "kolsky.shot.recorded.Recorded": RECORDINGS,
     "kolsky.shot.bar_check.CheckedBars": BAR_CHECKS,
     "kolsky.shot.records.PicturedShot": CHECKS,

@@ -83,7 +83,7 @@ def test_the_valley_nearest_to_the_declared_value_is_searched_too() -> None:
 
 
 def test_how_many_valleys_of_each_misfit_are_searched() -> None:
-    """Five valleys of each misfit, none in common, the deepest first: three of a frame as one entry, one of the
+    """Five valleys of each misfit, none in common: three of a frame as one entry, one of the
     force, two of all entries, and the floor of either that is nearest to the declared value."""
     rows = {"balanced": [1, 7, 13, 19, 25], "force": [3, 9, 15, 21, 27], "joint": [5, 11, 17, 23, 29]}
     misfit = {name: np.full(31, 9.0) for name in rows}
