@@ -192,8 +192,14 @@ def drawn(name: str) -> str:
         return f"There is no `benchmarks/results/{name}.json`: the study was not run yet."
     kinds = ("right", "answered, beyond 1 %", "refused", "confidently wrong", "stopped by a fault")
     counts = ", ".join(f"{made[kind]} {kind}" for kind in kinds if kind in made)
+    if made.get("scatter") is not None:
+        counts += (
+            f"; errors of the answered over their standard uncertainties: {made['scatter']:.2f} root mean "
+            f"square, {made['largest']:.1f} at most"
+        )
+    whose = f" (seed {made['seed']})" if "seed" in made else ""
     lines = [
-        *([f"Of {len(made['answers'])} shots: {counts}.", ""] if counts else []),
+        *([f"Of {len(made['answers'])} shots{whose}: {counts}.", ""] if counts else []),
         "| shot | true $m$ | $m$ | U (k = 2) | error | verdict | counts as | time | with a cure |",
         "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
