@@ -30,6 +30,8 @@ DIMENSIONS = {
 }
 """What this package measures: SI unit -> (dimension in words, an example)."""
 
+LONGEST = 200
+"""Longest text that is read as a quantity or a unit [characters]."""
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 # Pint evaluates whole expressions, towers of powers included; a unit is names, small powers, "*" and "/".
 _NAME = r"(?:1|[A-Za-zµμΩ%°]+(?:(?:\^|\*\*)[+-]?\d{1,2}|[²³])?)"
@@ -73,7 +75,7 @@ def unit_factor(text: str, unit: str) -> float:
     """
     import pint
 
-    if not _UNIT.fullmatch(text):
+    if len(text) > LONGEST or not _UNIT.fullmatch(text):
         raise UnitError(text, "is not a unit", unit)
     try:
         written = _registry().Quantity(1.0, _registry().parse_units(text))
@@ -111,7 +113,7 @@ def quantity(text: str, unit: str) -> float:
     """
     if not isinstance(text, str):
         raise UnitError(text, "has no unit", unit)
-    match = _NUMBER.fullmatch(text)
+    match = _NUMBER.fullmatch(text) if len(text) <= LONGEST else None
     if match is None:
         raise UnitError(text, "is not a number with a unit", unit)
     number, written = match.groups()

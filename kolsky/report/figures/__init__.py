@@ -18,7 +18,9 @@ from kolsky.report.figures import (
     rates,
     recordings,
     sensitivity,
+    sheet,
     simulation,
+    specimen,
     speckles,
     surface_motion,
     surface_points,
@@ -48,7 +50,9 @@ __all__ = [
     "REPEATS",
     "SCANS",
     "SENSITIVITY",
+    "SHEETS",
     "SHOWN_BY",
+    "SPECIMENS",
     "SPECKLES",
     "SURFACES",
     "SWEEPS",
@@ -125,6 +129,11 @@ BUDGETS = by_name(budget.FIGURES)
 MODULI = by_name([rate_curves.MODULI])
 """Moduli of tests of every kind over their time scales."""
 
+SPECIMENS = by_name(specimen.FIGURES)
+"""Whole specimens fitted to forces."""
+SHEETS = by_name(sheet.FIGURES)
+"""Sheet fitted to a displacement field."""
+
 SHOWN_BY: dict[str, Registry] = {
     "dic.calibration.result.Calibration": CALIBRATION,
     "dic.chain.speckle_report.Speckles": SPECKLES,
@@ -136,6 +145,8 @@ SHOWN_BY: dict[str, Registry] = {
     "kolsky.material.fits.compare.Comparison": MATERIALS,
     "kolsky.material.reference_curve.ReferenceCurve": BASELINES,
     "kolsky.report.full_field_view.FullFieldView": FULL_FIELDS,
+    "kolsky.report.specimen_view.SheetView": SHEETS,
+    "kolsky.report.specimen_view.SpecimenView": SPECIMENS,
     "kolsky.report.surface_view.SurfaceView": SURFACES,
     "kolsky.prediction.predict.Prediction": PREDICTIONS,
     "kolsky.shot.recorded.Recorded": RECORDINGS,
