@@ -16,6 +16,7 @@
 
 from dataclasses import replace
 
+from kolsky.base.records import FlyerMotion
 from kolsky.diagnosis.causes import cause_warnings, find_causes
 from kolsky.diagnosis.clocks import Reruns, clock_lags
 from kolsky.diagnosis.corrected import corrected
@@ -150,7 +151,8 @@ def identify(
         interface=shot.interface,
         lost_replicates=0 if replicates is None else replicates.lost,
     )
-    return replace(result, warnings=(*of_fit, *warnings, *known.warnings, *found.freed.said(shot)))
+    noted = shot.flyer.notes if isinstance(shot.flyer, FlyerMotion) else ()
+    return replace(result, warnings=(*of_fit, *noted, *warnings, *known.warnings, *found.freed.said(shot)))
 
 
 LEADING = 2
