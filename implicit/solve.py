@@ -65,7 +65,7 @@ def solve(
             break
         state = path.state
         displacements[step] = state.u.reshape(shape[1:])
-        forces[step] = state.body.forces.reshape(shape[1:])
+        forces[step] = (state.body.forces - state.carried).reshape(shape[1:])
         energy[step] = equations.body.energy(state.body)
         for found, values in zip(multipliers, equations.augmented(state)[0], strict=True):
             found[step] = values
