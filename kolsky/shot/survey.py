@@ -19,7 +19,7 @@ from kolsky.base.units import UnitError, unit_factor
 from kolsky.readers.contents import Contents, Layout
 from kolsky.readers.recordings import read_contents
 from kolsky.readers.table import read_table
-from kolsky.readers.text import ENCODINGS
+from kolsky.readers.text import ENCODINGS, matched
 
 SUFFIXES = (
     ".csv", ".txt", ".tsv", ".dat", ".asc", ".prn", ".xls", ".xlsx", ".tdms", ".mat", ".lvm", ".wfm", ".isf",
@@ -279,7 +279,7 @@ def _units_below(path: Path, split, layout: Mapping[str, str | int]) -> list[str
 
 def unit_in(heading: str) -> str:
     """The unit that a heading names: in brackets, behind a stroke, "in", or a last underscore."""
-    match = _UNIT.fullmatch(heading)
+    match = matched(_UNIT, heading)
     text = next((group for group in match.groups() if group), "") if match else ""
     text = "1" if text == "-" else text
     return text if dimension_of(text) else ""

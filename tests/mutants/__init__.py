@@ -17,10 +17,13 @@ from tests.mutants.dic import FAULTS as DIC
 from tests.mutants.doe import FAULTS as DOE
 from tests.mutants.explicit import FAULTS as EXPLICIT
 from tests.mutants.fault import Fault
+from tests.mutants.folding import FAULTS as FOLDING
 from tests.mutants.full_field import FAULTS as FULL_FIELD
 from tests.mutants.inputs import FAULTS as INPUTS
 from tests.mutants.inverse import FAULTS as INVERSE
 from tests.mutants.material import FAULTS as MATERIAL
+from tests.mutants.paper_method import FAULTS as PAPER_METHOD
+from tests.mutants.prediction import FAULTS as PREDICTION
 from tests.mutants.rates import FAULTS as RATES
 from tests.mutants.refine import FAULTS as REFINE
 from tests.mutants.regions import FAULTS as REGIONS
@@ -46,10 +49,13 @@ FAULTS: tuple[Fault, ...] = (
     *DIC,
     *DOE,
     *EXPLICIT,
+    *FOLDING,
     *FULL_FIELD,
     *INPUTS,
     *INVERSE,
     *MATERIAL,
+    *PAPER_METHOD,
+    *PREDICTION,
     *RATES,
     *SEVERAL,
     *SHOT,

@@ -137,6 +137,13 @@ FAULTS = (
         tests=("tests/unit/dic/test_dic_epipolar_search.py",),
     ),
     Fault(
+        name="regions: rows without speckles count in the typical contrast",
+        file="dic/bodies/found_regions.py",
+        right="np.median(contrast[contrast >= BAND * np.percentile(contrast, 90.0)])",
+        wrong="np.median(contrast)",
+        tests=(f"{REGIONS}::test_contrast_of_speckles_is_told_from_that_of_bare_rows",),
+    ),
+    Fault(
         name="curve: its piece in the picture shut on the nearer side",
         file="dic/stereo/visible.py",
         right="high = np.minimum(high, -b / a)",

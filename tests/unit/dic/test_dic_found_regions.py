@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dic.bodies.followed_edge import _last_edge, follow_edge
-from dic.bodies.found_regions import find_regions, row_correlation
+from dic.bodies.found_regions import _painted, find_regions, row_correlation
 from dic.images import PictureError
 from dic.synthetic.speckles import render, speckle_pattern
 
@@ -201,3 +201,8 @@ def test_what_is_not_clear_is_refused_with_a_cure(plain):
         search(plain, "north")
     with pytest.raises(ValueError, match=r"needs? a usable static picture"):
         search(plain, usable=np.zeros(FRAMES, dtype=bool))
+
+
+def test_contrast_of_speckles_is_told_from_that_of_bare_rows():
+    assert _painted(np.repeat([1.0, 20.0, 22.0], [70, 15, 15])) == pytest.approx(21.0, abs=1.0)
+    assert _painted(np.repeat([20.0, 22.0], [50, 50])) == pytest.approx(21.0, abs=1.0)
