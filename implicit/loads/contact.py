@@ -13,7 +13,7 @@ from implicit.model import Model
 
 STIFFNESS = 500.0
 """Penalty of a point, in shear moduli times the mean spacing of the points in the body."""
-HELD = 1e7
+HELD = 1e5
 """Factor of the stiffness with which points in contact are held where the solution is differentiated [-]."""
 
 
