@@ -77,8 +77,8 @@ def flyer_motion(
 def _stray_note(table: FlyerTable, row: int, off: float) -> str:
     return (
         f"{table.path.name} line {table.line(row)}: frame {table.frame[row]} of the flyer is"
-        f" {off * 1e3:+.3g} mm off what the frames around it say; it was given no weight: look at it, or correct"
-        " the export"
+        f" {off * 1e3:+.3g} mm off what the frames around it say; it was given no weight: look at it, or"
+        " correct the export"
     )
 
 

@@ -41,7 +41,7 @@ def test_a_cubic_leaves_nothing_and_a_step_is_measured_whole() -> None:
 def test_both_limits_hold() -> None:
     """At rest 20 standard deviations of what is left, of a moving flyer three of its steps.
 
-    A cubic's value in the middle of symmetric frames is a quadratic's: shares S4 - S2 t^2, made to sum to one.
+    A cubic's value in the middle of symmetric frames is a quadratic's: shares S4 - S2 t^2, of sum one.
     """
     t = np.array([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
     shares = np.array([(np.sum(t**4) - x**2 * np.sum(t**2)) for x in t])
