@@ -323,4 +323,11 @@ FAULTS = (
         wrong="return volts[0] if volts else",
         tests=NEW,
     ),
+    Fault(
+        name="a refused flyer: length and lower end added",
+        file="kolsky/shot/flyer_refusal.py",
+        right="float(np.hypot(length_sigma, lower))",
+        wrong="float(length_sigma + lower)",
+        tests=("tests/unit/shot/test_flyer_refusal.py",),
+    ),
 )
