@@ -20,6 +20,7 @@ from tests.mutants.fault import Fault
 from tests.mutants.full_field import FAULTS as FULL_FIELD
 from tests.mutants.inputs import FAULTS as INPUTS
 from tests.mutants.inverse import FAULTS as INVERSE
+from tests.mutants.joint import FAULTS as JOINT
 from tests.mutants.material import FAULTS as MATERIAL
 from tests.mutants.rates import FAULTS as RATES
 from tests.mutants.refine import FAULTS as REFINE
@@ -49,6 +50,7 @@ FAULTS: tuple[Fault, ...] = (
     *FULL_FIELD,
     *INPUTS,
     *INVERSE,
+    *JOINT,
     *MATERIAL,
     *RATES,
     *SEVERAL,
