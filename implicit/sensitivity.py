@@ -60,16 +60,18 @@ def direct(solution: Solution, *, histories: tuple[str, ...] = ()) -> Sensitivit
     du, df = np.full(shape, np.nan), np.full(shape, np.nan)
     for step in range(solution.reached):
         state = state_of(equations, solution, step)
+        elements = equations.stiffness(state, held=True)
         own = equations.body.forces_by_parameters(state.body)
         explicit = np.vstack([own, np.zeros((len(histories), own.shape[1]))])
-        right = equations.body.pattern.reduced(explicit)
+        right = equations.reduced(explicit)
         moved = np.zeros_like(explicit)
         for j, name in enumerate(histories, start=len(own)):
-            moved[j], right[j] = _by_history(equations, state, name)
-        unknown = equations.factors(state).solve(-right.T).T
+            moved[j], right[j] = _by_history(equations, state, elements, name)
+        unknown = equations.factors(elements).solve(-right.T).T
         moved += equations.expanded(unknown)
         du[step] = moved.reshape(shape[1:])
-        df[step] = (explicit + equations.full_stiffness_times(state, moved)).reshape(shape[1:])
+        body = equations.body.stiffness(state.body)
+        df[step] = (explicit + equations.times(body, moved)).reshape(shape[1:])
     return Sensitivities(names, du, df, solution)
 
 
@@ -100,8 +102,12 @@ def adjoint(
     for step in range(solution.reached):
         state = state_of(equations, solution, step)
         weight = np.zeros(model.n_dofs) if by_forces is None else by_forces[step].reshape(-1)
-        right = by_displacements[step].reshape(-1) + equations.full_stiffness_times(state, weight)
-        lam = equations.factors(state).solve_transposed(equations.body.pattern.reduced(right))
+        # the tangent of the body is symmetric
+        right = by_displacements[step].reshape(-1) + equations.times(
+            equations.body.stiffness(state.body), weight
+        )
+        factors = equations.factors(equations.stiffness(state, held=True))
+        lam = factors.solve_transposed(equations.reduced(right))
         test = weight - equations.expanded(lam)
         elements = equations.body.element_forces_by_parameters(state.body)
         each = np.einsum("mpa,ma->mp", elements, test[equations.body.pattern.dofs])
@@ -112,10 +118,13 @@ def adjoint(
 def state_of(equations: Equations, solution: Solution, step: int) -> State:
     """The state of a step, with its tangent."""
     at = {name: float(values[step]) for name, values in solution.steps.items()}
-    return equations.evaluate(solution.displacements[step].reshape(-1), at)
+    multipliers = tuple(forces[step] for forces in solution.contact_forces)
+    return equations.evaluate(solution.displacements[step].reshape(-1), at, multipliers=multipliers)
 
 
-def _by_history(equations: Equations, state: State, name: str) -> tuple[FloatArray, FloatArray]:
+def _by_history(
+    equations: Equations, state: State, elements: FloatArray, name: str
+) -> tuple[FloatArray, FloatArray]:
     """Prescribed displacements and the residual per unit of a history."""
     model = equations.model
     if name not in model.histories:
@@ -124,5 +133,6 @@ def _by_history(equations: Equations, state: State, name: str) -> tuple[FloatArr
     for dofs, of, factor in model.unknowns.prescribed:
         if of == name:
             moved[dofs] = factor
-    residual = equations.stiffness_times(state, moved)
-    return moved, residual - equations.external_change(state, {**state.at, name: state.at[name] + 1.0})
+    residual = equations.reduced(equations.times(elements, moved))
+    after = {**state.at, name: state.at[name] + 1.0}
+    return moved, residual - equations.external_change(state, after)

@@ -33,6 +33,8 @@ class Solution:
     """Newton iterations of all steps."""
     factorisations: int = 0
     """Factorisations of all steps."""
+    contact_forces: tuple[FloatArray, ...] = ()
+    """Forces of the points of each rigid plane along its normal [N], each of shape [n_steps, p]."""
 
     def reaction(self, where: str) -> FloatArray:
         """Sum of the internal forces over a set of points [N], shape [n_steps, d]."""

@@ -1,37 +1,17 @@
 """Equilibria of a model along a history, by Newton's method with line search and step halving."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from explicit.arrays import FloatArray
 from implicit.equations import Equations, State
-from implicit.linear.factorise import Factors, SingularError
+from implicit.linear.base import SingularError
 from implicit.model import Model
+from implicit.newton import Iteration, Newton
 from implicit.outcome import Outcome
 from implicit.solution import Solution
-
-
-@dataclass(frozen=True)
-class Newton:
-    """Options of the iteration."""
-
-    tolerance: float = 1e-9
-    """Largest residual as a share of the internal forces (2-norms) [-]."""
-    iterations: int = 25
-    """Most iterations of a step before it is halved."""
-    halvings: int = 8
-    """How often a step may be halved."""
-    line_search: int = 8
-    """Most lengths tried along a direction."""
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.tolerance < 1e-2:
-            raise ValueError(f"tolerance must be in (0, 0.01), got {self.tolerance}")
-        if min(self.iterations, self.line_search) < 1 or self.halvings < 0:
-            raise ValueError("iterations and line_search must be >= 1, halvings >= 0")
 
 
 def solve(
@@ -40,7 +20,7 @@ def solve(
     parameters: ArrayLike | None = None,
     *,
     newton: Newton | None = None,
-    first: FloatArray | None = None,
+    guess: FloatArray | None = None,
 ) -> Solution:
     """Find the equilibrium at each step.
 
@@ -56,8 +36,9 @@ def solve(
         material's own.
     newton : Newton, optional
         Options.
-    first : array, shape [n, d], optional
-        Displacements from which the first step's iteration starts [m], such as those at other constants.
+    guess : array, shape [n_steps, n, d], optional
+        Displacements from which the iteration of each step starts [m], such as those at other constants; a
+        step where that leads nowhere is reached from the one before.
 
     Raises
     ------
@@ -69,20 +50,25 @@ def solve(
     histories = checked_steps(model, steps)
     n_steps = len(next(iter(histories.values()))) if histories else 1
     shape = (n_steps, *model.mesh.points.shape)
+    if guess is not None and guess.shape != shape:
+        raise ValueError(f"guess must have shape {shape}, got {guess.shape}")
     displacements, forces = np.full(shape, np.nan), np.full(shape, np.nan)
     energy = np.full(n_steps, np.nan)
-    equations = Equations(model, table)
+    equations = Equations(model, table, linear=options.linear)
     path = _Path(equations, options)
+    multipliers = [np.full((n_steps, len(c.nodes)), np.nan) for c in equations.contacts]
     outcome, reached = Outcome.COMPLETED, 0
     for step in range(n_steps):
         target = {name: float(values[step]) for name, values in histories.items()}
-        start = first.reshape(-1) if first is not None and step == 0 else None
-        outcome = path.to(target, start)
+        outcome = path.to(target, None if guess is None else guess[step].reshape(-1))
         if not outcome.ok:
             break
-        displacements[step] = path.state.u.reshape(shape[1:])
-        forces[step] = path.state.internal.reshape(shape[1:])
-        energy[step] = equations.body.energy(path.state.body)
+        state = path.state
+        displacements[step] = state.u.reshape(shape[1:])
+        forces[step] = state.body.forces.reshape(shape[1:])
+        energy[step] = equations.body.energy(state.body)
+        for found, values in zip(multipliers, equations.augmented(state)[0], strict=True):
+            found[step] = values
         reached = step + 1
     return Solution(
         model,
@@ -93,8 +79,9 @@ def solve(
         energy,
         outcome,
         reached,
-        path.iterations,
-        path.factorisations,
+        path.iteration.iterations,
+        path.iteration.factorisations,
+        tuple(multipliers),
     )
 
 
@@ -119,27 +106,30 @@ class _Path:
 
     def __init__(self, equations: Equations, options: Newton) -> None:
         self.equations, self.options = equations, options
-        zero = dict.fromkeys(equations.model.histories, 0.0)
-        self.state: State = equations.rest(zero)
-        self.before: State | None = None
-        self.iterations = self.factorisations = 0
+        self.iteration = Iteration(equations, options)
+        self.state: State = equations.rest()
+        self.before: list[State] = []
 
-    def to(self, target: dict[str, float], start: FloatArray | None) -> Outcome:
+    def to(self, target: dict[str, float], guess: FloatArray | None) -> Outcome:
         """Go to the target, halving the way where an iteration fails."""
-        origin, done, length = dict(self.state.at), 0.0, 1.0
-        halvings = 0
+        if guess is not None:
+            state = self.equations.evaluate(
+                self.equations.with_prescribed(guess, target), target, like=self.state
+            )
+            found = self.iteration.equilibrium(state)
+            if isinstance(found, State):
+                self._reached(found)
+                return Outcome.COMPLETED
+        origin, done, length, halvings = dict(self.state.at), 0.0, 1.0, 0
         while done < 1.0:
             share = min(1.0, done + length)
             at = {name: origin[name] + share * (target[name] - origin[name]) for name in target}
             if share == 1.0:
                 at = dict(target)
-            found = self._equilibrium(at, start if share == 1.0 else None)
+            found = self._next(at)
             if isinstance(found, State):
-                self.before, self.state = self.state, found
-                done, start = share, None
-                continue
-            if start is not None:  # the given start was no help
-                start = None
+                self._reached(found)
+                done = share
                 continue
             halvings += 1
             if halvings > self.options.halvings:
@@ -147,81 +137,64 @@ class _Path:
             length *= 0.5
         return Outcome.COMPLETED
 
-    def _equilibrium(self, at: dict[str, float], start: FloatArray | None) -> State | Outcome:
-        equations, options = self.equations, self.options
-        try:
-            state = self._first(at, start)
-            for _ in range(options.iterations):
-                if state.body.inverted:
-                    return Outcome.INVERTED
-                if equations.converged(state, options.tolerance):
-                    return state
-                factors = self._factors(state)
-                self.iterations += 1
-                state = self._line_search(state, factors.solve(-state.residual))
-        except SingularError:
-            return Outcome.SINGULAR
-        if state.body.inverted:
-            return Outcome.INVERTED
-        return state if equations.converged(state, options.tolerance) else Outcome.NOT_CONVERGED
+    def _reached(self, state: State) -> None:
+        self.before = [*self.before[-2:], self.state]
+        self.state = state
 
-    def _factors(self, state: State) -> Factors:
-        self.factorisations += 1
-        return self.equations.factors(state)
-
-    def _first(self, at: dict[str, float], start: FloatArray | None) -> State:
-        """First guess: the one given, the states before continued, or the tangent's answer to the change."""
-        equations = self.equations
-        if start is not None:
-            return equations.evaluate(equations.with_prescribed(start, at), at)
+    def _next(self, at: dict[str, float]) -> State | Outcome:
+        """The next equilibrium, from the states before continued or the tangent's answer to the change."""
         guess = self._continued(at)
         if guess is not None:
-            state = equations.evaluate(equations.with_prescribed(guess, at), at)
-            if not state.body.inverted:
-                return state
-        moved = equations.with_prescribed(self.state.u, at)
-        if np.array_equal(moved, self.state.u):
-            return equations.evaluate(moved, at, like=self.state)
-        # K du = -r - K_fc du_c with the tangent of the last state
-        residual = self.state.residual + equations.stiffness_times(self.state, moved - self.state.u)
-        residual -= equations.external_change(self.state, at)
-        self.factorisations += 1
-        change = equations.factors(self.state).solve(-residual)
-        self.iterations += 1
-        return equations.evaluate(moved + equations.expanded(change), at)
+            moved = self.equations.with_prescribed(guess, at)
+            state = self.equations.evaluate(moved, at, like=self.state)
+            if not state.inverted:
+                found = self.iteration.equilibrium(state)
+                if isinstance(found, State):
+                    return found
+        try:
+            state = self._predicted(at)
+        except SingularError:
+            return Outcome.SINGULAR
+        return self.iteration.equilibrium(state)
+
+    def _predicted(self, at: dict[str, float]) -> State:
+        """K du = -r - K_fc du_c with the tangent of the last state."""
+        equations, last = self.equations, self.state
+        moved = equations.with_prescribed(last.u, at)
+        elements = equations.stiffness(last)
+        self.iteration.factorisations += 1
+        self.iteration.iterations += 1
+        right = last.residual + equations.reduced(equations.times(elements, moved - last.u))
+        right = right - equations.external_change(last, at)
+        change = equations.factors(elements).solve(-right)
+        return equations.evaluate(moved + equations.expanded(change), at, like=last)
 
     def _continued(self, at: dict[str, float]) -> FloatArray | None:
-        if self.before is None or not at:
+        """The path continued as a polynomial of up to third degree, if the histories go straight on."""
+        states = [*self.before, self.state]
+        if len(states) < 2:
             return None
         names = list(at)
-        last = np.array([self.state.at[n] - self.before.at[n] for n in names])
-        following = np.array([at[n] - self.state.at[n] for n in names])
-        size = float(last @ last)
+        here = np.array([self.state.at[n] for n in names])
+        way = np.array([at[n] for n in names]) - here
+        size = float(way @ way)
         if size == 0.0:
             return None
-        factor = float(following @ last) / size
-        if not 0.0 < factor < 4.0 or np.linalg.norm(following - factor * last) > 1e-6 * np.linalg.norm(
-            following
-        ):
+        # places on the way: the next is at 1, this at 0
+        places, kept = [], []
+        for state in reversed(states):
+            back = np.array([state.at[n] for n in names]) - here
+            place = float(back @ way) / size
+            if np.linalg.norm(back - place * way) > 1e-6 * np.sqrt(size):
+                break
+            if places and not -8.0 < place < places[-1] - 0.05:
+                break
+            places.append(place)
+            kept.append(state.u)
+        if len(places) < 2:
             return None
-        return self.state.u + factor * (self.state.u - self.before.u)
-
-    def _line_search(self, state: State, direction: FloatArray) -> State:
-        """A state along the direction where the work of the residual on it has fallen enough."""
-        equations = self.equations
-        step = equations.expanded(direction)
-        initial = float(state.residual @ direction)
-        length, best = 1.0, None
-        for _ in range(self.options.line_search):
-            tried = equations.evaluate(state.u + length * step, state.at, like=state)
-            if not tried.body.inverted:
-                work = float(tried.residual @ direction)
-                if best is None or abs(work) < best[0]:
-                    best = abs(work), tried
-                if abs(work) <= 0.9 * abs(initial):
-                    return tried
-                if work * initial < 0.0:  # passed: the secant
-                    length *= float(np.clip(initial / (initial - work), 0.1, 0.7))
-                    continue
-            length *= 0.5
-        return tried if best is None else best[1]
+        guess = np.zeros_like(self.state.u)
+        for i, u in enumerate(kept):
+            others = [x for j, x in enumerate(places) if j != i]
+            guess += u * float(np.prod([(1.0 - x) / (places[i] - x) for x in others]))
+        return guess

@@ -177,6 +177,14 @@ def budget(name: str) -> str:
         where = f", at {', '.join(f'{value:.3f}' for value in jumps)}" if jumps else ""
         lines += ["", f"Realisations: {counts}. Whole searches in another valley: {len(jumps)} of "]
         lines[-1] += f"{one['searched_whole']}{where}."
+    if "made_with" in made:
+        how = made["made_with"]
+        meshes = [" × ".join(map(str, how[key])) for key in ("mesh", "refined_mesh", "truth_mesh")]
+        lines += [
+            "",
+            f"Searched on {meshes[0]} elements, answered on {meshes[1]}, truths on {meshes[2]}; "
+            f"{how['draws']} draws of the noise, {how['together']} of all errors at once.",
+        ]
     return "\n".join(lines)
 
 
@@ -192,8 +200,14 @@ def drawn(name: str) -> str:
         return f"There is no `benchmarks/results/{name}.json`: the study was not run yet."
     kinds = ("right", "answered, beyond 1 %", "refused", "confidently wrong", "stopped by a fault")
     counts = ", ".join(f"{made[kind]} {kind}" for kind in kinds if kind in made)
+    if made.get("scatter") is not None:
+        counts += (
+            f"; errors of the answered over their standard uncertainties: {made['scatter']:.2f} root mean "
+            f"square, {made['largest']:.1f} at most"
+        )
+    whose = f" (seed {made['seed']})" if "seed" in made else ""
     lines = [
-        *([f"Of {len(made['answers'])} shots: {counts}.", ""] if counts else []),
+        *([f"Of {len(made['answers'])} shots{whose}: {counts}.", ""] if counts else []),
         "| shot | true $m$ | $m$ | U (k = 2) | error | verdict | counts as | time | with a cure |",
         "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
     ]

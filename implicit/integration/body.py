@@ -20,8 +20,6 @@ class BodyState:
     """Displacements [m], shape [n d]."""
     forces: FloatArray
     """Internal forces of the points [N], shape [n d]."""
-    stiffness: FloatArray | None
-    """Element stiffness [N/m], shape [m, k d, k d], if asked for."""
     points: PointState
     """The Gauss points."""
 
@@ -43,36 +41,45 @@ class Body:
         self.pattern = Pattern(dofs, model.unknowns.index, model.unknowns.count)
         self.field = MixedField(self.points, parameters) if self.points.mixed else None
 
-    def evaluate(self, u: FloatArray, *, tangent: bool, start: BodyState | None = None) -> BodyState:
-        """Internal forces and, on demand, element stiffness at displacements [m] of shape [n d].
+    def evaluate(self, u: FloatArray, *, start: BodyState | None = None) -> BodyState:
+        """Internal forces at displacements [m] of shape [n d]; `start`: a state near it.
 
         A body that is inside out at some point has no forces: they are not a number then, and the state says
         `BodyState.inverted`.
         """
         at = u.reshape(-1, self.model.dimension)
         volumes, E = self.points.geometry.volumes, self.points.geometry.E
-        thickness = None if start is None else start.points.thickness
-        pressure, change = None, None
+        pressure = None
         if self.field is not None:
             J = self.points.volume_ratios(at)
             if not (J > 0.0).all():
                 return self._inverted(u, J)
-            pressure, change = self.field.pressures(J)
-        state = self.points.evaluate(at, self.rows, tangent=tangent, pressure=pressure, thickness=thickness)
+            pressure = self.field.pressures(J)[0]
+        thickness = None if start is None or start.inverted else start.points.thickness
+        state = self.points.evaluate(at, self.rows, tangent=False, pressure=pressure, thickness=thickness)
         if not (state.J > 0.0).all():
             return self._inverted(u, state.J)
         forces = element_forces(E, state.P * volumes[..., None]).reshape(len(E), -1)
-        stiffness = None
-        if tangent:
-            stiffness = element_stiffness(E, state.A * volumes[..., None, None])
-            if self.field is not None and change is not None:
-                stiffness += self.field.stiffness(state.H, change)
-        return BodyState(u, self.pattern.vector(forces), stiffness, state)
+        return BodyState(u, self.pattern.vector(forces), state)
+
+    def stiffness(self, state: BodyState) -> FloatArray:
+        """Element stiffness of a state [N/m], shape [m, k d, k d]."""
+        at = state.u.reshape(-1, self.model.dimension)
+        volumes, E = self.points.geometry.volumes, self.points.geometry.E
+        pressure, curvature = None, None
+        if self.field is not None:
+            pressure, curvature = self.field.pressures(state.points.J)
+        thickness = state.points.thickness
+        points = self.points.evaluate(at, self.rows, tangent=True, pressure=pressure, thickness=thickness)
+        stiffness = element_stiffness(E, points.A * volumes[..., None, None])
+        if self.field is not None and curvature is not None:
+            stiffness += self.field.stiffness(points.H, curvature)
+        return stiffness
 
     def _inverted(self, u: FloatArray, J: FloatArray) -> BodyState:
         nothing = np.zeros(0)
         state = PointState(nothing, nothing, nothing, J, nothing, nothing)
-        return BodyState(u, np.full(len(u), np.nan), None, state)
+        return BodyState(u, np.full(len(u), np.nan), state)
 
     def energy(self, state: BodyState) -> float:
         """Strain energy [J]."""

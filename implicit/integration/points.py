@@ -105,7 +105,6 @@ class Points:
             self.functions,
             self.model.kinematics,
             self.model.mesh.element.n_nodes,
-            tangent=tangent,
             mixed=self.mixed,
         )
         two, three, four = self._none
@@ -117,7 +116,7 @@ class Points:
         wp.launch(
             kernel,
             (m, g),
-            inputs=[self._put(u), self.cells, self.E, self._put(rows), p, stretch],
+            inputs=[self._put(u), self.cells, self.E, self._put(rows), p, stretch, int(tangent)],
             outputs=[P, A, H, J, W],
             device=self.device,
         )

@@ -112,7 +112,7 @@ def sweep(
     from kolsky.results.summary import failed_runs
     from kolsky.studies import sweep as sweeping
     from kolsky.studies.sweep_analysis import analyse_sweep, surface_optimum
-    from kolsky.uncertainty.warnings.runs import lost_runs, sliding
+    from kolsky.uncertainty.warnings.runs import lost_runs, run_again, sliding
 
     with usable(loaded), records.usable(), workers.executor() as executor, sweep_progress() as progress:
         result = sweeping.sweep(
@@ -126,7 +126,11 @@ def sweep(
             executor=executor,
             progress=progress,
         )
-    warnings = [*lost_runs(result.table), *sliding(loaded.interface, [*result.table.names, *held])]
+    warnings = [
+        *run_again(result.damaged),
+        *lost_runs(result.table),
+        *sliding(loaded.interface, [*result.table.names, *held]),
+    ]
     analysis = analyse_sweep(result.shot, chosen.box, result.table)
     write_sweep_results(folder, result, analysis, name=records.stem, warnings=warnings, formats=formats)
     summary = {

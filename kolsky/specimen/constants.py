@@ -5,12 +5,13 @@ Table I) take the bulk modulus from linear elasticity instead,
 
     K = 2 mu_0 (1 + nu) / (3 (1 - 2 nu)),   mu_0 the law's shear modulus at rest,               (S.I)
 
-hold nu (or bound it, 0 < nu < 1/2 - eps) and keep every constant that multiplies an energy non-negative. Their
-D1 is K/2. Three kinds of law are offered:
+hold nu (or bound it, 0 < nu < 1/2 - eps) and keep every constant that multiplies an energy non-negative.
+Their D1 is K/2. Three kinds of law are offered:
 
 - every law of `explicit.materials.LAWS` with K/2 (J - 1)^2,
 - "yeoh_d": Yeoh's with D1 (J - 1)^2 + D2 (J - 1)^4 + D3 (J - 1)^6,
-- "neo_hookean_coupled": mu/2 (I1 - 3 - 2 ln J) + lambda/2 (ln J)^2, fitted in E and nu; in a plane model it is
+- "neo_hookean_coupled": mu/2 (I1 - 3 - 2 ln J) + lambda/2 (ln J)^2, fitted in E and nu; in a plane model it
+is
   the law of Sutula and others (2020, Eq. 37).
 """
 
@@ -109,7 +110,8 @@ class Constants:
         for spec in self.specs:
             if not spec.lower <= self.values[spec.name] <= spec.upper and spec.name in self.free:
                 raise ValueError(
-                    f"{spec.name} must start in [{spec.lower:g}, {spec.upper:g}], got {self.values[spec.name]:g}"
+                    f"{spec.name} must start in [{spec.lower:g}, {spec.upper:g}], got "
+                    f"{self.values[spec.name]:g}"
                 )
 
     @property

@@ -3,12 +3,13 @@ r"""Whether a bond peels: a force that falls behind as if the bonded length beca
 A rigid bond that peels by a length a leaves more of the specimen free and takes f(a) off its force: the
 difference of two simulations, one with a bond shorter by a known amount. If it opens at sample j, what is
 missing afterwards is the template t_j = (f_short - f) for samples i >= j, 0 before. The fit hides the part of
-it that the constants can imitate, so both sides are projected, P = I - Q Q^T with J = Q R, and the peeled length
-in units of the known amount is a ratio of products with its standard deviation:
+it that the constants can imitate, so both sides are projected, P = I - Q Q^T with J = Q R, and the peeled
+length in units of the known amount is a ratio of products with its standard deviation:
 
     a_j = t_j^T P y / t_j^T P t_j,   sigma(a_j) = s / sqrt(t_j^T P t_j),   z_j = a_j / sigma(a_j),
 
-y the residual data less model, whitened. The j of the largest |z| is taken, and its z compared with a limit: a
+y the residual data less model, whitened. The j of the largest |z| is taken, and its z compared with a limit:
+a
 force that rises is no peeling, though a later opening could imitate it.
 """
 

@@ -1,6 +1,7 @@
 r"""Constants fitted to forces and displacements that both have errors (Schumacher and others 2020, Eqs. 1-2).
 
-Their objective lets the force of every sample move, f_i, and asks the simulation under it for the displacement:
+Their objective lets the force of every sample move, f_i, and asks the simulation under it for the
+displacement:
 
     g = sum_i 1/2 (d(p, f_i) - d_i)^2 + w_f 1/2 (f_i - F_i)^2,                                  (S.1)
 
@@ -10,11 +11,12 @@ sigma_f for the noise of each, and w_f = (sigma_d / sigma_f)^2,
 
     chi^2 = sum_i |(x_i - d_i) / sigma_d|^2 + |(f(p, x_i) - F_i) / sigma_f|^2.
 
-About x_i, with k = df/dx and S = df/dp from one factorisation, the best x_i is linear in the rest: what is left
-is a least-squares problem in p alone,
+About x_i, with k = df/dx and S = df/dp from one factorisation, the best x_i is linear in the rest: what is
+left is a least-squares problem in p alone,
 
     r_i = f(p, x_i) - F_i - k (x_i - d_i),   V_i = sigma_f^2 I + k sigma_d^2 k^T,
-    minimise sum_i (r_i + S_i dp)^T V_i^-1 (r_i + S_i dp),    x_i - d_i = -sigma_d^2 k^T V_i^-1 (r_i + S_i dp),
+    minimise sum_i (r_i + S_i dp)^T V_i^-1 (r_i + S_i dp),    x_i - d_i = -sigma_d^2 k^T V_i^-1 (r_i + S_i
+    dp),
 
 solved within the bounds of Table I by Levenberg and Marquardt's steps.
 """
@@ -30,7 +32,8 @@ from kolsky.base.arrays import FloatArray
 DAMPING, MOST_DAMPING = 1e-3, 1e8
 """First damping, and beyond which no step has lowered chi-square."""
 AT_REST = 1e-3
-"""Length of the next undamped step, in standard deviations of the residuals, at which the search has ended."""
+"""Length of the next undamped step, in standard deviations of the residuals, at which the search has
+ended."""
 SETTLED = 1e-9
 """Relative change of chi-square below which it has ended as well: data without noise."""
 MOST_STEPS = 60

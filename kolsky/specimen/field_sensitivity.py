@@ -4,8 +4,8 @@ At the minimum of the cost J(m, v) over the constants m a changed measurement v 
 
     dm/dv = -[d2J/dm2]^-1 d2J/dm dv                                                         (K.18, K.19)
 
-which gives variances (K.20-25), sensitivity fields on the mesh (K.26, K.27), and before any test has been made
-a map of where a displacement would tell most (K.28-36).
+which gives variances (K.20-25), sensitivity fields on the mesh (K.26, K.27), and before any test has been
+made a map of where a displacement would tell most (K.28-36).
 """
 
 from dataclasses import dataclass

@@ -98,17 +98,17 @@ class SpecimenFit:
         if not self.intervals.explained:
             said.append(
                 f"{self.name}: the law does not explain the forces within their declared noise (probability "
-                f"{self.intervals.probability:.2g}): its misfit is {np.sqrt(self.intervals.scale):.3g} times as "
-                "large, and the intervals are widened by that; try another law, or check sigma_force"
+                f"{self.intervals.probability:.2g}): its misfit is {np.sqrt(self.intervals.scale):.3g} "
+                "times as large, and the intervals are widened by that; try another law, or check sigma_force"
             )
         for one in self.tests:
             for end, peel in zip("xy", one.debonding, strict=False):
                 if peel is not None and peel.suspected:
                     at = 1e3 * one.test.samples.displacement[peel.sample, "xy".index(end)]
                     said.append(
-                        f"{self.name}: a bond of {one.test.name} seems to peel from {at:.3g} mm on (as if it were "
-                        f"{1e3 * peel.length:.2g} ± {2e3 * peel.sigma:.2g} mm shorter): look at the specimen, or "
-                        "end the data before it"
+                        f"{self.name}: a bond of {one.test.name} seems to peel from {at:.3g} mm on (as if it "
+                        f"were {1e3 * peel.length:.2g} ± {2e3 * peel.sigma:.2g} mm shorter): look at the "
+                        "specimen, or end the data before it"
                     )
         return said
 
@@ -192,7 +192,8 @@ def fit(
 
 
 def remote_starts(constants: Constants, count: int, seed: int) -> list[FloatArray]:
-    """The declared start, and others within `DECADES` of it for moduli, anywhere in the bounds for numbers."""
+    """The declared start, and others within `DECADES` of it for moduli, anywhere in the bounds for
+    numbers."""
     first = constants.start
     if count == 1:
         return [first]

@@ -5,7 +5,8 @@ From the whitened Jacobian J of the problem in the constants alone, with those a
     C = s^2 a (J^T J)^-1,   s^2 = max(1, chi^2 / (n - p)),   a = max(1, (1 + rho) / (1 - rho)),
 
 s^2 where the residual is larger than the declared noise (Birge 1932), and a where neighbouring residuals are
-alike: with the correlation rho of neighbours n residuals tell as much as n / a independent ones (Bartlett 1946).
+alike: with the correlation rho of neighbours n residuals tell as much as n / a independent ones
+(Bartlett 1946).
 """
 
 from dataclasses import dataclass
@@ -74,12 +75,13 @@ class ConstantEstimate:
         """The verdict in words."""
         if self.verdict is ConstantVerdict.TOGETHER:
             return (
-                f"{self.name} is known only together with {self.partner} (correlation {self.correlation:.3f}): "
-                "these tests hide one against the other; add another kind of test, or hold one"
+                f"{self.name} is known only together with {self.partner} (correlation "
+                f"{self.correlation:.3f}): these tests hide one against the other; add another kind of "
+                "test, or hold one"
             )
         cures = {
-            ConstantVerdict.HARDLY: "its interval is wide: strain the specimen further, or add another kind of test",
-            ConstantVerdict.AT_BOUND: "the data ask for a value outside its bounds: another law may fit better",
+            ConstantVerdict.HARDLY: "its interval is wide: strain further, or add another kind of test",
+            ConstantVerdict.AT_BOUND: "the data ask for a value outside its bounds: try another law",
             ConstantVerdict.NOT_SEEN: "a combination of the constants moves no force: hold one of them",
         }
         said = f"{self.name} is {self.verdict.value}"

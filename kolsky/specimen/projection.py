@@ -3,7 +3,8 @@
 The displacements of image correlation stand at points of a grid; the cost of Sutula and others (2020, Sec. 6)
 needs them at the nodes of the mesh. At a node x0 the nine nearest points are fitted by
 
-    p(x) = a0 + a1 x + a2 y + a3 x^2 + a4 x y + a5 y^2,   x, y from x0,   weights w = e + (1 - e)(1 - r/r_max)^2
+    p(x) = a0 + a1 x + a2 y + a3 x^2 + a4 x y + a5 y^2,   x, y from x0,
+    weights w = e + (1 - e)(1 - r/r_max)^2
 
 and the node's value is a0 (Belytschko and others 1996). A point that its neighbours do not predict is left
 out before that.
@@ -80,9 +81,11 @@ def spacing(points: FloatArray) -> float:
 def outliers(points: FloatArray, values: FloatArray, *, gate: float = GATE) -> NDArray[np.bool_]:
     """Find the points that their neighbours do not predict.
 
-    Each point is predicted by the quadratic of its `GATE_NEIGHBOURS` nearest others. Its deviation, over the noise
-    that the prediction has itself and in standard deviations of all of that field (from their median, so that
-    outliers do not widen it), must be at most `gate`. What is found is taken out and the rest judged again, for an outlier spoils its neighbours.
+    Each point is predicted by the quadratic of its `GATE_NEIGHBOURS` nearest others. Its deviation, over the
+    noise that the prediction has itself and in standard deviations of all of that field (from their median,
+    so that outliers do not widen it), must be at most `gate`. What is found is taken out and the rest judged
+    again, for
+    an outlier spoils its neighbours.
 
     Parameters
     ----------
@@ -116,8 +119,21 @@ def outliers(points: FloatArray, values: FloatArray, *, gate: float = GATE) -> N
     return bad
 
 
+def point_noise(points: FloatArray, values: FloatArray) -> float:
+    """Standard deviation of a value from what its neighbours predict, all fields together [unit of values].
+
+    Of what is smooth over `GATE_NEIGHBOURS` points nothing is left; a rough field counts as noise too.
+    """
+    distance, near = cKDTree(points).query(points, k=GATE_NEIGHBOURS + 1)
+    weights, _ = _weights(points[near[:, 1:]] - points[:, None], distance[:, 1:])
+    expected = np.einsum("nk,nkf->nf", weights, values[near[:, 1:]])
+    deviation = np.abs(values - expected) / np.sqrt(1.0 + (weights**2).sum(axis=1))[:, None]
+    return float(MAD * np.median(deviation))
+
+
 def _weights(offsets: FloatArray, distance: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Weights c of the local fit, whose value at the target is sum c_k f_k, [n, k]; and where it is the mean."""
+    """Weights c of the local fit, whose value at the target is sum c_k f_k, [n, k]; and where it is the
+    mean."""
     length = np.maximum(distance.max(axis=1), np.finfo(float).tiny)
     x, y = np.moveaxis(offsets / length[:, None, None], -1, 0)
     weight = LEAST_WEIGHT + (1.0 - LEAST_WEIGHT) * (1.0 - distance / length[:, None]) ** 2

@@ -22,6 +22,8 @@ from tests.mutants.inputs import FAULTS as INPUTS
 from tests.mutants.inverse import FAULTS as INVERSE
 from tests.mutants.joint import FAULTS as JOINT
 from tests.mutants.material import FAULTS as MATERIAL
+from tests.mutants.paper_method import FAULTS as PAPER_METHOD
+from tests.mutants.prediction import FAULTS as PREDICTION
 from tests.mutants.rates import FAULTS as RATES
 from tests.mutants.refine import FAULTS as REFINE
 from tests.mutants.regions import FAULTS as REGIONS
@@ -52,6 +54,8 @@ FAULTS: tuple[Fault, ...] = (
     *INVERSE,
     *JOINT,
     *MATERIAL,
+    *PAPER_METHOD,
+    *PREDICTION,
     *RATES,
     *SEVERAL,
     *SHOT,

@@ -8,6 +8,7 @@ ORDER = ("tests/unit/dic/test_dic_pair_order.py",)
 RIM = ("tests/unit/dic/test_dic_rest_from_rim.py",)
 EDGE = "tests/unit/dic/test_dic_edge.py"
 TRAVEL = ("tests/unit/dic/test_dic_travel_checks.py",)
+SIGMAS = ("tests/unit/dic/test_dic_sigmas.py",)
 NOISE = ("tests/unit/dic/test_dic_noise_floor.py",)
 
 FAULTS = (
@@ -134,6 +135,13 @@ FAULTS = (
         right="while (left > 0 && profile[left - 1] < profile[left]) --left;",
         wrong="left = peak;",
         tests=("tests/unit/dic/test_dic_epipolar_search.py",),
+    ),
+    Fault(
+        name="regions: rows without speckles count in the typical contrast",
+        file="dic/bodies/found_regions.py",
+        right="np.median(contrast[contrast >= BAND * np.percentile(contrast, 90.0)])",
+        wrong="np.median(contrast)",
+        tests=(f"{REGIONS}::test_contrast_of_speckles_is_told_from_that_of_bare_rows",),
     ),
     Fault(
         name="curve: its piece in the picture shut on the nearer side",
@@ -470,5 +478,68 @@ FAULTS = (
         right="MOST_APART = 4.0",
         wrong="MOST_APART = 400.0",
         tests=(f"{RIM[0]}::test_cameras_that_disagree_give_no_rim",),
+    ),
+    Fault(
+        name="start of a track: variances of two shape functions added",
+        file="dic/tracking/matcher.py",
+        right="searched * start - template",
+        wrong="searched * start + template",
+        tests=SIGMAS,
+    ),
+    Fault(
+        name="covariance in the material: mapped forward instead of back",
+        file="dic/tracking/matcher.py",
+        right="back = np.linalg.inv(gradient(warp))",
+        wrong="back = gradient(warp)",
+        tests=SIGMAS,
+    ),
+    Fault(
+        name="residual: counts along a flattening whether there is one or not",
+        file="dic/tracking/matcher.py",
+        right="(most - EVEN) * flat",
+        wrong="(most - EVEN)",
+        tests=SIGMAS,
+    ),
+    Fault(
+        name="overlap: quadratic weights of both subsets taken for one's",
+        file="dic/surfaces/overlap.py",
+        right="2.0 * 3.5 * 3.75 * (x + y)",
+        wrong="3.5 * 3.75 * (x + y)",
+        tests=SIGMAS,
+    ),
+    Fault(
+        name="overlap: quadratic subsets as alike as their area",
+        file="dic/surfaces/overlap.py",
+        right="if shape <= Shape.AFFINE:",
+        wrong="if shape <= Shape.QUADRATIC:",
+        tests=SIGMAS,
+    ),
+    Fault(
+        name="lower end: contrast of all rows, the platen's too, taken for the specimen's",
+        file="dic/bodies/found_regions.py",
+        right="np.median(contrast[contrast >= BAND * np.percentile(contrast, 90.0)])",
+        wrong="np.median(contrast)",
+        tests=(REGIONS,),
+    ),
+    Fault(
+        name="lower end: fits to two strips add nothing to sigma by what they differ",
+        file="dic/bodies/ends.py",
+        right="+ apart**2",
+        wrong="",
+        tests=(EDGE,),
+    ),
+    Fault(
+        name="lower end: a gap in the paint taken for a standard deviation",
+        file="dic/bodies/ends.py",
+        right="LEAST_GAP, 0.0) / 12.0**0.5",
+        wrong="LEAST_GAP, 0.0)",
+        tests=(EDGE,),
+    ),
+    Fault(
+        name="lower end: gap measured from a quarter of the contrast",
+        file="dic/bodies/edge_fit.py",
+        right="half = 0.5 * float",
+        wrong="half = 0.25 * float",
+        tests=(EDGE,),
     ),
 )

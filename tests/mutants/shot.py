@@ -170,6 +170,20 @@ FAULTS = (
         tests=CHECKS,
     ),
     Fault(
+        name="a specimen ten times as long as its outline is taken",
+        file="kolsky/shot/outline.py",
+        right="LEAST_HEIGHT = 0.2",
+        wrong="LEAST_HEIGHT = 0.02",
+        tests=CHECKS,
+    ),
+    Fault(
+        name="a radius of ten specimens is taken",
+        file="kolsky/shot/outline.py",
+        right="LARGEST_RADIUS = 3.0",
+        wrong="LARGEST_RADIUS = 30.0",
+        tests=CHECKS,
+    ),
+    Fault(
         name="points below the transmission platen are taken",
         file="kolsky/shot/outline.py",
         right="-0.1 * length, 1.1 * length",

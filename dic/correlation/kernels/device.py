@@ -17,11 +17,13 @@ from scipy import ndimage
 from dic.correlation.kernels.pixel_noise import REACH
 from dic.correlation.kernels.spline import PAD
 
+WORKER = "WORKER_NUMBER"
+"""Variable of the environment that numbers the processes which share the GPUs of a machine, from 0."""
 NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
 
 
 def select_device(name: str) -> Any:
-    """Start Warp quietly and return a device.
+    """Start Warp quietly and return a device: "cpu", "cuda:1", or by "cuda" this process's own (`own_gpu`).
 
     Raises
     ------
@@ -30,10 +32,16 @@ def select_device(name: str) -> Any:
     """
     _start()
     known = {"cpu"} | {device.alias for device in wp.get_cuda_devices()}
-    alias = "cuda:0" if name == "cuda" else name
+    alias = f"cuda:{own_gpu(len(wp.get_cuda_devices()))}" if name == "cuda" else name
     if alias not in known:
         raise ValueError(f"device must be one of {sorted(known)}, got {name!r}")
     return wp.get_device(alias)
+
+
+def own_gpu(count: int) -> int:
+    """Number of the GPU that a process takes which shares `count` of them with others: one after the other by
+    `WORKER`, the first where it is not set."""
+    return int(os.environ.get(WORKER, "0")) % max(count, 1)
 
 
 @cache

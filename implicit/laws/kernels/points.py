@@ -22,9 +22,8 @@ THICKNESS_STEPS = 60
 @cache
 def deformation_function(kinematics: str, n_nodes: int) -> Any:
     """``F(u, cells, E, cell, point, thickness_stretch)`` as a 3 x 3 matrix."""
-    d, columns = KINEMATICS[kinematics]
+    d = int(KINEMATICS[kinematics][0])
     nodes, hoop, stretched = int(n_nodes), kinematics == "axisymmetric", kinematics == "plane_stress"
-    d = int(d)
 
     @wp.func
     def deformation(
@@ -68,9 +67,7 @@ def place_function(kinematics: str) -> Any:
 
 
 @cache
-def point_kernel(
-    functions: tuple[Any, Any, Any], kinematics: str, n_nodes: int, *, tangent: bool, mixed: bool
-) -> Any:
+def point_kernel(functions: tuple[Any, Any, Any], kinematics: str, n_nodes: int, *, mixed: bool) -> Any:
     """P, A, dJ/dF, J and the energy density at every Gauss point; launched over (cells, points).
 
     In a mixed model `pressure` [Pa] enters P and A as that of the volumetric part; otherwise it is not read.
@@ -80,7 +77,7 @@ def point_kernel(
     deformation, place = deformation_function(kinematics, n_nodes), place_function(kinematics)
     d, columns = KINEMATICS[kinematics]
     size = int(d * columns)
-    plane_stress, want = kinematics == "plane_stress", bool(tangent)
+    plane_stress = kinematics == "plane_stress"
     zero, half, tiny = f64(0.0), f64(0.5), f64(1e-14)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -91,6 +88,7 @@ def point_kernel(
         rows: wp.array2d(dtype=f64),
         pressure: wp.array2d(dtype=f64),
         thickness: wp.array2d(dtype=f64),
+        want_tangent: int,
         P: wp.array3d(dtype=f64),
         A: wp.array4d(dtype=f64),
         H: wp.array3d(dtype=f64),
@@ -128,7 +126,7 @@ def point_kernel(
         for m in range(size):
             at = place(m)
             P[c, g, m] = wp.where(at >= 0, stress[wp.max(at, 0) // 3, wp.max(at, 0) % 3], zero)
-        if wp.static(want):
+        if want_tangent == 1:
             whole = tangent_of(F, row)
             if wp.static(mixed):
                 whole = add_pressure(whole, F, pressure[c, g], zero)

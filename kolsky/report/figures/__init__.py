@@ -14,11 +14,14 @@ from kolsky.report.figures import (
     material,
     misfit,
     plan,
+    prediction,
     rate_curves,
     rates,
     recordings,
     sensitivity,
+    sheet,
     simulation,
+    specimen,
     speckles,
     surface_motion,
     surface_points,
@@ -42,12 +45,16 @@ __all__ = [
     "MATERIALS",
     "MODULI",
     "PLANS",
+    "PREDICTIONS",
     "RATES",
     "RECORDINGS",
     "REGISTRY",
     "REPEATS",
+    "SCANS",
     "SENSITIVITY",
+    "SHEETS",
     "SHOWN_BY",
+    "SPECIMENS",
     "SPECKLES",
     "SURFACES",
     "SWEEPS",
@@ -105,6 +112,10 @@ REPEATS = by_name([waves.REPEATED_TESTS])
 """Repeated tests."""
 PLANS = by_name(plan.FIGURES)
 """Plan of an experiment."""
+PREDICTIONS = by_name(prediction.FIGURES)
+"""Planned test."""
+SCANS = by_name(prediction.SCAN_FIGURES)
+"""Scan of a planned test."""
 RATES = by_name(rates.FIGURES, rate_curves.FIGURES)
 """Group of shots compared over their strain rates."""
 TRENDS = by_name(trends.FIGURES)
@@ -122,6 +133,11 @@ BUDGETS = by_name(budget.FIGURES)
 MODULI = by_name([rate_curves.MODULI])
 """Moduli of tests of every kind over their time scales."""
 
+SPECIMENS = by_name(specimen.FIGURES)
+"""Whole specimens fitted to forces."""
+SHEETS = by_name(sheet.FIGURES)
+"""Sheet fitted to a displacement field."""
+
 SHOWN_BY: dict[str, Registry] = {
     "dic.calibration.result.Calibration": CALIBRATION,
     "dic.chain.speckle_report.Speckles": SPECKLES,
@@ -134,7 +150,10 @@ SHOWN_BY: dict[str, Registry] = {
     "kolsky.material.fits.compare.Comparison": MATERIALS,
     "kolsky.material.reference_curve.ReferenceCurve": BASELINES,
     "kolsky.report.full_field_view.FullFieldView": FULL_FIELDS,
+    "kolsky.report.specimen_view.SheetView": SHEETS,
+    "kolsky.report.specimen_view.SpecimenView": SPECIMENS,
     "kolsky.report.surface_view.SurfaceView": SURFACES,
+    "kolsky.prediction.predict.Prediction": PREDICTIONS,
     "kolsky.shot.recorded.Recorded": RECORDINGS,
     "kolsky.shot.bar_check.CheckedBars": BAR_CHECKS,
     "kolsky.shot.records.PicturedShot": CHECKS,

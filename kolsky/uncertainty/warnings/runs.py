@@ -1,6 +1,6 @@
 """Warnings from the simulations: strain past the curve, hourglass control, lost runs, sliding."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -69,6 +69,22 @@ def lost_runs(table: DesignTable, rest: str = "") -> Iterator[str]:
         values = zip(table.names, table.points[runs[0]], strict=True)
         point = ", ".join(f"{name} = {value:.4g}" for name, value in values)
         yield f"run {runs[0]} ({point}) ended {table.ending(runs[0]).sentence}"
+
+
+def run_again(damaged: Sequence[str]) -> Iterator[str]:
+    """Name the runs that a ledger held damaged and that were therefore made anew.
+
+    Parameters
+    ----------
+    damaged
+        Beginnings of their keys.
+    """
+    if damaged:
+        said = ", ".join(damaged[:5]) + (", ..." if len(damaged) > 5 else "")
+        yield (
+            f"{len(damaged)} runs in the ledger were damaged ({said}) and have been run again: check the"
+            " disk that it lies on"
+        )
 
 
 def sliding(interface: Interface, named: list[str]) -> Iterator[str]:

@@ -38,8 +38,8 @@ def test_objective_adds_both_errors() -> None:
 
 
 def test_eliminated_displacement_of_a_spring() -> None:
-    # Minimum of ((x - d)/sd)^2 + ((p x - F)/sf)^2 at one sample: x = (d/sd^2 + p F/sf^2) / (1/sd^2 + p^2/sf^2),
-    # and what is left is (p d - F)^2 / (sf^2 + p^2 sd^2).
+    # Minimum of ((x - d)/sd)^2 + ((p x - F)/sf)^2 at one sample: x = (d/sd^2 + p F/sf^2) / (1/sd^2 +
+    # p^2/sf^2), and what is left is (p d - F)^2 / (sf^2 + p^2 sd^2).
     p, d, F, sd, sf = 2.0, 1.0, 3.0, 0.3, 0.4
     samples = _samples([d], [F], sd, sf)
     start = np.array([[1.4]])  # wherever it is linearised

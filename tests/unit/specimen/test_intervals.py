@@ -63,7 +63,8 @@ def test_a_correlation_is_said() -> None:
 def test_limit_of_a_correlation() -> None:
     for rho, verdict in ((0.94, ConstantVerdict.IDENTIFIED), (0.96, ConstantVerdict.TOGETHER)):
         jacobian = np.linalg.cholesky(np.array([[1.0, rho], [rho, 1.0]])).T
-        # sigma^2 = 1 / (30 s^2 (1 - rho^2)): a half width of 1.5, 0.15 of the value, takes s = sigma_1 / 0.75.
+        # sigma^2 = 1 / (30 s^2 (1 - rho^2)): a half width of 1.5, 0.15 of the value, takes s = sigma_1 /
+        # 0.75.
         size = t.ppf(0.975, 58) / 1.5 / np.sqrt(30.0 * (1.0 - rho**2))
         assert _found(np.zeros(60), np.concatenate([jacobian] * 30) * size).estimates[0].verdict is verdict
         narrow = _found(np.zeros(60), np.concatenate([jacobian] * 30) * 1.6 * size).estimates[0]

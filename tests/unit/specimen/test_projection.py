@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kolsky.specimen.projection import outliers, project
+from kolsky.specimen.projection import outliers, point_noise, project
 
 GRID = np.stack(np.meshgrid(np.arange(12.0), np.arange(9.0), indexing="ij"), -1).reshape(-1, 2) * 1e-3
 
@@ -55,3 +55,11 @@ def test_too_few_points_are_refused() -> None:
         project(GRID[:8], np.zeros((8, 1)), GRID[:1])
     with pytest.raises(ValueError, match="finite"):
         project(GRID, np.full((len(GRID), 1), np.nan), GRID[:1])
+
+
+def test_noise_of_a_smooth_field() -> None:
+    fine = np.stack(np.meshgrid(np.arange(40.0), np.arange(40.0), indexing="ij"), -1).reshape(-1, 2) * 1e-3
+    noise = 0.02 * np.random.default_rng(7).standard_normal((len(fine), 2))
+    # 3200 deviations: the median of their sizes is known to 2 %.
+    assert point_noise(fine, _quadratic(fine) + noise) == pytest.approx(0.02, rel=0.06)
+    assert point_noise(fine, _quadratic(fine)) < 1e-9
