@@ -156,6 +156,7 @@ def identify(
         checks=prepared.checks,
         interface=shot.interface,
         lost_replicates=0 if replicates is None else replicates.lost,
+        mesh=prepared.forward.mesh(settings.numerics.with_mesh(settings.refined_mesh)),
     )
     return replace(result, warnings=(*of_fit, *warnings, *known.warnings, *found.freed.said(shot)))
 

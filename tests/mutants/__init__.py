@@ -17,6 +17,7 @@ from tests.mutants.dic import FAULTS as DIC
 from tests.mutants.doe import FAULTS as DOE
 from tests.mutants.explicit import FAULTS as EXPLICIT
 from tests.mutants.fault import Fault
+from tests.mutants.folding import FAULTS as FOLDING
 from tests.mutants.full_field import FAULTS as FULL_FIELD
 from tests.mutants.inputs import FAULTS as INPUTS
 from tests.mutants.inverse import FAULTS as INVERSE
@@ -49,6 +50,7 @@ FAULTS: tuple[Fault, ...] = (
     *DIC,
     *DOE,
     *EXPLICIT,
+    *FOLDING,
     *FULL_FIELD,
     *INPUTS,
     *INVERSE,
