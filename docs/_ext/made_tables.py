@@ -177,6 +177,14 @@ def budget(name: str) -> str:
         where = f", at {', '.join(f'{value:.3f}' for value in jumps)}" if jumps else ""
         lines += ["", f"Realisations: {counts}. Whole searches in another valley: {len(jumps)} of "]
         lines[-1] += f"{one['searched_whole']}{where}."
+    if "made_with" in made:
+        how = made["made_with"]
+        meshes = [" × ".join(map(str, how[key])) for key in ("mesh", "refined_mesh", "truth_mesh")]
+        lines += [
+            "",
+            f"Searched on {meshes[0]} elements, answered on {meshes[1]}, truths on {meshes[2]}; "
+            f"{how['draws']} draws of the noise, {how['together']} of all errors at once.",
+        ]
     return "\n".join(lines)
 
 

@@ -35,3 +35,35 @@ def test_budget_of_the_paper(tables: ModuleType) -> None:
 def test_a_study_that_was_not_run_says_so(tables: ModuleType) -> None:
     assert "not made yet" in tables.budget("no_such_study")
     assert "not run yet" in tables.drawn("no_such_study")
+
+
+def test_what_a_study_was_made_with(tables: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = tables._results("paper_budget")
+    how = {
+        "mesh": [16, 22],
+        "refined_mesh": [32, 44],
+        "truth_mesh": [64, 86],
+        "draws": 24,
+        "together": 96,
+    }
+    monkeypatch.setattr(tables, "_results", lambda _: {**made, "made_with": how})
+    assert tables.budget("any").endswith(
+        "Searched on 16 × 22 elements, answered on 32 × 44, truths on 64 × 86; 24 draws of the noise, 96 of "
+        "all errors at once."
+    )
+    shot = {
+        "name": "a",
+        "truth": 1.0,
+        "value": 1.01,
+        "sigma": 0.005,
+        "verdict": "identified",
+        "seconds": 60.0,
+    }
+    drawn = {"seed": 7, "right": 1, "scatter": 2.0, "largest": 2.0, "answers": [{**shot, "kind": "right"}]}
+    monkeypatch.setattr(tables, "_results", lambda _: drawn)
+    lines = tables.drawn("any").splitlines()
+    assert lines[0] == (
+        "Of 1 shots (seed 7): 1 right; errors of the answered over their standard uncertainties: 2.00 root "
+        "mean square, 2.0 at most."
+    )
+    assert "| 1.0100 | 0.0100 | +1.00 % |" in lines[-1]
