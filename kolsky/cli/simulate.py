@@ -42,7 +42,7 @@ def simulate(
     from kolsky.base.json_types import jsonable
     from kolsky.inverse import simulate as simulation
     from kolsky.inverse.result import worst_imbalance
-    from kolsky.uncertainty.warnings.runs import hourglass, past_curve, sliding
+    from kolsky.uncertainty.warnings.runs import folded, hourglass, past_curve, sliding
 
     with usable(loaded), progress_bars() as progress:
         progress("simulation", 0, 1)
@@ -60,6 +60,7 @@ def simulate(
         *([] if ending.outcome.ok else [f"the simulation ended {ending.sentence}"]),
         *past_curve(share, float(run.response.largest_strain_measure[0]), run.prepared.checks),
         *hourglass(run.response),
+        *folded(run.response, run.prepared.forward.mesh(numerics), loaded.interface, list(parameters)),
         *sliding(loaded.interface, list(parameters)),
     ]
     summary = {

@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from kolsky.diagnosis.causes import percent, sentence
+from kolsky.diagnosis.cause_words import percent, sentence
 from kolsky.inverse.method_comparison import Method
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.relaxing import reference_words

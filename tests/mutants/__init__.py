@@ -17,9 +17,11 @@ from tests.mutants.dic import FAULTS as DIC
 from tests.mutants.doe import FAULTS as DOE
 from tests.mutants.explicit import FAULTS as EXPLICIT
 from tests.mutants.fault import Fault
+from tests.mutants.folding import FAULTS as FOLDING
 from tests.mutants.full_field import FAULTS as FULL_FIELD
 from tests.mutants.inputs import FAULTS as INPUTS
 from tests.mutants.inverse import FAULTS as INVERSE
+from tests.mutants.joint import FAULTS as JOINT
 from tests.mutants.material import FAULTS as MATERIAL
 from tests.mutants.paper_method import FAULTS as PAPER_METHOD
 from tests.mutants.prediction import FAULTS as PREDICTION
@@ -48,9 +50,11 @@ FAULTS: tuple[Fault, ...] = (
     *DIC,
     *DOE,
     *EXPLICIT,
+    *FOLDING,
     *FULL_FIELD,
     *INPUTS,
     *INVERSE,
+    *JOINT,
     *MATERIAL,
     *PAPER_METHOD,
     *PREDICTION,

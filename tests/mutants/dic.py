@@ -267,8 +267,8 @@ FAULTS = (
     Fault(
         name="overlap: subsets share pixels up to twice their side",
         file="dic/surfaces/overlap.py",
-        right="grid[pairs[:, 1]]) / subset",
-        wrong="grid[pairs[:, 1]]) / (2.0 * subset)",
+        right="1.0 - np.abs(apart) / subset",
+        wrong="1.0 - np.abs(apart) / (2.0 * subset)",
         tests=(
             "tests/unit/dic/test_dic_cylinder.py::test_overlapping_subsets_promise_less_and_distant_ones_nothing_less",
         ),
