@@ -337,4 +337,11 @@ FAULTS = (
         wrong="NEIGHBOURS = 4",
         tests=("tests/unit/shot/test_stray_frames.py",),
     ),
+    Fault(
+        name="a refused flyer: length and lower end added",
+        file="kolsky/shot/flyer_refusal.py",
+        right="float(np.hypot(length_sigma, lower))",
+        wrong="float(length_sigma + lower)",
+        tests=("tests/unit/shot/test_flyer_refusal.py",),
+    ),
 )
