@@ -144,7 +144,7 @@ class Unknowns:
     prescribed: tuple[tuple[IntArray, str, FloatArray], ...]
     """Components, history and factor of what is prescribed."""
     forces: tuple[tuple[int, str], ...]
-    """Unknown and history of the forces on coupled points."""
+    """Component of a point, and history, of the forces on coupled points."""
 
 
 def number_unknowns(model: Model) -> Unknowns:
@@ -193,4 +193,4 @@ def number_unknowns(model: Model) -> Unknowns:
     free = np.flatnonzero(~held & (master == np.arange(model.n_dofs)))
     index[free] = np.arange(len(free))
     index[~held] = index[master[~held]]
-    return Unknowns(index, len(free), tuple(prescribed), tuple((int(index[k]), name) for k, name in forces))
+    return Unknowns(index, len(free), tuple(prescribed), tuple(forces))

@@ -21,6 +21,7 @@ from tests.mutants.folding import FAULTS as FOLDING
 from tests.mutants.full_field import FAULTS as FULL_FIELD
 from tests.mutants.inputs import FAULTS as INPUTS
 from tests.mutants.inverse import FAULTS as INVERSE
+from tests.mutants.joint import FAULTS as JOINT
 from tests.mutants.material import FAULTS as MATERIAL
 from tests.mutants.paper_method import FAULTS as PAPER_METHOD
 from tests.mutants.prediction import FAULTS as PREDICTION
@@ -54,6 +55,7 @@ FAULTS: tuple[Fault, ...] = (
     *FULL_FIELD,
     *INPUTS,
     *INVERSE,
+    *JOINT,
     *MATERIAL,
     *PAPER_METHOD,
     *PREDICTION,
