@@ -174,7 +174,42 @@ def caption_fields(view: SheetView) -> str:
     )
 
 
+def draw_map(view: SheetView, panels: Panels) -> None:
+    """Draw the factors of stiffness."""
+    assert view.stiffness is not None  # `applies` has looked
+    ax, points = panels["map"], MM * view.mesh.points
+    image = ax.tripcolor(
+        Triangulation(points[:, 0], points[:, 1], view.mesh.cells[:, :3]),
+        facecolors=view.stiffness.factors[view.stiffness.regions],
+        cmap="viridis",
+        rasterized=True,
+    )
+    ax.set_aspect("equal")
+    ax.set_xlabel("$x$ (mm)")
+    ax.set_ylabel("$y$ (mm)")
+    smooth_bar(ax.figure.colorbar(image, ax=ax, label="stiffness over the fitted one", fraction=0.03))
+
+
+def caption_map(view: SheetView) -> str:
+    """Return the caption."""
+    assert view.stiffness is not None
+    words = "explains" if view.stiffness.explained else "does not explain"
+    return (
+        "Factor of all moduli of each block, the smoothest map by total variation; it "
+        f"{words} the field within its noise."
+    )
+
+
 FIGURES = (
+    FigureKind(
+        name="sheet-map",
+        width=PAGE,
+        height=lambda view: 70.0,
+        caption=caption_map,
+        panels=lambda view: [["map"]],
+        draw=draw_map,
+        applies=lambda view: view.stiffness is not None,
+    ),
     FigureKind(
         name="sheet-histories",
         width=PAGE,

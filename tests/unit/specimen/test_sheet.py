@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from implicit.meshes import Mesh, rectangle
-from kolsky.specimen.field_fit import FieldProblem, fit_field, fit_steps
+from kolsky.specimen.field_fit import fit_field, fit_steps
+from kolsky.specimen.field_problem import FieldProblem
 from kolsky.specimen.sheet import Sheet, cells_inside, mass_matrix, sheet_state
 from kolsky.specimen.tractions import boundary_edges, traction_force
 from tests.unit.specimen.sheets import PAD, TRUE, constants, made, small_mesh
