@@ -135,17 +135,18 @@ def sheet_view_of(
 ) -> SheetView:
     """Make the fields of a fitted sheet: sensitivities, and the map before any test, Eqs. (K.26-36)."""
     problem = found.problem
-    size = np.abs(found.values)[:, None, None]
+    free = ~np.array(found.at_bound)
+    size = np.where(free, np.abs(found.values), 1.0)[:, None, None]
     last = found.by_displacement[-1] / size
     field = np.stack([smoothed(problem.mass, last[..., axis]) for axis in range(2)], axis=-1)
     mesh = problem.sheet.mesh
     whole = mass_matrix(mesh, np.ones(len(mesh.cells), dtype=np.bool_))
-    slopes = found.cost.state.by_constants[-1]
+    slopes = found.cost.state.by_constants[-1][free]
     p = len(slopes)
     from scipy.sparse import block_diag
 
     both = block_diag([whole, whole]).tocsr()
     stacked = np.moveaxis(slopes, 2, 1).reshape(p, -1)  # all x, then all y
     return SheetView(
-        name, measured, found, tuple(steps), field, before_test(stacked, both, found.values), stiffness
+        name, measured, found, tuple(steps), field, before_test(stacked, both, found.values[free]), stiffness
     )

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kolsky.base.arrays import FloatArray
+from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.specimen.constants import Constants
 from kolsky.specimen.field_problem import Cost, FieldProblem
 from kolsky.specimen.field_sensitivity import parameter_change, relative_deviation
@@ -45,6 +45,8 @@ class FieldFit:
     """dm/df_msr of every step [1/N], shape [n, p]."""
     converged: bool
     """Whether Newton's method came to rest."""
+    at_bound: tuple[bool, ...]
+    """Constants that lie on a bound with the cost falling beyond it: nothing else is said of them."""
     simulations: int
     """Simulations of the search, those for second derivatives not counted."""
 
@@ -90,12 +92,15 @@ class FieldFit:
         r"""Of the constants, shape [p, p].
 
         H^-1 a sigma_u^2 (s_u^2 A_u + s_f^2 A_f) H^-1, A_u and A_f the two parts of the curvature: with s = 1
-        that of the noise; a part that the model does not explain counts by its misfit.
+        that of the noise; a part that the model does not explain counts by its misfit. Rows of constants
+        at a bound are zero.
         """
         data = self.problem.data
         field, force = self.scales
         middle = field * self.cost.curvature_displacement + force * self.cost.curvature_force
-        inverse = np.linalg.inv(self.hessian)
+        inverse = np.zeros_like(self.hessian)
+        free = np.ix_(~np.array(self.at_bound), ~np.array(self.at_bound))
+        inverse[free] = np.linalg.inv(self.hessian[free])
         return np.asarray(data.area * data.sigma_displacement**2 * inverse @ middle @ inverse)
 
     @property
@@ -107,16 +112,27 @@ class FieldFit:
         """Relative deviation of each constant from noise of the nodal displacements of each step (K.24)."""
         n, p = self.by_force.shape
         flat = self.by_displacement.reshape(n, p, -1)
-        return np.array([relative_deviation(one, sigma, self.values) for one in flat])
+        return np.array([self._relative(one, sigma) for one in flat])
 
     def relative_by_force(self, sigma: float) -> FloatArray:
         """Relative deviation of each constant from noise of the force of each step (K.25), shape [n, p]."""
-        return np.array([relative_deviation(one[:, None], sigma, self.values) for one in self.by_force])
+        return np.array([self._relative(one[:, None], sigma) for one in self.by_force])
+
+    def _relative(self, change: FloatArray, sigma: float) -> FloatArray:
+        free = ~np.array(self.at_bound)
+        found = np.zeros(len(free))
+        found[free] = relative_deviation(change[free], sigma, self.values[free])
+        return found
 
     @property
     def warnings(self) -> list[str]:
         """What to know before using the constants."""
         said = [] if self.converged else ["the search did not come to rest"]
+        said += [
+            f"{name} is at its bound: the data ask for a value outside"
+            for name, held in zip(self.constants.free, self.at_bound, strict=True)
+            if held
+        ]
         if not self.adequate:
             said.append(
                 f"the model does not explain the displacement field: its misfit is "
@@ -144,10 +160,14 @@ def fit_field(problem: FieldProblem) -> FieldFit:
     hessian = here.gauss_newton
     for _ in range(MOST_STEPS):
         gradient = here.gradients.sum(axis=0)
-        step = -np.linalg.solve(hessian, gradient)
+        held = _held(free, gradient, low, high)
+        if held.all():
+            converged = True
+            break
+        step = _newton_step(hessian, gradient, held)
         if not (step @ gradient < 0.0):  # the second derivatives are of a saddle
             hessian, exact = here.gauss_newton, False
-            step = -np.linalg.solve(hessian, gradient)
+            step = _newton_step(hessian, gradient, held)
         size = np.maximum(np.abs(free), 1e-3)
         step *= min(1.0, LONGEST / float(np.abs(step / size).max()))
         if float(np.abs(step / size).max()) <= AT_REST:
@@ -175,17 +195,34 @@ def fit_field(problem: FieldProblem) -> FieldFit:
     fitted = Constants(problem.constants.law, problem.constants.all(free), problem.constants.free)
     own = FieldProblem(problem.sheet, problem.data, fitted)
     final = own.hessian(free)
+    held = _held(free, here.gradients.sum(axis=0), low, high)
+    seen = np.flatnonzero(~held)
+    own_final = final[np.ix_(seen, seen)]
     n, p, nodes, d = here.state.by_constants.shape
     mixed = -np.stack([[own.mass @ one for one in by] for by in here.state.by_constants])
-    by_displacement = np.array([parameter_change(final, one.reshape(p, -1)) for one in mixed])
-    by_force = np.array(
-        [
-            parameter_change(final, -problem.data.weight * one[:, None])[:, 0]
-            for one in here.state.force_by_constants
-        ]
-    )
+    by_displacement, by_force = np.zeros((n, p, nodes * d)), np.zeros((n, p))
+    for k, (field, force) in enumerate(zip(mixed, here.state.force_by_constants, strict=True)):
+        by_displacement[k, seen] = parameter_change(own_final, field.reshape(p, -1)[seen])
+        pulled = -problem.data.weight * force[seen, None]
+        by_force[k, seen] = parameter_change(own_final, pulled)[:, 0]
     shape = (n, p, nodes, d)
-    return FieldFit(own, fitted, here, final, by_displacement.reshape(shape), by_force, converged, runs)
+    at_bound = tuple(bool(one) for one in held)
+    return FieldFit(
+        own, fitted, here, final, by_displacement.reshape(shape), by_force, converged, at_bound, runs
+    )
+
+
+def _held(free: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray) -> BoolArray:
+    """Constants on a bound with the cost falling beyond it, shape [p]."""
+    return np.asarray(((free <= low) & (gradient >= 0.0)) | ((free >= high) & (gradient <= 0.0)))
+
+
+def _newton_step(hessian: FloatArray, gradient: FloatArray, held: BoolArray) -> FloatArray:
+    """Newton's step of the constants that are not held, shape [p]."""
+    free = np.flatnonzero(~held)
+    step = np.zeros_like(gradient)
+    step[free] = -np.linalg.solve(hessian[np.ix_(free, free)], gradient[free])
+    return step
 
 
 def fit_steps(problem: FieldProblem) -> list[FieldFit | str]:

@@ -1,4 +1,4 @@
-"""The three commands on a small strip and a small sheet: what they write, and that planted constants return."""
+"""The three commands on a small strip and a small sheet: what they write, and the constants they return."""
 
 import json
 from pathlib import Path
@@ -45,6 +45,7 @@ def _run(*words: object) -> str:
     return result.output
 
 
+@pytest.mark.slow
 def test_simulate_fit_and_plan(tmp_path: Path) -> None:
     truth = tmp_path / "truth.toml"
     truth.write_text(SPEC.format(mu="24 kPa", data='stroke = "20 mm"\nsamples = 8'))
@@ -64,14 +65,15 @@ def test_simulate_fit_and_plan(tmp_path: Path) -> None:
     assert "Correlations" not in page  # one constant has none
     names = {path.name for path in (tmp_path / "fit").rglob("*") if path.is_file()}
     assert {"forces.csv", "constants.csv", "specimen.h5", "pull_tension.csv", "pull_shot.toml"} <= names
-    _run("specimen", "plan", spec, "--out", tmp_path / "plan")
+    _run("specimen", "plan", truth, "--out", tmp_path / "plan")
     told = json.loads((tmp_path / "plan" / "plan.json").read_text())
     sigmas = {tuple(one["tests"]): one["relative_sigma"]["mu"] for one in told["choices"]}
-    # The planned deviation of the test that was made is that of its fit.
-    assert sigmas[("pull",)] == pytest.approx(own["sigma"] / own["value"], rel=0.5)
+    # The deviation of the fit is the planned one, widened by what its own residuals show (8 samples).
+    assert 0.99 < own["sigma"] / own["value"] / sigmas[("pull",)] < 2.5
     assert sigmas[("pull",)] < sigmas[("short",)]
 
 
+@pytest.mark.slow
 def test_sheet(tmp_path: Path) -> None:
     _field_folder(tmp_path)
     _run(
