@@ -16,6 +16,7 @@
 
 from dataclasses import replace
 
+from kolsky.base.records import FlyerMotion
 from kolsky.diagnosis.cause_words import cause_warnings
 from kolsky.diagnosis.causes import OtherStart, find_causes
 from kolsky.diagnosis.clocks import Reruns, clock_lags
@@ -158,7 +159,8 @@ def identify(
         lost_replicates=0 if replicates is None else replicates.lost,
         mesh=prepared.forward.mesh(settings.numerics.with_mesh(settings.refined_mesh)),
     )
-    return replace(result, warnings=(*of_fit, *warnings, *known.warnings, *found.freed.said(shot)))
+    noted = shot.flyer.notes if isinstance(shot.flyer, FlyerMotion) else ()
+    return replace(result, warnings=(*of_fit, *noted, *warnings, *known.warnings, *found.freed.said(shot)))
 
 
 LEADING = 2
