@@ -197,9 +197,12 @@ def main() -> None:
     print(table(found))
     right = [one for one in found.values() if "late" not in one["name"] and "held" not in one["name"]]
     print(f"\n{scatter(right)}")
+    kept: dict[str, Any] = {"study": asdict(study), "answers": list(found.values())}
     if given.against is not None:
-        print(f"\n{changes(found, read(given.against))}")
-    together = json.dumps({"study": asdict(study), "answers": list(found.values())}, indent=1)
+        before = read(given.against)
+        print(f"\n{changes(found, before)}")
+        kept["before"] = list(before.values())
+    together = json.dumps(kept, indent=1)
     (given.out / "answers.json").write_text(together + "\n", "utf-8")
 
 
