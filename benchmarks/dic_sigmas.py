@@ -9,18 +9,13 @@ chosen right on the population "chosen", and is judged on "judged". The folder k
 again, the study goes on where it stopped.
 """
 
-import argparse
-import json
-import os
-from collections.abc import Callable, Iterable
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks.resumable import answers, asked, told
 from benchmarks.sigma_scenes import KINDS, LEVELS, POPULATIONS, RADIUS, STATIC, SigmaScene, drawn
 from dic.arrays import BoolArray, FloatArray
 from dic.bodies.follow import follow_body
@@ -169,42 +164,16 @@ def _cell(some: list[Scatter]) -> str:
     return f"{ratio:.2f}" if LEAST <= ratio <= MOST else f"**{ratio:.2f}**"
 
 
-def study(
-    population: str,
-    n: int,
-    out: Path,
-    *,
-    workers: int = 1,
-    device: str = "cpu",
-    say: Callable[[str], Any] = print,
-) -> list[Scatter]:
-    """All scenes; those whose file is there already are read."""
-    out.mkdir(parents=True, exist_ok=True)
-    files = {number: out / f"{population}-{number:04d}.json" for number in range(n)}
-    missing = [number for number, file in files.items() if not file.exists()]
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        jobs = {number: pool.submit(scattered, population, number, device) for number in missing}
-        for number, job in jobs.items():
-            files[number].write_text(json.dumps([asdict(s) for s in job.result()]) + "\n")
-            say(f"{population} {number}")
-    return [Scatter(**s) for file in files.values() for s in json.loads(file.read_text())]
+def measured(population: str, number: int, device: str) -> list[dict[str, Any]]:
+    """`scattered` as JSON can hold it."""
+    return [asdict(s) for s in scattered(population, number, device)]
 
 
 def main() -> None:
     """Run the study and print its table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--population", choices=tuple(POPULATIONS), default="judged")
-    parser.add_argument("--n", type=int, default=48, help="scenes")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the answers")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--device", default="cpu")
-    options = parser.parse_args()
-    found = study(options.population, options.n, options.out, workers=options.workers, device=options.device)
-    text = table(found)
-    (options.out / f"{options.population}.md").write_text(text + "\n")
-    print(text)
+    o = asked(__doc__, tuple(POPULATIONS), 48)
+    found = answers(measured, o.population, o.n, o.out, workers=o.workers, device=o.device)
+    told(o, table(Scatter(**s) for scene in found for s in scene))
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from implicit.integration.body import Body, BodyState
 from implicit.linear.base import Factors
 from implicit.linear.solvers import linear_solver
 from implicit.loads.contact import PlaneContact
-from implicit.loads.dead import dead_forces
+from implicit.loads.dead import nodal_forces, weight
 from implicit.loads.pressure import FollowerPressure
 from implicit.model import Model
 
@@ -26,8 +26,10 @@ class State:
     """Displacements [m], shape [n d]."""
     body: BodyState
     """Its internal forces."""
+    carried: FloatArray
+    """Weight and pressure on the points [N], shape [n d]."""
     external: FloatArray
-    """External forces of the points, contact included [N], shape [n d]."""
+    """All external forces of the points, contact included [N], shape [n d]."""
     residual: FloatArray
     """Internal less external forces of the unknowns [N], shape [n_unknowns]."""
     multipliers: tuple[FloatArray, ...] = ()
@@ -92,8 +94,9 @@ class Equations:
         if multipliers is None:
             multipliers = tuple(np.zeros(len(c.nodes)) for c in self.contacts)
             multipliers = multipliers if like is None else like.multipliers
-        external = self._external(u, at, multipliers)
-        return State(at, u, body, external, self.reduced(body.forces - external), multipliers)
+        carried = self._carried(u, at)
+        external = self._external(u, at, multipliers, carried)
+        return State(at, u, body, carried, external, self.reduced(body.forces - external), multipliers)
 
     def converged(self, state: State, tolerance: float) -> bool:
         """Whether the residual is below its tolerance."""
@@ -111,15 +114,20 @@ class Equations:
             closed = closed and bool(apart.max(initial=0.0) <= contact.depth)
         return tuple(pushes), closed
 
+    def carried_stiffness(self, state: State) -> FloatArray:
+        """Tangent of the internal forces less weight and pressure, element by element [N/m]."""
+        elements = self.body.stiffness(state.body)
+        for name, pressure in self.pressures:
+            for cells, by in pressure.evaluate(state.u)[1]:
+                np.add.at(elements, cells, -state.at[name] * by)
+        return elements
+
     def stiffness(self, state: State, *, held: bool = False) -> FloatArray:
         """Tangent of the residual, element by element [N/m], shape [m, k d, k d].
 
         `held` keeps points in contact on their plane, as derivatives of the solution need it.
         """
-        elements = self.body.stiffness(state.body)
-        for name, pressure in self.pressures:
-            for cells, by in pressure.evaluate(state.u)[1]:
-                np.add.at(elements, cells, -state.at[name] * by)
+        elements = self.carried_stiffness(state)
         for contact, pushed in zip(self.contacts, state.multipliers, strict=True):
             pushes = contact.pushes(state.u, self.travel(contact, state.at), pushed)
             contact.add_stiffness(elements, pushes, held=held)
@@ -139,14 +147,27 @@ class Equations:
 
     def external_change(self, state: State, at: dict[str, float]) -> FloatArray:
         """Change of the external forces with the histories at fixed displacements [N], in the unknowns."""
-        return self.reduced(self._external(state.u, at, state.multipliers) - state.external)
+        external = self._external(state.u, at, state.multipliers, self._carried(state.u, at))
+        return self.reduced(external - state.external)
 
-    def _external(
-        self, u: FloatArray, at: dict[str, float], multipliers: tuple[FloatArray, ...]
-    ) -> FloatArray:
-        total = dead_forces(self.model, self.body.points.geometry, at)
+    def carried_change(self, state: State, at: dict[str, float]) -> FloatArray:
+        """Change of weight and pressure with the histories at fixed displacements [N], shape [n d]."""
+        return self._carried(state.u, at) - state.carried
+
+    def _carried(self, u: FloatArray, at: dict[str, float]) -> FloatArray:
+        total = weight(self.model, self.body.points.geometry, at)
         for name, pressure in self.pressures:
             total = total + at[name] * pressure.evaluate(u)[0]
+        return total
+
+    def _external(
+        self,
+        u: FloatArray,
+        at: dict[str, float],
+        multipliers: tuple[FloatArray, ...],
+        carried: FloatArray,
+    ) -> FloatArray:
+        total = carried + nodal_forces(self.model, at)
         for contact, pushed in zip(self.contacts, multipliers, strict=True):
             total = total + contact.forces(contact.pushes(u, self.travel(contact, at), pushed))
         return total

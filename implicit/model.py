@@ -56,7 +56,7 @@ class Model:
                 raise ValueError('plane stress has no volumetric locking: take volumetric = "displacement"')
             if self.mesh.element.pressure_degree is None:
                 raise ValueError(
-                    f"{self.mesh.kind} has no stable pressure: take hexahedra or a quadratic element"
+                    f"{self.mesh.kind} has no stable pressure: take hexahedra, quadrilaterals or tri6"
                 )
             self.solid.isochoric_functions()
         if self.kinematics == "axisymmetric" and (self.mesh.points[:, 0] < 0.0).any():
@@ -144,7 +144,7 @@ class Unknowns:
     prescribed: tuple[tuple[IntArray, str, FloatArray], ...]
     """Components, history and factor of what is prescribed."""
     forces: tuple[tuple[int, str], ...]
-    """Unknown and history of the forces on coupled points."""
+    """Component of a point, and history, of the forces on coupled points."""
 
 
 def number_unknowns(model: Model) -> Unknowns:
@@ -193,4 +193,4 @@ def number_unknowns(model: Model) -> Unknowns:
     free = np.flatnonzero(~held & (master == np.arange(model.n_dofs)))
     index[free] = np.arange(len(free))
     index[~held] = index[master[~held]]
-    return Unknowns(index, len(free), tuple(prescribed), tuple((int(index[k]), name) for k, name in forces))
+    return Unknowns(index, len(free), tuple(prescribed), tuple(forces))

@@ -4,12 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from explicit.arrays import FloatArray
 from implicit.equations import Equations, State
 from implicit.linear.base import Factors, SingularError
 from implicit.outcome import Outcome
 
 KEPT = 0.2
 """Largest ratio of successive residuals with which factors are kept for the next iteration [-]."""
+ROUNDING = 1e-14
+"""Change of the displacements, as a share of them, that is rounding [-]."""
 AUGMENTATIONS = 40
 """Most augmentations of contact multipliers in a step."""
 
@@ -78,7 +81,10 @@ class Iteration:
             if factors is None:
                 factors = self.factorised(state)
             self.iterations += 1
-            following = self._line_search(state, factors)
+            direction = factors.solve(-state.residual)
+            if np.linalg.norm(direction) <= ROUNDING * np.linalg.norm(state.u):
+                return state  # what is left of the residual is rounding
+            following = self._line_search(state, direction)
             before, after = np.linalg.norm(state.residual), np.linalg.norm(following.residual)
             if not (fresh or after < before):
                 factors = None  # old factors lead nowhere: once more from here with new ones
@@ -88,10 +94,9 @@ class Iteration:
             state = following
         return Outcome.NOT_CONVERGED
 
-    def _line_search(self, state: State, factors: Factors) -> State:
+    def _line_search(self, state: State, direction: FloatArray) -> State:
         """A state along the direction where the work of the residual on it has fallen enough."""
         equations = self.equations
-        direction = factors.solve(-state.residual)
         step = equations.expanded(direction)
         initial = float(state.residual @ direction)
         length, best = 1.0, None

@@ -4,10 +4,11 @@ At an equilibrium f_int(u, p) = f_ext the unknowns follow the constants by
 
     K du/dp = -df_int/dp                                                                       (S.1)
 
-(Schumacher and others 2020, Section IV-B), and internal forces by dF/dp = df_int/dp + K du/dp, held points
-included. A cost c(u, F) of the solution has the gradient dc/dp = dc/dF . df_int/dp - lam . df_int/dp with
+(Schumacher and others 2020, Section IV-B), and the forces of the points by dF/dp = df_int/dp + K_F du/dp,
+held points included, where K_F is the tangent of F. A cost c(u, F) has the gradient
+dc/dp = (dc/dF - lam) . df_int/dp with
 
-    K^T lam = dc/du + K^T dc/dF                                                                (S.2)
+    K^T lam = dc/du + K_F^T dc/dF                                                              (S.2)
 
 in the unknowns: one system a step for any number of constants.
 """
@@ -30,7 +31,7 @@ class Sensitivities:
     displacements: FloatArray
     """du/dp [m per unit], shape [n_steps, n_names, n, d]."""
     forces: FloatArray
-    """Derivatives of the internal forces [N per unit], shape [n_steps, n_names, n, d]."""
+    """Derivatives of `implicit.solution.Solution.forces` [N per unit], shape [n_steps, n_names, n, d]."""
     solution: Solution
     """Of what."""
 
@@ -70,8 +71,10 @@ def direct(solution: Solution, *, histories: tuple[str, ...] = ()) -> Sensitivit
         unknown = equations.factors(elements).solve(-right.T).T
         moved += equations.expanded(unknown)
         du[step] = moved.reshape(shape[1:])
-        body = equations.body.stiffness(state.body)
-        df[step] = (explicit + equations.times(body, moved)).reshape(shape[1:])
+        for j, name in enumerate(histories, start=len(own)):
+            explicit[j] -= equations.carried_change(state, _unit_more(state, name))
+        forces = explicit + equations.times(equations.carried_stiffness(state), moved)
+        df[step] = forces.reshape(shape[1:])
     return Sensitivities(names, du, df, solution)
 
 
@@ -89,7 +92,7 @@ def adjoint(
     by_displacements : array, shape [n_steps, n, d]
         Derivative of the cost by the displacements [1/m].
     by_forces : array, shape [n_steps, n, d], optional
-        Derivative of the cost by the internal forces [1/N].
+        Derivative of the cost by the forces of the points [1/N].
 
     Returns
     -------
@@ -102,10 +105,8 @@ def adjoint(
     for step in range(solution.reached):
         state = state_of(equations, solution, step)
         weight = np.zeros(model.n_dofs) if by_forces is None else by_forces[step].reshape(-1)
-        # the tangent of the body is symmetric
-        right = by_displacements[step].reshape(-1) + equations.times(
-            equations.body.stiffness(state.body), weight
-        )
+        by_carried = np.swapaxes(equations.carried_stiffness(state), 1, 2)
+        right = by_displacements[step].reshape(-1) + equations.times(by_carried, weight)
         factors = equations.factors(equations.stiffness(state, held=True))
         lam = factors.solve_transposed(equations.reduced(right))
         test = weight - equations.expanded(lam)
@@ -133,6 +134,11 @@ def _by_history(
     for dofs, of, factor in model.unknowns.prescribed:
         if of == name:
             moved[dofs] = factor
+    if any(name == contact.plane.history for contact in equations.contacts):
+        raise ValueError(f"the travel {name!r} of a plane is no history to differentiate by")
     residual = equations.reduced(equations.times(elements, moved))
-    after = {**state.at, name: state.at[name] + 1.0}
-    return moved, residual - equations.external_change(state, after)
+    return moved, residual - equations.external_change(state, _unit_more(state, name))
+
+
+def _unit_more(state: State, name: str) -> dict[str, float]:
+    return {**state.at, name: state.at[name] + 1.0}

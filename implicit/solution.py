@@ -22,7 +22,8 @@ class Solution:
     displacements: FloatArray
     """Displacements [m], shape [n_steps, n, d]."""
     forces: FloatArray
-    """Internal forces of the points [N]: at held points the reactions, shape [n_steps, n, d]."""
+    """Forces that supports, grips, planes and nodal loads exert on the points: the internal ones less weight
+    and pressure [N], shape [n_steps, n, d]."""
     energy: FloatArray
     """Strain energy [J], shape [n_steps]."""
     outcome: Outcome
@@ -37,7 +38,7 @@ class Solution:
     """Forces of the points of each rigid plane along its normal [N], each of shape [n_steps, p]."""
 
     def reaction(self, where: str) -> FloatArray:
-        """Sum of the internal forces over a set of points [N], shape [n_steps, d]."""
+        """Sum of `forces` over a set of points [N], shape [n_steps, d]."""
         return np.asarray(self.forces[:, self.model.mesh.nodes(where)].sum(axis=1))
 
     def mean_displacement(self, where: str) -> FloatArray:

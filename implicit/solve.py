@@ -65,7 +65,7 @@ def solve(
             break
         state = path.state
         displacements[step] = state.u.reshape(shape[1:])
-        forces[step] = state.body.forces.reshape(shape[1:])
+        forces[step] = (state.body.forces - state.carried).reshape(shape[1:])
         energy[step] = equations.body.energy(state.body)
         for found, values in zip(multipliers, equations.augmented(state)[0], strict=True):
             found[step] = values
@@ -158,14 +158,14 @@ class _Path:
         return self.iteration.equilibrium(state)
 
     def _predicted(self, at: dict[str, float]) -> State:
-        """K du = -r - K_fc du_c with the tangent of the last state."""
-        equations, last = self.equations, self.state
+        """K du = -r - K_fc du_c with the tangent of the last state under the new loads."""
+        equations = self.equations
+        last = equations.evaluate(self.state.u, at, like=self.state)
         moved = equations.with_prescribed(last.u, at)
         elements = equations.stiffness(last)
         self.iteration.factorisations += 1
         self.iteration.iterations += 1
         right = last.residual + equations.reduced(equations.times(elements, moved - last.u))
-        right = right - equations.external_change(last, at)
         change = equations.factors(elements).solve(-right)
         return equations.evaluate(moved + equations.expanded(change), at, like=last)
 

@@ -16,11 +16,13 @@
 
 from dataclasses import replace
 
+from kolsky.base.records import FlyerMotion
 from kolsky.diagnosis.cause_words import cause_warnings
 from kolsky.diagnosis.causes import OtherStart, find_causes
 from kolsky.diagnosis.clocks import Reruns, clock_lags
 from kolsky.diagnosis.corrected import corrected
 from kolsky.diagnosis.fit_quality import fit_quality
+from kolsky.diagnosis.rate_advice import rate_advice, shot_branch_test
 from kolsky.diagnosis.sources import residual_sources
 from kolsky.diagnosis.verdicts import explained, explains, fit_warnings, judged
 from kolsky.inverse.estimates import (
@@ -146,14 +148,19 @@ def identify(
     )
     result = judged(add_method_comparison(known.added_to(result), stages, fine.objective))
     of_fit = (*fit_warnings(result), *cause_warnings(causes, explained=explained(result)))
+    if not explained(result):
+        asked = shot_branch_test(stages, fine.x, fine.objective, fine.jacobian, vector)
+        of_fit = (*of_fit, *rate_advice(asked))
     replicates = stages.replicates
     warnings = collect_warnings(
         result,
         checks=prepared.checks,
         interface=shot.interface,
         lost_replicates=0 if replicates is None else replicates.lost,
+        mesh=prepared.forward.mesh(settings.numerics.with_mesh(settings.refined_mesh)),
     )
-    return replace(result, warnings=(*of_fit, *warnings, *known.warnings, *found.freed.said(shot)))
+    noted = shot.flyer.notes if isinstance(shot.flyer, FlyerMotion) else ()
+    return replace(result, warnings=(*of_fit, *noted, *warnings, *known.warnings, *found.freed.said(shot)))
 
 
 LEADING = 2

@@ -138,7 +138,7 @@ def follow_body(
     common = None
     if not rigid:
         lower = tracks[0].root if tracking.correlation.shape <= stereo.shape else None
-        common = _common(match, lower, len(health[0]), material)
+        common = _common(match, lower, len(health[0]))
     return TrackedBody(
         points=points,
         cell=cell,
@@ -172,23 +172,23 @@ def material_frame(health: tuple[IntArray, IntArray], wanted: int) -> int:
     return int(usable[np.argmin(np.abs(usable - wanted))])
 
 
-def _common(match: StereoMatch, root: FloatArray | None, n_frames: int, material: int) -> FloatArray:
+def _common(match: StereoMatch, root: FloatArray | None, n_frames: int) -> FloatArray:
     """Noise of the material picture's template, which both cameras' tracks begin with [px²], shape
-    [n_frames, n_points, 2, 2]: none in that picture itself, where the points were chosen.
+    [n_frames, n_points, 2, 2], alike in all frames and held once. In that picture itself, where the points
+    were chosen, camera 0 has no noise to share, and `reconstruct` takes as much.
 
     Where the shape functions differ, what is common is the error of the lower one (`carried_from`): that of
     camera 0's track, its `root`, or that of the match between the cameras, None.
     """
     valid = match.valid
-    common = np.zeros((n_frames, len(valid), 2, 2))
+    common = np.zeros((len(valid), 2, 2))
     if root is not None:
         known = valid & np.isfinite(root).all(axis=(1, 2))
-        common[:, known] = root[known]
+        common[known] = root[known]
     else:
         share = shares(match.warp[valid], identity(int(valid.sum())))[0][:, None, None]
-        common[:, valid] = in_material(share * match.covariance[valid], match.warp[valid])
-    common[material] = 0.0
-    return common
+        common[valid] = in_material(share * match.covariance[valid], match.warp[valid])
+    return np.broadcast_to(common, (n_frames, *common.shape))
 
 
 def _followed(

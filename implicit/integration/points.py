@@ -70,7 +70,7 @@ class Points:
     def volume_ratios(self, u: FloatArray) -> FloatArray:
         """J of displacements [m] of shape [n, d], shape [m, g]."""
         J = self._zeros(self.shape)
-        kernel = volume_kernel(self.model.kinematics, self.model.mesh.element.n_nodes)
+        kernel = volume_kernel(self.model.kinematics)
         wp.launch(
             kernel, self.shape, inputs=[self._put(u), self.cells, self.E], outputs=[J], device=self.device
         )
@@ -101,12 +101,7 @@ class Points:
             Thickness stretch to start from in plane stress [-].
         """
         (m, g), n = self.shape, self.d * self.columns
-        kernel = point_kernel(
-            self.functions,
-            self.model.kinematics,
-            self.model.mesh.element.n_nodes,
-            mixed=self.mixed,
-        )
+        kernel = point_kernel(self.functions, self.model.kinematics, mixed=self.mixed)
         two, three, four = self._none
         stretch = self._put(np.ones((m, g)) if thickness is None else thickness)
         P, J, W = self._zeros((m, g, n)), self._zeros((m, g)), self._zeros((m, g))
@@ -126,9 +121,7 @@ class Points:
         """Derivatives of the full 3 x 3 P by the numbers of the kernels' row at fixed deformation, by the
         reverse of the law's own function, shape [m, g, 9, n_row]."""
         (m, g), n_row = self.shape, rows.shape[1]
-        deformations, stresses = stress_kernel(
-            self.functions[1], self.model.kinematics, self.model.mesh.element.n_nodes
-        )
+        deformations, stresses = stress_kernel(self.functions[1], self.model.kinematics)
         F = wp.zeros((m, g), dtype=wp.mat33d, device=self.device)
         wp.launch(
             deformations,

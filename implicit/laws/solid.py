@@ -16,6 +16,7 @@ from explicit.materials.invariants import InvariantLaw
 from explicit.materials.laws import AnyLaw
 from implicit.laws.kernels.compressible import compressible_neo_hookean, with_volume
 from implicit.laws.kernels.invariants import invariant_point_functions
+from implicit.laws.kernels.stretches import stretch_point_functions
 from implicit.laws.volumetric import Volumetric
 
 
@@ -98,7 +99,7 @@ class Isotropic:
         """See `Solid`."""
         if isinstance(self.law, InvariantLaw):
             return invariant_point_functions(type(self.law))
-        raise ValueError(f"{self.law.NAME} has no functions of the principal stretches yet")
+        return stretch_point_functions(type(self.law))
 
 
 @dataclass(frozen=True)

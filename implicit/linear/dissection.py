@@ -3,8 +3,8 @@ r"""Nested dissection of a mesh by its elements, and where every number of a fro
 The cells are halved again and again along the longest axis of their centres (recursive coordinate
 bisection; Berger and Bokhari 1987) until few are left. An unknown belongs to the smallest part of the mesh
 that holds all its cells, and is eliminated there: those inside a leaf in the leaf, those of the common face
-of two halves in their parent. A front is the dense matrix of a part's own unknowns and of those of its boundary,
-which belong to its ancestors (Duff and Reid 1983; George 1973).
+of two halves in their parent. A front is the dense matrix of a part's own unknowns and of those of its
+boundary, which belong to its ancestors (Duff and Reid 1983; George 1973).
 """
 
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from explicit.arrays import FloatArray, IntArray
+from explicit.arrays import BoolArray, FloatArray, IntArray
 
 LEAF_COMPONENTS = 350
 """Displacement components of all cells of a leaf, about: fewer make more and smaller fronts."""
@@ -26,6 +26,8 @@ class Front:
     """Cells that are assembled here (of a leaf; none of others)."""
     local: IntArray
     """Place in the front of each component of those cells, the last for held ones, shape [., k d]."""
+    coupled: BoolArray
+    """Whether several components of a cell are one unknown, shape [.]."""
     unknowns: IntArray
     """Unknowns of the front, the eliminated ones first, then the boundary in the order of elimination."""
     eliminated: int
@@ -82,9 +84,11 @@ def dissect(centres: FloatArray, components: IntArray, count: int) -> list[Front
         place[unknowns] = np.arange(len(unknowns))
         place[-1] = len(unknowns)
         local = place[components[cells]]
+        ordered = np.sort(local, axis=1)
+        coupled = ((np.diff(ordered, axis=1) == 0) & (ordered[:, 1:] < len(unknowns))).any(axis=1)
         runs = tuple(_runs(place[boundaries[c]]) for c in below)
         boundaries.append(outside)
-        fronts.append(Front(cells, local, unknowns, len(own), below, runs))
+        fronts.append(Front(cells, local, coupled, unknowns, len(own), below, runs))
     return fronts
 
 

@@ -85,8 +85,11 @@ def _factorised(
         n = len(front.unknowns)
         if len(front.cells):
             with_held = np.zeros((n + 1, n + 1), order="F")
-            for cell, local in zip(front.cells, front.local, strict=True):
-                with_held[np.ix_(local, local)] += elements[cell]
+            for cell, local, coupled in zip(front.cells, front.local, front.coupled, strict=True):
+                if coupled:
+                    np.add.at(with_held, np.ix_(local, local), elements[cell])
+                else:
+                    with_held[np.ix_(local, local)] += elements[cell]
             F = with_held[:n, :n]
         else:
             F = np.zeros((n, n), order="F")

@@ -11,9 +11,9 @@ from explicit.arrays import FloatArray, IntArray
 from implicit.conditions import RigidPlane, unit
 from implicit.model import Model
 
-STIFFNESS = 20.0
+STIFFNESS = 500.0
 """Penalty of a point, in shear moduli times the mean spacing of the points in the body."""
-HELD = 1e7
+HELD = 1e5
 """Factor of the stiffness with which points in contact are held where the solution is differentiated [-]."""
 
 

@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kolsky.cli import texts
-from kolsky.cli.options import SOLVER_DEFAULTS, AsJson, Figures, Mesh, Out, ShotPath, SolverOptions
+from kolsky.cli.identify_shots import (
+    CurveNodes,
+    GainEach,
+    JointOptions,
+    NoScatter,
+    Roughness,
+    SlowTests,
+    identify_shots,
+    refuse,
+)
+from kolsky.cli.options import SOLVER_DEFAULTS, AsJson, Figures, Mesh, Out, SolverOptions
 from kolsky.inverse.parameters import PARAMETERS
 
 if TYPE_CHECKING:
@@ -17,7 +27,10 @@ if TYPE_CHECKING:
 
 
 def identify(
-    shot: ShotPath,
+    shots: Annotated[
+        list[Path],
+        typer.Argument(metavar="SHOT...", help="A shot's folder, or its shot.toml; several: together."),
+    ],
     free: Annotated[
         list[str] | None,
         typer.Option(
@@ -70,6 +83,11 @@ def identify(
             show_default="as [relaxation] of shot.toml says",
         ),
     ] = "",
+    slow_tests: SlowTests = None,
+    curve_nodes: CurveNodes = 0,
+    curve_roughness: Roughness = 0.1,
+    gain_each: GainEach = "",
+    no_scatter: NoScatter = False,
     pull: Annotated[str, typer.Option(help="The curve m refers to: first pull or conditioned.")] = "first",
     seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 1,
     out: Out = None,
@@ -82,6 +100,10 @@ def identify(
     damping keeps the shot's values, and the result says in any case what that would give.
 
     Writes identification.h5, report.html and CSV tables into SHOT/results.
+
+    Several shots of one material are identified together, with slow tests if there are some: shared
+    parameters, each shot's own clock and gain, the scatter between them. They leave joint.json, joint.html,
+    tables and the ledger joint.sqlite in the folder joint; the same command goes on where it ended.
     """
     started = perf_counter()
     ranges = texts.ranges("--free", free) if free else None
@@ -95,10 +117,33 @@ def identify(
     texts.apart("--free", ranges or {}, "--hold", [*held, *kept])
     if bayes:
         texts.installed("--bayes", "emcee", "bayes")
+    joint = JointOptions(slow_tests, curve_nodes, curve_roughness, gain_each, no_scatter)
+    if len(shots) > 1 or joint.asked:
+        refuse(
+            {
+                "methods": methods != "surrogate",
+                "method": method != "least-squares",
+                "bayes": bayes,
+                "diagnose": diagnose,
+            }
+        )
+        chosen = joint.settings(
+            free=ranges,
+            held=held,
+            hold=kept,
+            numerics=solver.numerics(coarse),
+            refined=refined,
+            replicates=replicates,
+            seed=seed,
+        )
+        identify_shots(
+            shots, joint, chosen, relaxation=relaxation, pull=pull, out=out, formats=formats, as_json=as_json
+        )
+        return
     from kolsky.cli.inputs import load, usable
     from kolsky.cli.terminal import print_result, progress_bars, since
 
-    loaded, folder = load(shot, out)
+    loaded, folder = load(shots[0], out)
     if relaxation:
         from kolsky.inverse.relaxing import with_relaxation
 

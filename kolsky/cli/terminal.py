@@ -1,7 +1,7 @@
 """Output on a terminal: progress of the work on stderr, the answer on stdout.
 
-Standard output holds the answer, with `--json` exactly one object; all else goes to standard error. Names come
-from files and folders of anybody: a character that would steer the terminal is shown as its escape.
+Standard output holds the answer, with `--json` exactly one object; all else goes to standard error. Names
+come from files and folders of anybody: a character that would steer the terminal is shown as its escape.
 """
 
 import json

@@ -61,7 +61,7 @@ def read_field(spec: Specification) -> MeasuredField:
     pad, force, hashes[section.pad.file] = _pad(toml, section)
     bad = np.zeros(len(points), dtype=np.bool_)
     flat = np.moveaxis(displacements, 0, 1).reshape(len(points), -1)
-    if section.points.gate is not None:
+    if section.points.gated:
         bad = outliers(points, flat, gate=section.points.gate)
     kept = ~bad
     noise = section.sigma_displacement or point_noise(points[kept], flat[kept])

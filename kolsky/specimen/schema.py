@@ -116,7 +116,8 @@ class PointsSection(Section):
     y: LengthColumn
     ux: LengthColumn
     uy: LengthColumn
-    gate: Annotated[float, Field(gt=2.0, le=100.0)] | None = 6.0
+    gate: Annotated[float, Field(gt=2.0, le=100.0)] = 6.0
+    gated: bool = True
 
 
 class PadSection(Section):

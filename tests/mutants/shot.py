@@ -323,4 +323,25 @@ FAULTS = (
         wrong="return volts[0] if volts else",
         tests=NEW,
     ),
+    Fault(
+        name="a stray frame of the flyer keeps its weight",
+        file="kolsky/shot/frames.py",
+        right="np.where(stray, np.abs(off), flyer.sigma)",
+        wrong="flyer.sigma",
+        tests=("tests/unit/shot/test_stray_frames.py",),
+    ),
+    Fault(
+        name="a stray frame is told from four neighbours",
+        file="kolsky/shot/stray_frames.py",
+        right="NEIGHBOURS = 6",
+        wrong="NEIGHBOURS = 4",
+        tests=("tests/unit/shot/test_stray_frames.py",),
+    ),
+    Fault(
+        name="a refused flyer: length and lower end added",
+        file="kolsky/shot/flyer_refusal.py",
+        right="float(np.hypot(length_sigma, lower))",
+        wrong="float(length_sigma + lower)",
+        tests=("tests/unit/shot/test_flyer_refusal.py",),
+    ),
 )

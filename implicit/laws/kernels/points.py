@@ -20,10 +20,10 @@ THICKNESS_STEPS = 60
 
 
 @cache
-def deformation_function(kinematics: str, n_nodes: int) -> Any:
+def deformation_function(kinematics: str) -> Any:
     """``F(u, cells, E, cell, point, thickness_stretch)`` as a 3 x 3 matrix."""
     d = int(KINEMATICS[kinematics][0])
-    nodes, hoop, stretched = int(n_nodes), kinematics == "axisymmetric", kinematics == "plane_stress"
+    hoop, stretched = kinematics == "axisymmetric", kinematics == "plane_stress"
 
     @wp.func
     def deformation(
@@ -37,7 +37,7 @@ def deformation_function(kinematics: str, n_nodes: int) -> Any:
         F = wp.identity(n=3, dtype=f64)
         if wp.static(stretched):
             F[2, 2] = thickness
-        for a in range(nodes):
+        for a in range(cells.shape[1]):
             node = cells[c, a]
             if wp.static(hoop):
                 F[2, 2] = F[2, 2] + u[node, 0] * E[c, g, a, 2]
@@ -67,14 +67,14 @@ def place_function(kinematics: str) -> Any:
 
 
 @cache
-def point_kernel(functions: tuple[Any, Any, Any], kinematics: str, n_nodes: int, *, mixed: bool) -> Any:
+def point_kernel(functions: tuple[Any, Any, Any], kinematics: str, *, mixed: bool) -> Any:
     """P, A, dJ/dF, J and the energy density at every Gauss point; launched over (cells, points).
 
     In a mixed model `pressure` [Pa] enters P and A as that of the volumetric part; otherwise it is not read.
     In plane stress H holds A_iJ33 / A_3333, by which the thickness follows, in place of dJ/dF.
     """
     energy_of, stress_of, tangent_of = functions
-    deformation, place = deformation_function(kinematics, n_nodes), place_function(kinematics)
+    deformation, place = deformation_function(kinematics), place_function(kinematics)
     d, columns = KINEMATICS[kinematics]
     size = int(d * columns)
     plane_stress = kinematics == "plane_stress"
@@ -145,9 +145,9 @@ def point_kernel(functions: tuple[Any, Any, Any], kinematics: str, n_nodes: int,
 
 
 @cache
-def volume_kernel(kinematics: str, n_nodes: int) -> Any:
+def volume_kernel(kinematics: str) -> Any:
     """J at every Gauss point."""
-    deformation = deformation_function(kinematics, n_nodes)
+    deformation = deformation_function(kinematics)
     one = f64(1.0)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -164,9 +164,9 @@ def volume_kernel(kinematics: str, n_nodes: int) -> Any:
 
 
 @cache
-def stress_kernel(stress_of: Any, kinematics: str, n_nodes: int) -> Any:
+def stress_kernel(stress_of: Any, kinematics: str) -> Any:
     """P at every Gauss point, each with a row of its own: the reverse of this kernel gives dP/drow."""
-    deformation = deformation_function(kinematics, n_nodes)
+    deformation = deformation_function(kinematics)
 
     @wp.kernel(module="unique", enable_backward=False)
     def deformations(

@@ -10,6 +10,7 @@ from kolsky.report.figures import (
     comparison,
     flyer_test,
     full_field,
+    joint,
     material,
     misfit,
     plan,
@@ -40,6 +41,7 @@ __all__ = [
     "CHECKS",
     "FLYER_TESTS",
     "FULL_FIELDS",
+    "JOINT",
     "MATERIALS",
     "MODULI",
     "PLANS",
@@ -82,6 +84,8 @@ def by_name(*files: Iterable[FigureKind[Any]]) -> Registry:
     return found
 
 
+JOINT = by_name(joint.FIGURES)
+"""Several shots identified together."""
 RECORDINGS = by_name(recordings.FIGURES)
 """Recordings behind an identification; shown before those of `REGISTRY`."""
 REGISTRY = by_name(comparison.FIGURES, misfit.FIGURES, uncertainty.FIGURES, simulation.FIGURES)
@@ -142,6 +146,7 @@ SHOWN_BY: dict[str, Registry] = {
     "kolsky.bars.result.FlyerResult": FLYER_TESTS,
     "kolsky.bars.result.WavesResult": WAVES,
     "kolsky.inverse.result.Identification": REGISTRY,
+    "kolsky.joint.records.JointResult": JOINT,
     "kolsky.material.fits.compare.Comparison": MATERIALS,
     "kolsky.material.reference_curve.ReferenceCurve": BASELINES,
     "kolsky.report.full_field_view.FullFieldView": FULL_FIELDS,

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.tri import Triangulation
 
-from kolsky.base.arrays import FloatArray
+from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.report.figures.base import (
     FORCE,
     GREY,
@@ -79,6 +79,7 @@ def draw_steps(view: SheetView, panels: Panels) -> None:
         other.set_ylabel(f"relative deviation of {label_text(name, 16)} (%)")
         other.legend(frameon=False, title="noise of")
         for one in (ax, other):
+            one.set_xlim(0.0, 1.05 * pad.max())
             one.set_xlabel("pad displacement (mm)")
 
 
@@ -93,7 +94,14 @@ def caption_steps(view: SheetView) -> str:
     )
 
 
-def _field(ax: Axes, view: SheetView, value: FloatArray, vectors: FloatArray | None, label: str) -> None:
+def _field(
+    ax: Axes,
+    view: SheetView,
+    value: FloatArray,
+    vectors: FloatArray | None,
+    label: str,
+    near: BoolArray | None = None,
+) -> None:
     points, cells = MM * view.mesh.points, view.mesh.cells[:, :3]
     image = ax.tripcolor(
         Triangulation(points[:, 0], points[:, 1], cells),
@@ -114,6 +122,11 @@ def _field(ax: Axes, view: SheetView, value: FloatArray, vectors: FloatArray | N
             color="white",
             width=0.003,
         )
+    if near is not None:
+        (x0, y0), (x1, y1) = points[near].min(axis=0), points[near].max(axis=0)
+        gap = 0.05 * max(x1 - x0, y1 - y0)
+        ax.set_xlim(x0 - gap, x1 + gap)
+        ax.set_ylim(y0 - gap, y1 + gap)
     ax.set_aspect("equal")
     ax.set_xlabel("$x$ (mm)")
     ax.set_ylabel("$y$ (mm)")
@@ -129,11 +142,11 @@ def draw_fields(view: SheetView, panels: Panels) -> None:
     u = state.displacements[-1]
     _field(panels["u"], view, MM * np.linalg.norm(u, axis=1), None, "displacement (mm)")
     apart = np.where(inside[:, None], u - data.displacements[-1], 0.0)
-    _field(panels["misfit"], view, MM * np.linalg.norm(apart, axis=1), apart, "misfit (mm)")
+    _field(panels["misfit"], view, MM * np.linalg.norm(apart, axis=1), apart, "misfit (mm)", inside)
     weakest = int(np.argmax(np.linalg.norm(view.sensitivity, axis=(1, 2))))
     own = view.sensitivity[weakest] * 1e-9
     name = label_text(found.constants.free[weakest], 16)
-    _field(panels["sensitivity"], view, np.linalg.norm(own, axis=1), own, f"{name} (1/mm$^3$)")
+    _field(panels["sensitivity"], view, np.linalg.norm(own, axis=1), own, f"{name} (1/mm$^3$)", inside)
     n = len(view.mesh.points)
     best = view.before.field[-1].reshape(2, n).T * 1e-9
     _field(panels["before"], view, np.linalg.norm(best, axis=1), best, "whole sheet (1/mm$^3$)")
@@ -184,7 +197,7 @@ FIGURES = (
     FigureKind(
         name="sheet-fields",
         width=PAGE,
-        height=lambda view: 120.0,
+        height=lambda view: 95.0,
         caption=caption_fields,
         panels=lambda view: [["u", "misfit"], ["sensitivity", "before"]],
         draw=draw_fields,

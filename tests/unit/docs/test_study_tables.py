@@ -103,7 +103,7 @@ def test_changes_are_in_standard_uncertainties_of_the_earlier_answer() -> None:
 
 
 def test_scatter_of_errors_over_their_uncertainties() -> None:
-    """Errors of +1, -1, +3 and -3 standard uncertainties: mean 0, root mean square sqrt(5), half of them in."""
+    """Errors of +1, -1, +3 and -3 standard uncertainties: mean 0, scatter sqrt(5), half of them inside."""
     drawn = [answer(1.12 + z * 0.004, 0.004) for z in (1.0, -1.0, 3.0, -3.0)]
     (row,) = scatter.table(drawn).splitlines()[2:]
     assert [cell.strip() for cell in row.split("|")[2:-1]] == ["4", "+0.00", "2.24", "3.00", "2"]
