@@ -3,9 +3,9 @@
     python -m benchmarks.folding            # the impacts that the threshold was chosen on
     python -m benchmarks.folding --judge    # others, made afterwards
 
-Impacts at 2.6 m/s to 56 % on the specimen of the verification manual. A row an impact: the radius of the edge
-from 24 % on, its largest jump between two of the times beyond the median, its distance from the F-bar element's on the same
-mesh, the smallest corner, and whether the warning is raised.
+Impacts at 2.6 m/s to 56 % on the specimen of the verification manual. A row an impact: the last radius of
+the edge, from 24 % on its largest jump between two of the times beyond the median, and its distance from the
+F-bar element's on the same mesh, the smallest corner, and whether the warning is raised.
 """
 
 import argparse
@@ -20,7 +20,7 @@ from kolsky.base.arrays import FloatArray
 from kolsky.uncertainty.warnings.runs import FOLDED
 
 RADIUS, LENGTH, DENSITY, SHEAR = 4.75e-3, 6.5e-3, 870.0, 80e3 / (2.0 * 1.495)
-"""Specimen [m], [kg/m^3] and initial shear modulus [Pa] of the verification manual: E = 80 kPa, nu = 0.495."""
+"""Specimen [m], [kg/m^3] and shear modulus [Pa] of the verification manual: E = 80 kPa, nu = 0.495."""
 SPEED, RISE, END, DAMPING, POISSON = 2.6, 50e-6, 1.4e-3, 2.5e-5, 0.495
 CHOSEN = (((24, 33, 1.0), (24, 33, 3.0), (48, 66, 1.0)), (0.1, 0.3, 0.5))
 JUDGED = (((24, 33, 2.0), (40, 55, 1.5), (56, 76, 1.0)), (0.15, 0.25, 0.35, 0.45))

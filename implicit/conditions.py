@@ -59,6 +59,18 @@ class NodalForce:
 
 
 @dataclass(frozen=True)
+class Traction:
+    """A dead load on the faces whose points all belong to a set, per undeformed area."""
+
+    where: str
+    """Set of points."""
+    axis: int
+    """Its direction."""
+    history: str
+    """Name of the history [Pa]."""
+
+
+@dataclass(frozen=True)
 class Gravity:
     """Weight (Schumacher and others 2020, Eq. 11)."""
 
@@ -102,7 +114,8 @@ class RigidPlane:
     """Largest depth, as a share of the mesh's size [-]."""
 
 
-Condition = Fixed | Prescribed | Coupled | NodalForce | Gravity | Pressure | RigidPlane
+Load = NodalForce | Traction | Gravity | Pressure
+Condition = Fixed | Prescribed | Coupled | RigidPlane | Load
 
 
 def histories_of(conditions: tuple[Condition, ...]) -> tuple[str, ...]:

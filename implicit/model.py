@@ -56,7 +56,7 @@ class Model:
                 raise ValueError('plane stress has no volumetric locking: take volumetric = "displacement"')
             if self.mesh.element.pressure_degree is None:
                 raise ValueError(
-                    f"{self.mesh.kind} has no stable pressure: take hexahedra or a quadratic element"
+                    f"{self.mesh.kind} has no stable pressure: take hexahedra, quadrilaterals or tri6"
                 )
             self.solid.isochoric_functions()
         if self.kinematics == "axisymmetric" and (self.mesh.points[:, 0] < 0.0).any():

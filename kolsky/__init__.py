@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from kolsky.material.fits.homogeneous_test import HomogeneousTest
     from kolsky.material.reference_curve import Treatment, reference_curve
     from kolsky.material.reference_curve_files import read_uniaxial_test
+    from kolsky.material.slow_compression import slow_compression
+    from kolsky.prediction.predict import predict, read_test
     from kolsky.report.canvas import save_figures
     from kolsky.report.figures import figures_of
     from kolsky.report.notebook import to_dataframe, to_xarray
@@ -52,6 +54,7 @@ if TYPE_CHECKING:
     from kolsky.shot.repeated_tests import repeats
     from kolsky.shot.waves import waves
     from kolsky.studies.global_sensitivity import global_sensitivity, screening, solver_sensitivity
+    from kolsky.studies.paper_method import paper_method
     from kolsky.studies.planning.plan import plan
     from kolsky.studies.rates.rate import rate
     from kolsky.studies.sweep import sweep
@@ -83,19 +86,23 @@ _HOME = {
     "load_pictures": "kolsky.shot.load",
     "load_shot": "kolsky.shot.load",
     "material_law": "kolsky.inverse.forward",
+    "paper_method": "kolsky.studies.paper_method",
     "plan": "kolsky.studies.planning.plan",
+    "predict": "kolsky.prediction.predict",
     "measured": "kolsky.shot.optical_data",
     "radius_at": "kolsky.inverse.side_surface",
     "rate": "kolsky.studies.rates.rate",
     "read_homogeneous_test": "kolsky.material.fits.homogeneous_files",
     "read_identification": "kolsky.results.hdf5",
     "read_identify_results": "kolsky.report.result_folder",
+    "read_test": "kolsky.prediction.predict",
     "read_uniaxial_test": "kolsky.material.reference_curve_files",
     "reference_curve": "kolsky.material.reference_curve",
     "repeats": "kolsky.shot.repeated_tests",
     "save_figures": "kolsky.report.canvas",
     "screening": "kolsky.studies.global_sensitivity",
     "simulate": "kolsky.inverse.simulate",
+    "slow_compression": "kolsky.material.slow_compression",
     "solver_sensitivity": "kolsky.studies.global_sensitivity",
     "sweep": "kolsky.studies.sweep",
     "to_dataframe": "kolsky.report.notebook",

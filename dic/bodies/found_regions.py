@@ -20,6 +20,7 @@ from scipy.ndimage import gaussian_filter1d
 from dic.arrays import BoolArray, FloatArray
 from dic.bodies.followed_edge import FollowedEdge, follow_edge
 from dic.bodies.region import Region
+from dic.bodies.rim_arc import end_arc
 from dic.images import PictureError, Pictures
 
 TURNS = {"up": 0, "right": 1, "down": 2, "left": 3}
@@ -34,6 +35,8 @@ BAND = 0.5
 """A row of a platen without speckles has less than this share of the specimen's contrast."""
 FLANK = 0.3
 """A column of the body has at least this share of the contrast of its middle."""
+ARC_CLEAR = 1.5
+"""Distance of the specimen's region from the arc of its lower end: its error and the blur [px]."""
 FASTEST = 6
 """Rows that the flyer's edge may go from frame to frame [px]."""
 MOST_COLUMNS = 64
@@ -213,6 +216,9 @@ def _lower_end(mean: FloatArray) -> tuple[int, float]:
     if first < len(mean):  # an even platen: where the contrast has fallen to half
         before, after = contrast[first - 1], contrast[first]
         edge = first - 1 + float((before - BAND * typical) / (before - after))
+        arc = end_arc(mean, edge)  # a camera beside the plane of the end sees it, or the rim before it, bent
+        if arc is not None:
+            return int(np.floor(arc.min() - ARC_CLEAR)), float(arc[arc.size // 2])
     else:
         edge = middle + _dip(pairs[middle:], likeness, "where the specimen meets the platen") + 0.5
     return int(np.floor(edge - 1.0)), edge

@@ -46,6 +46,6 @@ TET10 = Element(
     complete(2, 3),
     _TET_FACES,
     2,
-    0,
+    None,  # a constant pressure fails the inf-sup condition in 3-D: its faces have no point of their own
     24,
 )

@@ -37,6 +37,10 @@ def specimen_fit(
     steps_alone: Annotated[
         bool, typer.Option("--steps-alone", help="Of a sheet, also fit every step alone.")
     ] = False,
+    stiffness_map: Annotated[
+        str,
+        typer.Option("--map", metavar="NXxNY", help="Of a sheet, also map its stiffness by so many blocks."),
+    ] = "",
     vtu: Annotated[bool, typer.Option("--vtu", help="Also write the last sample for ParaView.")] = False,
     device: Device = "cpu",
     figures: Figures = "",
@@ -51,6 +55,7 @@ def specimen_fit(
     formats = texts.figure_formats(figures)
     factors = texts.whole_numbers("--resolution", resolution) if resolution else []
     sigmas = texts.numbers("--noise", noise) if noise else []
+    blocks = texts.mesh("--map", stiffness_map) if stiffness_map else None
     from kolsky.base.files import usable_folder
     from kolsky.cli.terminal import print_result, since
     from kolsky.specimen.reading import read_specification
@@ -58,10 +63,14 @@ def specimen_fit(
     read = read_specification(spec, device=device)
     folder = usable_folder(out or read.toml.path.with_suffix("") / "results")
     if read.declared.field is not None:
-        _fit_sheet(read, folder, started, formats, alone=steps_alone, vtu=vtu, as_json=as_json)
+        if factors or sigmas:
+            option = "--resolution" if factors else "--noise"
+            raise InputError(texts.COMMAND_LINE, "is for force curves", key=option, cure="remove it")
+        _fit_sheet(read, folder, started, formats, alone=steps_alone, blocks=blocks, vtu=vtu, as_json=as_json)
         return
-    if steps_alone:
-        raise InputError(texts.COMMAND_LINE, "is for a sheet", key="--steps-alone", cure="remove it")
+    if steps_alone or blocks:
+        option = "--steps-alone" if steps_alone else "--map"
+        raise InputError(texts.COMMAND_LINE, "is for a sheet", key=option, cure="remove it")
     from kolsky.report.pages.specimen import constant_rows, printed
     from kolsky.report.specimen_folder import write_specimen_results
     from kolsky.report.specimen_view import view_of
@@ -125,6 +134,7 @@ def _fit_sheet(
     formats: tuple[str, ...],
     *,
     alone: bool,
+    blocks: tuple[int, int] | None,
     vtu: bool,
     as_json: bool,
 ) -> None:
@@ -135,6 +145,7 @@ def _fit_sheet(
     from kolsky.specimen import output
     from kolsky.specimen.field_fit import fit_field, fit_steps
     from kolsky.specimen.field_reading import read_field
+    from kolsky.specimen.stiffness_map import stiffness_map as stiffness_map_of
 
     measured = read_field(read)
     try:
@@ -142,7 +153,8 @@ def _fit_sheet(
     except ValueError as error:
         raise read.toml.error("field", f"cannot be fitted: {error}") from None
     steps = fit_steps(found.problem) if alone else []
-    view = sheet_view_of(read.name, measured, found, steps)
+    mapped = stiffness_map_of(found.problem, blocks) if blocks else None
+    view = sheet_view_of(read.name, measured, found, steps, mapped)
     inputs = {**read.inputs, **measured.inputs}
     write_sheet_results(folder, view, inputs, formats=formats, vtu=vtu)
     rows = {row["name"]: f"{row['value']}, {row['interval']}, {row['verdict']}" for row in sheet_rows(view)}

@@ -74,6 +74,8 @@ def write_sheet_results(
     with filling(folder) as partial:
         output.write_field(partial, view.fit, view.steps)
         _json(partial / "specimen.json", output.field_json(view.fit, view.steps) | {"inputs": dict(inputs)})
+        if view.stiffness is not None:
+            output.write_map(partial / "map.csv", view.stiffness, view.mesh)
         write_page(partial / "specimen.html", view, inputs)
         if vtu:
             fields = {

@@ -14,6 +14,7 @@ from kolsky.specimen.field_reading import MeasuredField
 from kolsky.specimen.field_sensitivity import BeforeTest, before_test, smoothed
 from kolsky.specimen.fit import SpecimenFit
 from kolsky.specimen.sheet import mass_matrix
+from kolsky.specimen.stiffness_map import StiffnessMap
 
 BINS = np.linspace(-0.8, 2.4, 65)
 """Edges of the bins of strain [-]."""
@@ -97,6 +98,8 @@ class SheetView:
     """dm/du_msr of the last step as a field, relative to the constants [1/m^3], shape [p, nodes, 2]."""
     before: BeforeTest
     """What displacements of the whole sheet would tell."""
+    stiffness: StiffnessMap | None = None
+    """Factors of stiffness by blocks, if they were asked for."""
 
     @property
     def mesh(self) -> Mesh:
@@ -113,23 +116,37 @@ class SheetView:
                 f"{gone} of {len(self.measured.left_out)} points are left out: their neighbours do not "
                 "predict them (field.points.gate)"
             )
+        if self.stiffness is not None and not self.stiffness.explained:
+            said.append(
+                "no map of stiffness explains the field within its noise: chi-square over its degrees "
+                "of freedom "
+                f"falls from {self.stiffness.uniform / self.stiffness.degrees:.3g} to "
+                f"{self.stiffness.chi2 / self.stiffness.degrees:.3g}"
+            )
         return said
 
 
 def sheet_view_of(
-    name: str, measured: MeasuredField, found: FieldFit, steps: Sequence[FieldFit | str]
+    name: str,
+    measured: MeasuredField,
+    found: FieldFit,
+    steps: Sequence[FieldFit | str],
+    stiffness: StiffnessMap | None = None,
 ) -> SheetView:
     """Make the fields of a fitted sheet: sensitivities, and the map before any test, Eqs. (K.26-36)."""
     problem = found.problem
-    size = np.abs(found.values)[:, None, None]
+    free = ~np.array(found.at_bound)
+    size = np.where(free, np.abs(found.values), 1.0)[:, None, None]
     last = found.by_displacement[-1] / size
     field = np.stack([smoothed(problem.mass, last[..., axis]) for axis in range(2)], axis=-1)
     mesh = problem.sheet.mesh
     whole = mass_matrix(mesh, np.ones(len(mesh.cells), dtype=np.bool_))
-    slopes = found.cost.state.by_constants[-1]
+    slopes = found.cost.state.by_constants[-1][free]
     p = len(slopes)
     from scipy.sparse import block_diag
 
     both = block_diag([whole, whole]).tocsr()
     stacked = np.moveaxis(slopes, 2, 1).reshape(p, -1)  # all x, then all y
-    return SheetView(name, measured, found, tuple(steps), field, before_test(stacked, both, found.values))
+    return SheetView(
+        name, measured, found, tuple(steps), field, before_test(stacked, both, found.values[free]), stiffness
+    )

@@ -1,25 +1,18 @@
 r"""Constants fitted to a measured displacement field and the force on a pad (Sutula and others 2020, Secs.
 2-4).
 
-    J(m) = sum_k 1/2 int |u_k(m) - u_msr,k|^2 dA + w/2 sum_k (f_k(m) - f_msr,k)^2           (K.3-K.6)
-
-Their w is a matter of taste. Here it makes both parts count by their noise: with one independent point for
-the area a and the deviations sigma_u and sigma_f, w = a sigma_u^2 / sigma_f^2, and 2 J / (a sigma_u^2) is a
-chi-square. Newton's method (K.17) with second derivatives; the gradient by an adjoint (K.13-K.16) is the same
-and serves where there are many constants.
+Newton's method, Eq. (K.17), on the cost of `field_problem`: far from the minimum with the curvature of Gauss
+and Newton, near it with the exact second derivatives, which the sensitivities of Eq. (K.19) need as well.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csr_matrix
 
-from implicit.sensitivity import adjoint
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.specimen.constants import Constants
+from kolsky.specimen.field_problem import Cost, FieldProblem
 from kolsky.specimen.field_sensitivity import parameter_change, relative_deviation
-from kolsky.specimen.sheet import Sheet, SheetState, mass_matrix, sheet_state
 
 MOST_STEPS = 30
 """Most steps of Newton's method."""
@@ -27,140 +20,11 @@ AT_REST = 1e-9
 """Relative step of the constants at which it has ended."""
 LONGEST = 0.3
 """Longest relative step of a constant."""
-DIFFERENCE = 1e-4
-"""Relative step of the differences of the gradient that give its second derivatives."""
+NEAR = 0.02
+"""Relative step below which the exact second derivatives take over."""
 ADEQUATE = 0.05
 """Largest misfit of the displacements over their size, beyond their noise, with which the model is called
 adequate."""
-
-
-@dataclass(frozen=True)
-class FieldData:
-    """A measured field on the nodes of a mesh, and the pad's motion and force."""
-
-    pad: FloatArray
-    """Displacement of the moving pad [m], shape [n]."""
-    force: FloatArray
-    """Force on it [N], shape [n]."""
-    displacements: FloatArray
-    """Measured displacements at the nodes [m], shape [n, nodes, 2]; zero where there are none."""
-    cells: BoolArray
-    """Cells inside the measured region, shape [m]."""
-    sigma_displacement: float
-    """Standard deviation of a point's displacement [m]."""
-    sigma_force: float
-    """Standard deviation of a force [N]."""
-    area: float
-    """Area of one independent point [m^2]."""
-
-    @property
-    def weight(self) -> float:
-        """w of Eq. (K.6) [m^4/N^2]."""
-        return self.area * self.sigma_displacement**2 / self.sigma_force**2
-
-    def only(self, step: int) -> "FieldData":
-        """The data of one step."""
-        chosen = slice(step, step + 1)
-        return FieldData(
-            self.pad[chosen],
-            self.force[chosen],
-            self.displacements[chosen],
-            self.cells,
-            self.sigma_displacement,
-            self.sigma_force,
-            self.area,
-        )
-
-
-@dataclass(frozen=True)
-class Cost:
-    """The cost and its derivatives at some constants."""
-
-    displacement: FloatArray
-    """1/2 int |u - u_msr|^2 of each step [m^4], shape [n]."""
-    force: FloatArray
-    """1/2 (f - f_msr)^2 of each step [N^2], shape [n]."""
-    value: float
-    """J [m^4]."""
-    gradients: FloatArray
-    """dJ/dm of each step, shape [n, p]."""
-    curvature_displacement: FloatArray
-    """int du/dm_I . du/dm_J of all steps [m^4 per unit], shape [p, p]."""
-    curvature_force: FloatArray
-    """w df/dm_I df/dm_J of all steps, shape [p, p]."""
-    state: SheetState
-    """The simulation."""
-
-    @property
-    def gauss_newton(self) -> FloatArray:
-        """Second derivatives of J without those of u and f, shape [p, p]."""
-        return self.curvature_displacement + self.curvature_force
-
-
-class FieldProblem:
-    """A sheet, its data and what is free."""
-
-    def __init__(self, sheet: Sheet, data: FieldData, constants: Constants) -> None:
-        self.sheet, self.data, self.constants = sheet, data, constants
-
-    @cached_property
-    def mass(self) -> csr_matrix:
-        """Mass matrix of the measured region, one component, shape [nodes, nodes]."""
-        return mass_matrix(self.sheet.mesh, self.data.cells)
-
-    def cost(self, free: FloatArray) -> Cost | str:
-        """Eqs. (K.3-K.6) with derivatives from du/dm, or why there are none."""
-        state = sheet_state(self.sheet, self.constants, free, self.data.pad)
-        if isinstance(state, str):
-            return state
-        data, w = self.data, self.data.weight
-        apart = state.displacements - data.displacements
-        loaded = np.stack([self.mass @ one for one in apart])
-        misfit = state.force - data.force
-        moved = np.stack([[self.mass @ one for one in by] for by in state.by_constants])
-        gradients = np.einsum("nai,npai->np", loaded, state.by_constants)
-        gradients += w * misfit[:, None] * state.force_by_constants
-        curvature = np.einsum("npai,nqai->pq", moved, state.by_constants)
-        by_force = w * state.force_by_constants.T @ state.force_by_constants
-        displacement = 0.5 * np.einsum("nai,nai->n", loaded, apart)
-        force = 0.5 * misfit**2
-        value = float(displacement.sum() + w * force.sum())
-        return Cost(displacement, force, value, gradients, curvature, by_force, state)
-
-    def adjoint_gradient(self, cost: Cost) -> FloatArray:
-        """dJ/dm by one transposed system a step, Eqs. (K.13-K.16), shape [p]; of reactions."""
-        apart = cost.state.displacements - self.data.displacements
-        loaded = np.stack([self.mass @ one for one in apart])
-        by_forces = np.zeros_like(loaded)
-        moving = self.sheet.mesh.nodes(self.sheet.moving)
-        misfit = self.data.weight * (cost.state.force - self.data.force)
-        by_forces[:, moving, self.sheet.axis] = misfit[:, None]
-        own = adjoint(cost.state.solution, loaded, by_forces)[0]
-        free = self.constants.start
-        return np.asarray(own @ self.constants.chain(free))
-
-    def hessian(self, free: FloatArray) -> FloatArray:
-        """Second derivatives of J, those of u and f included, by differences of its gradient, shape [p, p].
-
-        Raises
-        ------
-        ValueError
-            If a simulation beside the point fails.
-        """
-        columns = []
-        for j in range(len(free)):
-            step = DIFFERENCE * max(abs(free[j]), 1e-3)
-            ends = []
-            for sign in (1.0, -1.0):
-                moved = free.copy()
-                moved[j] += sign * step
-                found = self.cost(moved)
-                if isinstance(found, str):
-                    raise ValueError(f"second derivatives need a simulation beside the optimum: {found}")
-                ends.append(found.gradients.sum(axis=0))
-            columns.append((ends[0] - ends[1]) / (2.0 * step))
-        whole = np.stack(columns)
-        return np.asarray(0.5 * (whole + whole.T))
 
 
 @dataclass(frozen=True)
@@ -181,6 +45,8 @@ class FieldFit:
     """dm/df_msr of every step [1/N], shape [n, p]."""
     converged: bool
     """Whether Newton's method came to rest."""
+    at_bound: tuple[bool, ...]
+    """Constants that lie on a bound with the cost falling beyond it: nothing else is said of them."""
     simulations: int
     """Simulations of the search, those for second derivatives not counted."""
 
@@ -226,12 +92,15 @@ class FieldFit:
         r"""Of the constants, shape [p, p].
 
         H^-1 a sigma_u^2 (s_u^2 A_u + s_f^2 A_f) H^-1, A_u and A_f the two parts of the curvature: with s = 1
-        that of the noise; a part that the model does not explain counts by its misfit.
+        that of the noise; a part that the model does not explain counts by its misfit. Rows of constants
+        at a bound are zero.
         """
         data = self.problem.data
         field, force = self.scales
         middle = field * self.cost.curvature_displacement + force * self.cost.curvature_force
-        inverse = np.linalg.inv(self.hessian)
+        inverse = np.zeros_like(self.hessian)
+        free = np.ix_(~np.array(self.at_bound), ~np.array(self.at_bound))
+        inverse[free] = np.linalg.inv(self.hessian[free])
         return np.asarray(data.area * data.sigma_displacement**2 * inverse @ middle @ inverse)
 
     @property
@@ -243,16 +112,27 @@ class FieldFit:
         """Relative deviation of each constant from noise of the nodal displacements of each step (K.24)."""
         n, p = self.by_force.shape
         flat = self.by_displacement.reshape(n, p, -1)
-        return np.array([relative_deviation(one, sigma, self.values) for one in flat])
+        return np.array([self._relative(one, sigma) for one in flat])
 
     def relative_by_force(self, sigma: float) -> FloatArray:
         """Relative deviation of each constant from noise of the force of each step (K.25), shape [n, p]."""
-        return np.array([relative_deviation(one[:, None], sigma, self.values) for one in self.by_force])
+        return np.array([self._relative(one[:, None], sigma) for one in self.by_force])
+
+    def _relative(self, change: FloatArray, sigma: float) -> FloatArray:
+        free = ~np.array(self.at_bound)
+        found = np.zeros(len(free))
+        found[free] = relative_deviation(change[free], sigma, self.values[free])
+        return found
 
     @property
     def warnings(self) -> list[str]:
         """What to know before using the constants."""
         said = [] if self.converged else ["the search did not come to rest"]
+        said += [
+            f"{name} is at its bound: the data ask for a value outside"
+            for name, held in zip(self.constants.free, self.at_bound, strict=True)
+            if held
+        ]
         if not self.adequate:
             said.append(
                 f"the model does not explain the displacement field: its misfit is "
@@ -280,10 +160,14 @@ def fit_field(problem: FieldProblem) -> FieldFit:
     hessian = here.gauss_newton
     for _ in range(MOST_STEPS):
         gradient = here.gradients.sum(axis=0)
-        step = -np.linalg.solve(hessian, gradient)
+        held = _held(free, gradient, low, high)
+        if held.all():
+            converged = True
+            break
+        step = _newton_step(hessian, gradient, held)
         if not (step @ gradient < 0.0):  # the second derivatives are of a saddle
             hessian, exact = here.gauss_newton, False
-            step = -np.linalg.solve(hessian, gradient)
+            step = _newton_step(hessian, gradient, held)
         size = np.maximum(np.abs(free), 1e-3)
         step *= min(1.0, LONGEST / float(np.abs(step / size).max()))
         if float(np.abs(step / size).max()) <= AT_REST:
@@ -302,7 +186,7 @@ def fit_field(problem: FieldProblem) -> FieldFit:
         if isinstance(found, str) or found.value > here.value * (1.0 + 1e-13):
             converged = float(np.abs(length * step / size).max()) <= 1e3 * AT_REST
             break
-        near = float(np.abs((trial - free) / size).max()) < 0.02
+        near = float(np.abs((trial - free) / size).max()) < NEAR
         free, here = trial, found
         if near and not exact:
             hessian, exact = problem.hessian(free), True
@@ -311,17 +195,34 @@ def fit_field(problem: FieldProblem) -> FieldFit:
     fitted = Constants(problem.constants.law, problem.constants.all(free), problem.constants.free)
     own = FieldProblem(problem.sheet, problem.data, fitted)
     final = own.hessian(free)
+    held = _held(free, here.gradients.sum(axis=0), low, high)
+    seen = np.flatnonzero(~held)
+    own_final = final[np.ix_(seen, seen)]
     n, p, nodes, d = here.state.by_constants.shape
     mixed = -np.stack([[own.mass @ one for one in by] for by in here.state.by_constants])
-    by_displacement = np.array([parameter_change(final, one.reshape(p, -1)) for one in mixed])
-    by_force = np.array(
-        [
-            parameter_change(final, -problem.data.weight * one[:, None])[:, 0]
-            for one in here.state.force_by_constants
-        ]
-    )
+    by_displacement, by_force = np.zeros((n, p, nodes * d)), np.zeros((n, p))
+    for k, (field, force) in enumerate(zip(mixed, here.state.force_by_constants, strict=True)):
+        by_displacement[k, seen] = parameter_change(own_final, field.reshape(p, -1)[seen])
+        pulled = -problem.data.weight * force[seen, None]
+        by_force[k, seen] = parameter_change(own_final, pulled)[:, 0]
     shape = (n, p, nodes, d)
-    return FieldFit(own, fitted, here, final, by_displacement.reshape(shape), by_force, converged, runs)
+    at_bound = tuple(bool(one) for one in held)
+    return FieldFit(
+        own, fitted, here, final, by_displacement.reshape(shape), by_force, converged, at_bound, runs
+    )
+
+
+def _held(free: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray) -> BoolArray:
+    """Constants on a bound with the cost falling beyond it, shape [p]."""
+    return np.asarray(((free <= low) & (gradient >= 0.0)) | ((free >= high) & (gradient <= 0.0)))
+
+
+def _newton_step(hessian: FloatArray, gradient: FloatArray, held: BoolArray) -> FloatArray:
+    """Newton's step of the constants that are not held, shape [p]."""
+    free = np.flatnonzero(~held)
+    step = np.zeros_like(gradient)
+    step[free] = -np.linalg.solve(hessian[np.ix_(free, free)], gradient[free])
+    return step
 
 
 def fit_steps(problem: FieldProblem) -> list[FieldFit | str]:

@@ -14,7 +14,7 @@ from kolsky.readers.gmsh_mesh import GmshMesh, read_gmsh
 from kolsky.readers.table import Column, read_table
 from kolsky.shot.schema.reading import TomlFile
 from kolsky.specimen.constants import POISSON, Constants, solid_of
-from kolsky.specimen.field_fit import FieldData, FieldProblem
+from kolsky.specimen.field_problem import FieldData, FieldProblem
 from kolsky.specimen.projection import outliers, point_noise, project, spacing
 from kolsky.specimen.reading import Specification, read_constants
 from kolsky.specimen.schema import FieldSection

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from implicit.meshes import Mesh
 from kolsky.base.files import write_table
 from kolsky.base.hdf5 import creating, group, put, put_text
 from kolsky.base.json_types import jsonable
@@ -14,6 +15,7 @@ from kolsky.specimen.field_fit import FieldFit
 from kolsky.specimen.fit import SpecimenFit
 from kolsky.specimen.geometry import AXES
 from kolsky.specimen.planning import Expected
+from kolsky.specimen.stiffness_map import StiffnessMap
 from kolsky.specimen.studies import StudyRow, cross_table
 
 VERSION = 1
@@ -261,3 +263,15 @@ def write_field(folder: Path, found: FieldFit, steps: Sequence[FieldFit | str]) 
     if not steps:
         columns = {key: value for key, value in columns.items() if "step alone" not in key}
     write_table(folder / "steps.csv", columns)
+
+
+def write_map(path: Path, found: StiffnessMap, mesh: Mesh) -> None:
+    """Write the factor of stiffness of each block with its middle."""
+    middle = mesh.points[mesh.cells].mean(axis=1)
+    places = np.array([middle[found.regions == r].mean(axis=0) for r in range(len(found.factors))])
+    columns = {
+        "x (m)": places[:, 0],
+        "y (m)": places[:, 1],
+        "stiffness over the fitted one (1)": found.factors,
+    }
+    write_table(path, columns)

@@ -19,6 +19,7 @@ from tests.mutants.explicit import FAULTS as EXPLICIT
 from tests.mutants.fault import Fault
 from tests.mutants.folding import FAULTS as FOLDING
 from tests.mutants.full_field import FAULTS as FULL_FIELD
+from tests.mutants.implicit import FAULTS as IMPLICIT
 from tests.mutants.inputs import FAULTS as INPUTS
 from tests.mutants.inverse import FAULTS as INVERSE
 from tests.mutants.joint import FAULTS as JOINT
@@ -32,6 +33,8 @@ from tests.mutants.report import FAULTS as REPORT
 from tests.mutants.results import FAULTS as RESULTS
 from tests.mutants.several_parameters import FAULTS as SEVERAL
 from tests.mutants.shot import FAULTS as SHOT
+from tests.mutants.slow_compression import FAULTS as SLOW_COMPRESSION
+from tests.mutants.transducer import FAULTS as TRANSDUCER
 from tests.mutants.uncertainty import FAULTS as UNCERTAINTY
 from tests.mutants.virtual import FAULTS as VIRTUAL
 from tests.mutants.virtual_pictures import FAULTS as VIRTUAL_PICTURES
@@ -52,6 +55,7 @@ FAULTS: tuple[Fault, ...] = (
     *EXPLICIT,
     *FOLDING,
     *FULL_FIELD,
+    *IMPLICIT,
     *INPUTS,
     *INVERSE,
     *JOINT,
@@ -65,6 +69,8 @@ FAULTS: tuple[Fault, ...] = (
     *REGIONS,
     *REPORT,
     *RESULTS,
+    *SLOW_COMPRESSION,
+    *TRANSDUCER,
     *UNCERTAINTY,
     *VIRTUAL,
     *VIRTUAL_PICTURES,

@@ -3,6 +3,7 @@
 from tests.mutants.fault import Fault
 
 GATES = ("tests/unit/dic/test_dic_gates.py",)
+ARC = "tests/unit/dic/test_dic_rim_arc.py"
 REGIONS = "tests/unit/dic/test_dic_found_regions.py"
 ORDER = ("tests/unit/dic/test_dic_pair_order.py",)
 RIM = ("tests/unit/dic/test_dic_rest_from_rim.py",)
@@ -135,6 +136,27 @@ FAULTS = (
         right="while (left > 0 && profile[left - 1] < profile[left]) --left;",
         wrong="left = peak;",
         tests=("tests/unit/dic/test_dic_epipolar_search.py",),
+    ),
+    Fault(
+        name="regions: an arc by plain least squares",
+        file="dic/bodies/rim_arc.py",
+        right='loss="soft_l1", f_scale=SPREAD',
+        wrong='loss="linear"',
+        tests=(f"{ARC}::test_one_block_that_ends_early_does_not_move_the_arc",),
+    ),
+    Fault(
+        name="regions: the edge of a block at another share",
+        file="dic/bodies/rim_arc.py",
+        right="SHARE = 0.5",
+        wrong="SHARE = 0.8",
+        tests=(f"{ARC}::test_an_edge_lies_where_the_departure_falls_to_half",),
+    ),
+    Fault(
+        name="regions: the lowest row of an arc, not the highest",
+        file="dic/bodies/found_regions.py",
+        right="np.floor(arc.min() - ARC_CLEAR)",
+        wrong="np.floor(arc.max() - ARC_CLEAR)",
+        tests=(f"{REGIONS}::test_a_specimen_ends_clear_of_the_arc_of_a_rim",),
     ),
     Fault(
         name="regions: rows without speckles count in the typical contrast",

@@ -17,6 +17,7 @@ from kolsky.report.figures.base import (
     Panels,
     label_panel,
     label_text,
+    note_empty,
     smooth_bar,
 )
 from kolsky.report.specimen_view import SheetView
@@ -73,14 +74,21 @@ def draw_steps(view: SheetView, panels: Panels) -> None:
         ax.legend(frameon=False)
         other = panels[f"{name} noise"]
         label_panel(other, "abcdefgh"[len(free) + j])
-        floor = 1e-9
-        other.semilogy(pad, 100.0 * np.maximum(by_u[:, j], floor), "o-", color=SHAPE, ms=3, label="1 µm")
-        other.semilogy(pad, 100.0 * np.maximum(by_f[:, j], floor), "s-", color=FORCE, ms=3, label="1 mN")
-        other.set_ylabel(f"relative deviation of {label_text(name, 16)} (%)")
-        other.legend(frameon=False, title="noise of")
+        if found.at_bound[j]:
+            note_empty(other, "at its bound")
+        else:
+            _draw_noise(other, pad, by_u[:, j], by_f[:, j], label_text(name, 16))
         for one in (ax, other):
             one.set_xlim(0.0, 1.05 * pad.max())
             one.set_xlabel("pad displacement (mm)")
+
+
+def _draw_noise(ax: Axes, pad: FloatArray, by_u: FloatArray, by_f: FloatArray, name: str) -> None:
+    floor = 1e-9
+    ax.semilogy(pad, 100.0 * np.maximum(by_u, floor), "o-", color=SHAPE, ms=3, label="1 µm")
+    ax.semilogy(pad, 100.0 * np.maximum(by_f, floor), "s-", color=FORCE, ms=3, label="1 mN")
+    ax.set_ylabel(f"relative deviation of {name} (%)")
+    ax.legend(frameon=False, title="noise of")
 
 
 def caption_steps(view: SheetView) -> str:
@@ -156,7 +164,8 @@ def draw_fields(view: SheetView, panels: Panels) -> None:
 
 def caption_fields(view: SheetView) -> str:
     """Return the caption."""
-    names = view.fit.constants.free
+    fit = view.fit
+    names = [name for name, held in zip(fit.constants.free, fit.at_bound, strict=True) if not held]
     if view.before.singular:
         parts = [
             f"{weight:+.2f} {name}" for weight, name in zip(view.before.directions[-1], names, strict=True)
@@ -174,7 +183,42 @@ def caption_fields(view: SheetView) -> str:
     )
 
 
+def draw_map(view: SheetView, panels: Panels) -> None:
+    """Draw the factors of stiffness."""
+    assert view.stiffness is not None  # `applies` has looked
+    ax, points = panels["map"], MM * view.mesh.points
+    image = ax.tripcolor(
+        Triangulation(points[:, 0], points[:, 1], view.mesh.cells[:, :3]),
+        facecolors=view.stiffness.factors[view.stiffness.regions],
+        cmap="viridis",
+        rasterized=True,
+    )
+    ax.set_aspect("equal")
+    ax.set_xlabel("$x$ (mm)")
+    ax.set_ylabel("$y$ (mm)")
+    smooth_bar(ax.figure.colorbar(image, ax=ax, label="stiffness over the fitted one", fraction=0.03))
+
+
+def caption_map(view: SheetView) -> str:
+    """Return the caption."""
+    assert view.stiffness is not None
+    words = "explains" if view.stiffness.explained else "does not explain"
+    return (
+        "Factor of all moduli of each block, the smoothest map by total variation; it "
+        f"{words} the field within its noise."
+    )
+
+
 FIGURES = (
+    FigureKind(
+        name="sheet-map",
+        width=PAGE,
+        height=lambda view: 70.0,
+        caption=caption_map,
+        panels=lambda view: [["map"]],
+        draw=draw_map,
+        applies=lambda view: view.stiffness is not None,
+    ),
     FigureKind(
         name="sheet-histories",
         width=PAGE,

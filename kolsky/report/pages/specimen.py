@@ -82,12 +82,16 @@ def sheet_rows(view: SheetView) -> list[dict[str, Any]]:
             "fit": "all steps",
             "name": spec.name,
             "value": shown_value(spec, float(value)),
-            "interval": f"{shown_value(spec, float(value - 1.96 * sigma))} to "
+            "interval": numbers.NOTHING
+            if held
+            else f"{shown_value(spec, float(value - 1.96 * sigma))} to "
             f"{shown_value(spec, float(value + 1.96 * sigma))}",
-            "verdict": words,
-            "ok": found.adequate,
+            "verdict": "at its bound" if held else words,
+            "ok": found.adequate and not held,
         }
-        for spec, value, sigma in zip(found.constants.free_specs, found.values, found.sigma, strict=True)
+        for spec, value, sigma, held in zip(
+            found.constants.free_specs, found.values, found.sigma, found.at_bound, strict=True
+        )
     ]
 
 

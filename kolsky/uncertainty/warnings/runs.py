@@ -83,8 +83,8 @@ def folded(response: Response, mesh: Mesh, interface: Interface, named: Sequence
         r, y = mesh.nodes[mesh.quads[element]].mean(axis=0)
         yield (
             f"from {1e6 * time:.0f} us on the sliding edge is folded over (element {element} at R = "
-            f"{1e3 * r:.2f} mm, Y = {1e3 * y:.2f} mm has a corner turned inside out): the edge may jump along "
-            "the platen, and its radius and the contact's are not known better than to 0.2 mm; compare with "
+            f"{1e3 * r:.2f} mm, Y = {1e3 * y:.2f} mm has a corner turned inside out): the edge may jump along"
+            " the platen, and its radius and the contact's are not known better than to 0.2 mm; compare with "
             "--element fbar, end the window before, or hold the face"
         )
 

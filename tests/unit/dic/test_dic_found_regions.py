@@ -206,3 +206,15 @@ def test_what_is_not_clear_is_refused_with_a_cure(plain):
 def test_contrast_of_speckles_is_told_from_that_of_bare_rows():
     assert _painted(np.repeat([1.0, 20.0, 22.0], [70, 15, 15])) == pytest.approx(21.0, abs=1.0)
     assert _painted(np.repeat([20.0, 22.0], [50, 50])) == pytest.approx(21.0, abs=1.0)
+
+
+def test_a_specimen_ends_clear_of_the_arc_of_a_rim(plain):
+    """The platen's rim is 3 px higher in the middle than at the flanks."""
+    x = np.linspace(-1.0, 1.0, SHAPE[1])
+    rim = BOTTOM - 6.0 + 3.0 * x**2
+    share = np.clip(np.arange(SHAPE[0])[:, None] + 0.5 - rim, 0.0, 1.0)
+    rng = np.random.default_rng(6)
+    bent = [(1.0 - share) * p + share * (60.0 + rng.normal(0.0, 1.0, p.shape)) for p in plain.frames]
+    found = search(Memory(tuple(bent)))
+    assert found.edge[1] == pytest.approx(rim.min(), abs=1.0)
+    assert rim.min() - 4.0 < extent(found.specimen)[3] <= rim.min() - 1.0

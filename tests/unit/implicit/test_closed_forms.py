@@ -7,7 +7,16 @@ import pytest
 from scipy.optimize import brentq
 
 from explicit.materials import LAWS
-from implicit.conditions import Coupled, Fixed, Gravity, NodalForce, Prescribed, Pressure, RigidPlane
+from implicit.conditions import (
+    Coupled,
+    Fixed,
+    Gravity,
+    NodalForce,
+    Prescribed,
+    Pressure,
+    RigidPlane,
+    Traction,
+)
 from implicit.laws.solid import CompressibleNeoHookean, Isotropic
 from implicit.laws.volumetric import bulk
 from implicit.meshes import rectangle
@@ -49,6 +58,11 @@ def test_a_coupled_force_gives_the_stretch_of_its_stress():
     assert found.mean_displacement("right")[0, 0] == pytest.approx(0.7, rel=1e-10)
     assert np.ptp(found.displacements[0, model.mesh.nodes("right"), 0]) == 0.0
     assert found.mean_displacement("top")[0, 1] == pytest.approx(lateral - 1.0, rel=1e-10)
+    spread = sliding("quad9", "plane_stress", (Traction("right", 0, "t"),), solid=COUPLED, thickness=2.0)
+    found = solve(spread, {"t": [stress]}, newton=TIGHT)
+    assert np.ptp(found.displacements[0, model.mesh.nodes("right"), 0]) < 1e-12
+    assert found.mean_displacement("right")[0, 0] == pytest.approx(0.7, rel=1e-10)
+    assert found.reaction("right")[0, 0] == pytest.approx(2.0 * stress, rel=1e-10)
     dead = sliding("quad4", "plane_stress", (NodalForce("right", 0, "f"),), solid=COUPLED, thickness=2.0)
     found = solve(dead, {"f": [2.0 * stress]}, newton=TIGHT)  # equal shares are those of a linear edge
     assert found.mean_displacement("right")[0, 0] == pytest.approx(0.7, rel=1e-10)

@@ -4,7 +4,7 @@ import numpy as np
 
 from implicit.meshes import Mesh, rectangle
 from kolsky.specimen.constants import Constants
-from kolsky.specimen.field_fit import FieldData, FieldProblem
+from kolsky.specimen.field_problem import FieldData, FieldProblem
 from kolsky.specimen.sheet import Sheet, sheet_state
 
 TRUE = {"E": 3.0e4, "poisson": 0.3}

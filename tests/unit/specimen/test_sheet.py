@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from implicit.meshes import Mesh, rectangle
-from kolsky.specimen.field_fit import FieldProblem, fit_field, fit_steps
+from kolsky.specimen.field_fit import fit_field, fit_steps
+from kolsky.specimen.field_problem import FieldProblem
 from kolsky.specimen.sheet import Sheet, cells_inside, mass_matrix, sheet_state
 from kolsky.specimen.tractions import boundary_edges, traction_force
 from tests.unit.specimen.sheets import PAD, TRUE, constants, made, small_mesh
@@ -154,3 +155,20 @@ def test_sensitivity_predicts_the_change_of_a_fit() -> None:
     )
     change = before.by_force[1] * (force[1] - data.force[1])
     assert pulled.values[0] - before.values[0] == pytest.approx(change[0], rel=0.01)
+
+
+def test_a_constant_on_its_bound_is_held_and_said() -> None:
+    # A field without any contraction across the pull asks for nu <= 0: the bound holds, E is still known.
+    problem = made(_sheet())
+    data = problem.data
+    flat = data.displacements.copy()
+    flat[..., 1] = 0.0
+    found = fit_field(
+        FieldProblem(problem.sheet, type(data)(**{**vars(data), "displacements": flat}), problem.constants)
+    )
+    assert found.at_bound == (False, True)
+    assert found.converged
+    assert found.sigma[0] > 0.0
+    assert found.sigma[1] == 0.0
+    assert "poisson is at its bound" in found.warnings[0]
+    assert (found.relative_by_force(1.0)[:, 1] == 0.0).all()
